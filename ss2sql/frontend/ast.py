@@ -1,0 +1,244 @@
+"""The syntax tree: one frozen dataclass per construct, each with the span of its text.
+
+Spans do not take part in comparisons, so two trees are equal when their scripts mean the same text.
+The tree is closed: code that walks it uses `match` and ends with `assert_never`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
+
+from ss2sql.errors import Span
+
+
+def _span() -> Any:
+    return field(compare=False, repr=False, kw_only=True)
+
+
+@dataclass(frozen=True, slots=True)
+class Literal:
+    """None, True, False, an integer, a float or a string."""
+
+    value: bool | int | float | str | None
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class Name:
+    """A bare name: START WITH variable, column, script variable or, alone in SELECT, a function."""
+
+    name: str
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class This:
+    """`this`, or `source.this` with the source's name."""
+
+    source: str | None
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class Attribute:
+    """`source.column`; in FROM also `world.table`."""
+
+    source: str
+    name: str
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class ListLiteral:
+    items: tuple[Expr, ...]
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class Call:
+    """`name(arguments)`. An argument `name = expr` is an `Assign`; `count(*)` has `star` set."""
+
+    function: str
+    arguments: tuple[Expr, ...]
+    span: Span = _span()
+    star: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Index:
+    """`value[i]`; `x[i, j]` is an Index of an Index."""
+
+    value: Expr
+    index: Expr
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class Slice:
+    """`value[lower:upper]`, either bound may be missing."""
+
+    value: Expr
+    lower: Expr | None
+    upper: Expr | None
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class Operator:
+    """An operator by its function name: `add sub mul div mod pow neg lt le eq ne ge gt in not_in`.
+
+    `span` covers the whole expression, `place` the operator sign alone.
+    """
+
+    function: str
+    operands: tuple[Expr, ...]
+    span: Span = _span()
+    place: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class And:
+    """`a AND b AND ...`, flattened, at least two parts."""
+
+    parts: tuple[Expr, ...]
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class Or:
+    """`a OR b OR ...`, flattened, at least two parts."""
+
+    parts: tuple[Expr, ...]
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class Xor:
+    left: Expr
+    right: Expr
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class Not:
+    operand: Expr
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class If:
+    """`IF(condition; then, ...; otherwise, ...)`; an empty branch gives True, respectively False."""
+
+    condition: Expr
+    then: tuple[Expr, ...]
+    otherwise: tuple[Expr, ...]
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class Assign:
+    """`name = expr`; its value is the value of the expression."""
+
+    name: str
+    value: Expr
+    span: Span = _span()
+    name_span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class TemporalAssign:
+    """`name{keep} = expr`: stores the value with the time and keeps `keep` seconds of history."""
+
+    name: str
+    keep: Expr
+    value: Expr
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class Temporal:
+    """`name{}` (when is None), `name{-2.0}` or `name{22.2}`."""
+
+    name: str
+    when: Expr | None
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class Star:
+    """`SELECT *`."""
+
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class From:
+    """One source of FROM, `name = expr`; without a written name the name is None."""
+
+    name: str | None
+    expr: Expr
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class Option:
+    """An option of CONNECT BY.
+
+    `keyword` is one of `DEPTH FIRST`, `BREADTH FIRST`, `COST`, `HEURISTIC`, `PROBABILITY`, `MEMORIZE`,
+    `NO CYCLE`, `UNIQUE`, `MAXIMUM`, in upper case with one blank.
+    """
+
+    keyword: str
+    argument: Expr | None
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class OrderKey:
+    expr: Expr
+    descending: bool
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class Representation:
+    """`AS name(arguments)`: positional arguments, then named ones."""
+
+    name: str
+    arguments: tuple[Expr, ...]
+    named: tuple[Assign, ...]
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class Query:
+    """A query; clauses that are not written are None or empty tuples."""
+
+    columns: tuple[Expr | Star, ...]
+    sources: tuple[From, ...]
+    where: Expr | None = None
+    start: tuple[Assign, ...] = ()
+    options: tuple[Option, ...] = ()
+    connect: tuple[Assign, ...] = ()
+    stop: Expr | None = None
+    group: tuple[Expr, ...] = ()
+    having: Expr | None = None
+    order: tuple[OrderKey, ...] = ()
+    limit: Expr | None = None
+    representation: Representation | None = None
+    span: Span = _span()
+
+
+Expr: TypeAlias = (
+    Literal | Name | This | Attribute | ListLiteral | Call | Index | Slice | Operator | And | Or | Xor | Not | If
+    | Assign | TemporalAssign | Temporal | Query
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Script:
+    """The statements of a script in order, at least one."""
+
+    statements: tuple[Expr, ...]
+    span: Span = _span()

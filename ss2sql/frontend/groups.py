@@ -1,0 +1,99 @@
+"""GROUP BY: which expressions are values of a group, which aggregate its rows, and what that makes of the query."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from ss2sql import plan
+from ss2sql.errors import ResolveError
+from ss2sql.kinds import ANY, NONE, Kind, Type, union
+from ss2sql.runtime.builtins import AGGREGATES
+from ss2sql.walk import parts, rebuild, sources_read, states_read, walk
+
+if TYPE_CHECKING:
+    from ss2sql.frontend.resolve import Resolver
+
+
+def with_groups(resolver: Resolver, query: plan.Query) -> plan.Query:
+    """The query with group values and aggregates in the places that see groups.
+
+    A query whose columns are made of these alone gives one row per group; of a search this takes an
+    aggregate, for its columns are otherwise the rows of the paths.
+    """
+    columns = tuple(replace(output, expr=_lifted(output.expr, query)) for output in query.columns)
+    aggregates = any(isinstance(node, plan.Aggregate) for output in columns for node in walk(output.expr))
+    aggregated = not any(_sees_rows(output.expr, query) for output in columns)
+    if query.search is not None:
+        aggregated = aggregated and aggregates
+        if aggregates and query.search.repeats != "allowed":
+            _refuse(resolver, query, "SELECT makes the rows that this search compares, so it cannot aggregate")
+    if aggregates and not aggregated:
+        _refuse_mixture(resolver, query, columns)
+    having = None if query.having is None else _lifted(query.having, query)
+    if having is not None and _sees_rows(having, query):
+        message = "HAVING sees group values and aggregates only"
+        resolver.errors.append(
+            ResolveError("R008", message, having.span, ("put a condition on single rows into WHERE",))
+        )
+    query = replace(query, having=having)
+    if not aggregated:
+        return query
+    order = tuple(replace(key, expr=_lifted(key.expr, query)) for key in query.order)
+    for key in order:
+        if _sees_rows(key.expr, query):
+            message = "ORDER BY sorts groups here, so it sees group values and aggregates only"
+            resolver.errors.append(ResolveError("R008", message, key.expr.span))
+    return replace(query, columns=columns, order=order, aggregated=True)
+
+
+def _lifted(expr: plan.Expr, query: plan.Query) -> plan.Expr:
+    """The expression with GroupKey and Aggregate where it means a group value or an aggregate."""
+    for index, key in enumerate(query.group):
+        if expr == key:
+            return plan.GroupKey(index, key.type, span=expr.span)
+    match expr:
+        case plan.Call(function=function, arguments=(argument,)) if function.builtin and function.name in AGGREGATES:
+            if _sees_rows(argument, query):
+                return plan.Aggregate(
+                    function.name, argument, _aggregate_type(function.name, argument.type), span=expr.span
+                )
+    return rebuild(expr, lambda part: _lifted(part, query))
+
+
+def _sees_rows(node: object, query: plan.Query) -> bool:
+    """Whether the node reads the query's own elements or state outside an aggregate."""
+    if isinstance(node, plan.Aggregate):
+        return False
+    own = {source.id for source in query.sources}
+    match node:
+        case plan.Element() | plan.Column() | plan.Eval():
+            return bool(sources_read(node) & own)
+        case plan.State():
+            return any(number == query.id for number, _ in states_read(node))
+        case _:
+            return any(_sees_rows(part, query) for part in parts(node))
+
+
+def _aggregate_type(name: str, kind: Type) -> Type:
+    match name:
+        case "count":
+            return Type(Kind.INT, 0, 2**53)
+        case "min" | "max":
+            return union((kind, NONE))
+        case "average":
+            return Type(Kind.INT | Kind.FLOAT | Kind.NONE) if kind.only(Kind.NUMBER | Kind.NONE) else ANY
+        case _:
+            return Type(Kind.INT | Kind.FLOAT) if kind.only(Kind.NUMBER | Kind.NONE) else ANY
+
+
+def _refuse(resolver: Resolver, query: plan.Query, reason: str) -> None:
+    resolver.errors.append(ResolveError("R008", reason, query.columns[0].expr.span))
+
+
+def _refuse_mixture(resolver: Resolver, query: plan.Query, columns: tuple[plan.Output, ...]) -> None:
+    """An aggregate beside a value of single rows: name both."""
+    single = next(output for output in columns if _sees_rows(output.expr, query))
+    message = f"'{single.name}' belongs to a row, not to a group, so it cannot stand beside an aggregate"
+    hint = f"add it to GROUP BY, or aggregate it: max({single.expr.span.text})"
+    resolver.errors.append(ResolveError("R008", message, single.expr.span, (hint,)))

@@ -1,0 +1,117 @@
+"""The parser: runs the LALR table over the tokens of a script and has the builder make the tree.
+
+Nothing here recurses. After an error the parser goes on behind the next `;` that stands outside brackets, so that
+one run reports the errors of several statements.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ss2sql.errors import ParseError, Source, Span, several
+from ss2sql.frontend import ast, syntax_errors, text
+from ss2sql.frontend.query_builder import Builder
+from ss2sql.frontend.table import Rule, Table, load
+from ss2sql.frontend.text import Token
+from ss2sql.frontend.trouble import Trouble
+
+MAX_ERRORS = 10
+
+
+def parse(source: Source) -> ast.Script:
+    """The syntax tree of a script.
+
+    Raises ParseError: with all errors found, at most ten, in its `errors`.
+    """
+    tokens = text.tokens(source)
+    if all(token.kind == ";" for token in tokens[:-1]):
+        raise ParseError(
+            "P008", "there is no statement in this script", Span(source, 0, 0),
+            ["write an expression or a query, for instance SELECT this FROM [1, 2, 3] AS list;"],
+        )  # fmt: skip
+    table = load()
+    builder = Builder(source)
+    errors: list[ParseError] = []
+    position = 0
+    while position < len(tokens) and len(errors) < MAX_ERRORS:
+        outcome = _run(table, builder, tokens, position, len(tokens))
+        if isinstance(outcome, ast.Script):
+            errors += builder.errors()
+            if not errors:
+                return outcome
+            break
+        # Before the parser refuses a token it completes rules that only other tokens could follow. A second run
+        # that halts in front of the token keeps what belongs to it apart.
+        trouble = _run(table, Builder(source), tokens, position, outcome.index)
+        assert isinstance(trouble, Trouble)
+        if not builder.unended(tokens[position].start):  # where a query does not end, all that follows is astray
+            errors.append(syntax_errors.explain(trouble))
+        position = _resume(trouble)
+    else:
+        errors += builder.errors()
+    raise several(sorted(errors, key=lambda error: error.span.start if error.span else 0)[:MAX_ERRORS])
+
+
+def _run(table: Table, builder: Builder, tokens: list[Token], position: int, halt: int) -> ast.Script | Trouble:
+    """Parses `tokens[position:halt]`; gives the script, or the state before the first token that does not fit."""
+    source = builder.script_source
+    rows, end_state = table.rows, table.end
+    rules = list(zip(table.rules, builder.actions(table), strict=True))
+    states, values, starts = [table.start], list[Any](), list[int]()
+    end = tokens[position].start
+    for index in range(position, halt):
+        token = tokens[index]
+        if token.keyword is not None and token.keyword in rows[states[-1]]:
+            token.kind = token.keyword  # the grammar asks for the keyword here; else it is a name
+        kind = token.kind
+        while (target := rows[states[-1]].get(kind)) is not None and target < 0:
+            rule, action = rules[~target]
+            if rule.action is None:
+                states[-1] = rows[states[-2]][rule.origin]
+                continue
+            at = len(values) - rule.size
+            children = _children(rule, values[at:])
+            start = starts[at] if rule.size else end
+            del states[at + 1 :], values[at:], starts[at:]
+            values.append(children if action is None else action(Span(source, start, end), *children))
+            starts.append(start)
+            states.append(rows[states[-1]][rule.origin])
+            if states[-1] == end_state:
+                script: ast.Script = values[0]
+                return script
+        if target is None:
+            return Trouble(source, table, tokens, index, states, values)
+        states.append(target)
+        values.append(token)
+        starts.append(token.start)
+        end = token.end
+    return Trouble(source, table, tokens, halt, states, values)
+
+
+def _children(rule: Rule, symbols: list[Any]) -> list[Any]:
+    """The children of a complete rule. A list that only grows is extended, so that long lists stay linear."""
+    children: list[Any] = []
+    for index in rule.children:
+        if index >= 0:
+            children.append(symbols[index])
+        elif children or rule.action:
+            children.extend(symbols[~index])
+        else:
+            children = symbols[~index]
+    return children
+
+
+def _resume(trouble: Trouble) -> int:
+    """The index of the token at which parsing goes on after an error: behind the next `;` outside brackets.
+
+    Where a bracket is never closed, that is behind the next `;` of all.
+    """
+    tokens = trouble.tokens
+    depth = sum(value.kind in text.OPENING for value in trouble.values if isinstance(value, Token))
+    ends = [index for index in range(trouble.index, len(tokens)) if tokens[index].kind == ";"]
+    for index in range(trouble.index, len(tokens)):
+        kind = tokens[index].kind
+        depth += (kind in text.OPENING) - (kind in text.CLOSING)
+        if kind == ";" and depth <= 0:
+            return index + 1
+    return ends[0] + 1 if ends and depth > 0 else len(tokens)

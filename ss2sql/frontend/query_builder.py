@@ -1,0 +1,140 @@
+"""The builder's second half: queries and their clauses.
+
+The grammar lets the clauses of a query stand in any order and number; what language and reader expect is checked
+here, where the error can name both clauses.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from ss2sql.errors import Span
+from ss2sql.frontend import ast
+from ss2sql.frontend.builder import ENDINGS, Deep, Expr, ExpressionBuilder, Part
+from ss2sql.frontend.text import Token
+
+FIXED = ("WHERE", "START WITH", "CONNECT BY", "STOP WITH")
+FREE = ("GROUP BY", "ORDER BY", "LIMIT")
+ORDER = "SELECT, FROM, WHERE, START WITH, CONNECT BY, STOP WITH, then GROUP BY, ORDER BY and LIMIT, and AS at the end"
+
+
+@dataclass(slots=True)
+class Clause:
+    """A clause of a query: its keyword, what it sets in `ast.Query`, its depth and its place."""
+
+    keyword: str
+    fields: dict[str, Any]
+    depth: int
+    span: Span
+
+
+class Builder(ExpressionBuilder):
+    """Makes the tree of one script."""
+
+    def query(self, span: Span, columns: Clause, sources: Clause, *clauses: Clause) -> Expr:
+        fields = columns.fields | sources.fields
+        seen: dict[str, Clause] = {}
+        ordered = True
+        for clause in clauses:
+            ordered = ordered and self._check_order(clause, seen)
+            seen.setdefault(clause.keyword, clause)
+            fields |= clause.fields
+        node = ast.Query(**fields, span=span)
+        return self._part(node, columns, sources, *clauses, query=node)
+
+    def _check_order(self, clause: Clause, seen: dict[str, Clause]) -> bool:
+        """Refuses a clause that stands twice, or behind one that it must precede; False if it does."""
+        keyword = clause.keyword
+        later = (*FIXED[FIXED.index(keyword) + 1 :], *FREE) if keyword in FIXED else ()
+        wrong = next((other for other in seen if other in later), None)
+        if keyword in seen:
+            cures = {"WHERE": "join the conditions with AND", "STOP WITH": "join the conditions with OR"}
+            cure = cures.get(keyword, "keep one of them" if keyword == "LIMIT" else "write one list, with commas")
+            error = self._error("P001", f"{keyword} stands twice in this query", clause.span, cure)
+            error.related = ((seen[keyword].span, "the first one"),)
+        elif wrong is not None:
+            error = self._error("P001", f"{keyword} stands before {wrong}, not behind it", clause.span,
+                                f"the order is {ORDER}")  # fmt: skip
+            error.related = ((seen[wrong].span, "this comes later"),)
+        return keyword not in seen and wrong is None
+
+    def star(self, span: Span) -> Clause:
+        return Clause("SELECT", {"columns": (ast.Star(span=span),)}, 1, span)
+
+    def columns(self, span: Span, *columns: Expr) -> Clause:
+        return self._clause("SELECT", span, columns, columns=self._nodes(columns))
+
+    def sources(self, span: Span, *sources: Part[ast.From]) -> Clause:
+        return self._clause("FROM", span, sources, sources=tuple(source.node for source in sources))
+
+    def source(self, span: Span, *parts: Any) -> Part[ast.From]:
+        name = parts[0].text if len(parts) == 2 else None
+        (expr,) = self._nodes(parts[-1:])
+        return self._part(ast.From(name, expr, span=span), parts[-1])
+
+    def where(self, span: Span, condition: Expr) -> Clause:
+        self._nodes((condition,))
+        return self._clause("WHERE", span, (condition,), where=self._condition(condition, "WHERE"))
+
+    def start(self, span: Span, *updates: Expr) -> Clause:
+        return self._clause("START WITH", span, updates, start=self._nodes(updates))
+
+    def connect(self, span: Span, *parts: Expr) -> Clause:
+        nodes = self._nodes(parts)
+        options = tuple(node for node in nodes if isinstance(node, ast.Option))
+        return self._clause("CONNECT BY", span, parts, options=options, connect=nodes[len(options) :])
+
+    def option(self, span: Span, *parts: Any) -> Part[ast.Option]:
+        words = [part.kind for part in parts if isinstance(part, Token)]
+        arguments = parts[len(words) :]
+        argument = self._nodes(arguments)[0] if arguments else None
+        return self._part(ast.Option(" ".join(words), argument, span=span), *arguments)
+
+    def stop(self, span: Span, condition: Expr) -> Clause:
+        self._nodes((condition,))
+        return self._clause("STOP WITH", span, (condition,), stop=self._condition(condition, "STOP WITH"))
+
+    def group(self, span: Span, *parts: Any) -> Clause:
+        keys = [part for part in parts if isinstance(part, Part)]
+        fields: dict[str, Any] = {"group": self._nodes(keys)}
+        for having in parts[len(keys) :]:
+            fields |= having.fields
+        return self._clause("GROUP BY", span, parts, **fields)
+
+    def having(self, span: Span, condition: Expr) -> Clause:
+        self._nodes((condition,))
+        return self._clause("HAVING", span, (condition,), having=self._condition(condition, "HAVING"))
+
+    def order(self, span: Span, *keys: Part[ast.OrderKey]) -> Clause:
+        return self._clause("ORDER BY", span, keys, order=tuple(key.node for key in keys))
+
+    def order_key(self, span: Span, expr: Expr, direction: Token | None = None) -> Part[ast.OrderKey]:
+        (node,) = self._nodes((expr,))
+        return self._part(ast.OrderKey(node, direction is not None and direction.kind == "DESC", span=span), expr)
+
+    def limit(self, span: Span, number: Expr) -> Clause:
+        (node,) = self._nodes((number,))
+        return self._clause("LIMIT", span, (number,), limit=node)
+
+    def representation(self, span: Span, name: Token, *arguments: Expr) -> Clause:
+        named = tuple(part.node for part in arguments if isinstance(part.node, ast.Assign))
+        positional = tuple(part.node for part in arguments if not isinstance(part.node, ast.Assign))
+        if named and positional and named[0].span.start < positional[-1].span.start:
+            self._error("P001", "this argument has no name, but stands behind one that has", positional[-1].span,
+                        "positional arguments come first, named ones after them")  # fmt: skip
+        shape = ast.Representation(name.text, positional, named, span=span)
+        return self._clause("AS", span, arguments, representation=shape)
+
+    def _clause(self, keyword: str, span: Span, parts: Sequence[Deep], **fields: Any) -> Clause:
+        words = keyword.split()
+        place = Span(self.script_source, span.start, span.start + len(words[0]))
+        return Clause(keyword, fields, max([part.depth for part in parts], default=0), place)
+
+    def _nodes(self, parts: Sequence[Part[Any]]) -> tuple[Any, ...]:
+        """The nodes of parts that belong to a query: a query inside it must be ended by AS or parentheses."""
+        for part in parts:
+            if part.query is not None and part.query.representation is None:
+                self._error("P009", "this query inside another is not ended", part.query.span, *ENDINGS)
+        return tuple(part.node for part in parts)

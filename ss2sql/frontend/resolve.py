@@ -1,0 +1,333 @@
+"""From syntax tree to plan: every name gets its meaning, every call its function, every expression its type.
+
+`resolve` is the stage; `resolve_text` does the same for the text of an `eval`, in the scope that the plan
+kept for it. Expressions are resolved here, queries in queries.py. Several errors are collected: an
+expression that fails is replaced by a placeholder and the search for further errors goes on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import assert_never
+
+from ss2sql import plan
+from ss2sql.errors import ResolveError, Span, did_you_mean, several
+from ss2sql.frontend import ast
+from ss2sql.frontend.catalog import Catalog
+from ss2sql.frontend.scope import (
+    Scope,
+    bound_name,
+    column_of,
+    element_of,
+    names_in_sight,
+    open_source,
+    source_named,
+)
+from ss2sql.kinds import ANY, NONE, Kind, Type, type_of, union
+from ss2sql.runtime.builtins import AGGREGATES, BUILTINS
+
+AGGREGATE_HINT = "it works on a list: max(SELECT ... AS list), or on the groups of a GROUP BY"
+
+
+def resolve(script: ast.Script, catalog: Catalog) -> plan.Program:
+    """The plan of a script.
+
+    Raises ResolveError with every unknown name, wrong call and misplaced construct that was found.
+    """
+    resolver = Resolver(catalog)
+    statements = tuple(resolver.statement(statement) for statement in script.statements)
+    resolver.finish()
+    return plan.Program(statements, tuple(resolver.parameters))
+
+
+def resolve_text(script: ast.Script, scope: Scope | None, catalog: Catalog) -> tuple[plan.Expr, ...]:
+    """The statements of a text given to `eval`, resolved where the eval stands."""
+    resolver = Resolver(catalog, base=1_000_000)
+    expressions = tuple(resolver.guarded(resolver.expression, statement, scope) for statement in script.statements)
+    resolver.finish()
+    return expressions
+
+
+class Resolver:
+    """The state of one resolution: what was found wrong, and what the statement at hand relies on."""
+
+    def __init__(self, catalog: Catalog, base: int = 0) -> None:
+        self.catalog = catalog
+        self.errors: list[ResolveError] = []
+        self.parameters: dict[str, None] = {}
+        self.assigned: dict[str, Type] = {}  # variables that earlier statements assign
+        self.late = dict(catalog.late)
+        self.reads: dict[str, Type] = {}
+        self.tables: dict[int, plan.TableSource] = {}
+        self.tentative = False
+        self._number = base
+
+    def number(self) -> int:
+        """A new number for a source or query. Texts of `eval` count from a million, apart from their script."""
+        self._number += 1
+        return self._number
+
+    def finish(self) -> None:
+        if self.errors:
+            raise several(self.errors)
+
+    def guarded(
+        self, function: Callable[[ast.Expr, Scope | None], plan.Expr], tree: ast.Expr, scope: Scope | None
+    ) -> plan.Expr:
+        """`function(tree, scope)`; a ResolveError is kept and a placeholder returned."""
+        try:
+            return function(tree, scope)
+        except ResolveError as error:
+            self.errors.append(error)
+            return plan.Constant(None, ANY, span=tree.span)
+
+    def statement(self, tree: ast.Expr) -> plan.Statement:
+        self.reads, self.tables, self.tentative = {}, {}, False
+        nested = [node.name for node in _assignments(tree) if node is not tree]
+        for name in nested:
+            # Its value changes while the statement runs, so nothing is known of its type.
+            self.assigned[name] = ANY
+        expr = self.guarded(self.expression, tree, None)
+        if isinstance(expr, plan.Assign):
+            self.assigned[expr.name] = ANY if expr.name in nested else expr.value.type
+            self.late.pop(expr.name, None)
+        return plan.Statement(
+            expr, tuple(self.reads.items()), tuple(self.tables.values()), self.tentative, span=tree.span
+        )
+
+    # --- expressions -----------------------------------------------------------------------------------
+
+    def expression(self, tree: ast.Expr, scope: Scope | None) -> plan.Expr:
+        """The plan of an expression; raises the first ResolveError of its own, keeps those of its parts."""
+        span = tree.span
+        match tree:
+            case ast.Literal(value=value):
+                return plan.Constant(value, type_of(value), span=span)
+            case ast.Name(name=name):
+                return self.name(name, scope, span)
+            case ast.This():
+                return self.this(tree, scope)
+            case ast.Attribute(source=source, name=name):
+                return column_of(source_named(scope, source, span), name, span)
+            case ast.ListLiteral():
+                return self.list_literal(tree, scope)
+            case ast.Call():
+                return self.call_tree(tree, scope)
+            case ast.Index(value=value, index=index):
+                return self.call("item", self.all((value, index), scope), span, index.span)
+            case ast.Slice(value=value, lower=lower, upper=upper):
+                bounds = (bound or ast.Literal(None, span=span) for bound in (lower, upper))
+                return self.call("slice", self.all((value, *bounds), scope), span, span)
+            case ast.Operator(function=function, operands=operands, place=place):
+                return self.call(function, self.all(operands, scope), span, place)
+            case ast.And(parts=parts):
+                return plan.And(self.all(parts, scope), span=span)
+            case ast.Or(parts=parts):
+                return plan.Or(self.all(parts, scope), span=span)
+            case ast.Xor(left=left, right=right):
+                return plan.Xor(*self.all((left, right), scope), span=span)
+            case ast.Not(operand=operand):
+                return plan.Not(self.guarded(self.expression, operand, scope), span=span)
+            case ast.If():
+                return self.conditional(tree, scope)
+            case ast.Assign():
+                return self.assign(tree, scope)
+            case ast.TemporalAssign(name=name, keep=keep, value=value):
+                kept, new = self.all((keep, value), scope)
+                self.assigned[name] = ANY
+                return plan.TemporalAssign(name, kept, new, new.type, span=span)
+            case ast.Temporal(name=name, when=when):
+                return self.temporal(name, when, scope, span)
+            case ast.Query():
+                from ss2sql.frontend.queries import resolve_query
+
+                return resolve_query(self, tree, scope)
+            case _:
+                assert_never(tree)
+
+    def all(self, trees: Iterable[ast.Expr], scope: Scope | None) -> tuple[plan.Expr, ...]:
+        return tuple(self.guarded(self.expression, tree, scope) for tree in trees)
+
+    def name(self, name: str, scope: Scope | None, span: Span) -> plan.Expr:
+        bound = bound_name(scope, name, span) or self.variable(name, span)
+        if bound is not None:
+            return bound
+        dynamic = open_source(scope)
+        if dynamic is not None:
+            self.tentative = True
+            return column_of(dynamic, name, span)
+        if self.catalog.open_names:
+            self.parameters[name] = None
+            self.reads[name] = ANY
+            return plan.Variable(name, ANY, span=span)
+        known = [*names_in_sight(scope), *self.assigned, *self.catalog.variables, *self.parameters]
+        hints = did_you_mean(name, known)
+        if name in self.catalog.functions:
+            hints = (f"'{name}' is a function: write {name}(this)",)
+        raise ResolveError("R001", f"unknown name '{name}'", span, hints)
+
+    def variable(self, name: str, span: Span) -> plan.Variable | None:
+        """The script variable of this name, if there is one."""
+        if name in self.late:
+            raise ResolveError(
+                "R011",
+                f"'{name}' is a list that mentions sources, so it has no value of its own",
+                span,
+                (f"use it as a source: FROM {name}, in a query inside one that has these sources",),
+                ((self.late[name].span, "the list stands here"),),
+            )
+        if name in self.assigned:
+            return plan.Variable(name, self.assigned[name], span=span)
+        if name in self.catalog.variables:
+            if name not in self.reads:
+                self.reads[name] = self.catalog.variable_type(name)
+            return plan.Variable(name, self.reads[name], span=span)
+        return None
+
+    def this(self, tree: ast.This, scope: Scope | None) -> plan.Expr:
+        if tree.source is not None:
+            return element_of(source_named(scope, tree.source, tree.span), tree.span)
+        for level in scope.outwards() if scope else ():
+            if level.sources:
+                return element_of(level.sources[0], tree.span)
+        raise ResolveError(
+            "R014", "'this' has a meaning inside a query only", tree.span, ("write SELECT ... FROM ...",)
+        )
+
+    def list_literal(self, tree: ast.ListLiteral, scope: Scope | None) -> plan.Expr:
+        items = self.all(tree.items, scope)
+        if all(isinstance(item, plan.Constant) for item in items):
+            value = [item.value for item in items if isinstance(item, plan.Constant)]
+            return plan.Constant(value, type_of(value), span=tree.span)
+        item = union(part.type for part in items)
+        columns = item.columns if item.may(Kind.DICT | Kind.OBJECT) else ()
+        return plan.MakeList(items, Type(Kind.LIST, item=item, columns=columns), span=tree.span)
+
+    def conditional(self, tree: ast.If, scope: Scope | None) -> plan.Expr:
+        condition = self.guarded(self.expression, tree.condition, scope)
+        default = {True: tree.then, False: tree.otherwise}
+        branches = [self.all(default[value] or (ast.Literal(value, span=tree.span),), scope) for value in (True, False)]
+        kind = union(branch[-1].type for branch in branches)
+        return plan.If(condition, branches[0], branches[1], kind, span=tree.span)
+
+    def assign(self, tree: ast.Assign, scope: Scope | None) -> plan.Expr:
+        for level in scope.outwards() if scope else ():
+            if tree.name in level.states:
+                raise ResolveError(
+                    "R007",
+                    f"'{tree.name}' is a variable of the search and changes in CONNECT BY only",
+                    tree.name_span,
+                    ("compare with ==, or move the assignment to CONNECT BY",),
+                )
+        if scope is None and isinstance(tree.value, ast.ListLiteral) and _mentions_sources(tree.value):
+            self.late[tree.name] = tree.value
+            return plan.AssignLate(tree.name, tree.value, NONE, span=tree.span)
+        value = self.guarded(self.expression, tree.value, scope)
+        return plan.Assign(tree.name, value, value.type, span=tree.span)
+
+    def temporal(self, name: str, when: ast.Expr | None, scope: Scope | None, span: Span) -> plan.Expr:
+        if self.variable(name, span) is None:
+            known = [*self.assigned, *self.catalog.variables]
+            raise ResolveError("R001", f"unknown temporal variable '{name}'", span, did_you_mean(name, known))
+        moment = None if when is None else self.guarded(self.expression, when, scope)
+        return plan.Temporal(name, moment, ANY, span=span)
+
+    # --- calls -----------------------------------------------------------------------------------------
+
+    def call_tree(self, tree: ast.Call, scope: Scope | None) -> plan.Expr:
+        name, span = tree.function, tree.span
+        function = self.catalog.functions.get(name)
+        if function is None:
+            visible = (known for known in self.catalog.functions if known not in ("item", "slice"))
+            raise ResolveError("R002", f"unknown function '{name}'", span, did_you_mean(name, visible))
+        if function.builtin and name == "to":
+            raise ResolveError("R014", "to(expr, name) names a column and stands in SELECT", span)
+        grouped = scope is not None and scope.grouped
+        if tree.star and grouped and function.builtin and name == "count":
+            return plan.Aggregate("count", None, Type(Kind.INT, 0, 2**53), span=span)
+        if tree.star:
+            raise ResolveError("R008", f"{name}(*) counts the rows of a group", span, (AGGREGATE_HINT,))
+        arguments = self.all(tree.arguments, scope)
+        if function.builtin and name == "eval":
+            self.check_arity(function, len(arguments), span)
+            return self.eval(arguments[0], scope, span)
+        if is_aggregate(function) and len(arguments) == 1 and not grouped and not arguments[0].type.may(Kind.LIST):
+            raise ResolveError("R008", f"{name} needs a list, and this is not one", span, (AGGREGATE_HINT,))
+        return self.call(name, arguments, span, span)
+
+    def call(self, name: str, arguments: tuple[plan.Expr, ...], span: Span, place: Span) -> plan.Call:
+        """The call of a function that exists, with the type of its result."""
+        function = self.catalog.functions[name]
+        self.check_arity(function, len(arguments), place)
+        kind = ANY
+        if function.builtin:
+            types = tuple(argument.type for argument in arguments)
+            kind = BUILTINS[name].result(types)
+            if not BUILTINS[name].raises(types):
+                function = plan.Function(
+                    name, function.minimum, function.maximum, function.volatility, raises=False, reason=function.reason
+                )
+        return plan.Call(function, arguments, kind, span=span, place=place)
+
+    def check_arity(self, function: plan.Function, given: int, span: Span) -> None:
+        if given >= function.minimum and (function.maximum is None or given <= function.maximum):
+            return
+        low, high = function.minimum, function.maximum
+        if low == high:
+            wanted = f"{low} argument{'' if low == 1 else 's'}"
+        else:
+            wanted = f"{low} or more arguments" if high is None else f"{low} to {high} arguments"
+        hint = (f"help('{function.name}') shows how it is called",)
+        raise ResolveError("R005", f"'{function.name}' takes {wanted}, not {given}", span, hint)
+
+    def eval(self, text: plan.Expr, scope: Scope | None, span: Span) -> plan.Expr:
+        sources: list[int] = []
+        states: list[tuple[int, str]] = []
+        for level in scope.outwards() if scope else ():
+            sources.extend(source.id for source in level.sources)
+            states.extend((level.query, name) for name in level.states)
+        kept = scope.copy() if scope else None
+        return plan.Eval(text, kept, tuple(sources), tuple(states), ANY, span=span)
+
+
+def is_aggregate(function: plan.Function) -> bool:
+    """Whether the function aggregates when it is called on the rows of a group."""
+    return function.builtin and function.name in AGGREGATES
+
+
+def _assignments(tree: object) -> list[ast.Assign]:
+    """Every assignment to a script variable inside a syntax tree; those of a query's search are not."""
+    found: list[ast.Assign] = []
+    stack: list[object] = [tree]
+    while stack:
+        node = stack.pop()
+        if isinstance(node, tuple):
+            stack.extend(node)
+        elif isinstance(node, ast.Query):
+            inner = (assign.value for assign in (*node.start, *node.connect))
+            rest = (getattr(node, name) for name in node.__slots__ if name not in ("start", "connect", "span"))
+            stack.extend((*inner, *rest))
+        elif hasattr(type(node), "__dataclass_fields__") and not isinstance(node, Span):
+            if isinstance(node, ast.Assign):
+                found.append(node)
+            stack.extend(getattr(node, name) for name in type(node).__dataclass_fields__)
+    return found
+
+
+def _mentions_sources(tree: ast.Expr) -> bool:
+    """Whether a list literal outside any query mentions `this` or `source.column`, nested queries apart."""
+    match tree:
+        case ast.This() | ast.Attribute():
+            return True
+        case ast.Query():
+            return False
+        case _:
+            return any(_mentions_sources(part) for part in _children(tree))
+
+
+def _children(tree: ast.Expr) -> Iterable[ast.Expr]:
+    for name in type(tree).__dataclass_fields__:
+        value = getattr(tree, name)
+        for item in value if isinstance(value, tuple) else (value,):
+            if hasattr(type(item), "__dataclass_fields__") and not isinstance(item, Span):
+                yield item

@@ -1,0 +1,242 @@
+"""What the parser says about text that does not fit the grammar: the reason in words of the language, and the cure.
+
+`explain` asks one question after the other: is the second word of a keyword missing, is it a spelling of SQL, a
+misspelt keyword, a bracket, a clause in the wrong place? Else it says what could stand there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from difflib import get_close_matches
+
+from ss2sql.errors import ParseError, Span
+from ss2sql.frontend import sql_spellings, text
+from ss2sql.frontend.builder import CHAIN, COMPARISONS
+from ss2sql.frontend.query_builder import ORDER
+from ss2sql.frontend.table import END
+from ss2sql.frontend.text import CLOSING, OPENING, Token
+from ss2sql.frontend.trouble import CLAUSES, OPTIONS, PAIRS, VALUES, Trouble, either, named
+
+_WANTED = {
+    "SELECT": "a column", "FROM": "a source", "WHERE": "a condition", "HAVING": "a condition",
+    "STOP WITH": "a condition", "IF(": "a condition", "START WITH": "an assignment such as level = 1",
+    "CONNECT BY": "an assignment such as level = level + 1", "GROUP BY": "a value to group by",
+    "ORDER BY": "a value to sort by", "LIMIT": "a number", "AS": "a representation such as list or value",
+    "MAXIMUM": "a whole number or a value in parentheses", "f(": "an argument", "x[": "an index",
+}  # fmt: skip
+
+
+def explain(t: Trouble) -> ParseError:
+    """The error for a token that does not fit."""
+    if t.found.error is not None:
+        return t.found.error
+    checks: tuple[Callable[[Trouble], ParseError | None], ...] = (
+        _pair, _keyword_as_name, _reserved, sql_spellings.explain, _misspelt, _closing, _search, _missing, _chain,
+        _no_from, _not_closed, _clause,
+    )  # fmt: skip
+    return next((error for check in checks if (error := check(t))), None) or _between(t)
+
+
+def _pair(t: Trouble) -> ParseError | None:
+    """`STOP level == 7`: the second word of a keyword is missing."""
+    first = t.before()
+    if first.kind not in PAIRS:
+        return None
+    second = PAIRS[first.kind]
+    return t.error(_code(t), f"expected {second} after {first.kind}, found {named(t.found)}",
+                   f"the keyword is {first.kind} {second}")  # fmt: skip
+
+
+def _keyword_as_name(t: Trouble) -> ParseError | None:
+    """`FROM a, WHERE b`: the keyword was read as a name, because what should stand before it is missing."""
+    word = t.before()
+    if word.kind != "NAME" or word.keyword not in CLAUSES or t.values[-1:] != [word]:
+        return None
+    meant = t.found.keyword == PAIRS[word.keyword] if word.keyword in PAIRS else t.found.kind in (*VALUES, *OPENING)
+    if not meant:
+        return None
+    if t.before(2).kind == ";" and not t.bracket:
+        return t.error("P001", f"a query starts with SELECT, not with {named(word)}", f"the order is {ORDER}", at=word)
+    return _missing(t.back())
+
+
+def _misspelt(t: Trouble) -> ParseError | None:
+    """A word that is nearly a keyword that would fit in its place."""
+    places: list[tuple[Token, frozenset[str]]] = []
+    if t.found.kind == "NAME" and not t.wants_operand:
+        places.append((t.found, t.expected))
+    if t.before().kind == "NAME" and t.values[-1:] == [t.before()]:
+        places.append((t.before(), t.back().expected & {"SELECT", *OPTIONS}))
+    for token, fitting in places:
+        if close := _similar(token.text.upper(), fitting):
+            hint = f"did you mean {either(close)}?"
+            return t.error("P001", f"'{text.short(token.text)}' is not a keyword", hint, at=token)
+    return None
+
+
+def _similar(word: str, fitting: frozenset[str]) -> list[str]:
+    """The keywords in `fitting`, or their pairs, that are spelt nearly like `word`."""
+    keywords = [kind for kind in sorted(fitting) if kind.isalpha() and kind not in VALUES]
+    spelt = {keyword: keyword for keyword in keywords if len(keyword) > 2}
+    for keyword in keywords:
+        if keyword in PAIRS:
+            spelt[keyword] = spelt[f"{keyword} {PAIRS[keyword]}"] = f"{keyword} {PAIRS[keyword]}"
+    if word in keywords:
+        return []
+    if len(word) <= 3:  # too short for a measure: the same letters in another order
+        return [spelt[keyword] for keyword in spelt if sorted(keyword) == sorted(word)]
+    longer = [keyword for keyword in spelt if len(keyword) > 3 and word.startswith(keyword)]
+    return list(dict.fromkeys(spelt[close] for close in longer + get_close_matches(word, spelt, n=2, cutoff=0.7)))
+
+
+def _closing(t: Trouble) -> ParseError | None:
+    """A closing bracket that does not belong to the innermost open one."""
+    closing = t.found.kind
+    if closing not in CLOSING:
+        return None
+    if t.bracket is None:
+        return t.error("P001", f"'{closing}' closes nothing", f"leave it out, or open it with '{CLOSING[closing]}'")
+    if t.bracket.kind == CLOSING[closing]:
+        return None
+    right = OPENING[t.bracket.kind]
+    return _opened(t, t.error("P001", f"expected '{right}', found '{closing}'", f"'{t.bracket.kind}' needs '{right}'"))
+
+
+def _reserved(t: Trouble) -> ParseError | None:
+    """A reserved word where a name is meant."""
+    word = t.before() if t.found.kind == "=" and t.before().kind in text.RESERVED else t.found
+    if word.kind not in text.RESERVED or (word is t.found and "NAME" not in t.expected):
+        return None
+    if word is t.found and t.next.kind != "=" and t.before().kind not in (".", "AS"):
+        return None
+    hint = f'write {t.before(2).text}["{word.text}"]' if t.before().kind == "." else "choose another name"
+    return t.error("P001", f"{word.kind} is a reserved word, not a name", hint, at=word)
+
+
+def _missing(t: Trouble) -> ParseError | None:
+    """Something is missing in front of the token: a value, a name, an assignment."""
+    found, before = t.found, t.before()
+    hints = ["leave the comma out, or write what should follow it"] if before.kind == "," else []
+    clause = t.clause if before.kind in (",", "WITH", "BY", "(", "[") or before.kind == t.clause else ""
+    if t.wants_operand:
+        what = "a value" if before.kind == "," and clause == "IF(" else _WANTED.get(clause, "a value")
+        if found.kind == "+":
+            hints = ["leave the + out"]
+    elif "+" in t.expected or t.expected == {"="}:
+        return None
+    elif before.kind == "IF":
+        what, hints = "'('", ["write IF(condition; then; else)"]
+    elif before.kind == "NOT":
+        what = "IN"
+    elif before.kind == ".":
+        what = "this or a column"
+    elif "NAME" in t.expected or before.kind == "MAXIMUM":
+        what = _WANTED["CONNECT BY" if t.clause in OPTIONS and t.clause != "MAXIMUM" else t.clause]
+    else:
+        return None
+    ahead = f"{t.before(2).kind} {before.kind}" if before.kind in ("WITH", "BY", "FIRST") else named(before)
+    after = "" if before.kind == ";" and not t.bracket else f" after {ahead}"
+    word = f"{named(found)} {PAIRS[found.keyword]}" if found.keyword in PAIRS else named(found)
+    error = t.error(_code(t), f"expected {what}{after}, found {word}", *hints)
+    return _opened(t, error) if found.kind in (END, ";") else error
+
+
+def _search(t: Trouble) -> ParseError | None:
+    """In START WITH and CONNECT BY: assignments without =, options with commas or behind the assignments."""
+    name, word = t.before(), t.found.keyword or t.found.kind
+    late = name if t.before(2).kind == "," and name.keyword in OPTIONS else t.found if word in OPTIONS else None
+    if t.clause == "CONNECT BY" and late is not None:
+        return t.error("P001", f"{named(late)} stands behind an assignment",
+                       "options stand right behind CONNECT BY, without commas", at=late)  # fmt: skip
+    if t.clause in OPTIONS and t.found.kind == ",":
+        return t.error("P001", "options stand without commas", "leave the comma out")
+    if t.expected == {"="}:
+        hint = f"{'CONNECT BY' if t.clause in OPTIONS else t.clause} takes assignments such as level = 1"
+        if t.before(2).kind == "MEMORIZE":
+            hint = f"a number that is not written out stands in parentheses: MEMORIZE ({name.text})"
+        return t.error(_code(t), f"expected '=' after {named(name)}, found {named(t.found)}", hint)
+    return None
+
+
+def _chain(t: Trouble) -> ParseError | None:
+    if t.found.kind not in COMPARISONS or "AND" not in t.expected:
+        return None
+    return t.error("P001", f"a comparison does not go on with {named(t.found)}", CHAIN)
+
+
+def _no_from(t: Trouble) -> ParseError | None:
+    """The columns of SELECT are complete, but no FROM follows."""
+    word = t.found.keyword or t.found.kind
+    if t.clause != "SELECT" or "FROM" not in t.expected or (word not in CLAUSES and word not in (";", END, ")", "]")):
+        return None
+    what = "*" if t.before().kind == "*" else "the columns"
+    return t.error(_code(t), f"expected FROM after {what}, found {named(t.found)}",
+                   "a query has a source: SELECT ... FROM source")  # fmt: skip
+
+
+def _not_closed(t: Trouble) -> ParseError | None:
+    """A bracket is still open where the statement ends or a clause begins."""
+    if t.bracket is None or OPENING[t.bracket.kind] not in t.expected:
+        return None
+    opening, closing = t.bracket.kind, OPENING[t.bracket.kind]
+    hint = f"write the missing '{closing}'"
+    if t.found.kind == END:
+        return _opened(t, t.error("P002", f"the script ends before '{opening}' is closed", hint))
+    if t.clause == "IF(" and t.found.kind in (";", ","):
+        hint = "IF has a condition and two branches, commas separate the values of a branch: IF(a; b, c; d)"
+        return t.error("P001", f"{named(t.found)} does not fit here in IF", hint)
+    if t.found.kind == ";" or t.found.kind in CLAUSES or t.found.keyword in CLAUSES:
+        return _opened(t, t.error("P001", f"expected '{closing}' before {named(t.found)}", hint))
+    return None
+
+
+def _clause(t: Trouble) -> ParseError | None:
+    """A clause where none can stand."""
+    word = t.found.keyword or t.found.kind
+    if word == "HAVING":
+        return t.error("P001", "HAVING stands right behind GROUP BY",
+                       "write GROUP BY key HAVING condition, or use WHERE")  # fmt: skip
+    if word in CLAUSES and word != "SELECT":
+        return t.error("P001", f"{word} does not fit here", f"the order of a query is {ORDER}")
+    return None
+
+
+def _between(t: Trouble) -> ParseError:
+    """Something stands behind a complete expression: what could stand between the two?"""
+    fitting = []
+    if "+" in t.expected and t.clause != "FROM":
+        fitting.append("an operator")
+    fitting += [f"'{sign}'" for sign in (",", ":", ")", "]", "}") if sign in t.expected]
+    if t.clause == "SELECT":
+        fitting.append("FROM")
+    elif "AS" in t.expected:
+        fitting.append("a clause")
+    if ";" in t.expected:
+        fitting.append("';'")
+    message = f"expected {either(fitting or sorted(t.expected))} between {named(t.before())} and {named(t.found)}"
+    if t.clause == "FROM":
+        return t.error(_code(t), message, *_source_hint(t))
+    if t.found.kind == "IF":
+        return t.error("P001", message, "IF stands in front: IF(condition; then; else)")
+    if not t.clause and (t.found.kind in VALUES or t.found.kind in text.RESERVED):
+        bare = t.before().kind == "NAME" and t.found.kind in ("STRING", "INTEGER", "FLOAT")
+        call = [f"a call has parentheses: {t.before().text}(...)"] if bare else []
+        return t.error("P001", message, "statements are separated by ;", *call)
+    return _opened(t, t.error(_code(t), message))
+
+
+def _source_hint(t: Trouble) -> list[str]:
+    if t.found.kind == "NAME":
+        return [f"write {t.found.text} = {t.operand()} to name the source"]
+    return ["a source that is more than a name, a call or a list stands in parentheses"]
+
+
+def _code(t: Trouble) -> str:
+    return "P002" if t.found.kind == END else "P001"
+
+
+def _opened(t: Trouble, error: ParseError) -> ParseError:
+    """The error, with the place where the innermost bracket was opened."""
+    if t.bracket is not None:
+        error.related = ((Span(t.source, t.bracket.start, t.bracket.end), "opened here"),)
+    return error

@@ -1,0 +1,263 @@
+"""From text to tokens: size and nesting limits, names, numbers, strings, comments.
+
+All of this happens before the parser sees the script and without recursion, so that no text, however large or
+odd, reaches it unprepared. What cannot be read becomes a token of kind ERROR that carries its error; the parser
+reports it when it gets there.
+"""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from dataclasses import dataclass
+
+from ss2sql.errors import ParseError, Source, Span
+from ss2sql.frontend.table import END
+
+MAX_BYTES = 256 * 1024
+MAX_NESTING = 200
+RESERVED = frozenset(("SELECT", "FROM", "AS", "IF", "AND", "OR", "XOR", "NOT", "IN", "TRUE", "FALSE", "NONE", "THIS"))
+CONTEXTUAL = frozenset((
+    "WHERE", "START", "WITH", "CONNECT", "BY", "STOP", "GROUP", "HAVING", "ORDER", "ASC", "DESC", "LIMIT", "DEPTH",
+    "BREADTH", "FIRST", "NO", "CYCLE", "UNIQUE", "COST", "HEURISTIC", "PROBABILITY", "MAXIMUM", "MEMORIZE",
+))  # fmt: skip
+OPENING = {"(": ")", "[": "]", "{": "}"}
+CLOSING = {")": "(", "]": "[", "}": "{"}
+ERROR = "ERROR"
+
+
+@dataclass(slots=True)
+class Token:
+    """A piece of the script: `kind` is the symbol that it is in the grammar.
+
+    A contextual keyword starts as a NAME with `keyword` set; the parser changes `kind` where it asks for the
+    keyword. Signs and keywords have their own text, in upper case, as kind.
+    """
+
+    kind: str
+    text: str
+    start: int
+    end: int
+    keyword: str | None = None
+    error: ParseError | None = None
+
+
+_TOKEN = re.compile(
+    r"""(?P<SKIP>\s+|\#[^\r\n]*|/\*[\s\S]*?\*/)
+    |(?P<WORD>[^\x00-@\[-^`{-\x7f\s][^\x00-/:-@\[-^`{-\x7f\s]*)
+    |(?P<FLOAT>(?:[0-9]+\.[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|[0-9]+[eE][+-]?[0-9]+)
+    |(?P<INTEGER>[0-9]+)
+    |(?P<STRING>"(?:[^"\\\r\n]|\\(?:\r\n|[\s\S]))*"|'(?:[^'\\\r\n]|\\(?:\r\n|[\s\S]))*')
+    |(?P<COMMENT>/\*[\s\S]*)
+    |(?P<SIGN>==|!=|<>|<=|>=|[-+*/%^()\[\]{},;:.=<>])
+    |(?P<QUOTE>["'][^\r\n]*)
+    |(?P<OTHER>\|\||&&|[\s\S])""",
+    re.VERBOSE,
+)
+_WORD_PART = re.compile(r"[^\x00-/:-@\[-^`{-\x7f\s]+")
+_UNREADABLE = re.compile("[\0\ud800-\udfff]")
+
+_INSTEAD = {
+    "||": "join strings with +; the logical or is OR", "&&": "the logical and is AND", "&": "the logical and is AND",
+    "|": "the logical or is OR", "!": "the logical not is NOT", "~": "the logical not is NOT",
+    "`": "a name stands as it is; a key with other characters is read by x[\"key\"]",
+    "@": "a name that the script does not set is a parameter: write it without a sign",
+    "$": "a name that the script does not set is a parameter: write it without a sign",
+    "?": "a name that the script does not set is a parameter: write a name",
+    "\\": "a statement goes on in the next line without a sign",
+    "“": 'strings stand in " or \'', "”": 'strings stand in " or \'', "„": 'strings stand in " or \'',
+    "‘": 'strings stand in " or \'', "’": 'strings stand in " or \'',
+    "≠": "write !=", "≤": "write <=", "≥": "write >=", "×": "write *", "·": "write *", "÷": "write /",
+    "−": "write - (minus)", "–": "write - (minus)", "—": "write - (minus)",
+}  # fmt: skip
+_SQL_SIGNS = frozenset(("||", "&&", "!"))
+
+
+def tokens(source: Source) -> list[Token]:
+    """The tokens of a script, closed by one of kind `END`.
+
+    Raises ParseError: P003 for text that is no script at all, P004 for one that is too large, P005 for one that
+    is nested too deeply.
+    """
+    _check_text(source)
+    found: list[Token] = []
+    for match in _TOKEN.finditer(source.text, 1 if source.text.startswith("\ufeff") else 0):
+        kind = match.lastgroup or ""
+        if kind == "SKIP":
+            continue
+        text, start, end = match[0], match.start(), match.end()
+        if kind == "SIGN":
+            if text == "=" and found:
+                found[-1].keyword = None  # a keyword before a single = is a name
+            found.append(Token(text, text, start, end))
+        elif kind == "WORD":
+            _add_word(source, found, text, start)
+        elif kind == "STRING" or (kind in ("FLOAT", "INTEGER") and not _WORD_PART.match(source.text, end)):
+            found.append(Token(kind, text, start, end))
+        else:
+            found.append(_unreadable(source, kind, text, start))
+    end = found[-1].end if found else 0
+    found.append(Token(END, "", end, end))
+    _check_nesting(source, found)
+    return found
+
+
+def _check_text(source: Source) -> None:
+    text = source.text
+    if len(text) > MAX_BYTES or len(text.encode("utf-8", "surrogatepass")) > MAX_BYTES:
+        raise ParseError(
+            "P004", "the script is larger than 256 KiB", Span(source, 0, 0),
+            ["give data to the session from Python, as a variable or a table, instead of writing it into the script"],
+        )  # fmt: skip
+    if bad := _UNREADABLE.search(text):
+        what = "a NUL character" if bad[0] == "\0" else f"half of a character, {_shown(bad[0])}"
+        raise ParseError(
+            "P003", f"this is not text: it contains {what}", Span(source, bad.start(), bad.end()),
+            ["a script is Unicode text; read its file with encoding='utf-8', and do not pass a binary file"],
+        )  # fmt: skip
+
+
+def _add_word(source: Source, found: list[Token], text: str, start: int) -> None:
+    if text.isascii():
+        upper = text.upper()
+        if upper in RESERVED:
+            found.append(Token(upper, text, start, start + len(text)))
+        else:
+            found.append(Token("NAME", text, start, start + len(text), upper if upper in CONTEXTUAL else None))
+        return
+    length = 0
+    while length < len(text) and (text[length] if length == 0 else "a" + text[length]).isidentifier():
+        length += 1
+    if length:
+        # Python reads names in this form, and functions are registered under Python's names.
+        name = unicodedata.normalize("NFKC", text[:length])
+        found.append(Token("NAME", name, start, start + length))
+    if length < len(text):
+        found.append(_unreadable(source, "OTHER", text[length], start + length))
+
+
+def _unreadable(source: Source, kind: str, text: str, start: int) -> Token:
+    """A token for something that the language does not have; where reading goes on decides the regex."""
+    span = Span(source, start, start + len(text))
+    if kind == "COMMENT":
+        span = Span(source, start, start + 2)
+        error = ParseError("P003", "this comment is not closed", span, ["close it with */"])
+    elif kind == "QUOTE":
+        hint = f"close it with {text[0]} on the same line, or write \\n for a line break"
+        error = ParseError("P003", "this string is not closed", span, [hint])
+    elif kind == "OTHER":
+        hints = [_INSTEAD[text]] if text in _INSTEAD else []
+        if text in _SQL_SIGNS:
+            error = ParseError("P006", f"'{text}' is not an operator here", span, hints)
+        else:
+            error = ParseError("P003", f"the language has no character {_shown(text)}", span, hints)
+    else:
+        tail = _WORD_PART.match(source.text, span.end)
+        span = Span(source, start, tail.end() if tail else span.end)
+        error = ParseError(
+            "P003", f"'{short(span.text)}' is neither a number nor a name", span,
+            ["a name starts with a letter; numbers are written like 7, 1.5 or 1e3, without units or separators"],
+        )  # fmt: skip
+    return Token(ERROR, text, start, span.end, error=error)
+
+
+def _shown(char: str) -> str:
+    code = f"U+{ord(char[0]):04X}"
+    name = unicodedata.name(char[0], "")
+    if not char.isprintable() or char.isspace():
+        return f"{code} {name}".strip()
+    return f"'{char}'" if char.isascii() else f"'{char}' ({code} {name})"
+
+
+def short(text: str) -> str:
+    """A text for an error message: at most thirty characters, on one line."""
+    text = " ".join(text.split())
+    return text if len(text) <= 30 else text[:27] + "..."
+
+
+_OPERAND_ENDS = frozenset(("NAME", "INTEGER", "FLOAT", "STRING", "THIS", "TRUE", "FALSE", "NONE", ")", "]", "}"))
+_POWER_PARTS = _OPERAND_ENDS | {"(", "[", "{", "."}
+
+
+def _check_nesting(source: Source, found: list[Token]) -> None:
+    """Refuses what would nest deeper than `MAX_NESTING`: brackets, bare queries, prefix operators, powers."""
+    opened = [0]  # per open bracket: the bare queries, beyond the first, that nothing has ended yet
+    selects = [0]
+    prefixes = powers = 0
+    before = ""
+    for token in found:
+        kind = token.kind
+        if kind == "NOT" or (kind == "-" and before not in _OPERAND_ENDS):
+            prefixes += 1
+        else:
+            prefixes = 0
+            if kind in OPENING:
+                opened.append(opened[-1])
+                selects.append(0)
+            elif kind in CLOSING:
+                if len(opened) > 1:
+                    opened.pop()
+                    selects.pop()
+            elif kind == "SELECT":
+                selects[-1] += 1
+                opened[-1] += selects[-1] > 1
+            elif kind == "AS":
+                opened[-1] -= selects[-1] > 1
+                selects[-1] -= selects[-1] > 0
+            elif kind == ";":
+                opened[-1] -= max(0, selects[-1] - 1)
+                selects[-1] = 0
+            if kind == "^":
+                powers += 1
+            elif kind not in _POWER_PARTS:
+                powers = 0
+        if len(opened) - 1 + opened[-1] + prefixes + powers > MAX_NESTING:
+            raise too_deep(Span(source, token.start, token.end), f"{MAX_NESTING} levels")
+        before = kind
+
+
+def too_deep(span: Span, limit: str) -> ParseError:
+    """The error for what is nested deeper than `limit`, at `span`."""
+    return ParseError(
+        "P005", f"the script is nested deeper than {limit}", span,
+        ["assign inner parts to variables first; long data comes from Python as a variable"],
+    )  # fmt: skip
+
+
+_ESCAPE = re.compile(
+    r"\\(?:(?P<line>\r\n|[\r\n])|(?P<plain>[\\'\"abfnrtv])|(?P<octal>[0-7]{1,3})"
+    r"|x(?P<x>[0-9a-fA-F]{2})|u(?P<u>[0-9a-fA-F]{4})|U(?P<U>[0-9a-fA-F]{8})|N\{(?P<name>[^}]*)\}|(?P<bad>[xuUN]))"
+)
+_PLAIN = {"\\": "\\", "'": "'", '"': '"', "a": "\a", "b": "\b", "f": "\f", "n": "\n", "r": "\r", "t": "\t", "v": "\v"}
+_FORMS = {"x": "\\x41", "u": "\\u0041", "U": "\\U00000041", "N": "\\N{LATIN CAPITAL LETTER A}"}
+
+
+def unescape(source: Source, token: Token) -> str:
+    """The value of a string token, its escapes read as Python reads them.
+
+    Raises ParseError (P003) for a malformed escape and for one that is not a character.
+    """
+    if "\\" not in token.text:
+        return token.text[1:-1]
+
+    def value(match: re.Match[str]) -> str:
+        kind, text = match.lastgroup, match[match.lastgroup or 0]
+        span = Span(source, token.start + match.start(), token.start + match.end())
+        if kind == "line":
+            return ""
+        if kind == "plain":
+            return _PLAIN[text]
+        if kind == "bad":
+            hints = [f"it is written {_FORMS[text]}", "a backslash itself is written \\\\"]
+            raise ParseError("P003", f"this escape is not complete: \\{text}", span, hints)
+        if kind == "name":
+            try:
+                return unicodedata.lookup(text)
+            except KeyError:
+                raise ParseError("P003", f"there is no character named '{short(text)}'", span) from None
+        code = int(text, 8 if kind == "octal" else 16)
+        if code > 0x10FFFF or 0xD800 <= code <= 0xDFFF:
+            raise ParseError("P003", f"{match[0]} is not a character", span, ["characters go up to \\U0010ffff"])
+        return chr(code)
+
+    return _ESCAPE.sub(value, token.text)[1:-1]

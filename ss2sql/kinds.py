@@ -1,0 +1,246 @@
+"""What is known of a value before the script runs: a set of kinds, and bounds where it is a number.
+
+Lowering uses it to choose SQLite's own operators where they provably do what the language demands, so a
+type is a promise: every value of the expression belongs to one of its kinds and lies within its bounds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterable, Sequence
+from dataclasses import dataclass, fields, is_dataclass
+from enum import Flag
+from functools import reduce
+from itertools import chain
+from types import NoneType
+from typing import Any
+
+
+class Kind(Flag):
+    """The kinds of values of the language; a type is a union of them.
+
+    STR alone promises text that SQLite can hold: a string with a lone surrogate, which cannot be written
+    as UTF-8 and travels like an object, has the type STR | OBJECT.
+    """
+
+    NONE = 1
+    BOOL = 2
+    INT = 4
+    FLOAT = 8
+    STR = 16
+    LIST = 32
+    DICT = 64
+    OBJECT = 128
+    NUMBER = BOOL | INT | FLOAT
+    STRUCTURED = LIST | DICT | OBJECT
+    ANY = NONE | BOOL | INT | FLOAT | STR | LIST | DICT | OBJECT
+
+
+INT_MIN, INT_MAX = -(2**63), 2**63 - 1
+
+
+class Opaque:
+    """An opaque object that Python cannot compare by hash, so that it stands in lists and dicts like a value.
+
+    `object` is what was given. Equality goes by `key`: the object's identity, unless another key is given.
+    Hashable objects need no wrapper, they stand for themselves.
+    """
+
+    __slots__ = ("key", "object")
+
+    def __init__(self, given: Any, key: Hashable = None) -> None:
+        self.object = given
+        self.key = (id(given),) if key is None else key
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Opaque) and bool(self.key == other.key)
+
+    def __hash__(self) -> int:
+        return hash(self.key)
+
+    def __bool__(self) -> bool:
+        """The object's truth; one that refuses to tell, as a data frame does, counts as true."""
+        try:
+            return bool(self.object)
+        except Exception:
+            return True
+
+    def __repr__(self) -> str:
+        return repr(self.object)
+
+    def __str__(self) -> str:
+        return str(self.object)
+
+
+@dataclass(frozen=True, slots=True)
+class Type:
+    """A set of kinds; `low` and `high` bound the numbers among the values (None: not known, or no numbers).
+
+    `item` is the type of the elements of a list, `columns` the names and types of the keys that its
+    elements have (of a dict: of its own keys). Both are None where nothing is known.
+    """
+
+    kinds: Kind = Kind.ANY
+    low: float | int | None = None
+    high: float | int | None = None
+    item: Type | None = None
+    columns: tuple[tuple[str, Type], ...] | None = None
+
+    def only(self, kinds: Kind) -> bool:
+        """Whether every value is of one of `kinds`."""
+        return self.kinds | kinds == kinds
+
+    def may(self, kinds: Kind) -> bool:
+        """Whether a value of one of `kinds` is possible."""
+        return bool(self.kinds & kinds)
+
+    def bounded(self, limit: float) -> bool:
+        """Whether the numbers among the values provably lie in -limit..limit."""
+        return self.low is not None and self.high is not None and self.low >= -limit and self.high <= limit
+
+
+ANY = Type()
+NONE = Type(Kind.NONE)
+BOOL = Type(Kind.BOOL, 0, 1)
+INT = Type(Kind.INT)
+FLOAT = Type(Kind.FLOAT)
+STR = Type(Kind.STR)
+LIST = Type(Kind.LIST)
+NOTHING = Type(Kind(0))
+UNENCODABLE = Type(Kind.STR | Kind.OBJECT)
+
+# Types look this far into nested lists and dicts; what lies deeper is not described.
+_DETAIL = 8
+
+
+def union(types: Iterable[Type]) -> Type:
+    """The smallest type that covers all of `types`; of none: a type without values."""
+    return reduce(_union, types, NOTHING)
+
+
+def _union(a: Type, b: Type) -> Type:
+    if a.kinds == Kind(0):
+        return b
+    if b.kinds == Kind(0):
+        return a
+    numeric_a, numeric_b = a.may(Kind.NUMBER), b.may(Kind.NUMBER)
+    if numeric_a and numeric_b:
+        low = None if a.low is None or b.low is None else min(a.low, b.low)
+        high = None if a.high is None or b.high is None else max(a.high, b.high)
+    else:
+        low, high = (a.low, a.high) if numeric_a else (b.low, b.high)
+    return Type(a.kinds | b.kinds, low, high, _item(a, b), _columns(a, b))
+
+
+def _item(a: Type, b: Type) -> Type | None:
+    lists = [t.item for t in (a, b) if t.may(Kind.LIST)]
+    known = [item for item in lists if item is not None]
+    return union(known) if lists and len(known) == len(lists) else None
+
+
+def _columns(a: Type, b: Type) -> tuple[tuple[str, Type], ...] | None:
+    """Columns of a union: those of both, in the order of their first appearance; None where one side lacks it."""
+    holders = [t for t in (a, b) if t.may(Kind.STRUCTURED)]
+    # An empty list lacks nothing: its elements have whatever columns the others have.
+    holders = [t for t in holders if not _is_empty(t)] or holders
+    known = [dict(t.columns) for t in holders if t.columns is not None]
+    if not holders or len(known) < len(holders):
+        return None
+    names = dict.fromkeys(chain.from_iterable(known))
+    return tuple((name, union(columns.get(name, NONE) for columns in known)) for name in names)
+
+
+def _is_empty(t: Type) -> bool:
+    """Whether the type says that all its lists are empty, and that there are no dicts or objects."""
+    return t.item == NOTHING and not t.may(Kind.DICT | Kind.OBJECT)
+
+
+def covers(wide: Type, narrow: Type) -> bool:
+    """Whether every value of `narrow` also belongs to `wide`, so that a plan made for the one fits the other."""
+    return _union(wide, narrow) == wide
+
+
+def type_of(value: Any) -> Type:
+    """The exact type of a value of the language; lists are read whole, at the speed of C where they are plain."""
+    return _type_of(value, _DETAIL)
+
+
+def _type_of(value: Any, detail: int) -> Type:
+    match value:
+        case None:
+            return NONE
+        case bool():
+            return Type(Kind.BOOL, int(value), int(value))
+        case int():
+            return Type(Kind.INT, value, value)
+        case float():
+            return Type(Kind.FLOAT, value, value)
+        case str():
+            return STR if _encodable(value) else UNENCODABLE
+        case list() if detail:
+            return Type(Kind.LIST, item=_type_of_items(value, detail - 1), columns=_columns_of_items(value, detail - 1))
+        case list():
+            return LIST
+        case dict() if detail:
+            return Type(Kind.DICT, columns=_columns_of_items([value], detail - 1))
+        case dict():
+            return Type(Kind.DICT)
+        case Opaque(object=given):
+            return Type(Kind.OBJECT, columns=_fields_of(type(given)))
+        case _:
+            return Type(Kind.OBJECT, columns=_fields_of(type(value)))
+
+
+_SCALARS: dict[type, Kind] = {
+    NoneType: Kind.NONE,
+    bool: Kind.BOOL,
+    int: Kind.INT,
+    float: Kind.FLOAT,
+    str: Kind.STR,
+}
+
+
+def _type_of_items(items: Sequence[Any], detail: int) -> Type:
+    """The union of the types of `items`, without a look at each where they are alike."""
+    classes = set(map(type, items))
+    if classes == {list} and detail:
+        inner = list(chain.from_iterable(items))
+        if set(map(type, inner)) <= _SCALARS.keys():
+            return Type(Kind.LIST, item=_type_of_items(inner, detail - 1), columns=())
+    if classes == {dict} and detail:
+        return Type(Kind.DICT, columns=_columns_of_items(items, detail - 1))
+    if not classes <= _SCALARS.keys():
+        return union(_type_of(item, detail) for item in items)
+    kinds = reduce(Kind.__or__, (_SCALARS[c] for c in classes), Kind(0))
+    if str in classes and not _encodable("".join(item for item in items if type(item) is str)):
+        kinds |= Kind.OBJECT
+    numbers: Sequence[Any] = items
+    if not classes <= {bool, int, float}:
+        numbers = [item for item in items if isinstance(item, (int, float))]
+    if not numbers:
+        return Type(kinds)
+    return Type(kinds, min(numbers), max(numbers))
+
+
+def _encodable(text: str) -> bool:
+    if text.isascii():
+        return True
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+def _columns_of_items(items: Sequence[Any], detail: int) -> tuple[tuple[str, Type], ...]:
+    """The columns of a list of dicts or of dataclass objects: all keys, by first appearance; a missing one is None."""
+    classes = set(map(type, items))
+    if classes == {dict}:
+        names = {key: None for item in items for key in item if isinstance(key, str)}
+        return tuple((name, _type_of_items([item.get(name) for item in items], detail)) for name in names)
+    if Opaque in classes:
+        classes = {type(item.object) if type(item) is Opaque else type(item) for item in items}
+    return _fields_of(classes.pop()) if len(classes) == 1 else ()
+
+
+def _fields_of(kind: type) -> tuple[tuple[str, Type], ...]:
+    return tuple((field.name, ANY) for field in fields(kind)) if is_dataclass(kind) else ()

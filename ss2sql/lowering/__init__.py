@@ -1,0 +1,9 @@
+"""From plan to SQL, in the order of control flow:
+
+- `unsupported.py`: the table of what is not lowered and runs natively
+- `lower.py`: one query of the plan becomes one `SqlQuery`
+- `select.py`: flat queries; `sources.py`: FROM; `search.py`: WITH RECURSIVE; `strategies/`: searches as data
+- `expressions.py` and `operators.py`: expressions, by their types
+- `parameters.py`: what a statement needs beside its text; `sql.py`: constructors for sqlglot trees
+- `dialects.py`: how the tree is printed
+"""

@@ -1,0 +1,212 @@
+"""Expressions as SQL.
+
+An expression whose type is bool alone is a *flag* in SQL, the integer 0 or 1, never NULL. Every other
+expression is a *value*: None, numbers and strings are themselves, all else is a handle of the pool (see
+runtime/pool.py). SQLite's own operators are used only where the types promise that they do what the
+language demands; everything else is a call of the function of the language, whose last argument is the
+place in the script, for its errors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, TypeAlias, assert_never
+
+from sqlglot import exp
+
+from ss2sql import plan
+from ss2sql.errors import UnsupportedError
+from ss2sql.kinds import BOOL, Kind, Type
+from ss2sql.lowering import sql
+from ss2sql.lowering.operators import NATIVE
+from ss2sql.lowering.parameters import Needs
+from ss2sql.lowering.sql import Node
+from ss2sql.walk import is_volatile, walk
+
+if TYPE_CHECKING:
+    from ss2sql.errors import Span
+
+Reader: TypeAlias = Callable[[plan.Element | plan.Column], Node]
+
+
+@dataclass(frozen=True, slots=True)
+class Env:
+    """How sources and START WITH variables are read in the SQL scope at hand.
+
+    A reader or state gives what stands in a column: a flag where the type is bool alone.
+    """
+
+    sources: Mapping[int, Reader] = field(default_factory=dict)
+    states: Mapping[tuple[int, str], Node] = field(default_factory=dict)
+    groups: tuple[Node, ...] = ()
+
+    def with_source(self, source: int, reader: Reader) -> Env:
+        return replace(self, sources={**self.sources, source: reader})
+
+    def with_states(self, states: Mapping[tuple[int, str], Node]) -> Env:
+        return replace(self, states={**self.states, **states})
+
+
+def is_flag(kind: Type) -> bool:
+    """Whether an expression of this type is a flag in SQL."""
+    return kind.kinds == Kind.BOOL
+
+
+def can_fail(node: object) -> bool:
+    """Whether evaluating the expression can raise, or be noticed: then its place in the order matters."""
+    return is_volatile(node) or any(
+        (isinstance(part, plan.Call) and part.function.raises)
+        or isinstance(part, plan.Subquery)
+        or (isinstance(part, plan.Column) and not part.declared)
+        for part in walk(node)
+    )
+
+
+class Expressions:
+    """Lowers the expressions of one statement; `needs` collects what they ask for."""
+
+    def __init__(self, needs: Needs, subquery: Callable[[plan.Query, Env], Node]) -> None:
+        self.needs = needs
+        self.subquery = subquery
+
+    def value(self, expr: plan.Expr, env: Env) -> Node:
+        """The expression as a value."""
+        node = self.lower(expr, env)
+        return self.boxed(node) if is_flag(expr.type) else node
+
+    def boxed(self, flag: Node) -> Node:
+        """A flag as a value: True or False."""
+        return sql.case([(flag, self.needs.bind(TRUE, "true"))], self.needs.bind(FALSE, "false"))
+
+    def unboxed(self, node: Node, kind: Type) -> Node:
+        """A value as what stands for its type: a bool becomes a flag."""
+        return sql.binary(exp.NullSafeEQ, node, self.needs.bind(TRUE, "true")) if is_flag(kind) else node
+
+    def condition(self, expr: plan.Expr, env: Env) -> Node:
+        """The truth of an expression as a flag."""
+        node = self.lower(expr, env)
+        kind = expr.type
+        if is_flag(kind):
+            return node
+        if kind.only(Kind.INT | Kind.FLOAT):
+            return sql.binary(exp.NEQ, node, sql.number(0))
+        if kind.only(Kind.STR):
+            return sql.binary(exp.NEQ, node, sql.string(""))
+        return sql.call("truth", node)
+
+    def lower(self, expr: plan.Expr, env: Env) -> Node:
+        """The expression as a flag or a value, by its type."""
+        match expr:
+            case plan.Constant():
+                return self.constant(expr)
+            case plan.Variable(name=name, type=kind):
+                return self.needs.bind(expr, name, is_flag(kind))
+            case plan.Element(source=source) | plan.Column(source=source):
+                return env.sources[source](expr)
+            case plan.State(query=query, name=name):
+                return env.states[(query, name)]
+            case plan.Call():
+                return self.call(expr, env)
+            case plan.And(parts=parts):
+                return self.all_of(parts, env)
+            case plan.Or(parts=parts):
+                return self.any_of(parts, env)
+            case plan.Xor(left=left, right=right):
+                return sql.binary(exp.NEQ, self.condition(left, env), self.condition(right, env))
+            case plan.Not(operand=operand):
+                return exp.Not(this=sql.operand(self.condition(operand, env)))
+            case plan.If():
+                return self.conditional(expr, env)
+            case plan.MakeList(items=items):
+                return sql.call("list", *(self.value(item, env) for item in items))
+            case plan.GroupKey(index=index):
+                return env.groups[index]
+            case plan.Aggregate():
+                return self.aggregate(expr, env)
+            case plan.Subquery(query=query, type=kind):
+                return self.unboxed(self.subquery(query, env), kind)
+            case plan.Assign() | plan.TemporalAssign() | plan.AssignLate() | plan.Temporal() | plan.Eval():
+                raise AssertionError("declared in unsupported.py, so it never comes here")
+            case _:
+                assert_never(expr)
+
+    def constant(self, expr: plan.Constant) -> Node:
+        value = expr.value
+        match value:
+            case None:
+                return sql.null()
+            case bool():
+                return sql.number(int(value))
+            case int() if abs(value) < 2**53:
+                return sql.number(value)
+            case float() if _is_short(value):
+                return sql.number(value)
+            case str() if value.isprintable() and len(value) <= 200:
+                return sql.string(value)
+            case _:
+                return self.needs.bind(expr)
+
+    def call(self, expr: plan.Call, env: Env) -> Node:
+        function = expr.function
+        if not function.builtin:
+            name = self.needs.function(function.name, expr.place)
+            return self.unboxed(sql.call(name, *(self.value(a, env) for a in expr.arguments)), expr.type)
+        native = NATIVE.get(function.name)
+        node = native(self, expr, env) if native else None
+        if node is not None:
+            return node
+        arguments = [self.value(argument, env) for argument in expr.arguments]
+        return self.unboxed(sql.call(function.name, *arguments, self.place(expr.place)), expr.type)
+
+    def place(self, span: Span) -> Node:
+        return sql.string(f"{span.line}:{span.column}")
+
+    def all_of(self, parts: tuple[plan.Expr, ...], env: Env) -> Node:
+        conditions = [self.condition(part, env) for part in parts]
+        if not any(can_fail(part) for part in parts):
+            joined = sql.conjunction(conditions)
+            assert joined is not None
+            return joined
+        stops = [(exp.Not(this=sql.operand(condition)), sql.number(0)) for condition in conditions[:-1]]
+        return sql.case(stops, conditions[-1])
+
+    def any_of(self, parts: tuple[plan.Expr, ...], env: Env) -> Node:
+        conditions = [self.condition(part, env) for part in parts]
+        if not any(can_fail(part) for part in parts):
+            return sql.disjunction(conditions)
+        return sql.case([(condition, sql.number(1)) for condition in conditions[:-1]], conditions[-1])
+
+    def conditional(self, expr: plan.If, env: Env) -> Node:
+        branches = []
+        for branch in (expr.then, expr.otherwise):
+            last = self.lower(branch[-1], env) if is_flag(expr.type) else self.value(branch[-1], env)
+            before = [self.value(part, env) for part in branch[:-1] if can_fail(part)]
+            branches.append(sql.call("last", *before, last) if before else last)
+        return sql.case([(self.condition(expr.condition, env), branches[0])], branches[1])
+
+    def aggregate(self, expr: plan.Aggregate, env: Env) -> Node:
+        if expr.argument is None:
+            return exp.Count(this=exp.Star())
+        kind = expr.argument.type
+        argument = self.value(expr.argument, env)
+        plain = kind.only(Kind.INT | Kind.NONE) or kind.only(Kind.STR | Kind.NONE)
+        if expr.function == "count":
+            return exp.Count(this=argument)
+        if expr.function in ("min", "max") and plain:
+            return exp.Min(this=argument) if expr.function == "min" else exp.Max(this=argument)
+        return sql.call(f"group_{expr.function}", argument, self.place(expr.span))
+
+
+def _is_short(value: float) -> bool:
+    """Whether SQLite reads the float's shortest text back exactly: few digits and a small exponent."""
+    digits, _, power = repr(abs(value)).partition("e")
+    return len(digits.replace(".", "").strip("0")) <= 15 and (not power or abs(int(power)) <= 20)
+
+
+TRUE = plan.Constant(True, BOOL, span=None)
+FALSE = plan.Constant(False, BOOL, span=None)
+
+
+def refuse(reason: str, expr: plan.Expr, cure: str) -> UnsupportedError:
+    return UnsupportedError("U001", reason, expr.span, (cure,))

@@ -1,0 +1,148 @@
+"""Operators that SQLite computes itself, each under the types for which its result is that of the language.
+
+Every entry takes the lowering, the call and the environment, and gives the SQL or None where the types do
+not promise enough. Numbers compare exactly across int and float in SQLite, text compares by code point as
+in Python; beyond that nothing is taken for granted: a table's column may carry an affinity, so operands of
+different classes are never compared natively.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, TypeAlias
+
+from sqlglot import exp
+
+from ss2sql import plan
+from ss2sql.kinds import Kind, Type
+from ss2sql.lowering import sql
+from ss2sql.lowering.sql import Node
+
+if TYPE_CHECKING:
+    from ss2sql.lowering.expressions import Env, Expressions
+
+Native: TypeAlias = "Callable[[Expressions, plan.Call, Env], Node | None]"
+
+REAL_NUMBER = Kind.INT | Kind.FLOAT
+EXACT = 2**53  # integers up to here are exact as floats
+
+
+def _class_of(kind: Type, none: bool) -> str | None:
+    """`number` or `text` if all values, None apart if allowed, are of that class in SQL."""
+    allowed = Kind.NONE if none else Kind(0)
+    if kind.kinds == Kind.BOOL or (kind.only(REAL_NUMBER | allowed) and kind.may(REAL_NUMBER)):
+        return "number"
+    if kind.only(Kind.STR | allowed) and kind.may(Kind.STR):
+        return "text"
+    return None
+
+
+def _same_class(left: Type, right: Type, none: bool = False) -> bool:
+    class_of = _class_of(left, none)
+    return class_of is not None and class_of == _class_of(right, none)
+
+
+def _operands(lowering: Expressions, call: plan.Call, env: Env) -> list[Node]:
+    return [lowering.lower(argument, env) for argument in call.arguments]
+
+
+def _equality(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
+    left, right = (argument.type for argument in call.arguments)
+    equal = call.function.name == "eq"
+    for index, argument in enumerate(call.arguments):
+        if isinstance(argument, plan.Constant) and argument.value is None:
+            # None equals nothing but None, whatever the other side is.
+            other = lowering.value(call.arguments[1 - index], env)
+            test = exp.Is(this=sql.operand(other), expression=sql.null())
+            return test if equal else exp.Not(this=exp.Paren(this=test))
+    if not _same_class(left, right, none=True):
+        return None
+    a, b = _operands(lowering, call, env)
+    if left.may(Kind.NONE) or right.may(Kind.NONE):
+        return sql.binary(exp.NullSafeEQ if equal else exp.NullSafeNEQ, a, b)
+    return sql.binary(exp.EQ if equal else exp.NEQ, a, b)
+
+
+def _comparison(kind: type[exp.Binary]) -> Native:
+    def lower(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
+        left, right = (argument.type for argument in call.arguments)
+        if not _same_class(left, right):
+            return None
+        return sql.binary(kind, *_operands(lowering, call, env))
+
+    return lower
+
+
+def _arithmetic(kind: type[exp.Binary]) -> Native:
+    def lower(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
+        if call.function.raises or not all(_is_number(argument.type) for argument in call.arguments):
+            return None
+        return sql.binary(kind, *_operands(lowering, call, env))
+
+    return lower
+
+
+def _is_number(kind: Type) -> bool:
+    return _class_of(kind, none=False) == "number"
+
+
+def _add(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
+    if all(argument.type.kinds == Kind.STR for argument in call.arguments):
+        return sql.binary(exp.DPipe, *_operands(lowering, call, env))
+    return _arithmetic(exp.Add)(lowering, call, env)
+
+
+def _division(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
+    """True division; the operands must be exact as floats, else SQLite would round twice."""
+    kinds = [argument.type for argument in call.arguments]
+    if call.function.raises or not all(_is_number(kind) for kind in kinds):
+        return None
+    if any(kind.may(Kind.INT) and not kind.bounded(EXACT) for kind in kinds):
+        return None
+    left, right = _operands(lowering, call, env)
+    return sql.binary(exp.Div, exp.Cast(this=left, to=exp.DataType.build("REAL", dialect="sqlite")), right)
+
+
+def _modulo(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
+    """Python's sign follows the divisor, SQLite's the dividend: alike where neither is negative."""
+    left, right = (argument.type for argument in call.arguments)
+    whole = left.only(Kind.BOOL | Kind.INT) and right.only(Kind.INT)
+    if call.function.raises or not whole or (left.low or 0) < 0 or left.low is None or (right.low or 0) < 1:
+        return None
+    return sql.binary(exp.Mod, *_operands(lowering, call, env))
+
+
+def _negation(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
+    if call.function.raises or not _is_number(call.arguments[0].type):
+        return None
+    return exp.Neg(this=sql.operand(lowering.lower(call.arguments[0], env)))
+
+
+def _membership(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
+    """`x IN [1, 2, 3]` with a list of plain literals of the class of x."""
+    item, items = call.arguments
+    if not isinstance(items, plan.Constant) or not isinstance(items.value, list) or not items.value:
+        return None
+    if items.type.item is None or not _same_class(item.type, items.type.item) or Kind.BOOL in items.type.item.kinds:
+        return None
+    members = [lowering.constant(plan.Constant(value, items.type.item, span=items.span)) for value in items.value]
+    test = exp.In(this=sql.operand(lowering.lower(item, env)), expressions=members)
+    return test if call.function.name == "in" else exp.Not(this=exp.Paren(this=test))
+
+
+NATIVE: dict[str, Native] = {
+    "eq": _equality,
+    "ne": _equality,
+    "lt": _comparison(exp.LT),
+    "le": _comparison(exp.LTE),
+    "gt": _comparison(exp.GT),
+    "ge": _comparison(exp.GTE),
+    "add": _add,
+    "sub": _arithmetic(exp.Sub),
+    "mul": _arithmetic(exp.Mul),
+    "div": _division,
+    "mod": _modulo,
+    "neg": _negation,
+    "in": _membership,
+    "not_in": _membership,
+}

@@ -1,0 +1,108 @@
+"""What a lowered query needs beside its text: values to bind, functions to have, and where these are called."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from ss2sql import plan
+from ss2sql.errors import Span
+from ss2sql.lowering import sql
+from ss2sql.lowering.sql import Node
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A value that is bound as `:name`: the expression is evaluated once, before the statement runs.
+
+    With `flag` set the value is a bool that travels as 0 or 1.
+    """
+
+    name: str
+    expr: plan.Expr
+    flag: bool = False
+
+
+@dataclass(slots=True)
+class Needs:
+    """Collects what one statement needs while it is lowered.
+
+    `function_names` maps the functions of the language to their names in SQL.
+    """
+
+    function_names: Mapping[str, str]
+    parameters: dict[str, Parameter] = field(default_factory=dict)
+    calls: dict[str, list[Span]] = field(default_factory=dict)
+    modules: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    labels: set[str] = field(default_factory=set)
+
+    def label(self, name: str) -> str:
+        """A name for a source that no other source of the statement has; the user's own for the first."""
+        label, count = name, 1
+        while label.lower() in self.labels:
+            count += 1
+            label = f"{name}_{count}"
+        self.labels.add(label.lower())
+        return label
+
+    def bind(self, expr: plan.Expr, name: str | None = None, flag: bool = False) -> Node:
+        """The placeholder for the value of an expression; equal expressions share one."""
+        for known in self.parameters.values():
+            if known.expr == expr and known.flag == flag and type(known.expr) is type(expr):
+                return self._placeholder(known)
+        base = name or "p1"
+        label, count = base, 1
+        while label in self.parameters:
+            count += 1
+            label = f"p{count}" if name is None else f"{base}_{count}"
+        bound = self.parameters[label] = Parameter(label, expr, flag)
+        return self._placeholder(bound)
+
+    def _placeholder(self, bound: Parameter) -> Node:
+        node = sql.parameter(bound.name)
+        if isinstance(bound.expr, plan.Constant):
+            text = bound.expr.span.text if bound.expr.span else repr(bound.expr.value)
+            # The text of the literal is shown beside it; anything that could end the comment is left out.
+            shown = " ".join(text.split())
+            if "*/" not in shown and "/*" not in shown:
+                node.add_comments([shown if len(shown) <= 60 else shown[:57] + "..."])
+        return node
+
+    def function(self, name: str, span: Span) -> str:
+        """The SQL name of a user's function; notes that it is called at this place."""
+        self.calls.setdefault(name, []).append(span)
+        return self.function_names.get(name, name)
+
+    def elements(self, columns: tuple[str, ...]) -> str:
+        """The name of the virtual table that walks a list whose elements have these columns."""
+        name = "elements" if not columns else "elements_" + "_".join(columns)
+        self.modules[name] = columns
+        return name
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """One output column of a statement: whether a bool travels as 0 or 1 in it."""
+
+    flag: bool
+
+
+@dataclass(frozen=True, slots=True)
+class SqlQuery:
+    """A lowered query.
+
+    The statement's columns are, in this order: for a search the step's and its parent's number; the
+    `outputs`; `keys` group values; `orders` sort keys that SQL does not sort by itself. `limit` and `order`
+    that SQL leaves to the finishing in Python are named in `finish`.
+    """
+
+    query: plan.Query
+    text: str
+    parameters: tuple[Parameter, ...]
+    outputs: tuple[Shown, ...]
+    keys: tuple[Shown, ...]
+    orders: tuple[Shown, ...]
+    sorted: bool
+    limited: bool
+    calls: Mapping[str, tuple[Span, ...]]
+    modules: Mapping[str, tuple[str, ...]]

@@ -1,0 +1,249 @@
+"""Flat queries: FROM, WHERE, GROUP BY, ORDER BY and LIMIT, and queries nested in expressions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from sqlglot import exp
+
+from ss2sql import plan
+from ss2sql.kinds import Kind, Type
+from ss2sql.lowering import sql
+from ss2sql.lowering.expressions import Env, Expressions, can_fail, is_flag
+from ss2sql.lowering.parameters import Needs
+from ss2sql.lowering.sources import Opened, open_sources, sql_names
+from ss2sql.lowering.sql import Node
+from ss2sql.walk import sources_read, walk
+
+COLLECTORS = {"list": "collect", "rows": "collect_rows", "set": "collect_set", "void": "collect_nothing"}
+
+
+def sortable(kind: Type) -> bool:
+    """Whether SQLite's order of these values is the language's: numbers, or strings, or None among them."""
+    plain = Kind.INT | Kind.FLOAT | Kind.NONE
+    return is_flag(kind) or kind.only(plain) or kind.only(Kind.STR | Kind.NONE)
+
+
+def uniform(kind: Type) -> bool:
+    """Whether equal values of the type are the same value, so that any member can stand for its group."""
+    return is_flag(kind) or any(kind.only(one | Kind.NONE) for one in (Kind.INT, Kind.FLOAT, Kind.STR))
+
+
+@dataclass(slots=True)
+class Flat:
+    """A flat query under construction: its sources are open, its conditions known."""
+
+    items: list[Node]
+    conditions: list[Node]
+    env: Env
+    opened: list[Opened]
+
+    @property
+    def natural(self) -> list[Node] | None:
+        """The keys of the product's own order; None where a source has none."""
+        if not all(part.order for part in self.opened):
+            return None
+        return [key.copy() for part in self.opened for key in part.order]
+
+
+class Selects:
+    """Lowers flat queries of one statement, and queries nested in its expressions."""
+
+    def __init__(self, needs: Needs) -> None:
+        self.needs = needs
+        self.expressions = Expressions(needs, self.subquery)
+        self.tables: dict[str, plan.TableSource] = {}
+
+    # --- parts -----------------------------------------------------------------------------------------
+
+    def conditions(self, where: plan.Expr | None, env: Env) -> list[Node]:
+        """WHERE as conditions that all have to hold.
+
+        Conditions that cannot fail may be asked in any order, as early as the planner likes. From the first
+        that can, the rest is one CASE, which keeps the written order.
+        """
+        if where is None:
+            return []
+        parts = where.parts if isinstance(where, plan.And) else (where,)
+        free = 0
+        while free < len(parts) and not can_fail(parts[free]):
+            free += 1
+        result = [self.expressions.condition(part, env) for part in parts[:free]]
+        if free < len(parts):
+            result.append(self.expressions.all_of(parts[free:], env))
+        return result
+
+    def flat(self, query: plan.Query, env: Env) -> Flat:
+        """FROM and WHERE of a query."""
+        opened, inner = open_sources(self, query.sources, env)
+        items = [item for part in opened for item in part.items]
+        conditions = [condition for part in opened for condition in part.conditions]
+        own = self.conditions(query.where, inner)
+        if own and len(items) > 1 and query.where is not None and can_fail(query.where):
+            last = query.sources[-1]
+            if last.id not in sources_read(query.where):
+                # Asked before the last source is read, it could fail for a product that has no rows.
+                own[-1] = sql.call("last", opened[-1].witness.copy(), own[-1])
+        return Flat(items, conditions + own, inner, opened)
+
+    def order(self, query: plan.Query, flat: Flat) -> list[tuple[Node, bool]] | None:
+        """The keys of ORDER BY, then those of the product's own order; None where Python has to sort."""
+        natural = flat.natural
+        if not query.order:
+            tables = any(isinstance(source, plan.TableSource) for source in _all_sources(query))
+            return [(key, False) for key in natural or ()] if tables else []
+        if natural is None or not all(sortable(key.expr.type) for key in query.order):
+            return None
+        keys = [(self.expressions.lower(key.expr, flat.env), key.descending) for key in query.order]
+        return keys + [(key, False) for key in natural]
+
+    # --- grouped queries -------------------------------------------------------------------------------
+
+    def grouped(self, query: plan.Query, env: Env, names: list[str | None]) -> exp.Select:
+        """One row per group, in order of first appearance."""
+        flat = self.flat(query, env)
+        where = sql.conjunction(flat.conditions)
+        first = flat.natural
+        if first is not None and len(first) == 1:
+            keys = tuple(self.expressions.lower(key, flat.env) for key in query.group)
+            return self._group(query, replace(flat.env, groups=keys), flat.items, where, first[0], names)
+        return self._group_numbered(query, flat, where, names)
+
+    def _group_numbered(self, query: plan.Query, flat: Flat, where: Node | None, names: list[str | None]) -> exp.Select:
+        """Groups of a product: its rows are numbered first, so that groups can be sorted by first appearance."""
+        label = self.needs.label("product")
+        arguments: list[plan.Expr] = []
+        for node in _group_nodes(query):
+            if isinstance(node, plan.Aggregate) and node.argument is not None and node.argument not in arguments:
+                arguments.append(node.argument)
+        names_of = [f"argument_{index}" for index in range(1, len(arguments) + 1)]
+        outputs = [
+            sql.alias(self.expressions.lower(key, flat.env), f"key_{index}") for index, key in enumerate(query.group, 1)
+        ]
+        outputs += [
+            sql.alias(self.expressions.value(expr, flat.env), name)
+            for expr, name in zip(arguments, names_of, strict=True)
+        ]
+        window = exp.Window(this=exp.RowNumber())
+        natural = flat.natural
+        if natural:
+            ordered = [exp.Ordered(this=key, desc=False, nulls_first=True) for key in natural]
+            window.set("order", exp.Order(expressions=ordered))
+        outputs.append(sql.alias(window, "position"))
+        inner = sql.derived(sql.select(outputs, flat.items, where), label)
+        keys = tuple(sql.column(f"key_{index}", label) for index in range(1, len(query.group) + 1))
+        grouped_env = replace(flat.env, groups=keys)
+        lowering = _Numbered(self, arguments, [sql.column(name, label) for name in names_of])
+        position = sql.column("position", label)
+        return lowering._group(query, grouped_env, [inner], None, position, names)
+
+    def _group(
+        self, query: plan.Query, env: Env, items: list[Node], where: Node | None, first: Node, names: list[str | None]
+    ) -> exp.Select:
+        select = sql.select(self.outputs(query, env, names), items, where)
+        select.set("group", exp.Group(expressions=[key.copy() for key in env.groups]))
+        if query.having is not None:
+            select.set("having", exp.Having(this=self.expressions.condition(query.having, env)))
+        order = [(self.expressions.lower(key.expr, env), key.descending) for key in query.order]
+        return sql.sorted_query(select, [*order, (exp.Min(this=first), False)])
+
+    # --- whole queries ---------------------------------------------------------------------------------
+
+    def outputs(self, query: plan.Query, env: Env, names: list[str | None], boxed: bool = False) -> list[Node]:
+        lower = self.expressions.value if boxed else self.expressions.lower
+        nodes = [lower(output.expr, env) for output in query.columns]
+        return [_named(node, name) for node, name in zip(nodes, names, strict=True)]
+
+    def rows(self, query: plan.Query, env: Env, names: list[str | None], boxed: bool = False) -> exp.Select:
+        """The query's rows, sorted and cut; the caller guarantees that SQL can sort them."""
+        limit = None if query.limit is None else self.needs.bind(query.limit, "limit")
+        if query.aggregated:
+            select = self.grouped(query, env, names)
+            return sql.sorted_query(select, (), limit)
+        flat = self.flat(query, env)
+        order = self.order(query, flat)
+        assert order is not None, "declared in unsupported.py"
+        outputs = self.outputs(query, flat.env, names, boxed)
+        return sql.select(outputs, flat.items, sql.conjunction(flat.conditions), order, limit)
+
+    def derived(self, query: plan.Query, env: Env) -> exp.Select:
+        """The query as a derived table, its columns under the names of sql_names."""
+        names = sql_names(tuple(output.name for output in query.columns))
+        select = self.rows(query, env, list(names.values()))
+        if select.args.get("limit") is None:
+            sql.sorted_query(select, (), sql.unlimited())
+        return select
+
+    def subquery(self, query: plan.Query, env: Env) -> Node:
+        """A query in an expression: the value that its representation gives."""
+        name = query.representation.name
+        if name == "value":
+            select = self.rows(replace(query, columns=query.columns[:1]), env, [None], boxed=not query.aggregated)
+            if select.args.get("limit") is None:
+                sql.sorted_query(select, (), sql.number(1))
+            return sql.scalar(select)
+        simple = not (query.aggregated or query.order or query.limit)
+        tables = any(isinstance(source, plan.TableSource) for source in _all_sources(query))
+        if simple and not tables:
+            flat = self.flat(query, env)
+            values = self.outputs(query, flat.env, [None] * len(query.columns), boxed=True)
+            collected = self._collected(query, values)
+            return sql.scalar(sql.select([collected], flat.items, sql.conjunction(flat.conditions)))
+        label = self.needs.label("rows")
+        select = self.derived(query, env)
+        columns: list[Node] = []
+        for output, name_ in zip(query.columns, sql_names(tuple(o.name for o in query.columns)).values(), strict=True):
+            node: Node = sql.column(name_, label)
+            columns.append(self.expressions.boxed(node) if is_flag(output.expr.type) else node)
+        return sql.scalar(sql.select([self._collected(query, columns)], [sql.derived(select, label)]))
+
+    def _collected(self, query: plan.Query, values: list[Node]) -> Node:
+        if query.representation.name != "dict":
+            return sql.call(COLLECTORS[query.representation.name], *values)
+        arguments: list[Node] = []
+        for output, value in zip(query.columns, values, strict=True):
+            arguments += [sql.string(output.name), value]
+        return sql.call("collect_records", *arguments)
+
+
+class _Numbered(Selects):
+    """Lowers what sees groups, with every aggregate's argument read from the numbered product."""
+
+    def __init__(self, parent: Selects, arguments: Sequence[plan.Expr], columns: Sequence[Node]) -> None:
+        super().__init__(parent.needs)
+        self.expressions = _Arguments(self, arguments, columns)
+
+
+class _Arguments(Expressions):
+    def __init__(self, selects: Selects, arguments: Sequence[plan.Expr], columns: Sequence[Node]) -> None:
+        super().__init__(selects.needs, selects.subquery)
+        self.known = list(zip(arguments, columns, strict=True))
+
+    def value(self, expr: plan.Expr, env: Env) -> Node:
+        for argument, column in self.known:
+            if argument == expr:
+                return column.copy()
+        return super().value(expr, env)
+
+
+def _named(node: Node, name: str | None) -> Node:
+    if name is None or (isinstance(node, exp.Column) and node.name == name):
+        return node
+    return sql.alias(node, name)
+
+
+def _all_sources(query: plan.Query) -> list[plan.Source]:
+    """The query's sources and those of queries in its FROM."""
+    found: list[plan.Source] = []
+    for source in query.sources:
+        found.append(source)
+        if isinstance(source, plan.QuerySource):
+            found.extend(_all_sources(source.query))
+    return found
+
+
+def _group_nodes(query: plan.Query) -> list[object]:
+    places = [output.expr for output in query.columns] + [key.expr for key in query.order]
+    places += [query.having] if query.having is not None else []
+    return [node for place in places for node in walk(place)]

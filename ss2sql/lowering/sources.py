@@ -1,0 +1,185 @@
+"""Sources as items of FROM.
+
+A list, a dict of columns or a single value is walked by the virtual table `elements`, or by one whose name
+carries the columns of its elements; it takes the value as its argument, so a source that mentions an earlier
+one or the search's state is a join from left to right. A query in FROM becomes part of the query around it
+where its evaluation cannot be told apart, a derived table where it stands alone, else a value to walk.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, assert_never
+
+from sqlglot import exp
+
+from ss2sql import plan
+from ss2sql.lowering import sql
+from ss2sql.lowering.expressions import Env, Reader, can_fail, is_flag
+from ss2sql.lowering.sql import Node
+from ss2sql.walk import sources_read, states_read
+
+if TYPE_CHECKING:
+    from ss2sql.lowering.select import Selects
+
+
+@dataclass(frozen=True, slots=True)
+class Opened:
+    """A source as SQL: the item of FROM, how it is read, and what sorts it in its own order (empty: nothing does).
+
+    `witness` is some column of it; mentioning it keeps a condition from being asked before the source is read.
+    `conditions` filter it, when it stems from a query.
+    """
+
+    items: tuple[Node, ...]
+    reader: Reader
+    order: tuple[Node, ...]
+    witness: Node
+    conditions: tuple[Node, ...] = ()
+
+
+def sql_names(columns: tuple[str, ...]) -> dict[str, str]:
+    """Names of columns as SQL can tell them apart, for SQL does not see upper and lower case."""
+    taken, names = {"this"}, {}
+    for name in columns:
+        candidate, count = name, 1
+        while candidate.lower() in taken:
+            count += 1
+            candidate = f"{name}_{count}"
+        taken.add(candidate.lower())
+        names[name] = candidate
+    return names
+
+
+def open_sources(
+    selects: Selects, sources: tuple[plan.Source, ...], env: Env, search: int | None = None
+) -> tuple[list[Opened], Env]:
+    """All sources of a query, from left to right, each in the sight of those before it.
+
+    `search` is the number of the query if its state may be mentioned.
+    """
+    opened: list[Opened] = []
+    siblings: set[int] = set()
+    for source in sources:
+        part = open_source(selects, source, env, siblings, search)
+        env = env.with_source(source.id, part.reader)
+        siblings.add(source.id)
+        opened.append(part)
+    return opened, env
+
+
+def open_source(selects: Selects, source: plan.Source, env: Env, siblings: set[int], search: int | None) -> Opened:
+    match source:
+        case plan.TableSource():
+            return _table(selects, source)
+        case plan.ValueSource(value=value):
+            return _elements(selects, source, selects.expressions.value(value, env))
+        case plan.QuerySource(query=query):
+            if _can_join(query):
+                return _joined(selects, source, env, siblings, search)
+            lateral = bool(sources_read(query) & siblings) or any(q == search for q, _ in states_read(query))
+            if not lateral and query.representation.name == "dict" and (not query.group or query.aggregated):
+                return _derived(selects, source, env)
+            return _elements(selects, source, selects.subquery(query, env))
+        case _:
+            assert_never(source)
+
+
+def _table(selects: Selects, source: plan.TableSource) -> Opened:
+    label = selects.needs.label(source.name)
+    selects.tables[label] = source
+    schema = None if source.schema == "main" else source.schema
+    columns: dict[str, Node] = {name: sql.column(name, label) for name, _ in source.columns}
+    for name in source.collated:
+        columns[name] = exp.Collate(this=columns[name], expression=exp.Var(this="BINARY"))
+
+    def read(expr: plan.Element | plan.Column) -> Node:
+        if isinstance(expr, plan.Column):
+            return columns[expr.name].copy()
+        return record({name: node.copy() for name, node in columns.items()})
+
+    order = tuple(sql.column(name, label) for name in source.order)
+    return Opened((sql.table(source.table, label, schema),), read, order, next(iter(columns.values())))
+
+
+def _elements(selects: Selects, source: plan.ValueSource | plan.QuerySource, value: Node) -> Opened:
+    columns = tuple(name for name, _ in source.columns or ())
+    names = sql_names(columns)
+    label = selects.needs.label(source.name)
+    module = selects.needs.elements(columns)
+
+    def read(expr: plan.Element | plan.Column) -> Node:
+        this = sql.column("this", label)
+        if isinstance(expr, plan.Element):
+            return selects.expressions.unboxed(this, expr.type)
+        if expr.declared:
+            return selects.expressions.unboxed(sql.column(names[expr.name], label), expr.type)
+        return sql.call("field", this, sql.string(expr.name), selects.expressions.place(expr.span))
+
+    item = sql.table_function(module, [value], label)
+    return Opened((item,), read, (sql.column("rowid", label),), sql.column("this", label))
+
+
+def record(columns: dict[str, Node]) -> Node:
+    """A row as a dict."""
+    arguments: list[Node] = []
+    for name, node in columns.items():
+        arguments += [sql.string(name), node]
+    return sql.call("record", *arguments)
+
+
+def _can_join(query: plan.Query) -> bool:
+    """Whether a query in FROM may be merged with the one around it: nothing but a product, filters and columns."""
+    plain = not (query.search or query.group or query.order or query.limit or query.having)
+    if not plain or query.representation.name != "dict" or any(output.label for output in query.columns):
+        return False
+    inside = [source.value for source in query.sources if isinstance(source, plan.ValueSource)]
+    inside += [output.expr for output in query.columns]
+    inside += [query.where] if query.where is not None else []
+    return not any(can_fail(part) for part in inside) and not any(
+        isinstance(source, plan.QuerySource) for source in query.sources
+    )
+
+
+def _joined(selects: Selects, source: plan.QuerySource, env: Env, siblings: set[int], search: int | None) -> Opened:
+    """The sources and conditions of a simple query, joined with those of the query around it."""
+    query = source.query
+    items: list[Node] = []
+    order: list[Node] = []
+    inner = env
+    for part in query.sources:
+        opened = open_source(selects, part, inner, siblings, search)
+        inner = inner.with_source(part.id, opened.reader)
+        items.extend(opened.items)
+        order.extend(opened.order)
+    conditions = selects.conditions(query.where, inner)
+    reader = columns_reader(selects, query, {o.name: selects.expressions.lower(o.expr, inner) for o in query.columns})
+    return Opened(tuple(items), reader, tuple(order), opened.witness, tuple(conditions))
+
+
+def _derived(selects: Selects, source: plan.QuerySource, env: Env) -> Opened:
+    """`(SELECT ... LIMIT -1) AS name`; the limit keeps it apart, and its order with it."""
+    label = selects.needs.label(source.name)
+    select = selects.derived(source.query, env)
+    names = sql_names(tuple(output.name for output in source.query.columns))
+    columns: dict[str, Node] = {name: sql.column(short, label) for name, short in names.items()}
+    reader = columns_reader(selects, source.query, columns)
+    return Opened((sql.derived(select, label),), reader, (), next(iter(columns.values())))
+
+
+def columns_reader(selects: Selects, query: plan.Query, columns: dict[str, Node]) -> Reader:
+    """Reads the rows of a query by the columns that its outputs have become."""
+    types = {output.name: output.expr.type for output in query.columns}
+
+    def read(expr: plan.Element | plan.Column) -> Node:
+        if isinstance(expr, plan.Column):
+            return columns[expr.name].copy()
+        boxed = {
+            name: selects.expressions.boxed(node.copy()) if is_flag(types[name]) else node.copy()
+            for name, node in columns.items()
+        }
+        return record(boxed)
+
+    return read
+
+

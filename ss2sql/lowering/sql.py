@@ -1,0 +1,146 @@
+"""Small constructors for SQL as sqlglot trees, so that the rest of lowering reads like the SQL that it makes."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from typing import TypeAlias
+
+import apsw
+from sqlglot import exp
+
+Node: TypeAlias = exp.Expression
+
+_PLAIN_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
+
+
+def identifier(name: str) -> exp.Identifier:
+    """A name, quoted where SQLite would take it for something else."""
+    plain = _PLAIN_NAME.match(name) and name.upper() not in apsw.keywords
+    return exp.Identifier(this=name, quoted=not plain)
+
+
+def column(name: str, table: str | None = None) -> exp.Column:
+    return exp.Column(this=identifier(name), table=identifier(table) if table else None)
+
+
+def call(name: str, *arguments: Node) -> exp.Anonymous:
+    """A call of a function registered under this name."""
+    return exp.Anonymous(this=identifier(name), expressions=list(arguments))
+
+
+def number(value: int | float) -> Node:
+    literal = exp.Literal.number(repr(abs(value)))
+    return exp.Neg(this=literal) if value < 0 else literal
+
+
+def string(value: str) -> exp.Literal:
+    return exp.Literal.string(value)
+
+
+def null() -> exp.Null:
+    return exp.Null()
+
+
+def parameter(name: str) -> exp.Placeholder:
+    return exp.Placeholder(this=name)
+
+
+def case(branches: Iterable[tuple[Node, Node]], default: Node) -> Node:
+    """`CASE WHEN condition THEN value ... ELSE default END`; the only form that promises an order of evaluation."""
+    ifs = [exp.If(this=condition, true=value) for condition, value in branches]
+    return exp.Case(ifs=ifs, default=default) if ifs else default
+
+
+def conjunction(parts: Sequence[Node]) -> Node | None:
+    """`a AND b AND ...`, None where there are no parts."""
+    if not parts:
+        return None
+    result = grouped(parts[0], exp.Or)
+    for part in parts[1:]:
+        result = exp.And(this=result, expression=grouped(part, exp.Or))
+    return result
+
+
+def disjunction(parts: Sequence[Node]) -> Node:
+    result = parts[0]
+    for part in parts[1:]:
+        result = exp.Or(this=result, expression=part)
+    return result
+
+
+def grouped(node: Node, *kinds: type[Node]) -> Node:
+    """The node in parentheses if it is one of the given kinds."""
+    return exp.Paren(this=node) if isinstance(node, kinds) else node
+
+
+def operand(node: Node) -> Node:
+    """The node, in parentheses where a neighbouring operator could tear it apart."""
+    return grouped(node, exp.Binary, exp.Connector, exp.Not, exp.Neg)
+
+
+def binary(kind: type[exp.Binary], left: Node, right: Node) -> Node:
+    return kind(this=operand(left), expression=operand(right))
+
+
+def alias(node: Node, name: str) -> Node:
+    return exp.Alias(this=node, alias=identifier(name))
+
+
+def scalar(select: exp.Query) -> exp.Subquery:
+    """A query in parentheses."""
+    return exp.Subquery(this=select)
+
+
+def table(name: str, label: str, schema: str | None = None) -> exp.Table:
+    """`schema.name AS label`."""
+    short = label == name and schema is None
+    return exp.Table(
+        this=identifier(name),
+        db=identifier(schema) if schema else None,
+        alias=None if short else exp.TableAlias(this=identifier(label)),
+    )
+
+
+def table_function(name: str, arguments: Sequence[Node], label: str) -> exp.Table:
+    """`name(arguments) AS label`."""
+    return exp.Table(this=call(name, *arguments), alias=exp.TableAlias(this=identifier(label)))
+
+
+def derived(select: exp.Query, label: str) -> exp.Subquery:
+    """`(SELECT ...) AS label`."""
+    return exp.Subquery(this=select, alias=exp.TableAlias(this=identifier(label)))
+
+
+def select(
+    outputs: Sequence[Node],
+    sources: Sequence[Node] = (),
+    where: Node | None = None,
+    order: Sequence[tuple[Node, bool]] = (),
+    limit: Node | None = None,
+) -> exp.Select:
+    """A SELECT over sources joined in the order written. `order` holds (key, descending)."""
+    query = exp.Select(expressions=list(outputs))
+    if sources:
+        query.set("from_", exp.From(this=sources[0]))
+        query.set("joins", [exp.Join(this=source, kind="CROSS") for source in sources[1:]])
+    if where is not None:
+        query.set("where", exp.Where(this=where))
+    return sorted_query(query, order, limit)
+
+
+def sorted_query(
+    query: exp.Select, order: Sequence[tuple[Node, bool]], limit: Node | None = None
+) -> exp.Select:
+    """The query with ORDER BY and LIMIT."""
+    if order:
+        keys = [exp.Ordered(this=key, desc=descending, nulls_first=not descending) for key, descending in order]
+        query.set("order", exp.Order(expressions=keys))
+    if limit is not None:
+        query.set("limit", exp.Limit(expression=limit))
+    return query
+
+
+def unlimited() -> Node:
+    """`LIMIT -1`: no limit, but SQLite then keeps a subquery apart and its order as written."""
+    return number(-1)

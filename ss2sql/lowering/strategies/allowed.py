@@ -1,0 +1,5 @@
+"""No guard: rows may repeat."""
+
+from ss2sql.lowering.strategies.base import Guard
+
+GUARD = Guard("allowed", "", None, None, True, "Every path, cycles included.")

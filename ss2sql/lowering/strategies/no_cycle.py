@@ -1,0 +1,5 @@
+"""NO CYCLE: a row does not occur twice on a path."""
+
+from ss2sql.lowering.strategies.base import Guard
+
+GUARD = Guard("no cycle", "NO CYCLE", "on_path", None, True, "Every path without a repeated row.")

@@ -1,0 +1,176 @@
+"""What is not lowered to SQL, in one table; such queries run natively.
+
+Each rule looks at one query and gives the place that it objects to, or None. The reasons are what `explain`
+and the error of `engine="database"` say.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from ss2sql import plan
+from ss2sql.errors import Span, UnsupportedError
+from ss2sql.kinds import Kind
+from ss2sql.lowering.select import sortable, uniform
+from ss2sql.lowering.strategies import GUARDS, ORDERS
+from ss2sql.walk import is_volatile, parts, walk
+
+LANGUAGE_REPRESENTATIONS = ("dict", "list", "rows", "value", "set", "void")
+MOST_SOURCES = 60  # SQLite joins at most 64 tables
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """One thing that runs natively: `find(query, nested)` gives its place, where it occurs."""
+
+    reason: str
+    cure: str
+    find: Callable[[plan.Query, bool], Span | None]
+
+
+def _own_nodes(query: plan.Query) -> Iterator[Any]:
+    """The nodes of a query's expressions, those of queries inside it apart."""
+    stack = list(parts(query))
+    while stack:
+        node = stack.pop()
+        if isinstance(node, plan.Query):
+            continue
+        yield node
+        stack.extend(parts(node))
+
+
+def _memorize(query: plan.Query, nested: bool) -> Span | None:
+    return query.span if query.search and not GUARDS[query.search.repeats].lowered else None
+
+
+def _weighted(query: plan.Query, nested: bool) -> Span | None:
+    return query.span if query.search and ORDERS[query.search.order].queue is None else None
+
+
+def _assignment(query: plan.Query, nested: bool) -> Span | None:
+    kinds = (plan.Assign, plan.TemporalAssign, plan.AssignLate)
+    return next((node.span for node in _own_nodes(query) if isinstance(node, kinds)), None)
+
+
+def _eval(query: plan.Query, nested: bool) -> Span | None:
+    return next((node.span for node in _own_nodes(query) if isinstance(node, plan.Eval)), None)
+
+
+def _temporal(query: plan.Query, nested: bool) -> Span | None:
+    return next((node.span for node in _own_nodes(query) if isinstance(node, plan.Temporal)), None)
+
+
+def _volatile(query: plan.Query, nested: bool) -> Span | None:
+    """Volatile calls keep their written order in a plain walk of one query; everywhere else SQL is free."""
+    if not (nested or query.search or query.group or query.order):
+        return None
+    calls = (node for node in _own_nodes(query) if isinstance(node, plan.Call))
+    return next((call.span for call in calls if call.function.volatility == "volatile"), None)
+
+
+def _volatile_source(query: plan.Query, nested: bool) -> Span | None:
+    values = (source.value for source in query.sources if isinstance(source, plan.ValueSource))
+    return next((value.span for value in values if is_volatile(value)), None)
+
+
+def _nested_search(query: plan.Query, nested: bool) -> Span | None:
+    return query.span if nested and query.search else None
+
+
+def _nested_representation(query: plan.Query, nested: bool) -> Span | None:
+    return query.span if nested and query.representation.name not in LANGUAGE_REPRESENTATIONS else None
+
+
+def _nested_partition(query: plan.Query, nested: bool) -> Span | None:
+    return query.span if nested and query.group and not query.aggregated else None
+
+
+def _nested_order(query: plan.Query, nested: bool) -> Span | None:
+    if not nested:
+        return None
+    keys = query.order
+    if keys and any(isinstance(source, plan.QuerySource) for source in query.sources):
+        return keys[0].expr.span
+    return next((key.expr.span for key in keys if not sortable(key.expr.type)), None)
+
+
+def _label(query: plan.Query, nested: bool) -> Span | None:
+    return next((output.label.span for output in query.columns if output.label is not None), None)
+
+
+def _grouped_search(query: plan.Query, nested: bool) -> Span | None:
+    return query.group[0].span if query.search and query.aggregated else None
+
+
+def _partition_having(query: plan.Query, nested: bool) -> Span | None:
+    return query.having.span if query.having is not None and not query.aggregated else None
+
+
+def _group_values(query: plan.Query, nested: bool) -> Span | None:
+    """SQL's groups have no first member: what stands for them must not depend on which member that is."""
+    if not query.aggregated:
+        return None
+    for key in query.group:
+        if not uniform(key.type):
+            return key.span
+    for key_ in query.order:
+        if not sortable(key_.expr.type):
+            return key_.expr.span
+    for node in _own_nodes(query):
+        if isinstance(node, plan.Aggregate) and node.argument is not None:
+            kind = node.argument.type
+            if node.function in ("min", "max") and not uniform(kind):
+                return node.span
+            if node.function in ("sum", "average") and not kind.only(Kind.NUMBER | Kind.NONE):
+                return node.span
+    return None
+
+
+def _limits(query: plan.Query, nested: bool) -> Span | None:
+    return query.span if len(query.sources) > MOST_SOURCES else None
+
+
+RULES: tuple[Rule, ...] = (
+    Rule("MEMORIZE builds a graph in memory", "use NO CYCLE, or leave the engine to ss2sql", _memorize),
+    Rule("this order of search is not lowered yet", "use BREADTH FIRST, or leave the engine to ss2sql", _weighted),
+    Rule("the query assigns a script variable", "move the assignment out of the query", _assignment),
+    Rule("eval reads its text when it runs", "write the expression itself", _eval),
+    Rule("temporal variables are read row by row", "assign it to a variable before the query", _temporal),
+    Rule(
+        "a volatile function must be called in written order, which SQL does not promise here",
+        "register it with volatility='immutable' or 'stable' if that is true",
+        _volatile,
+    ),
+    Rule("a source calls a volatile function", "assign its list to a variable before the query", _volatile_source),
+    Rule("a search inside another query", "assign its result to a variable before the query", _nested_search),
+    Rule("a representation of the user inside another query", "use AS list or AS dict", _nested_representation),
+    Rule("a partition inside another query", "assign it to a variable before the query", _nested_partition),
+    Rule("an inner ORDER BY over values of several kinds", "sort by numbers or strings alone", _nested_order),
+    Rule("a column name that is computed", "write the name itself in to(expr, name)", _label),
+    Rule("aggregates over the paths of a search", "leave the engine to ss2sql", _grouped_search),
+    Rule("HAVING on a partition", "leave the engine to ss2sql", _partition_having),
+    Rule("groups over values of several kinds", "group by integers or strings", _group_values),
+    Rule("more sources than SQLite can join", "split the query", _limits),
+)
+
+
+def objections(query: plan.Query, nested: bool = False) -> Iterator[tuple[Rule, Span]]:
+    """Every rule that the query, or a query inside it, breaks, with the place."""
+    for rule in RULES:
+        place = rule.find(query, nested)
+        if place is not None:
+            yield rule, place
+    for node in walk(query):
+        if isinstance(node, plan.Query) and node is not query:
+            for rule in RULES:
+                place = rule.find(node, True)
+                if place is not None:
+                    yield rule, place
+
+
+def check(query: plan.Query) -> None:
+    """Raises UnsupportedError for the first objection."""
+    for rule, place in objections(query):
+        raise UnsupportedError("U001", f"{rule.reason}, so it runs natively", place, (rule.cure,))

@@ -1,0 +1,401 @@
+"""The plan: a script with every name resolved, the narrow waist between the frontend and the executors.
+
+Nothing here belongs to lark or to SQLite. A `Program` holds statements; a statement is an expression; a
+query is an expression too. Sources are told apart by a number that is unique in the program, START WITH
+variables by the number of their query, so no scoping is left to the executors. Every expression carries
+its `Type`, a promise about its values, and the span of its text.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Literal, TypeAlias
+
+from ss2sql.errors import Span
+from ss2sql.kinds import ANY, BOOL, Type
+
+Volatility: TypeAlias = Literal["immutable", "stable", "volatile"]
+
+
+def _span() -> Any:
+    return field(compare=False, repr=False, kw_only=True)
+
+
+@dataclass(frozen=True, slots=True)
+class Function:
+    """What the plan knows of a function, built in or registered; the callable stays in the session.
+
+    `raises` is False only if no call whose arguments have passed can fail. `reason` says how the
+    volatility was found.
+    """
+
+    name: str
+    minimum: int
+    maximum: int | None
+    volatility: Volatility
+    builtin: bool = True
+    raises: bool = True
+    reason: str = field(default="", compare=False)
+
+
+# --- expressions ---------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Constant:
+    """A value known from the text: None, bool, int, float, str, or a list of such values."""
+
+    value: Any
+    type: Type
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class Variable:
+    """A script variable or parameter, read when the expression is evaluated."""
+
+    name: str
+    type: Type = ANY
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class Temporal:
+    """`name{}` (when is None: all kept values) or `name{when}`."""
+
+    name: str
+    when: Expr | None
+    type: Type = ANY
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class Element:
+    """`this` of a source: the current element, of a table the row as a dict."""
+
+    source: int
+    type: Type = ANY
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """A column of a source's current element. `declared` is False where the columns are known only at run time."""
+
+    source: int
+    name: str
+    type: Type = ANY
+    declared: bool = True
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """A START WITH variable of the query with this number, as it was before CONNECT BY of this step."""
+
+    query: int
+    name: str
+    type: Type = ANY
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class Call:
+    """A call of a function or operator. `place` is what errors point at: the call, or the operator's sign."""
+
+    function: Function
+    arguments: tuple[Expr, ...]
+    type: Type = ANY
+    span: Span = _span()
+    place: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class And:
+    """Evaluated left to right until a part is false; gives a bool."""
+
+    parts: tuple[Expr, ...]
+    type: Type = BOOL
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class Or:
+    """Evaluated left to right until a part is true; gives a bool."""
+
+    parts: tuple[Expr, ...]
+    type: Type = BOOL
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class Xor:
+    left: Expr
+    right: Expr
+    type: Type = BOOL
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class Not:
+    operand: Expr
+    type: Type = BOOL
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class If:
+    """One of two non-empty branches runs left to right; its last value is the result."""
+
+    condition: Expr
+    then: tuple[Expr, ...]
+    otherwise: tuple[Expr, ...]
+    type: Type = ANY
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class MakeList:
+    items: tuple[Expr, ...]
+    type: Type = ANY
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class Assign:
+    """Assigns a script variable and has the value."""
+
+    name: str
+    value: Expr
+    type: Type = ANY
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class TemporalAssign:
+    """Stores the value with the time, and keeps what was in force during the last `keep` seconds."""
+
+    name: str
+    keep: Expr
+    value: Expr
+    type: Type = ANY
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class AssignLate:
+    """Binds a variable to a list literal (a syntax tree) that mentions sources of queries yet to come.
+
+    Whoever uses the variable as a source gets the list resolved in its own place; the value is None.
+    """
+
+    name: str
+    literal: Any
+    type: Type = ANY
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class Eval:
+    """`eval(text)`: the text is parsed and resolved when it runs, in the sight of this place.
+
+    `scope` belongs to the resolver (`resolve_in_scope` takes it back); `sources` and `states` are what an
+    executor must hand to the compiled text: every source and START WITH variable in sight.
+    """
+
+    text: Expr
+    scope: Any = field(compare=False, repr=False)
+    sources: tuple[int, ...]
+    states: tuple[tuple[int, str], ...]
+    type: Type = ANY
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class GroupKey:
+    """The value of the GROUP BY expression with this position, in a place that sees groups."""
+
+    index: int
+    type: Type = ANY
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class Aggregate:
+    """`count sum min max average` over the rows of a group; `count(*)` has no argument."""
+
+    function: str
+    argument: Expr | None
+    type: Type = ANY
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class Subquery:
+    """A query as an expression: its value is what its representation makes of its rows."""
+
+    query: Query
+    type: Type = ANY
+    span: Span = _span()
+
+
+# --- queries -------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class TableSource:
+    """A table or view of the database. `order` names what sorts it: `rowid`, primary key columns, or nothing (a view).
+
+    `collated` are the columns that SQLite would compare otherwise than byte by byte.
+    """
+
+    id: int
+    name: str
+    schema: str
+    table: str
+    columns: tuple[tuple[str, Type], ...]
+    order: tuple[str, ...]
+    collated: tuple[str, ...] = ()
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class ValueSource:
+    """The elements of a value: a list, a dict of columns, or a single value. `columns` None: known only at run time.
+
+    The value may mention earlier sources of its query, the search's state and outer queries.
+    """
+
+    id: int
+    name: str
+    value: Expr
+    element: Type
+    columns: tuple[tuple[str, Type], ...] | None
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class QuerySource:
+    """A query in FROM: its elements are those of the query's value (`AS dict`: rows with columns)."""
+
+    id: int
+    name: str
+    query: Query
+    element: Type
+    columns: tuple[tuple[str, Type], ...] | None
+    span: Span = _span()
+
+
+Source: TypeAlias = TableSource | ValueSource | QuerySource
+
+
+@dataclass(frozen=True, slots=True)
+class Output:
+    """One column of SELECT. `label`, where the name is computed by `to(expr, expression)`, overrides `name` at run time."""
+
+    name: str
+    expr: Expr
+    label: Expr | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class OrderKey:
+    expr: Expr
+    descending: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Representation:
+    """`AS name(arguments)`; the arguments may mention script variables and outer queries only."""
+
+    name: str
+    arguments: tuple[Expr, ...] = ()
+    named: tuple[tuple[str, Expr], ...] = ()
+    span: Span | None = field(default=None, compare=False, repr=False)
+
+
+Order: TypeAlias = Literal["depth first", "breadth first", "cost", "probability"]
+Repeats: TypeAlias = Literal["allowed", "no cycle", "unique", "memorize"]
+
+
+@dataclass(frozen=True, slots=True)
+class Search:
+    """The hierarchical part of a query.
+
+    `order` says which step comes next, `repeats` what happens to a row met before. `weight` is the COST or
+    PROBABILITY of a step. `bound` is MEMORIZE's greatest length, `maximum` the number of results (both are
+    evaluated once, at the start, and see outer queries and script variables). `stop` None: never. `states`
+    are the types that the START WITH variables keep throughout the search.
+    """
+
+    start: tuple[tuple[str, Expr], ...]
+    connect: tuple[tuple[str, Expr], ...]
+    stop: Expr | None
+    order: Order = "depth first"
+    repeats: Repeats = "allowed"
+    weight: Expr | None = None
+    heuristic: Expr | None = None
+    bound: Expr | None = None
+    maximum: Expr | None = None
+    states: tuple[tuple[str, Type], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Query:
+    """A query.
+
+    Without GROUP BY: the product of `sources` (the last varies fastest), filtered by `where`, gives one row
+    of `columns` each, sorted by `order`, cut to `limit`. With `search` the results are paths, see Search;
+    `where` is then the goal (None: every step that does not stop), and `group`, `order` and `limit` act on
+    paths and see their last step.
+
+    With `group` and `aggregated`: one row per group; `columns`, `having` and `order` contain GroupKey and
+    Aggregate and no Element or Column of this query outside an Aggregate. With `group` alone: a dict from
+    group value to the partition; `columns` and `order` see elements, `having` groups.
+    """
+
+    id: int
+    sources: tuple[Source, ...]
+    columns: tuple[Output, ...]
+    where: Expr | None = None
+    search: Search | None = None
+    group: tuple[Expr, ...] = ()
+    having: Expr | None = None
+    aggregated: bool = False
+    order: tuple[OrderKey, ...] = ()
+    limit: Expr | None = None
+    representation: Representation = Representation("dict")
+    span: Span = _span()
+
+
+Expr: TypeAlias = (
+    Constant | Variable | Temporal | Element | Column | State | Call | And | Or | Xor | Not | If | MakeList | Assign
+    | TemporalAssign | AssignLate | Eval | GroupKey | Aggregate | Subquery
+)  # fmt: skip
+
+
+# --- programs ------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Statement:
+    """One statement with what its plan relies on.
+
+    `reads` are the script variables and parameters that it reads, with the types that were assumed; `tables`
+    the tables of the database. `tentative` says that columns were unknown, so that the statement is resolved
+    again when the ones before it have run.
+    """
+
+    expr: Expr
+    reads: tuple[tuple[str, Type], ...] = ()
+    tables: tuple[TableSource, ...] = ()
+    tentative: bool = False
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class Program:
+    """A resolved script. `parameters` are names that nobody knew: they need a value when the program runs."""
+
+    statements: tuple[Statement, ...]
+    parameters: tuple[str, ...] = ()

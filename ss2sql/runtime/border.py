@@ -1,0 +1,277 @@
+"""Where Python's values become values of the language: results of functions, variables, elements of sources."""
+
+from __future__ import annotations
+
+import re
+import sys
+from array import array
+from collections import deque
+from collections.abc import Iterable
+from itertools import chain
+from marshal import dumps
+from math import isfinite
+from types import GeneratorType, MappingProxyType, NoneType
+from typing import Any
+
+from ss2sql.errors import ExecutionError
+from ss2sql.kinds import INT_MAX, INT_MIN, Opaque
+from ss2sql.runtime.messages import DEPTH_LIMIT, show, too_deep
+
+SCALARS = frozenset({NoneType, bool, int, float, str})
+_SEQUENCES: tuple[type[Iterable[Any]], ...] = (
+    list,
+    tuple,
+    range,
+    deque,
+    array,
+    GeneratorType,
+    type({}.keys()),
+    type({}.values()),
+    type({}.items()),
+)
+_SHALLOW = frozenset({list, tuple})
+_are_scalars = SCALARS.issuperset
+
+# Finds in marshal's bytes a tuple, an integer of more than 32 bits, and a float whose exponent is that of NaN and
+# the infinities. It also finds some other numbers and text, by chance: that costs time only.
+_to_be_checked = re.compile(rb"[l(]|g.{6}[\xf0-\xff][\x7f\xff]", re.DOTALL).search
+
+_MAPPINGS = (dict, MappingProxyType)
+_CONTAINERS: tuple[type, ...] = (*_SEQUENCES, *_MAPPINGS, set, frozenset)
+
+
+def normalise(value: Any, giver: str) -> Any:
+    """The value of the language that a Python value stands for.
+
+    Tuples, sets, ranges, generators, views and NumPy arrays become lists, a set in sorted order; NumPy
+    scalars and instances of subclasses (an IntEnum, an OrderedDict) become plain values; everything that
+    the language does not know is an opaque object. What is a value already is returned as it is, not copied.
+
+    Args:
+        value: anything.
+        giver: who hands it over, for the error: "the function 'f'", "the variable 'x'".
+
+    Raises:
+        ExecutionError: X004 for NaN, infinities, complex numbers, integers beyond 64 bits, and for lists that
+            contain themselves or are nested too deeply.
+    """
+    kind = type(value)
+    if kind is str or kind is bool or value is None:
+        return value
+    if kind is int and INT_MIN <= value <= INT_MAX:
+        return value
+    if kind is float and isfinite(value):
+        return value
+    if kind is list and len(value) < 16 and is_shallow(value) and not _to_be_checked(dumps(value, 2)):
+        return value
+    try:
+        return value if _is_clean(value, 0) else _converted(value, 0)
+    except _Refused as refused:
+        raise refused.error(_subject(giver)) from None
+    except (_TooDeep, RecursionError):
+        raise too_deep(_subject(giver)) from None
+
+
+def is_shallow(value: list[Any] | tuple[Any, ...]) -> bool:
+    """Whether a list or tuple consists of scalars, and of lists and tuples of scalars.
+
+    Marshal must see no more than that before a value has been normalised: of a NumPy scalar it would write
+    the bytes, and in a list that contains itself it would lose its way.
+    """
+    for item in value:
+        kind = type(item)
+        if kind not in SCALARS and (kind not in _SHALLOW or (item and not _are_scalars(map(type, item)))):
+            return False
+    return True
+
+
+def _subject(giver: str) -> str:
+    return f"{giver} {'returned' if giver.startswith('the function') else 'holds'}"
+
+
+class _TooDeep(Exception):  # noqa: N818 - never leaves this module
+    """The value is nested deeper than the limit, or contains itself."""
+
+
+class _Refused(Exception):  # noqa: N818 - never leaves this module
+    """The value, or one inside of it, is not allowed; `path` grows from the inside out."""
+
+    def __init__(self, what: str, hint: str, reason: str = "") -> None:
+        self.what = what
+        self.hint = hint
+        self.reason = reason
+        self.path: list[str] = []
+
+    def error(self, subject: str) -> ExecutionError:
+        path = "".join(reversed(self.path))
+        place = f" at {path if len(path) <= 60 else path[:57] + '...'}" if path else ""
+        return ExecutionError("X004", f"{subject} {self.what}{place}{self.reason}", hints=(self.hint,))
+
+
+# --- values that are clean already ---------------------------------------------------------------------
+
+
+def _is_clean(value: Any, depth: int) -> bool:
+    """Whether `value` is a list or dict of plain values, all the way down."""
+    kind = type(value)
+    if kind is dict:
+        return set(map(type, value)) <= {str} and _are_clean(list(value.values()), depth)
+    return kind is list and _are_clean(value, depth)
+
+
+def _are_clean(items: list[Any], depth: int) -> bool:
+    """Whether the items of a list or dict at this depth are clean, without a look at each where they are alike."""
+    kinds = set(map(type, items))
+    if kinds <= SCALARS:
+        return _numbers_are_clean(items, kinds)
+    if depth + 1 >= DEPTH_LIMIT:
+        return False
+    if kinds == {list}:
+        inner = list(chain.from_iterable(items))
+        inner_kinds = set(map(type, inner))
+        if inner_kinds <= SCALARS:
+            return _numbers_are_clean(inner, inner_kinds)
+    for item in items:
+        if type(item) not in SCALARS and not _is_clean(item, depth + 1):
+            return False
+    return _numbers_are_clean(items, kinds)
+
+
+def _numbers_are_clean(items: list[Any], kinds: set[type]) -> bool:
+    """Whether the numbers among the items, whose types are `kinds`, are allowed."""
+    if int in kinds:
+        integers = items if len(kinds) == 1 else [item for item in items if type(item) is int]
+        if min(integers) < INT_MIN or max(integers) > INT_MAX:
+            return False
+    if float in kinds:
+        return all(map(isfinite, items if len(kinds) == 1 else [item for item in items if type(item) is float]))
+    return True
+
+
+# --- all other values ----------------------------------------------------------------------------------
+
+
+def _converted(value: Any, depth: int) -> Any:
+    """The value of the language that `value` stands for; a level of nesting takes one Python frame."""
+    if value is None or isinstance(value, bool):
+        return value
+    if isinstance(value, int):
+        return _integer(value)
+    if isinstance(value, float):
+        return _float(value)
+    if isinstance(value, str):
+        return str.__str__(value)
+    if isinstance(value, _CONTAINERS) and depth >= DEPTH_LIMIT:
+        raise _TooDeep
+    if isinstance(value, _SEQUENCES):
+        items = _of_tuples(value, depth)
+        if items is not None:
+            return items
+        items = []
+        for index, item in enumerate(value):
+            try:
+                items.append(_converted(item, depth + 1))
+            except _Refused as refused:
+                refused.path.append(f"[{index}]")
+                raise
+        return items
+    if isinstance(value, (set, frozenset)):
+        return _in_order([_converted(item, depth + 1) for item in value])
+    if isinstance(value, _MAPPINGS):
+        mapping = {}
+        for key, item in dict(value).items():
+            try:
+                mapping[_key(_converted(key, depth + 1))] = _converted(item, depth + 1)
+            except _Refused as refused:
+                refused.path.append(f"[{show(key)}]")
+                raise
+        return mapping
+    if isinstance(value, complex):
+        raise _Refused(f"the complex number {value}", "give its parts, for example [z.real, z.imag]")
+    return _of_numpy(value, depth)
+
+
+def _integer(value: int) -> int:
+    value = int.__index__(value)
+    if INT_MIN <= value <= INT_MAX:
+        return value
+    hint = "integers have 64 bits; give a float or a string instead"
+    raise _Refused(show(value), hint, ", which does not fit into 64 bits")
+
+
+def _float(value: float) -> float:
+    value = float.__float__(value)
+    if isfinite(value):
+        return value
+    hint = "floats have to be finite; None can say that there is no value"
+    raise _Refused("NaN" if value != value else show(value), hint)
+
+
+def _of_tuples(value: Iterable[Any], depth: int) -> list[Any] | None:
+    """A sequence of tuples of plain values, or of such values, as lists; None if it is anything else."""
+    if not isinstance(value, (list, tuple)) or depth + 1 >= DEPTH_LIMIT:
+        return None
+    kinds = set(map(type, value))
+    if kinds <= {tuple, list}:
+        inner = list(chain.from_iterable(value))
+        return list(map(list, value)) if _are_clean_scalars(inner) else None
+    return list(value) if _are_clean_scalars(list(value)) else None
+
+
+def _are_clean_scalars(items: list[Any]) -> bool:
+    kinds = set(map(type, items))
+    return kinds <= SCALARS and _numbers_are_clean(items, kinds)
+
+
+def _in_order(items: list[Any]) -> list[Any]:
+    """The elements of a set in an order that does not depend on their hashes."""
+    kinds = set(map(type, items))
+    if not kinds <= {bool, int, float} and kinds != {str}:
+        items.sort(key=lambda item: (type(item).__name__, show(item, 1000)))
+    try:
+        return sorted(items)
+    except Exception:  # elements of several kinds, or objects whose < does not work
+        return items
+
+
+def _key(value: Any) -> Any:
+    """A value as a key of a dict: lists become tuples again."""
+    if isinstance(value, list):
+        return tuple(map(_key, value))
+    return Opaque(value) if isinstance(value, dict) else value
+
+
+def _of_numpy(value: Any, depth: int) -> Any:
+    """An array as a list, a scalar as a number or string; dates and all else are objects."""
+    numpy = sys.modules.get("numpy")  # where nobody imported NumPy, there is nothing of it
+    if numpy is None or not isinstance(value, (numpy.generic, numpy.ndarray)):
+        return _opaque(value)
+    if value.dtype.kind in "mM":  # their items would lose their unit
+        return _opaque(value[()]) if value.ndim == 0 else _converted(list(value), depth)
+    if isinstance(value, numpy.longdouble):
+        return _float(float(value))
+    if isinstance(value, numpy.clongdouble):
+        return _converted(complex(value), depth)
+    items = value.tolist()
+    return items if _is_clean(items, depth) else _converted(items, depth)
+
+
+def _opaque(value: Any) -> Any:
+    """The object, wrapped unless it is hashable and `==` finds it equal to itself.
+
+    Objects that marshal would write as bytes (a memoryview, code) are wrapped as well, so that copying by
+    marshal cannot touch them; they keep their own equality.
+    """
+    if type(value) is bytes or isinstance(value, Opaque):
+        return value
+    try:
+        hash(value)
+        if not value == value:  # noqa: SIM201 - it is == that must work
+            return Opaque(value)
+    except Exception:  # whatever a user's __hash__ or __eq__ raises
+        return Opaque(value)
+    try:
+        dumps(value, 2)
+    except ValueError:
+        return value
+    return Opaque(value, key=value)

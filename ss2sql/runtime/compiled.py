@@ -1,0 +1,275 @@
+"""Compiled scripts: every statement resolved and, query by query, lowered to SQL or compiled to Python."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+
+import apsw
+
+from ss2sql import plan
+from ss2sql.errors import ExecutionError, ResolveError, UnsupportedError, did_you_mean
+from ss2sql.frontend import ast
+from ss2sql.kinds import ANY, covers, type_of
+from ss2sql.lowering.lower import lower
+from ss2sql.lowering.parameters import Parameter, SqlQuery
+from ss2sql.runtime.native import NativeQuery, compile_statement
+from ss2sql.runtime.result import Answer, Sql
+from ss2sql.runtime.rows import Rows
+from ss2sql.runtime.run import Run
+from ss2sql.runtime.values import freeze, sort_rows
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.session import Session
+
+Engine: TypeAlias = Literal["auto", "database", "native"]
+ENGINES = ("auto", "database", "native")
+
+
+class CompiledQuery:
+    """One query that stands by itself in a statement, ready to run on its engine.
+
+    With the engine `auto` the database runs it unless lowering objects; `reason` is then the objection.
+    """
+
+    def __init__(self, session: Session, query: plan.Query, engine: Engine) -> None:
+        self.session = session
+        self.query = query
+        self.lowered: SqlQuery | None = None
+        self.reason = "engine='native' was asked for"
+        if engine != "native":
+            try:
+                self.lowered = lower(query, session.sql_names)
+            except UnsupportedError as error:
+                if engine == "database":
+                    raise
+                self.reason = error.message
+        self.demanded = engine == "database"
+        self.native = None if self.lowered else NativeQuery(query)
+        self.parameters = {p.name: compile_statement(p.expr) for p in self.lowered.parameters} if self.lowered else {}
+        self.maximum = self._constant(query.search.maximum if query.search else None)
+        self.limit = self._constant(query.limit)
+        representation = query.representation
+        self.arguments = [compile_statement(expr) for expr in representation.arguments]
+        self.named = {name: compile_statement(expr) for name, expr in representation.named}
+
+    def _constant(self, expr: plan.Expr | None) -> Callable[[Run], Any] | None:
+        return None if expr is None else compile_statement(expr)
+
+    @property
+    def engine(self) -> str:
+        return "database" if self.lowered else "native"
+
+    def value(self, run: Run) -> Any:
+        """Runs the query; its answer becomes the run's last one, its value is one of the language."""
+        search = self.query.search is not None
+        columns = tuple(output.name for output in self.query.columns)
+        paths = search and not self.query.aggregated
+        sink = Rows(columns, rows=None if paths else [], paths=[] if paths else None)
+        run.sink = (sink, self.engine)
+        rows = self._database_rows(run, sink) if self.lowered else self._native_rows(run, sink)
+        arguments = tuple(argument(run) for argument in self.arguments)
+        named = {name: argument(run) for name, argument in self.named.items()}
+        raw = self.session.represent(self.query.representation, rows, arguments, named)
+        status = "maximum" if self._ended_by_maximum(run, rows) else "complete"
+        run.answer = Answer(rows, raw, self.engine, status)  # type: ignore[arg-type]
+        return self.session.language_value(self.query.representation.name, raw)
+
+    def _native_rows(self, run: Run, sink: Rows) -> Rows:
+        assert self.native is not None
+        return self.native.rows(run, sink)
+
+    def _database_rows(self, run: Run, sink: Rows) -> Rows:
+        assert self.lowered is not None
+        limit = self._count(self.limit, run, 0, "LIMIT", self.query.limit)
+        maximum = self._most(run)
+        cut_early = limit is not None and not self.query.order and not self.query.group
+        most = min((n for n in (maximum, limit if cut_early else None) if n is not None), default=None)
+
+        def evaluate(parameter: Parameter) -> Any:
+            return self.parameters[parameter.name](run)
+
+        try:
+            extras = self.session.database.execute(self.lowered, run, evaluate, sink, most)
+        except ExecutionError as error:
+            if error.code != "X009" or self.demanded or not isinstance(error.__cause__, _TOO_MUCH):
+                raise
+            # Too many terms, too deep, too long for SQLite: found out by its own prepare, before any row.
+            self.reason = f"{error.message}, so it runs natively"
+            self.native, self.lowered = NativeQuery(self.query), None
+            return self._native_rows(run, sink)
+        return finished(self.lowered, sink, extras, limit)
+
+    def _most(self, run: Run) -> int | None:
+        expr = self.query.search.maximum if self.query.search else None
+        own = self._count(self.maximum, run, 1, "MAXIMUM", expr)
+        counts = [n for n in (own, run.maximum if self.query.search else None) if n is not None]
+        return min(counts) if counts else None
+
+    def _count(
+        self, compute: Callable[[Run], Any] | None, run: Run, least: int, word: str, expr: plan.Expr | None
+    ) -> int | None:
+        if compute is None or expr is None:
+            return None
+        value = compute(run)
+        if isinstance(value, bool) or not isinstance(value, int) or value < least:
+            hint = f"write a whole number of at least {least}"
+            raise ExecutionError("X006", f"{word} needs a whole number of at least {least}, not {value!r}", expr.span, (hint,))
+        return value
+
+    def _ended_by_maximum(self, run: Run, rows: Rows) -> bool:
+        if self.query.search is None or (self.query.search.maximum is None and run.maximum is None):
+            return False
+        most = self._most(run)
+        return most is not None and len(rows.paths or rows.rows or ()) >= most
+
+    def sql(self, run: Run | None = None) -> Sql:
+        """The text that runs, with the values of its parameters where they are known."""
+        if self.lowered is None:
+            return Sql(f"-- no SQL: {self.reason}")
+        values = {}
+        for parameter in self.lowered.parameters:
+            if isinstance(parameter.expr, plan.Constant) or run is not None:
+                values[parameter.name] = self.parameters[parameter.name](run)  # type: ignore[arg-type]
+        return Sql(self.lowered.text, values, modules=self.lowered.modules)
+
+
+_TOO_MUCH = (apsw.SQLError, apsw.TooBigError)
+
+
+def finished(lowered: SqlQuery, sink: Rows, extras: Sequence[tuple[Any, Any]], limit: int | None) -> Rows:
+    """Sorting, cutting and partitioning that SQL left over."""
+    query = lowered.query
+    order = list(range(len(extras)))
+    if lowered.orders:
+        descending = tuple(key.descending for key in query.order)
+        order = sort_rows(order, [extras[index][1] for index in order], descending)
+    if limit is not None and not lowered.limited:
+        order = order[:limit]
+    groups = None
+    if query.group and not query.aggregated:
+        members: dict[Any, list[int]] = {}
+        shown: dict[Any, Any] = {}
+        for position, index in enumerate(order):
+            keys = extras[index][0]
+            key = tuple(map(freeze, keys))
+            shown.setdefault(key, keys[0] if len(keys) == 1 else keys)
+            members.setdefault(key, []).append(position)
+        groups = [(group_value(shown[key]), positions) for key, positions in members.items()]
+    if sink.paths is not None:
+        return Rows(sink.columns, paths=[sink.paths[index] for index in order], groups=groups)
+    assert sink.rows is not None
+    return Rows(sink.columns, rows=[sink.rows[index] for index in order], groups=groups)
+
+
+def group_value(value: Any) -> Any:
+    """A group's value as the key of a dict: lists become tuples."""
+    return tuple(map(group_value, value)) if isinstance(value, (list, tuple)) else value
+
+
+class CompiledStatement:
+    """One statement: its plan, and the function that runs it."""
+
+    def __init__(self, session: Session, tree: ast.Expr, statement: plan.Statement, engine: Engine) -> None:
+        self.session = session
+        self.tree = tree
+        self.engine = engine
+        self._compile(statement)
+
+    def _compile(self, statement: plan.Statement) -> None:
+        self.statement = statement
+        self.generation = self.session.generation
+        self.queries: list[CompiledQuery] = []
+        self.function = compile_statement(statement.expr, self._dispatch)
+
+    def _dispatch(self, query: plan.Query) -> Callable[[Run], Any]:
+        compiled = CompiledQuery(self.session, query, self.engine)
+        self.queries.append(compiled)
+        return compiled.value
+
+    @property
+    def is_query(self) -> bool:
+        """Whether the statement's value is that of one query, assigned or not."""
+        expr = self.statement.expr
+        return isinstance(expr.value if isinstance(expr, plan.Assign) else expr, plan.Subquery)
+
+    def value(self, run: Run) -> Any:
+        if self._is_stale(run):
+            self._compile(self.session.resolve_statement(self.tree, run))
+        return self.function(run)
+
+    def _is_stale(self, run: Run) -> bool:
+        """Whether the plan relies on columns or types that are no longer so."""
+        if self.statement.tentative or self.generation != self.session.generation:
+            return True
+        for name, kind in self.statement.reads:
+            if kind != ANY and not covers(kind, type_of(run.variable(name))):
+                return True
+        return any(self.session.table_changed(table) for table in self.statement.tables)
+
+    def sql(self, run: Run | None = None) -> Sql:
+        texts = [query.sql(run) for query in self.queries]
+        if len(texts) == 1:
+            return texts[0]
+        if not texts:
+            return Sql(f"-- no query: {' '.join(self.tree.span.text.split())}")
+        return Sql("\n".join(f"{text};" for text in texts), statements=tuple(texts))
+
+
+def script_sql(statements: Sequence[CompiledStatement], run: Run | None = None) -> Sql:
+    """The texts of all statements as one, each with its own parameters in `statements`."""
+    texts = [statement.sql(run) for statement in statements]
+    if len(texts) == 1:
+        return texts[0]
+    parameters = {name: value for text in texts for name, value in text.parameters.items()}
+    modules = {name: columns for text in texts for name, columns in text.modules.items()}
+    joined = "\n\n".join(text if text.startswith("--") else f"{text};" for text in texts)
+    return Sql(joined, parameters, tuple(texts), modules)
+
+
+class Query:
+    """A compiled script, to be run many times.
+
+    `parameters` are the names that the script does not know; `run` takes them as keywords. `plan` is the
+    resolved program, `sql` the text that runs.
+    """
+
+    def __init__(self, session: Session, script: ast.Script, program: plan.Program, engine: Engine) -> None:
+        self._session = session
+        self.parameters = program.parameters
+        self._program = program
+        self._script = script
+        self._engine: Engine = engine
+        self._statements: list[CompiledStatement] | None = None
+
+    def statements(self, engine: Engine | None = None) -> list[CompiledStatement]:
+        """The compiled statements for an engine; those of the query's own engine are kept."""
+        if engine not in (None, self._engine):
+            return self._compiled(engine)  # type: ignore[arg-type]
+        if self._statements is None:
+            self._statements = self._compiled(self._engine)
+        return self._statements
+
+    def _compiled(self, engine: Engine) -> list[CompiledStatement]:
+        pairs = zip(self._script.statements, self._program.statements, strict=True)
+        return [CompiledStatement(self._session, tree, statement, engine) for tree, statement in pairs]
+
+    @property
+    def plan(self) -> plan.Program:
+        return self._program
+
+    @property
+    def sql(self) -> Sql:
+        return script_sql(self.statements())
+
+    def run(self, engine: Engine | None = None, timeout: float | None = None, maximum: int | None = None,
+            max_rows: int | None = None, **variables: Any) -> Any:  # fmt: skip
+        """Runs the script; see `Session.run`. Raises ResolveError R009 for a parameter without a value."""
+        missing = [name for name in self.parameters if name not in variables and not self._session.knows(name)]
+        if missing:
+            given = did_you_mean(missing[0], [name for name in variables if name not in self.parameters])
+            hints = (f"run(..., {', '.join(f'{name}=...' for name in missing)})", *given)
+            raise ResolveError("R009", f"the script needs a value for {', '.join(missing)}", hints=hints)
+        return self._session.execute(self, engine, timeout, maximum, max_rows, variables)
+
+

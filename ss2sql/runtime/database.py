@@ -1,0 +1,261 @@
+"""The SQLite executor: runs one lowered query on the session's connection and hands back its rows.
+
+Functions are registered once per connection; what they need of the query that is running they find in
+`Database.current`, the innermost `Execution`. A Python function that runs another script from inside a
+query stacks a new one on top.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import apsw
+
+from ss2sql.errors import Error, ExecutionError, Span, note_place
+from ss2sql.lowering.parameters import Parameter, Shown, SqlQuery
+from ss2sql.lowering.sources import sql_names
+from ss2sql.runtime.functions import UserFunction, forgets, takes_memo
+from ss2sql.runtime.pool import FALSE, TRUE, Pool
+from ss2sql.runtime.rows import Row, Rows
+from ss2sql.runtime.run import Run
+from ss2sql.runtime.search_functions import SearchState
+from ss2sql.runtime.sources import column_of
+from ss2sql.runtime.sql_functions import AGGREGATE_FUNCTIONS, SCALAR_FUNCTIONS, element_columns
+from ss2sql.vtables.sequences import Elements
+from ss2sql.walk import walk
+
+SEARCH_FUNCTIONS = ("next_step", "keep", "on_path", "reached", "reach")
+CHECK_EVERY = 10_000  # steps of SQLite's virtual machine between looks at the clock, about 0.2 ms
+
+
+class Execution:
+    """What the functions of one running statement share."""
+
+    def __init__(self, lowered: SqlQuery, run: Run) -> None:
+        self.lowered = lowered
+        self.run = run
+        self.pool = Pool()
+        self.search = SearchState(self.pool.frozen, run.stats)
+        self.memos: dict[str, dict[Any, Any]] = {}
+        self.elements: dict[Any, Sequence[Sequence[Any]]] = {}
+
+    def span(self, place: str) -> Span | None:
+        """The span of the call at a place `line:column` of the script."""
+        for node in walk(self.lowered.query):
+            for name in ("place", "span"):
+                span = getattr(node, name, None)
+                if isinstance(span, Span) and f"{span.line}:{span.column}" == place:
+                    return span
+        return None
+
+
+class Database:
+    """The connection of a session with everything registered that lowered queries need."""
+
+    def __init__(self, connection: apsw.Connection) -> None:
+        self.connection = connection
+        self.stack: list[Execution] = []
+        self.modules: set[str] = set()
+        self.memo_limit = 0
+        for name, scalar in SCALAR_FUNCTIONS.items():
+            connection.create_scalar_function(name, self._bound(scalar))
+        for name, factory in AGGREGATE_FUNCTIONS.items():
+            connection.create_aggregate_function(name, self._factory(factory))
+        for name in SEARCH_FUNCTIONS:
+            connection.create_scalar_function(name, self._search_function(name))
+        self.register_builtin("field", column_of)
+        connection.set_progress_handler(self._progress, CHECK_EVERY)
+
+    @property
+    def current(self) -> Execution:
+        return self.stack[-1]
+
+    # --- registration ----------------------------------------------------------------------------------
+
+    def _bound(self, scalar: Callable[..., Any]) -> Callable[..., Any]:
+        stack = self.stack
+
+        def function(*arguments: Any) -> Any:
+            return scalar(stack[-1].pool, *arguments)
+
+        return function
+
+    def _factory(self, factory: Callable[[Pool], Any]) -> Callable[[], Any]:
+        return lambda: factory(self.current.pool)
+
+    def _search_function(self, name: str) -> Callable[..., Any]:
+        stack, method = self.stack, getattr(SearchState, name)
+
+        def function(*arguments: Any) -> Any:
+            return method(stack[-1].search, *arguments)
+
+        return function
+
+    def register_builtin(self, name: str, python: Callable[..., Any]) -> None:
+        """A built-in function on values of the language; its last SQL argument is the place of the call."""
+        stack = self.stack
+
+        def function(*arguments: Any) -> Any:
+            execution = stack[-1]
+            pool = execution.pool
+            try:
+                return pool.encode_foreign(python(*map(pool.decode, arguments[:-1])), name)
+            except Error as error:
+                raise error.located(execution.span(arguments[-1])) from None
+
+        self.connection.create_scalar_function(name, function)
+
+    def register_user(self, function: UserFunction, sql_name: str) -> None:
+        """A function of the user: fresh values on each real call, remembered where its volatility allows it."""
+        stack, name, body = self.stack, function.name, function.function
+        giver = f"the function '{name}'"
+        remember = takes_memo(function)
+
+        def call(execution: Execution, arguments: tuple[Any, ...]) -> tuple[Any, bool]:
+            values = list(map(execution.pool.fresh, arguments))
+            forget = remember and forgets(function, values)
+            execution.run.stats.calls[name] += 1
+            spans = execution.lowered.calls.get(name, ())
+            try:
+                result = body(*values)
+            except Exception as error:
+                note_place(error, name, spans)
+                raise
+            try:
+                return execution.pool.encode_foreign(result, giver), forget
+            except Error as error:
+                raise error.located(spans[0] if spans else None) from None
+
+        def function_of_memo(*arguments: Any) -> Any:
+            execution = stack[-1]
+            memo = execution.memos.get(name)
+            if memo is None:
+                memo = execution.memos[name] = {}
+            # 1 and 1.0 are one key of a dict but two arguments of a function.
+            key = (arguments, tuple(map(type, arguments))) if float in map(type, arguments) else arguments
+            if key in memo:
+                execution.run.stats.remembered[name] += 1
+                return memo[key]
+            result, forget = call(execution, arguments)
+            if not forget and self.memo_limit:
+                if len(memo) >= self.memo_limit:
+                    del memo[next(iter(memo))]
+                memo[key] = result
+            return result
+
+        plain = lambda *arguments: call(stack[-1], arguments)[0]  # noqa: E731
+        self.connection.create_scalar_function(sql_name, function_of_memo if remember else plain)
+
+    def _module(self, name: str, columns: tuple[str, ...]) -> None:
+        """Registers the virtual table for lists whose elements have these columns, once."""
+        if name in self.modules:
+            return
+        module = Elements(self._walk, columns, tuple(sql_names(columns).values()))
+        self.connection.create_module(
+            name, module, use_bestindex_object=True, eponymous=True, eponymous_only=True, read_only=True
+        )
+        self.modules.add(name)
+
+    def _walk(self, value: Any, columns: tuple[str, ...]) -> Sequence[Sequence[Any]]:
+        """The elements of a value as columns of SQL values; kept, for inner loops ask again and again."""
+        execution = self.current
+        key = (value, type(value), columns)
+        found = execution.elements.get(key)
+        if found is None:
+            found = element_columns(execution.pool, value, columns)
+            if len(execution.elements) >= 10_000:
+                execution.elements.clear()
+            execution.elements[key] = found
+        return found
+
+    def _progress(self) -> bool:
+        if self.stack:
+            self.current.run.check()
+        return False
+
+    # --- execution -------------------------------------------------------------------------------------
+
+    def execute(
+        self, lowered: SqlQuery, run: Run, evaluate: Callable[[Parameter], Any], sink: Rows, most: int | None = None
+    ) -> list[tuple[Row, Row]]:
+        """Runs the statement and fills `sink` with its rows, or with its paths.
+
+        `evaluate` gives the value of a parameter; `most` bounds the results of a search. Gives for each
+        result its group values and the sort keys that SQL left over. Raises what a user's function raised,
+        ExecutionError X009 for an error of SQLite, X010 for more results than run.max_rows.
+        """
+        for name, columns in lowered.modules.items():
+            self._module(name, columns)
+        execution = Execution(lowered, run)
+        self.stack.append(execution)
+        try:
+            pool = execution.pool
+            values = {parameter.name: _encoded(pool, parameter, evaluate) for parameter in lowered.parameters}
+            if lowered.query.search is not None:
+                values["results"] = -1 if most is None else most
+            cursor = self.connection.execute(lowered.text, values)
+            return list(self._results(lowered, execution, cursor, sink))
+        except apsw.Error as error:
+            hints = ("run it with engine='native'",)
+            raise ExecutionError("X009", f"SQLite: {error}", lowered.query.span, hints) from error
+        finally:
+            self.stack.pop()
+            if lowered.query.search is not None:
+                run.stats.generated += execution.search.steps
+                run.stats.expanded += len(execution.search.kept)
+
+    def _results(
+        self, lowered: SqlQuery, execution: Execution, cursor: apsw.Cursor, sink: Rows
+    ) -> Iterator[tuple[Row, Row]]:
+        pool = execution.pool
+        shown = (*lowered.outputs, *lowered.keys, *lowered.orders)
+        width, keys = len(lowered.outputs), len(lowered.outputs) + len(lowered.keys)
+        decode = _decoder(pool, shown)
+        if lowered.query.search is None:
+            for raw in cursor:
+                row = decode(raw)
+                _room(execution.run, sink.rows, row[:width])
+                yield row[width:keys], row[keys:]
+            return
+        # Rows of the steps before a result are decoded once and shared by all paths through them.
+        kept, boxed = execution.search.kept, _decoder(pool, [Shown(False)] * width)
+        decoded: dict[int, Row] = {}
+        for raw in cursor:
+            row = decode(raw[2:])
+            path, parent = [row[:width]], raw[1]
+            while parent:
+                if parent not in decoded:
+                    decoded[parent] = boxed(kept[parent][1])
+                path.append(decoded[parent])
+                parent = kept[parent][0]
+            path.reverse()
+            _room(execution.run, sink.paths, path)
+            yield row[width:keys], row[keys:]
+
+
+def _room(run: Run, results: list[Any] | None, result: Any) -> None:
+    assert results is not None
+    results.append(result)
+    if run.max_rows is not None and len(results) > run.max_rows:
+        raise ExecutionError("X010", f"the query has more than max_rows={run.max_rows} results", None)
+
+
+def _encoded(pool: Pool, parameter: Parameter, evaluate: Callable[[Parameter], Any]) -> Any:
+    value = evaluate(parameter)
+    if parameter.flag:
+        return int(value)
+    if value is True or value is False:
+        return TRUE if value else FALSE
+    return pool.encode(value)
+
+
+def _decoder(pool: Pool, shown: Sequence[Shown]) -> Callable[[Sequence[Any]], Row]:
+    """Turns a row of SQL values into values of the language."""
+    decode = pool.decode
+    if not any(part.flag for part in shown):
+        return lambda raw: tuple(map(decode, raw))
+    flags = [part.flag for part in shown]
+    return lambda raw: tuple(bool(v) if flag else decode(v) for v, flag in zip(raw, flags, strict=True))
+
+

@@ -1,0 +1,151 @@
+"""Python functions of the user: registration, and the rules of every call.
+
+A function gets fresh values, so whatever it does to its arguments changes nothing else. A call of an
+immutable or stable function is remembered by its arguments for the length of one run; the memo is bounded.
+What comes back is made a value of the language at the border, where a bad one is refused by the function's
+name.
+"""
+
+from __future__ import annotations
+
+import marshal
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+
+from ss2sql import plan
+from ss2sql.errors import SessionError
+from ss2sql.frontend.purity import arity, infer
+from ss2sql.runtime.builtins import BUILTINS
+from ss2sql.runtime.run import Run
+from ss2sql.runtime.values import fresh, normalise
+
+MEMO_LIMIT = 100_000
+PLAIN = frozenset({type(None), bool, int, float, str, list, dict})
+
+# Names that the SQL made by lowering uses for itself; a user's function of such a name gets another one in SQL.
+RESERVED = frozenset(
+    "collect collect_nothing collect_records collect_rows collect_set count elements field group_average group_count"
+    " group_max group_min group_sum keep last list max min next_step on_path reach reached record row_number search"
+    " truth".split()
+)
+
+
+@dataclass(frozen=True, slots=True)
+class UserFunction:
+    """A registered function. `inferred` says that the volatility was found in its source, not declared."""
+
+    name: str
+    function: Callable[..., Any]
+    volatility: plan.Volatility
+    inferred: bool
+    reason: str
+    minimum: int
+    maximum: int | None
+    inverse: Callable[..., Any] | None = None
+    vectorized: bool = False
+
+    @property
+    def plan(self) -> plan.Function:
+        return plan.Function(
+            self.name, self.minimum, self.maximum, self.volatility, builtin=False, reason=self.reason
+        )
+
+
+def user_function(
+    name: str,
+    function: Callable[..., Any],
+    volatility: plan.Volatility | None = None,
+    inverse: Callable[..., Any] | None = None,
+    vectorized: bool = False,
+) -> UserFunction:
+    """The registration of a function; its volatility is inferred from its source where none is given.
+
+    Raises SessionError S002 for a name or a signature that scripts could not use.
+    """
+    if not name.isidentifier():
+        raise SessionError("S002", f"'{name}' is not a name that a script can call", hints=("use letters and digits",))
+    if not callable(function):
+        raise SessionError("S002", f"'{name}' is a {type(function).__name__}, not a function")
+    if volatility not in (None, "immutable", "stable", "volatile"):
+        raise SessionError("S002", f"volatility is 'immutable', 'stable' or 'volatile', not {volatility!r}")
+    takes = arity(function)
+    if volatility is not None:
+        return UserFunction(
+            name, function, volatility, False, "declared", takes.minimum, takes.maximum, inverse, vectorized
+        )
+    purity = infer(function)
+    return UserFunction(
+        name, function, purity.volatility, True, purity.reason, takes.minimum, takes.maximum, inverse, vectorized
+    )
+
+
+def builtin_functions() -> dict[str, plan.Function]:
+    """The built-in functions and operators as the plan knows them."""
+    return {
+        name: plan.Function(name, entry.minimum, entry.maximum, entry.volatility, reason="built in")
+        for name, entry in BUILTINS.items()
+    }
+
+
+def sql_names(functions: Mapping[str, Any]) -> dict[str, str]:
+    """SQL names for registered functions: their own, but apart where SQL sees no difference or needs the name.
+
+    The order of registration does not matter.
+    """
+    taken, names = {word.lower() for word in RESERVED} | {name.lower() for name in BUILTINS}, {}
+    for name in sorted(functions, key=lambda word: (word.lower(), word)):
+        candidate, count = name, 1
+        while candidate.lower() in taken and name not in BUILTINS:
+            count += 1
+            candidate = f"{name}_{count}"
+        taken.add(candidate.lower())
+        names[name] = candidate
+    return names
+
+
+def takes_memo(function: UserFunction) -> bool:
+    return function.volatility != "volatile"
+
+
+def forgets(function: UserFunction, arguments: list[Any]) -> bool:
+    """Whether a call must not be remembered: what was proved of plain data says nothing of other objects."""
+    return function.inferred and any(type(argument) not in PLAIN for argument in arguments)
+
+
+def native_callable(function: UserFunction, run: Run, memo_limit: int) -> Callable[..., Any]:
+    """The function on language values, as the native executor calls it.
+
+    The memo's keys are the marshalled arguments, which tell 1 from 1.0 and True; values that cannot be
+    marshalled (objects) are not remembered.
+    """
+    name, body, calls = function.name, function.function, run.stats.calls
+    giver = f"the function '{name}'"
+
+    def call(*arguments: Any) -> Any:
+        calls[name] += 1
+        return normalise(body(*map(fresh, arguments)), giver)
+
+    if not takes_memo(function) or not memo_limit:
+        return call
+    memo: dict[bytes, Any] = {}
+    remembered = run.stats.remembered
+
+    def remember(*arguments: Any) -> Any:
+        try:
+            key = marshal.dumps(arguments, 2)
+        except ValueError:
+            return call(*arguments)
+        if key in memo:
+            remembered[name] += 1
+            return memo[key]
+        result = call(*arguments)
+        if len(memo) >= memo_limit:
+            del memo[next(iter(memo))]
+        memo[key] = result
+        return result
+
+    return remember
+
+

@@ -1,0 +1,91 @@
+"""How values look in messages, and the errors for values that the language does not have."""
+
+from __future__ import annotations
+
+from math import isfinite
+from typing import Any
+
+from ss2sql.errors import ExecutionError
+from ss2sql.kinds import INT_MAX, INT_MIN, Opaque
+
+# A list nested deeper than this, or one that contains itself, is refused: Python's own == and repr recurse
+# into lists on a stack of 1,000 frames, which they share with the code that calls them.
+DEPTH_LIMIT = 500
+
+
+def show(value: Any, limit: int = 60) -> str:
+    """The value as the language writes it; longer than `limit` characters, it is cut with `...`."""
+    text = _written(value, limit)
+    return text if len(text) <= limit else text[: limit - 3] + "..."
+
+
+def _written(value: Any, room: int) -> str:
+    """The text of a value; once it is longer than `room` it may be broken off anywhere."""
+    if room <= 0:
+        return "..."
+    if isinstance(value, Opaque):
+        value = value.object
+    kind = type(value)
+    if kind is str:
+        return repr(value[: room + 1])
+    if kind is int and value.bit_length() > 512:
+        return f"<integer of {value.bit_length()} bits>"
+    if kind is list or kind is dict:
+        text = "[" if kind is list else "{"
+        for item in value:
+            text += ", " if len(text) > 1 else ""
+            if kind is dict:
+                text += _written(item, room - len(text)) + ": "
+                item = value[item]
+            text += _written(item, room - len(text))
+            if len(text) > room:
+                break
+        return text + ("]" if kind is list else "}")
+    try:
+        return " ".join(repr(value).split())
+    except Exception:  # the object is the user's, and so is its repr
+        return f"<{kind.__name__}>"
+
+
+def too_deep(subject: str) -> ExecutionError:
+    """The error for a value that is nested too deeply; `subject` begins the sentence, verb included."""
+    return ExecutionError(
+        "X004",
+        f"{subject} a value nested deeper than {DEPTH_LIMIT} levels",
+        hints=("a list or dict must not contain itself; keep long chains flat, as one list",),
+    )
+
+
+def check(value: Any) -> Any:
+    """The result of arithmetic, if it is a value: integers within 64 bits, finite floats.
+
+    Raises:
+        ExecutionError: X004 for any other number.
+    """
+    kind = type(value)
+    if kind is int:
+        if INT_MIN <= value <= INT_MAX:
+            return value
+        raise ExecutionError(
+            "X004",
+            f"integer overflow: {show(value)} does not fit into 64 bits",
+            hints=("make one of the operands a float, for example with float(...)",),
+        )
+    if kind is float and not isfinite(value):
+        raise float_overflow()
+    if kind is complex:
+        raise ExecutionError(
+            "X004",
+            f"the result {show(value)} is a complex number",
+            hints=("a negative number has no real fractional power; use abs(...) or a whole exponent",),
+        )
+    return value
+
+
+def float_overflow() -> ExecutionError:
+    """The error for a float result beyond all floats."""
+    return ExecutionError(
+        "X004",
+        "float overflow: the result is beyond the largest float, about 1.8e308",
+        hints=("scale the values down, or add logarithms instead of multiplying",),
+    )

@@ -1,0 +1,131 @@
+"""The order of values: Python's within numbers, within strings and within lists; anything else is an error."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cmp_to_key
+from types import NoneType
+from typing import Any, TypeVar
+
+from ss2sql.errors import ExecutionError
+from ss2sql.runtime.messages import show
+
+NUMBERS = frozenset({int, float, bool})
+
+_Row = TypeVar("_Row")
+
+
+def lt(left: Any, right: Any) -> bool:
+    """`left < right`; X001 where the values have no order."""
+    left, right = _decisive(left, right, "<")
+    return left < right  # type: ignore[no-any-return]
+
+
+def le(left: Any, right: Any) -> bool:
+    """`left <= right`; X001 where the values have no order."""
+    left, right = _decisive(left, right, "<=")
+    return left <= right  # type: ignore[no-any-return]
+
+
+def gt(left: Any, right: Any) -> bool:
+    """`left > right`; X001 where the values have no order."""
+    left, right = _decisive(left, right, ">")
+    return left > right  # type: ignore[no-any-return]
+
+
+def ge(left: Any, right: Any) -> bool:
+    """`left >= right`; X001 where the values have no order."""
+    left, right = _decisive(left, right, ">=")
+    return left >= right  # type: ignore[no-any-return]
+
+
+def compare(left: Any, right: Any, symbol: str = "and") -> int:
+    """-1, 0 or 1 as `left` stands before, with or after `right`.
+
+    Args:
+        symbol: what the error writes between the values: an operator, or `and`.
+
+    Raises:
+        ExecutionError: X001 where the values have no order.
+    """
+    left, right = _decisive(left, right, symbol)
+    return int(left > right) - int(left < right)
+
+
+def _decisive(left: Any, right: Any, symbol: str) -> tuple[Any, Any]:
+    """Two numbers or two strings that are ordered as the values are: of lists, the first elements that differ."""
+    first, second = left, right
+    while True:
+        kind, other = type(first), type(second)
+        if (kind in NUMBERS and other in NUMBERS) or (kind is str and other is str):
+            return first, second
+        if kind is not list or other is not list:
+            raise _no_order(left, right, first, second, symbol)
+        for a, b in zip(first, second, strict=False):
+            if a is not b and a != b:
+                first, second = a, b
+                break
+        else:
+            return len(first), len(second)
+
+
+def _no_order(left: Any, right: Any, first: Any, second: Any, symbol: str) -> ExecutionError:
+    """The error for `first` and `second`, which decide the order of `left` and `right`."""
+    verb = "order" if symbol == "and" else "compare"
+    message = f"cannot {verb} {show(left)} {symbol} {show(right)}"
+    if first is not left:
+        message += f", because of {show(first)} and {show(second)}"
+    kinds = {type(first), type(second)}
+    if NoneType in kinds:
+        hint = "None has no order: test for it first, for example IF(x == None; ...; ...)"
+    elif str in kinds and kinds & NUMBERS:
+        hint = "make both of one kind with int(...), float(...) or str(...)"
+    else:
+        hint = "numbers have an order among themselves, and so have strings and lists; == and != work on everything"
+    return ExecutionError("X001", message, hints=(hint,))
+
+
+def sorted_values(values: Sequence[Any], descending: bool = False) -> list[Any]:
+    """The values in their order, equal ones in the order in which they came, also when `descending`.
+
+    Raises:
+        ExecutionError: X001 where two of them have no order, None included.
+    """
+    key = None if _python_sorts(set(map(type, values))) else _by_order
+    return sorted(values, key=key, reverse=descending)
+
+
+def sort_rows(rows: Sequence[_Row], keys: Sequence[Sequence[Any]], descending: Sequence[bool]) -> list[_Row]:
+    """The rows sorted by their keys, as ORDER BY does it; rows with equal keys stay in their order.
+
+    Args:
+        rows: what is to be sorted.
+        keys: for each row the values of its keys, the first counts most.
+        descending: for each key whether its greatest value comes first.
+
+    Returns:
+        A new list. None is the least of all values.
+
+    Raises:
+        ExecutionError: X001 where two values of one key have no order.
+    """
+    order = list(range(len(rows)))
+    for position in reversed(range(len(descending))):
+        column = [key[position] for key in keys]
+        kinds = set(map(type, column))
+        absent = NoneType in kinds
+        kinds.discard(NoneType)
+        if not _python_sorts(kinds):
+            column = [None if value is None else _by_order(value) for value in column]
+        if absent:
+            column = [(value is not None, value) for value in column]
+        order.sort(key=column.__getitem__, reverse=descending[position])
+    return [rows[index] for index in order]
+
+
+def _python_sorts(kinds: set[type]) -> bool:
+    """Whether Python's own order of values of these types is the language's."""
+    return kinds <= NUMBERS or kinds == {str}
+
+
+_by_order = cmp_to_key(compare)

@@ -1,0 +1,185 @@
+"""How values travel through SQLite: None, ints, floats and strings as themselves, all else as a handle.
+
+A handle is a short BLOB that stands for one exact value, so 10, 10.0 and True inside of lists come back as
+they were put in. Equality is another matter: `key` gives equal values one SQL value.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from itertools import chain
+from marshal import dumps, loads
+from secrets import token_bytes
+from typing import Any
+
+from ss2sql.kinds import INT_MAX, INT_MIN
+from ss2sql.runtime.border import SCALARS, is_shallow, normalise
+from ss2sql.runtime.messages import too_deep
+from ss2sql.runtime.values import Opaque, freeze, fresh, several_forms, truth
+
+# SQLite takes the number that a BLOB begins with for its truth. The zero byte ends this number, and makes
+# it one digit in a database whose text is UTF-16 (little-endian) too.
+_TRUTHY, _FALSY = b"1\0~", b"0\0~"
+
+TRUE = _TRUTHY + b"ss2sql-true"
+FALSE = _FALSY + b"ss2sql-false"
+
+
+class Pool:
+    """The structured values of one run; they live as long as the pool.
+
+    Every method takes or gives *SQL values*: None, int, float, str, or bytes, which are a handle, or a BLOB
+    of somebody's table, an opaque bytes object. TRUE and FALSE are the same handles in every pool; the
+    others begin with six random bytes, so that no stored BLOB can be taken for one.
+    """
+
+    __slots__ = ("_classes", "_handles", "_keys", "_made", "_marshalled", "_tag", "_values")
+
+    def __init__(self) -> None:
+        self._tag = token_bytes(6)
+        self._made = 0
+        # What tells values apart -> handle: marshal bytes; of objects, which have none, see _exact.
+        self._handles: dict[Hashable, bytes] = {}
+        self._marshalled = {TRUE: dumps(True, 2), FALSE: dumps(False, 2)}
+        self._values: dict[bytes, Any] = {TRUE: True, FALSE: False}
+        self._keys: dict[bytes, int | float | str | bytes] = {TRUE: 1, FALSE: 0}
+        self._classes: dict[Hashable, bytes] = {}
+
+    def encode(self, value: Any) -> Any:
+        """The SQL value of a value of the language."""
+        kind = type(value)
+        if kind is int or kind is float or value is None:
+            return value
+        if kind is str and (value.isascii() or _is_text(value)):
+            return value
+        if kind is bool:
+            return TRUE if value else FALSE
+        try:
+            marshalled = dumps(value, 2)
+        except ValueError:
+            return self._encode_objects(value)
+        return self._handles.get(marshalled) or self._add(marshalled, marshalled, value)
+
+    def encode_foreign(self, value: Any, giver: str) -> Any:
+        """`encode(normalise(value, giver))`, without a look at the value where it is known already.
+
+        Args:
+            value: what a Python function returned, or a variable holds.
+            giver: who hands it over, for errors.
+
+        Raises:
+            ExecutionError: X004, as `normalise` does.
+        """
+        kind = type(value)
+        if kind is int and INT_MIN <= value <= INT_MAX:
+            return value
+        if (kind is not list and kind is not tuple) or not is_shallow(value):
+            return self.encode(normalise(value, giver))
+        marshalled = dumps(value, 2)
+        handle = self._handles.get(marshalled)
+        if handle is None:
+            handle = self._handles[marshalled] = self.encode(normalise(value, giver))
+        return handle
+
+    def decode(self, value: Any) -> Any:
+        """The value of the language; it is shared and must not be changed."""
+        if type(value) is not bytes:
+            return value
+        try:
+            return self._values[value]
+        except KeyError:
+            marshalled = self._marshalled.get(value)
+        if marshalled is None:
+            return value
+        return self._values.setdefault(value, loads(marshalled))
+
+    def fresh(self, value: Any) -> Any:
+        """A copy of the value for Python code, which may change it; opaque objects are the same objects."""
+        if type(value) is not bytes:
+            return value
+        try:
+            return loads(self._marshalled[value])
+        except KeyError:
+            return fresh(self.decode(value))
+
+    def key(self, value: Any) -> Any:
+        """One SQL value for all equal values: SQLite's `IS` and Python's `==` on keys are the language's equality.
+
+        The key of True is 1. Keys of structured values are handles of the pool, or numbers where an object
+        equals one. They are hashable.
+        """
+        if type(value) is not bytes:
+            return value
+        try:
+            return self._keys[value]
+        except KeyError:
+            return self._key(value)
+
+    # The same serves as a key of Python's dicts and sets.
+    frozen = key
+
+    def equal(self, left: Any, right: Any) -> bool:
+        """Whether two SQL values stand for equal values."""
+        return bool(self.key(left) == self.key(right))
+
+    def _add(self, exact: Hashable, marshalled: bytes | None, value: Any) -> bytes:
+        """A new handle for what `exact` tells from all other values."""
+        self._made += 1
+        handle = (_TRUTHY if truth(value) else _FALSY) + self._tag + self._made.to_bytes(5, "big")
+        self._handles[exact] = handle
+        if marshalled is not None:
+            self._marshalled[handle] = marshalled
+        return handle
+
+    def _encode_objects(self, value: Any) -> bytes:
+        """The handle of an object, or of a list or dict with objects inside, which the pool keeps alive."""
+        try:
+            exact = _exact(value)
+        except RecursionError:
+            raise too_deep("the script made") from None
+        handle = self._handles.get(exact)
+        if handle is None:
+            handle = self._add(exact, None, value)
+            self._values[handle] = normalise(fresh(value), "the script")
+        return handle
+
+    def _key(self, handle: bytes) -> Any:
+        """The key of a structured value that nobody has compared yet."""
+        marshalled = self._marshalled.get(handle)
+        key: Any = handle
+        if marshalled is None or several_forms(marshalled):
+            value = self.decode(handle)
+            if value is handle:  # a BLOB of a table, which may also have come from Python
+                return self.encode(value)
+            if type(value) is not str and type(value) is not bytes:
+                key = self._key_of(freeze(value), handle)
+        self._keys[handle] = key
+        return key
+
+    def _key_of(self, frozen: Any, handle: bytes) -> Any:
+        if type(frozen) is bytes:  # the marshal bytes of a list, which is the key of all lists that equal it
+            return self._handles.get(frozen) or self._add(frozen, frozen, loads(frozen))
+        if type(frozen) in SCALARS:
+            return frozen
+        return self._classes.setdefault(frozen, handle)
+
+
+def _is_text(value: str) -> bool:
+    """Whether SQLite can hold the string as text, which is UTF-8 and has no lone surrogates."""
+    try:
+        value.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+def _exact(value: Any) -> Hashable:
+    """What tells a value with objects inside from all others: the structure, marshal bytes, identities of objects."""
+    kind = type(value)
+    if kind is list or kind is tuple:
+        return kind, *map(_exact, value)
+    if kind is dict:
+        return kind, *map(_exact, chain.from_iterable(value.items()))
+    if kind in SCALARS or kind is bytes:
+        return dumps(value, 2)
+    return id(value.object if kind is Opaque else value)

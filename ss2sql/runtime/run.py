@@ -1,0 +1,97 @@
+"""One run of a program: what both executors read and count while they work."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+from ss2sql import plan
+from ss2sql.errors import Cancelled, Timeout
+from ss2sql.runtime.rows import Rows
+
+
+@dataclass(slots=True)
+class Stats:
+    """What a run has done so far.
+
+    `calls` counts real calls of user functions by name (a remembered value is no call), `remembered` those
+    answered from the memo; `generated` counts steps that were evaluated, `expanded` those that went on,
+    `pruned` those dropped because their row was there before. `seconds` holds the time of each stage.
+    """
+
+    calls: Counter[str] = field(default_factory=Counter)
+    remembered: Counter[str] = field(default_factory=Counter)
+    generated: int = 0
+    expanded: int = 0
+    pruned: int = 0
+    seconds: dict[str, float] = field(default_factory=dict)
+
+
+class Host(Protocol):
+    """The session, as a run sees it."""
+
+    def variable(self, name: str, run: Run) -> Any: ...
+    def assign(self, name: str, value: Any) -> None: ...
+    def call(self, function: plan.Function, run: Run) -> Callable[..., Any]: ...
+    def resolve_text(self, text: str, scope: Any) -> tuple[plan.Expr, ...]: ...
+    def bind_late(self, name: str, literal: Any) -> None: ...
+    def temporal(self, name: str, when: float | None) -> Any: ...
+    def store_temporal(self, name: str, keep: Any, value: Any) -> None: ...
+    def shape(self, query: plan.Query, rows: Rows, arguments: tuple[Any, ...], named: dict[str, Any]) -> Any: ...
+    def table_rows(self, source: plan.TableSource) -> list[tuple[Any, ...]]: ...
+
+
+@dataclass(slots=True)
+class Run:
+    """The state of one run. Executors call `check()` every few thousand steps at the latest.
+
+    `host` answers what only the session knows, see Host:
+
+    - `variable(name, run)`: the value of a script variable; one that lives outside is read once per run and kept
+      in `snapshots`.
+    - `call(function, run)`: the callable behind a plan.Function, built in or the user's, on language values;
+      the user's gets fresh values, is remembered where immutable, counted, and its result made a language value. The run's memos live in `callables`.
+    - `resolve_text(text, scope)`: the resolved statements of a text given to `eval`.
+    - `shape(query, rows, arguments, named)`: the value that `AS` makes of rows, as a language value.
+    - `table_rows(source)`: all rows of a table of the database, in its order, values of its columns in order.
+
+    `sink` holds the rows found so far by the query that runs, and its engine; `answer` what the last query gave.
+    """
+
+    host: Host
+    stats: Stats = field(default_factory=Stats)
+    deadline: float | None = None
+    interrupted: bool = False
+    max_rows: int | None = None
+    maximum: int | None = None
+    arguments: dict[str, Any] = field(default_factory=dict)
+    sink: tuple[Rows, str] | None = None
+    answer: Any = None
+    snapshots: dict[str, Any] = field(default_factory=dict)
+    callables: dict[str, Callable[..., Any]] = field(default_factory=dict)
+
+    def check(self) -> None:
+        """Raises Cancelled or Timeout when the run has to end."""
+        if self.interrupted:
+            raise Cancelled("T002", "the run was interrupted")
+        if self.deadline is not None and time.monotonic() >= self.deadline:
+            raise Timeout(
+                "T001", "the run took longer than its timeout", hints=("raise timeout=, or bound the search",)
+            )
+
+    def variable(self, name: str) -> Any:
+        """The value of a script variable or of a parameter of this run."""
+        if name in self.arguments:
+            return self.arguments[name]
+        return self.host.variable(name, self)
+
+    def assign(self, name: str, value: Any) -> Any:
+        """Sets a script variable (or this run's parameter of that name) and gives the value back."""
+        if name in self.arguments:
+            self.arguments[name] = value
+        else:
+            self.host.assign(name, value)
+        return value

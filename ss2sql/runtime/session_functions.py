@@ -1,0 +1,69 @@
+"""Built-in functions that need the session: print, help, var, clear, getTime."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from ss2sql.errors import ExecutionError, did_you_mean
+from ss2sql.runtime.builtins import BUILTINS
+from ss2sql.runtime.values import fresh
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.session import Session
+
+
+class SessionFunctions:
+    """Methods named after the functions of the language."""
+
+    def __init__(self, session: Session) -> None:
+        self.session = session
+
+    def function(self, name: str) -> Callable[..., Any]:
+        """The Python form of a built-in function that the table leaves to the session."""
+        found: Callable[..., Any] = getattr(self, f"_{name}")
+        return found
+
+    def _print(self, *values: Any) -> Any:
+        """Prints the values with blanks between them and gives the last one."""
+        print(*map(fresh, values))
+        return values[-1] if values else None
+
+    def _help(self, name: str | None = None) -> str:
+        """The list of functions, or what one function does."""
+        if name is None:
+            lines = [f"{known:<12} {text}" for known, text in sorted(self._texts().items())]
+            return "\n".join(lines)
+        texts = self._texts()
+        if name not in texts:
+            raise ExecutionError("X007", f"there is no function '{name}'", hints=did_you_mean(str(name), texts))
+        return f"{name}: {texts[name]}"
+
+    def _texts(self) -> dict[str, str]:
+        texts = {name: entry.text for name, entry in BUILTINS.items() if name not in ("item", "slice")}
+        for name, entry in self.session.functions.items():
+            lines = (entry.function.__doc__ or "").strip().splitlines() or ["registered"]
+            texts[name] = f"{lines[0]} ({entry.volatility}: {entry.reason})"
+        return texts
+
+    def _var(self, name: str | None = None) -> Any:
+        """All script variables as a dict, or the value of one."""
+        variables = self.session.variables()
+        if name is None:
+            return variables
+        if name not in variables:
+            raise ExecutionError("X007", f"there is no variable '{name}'", hints=did_you_mean(str(name), variables))
+        return variables[name]
+
+    def _clear(self) -> None:
+        """Forgets all script variables."""
+        self.session.clear()
+
+    def _getTime(self) -> float:  # noqa: N802 - the language's name
+        """The time in seconds."""
+        return self.session.temporals.clock()
+
+    def _eval(self, text: str) -> Any:
+        raise AssertionError("eval is a construct of the plan, not a call")
+
+    _to = _eval

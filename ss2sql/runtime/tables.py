@@ -1,0 +1,98 @@
+"""Tables and views of the session's database, as the resolver sees them.
+
+The kinds of values in a column are read from the data, not from the declared type, which SQLite does not
+enforce. The reading is kept until the database changes.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import apsw
+
+from ss2sql import plan
+from ss2sql.kinds import Kind, Type
+
+_KINDS = {
+    "null": Kind.NONE,
+    "integer": Kind.INT,
+    "real": Kind.FLOAT,
+    "text": Kind.STR,
+    "blob": Kind.OBJECT,
+}
+
+
+def _quoted(name: str) -> str:
+    return '"' + name.replace('"', '""') + '"'
+
+
+class Tables:
+    """Looks up tables and views by name, in the main database first."""
+
+    def __init__(self, connection: apsw.Connection) -> None:
+        self.connection = connection
+        self._known: dict[tuple[str, str], tuple[Any, plan.TableSource]] = {}
+
+    def names(self) -> list[str]:
+        """The names of all tables and views, those of SQLite and of ss2sql apart."""
+        rows = self.connection.execute("SELECT name, type FROM pragma_table_list ORDER BY schema <> 'main', name")
+        return [name for name, kind in rows if kind in ("table", "view") and not name.startswith(("sqlite_", "ss2sql_"))]
+
+    def find(self, schema: str | None, name: str) -> plan.TableSource | None:
+        """The table or view with this name, exactly as it is written there; None if there is none."""
+        rows = list(
+            self.connection.execute(
+                "SELECT schema, name, type, wr FROM pragma_table_list"
+                " WHERE name = ? AND (? IS NULL OR schema = ?) AND type IN ('table', 'view')"
+                " ORDER BY schema <> 'main'",
+                (name, schema, schema),
+            )
+        )
+        if not rows or name.startswith("sqlite_"):
+            return None
+        home, exact, kind, without_rowid = rows[0]
+        version = self._version(home)
+        known = self._known.get((home, exact))
+        if known is not None and known[0] == version:
+            return known[1]
+        source = self._read(home, exact, kind, bool(without_rowid))
+        self._known[(home, exact)] = (version, source)
+        return source
+
+    def _version(self, schema: str) -> tuple[Any, ...]:
+        """Changes when this or another connection has changed the database."""
+        versions = self.connection.execute(f"PRAGMA {_quoted(schema)}.data_version").fetchall()
+        cookies = self.connection.execute(f"PRAGMA {_quoted(schema)}.schema_version").fetchall()
+        return (versions, cookies, self.connection.total_changes())
+
+    def _read(self, schema: str, name: str, kind: str, without_rowid: bool) -> plan.TableSource:
+        rows = self.connection.execute(
+            "SELECT name, pk, hidden FROM pragma_table_xinfo(?, ?) ORDER BY cid", (name, schema)
+        ).fetchall()
+        columns = [column for column, _, hidden in rows if hidden != 1]
+        keys = [column for _, column in sorted((key, column) for column, key, _ in rows if key)]
+        if kind == "view":
+            order: tuple[str, ...] = ()
+        elif without_rowid:
+            order = tuple(keys)
+        else:
+            order = (next(word for word in ("rowid", "_rowid_", "oid") if word not in {c.lower() for c in columns}),)
+        typed = tuple(zip(columns, self._types(schema, name, columns), strict=True))
+        collated = () if kind == "view" else tuple(c for c in columns if self._collation(schema, name, c) != "BINARY")
+        return plan.TableSource(0, name, schema, name, typed, order, collated, span=None)  # type: ignore[arg-type]
+
+    def _collation(self, schema: str, name: str, column: str) -> str:
+        return self.connection.column_metadata(schema, name, column)[1]
+
+    def _types(self, schema: str, name: str, columns: list[str]) -> list[Type]:
+        tests = ", ".join(f"typeof({_quoted(column)})" for column in columns)
+        found = self.connection.execute(f"SELECT DISTINCT {tests} FROM {_quoted(schema)}.{_quoted(name)}").fetchall()
+        types = []
+        for index in range(len(columns)):
+            kinds = Kind(0)
+            for row in found:
+                kinds |= _KINDS[row[index]]
+            types.append(Type(kinds))
+        return types
+
+

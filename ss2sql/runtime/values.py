@@ -1,0 +1,138 @@
+"""The values of the language: truth, copies, equality as hash keys. Their border and order have files of their own.
+
+A value is None, a bool, an int of 64 bits, a finite float, a string, a list, a dict, or an opaque object.
+Python's `==` on values is the language's equality: whatever `==` would not answer is wrapped as `Opaque`.
+Nobody changes a value in place. `normalise` makes values of what Python hands over, `fresh` makes copies
+that Python code may change.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Hashable
+from marshal import dumps, loads
+from numbers import Number
+from typing import Any
+
+from ss2sql.kinds import INT_MIN
+from ss2sql.kinds import Opaque as Opaque
+from ss2sql.runtime.border import SCALARS as SCALARS
+from ss2sql.runtime.border import normalise as normalise
+from ss2sql.runtime.messages import check as check
+from ss2sql.runtime.messages import show as show
+from ss2sql.runtime.messages import too_deep as too_deep
+from ss2sql.runtime.ordering import NUMBERS as NUMBERS
+from ss2sql.runtime.ordering import compare as compare
+from ss2sql.runtime.ordering import ge as ge
+from ss2sql.runtime.ordering import gt as gt
+from ss2sql.runtime.ordering import le as le
+from ss2sql.runtime.ordering import lt as lt
+from ss2sql.runtime.ordering import sort_rows as sort_rows
+
+
+def truth(value: Any) -> bool:
+    """Python's truth; an opaque object that refuses to tell its own, as a data frame does, counts as true."""
+    try:
+        return bool(value)
+    except Exception:
+        return True
+
+
+# --- copies --------------------------------------------------------------------------------------------
+
+
+def fresh(value: Any) -> Any:
+    """A deep copy that Python code may keep and change; opaque objects are the same objects, unwrapped.
+
+    A round trip through marshal takes 0.23 us for [[3, 2, 1], [], []], a recursive copy 0.7 us.
+    """
+    kind = type(value)
+    if kind is list or kind is dict:
+        try:
+            return loads(dumps(value, 2))
+        except ValueError:  # there are objects inside
+            return _unwrapped(value)
+    return value.object if kind is Opaque else value
+
+
+def _unwrapped(value: Any) -> Any:
+    kind = type(value)
+    if kind is list:
+        return list(map(_unwrapped, value))
+    if kind is dict:
+        return dict(zip(map(_unwrapped, value), map(_unwrapped, value.values()), strict=True))
+    return value.object if kind is Opaque else value
+
+
+# --- equality as hash keys -----------------------------------------------------------------------------
+
+# Finds the letters that marshal writes before a float, True, False and a dict: where there are none, only
+# equal values have equal bytes. They also occur by chance, inside of numbers and text: that costs time only.
+several_forms = re.compile(rb"[gTF{]").search
+
+
+def freeze(value: Any) -> Hashable:
+    """A hashable stand-in: equal values have equal ones, different values different ones.
+
+    Lists without dicts and objects become bytes, because bytes are quick to make and to hash; other lists
+    become tuples, dicts frozensets.
+    """
+    kind = type(value)
+    if kind in SCALARS:
+        return value  # type: ignore[no-any-return]
+    if kind is list:
+        try:
+            return _list_bytes(value)
+        except ValueError:
+            return list, *map(freeze, value)
+        except RecursionError:
+            raise too_deep("cannot compare") from None
+    if kind is dict:
+        return frozenset(zip(value, map(freeze, value.values()), strict=True))
+    if kind is bytes:
+        return bytes, value
+    number = _as_number(value)
+    return value if number is None else number
+
+
+def _list_bytes(value: list[Any]) -> bytes:
+    """The bytes of a list, the same for equal lists. ValueError: there are dicts or objects inside."""
+    try:
+        marshalled = dumps(value, 2)
+        if not several_forms(marshalled):
+            return marshalled
+    except ValueError:
+        pass  # there are objects inside; they may still equal numbers
+    return dumps(_one_form(value), 2)
+
+
+def _one_form(value: Any) -> Any:
+    """The value with equal numbers in one form, integers where possible. ValueError: it is more than a list."""
+    kind = type(value)
+    if kind is float:
+        return int(value) if value.is_integer() and INT_MIN <= value < -INT_MIN else value
+    if kind is bool:
+        return int(value)
+    if kind is list:
+        return list(map(_one_form, value))
+    if kind in SCALARS or kind is bytes:
+        return value
+    number = None if kind is dict else _as_number(value)
+    if number is None:
+        raise ValueError
+    return number
+
+
+def _as_number(value: Any) -> int | float | None:
+    """The number that an object such as a Decimal or a Fraction equals, if there is one."""
+    if not isinstance(value, Number):
+        return None
+    given: Any = value
+    for kind in (int, float):
+        try:
+            number = kind(given)
+            if number == given and hash(number) == hash(given):
+                return _one_form(number)  # type: ignore[no-any-return]
+        except (TypeError, ValueError, OverflowError):
+            continue
+    return None

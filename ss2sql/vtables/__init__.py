@@ -1,0 +1,1 @@
+"""Virtual tables: Python's lists as tables of SQLite (`sequences.py`)."""

@@ -1,0 +1,99 @@
+"""The elements of a value as a virtual table.
+
+`elements(value)` has one row per element, in order; its column `this` is the element. For lists whose
+elements have columns there is one module per set of columns, with these columns after `this`. The argument
+is a hidden column, so it may come from a table to the left: that is what makes a source lateral.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, TypeAlias
+
+import apsw
+
+SqlValue: TypeAlias = Any
+# Gives the elements of a value as columns of SQL values: `this` first, then the module's columns.
+Walk: TypeAlias = Callable[[SqlValue, tuple[str, ...]], Sequence[Sequence[SqlValue]]]
+
+ARGUMENT = "source value"  # the hidden column; the blank keeps it apart from the names of users
+
+
+class Elements:
+    """The module for one set of columns. `names` are their names in SQL, `columns` those in the elements."""
+
+    def __init__(self, walk: Walk, columns: tuple[str, ...], names: tuple[str, ...]) -> None:
+        self.walk = walk
+        self.columns = columns
+        self.names = names
+
+    def Connect(  # noqa: N802 - the name is SQLite's
+        self, connection: apsw.Connection, module: str, database: str, table: str, *arguments: str
+    ) -> tuple[str, _Table]:
+        quoted = ", ".join('"' + name.replace('"', '""') + '"' for name in ("this", *self.names))
+        return f'CREATE TABLE elements({quoted}, "{ARGUMENT}" HIDDEN)', _Table(self)
+
+    Create = Connect
+
+
+class _Table:
+    def __init__(self, module: Elements) -> None:
+        self.module = module
+
+    def BestIndexObject(self, index: Any) -> bool:  # noqa: N802
+        """Demands the argument; everything else SQLite checks by itself."""
+        argument = len(self.module.names) + 1
+        for number in range(index.nConstraint):
+            if index.get_aConstraint_iColumn(number) != argument:
+                continue
+            if index.get_aConstraint_op(number) != apsw.SQLITE_INDEX_CONSTRAINT_EQ:
+                continue
+            if not index.get_aConstraint_usable(number):
+                return False  # the table that the argument comes from stands further to the right in this plan
+            index.set_aConstraintUsage_argvIndex(number, 1)
+            index.set_aConstraintUsage_omit(number, True)
+            index.estimatedCost = 10.0
+            index.estimatedRows = 10
+            index.idxStr = "each element"
+            return True
+        raise apsw.SQLError("elements(value) needs its value")
+
+    def Open(self) -> _Cursor:  # noqa: N802
+        return _Cursor(self.module)
+
+    def Disconnect(self) -> None:  # noqa: N802
+        return
+
+    Destroy = Disconnect
+
+
+class _Cursor:
+    """Walks the elements. SQLite calls Filter, then Eof, Column and Next per row; each is a Python call."""
+
+    def __init__(self, module: Elements) -> None:
+        self.module = module
+        self.columns: Sequence[Sequence[SqlValue]] = ()
+        self.position = 0
+        self.length = 0
+
+    def Filter(self, number: int, name: str, arguments: Sequence[SqlValue]) -> None:  # noqa: N802
+        self.columns = self.module.walk(arguments[0], self.module.columns)
+        self.length = len(self.columns[0])
+        self.position = 0
+
+    def Eof(self) -> bool:  # noqa: N802
+        return self.position >= self.length
+
+    def Column(self, number: int) -> SqlValue:  # noqa: N802
+        if number < 0:
+            return self.position
+        return self.columns[number][self.position] if number < len(self.columns) else None
+
+    def Rowid(self) -> int:  # noqa: N802
+        return self.position
+
+    def Next(self) -> None:  # noqa: N802
+        self.position += 1
+
+    def Close(self) -> None:  # noqa: N802
+        self.columns = ()

@@ -1,0 +1,107 @@
+"""Walking plans: the parts of an expression or query, and what it depends on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import fields, is_dataclass, replace
+from typing import Any, TypeAlias, TypeVar
+
+from ss2sql import plan
+
+Node: TypeAlias = Any  # an expression, or any plan dataclass that holds expressions
+E = TypeVar("E")
+
+# Fields that never hold expressions.
+_PLAIN = frozenset({"span", "place", "type", "scope", "literal", "name", "element"})
+
+
+def parts(node: Node) -> Iterator[Node]:
+    """The plan nodes directly inside a node, in the order of its fields; nested queries are nodes, too."""
+    if isinstance(node, plan.Constant):
+        return
+    for field in fields(node):
+        if field.name not in _PLAIN:
+            yield from _nodes(getattr(node, field.name))
+
+
+def _nodes(value: Any) -> Iterator[Node]:
+    if isinstance(value, tuple):
+        for item in value:
+            yield from _nodes(item)
+    elif _is_node(value):
+        yield value
+
+
+def _is_node(value: Any) -> bool:
+    return is_dataclass(value) and not isinstance(value, (plan.Function, plan.Type))
+
+
+def walk(node: Node) -> Iterator[Node]:
+    """The node and everything below it, parents first; iterative, so that depth does not matter."""
+    stack = [node]
+    while stack:
+        current = stack.pop()
+        yield current
+        stack.extend(reversed(list(parts(current))))
+
+
+def rebuild(expr: E, change: Callable[[Node], Node]) -> E:
+    """The same node with `change` applied to every node directly inside it."""
+    if isinstance(expr, plan.Constant):
+        return expr
+    changed = {}
+    for field in fields(expr):  # type: ignore[arg-type]
+        if field.name in _PLAIN:
+            continue
+        before = getattr(expr, field.name)
+        after = _mapped(before, change)
+        if after is not before:
+            changed[field.name] = after
+    return replace(expr, **changed) if changed else expr  # type: ignore[type-var]
+
+
+def _mapped(value: Any, change: Callable[[Node], Node]) -> Any:
+    if isinstance(value, tuple):
+        items = tuple(_mapped(item, change) for item in value)
+        return items if any(a is not b for a, b in zip(items, value, strict=True)) else value
+    return change(value) if _is_node(value) else value
+
+
+def sources_read(node: Node) -> frozenset[int]:
+    """The numbers of all sources whose element or columns the node reads, its own nested ones included."""
+    found: set[int] = set()
+    for part in walk(node):
+        match part:
+            case plan.Element(source=source) | plan.Column(source=source):
+                found.add(source)
+            case plan.Eval(sources=sources):
+                found.update(sources)
+    return frozenset(found)
+
+
+def states_read(node: Node) -> frozenset[tuple[int, str]]:
+    """The START WITH variables that the node reads, as (query, name)."""
+    found: set[tuple[int, str]] = set()
+    for part in walk(node):
+        match part:
+            case plan.State(query=query, name=name):
+                found.add((query, name))
+            case plan.Eval(states=states):
+                found.update(states)
+    return frozenset(found)
+
+
+def functions(node: Node) -> Iterator[plan.Function]:
+    """The functions that the node calls, in the order of its text."""
+    for part in walk(node):
+        if isinstance(part, plan.Call):
+            yield part.function
+
+
+def is_volatile(node: Node) -> bool:
+    """Whether evaluating the node once more, or earlier, could be noticed: volatile calls, assignments, `eval`."""
+    return any(
+        isinstance(part, (plan.Assign, plan.TemporalAssign, plan.AssignLate, plan.Eval))
+        or (isinstance(part, plan.Call) and part.function.volatility == "volatile")
+        for part in walk(node)
+    )

@@ -1,0 +1,220 @@
+"""Random expressions: templates by kind, whose holes are filled with what is in sight or with smaller expressions.
+
+A kind says what an expression most probably gives; now and then a hole gets another kind on purpose, so that
+programs fail with the errors of the language.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from .choices import Choices
+from .library import LIBRARY
+
+# What a value of one kind may also stand for. `maybe` is an integer or None, `any` everything but rows.
+ALSO = {
+    "int": ("int", "num", "maybe", "any"),
+    "num": ("num", "any"),
+    "bool": ("bool", "num", "any"),
+    "str": ("str", "any"),
+    "list": ("list", "any"),  # of integers
+    "maybe": ("maybe", "any"),
+    "any": ("any",),
+    "row": ("row",),
+}
+
+LITERALS = {
+    "int": ("1", "0", "2", "3", "-1", "4", "5"),
+    "num": ("1", "0.5", "1.0", "2", "2.5", "-0.5", "1e3", ".25"),
+    "bool": ("True", "False"),
+    "str": ("'a'", "'b'", "''", "'ab'", "'ü'"),
+    "list": ("[1]", "[]", "[2, 1]", "[0, 1, 1]"),
+    "maybe": ("None", "1", "2"),
+    "any": ("None", "1", "1.0", "'a'", "True", "[1]", "[]", "[[1.0]]", "0"),
+    "row": ("'row'",),
+}
+
+TEMPLATES = {
+    "int": (
+        (9, "({int} + {int})"),
+        (5, "({int} - {int})"),
+        (5, "({int} * {int})"),
+        (4, "({int} % {int})"),
+        (3, "IF({bool}; {int}; {int})"),
+        (2, "len({list})"),
+        (2, "-{int}"),
+        (2, "same({int})"),
+        (2, "abs({int})"),
+        (2, "(2 ^ ({int} % 5))"),
+        (2, "{list}[{int}]"),
+        (2, "int({num})"),
+        (2, "tick()"),
+        (1, "blink({int})"),
+        (1, "picky({int})"),
+        (1, "(9223372036854775807 + {int})"),
+        (1, "add({int}, {int})"),
+    ),
+    "num": (
+        (6, "{int}"),
+        (5, "({num} / {int})"),
+        (4, "half({num})"),
+        (3, "({num} * {num})"),
+        (3, "({num} + {num})"),
+        (2, "round({num}, 1)"),
+        (2, "sqrt(abs({num}))"),
+        (1, "float({int})"),
+        (1, "distance([{int}, 0], [{int}, 0])"),
+        (1, "strange({int})"),
+        (1, "({num} % {num})"),
+    ),
+    "bool": (
+        (8, "({int} < {int})"),
+        (6, "({num} >= {num})"),
+        (6, "({any} == {any})"),
+        (4, "({any} != {any})"),
+        (3, "({int} <> {int})"),
+        (3, "({str} <= {str})"),
+        (2, "({list} > {list})"),
+        (4, "({any} IN {list})"),
+        (2, "({int} NOT IN {list})"),
+        (2, "({str} IN {str})"),
+        (4, "(NOT {bool})"),
+        (6, "({bool} AND {bool})"),
+        (6, "({bool} OR {bool})"),
+        (2, "({bool} XOR {bool})"),
+        (4, "even({int})"),
+        (3, "({maybe} == None)"),
+        (2, "IF({bool}; {bool}; {bool})"),
+        (1, "IF({bool}; {bool})"),
+        (1, "({int} IN {any})"),
+        (2, "{int}"),
+        (1, "{list}"),
+    ),
+    "str": (
+        (6, "({str} + {str})"),
+        (3, "str({any})"),
+        (2, "{str}[{int}]"),
+        (2, "{str}[1:]"),
+        (1, "lookup({int})"),
+        (1, "IF({bool}; {str}; {str})"),
+    ),
+    "list": (
+        (6, "[{int}, {int}]"),
+        (4, "({list} + {list})"),
+        (3, "{list}[1:]"),
+        (2, "{list}[:{int}]"),
+        (3, "grow({list})"),
+        (2, "flip({list})"),
+        (2, "sorted({list})"),
+        (2, "uniq({list})"),
+        (2, "range({int} % 4)"),
+        (1, "bag({int})"),
+    ),
+    "maybe": ((3, "{int}"), (1, "None"), (1, "nothing({any})"), (1, "IF({bool}; {int}; None)")),
+    "any": (
+        (8, "{int}"),
+        (4, "{num}"),
+        (4, "{str}"),
+        (3, "{bool}"),
+        (3, "{list}"),
+        (3, "{maybe}"),
+        (2, "[{any}]"),
+        (2, "pair({any})"),
+        (1, "array({int})"),
+        (1, "same({any})"),
+        (1, "zip({list}, {list})"),
+        (1, "picky({any})"),
+        (1, "flip([{any}, {list}])"),
+        (1, "len({row})"),
+    ),
+}
+
+# Functions of a list that mean something else inside of a query with GROUP BY.
+AGGREGATING = {
+    "int": ((3, "sum({list})"), (2, "count({list})")),
+    "num": ((2, "(1 * sum([{num}, {num}]))"),),
+    "maybe": ((2, "max({list})"), (2, "min({list})"), (1, "average({list})")),
+}
+
+# Texts that are read when they run.
+READ_LATE = {
+    "int": ((1, 'eval("{int}")'), (1, 'eval("{int} + 1")')),
+    "any": ((1, 'eval("{any}")'),),
+    "bool": ((1, 'eval("{int} < {int}")'),),
+}
+
+Parts = tuple[str, ...]  # texts and kinds in turn, a text first and last
+
+
+def split(templates: Iterable[tuple[int, str]]) -> tuple[tuple[int, Parts], ...]:
+    return tuple((weight, tuple(re.split(r"\{(\w+)\}", text))) for weight, text in templates)
+
+
+PLAIN = {kind: split(templates) for kind, templates in TEMPLATES.items()}
+WITH_LISTS = {kind: PLAIN[kind] + split(AGGREGATING.get(kind, ())) for kind in PLAIN}
+WITH_EVAL = {kind: WITH_LISTS[kind] + split(READ_LATE.get(kind, ())) for kind in PLAIN}
+CALLED = re.compile(r"([a-z]+)\(")
+
+
+@dataclass
+class Sight:
+    """The texts of what can be read in a place, by kind."""
+
+    texts: dict[str, list[str]] = field(default_factory=lambda: {kind: [] for kind in ALSO})
+
+    def add(self, text: str, kind: str) -> None:
+        for also in ALSO[kind]:
+            self.texts[also].append(text)
+
+    def inner(self, hidden: Iterable[str], columns: Iterable[str]) -> Sight:
+        """What a nested query still sees: not the outer `this`, nothing that its own names hide."""
+        gone = ("this", *(f"{name}." for name in hidden))
+        bare = set(columns)
+        return Sight(
+            {
+                kind: [text for text in texts if not text.startswith(gone) and text not in bare]
+                for kind, texts in self.texts.items()
+            }
+        )
+
+
+class Expressions:
+    """Writes expressions and notes the functions that they call."""
+
+    def __init__(self, choices: Choices) -> None:
+        self.choices = choices
+        self.uses: dict[str, None] = {}
+        self.templates = WITH_EVAL
+
+    def call(self, text: str) -> str:
+        """The text, after noting its functions."""
+        for name in CALLED.findall(text):
+            if name in LIBRARY and name != "add":
+                self.uses[name] = None
+        return text
+
+    def expr(self, kind: str, sight: Sight, depth: int) -> str:
+        """An expression of about this kind, at most `depth` templates deep."""
+        choices = self.choices
+        if depth <= 0 or choices.chance(25):
+            return self.leaf(kind, sight)
+        parts = choices.weighted(*self.templates[kind]) if kind in self.templates else ("", kind, "")
+        if len(parts) > 1 and parts[0].startswith("eval("):
+            depth = 0  # strings within strings would need escapes
+        written = [self.call(parts[0])]
+        for hole, text in zip(parts[1::2], parts[2::2], strict=True):
+            written.append(self.expr(self.hole(hole), sight, depth - 1))
+            written.append(text)
+        return "".join(written)
+
+    def hole(self, kind: str) -> str:
+        return "any" if self.choices.chance(2) else kind
+
+    def leaf(self, kind: str, sight: Sight) -> str:
+        """Something in sight, or a literal."""
+        texts = sight.texts[kind]
+        if texts and not self.choices.chance(25):
+            return self.choices.pick(texts)
+        return self.choices.pick(LITERALS[kind])

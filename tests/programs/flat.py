@@ -1,0 +1,289 @@
+"""Random flat queries: sources, every clause, every representation, nested and correlated queries."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from .choices import Choices
+from .expressions import PLAIN, WITH_EVAL, Expressions, Sight
+
+INTS = (1, 2, 3, 0, -1, 4, 2)
+NUMS = (1, 0.5, 1.0, 2, 2.5, True, 0)
+MIXED = (None, 1, 1.0, True, "a", [1], [1.0], 0, "", [], [[]], 2.5)
+
+# Variables: the kind of their elements, and how their values are made.
+VARIABLES: dict[str, tuple[str, Callable[[Choices], Any]]] = {
+    "xs": ("int", lambda c: c.some(INTS, 1, 5)),
+    "ys": ("int", lambda c: c.some(INTS, 0, 4)),
+    "fs": ("num", lambda c: c.some(NUMS, 1, 5)),
+    "bs": ("bool", lambda c: c.some((True, False), 1, 3)),
+    "ss": ("str", lambda c: c.some(("a", "b", "ab", "", "c", "ü"), 1, 4)),
+    "ms": ("any", lambda c: c.some(MIXED, 1, 5)),
+    "ls": ("list", lambda c: [c.some(INTS, 0, 3) for _ in range(1 + c.below(3))]),
+    "ps": ("list", lambda c: [c.some(INTS, 2, 2) for _ in range(1 + c.below(4))]),
+    "n": ("int", lambda c: c.pick(INTS)),
+    "word": ("str", lambda c: c.pick(("ab", "", "c"))),
+}
+ROW_KINDS = {"k": "str", "v": "maybe", "l": "list"}
+COLUMN_KINDS = {"p": "int", "q": "str"}
+TABLE_KINDS = {"id": "int", "label": "str", "weight": "any"}
+
+
+def rows(choices: Choices) -> list[dict[str, Any]]:
+    """Rows of which the first has every column; a later one may lack one."""
+    made = []
+    for number in range(1 + choices.below(4)):
+        row = {
+            "k": choices.pick(("a", "b", "")),
+            "v": choices.pick((1, None, 2, 3)),
+            "l": choices.some(INTS, 0, 2),
+        }
+        if number and choices.chance(20):
+            del row[choices.pick(("v", "k", "l"))]
+        made.append(row)
+    return made
+
+
+def columns(choices: Choices) -> dict[str, list[Any]]:
+    number = choices.below(4)
+    return {"p": choices.some(INTS, number, number), "q": choices.some(("a", "b"), number, number)}
+
+
+def table(choices: Choices) -> list[dict[str, Any]]:
+    return [
+        {"id": number, "label": choices.pick(("a", "b", "c")), "weight": choices.pick((0.5, None, 2.5))}
+        for number in range(1 + choices.below(4))
+    ]
+
+
+@dataclass(frozen=True)
+class Origin:
+    """A source as it is written in FROM."""
+
+    text: str
+    name: str | None
+    kind: str
+    columns: dict[str, str] = field(default_factory=dict)
+
+
+class Flat(Expressions):
+    """Writes flat queries, and remembers the variables and tables that a program needs."""
+
+    def __init__(self, choices: Choices) -> None:
+        super().__init__(choices)
+        self.variables: dict[str, Any] = {}
+        self.tables: dict[str, list[dict[str, Any]]] = {}
+        self.nesting = 0
+
+    def variable(self, name: str) -> str:
+        if name not in self.variables:
+            self.variables[name] = VARIABLES[name][1](self.choices)
+        return name
+
+    # Sources
+
+    def origin(self, alias: str | None, sight: Sight, lateral: bool) -> Origin:
+        """One source. A lateral one may mention what is in sight of the same query."""
+        choices = self.choices
+        ints = [text for text in sight.texts["int"] if "(" not in text]
+        if lateral and ints and choices.chance(40):
+            return self.lateral(alias, choices.pick(ints))
+        form = choices.weighted((40, "variable"), (8, "literal"), (9, "rows"), (6, "columns"), (8, "table"), (7, "query"), (4, "call"), (3, "single"))
+        prefix = f"{alias} = " if alias else ""
+        match form:
+            case "variable":
+                name = choices.pick(("xs", "ys", "fs", "ss", "bs", "ms", "ls", "ps"))
+                return Origin(prefix + self.variable(name), alias or name, VARIABLES[name][0])
+            case "rows":
+                self.variables.setdefault("rs", rows(choices))
+                return Origin(prefix + "rs", alias or "rs", "row", ROW_KINDS)
+            case "columns":
+                self.variables.setdefault("cs", columns(choices))
+                return Origin(prefix + "cs", alias or "cs", "row", COLUMN_KINDS)
+            case "table":
+                self.tables.setdefault("items", table(choices))
+                return Origin(prefix + "items", alias or "items", "row", TABLE_KINDS)
+            case "query":
+                return self.inner_source(alias)
+            case "call":
+                return Origin(f"{prefix}range({choices.pick(('3', '1', '1, 4', '4, 0, -2'))})", alias or "range", "int")
+            case "single":
+                name = choices.pick(("n", "word"))
+                return Origin(prefix + self.variable(name), alias or name, VARIABLES[name][0])
+            case _:
+                texts = {"int": ("[1, 2, 3]", "[2]", "[3, 1, 2, 1]"), "num": ("[1, 1.0, 0.5]",), "list": ("[[1], [2, 3]]",)}
+                kind = choices.pick(("int", "num", "list"))
+                return Origin(prefix + choices.pick(texts[kind]), alias, kind)
+
+    def lateral(self, alias: str | None, value: str) -> Origin:
+        prefix = f"{alias} = " if alias else ""
+        form = self.choices.pick(("near", "range", "list", "query", "links"))
+        if form == "links":
+            return Origin(self.call(f"{prefix}links({value})"), alias or "links", "row", {"toll": "int", "to_node": "int"})
+        if form == "query":
+            self.variable("xs")
+            comparison = self.choices.pick(("this > ", "this == ", "this + 1 != "))
+            return Origin(f"{prefix}(SELECT this FROM xs WHERE {comparison}{value} AS list)", alias, "int")
+        text = {"near": f"near({value})", "range": f"range({value} % 4)", "list": f"[{value}, 1]"}[form]
+        return Origin(self.call(prefix + text), alias or (None if form == "list" else form), "int")
+
+    def inner_source(self, alias: str | None) -> Origin:
+        """A query as a source: a list of values, or rows with the columns of its SELECT."""
+        prefix = f"{alias} = " if alias else ""
+        if self.choices.chance(40):
+            self.variables.setdefault("rs", rows(self.choices))
+            where = self.choices.pick(("", " WHERE v", " WHERE k != 'a'", " ORDER BY v DESC LIMIT 2"))
+            shown = self.choices.pick(("(SELECT k, v FROM rs{})", "(SELECT * FROM rs{})", "(SELECT to(v, v), k FROM rs{} AS dict)"))
+            return Origin(prefix + shown.format(where), alias, "row", {"k": "str", "v": "maybe"})
+        self.variable("xs")
+        where = self.choices.pick(("", " WHERE this > 1", " ORDER BY this DESC", " LIMIT 2"))
+        return Origin(f"{prefix}(SELECT {self.choices.pick(('this', 'this * 2', 'this % 2'))} FROM xs{where} AS list)", alias, "int")
+
+    def sources(self, sight: Sight, most: int) -> tuple[str, Sight, list[Origin]]:
+        """FROM with one to `most` sources, and what its query sees."""
+        number = 1 + self.choices.below(most)
+        aliases = "abc" if self.nesting == 0 else ("de" if self.nesting == 1 else "fg")
+        origins: list[Origin] = []
+        own = Sight()
+        for i in range(number):
+            named = number > 1 or self.choices.chance(40)
+            origin = self.origin(aliases[i] if named else None, own if origins else Sight(), bool(origins))
+            origins.append(origin)
+            own = self.see(origins)
+        outer = sight.inner([o.name for o in origins if o.name], [name for o in origins for name in o.columns])
+        for kind, texts in outer.texts.items():
+            own.texts[kind].extend(texts)
+        return ", ".join(o.text for o in origins), own, origins
+
+    @staticmethod
+    def see(origins: list[Origin]) -> Sight:
+        """What is read of the sources of one query."""
+        sight = Sight()
+        for number, origin in enumerate(origins):
+            if number == 0:
+                sight.add("this", origin.kind)
+            if origin.name is not None:
+                sight.add(f"{origin.name}.this", origin.kind)
+            for column, kind in origin.columns.items():
+                owners = sum(column in other.columns for other in origins)
+                known = not origin.text.endswith(")")  # the columns of calls are known when they run
+                if owners == 1 and known:
+                    sight.add(column, kind)
+                if origin.name is not None:
+                    sight.add(f"{origin.name}.{column}", kind)
+        return sight
+
+    # Queries
+
+    def condition(self, sight: Sight, depth: int = 2) -> str:
+        if self.nesting < 2 and self.choices.chance(12):
+            return self.nested_condition(sight)
+        return self.expr("bool", sight, depth)
+
+    def nested_condition(self, sight: Sight) -> str:
+        kind, value = self.choices.pick((("int", "int"), ("any", "any")))
+        inner = self.nested(sight, kind, "list")
+        form = self.choices.pick(("{v} IN {q}", "[] == {q}", "len({q}) > {i}", "{v} NOT IN {q}", "{q} != [{v}]"))
+        return "(" + form.format(q=inner, v=self.expr(value, sight, 1), i=self.choices.below(3)) + ")"
+
+    def nested(self, sight: Sight, kind: str, form: str) -> str:
+        """A query in parentheses that may mention the rows around it."""
+        self.nesting += 1
+        text, own, _ = self.sources(sight, 1)
+        where = f" WHERE {self.condition(own, 1)}" if self.choices.chance(70) else ""
+        column = self.expr(kind, own, 1)
+        order = f" ORDER BY {self.expr('int', own, 0)}" if self.choices.chance(20) else ""
+        self.nesting -= 1
+        return f"(SELECT {column} FROM {text}{where}{order} AS {form})"
+
+    def column(self, sight: Sight) -> str:
+        """One column of SELECT."""
+        choices = self.choices
+        form = choices.weighted((60, "any"), (10, "nested"), (8, "to"), (6, "value"), (12, "row"), (4, "print"))
+        if form == "nested" and self.nesting < 2:
+            return self.nested(sight, "int", "list")
+        if form == "value" and self.nesting < 2:
+            return self.nested(sight, "int", choices.pick(("value", "val")))
+        if form == "to":
+            name = choices.pick(("total", "'x' + 'y'", "k", "\"label\""))
+            return f"to({self.expr('any', sight, 1)}, {name})"
+        if form == "row" and sight.texts["row"]:
+            return choices.pick(sight.texts["row"])
+        if form == "print" and self.nesting == 0:
+            return f'print("row", {self.expr("any", sight, 1)})'
+        return self.expr("any", sight, choices.below(3))
+
+    def flat(self, sight: Sight | None = None) -> str:
+        """A whole query without CONNECT BY."""
+        choices = self.choices
+        grouped = choices.chance(25)
+        text, own, origins = self.sources(sight or Sight(), choices.weighted((60, 1), (30, 2), (10, 3)))
+        self.templates = PLAIN if grouped else WITH_EVAL
+        where = f" WHERE {self.condition(own)}" if choices.chance(60) else ""
+        if grouped:
+            shown, rest = self.grouping(own)
+        else:
+            shown, rest = self.select_list(own, origins), [self.order(own), self.limit()]
+        self.templates = WITH_EVAL
+        ending = "".join(f" {clause}" for clause in choices.shuffled([clause for clause in rest if clause]))
+        return f"SELECT {shown} FROM {text}{where}{ending}{self.representation(own)}"
+
+    def select_list(self, sight: Sight, origins: list[Origin]) -> str:
+        choices = self.choices
+        if choices.chance(10):
+            return "*"
+        if choices.chance(5) and origins[0].kind == "int":
+            return ", ".join(self.call(f"{name}(").rstrip("(") for name in choices.some(("half", "even", "near"), 1, 2))
+        return ", ".join(self.column(sight) for _ in range(1 + choices.below(3)))
+
+    def order(self, sight: Sight) -> str:
+        if not self.choices.chance(35):
+            return ""
+        kinds = self.choices.some(("int", "num", "maybe", "str", "list", "int"), 1, 2)
+        keys = [self.expr(kind, sight, 1) + self.choices.pick(("", " DESC", " ASC")) for kind in kinds]
+        return "ORDER BY " + ", ".join(keys)
+
+    def limit(self) -> str:
+        return f"LIMIT {self.choices.pick(('2', '1', '3', '0', '1 + 1', '4', '-1'))}" if self.choices.chance(25) else ""
+
+    def representation(self, sight: Sight) -> str:
+        names = ["list", "dict", "rows", "value", "val", "void", "List", "set"]
+        if sight.texts["row"]:
+            names.remove("set")  # a dict has no fixed form in a Python set
+        return f" AS {self.choices.pick(names)}" if self.choices.chance(75) else ""
+
+    # Groups
+
+    def key(self, sight: Sight) -> str:
+        kind = self.choices.weighted((10, "int"), (4, "any"), (3, "bool"), (3, "str"), (2, "list"))
+        return self.expr(kind, sight, self.choices.below(2))
+
+    def aggregate(self, sight: Sight) -> str:
+        form = self.choices.weighted((6, "count(*)"), (6, "sum({int})"), (4, "sum({num})"), (4, "count({maybe})"), (4, "min({int})"),
+                                     (4, "max({maybe})"), (4, "average({num})"), (3, "sum({maybe})"), (2, "max({str})"), (1, "min({any})"))
+        head, _, tail = form.partition("{")
+        return head + self.expr(tail.split("}")[0], sight, 1) + ")" if tail else form
+
+    def grouping(self, sight: Sight) -> tuple[str, list[str]]:
+        """SELECT and the clauses after WHERE of a query with GROUP BY: one row per group, or partitions."""
+        choices = self.choices
+        keys = [self.key(sight) for _ in range(choices.weighted((75, 1), (25, 2)))]
+        having = ""
+        if choices.chance(35):
+            tested = choices.pick((self.aggregate(sight), keys[0], "count(*)"))
+            having = f" HAVING {tested} {choices.pick(('>', '==', '<=', '!='))} {choices.pick(('1', '2', '0'))}"
+        group = f"GROUP BY {', '.join(keys)}{having}"
+        if choices.chance(40):
+            return self.partition_columns(sight), [group, self.order(sight), self.limit()]
+        shown = [choices.pick((keys[0], keys[-1], self.aggregate(sight))) for _ in range(choices.below(2))]
+        shown.append(choices.pick((self.aggregate(sight), f"(1 + {self.aggregate(sight)})", f"[{keys[0]}, count(*)]")))
+        ordering = choices.pick((self.aggregate(sight), keys[0]))
+        order = f"ORDER BY {ordering}{choices.pick(('', ' DESC'))}" if choices.chance(35) else ""
+        return ", ".join(choices.shuffled(shown)), [group, order, self.limit()]
+
+    def partition_columns(self, sight: Sight) -> str:
+        """Columns of single rows: the first one surely is no key."""
+        surely = self.choices.pick(("[this, 'row']", "[this]"))
+        return ", ".join([surely, *(self.expr("any", sight, 1) for _ in range(self.choices.below(2)))])

@@ -1,0 +1,143 @@
+"""The Python functions that random programs call: pure ones, and ones that change their argument, raise or count."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+
+def half(x: Any) -> Any:
+    return x / 2 if isinstance(x, (int, float)) else 0.5
+
+
+def even(x: Any) -> bool:
+    return isinstance(x, int) and x % 2 == 0
+
+
+def pair(x: Any) -> Any:
+    return (x, (x,))
+
+
+def nothing(x: Any) -> None:
+    return None
+
+
+def same(x: Any) -> Any:
+    return x
+
+
+def bag(x: int) -> Any:
+    return {x + 1, x, 0}
+
+
+def array(x: int) -> Any:
+    return np.array([x, x + 0.5])
+
+
+def grow(values: list[Any]) -> list[Any]:
+    """Changes its argument."""
+    values.append(len(values))
+    return values
+
+
+def flip(values: list[Any]) -> list[Any]:
+    """Changes its argument and what is inside of it."""
+    values.reverse()
+    for value in values:
+        if isinstance(value, list):
+            value.append(0)
+    return values
+
+
+def picky(x: Any) -> Any:
+    """Raises an exception of its own."""
+    if x == 3:
+        raise ValueError("three is not allowed")
+    return x
+
+
+def lookup(x: Any) -> Any:
+    """Raises the exception of a dict."""
+    return {0: "zero", 1: "one", 2: "two", 3: "three"}[x]
+
+
+def strange(x: Any) -> Any:
+    """Returns what the language does not have: NaN for 2, a large integer for 4."""
+    if x == 2:
+        return float("nan")
+    return 2**64 if x == 4 else x
+
+
+def near(x: int) -> list[int]:
+    """Successors in a graph of five nodes."""
+    return [[1, 2], [2, 3], [0, 3, 3], [4], []][x % 5]
+
+
+def links(x: int) -> list[dict[str, Any]]:
+    """The same graph with weights, as rows."""
+    return [{"to_node": y, "toll": (x + 2 * y) % 4} for y in near(x)]
+
+
+def shift(step: list[int], towers: list[list[int]]) -> list[list[int]]:
+    """Moves the top disk of a tower, in place; an empty list when that is not allowed."""
+    if not towers or not towers[step[0]]:
+        return []
+    disk = towers[step[0]].pop()
+    if towers[step[1]] and towers[step[1]][-1] < disk:
+        return []
+    towers[step[1]].append(disk)
+    return towers
+
+
+def plus(a: Any, b: Any) -> Any:
+    """Replaces `+`: lists of numbers are added as vectors."""
+    if isinstance(a, list) and isinstance(b, list) and len(a) == len(b):
+        return [x + y for x, y in zip(a, b, strict=True)]
+    return a + b
+
+
+class Tick:
+    """Volatile: counts its calls."""
+
+    def __init__(self) -> None:
+        self.count = 0
+
+    def __call__(self) -> int:
+        self.count += 1
+        return self.count
+
+
+class Blink:
+    """Volatile: its argument at every odd call, 0 at every even one."""
+
+    def __init__(self) -> None:
+        self.count = 0
+
+    def __call__(self, x: Any) -> Any:
+        self.count += 1
+        return x if self.count % 2 else 0
+
+
+# name: (how to make it anew, the volatility that is declared; None leaves it to inference)
+LIBRARY: dict[str, tuple[Callable[[], Callable[..., Any]], str | None]] = {
+    "half": (lambda: half, None),
+    "even": (lambda: even, "immutable"),
+    "pair": (lambda: pair, None),
+    "nothing": (lambda: nothing, None),
+    "same": (lambda: same, "immutable"),
+    "bag": (lambda: bag, "stable"),
+    "array": (lambda: array, None),
+    "grow": (lambda: grow, "immutable"),
+    "flip": (lambda: flip, None),
+    "picky": (lambda: picky, None),
+    "lookup": (lambda: lookup, "immutable"),
+    "strange": (lambda: strange, "immutable"),
+    "near": (lambda: near, "immutable"),
+    "links": (lambda: links, None),
+    "shift": (lambda: shift, None),
+    "add": (lambda: plus, "immutable"),
+    "tick": (Tick, "volatile"),
+    "blink": (Blink, "volatile"),
+}

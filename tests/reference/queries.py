@@ -1,0 +1,337 @@
+"""Queries: section 5 of the language page. Searches share everything that happens to a result after it was found."""
+
+from __future__ import annotations
+
+import functools
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from ss2sql.frontend import ast
+
+from . import search
+from .functions import AGGREGATES
+from .sight import Bound, Frame, Group, LateList, Own, columns_of, elements_of, in_queries, mentions, source_name
+from .values import Failure, Row, compare_keys, equal, hashable, shape
+
+if TYPE_CHECKING:
+    from .evaluator import Reference
+
+
+@dataclass(frozen=True)
+class Found:
+    """A result on its way through GROUP BY, ORDER BY and LIMIT: a row, or the rows of a path.
+
+    `frame` is the row, or the last step, in which keys are read; `inputs` holds for each aggregate of the query
+    what this result adds to it, `keys` the values of GROUP BY and `order` those of ORDER BY.
+    """
+
+    rows: list[Row]
+    frame: Frame
+    inputs: list[Any]
+    keys: list[Any]
+    order: list[Any]
+
+
+def answer(ref: Reference, query: ast.Query, outer: Frame | None) -> Any:
+    """The value of a query in its representation."""
+    search.check(query)
+    names = [name for name in map(source_name, query.sources) if name]
+    no_repeats(names)
+    limit = None if query.limit is None else at_least(0, ref.evaluate(query.limit, outer))
+    representation = "dict" if query.representation is None else query.representation.name.lower()
+    shape(representation, [])  # an unknown one fails at once
+
+    if query.connect:
+        hunt = search.Search(ref, query, outer)
+        sources, per_group = hunt.sources, hunt.per_group
+        paths = hunt.paths()
+    else:
+        sources = Sources(ref, query, outer, {})
+        per_group = sources.per_group()
+        paths = flat_rows(ref, query, sources, Frame(outer), per_group)
+
+    results: Iterator[Found] = (finish(ref, query, rows, frame, per_group) for rows, frame in paths)
+    if limit is not None and not query.order and not query.group:
+        results = itertools.islice(results, limit)  # nothing after the last row is evaluated
+    found = list(results)
+
+    def shaped(some: list[Found]) -> Any:
+        if representation == "void":
+            return None
+        if query.connect and not per_group:
+            return [shape(representation, one.rows) for one in some]
+        return shape(representation, [one.rows[0] for one in some])
+
+    if per_group:
+        return shaped(in_order(one_row_per_group(ref, query, found))[:limit])
+    if not query.group:
+        return shaped(in_order(found)[:limit])
+    kept = [one for group in grouped(found) if having(ref, query, group) for one in group]
+    found = [one for one in found if any(one is other for other in kept)]
+    partitions = grouped(in_order(found)[:limit])
+    if representation == "void":
+        return None
+    return {shown_key(group[0].keys): shaped(group) for group in partitions}
+
+
+def flat_rows(
+    ref: Reference, query: ast.Query, sources: Sources, start: Frame, per_group: bool
+) -> Iterator[tuple[list[Row], Frame]]:
+    """The rows of a flat query that WHERE lets through, in source order. A row of one group has no columns yet."""
+    for frame in sources.product(start):
+        if query.where is None or ref.evaluate(query.where, frame):
+            yield [] if per_group else [select(ref, query, frame)], frame
+
+
+def finish(ref: Reference, query: ast.Query, rows: list[Row], frame: Frame, per_group: bool) -> Found:
+    """What is read of a row besides its columns, in this order: aggregates, keys of GROUP BY and of ORDER BY."""
+    calls = aggregates_of(ref, query, per_group)
+    inputs = [None if call.star else ref.evaluate(only_argument(call), frame) for call in calls]
+    keys = [ref.alone(key, frame) for key in query.group]
+    order = [] if per_group else [ref.alone(key.expr, frame) for key in query.order]
+    return Found(rows, frame, inputs, keys, [Key(value, key) for value, key in zip(order, query.order, strict=False)])
+
+
+# Columns
+
+
+def select(ref: Reference, query: ast.Query, frame: Frame) -> Row:
+    """The columns of one row, with their names."""
+    row: Row = []
+    for column in query.columns:
+        if isinstance(column, ast.Star):
+            row.extend(pair for bound in frame.bound for pair in all_columns(bound))
+        else:
+            row.append((column_name(ref, column, frame), ref.alone(column, frame)))
+    return distinct_names(row)
+
+
+def all_columns(bound: Bound) -> Row:
+    """`*` of one source."""
+    if bound.columns:
+        return [(name, bound.column(name)) for name in bound.columns]
+    return [(bound.name or "this", bound.element)]
+
+
+def column_name(ref: Reference, column: ast.Expr, frame: Frame) -> str:
+    match column:
+        case ast.Call(function="to", arguments=(_, ast.Name(name=name))) if "to" not in ref.functions:
+            return name
+        case ast.Call(function="to", arguments=(_, expr)) if "to" not in ref.functions:
+            return str(ref.evaluate(expr, frame))
+        case ast.Name(name=name) | ast.Attribute(name=name) | ast.Call(function=name):
+            return name
+        case ast.This(source=source):
+            return source or "this"
+        case _:
+            return column.span.text
+
+
+def distinct_names(row: Row) -> Row:
+    """The same row, where a repeated name gets `_2`, then `_3`."""
+    result: Row = []
+    for name, value in row:
+        free, number = name, 1
+        while any(free == other for other, _ in result):
+            number += 1
+            free = f"{name}_{number}"
+        result.append((free, value))
+    return result
+
+
+# Sources
+
+
+class Sources:
+    """The sources of one run of a query.
+
+    A source that mentions neither an earlier source nor a START WITH variable is read once, when the run
+    begins; the others are read again for each of their values.
+    """
+
+    def __init__(self, ref: Reference, query: ast.Query, outer: Frame | None, state: dict[str, Any]) -> None:
+        self.ref, self.query, self.outer, self.state = ref, query, outer, state
+        self.once: list[list[Bound] | None] = []
+        for number, source in enumerate(query.sources):
+            lateral = mentions(source.expr, self.own(number))
+            self.once.append(None if lateral else self.read(source, Frame(outer)))
+
+    def product(self, frame: Frame) -> Iterator[Frame]:
+        """Every combination of elements in source order, the last source varying fastest."""
+        number = len(frame.bound)
+        if number == len(self.query.sources):
+            yield frame
+            return
+        elements = self.once[number]
+        for element in self.read(self.query.sources[number], frame) if elements is None else elements:
+            yield from self.product(replace(frame, bound=(*frame.bound, element)))
+
+    def read(self, source: ast.From, frame: Frame) -> list[Bound]:
+        elements = elements_of(self.value(source.expr, frame))
+        return [Bound(source_name(source), columns_of(elements), element) for element in elements]
+
+    def value(self, expr: ast.Expr, frame: Frame) -> Any:
+        """The value behind FROM: a name, a table, a column of an earlier row, a table function, a list, a query."""
+        match expr:
+            case ast.Name(name=name):
+                found = self.ref.lookup(name, frame)
+                if found:
+                    return found[0]
+                if name in self.ref.tables:
+                    return self.ref.tables[name]
+                raise Failure("R003", name)
+            case ast.Attribute(source=world, name=name):
+                if any(bound.name == world for level in frame.outwards() for bound in level.bound):
+                    return self.ref.evaluate(expr, frame)
+                if name in self.ref.tables:
+                    return self.ref.tables[name]
+                raise Failure("R003", f"{world}.{name}")
+            case ast.Call():
+                return self.ref.call_table(expr, frame)
+            case _:
+                return self.ref.evaluate(expr, frame)
+
+    def own(self, number: int) -> Own:
+        """What an expression can mention of this query when the first `number` sources are in its sight."""
+        names = frozenset(name for name in map(source_name, self.query.sources[:number]) if name)
+        columns = {name for bounds in self.once[:number] for bound in bounds or () for name in bound.columns}
+
+        def elsewhere(name: str) -> bool:
+            known = name in self.ref.variables or name in self.ref.tables or bool(in_queries(self.outer, name))
+            return known and name not in columns
+
+        def late(name: str) -> LateList | None:
+            value = self.ref.variables.get(name)
+            return value if isinstance(value, LateList) else None
+
+        return Own(names, frozenset(self.state), number > 0, elsewhere, late)
+
+    def per_group(self) -> bool:
+        """Whether GROUP BY makes one row per group: nothing of a single row is mentioned in SELECT but the
+        keys of GROUP BY and what stands inside of aggregates."""
+        query = self.query
+        if not query.group or any(isinstance(column, ast.Star) for column in query.columns):
+            return False
+
+        def free(node: Any) -> bool:
+            return is_aggregate(self.ref, node) or any(repr(node) == repr(key) for key in query.group)
+
+        return not mentions(query.columns, replace(self.own(len(query.sources)), free=free))
+
+
+# Groups
+
+
+def is_aggregate(ref: Reference, node: Any) -> bool:
+    return isinstance(node, ast.Call) and node.function in AGGREGATES and node.function not in ref.functions
+
+
+def aggregates_of(ref: Reference, query: ast.Query, per_group: bool) -> list[ast.Call]:
+    """The aggregates of SELECT, HAVING and ORDER BY in the order of evaluation."""
+    if not query.group:
+        return []
+    places = (query.columns, query.having, query.order) if per_group else (query.having,)
+    return [call for place in places for call in calls_in(ref, place)]
+
+
+def calls_in(ref: Reference, node: Any) -> Iterator[ast.Call]:
+    """The aggregates of one query below a node; those of a nested query are its own."""
+    if is_aggregate(ref, node):
+        yield node
+    elif isinstance(node, tuple):
+        for item in node:
+            yield from calls_in(ref, item)
+    elif hasattr(node, "__dataclass_fields__") and not isinstance(node, ast.Query):
+        for part in node.__dataclass_fields__.values():
+            if part.compare:
+                yield from calls_in(ref, getattr(node, part.name))
+
+
+def only_argument(call: ast.Call) -> ast.Expr:
+    arity(call, 1)
+    return call.arguments[0]
+
+
+def arity(call: ast.Call, number: int) -> None:
+    if len(call.arguments) != number:
+        raise Failure("R005", call.function)
+
+
+def grouped(found: list[Found]) -> list[list[Found]]:
+    """The results by equal keys, groups in order of first appearance."""
+    groups: list[list[Found]] = []
+    for one in found:
+        for group in groups:
+            if equal(group[0].keys, one.keys):
+                group.append(one)
+                break
+        else:
+            groups.append([one])
+    return groups
+
+
+def group_frame(ref: Reference, query: ast.Query, group: list[Found], per_group: bool) -> Frame:
+    """The frame of a group: that of its first member, with the group's keys and aggregates."""
+    keys = tuple(zip(query.group, group[0].keys, strict=True))
+    calls = aggregates_of(ref, query, per_group)
+    collected = tuple((call, tuple(one.inputs[i] for one in group)) for i, call in enumerate(calls))
+    return replace(group[0].frame, group=Group(keys, collected))
+
+
+def having(ref: Reference, query: ast.Query, group: list[Found]) -> bool:
+    return query.having is None or bool(ref.evaluate(query.having, group_frame(ref, query, group, False)))
+
+
+def one_row_per_group(ref: Reference, query: ast.Query, found: list[Found]) -> list[Found]:
+    """HAVING, then SELECT, then the keys of ORDER BY, for one group after the other."""
+    rows = []
+    for group in grouped(found):
+        frame = group_frame(ref, query, group, True)
+        if query.having is None or ref.evaluate(query.having, frame):
+            row = select(ref, query, frame)
+            order = [Key(ref.alone(key.expr, frame), key) for key in query.order]
+            rows.append(Found([row], frame, [], [], order))
+    return rows
+
+
+def shown_key(keys: list[Any]) -> Any:
+    """The key of a partition: the value itself, of several keys a tuple; a list becomes a tuple."""
+    return hashable(keys[0]) if len(keys) == 1 else hashable(keys)
+
+
+# Order and limits
+
+
+@dataclass(frozen=True)
+class Key:
+    """A value of ORDER BY with its direction."""
+
+    value: Any
+    key: ast.OrderKey
+
+
+def in_order(found: list[Found]) -> list[Found]:
+    """ORDER BY: by the first key, among equals by the next one; equal results keep their order."""
+
+    def compared(left: Found, right: Found) -> int:
+        for a, b in zip(left.order, right.order, strict=True):
+            sign = compare_keys(a.value, b.value)
+            if sign:
+                return -sign if a.key.descending else sign
+        return 0
+
+    return sorted(found, key=functools.cmp_to_key(compared))
+
+
+def at_least(least: int, value: Any) -> int:
+    """The value of LIMIT, MAXIMUM or MEMORIZE."""
+    if isinstance(value, bool) or not isinstance(value, int) or value < least:
+        raise Failure("X006", repr(value))
+    return value
+
+
+def no_repeats(names: list[str]) -> None:
+    if len(set(names)) < len(names):
+        raise Failure("R013", ", ".join(names))

@@ -1,0 +1,194 @@
+"""What an expression sees: the queries around it, each with its elements and its START WITH variables."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, fields, is_dataclass
+from typing import Any
+
+from ss2sql.frontend import ast
+
+from .values import Failure, fresh
+
+
+@dataclass(frozen=True)
+class LateList:
+    """A variable's list literal that mentions `a.this`: it is read again wherever it is used."""
+
+    literal: ast.ListLiteral
+
+
+@dataclass(frozen=True)
+class Bound:
+    """A source of a query with its current element. Without columns, `columns` is empty."""
+
+    name: str | None
+    columns: tuple[str, ...]
+    element: Any
+
+    def column(self, name: str) -> Any:
+        return self.element.get(name)  # a key that this row lacks reads as None
+
+
+@dataclass(frozen=True)
+class Group:
+    """A group of GROUP BY while its row is made: the values of its keys and what its aggregates collected."""
+
+    keys: tuple[tuple[ast.Expr, Any], ...]
+    aggregates: tuple[tuple[ast.Call, tuple[Any, ...]], ...]
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One query in the middle of its work: its START WITH variables and the elements that are bound so far."""
+
+    outer: Frame | None
+    state: dict[str, Any] = field(default_factory=dict)
+    bound: tuple[Bound, ...] = ()
+    group: Group | None = None
+
+    def outwards(self) -> Iterator[Frame]:
+        frame: Frame | None = self
+        while frame is not None:
+            yield frame
+            frame = frame.outer
+
+
+def frames(frame: Frame | None) -> Iterator[Frame]:
+    """The queries around an expression, innermost first."""
+    return iter(()) if frame is None else frame.outwards()
+
+
+def is_state(frame: Frame | None, name: str) -> bool:
+    return any(name in level.state for level in frames(frame))
+
+
+def in_queries(frame: Frame | None, name: str) -> tuple[Any, ...]:
+    """What a bare name means in the queries around it: a tuple of its value, or of nothing."""
+    for level in frames(frame):
+        if name in level.state:
+            return (level.state[name],)
+        owners = [bound for bound in level.bound if name in bound.columns]
+        if len(owners) > 1:
+            raise Failure("R004", name)
+        if owners:
+            return (owners[0].column(name),)
+    return ()
+
+
+def source_named(frame: Frame | None, name: str) -> Bound | None:
+    for level in frames(frame):
+        for bound in level.bound:
+            if bound.name == name:
+                return bound
+    return None
+
+
+def this(frame: Frame | None) -> Any:
+    """The current element of the first source of the innermost query that has one."""
+    for level in frames(frame):
+        if level.bound:
+            return level.bound[0].element
+    raise Failure("R014", "this outside of a query")
+
+
+def columns_of(elements: list[Any]) -> tuple[str, ...]:
+    """The columns of a list of dicts: all keys in the order of first appearance. Other lists have none."""
+    if not elements or not all(isinstance(element, dict) for element in elements):
+        return ()
+    return tuple(dict.fromkeys(key for element in elements for key in element if isinstance(key, str)))
+
+
+def elements_of(value: Any) -> list[Any]:
+    """The elements of a source: a list's own, the rows of a dict of columns, or the single value."""
+    if isinstance(value, list):
+        return fresh(value)  # type: ignore[no-any-return]
+    if isinstance(value, dict) and value and all(isinstance(column, list) for column in value.values()):
+        lengths = {len(column) for column in value.values()}
+        if len(lengths) == 1:
+            return [{name: fresh(value[name][i]) for name in value} for i in range(lengths.pop())]
+    return [fresh(value)]
+
+
+# Mentions: whether an expression depends on the elements or START WITH variables of one query.
+
+
+@dataclass(frozen=True)
+class Own:
+    """What belongs to the query: source names, START WITH variables, whether `this` does, and who decides on names."""
+
+    sources: frozenset[str]
+    states: frozenset[str]
+    this: bool
+    elsewhere: Callable[[str], bool]  # whether a bare name means something outside of the query
+    late: Callable[[str], LateList | None]
+    free: Callable[[Any], bool] = lambda node: False  # parts that do not count
+
+
+def mentions(node: Any, own: Own) -> bool:
+    """Whether the node mentions something of its own query; where in doubt, yes.
+
+    A bare name counts unless it is known to mean something elsewhere; `eval` always counts.
+    """
+    if own.free(node):
+        return False
+    match node:
+        case ast.This(source=None):
+            return own.this
+        case ast.This(source=source) | ast.Attribute(source=source):
+            return source in own.sources
+        case ast.Name(name=name):
+            late = None if name in own.states else own.late(name)
+            if late is not None:
+                return mentions(late.literal, own)
+            return name in own.states or not own.elsewhere(name)
+        case ast.Call(function="eval"):
+            return True
+        case ast.Query():
+            return query_mentions(node, own)
+        case tuple():
+            return any(mentions(item, own) for item in node)
+        case _ if is_dataclass(node):
+            return any(mentions(getattr(node, part.name), own) for part in fields(node) if part.compare)
+        case _:
+            return False
+
+
+def query_mentions(query: ast.Query, own: Own) -> bool:
+    """A nested query has a `this` and source names of its own, except in its first source and in START WITH."""
+    hidden = frozenset(name for name in map(source_name, query.sources) if name)
+    inside = Own(own.sources - hidden, own.states, False, own.elsewhere, own.late, own.free)
+    outside = (query.sources[0].expr, query.start, query.limit)
+    rest = (query.sources[1:], query.columns, query.where, query.options, query.connect, query.stop)
+    ending = (query.group, query.having, query.order)
+    return mentions(outside, own) or mentions((*rest, *ending), inside)
+
+
+def late_literal(expr: ast.Expr, frame: Frame | None) -> bool:
+    """Whether an assigned expression is a list literal that mentions `a.this` of a source that is not in sight."""
+    return isinstance(expr, ast.ListLiteral) and any(_unseen(item, frame) for item in expr.items)
+
+
+def _unseen(node: Any, frame: Frame | None) -> bool:
+    match node:
+        case ast.This(source=str() as name):
+            return source_named(frame, name) is None
+        case ast.Query():
+            return False  # its own sources are in its own sight
+        case tuple():
+            return any(_unseen(item, frame) for item in node)
+        case _ if is_dataclass(node):
+            return any(_unseen(getattr(node, part.name), frame) for part in fields(node) if part.compare)
+        case _:
+            return False
+
+
+def source_name(source: ast.From) -> str | None:
+    """The name of a source: the written one, else that of the name or function that it reads; else none."""
+    if source.name is not None:
+        return source.name
+    match source.expr:
+        case ast.Name(name=name) | ast.Attribute(name=name) | ast.Call(function=name):
+            return name
+        case _:
+            return None
