@@ -104,14 +104,18 @@ def _children(rule: Rule, symbols: list[Any]) -> list[Any]:
 def _resume(trouble: Trouble) -> int:
     """The index of the token at which parsing goes on after an error: behind the next `;` outside brackets.
 
-    Where a bracket is never closed, that is behind the next `;` of all.
+    Where a bracket is never closed, that is behind the next `;` outside the brackets that follow the error.
     """
     tokens = trouble.tokens
-    depth = sum(value.kind in text.OPENING for value in trouble.values if isinstance(value, Token))
-    ends = [index for index in range(trouble.index, len(tokens)) if tokens[index].kind == ";"]
+    outside = len(trouble.brackets)
+    depth, fallback = 0, len(tokens)
     for index in range(trouble.index, len(tokens)):
         kind = tokens[index].kind
-        depth += (kind in text.OPENING) - (kind in text.CLOSING)
-        if kind == ";" and depth <= 0:
+        if kind == ";" and outside <= 0:
             return index + 1
-    return ends[0] + 1 if ends and depth > 0 else len(tokens)
+        if kind == ";" and depth == 0:
+            fallback = min(fallback, index + 1)
+        step = (kind in text.OPENING) - (kind in text.CLOSING)
+        outside += step
+        depth = max(0, depth + step)
+    return fallback if outside > 0 else len(tokens)

@@ -8,7 +8,7 @@ expression that fails is replaced by a placeholder and the search for further er
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import assert_never
+from typing import Any, assert_never
 
 from ss2sql import plan
 from ss2sql.errors import ResolveError, Span, did_you_mean, several
@@ -125,7 +125,8 @@ class Resolver:
             case ast.Or(parts=parts):
                 return plan.Or(self.all(parts, scope), span=span)
             case ast.Xor(left=left, right=right):
-                return plan.Xor(*self.all((left, right), scope), span=span)
+                one, other = self.all((left, right), scope)
+                return plan.Xor(one, other, span=span)
             case ast.Not(operand=operand):
                 return plan.Not(self.guarded(self.expression, operand, scope), span=span)
             case ast.If():
@@ -295,10 +296,10 @@ def is_aggregate(function: plan.Function) -> bool:
     return function.builtin and function.name in AGGREGATES
 
 
-def _assignments(tree: object) -> list[ast.Assign]:
+def _assignments(tree: Any) -> list[ast.Assign]:
     """Every assignment to a script variable inside a syntax tree; those of a query's search are not."""
     found: list[ast.Assign] = []
-    stack: list[object] = [tree]
+    stack: list[Any] = [tree]
     while stack:
         node = stack.pop()
         if isinstance(node, tuple):

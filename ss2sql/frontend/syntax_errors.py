@@ -28,8 +28,8 @@ _WANTED = {
 
 def explain(t: Trouble) -> ParseError:
     """The error for a token that does not fit."""
-    if t.found.error is not None:
-        return t.found.error
+    if error := text.unreadable(t.source, t.found):
+        return error
     checks: tuple[Callable[[Trouble], ParseError | None], ...] = (
         _pair, _keyword_as_name, _reserved, sql_spellings.explain, _misspelt, _closing, _search, _missing, _chain,
         _no_from, _not_closed, _clause,
@@ -131,7 +131,7 @@ def _missing(t: Trouble) -> ParseError | None:
     elif before.kind == ".":
         what = "this or a column"
     elif "NAME" in t.expected or before.kind == "MAXIMUM":
-        what = _WANTED["CONNECT BY" if t.clause in OPTIONS and t.clause != "MAXIMUM" else t.clause]
+        what = _WANTED["CONNECT BY" if t.clause in OPTIONS and before.kind != "MAXIMUM" else t.clause]
     else:
         return None
     ahead = f"{t.before(2).kind} {before.kind}" if before.kind in ("WITH", "BY", "FIRST") else named(before)
@@ -196,6 +196,9 @@ def _clause(t: Trouble) -> ParseError | None:
     if word == "HAVING":
         return t.error("P001", "HAVING stands right behind GROUP BY",
                        "write GROUP BY key HAVING condition, or use WHERE")  # fmt: skip
+    if word in ("WITH", "BY"):
+        firsts = [f"{first} {word}" for first in CLAUSES if PAIRS.get(first) == word]
+        return t.error("P001", f"{word} does not fit here", f"the keywords are {either(firsts)}")
     if word in CLAUSES and word != "SELECT":
         return t.error("P001", f"{word} does not fit here", f"the order of a query is {ORDER}")
     return None

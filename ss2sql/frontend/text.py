@@ -1,8 +1,8 @@
 """From text to tokens: size and nesting limits, names, numbers, strings, comments.
 
 All of this happens before the parser sees the script and without recursion, so that no text, however large or
-odd, reaches it unprepared. What cannot be read becomes a token of kind ERROR that carries its error; the parser
-reports it when it gets there.
+odd, reaches it unprepared. What cannot be read becomes a token of a kind that the grammar does not have; the parser
+stops there, and `unreadable` says what is wrong.
 """
 
 from __future__ import annotations
@@ -23,7 +23,6 @@ CONTEXTUAL = frozenset((
 ))  # fmt: skip
 OPENING = {"(": ")", "[": "]", "{": "}"}
 CLOSING = {")": "(", "]": "[", "}": "{"}
-ERROR = "ERROR"
 
 
 @dataclass(slots=True)
@@ -39,7 +38,6 @@ class Token:
     start: int
     end: int
     keyword: str | None = None
-    error: ParseError | None = None
 
 
 _TOKEN = re.compile(
@@ -48,9 +46,9 @@ _TOKEN = re.compile(
     |(?P<FLOAT>(?:[0-9]+\.[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|[0-9]+[eE][+-]?[0-9]+)
     |(?P<INTEGER>[0-9]+)
     |(?P<STRING>"(?:[^"\\\r\n]|\\(?:\r\n|[\s\S]))*"|'(?:[^'\\\r\n]|\\(?:\r\n|[\s\S]))*')
-    |(?P<COMMENT>/\*[\s\S]*)
+    |(?P<OPEN_COMMENT>/\*[\s\S]*)
     |(?P<SIGN>==|!=|<>|<=|>=|[-+*/%^()\[\]{},;:.=<>])
-    |(?P<QUOTE>["'][^\r\n]*)
+    |(?P<OPEN_STRING>["'][^\r\n]*)
     |(?P<OTHER>\|\||&&|[\s\S])""",
     re.VERBOSE,
 )
@@ -91,11 +89,11 @@ def tokens(source: Source) -> list[Token]:
                 found[-1].keyword = None  # a keyword before a single = is a name
             found.append(Token(text, text, start, end))
         elif kind == "WORD":
-            _add_word(source, found, text, start)
-        elif kind == "STRING" or (kind in ("FLOAT", "INTEGER") and not _WORD_PART.match(source.text, end)):
-            found.append(Token(kind, text, start, end))
+            _add_word(found, text, start)
+        elif kind in ("FLOAT", "INTEGER") and (tail := _WORD_PART.match(source.text, end)):
+            found.append(Token("BAD_NUMBER", text + tail[0], start, tail.end()))
         else:
-            found.append(_unreadable(source, kind, text, start))
+            found.append(Token(kind, text, start, end))
     end = found[-1].end if found else 0
     found.append(Token(END, "", end, end))
     _check_nesting(source, found)
@@ -117,7 +115,7 @@ def _check_text(source: Source) -> None:
         )  # fmt: skip
 
 
-def _add_word(source: Source, found: list[Token], text: str, start: int) -> None:
+def _add_word(found: list[Token], text: str, start: int) -> None:
     if text.isascii():
         upper = text.upper()
         if upper in RESERVED:
@@ -133,32 +131,29 @@ def _add_word(source: Source, found: list[Token], text: str, start: int) -> None
         name = unicodedata.normalize("NFKC", text[:length])
         found.append(Token("NAME", name, start, start + length))
     if length < len(text):
-        found.append(_unreadable(source, "OTHER", text[length], start + length))
+        found.append(Token("OTHER", text[length], start + length, start + length + 1))
 
 
-def _unreadable(source: Source, kind: str, text: str, start: int) -> Token:
-    """A token for something that the language does not have; where reading goes on decides the regex."""
-    span = Span(source, start, start + len(text))
-    if kind == "COMMENT":
-        span = Span(source, start, start + 2)
-        error = ParseError("P003", "this comment is not closed", span, ["close it with */"])
-    elif kind == "QUOTE":
-        hint = f"close it with {text[0]} on the same line, or write \\n for a line break"
-        error = ParseError("P003", "this string is not closed", span, [hint])
-    elif kind == "OTHER":
-        hints = [_INSTEAD[text]] if text in _INSTEAD else []
-        if text in _SQL_SIGNS:
-            error = ParseError("P006", f"'{text}' is not an operator here", span, hints)
-        else:
-            error = ParseError("P003", f"the language has no character {_shown(text)}", span, hints)
-    else:
-        tail = _WORD_PART.match(source.text, span.end)
-        span = Span(source, start, tail.end() if tail else span.end)
-        error = ParseError(
-            "P003", f"'{short(span.text)}' is neither a number nor a name", span,
-            ["a name starts with a letter; numbers are written like 7, 1.5 or 1e3, without units or separators"],
-        )  # fmt: skip
-    return Token(ERROR, text, start, span.end, error=error)
+def unreadable(source: Source, token: Token) -> ParseError | None:
+    """The error (P003, P006) for a token that the language does not have; None for any other."""
+    span = Span(source, token.start, token.end)
+    text = token.text
+    if token.kind == "OPEN_COMMENT":
+        return ParseError(
+            "P003", "this comment is not closed", Span(source, token.start, token.start + 2), ["write */"]
+        )
+    if token.kind == "OPEN_STRING":
+        hint = f"write {text[0]} at its end, on the same line; a line break inside is \\n"
+        return ParseError("P003", "this string is not closed", span, [hint])
+    if token.kind == "BAD_NUMBER":
+        hints = ["a name starts with a letter; numbers are written 7, 1.5 or 1e3, without units or separators"]
+        return ParseError("P003", f"'{short(text)}' is neither a number nor a name", span, hints)
+    if token.kind != "OTHER":
+        return None
+    hints = [_INSTEAD[text]] if text in _INSTEAD else []
+    if text in _SQL_SIGNS:
+        return ParseError("P006", f"there is no operator {text}", span, hints)
+    return ParseError("P003", f"the language has no character {_shown(text)}", span, hints)
 
 
 def _shown(char: str) -> str:

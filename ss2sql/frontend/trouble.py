@@ -91,9 +91,14 @@ class Trouble:
         return found
 
     @property
+    def brackets(self) -> list[Token]:
+        """The open brackets, the innermost one first."""
+        return [self.values[position] for position in self._open if self._kind(position) in OPENING]
+
+    @property
     def bracket(self) -> Token | None:
         """The innermost open bracket."""
-        return next((self.values[position] for position in self._open if self._kind(position) in OPENING), None)
+        return self.brackets[0] if self.brackets else None
 
     @cached_property
     def clause(self) -> str:
@@ -104,7 +109,7 @@ class Trouble:
         for position in self._open:
             kind = self._kind(position)
             if kind in CLAUSES or kind in OPTIONS:
-                return f"{kind} {PAIRS[kind]}" if kind in PAIRS else kind
+                return f"{kind} {PAIRS[kind]}" if kind in PAIRS and kind in CLAUSES else kind
             if kind in OPENING:
                 owner = self._kind(position - 1)
                 if kind == "[":

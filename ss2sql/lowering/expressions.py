@@ -11,21 +11,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, TypeAlias, assert_never
+from typing import TypeAlias, assert_never
 
 from sqlglot import exp
 
 from ss2sql import plan
-from ss2sql.errors import UnsupportedError
+from ss2sql.errors import Source, Span
 from ss2sql.kinds import BOOL, Kind, Type
 from ss2sql.lowering import sql
 from ss2sql.lowering.operators import NATIVE
 from ss2sql.lowering.parameters import Needs
 from ss2sql.lowering.sql import Node
 from ss2sql.walk import is_volatile, walk
-
-if TYPE_CHECKING:
-    from ss2sql.errors import Span
 
 Reader: TypeAlias = Callable[[plan.Element | plan.Column], Node]
 
@@ -204,9 +201,7 @@ def _is_short(value: float) -> bool:
     return len(digits.replace(".", "").strip("0")) <= 15 and (not power or abs(int(power)) <= 20)
 
 
-TRUE = plan.Constant(True, BOOL, span=None)
-FALSE = plan.Constant(False, BOOL, span=None)
+_NOWHERE = Span(Source(""), 0, 0)
+TRUE = plan.Constant(True, BOOL, span=_NOWHERE)
+FALSE = plan.Constant(False, BOOL, span=_NOWHERE)
 
-
-def refuse(reason: str, expr: plan.Expr, cure: str) -> UnsupportedError:
-    return UnsupportedError("U001", reason, expr.span, (cure,))

@@ -61,7 +61,7 @@ class Needs:
     def _placeholder(self, bound: Parameter) -> Node:
         node = sql.parameter(bound.name)
         if isinstance(bound.expr, plan.Constant):
-            text = bound.expr.span.text if bound.expr.span else repr(bound.expr.value)
+            text = bound.expr.span.text or repr(bound.expr.value)
             # The text of the literal is shown beside it; anything that could end the comment is left out.
             shown = " ".join(text.split())
             if "*/" not in shown and "/*" not in shown:

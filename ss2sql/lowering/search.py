@@ -211,7 +211,7 @@ class _Search:
         """Whether the step is a goal; STOP WITH is asked before it where its failing would matter."""
         stop = None if self.search.stop is None else self.expressions.condition(self.search.stop, env)
         if self.query.where is None:
-            goal = None if stop is None else exp.Not(this=sql.operand(stop))
+            goal: Node | None = None if stop is None else exp.Not(this=sql.operand(stop))
         else:
             goal = self.expressions.condition(self.query.where, env)
             if stop is not None and self.search.stop is not None and can_fail(self.search.stop) and self.cut():

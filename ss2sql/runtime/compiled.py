@@ -14,7 +14,7 @@ from ss2sql.kinds import ANY, covers, type_of
 from ss2sql.lowering.lower import lower
 from ss2sql.lowering.parameters import Parameter, SqlQuery
 from ss2sql.runtime.native import NativeQuery, compile_statement
-from ss2sql.runtime.result import Answer, Sql
+from ss2sql.runtime.result import Answer, Sql, Status
 from ss2sql.runtime.rows import Rows
 from ss2sql.runtime.run import Run
 from ss2sql.runtime.values import freeze, sort_rows
@@ -71,8 +71,8 @@ class CompiledQuery:
         arguments = tuple(argument(run) for argument in self.arguments)
         named = {name: argument(run) for name, argument in self.named.items()}
         raw = self.session.represent(self.query.representation, rows, arguments, named)
-        status = "maximum" if self._ended_by_maximum(run, rows) else "complete"
-        run.answer = Answer(rows, raw, self.engine, status)  # type: ignore[arg-type]
+        status: Status = "maximum" if self._ended_by_maximum(run, rows) else "complete"
+        run.answer = Answer(rows, raw, self.engine, status)
         return self.session.language_value(self.query.representation.name, raw)
 
     def _native_rows(self, run: Run, sink: Rows) -> Rows:
@@ -129,8 +129,10 @@ class CompiledQuery:
             return Sql(f"-- no SQL: {self.reason}")
         values = {}
         for parameter in self.lowered.parameters:
-            if isinstance(parameter.expr, plan.Constant) or run is not None:
-                values[parameter.name] = self.parameters[parameter.name](run)  # type: ignore[arg-type]
+            if run is not None:
+                values[parameter.name] = self.parameters[parameter.name](run)
+            elif isinstance(parameter.expr, plan.Constant):
+                values[parameter.name] = parameter.expr.value
         return Sql(self.lowered.text, values, modules=self.lowered.modules)
 
 
@@ -244,8 +246,8 @@ class Query:
 
     def statements(self, engine: Engine | None = None) -> list[CompiledStatement]:
         """The compiled statements for an engine; those of the query's own engine are kept."""
-        if engine not in (None, self._engine):
-            return self._compiled(engine)  # type: ignore[arg-type]
+        if engine is not None and engine != self._engine:
+            return self._compiled(engine)
         if self._statements is None:
             self._statements = self._compiled(self._engine)
         return self._statements

@@ -8,7 +8,7 @@ query stacks a new one on top.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from typing import Any, cast
 
 import apsw
 
@@ -153,7 +153,7 @@ class Database:
             return
         module = Elements(self._walk, columns, tuple(sql_names(columns).values()))
         self.connection.create_module(
-            name, module, use_bestindex_object=True, eponymous=True, eponymous_only=True, read_only=True
+            name, cast(Any, module), use_bestindex_object=True, eponymous=True, eponymous_only=True, read_only=True
         )
         self.modules.add(name)
 

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from fractions import Fraction
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors import ExecutionError
 from ss2sql.runtime.messages import check, float_overflow, show
 from ss2sql.runtime.ordering import NUMBERS, compare, sorted_values
-from ss2sql.runtime.values import freeze
+from ss2sql.runtime.values import freeze, truth
+
+if TYPE_CHECKING:
+    from fractions import Fraction
 
 RANGE_LIMIT = 10_000_000
 
@@ -89,6 +91,8 @@ def average(values: Any) -> float:
 
 
 def _exact_sum(values: Iterable[float]) -> Fraction:
+    from fractions import Fraction  # rarely needed, and slow to import
+
     return sum(map(Fraction, values), Fraction())
 
 
@@ -137,7 +141,7 @@ def unique(values: Any) -> list[Any]:
 
 def in_order(values: Any, descending: Any = False) -> list[Any]:
     """The elements of a list in their order, equal ones as they came."""
-    return sorted_values(_list("sorted", values), bool(descending))
+    return sorted_values(_list("sorted", values), truth(descending))
 
 
 def zipped(*lists: Any) -> list[list[Any]]:
@@ -145,16 +149,14 @@ def zipped(*lists: Any) -> list[list[Any]]:
     return list(map(list, zip(*(_list("zip", values) for values in lists), strict=False)))
 
 
-def numbers_from(first: Any, stop: Any = None, step: Any = 1) -> list[int]:
-    """The integers from 0 up to, not including, `first`; or from `first` to `stop` in steps."""
-    start = _integer("range", first)
-    start, end = (0, start) if stop is None else (start, _integer("range", stop))
-    stride = _integer("range", step)
-    if stride == 0:
+def numbers_from(*bounds: Any) -> list[int]:
+    """The integers from 0 up to, not including, a stop; from a start to a stop; the same in steps."""
+    limits = [_integer("range", bound) for bound in bounds]
+    if len(limits) == 3 and limits[2] == 0:
         raise _wrong("the step of range is 0", "give a positive or a negative step")
-    numbers = range(start, end, stride)
-    if (end - start) // stride > RANGE_LIMIT:
-        message = f"range would have {(end - start) // stride} elements"
+    numbers = range(*limits)
+    if numbers[RANGE_LIMIT:]:
+        message = f"range({', '.join(map(str, limits))}) has too many elements"
         raise _wrong(message, f"a list made by range has at most {RANGE_LIMIT} elements")
     return list(numbers)
 

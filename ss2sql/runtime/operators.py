@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 from ss2sql.errors import ExecutionError, did_you_mean
@@ -106,7 +105,7 @@ def eq(left: Any, right: Any) -> bool:
 
 def ne(left: Any, right: Any) -> bool:
     """`left != right`, of any two values."""
-    return not left == right  # noqa: SIM202 - the language's != is the negation of its ==
+    return not eq(left, right)
 
 
 def contains(item: Any, container: Any) -> bool:

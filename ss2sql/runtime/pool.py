@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Hashable
 from itertools import chain
 from marshal import dumps, loads
-from secrets import token_bytes
+from os import urandom
 from typing import Any
 
 from ss2sql.kinds import INT_MAX, INT_MIN
@@ -36,7 +36,7 @@ class Pool:
     __slots__ = ("_classes", "_handles", "_keys", "_made", "_marshalled", "_tag", "_values")
 
     def __init__(self) -> None:
-        self._tag = token_bytes(6)
+        self._tag = urandom(6)
         self._made = 0
         # What tells values apart -> handle: marshal bytes; of objects, which have none, see _exact.
         self._handles: dict[Hashable, bytes] = {}

@@ -40,7 +40,7 @@ class Tables:
 
     def find(self, schema: str | None, name: str) -> plan.TableSource | None:
         """The table or view with this name, exactly as it is written there; None if there is none."""
-        rows = list(
+        rows: list[tuple[Any, ...]] = list(
             self.connection.execute(
                 "SELECT schema, name, type, wr FROM pragma_table_list"
                 " WHERE name = ? AND (? IS NULL OR schema = ?) AND type IN ('table', 'view')"
@@ -66,7 +66,7 @@ class Tables:
         return (versions, cookies, self.connection.total_changes())
 
     def _read(self, schema: str, name: str, kind: str, without_rowid: bool) -> plan.TableSource:
-        rows = self.connection.execute(
+        rows: list[tuple[Any, ...]] = self.connection.execute(
             "SELECT name, pk, hidden FROM pragma_table_xinfo(?, ?) ORDER BY cid", (name, schema)
         ).fetchall()
         columns = [column for column, _, hidden in rows if hidden != 1]
@@ -86,7 +86,7 @@ class Tables:
 
     def _types(self, schema: str, name: str, columns: list[str]) -> list[Type]:
         tests = ", ".join(f"typeof({_quoted(column)})" for column in columns)
-        found = self.connection.execute(f"SELECT DISTINCT {tests} FROM {_quoted(schema)}.{_quoted(name)}").fetchall()
+        found: list[tuple[Any, ...]] = self.connection.execute(f"SELECT DISTINCT {tests} FROM {_quoted(schema)}.{_quoted(name)}").fetchall()
         types = []
         for index in range(len(columns)):
             kinds = Kind(0)

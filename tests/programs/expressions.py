@@ -50,8 +50,6 @@ TEMPLATES = {
         (2, "(2 ^ ({int} % 5))"),
         (2, "{list}[{int}]"),
         (2, "int({num})"),
-        (2, "tick()"),
-        (1, "blink({int})"),
         (1, "picky({int})"),
         (1, "(9223372036854775807 + {int})"),
         (1, "add({int}, {int})"),
@@ -138,9 +136,9 @@ AGGREGATING = {
     "maybe": ((2, "max({list})"), (2, "min({list})"), (1, "average({list})")),
 }
 
-# Texts that are read when they run.
+# Texts that are read when they run, and volatile functions: not with GROUP BY, where an equal text is the same key.
 READ_LATE = {
-    "int": ((1, 'eval("{int}")'), (1, 'eval("{int} + 1")')),
+    "int": ((1, 'eval("{int}")'), (1, 'eval("{int} + 1")'), (2, "tick()"), (1, "blink({int})")),
     "any": ((1, 'eval("{any}")'),),
     "bool": ((1, 'eval("{int} < {int}")'),),
 }
@@ -154,7 +152,7 @@ def split(templates: Iterable[tuple[int, str]]) -> tuple[tuple[int, Parts], ...]
 
 PLAIN = {kind: split(templates) for kind, templates in TEMPLATES.items()}
 WITH_LISTS = {kind: PLAIN[kind] + split(AGGREGATING.get(kind, ())) for kind in PLAIN}
-WITH_EVAL = {kind: WITH_LISTS[kind] + split(READ_LATE.get(kind, ())) for kind in PLAIN}
+EVERYTHING = {kind: WITH_LISTS[kind] + split(READ_LATE.get(kind, ())) for kind in PLAIN}
 CALLED = re.compile(r"([a-z]+)\(")
 
 
@@ -186,7 +184,7 @@ class Expressions:
     def __init__(self, choices: Choices) -> None:
         self.choices = choices
         self.uses: dict[str, None] = {}
-        self.templates = WITH_EVAL
+        self.templates = EVERYTHING
 
     def call(self, text: str) -> str:
         """The text, after noting its functions."""

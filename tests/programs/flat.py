@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from .choices import Choices
-from .expressions import PLAIN, WITH_EVAL, Expressions, Sight
+from .expressions import EVERYTHING, PLAIN, Expressions, Sight
 
 INTS = (1, 2, 3, 0, -1, 4, 2)
 NUMS = (1, 0.5, 1.0, 2, 2.5, True, 0)
-MIXED = (None, 1, 1.0, True, "a", [1], [1.0], 0, "", [], [[]], 2.5)
+MIXED: tuple[Any, ...] = (None, 1, 1.0, True, "a", [1], [1.0], 0, "", [], [[]], 2.5)
 
 # Variables: the kind of their elements, and how their values are made.
 VARIABLES: dict[str, tuple[str, Callable[[Choices], Any]]] = {
@@ -66,6 +66,7 @@ class Origin:
     name: str | None
     kind: str
     columns: dict[str, str] = field(default_factory=dict)
+    known: bool = True  # whether its columns are known before the run
 
 
 class Flat(Expressions):
@@ -75,6 +76,7 @@ class Flat(Expressions):
         super().__init__(choices)
         self.variables: dict[str, Any] = {}
         self.tables: dict[str, list[dict[str, Any]]] = {}
+        self.statements: list[str] = []  # what stands before the last statement
         self.nesting = 0
 
     def variable(self, name: str) -> str:
@@ -84,13 +86,22 @@ class Flat(Expressions):
 
     # Sources
 
-    def origin(self, alias: str | None, sight: Sight, lateral: bool) -> Origin:
-        """One source. A lateral one may mention what is in sight of the same query."""
+    def origin(self, alias: str | None, sight: Sight) -> Origin:
+        """One source. It may mention what is in sight: earlier sources of the same query, or rows around it."""
         choices = self.choices
         ints = [text for text in sight.texts["int"] if "(" not in text]
-        if lateral and ints and choices.chance(40):
+        if ints and choices.chance(40):
             return self.lateral(alias, choices.pick(ints))
-        form = choices.weighted((40, "variable"), (8, "literal"), (9, "rows"), (6, "columns"), (8, "table"), (7, "query"), (4, "call"), (3, "single"))
+        form = choices.weighted(
+            (40, "variable"),
+            (8, "literal"),
+            (9, "rows"),
+            (6, "columns"),
+            (8, "table"),
+            (7, "query"),
+            (4, "call"),
+            (3, "single"),
+        )
         prefix = f"{alias} = " if alias else ""
         match form:
             case "variable":
@@ -113,7 +124,11 @@ class Flat(Expressions):
                 name = choices.pick(("n", "word"))
                 return Origin(prefix + self.variable(name), alias or name, VARIABLES[name][0])
             case _:
-                texts = {"int": ("[1, 2, 3]", "[2]", "[3, 1, 2, 1]"), "num": ("[1, 1.0, 0.5]",), "list": ("[[1], [2, 3]]",)}
+                texts = {
+                    "int": ("[1, 2, 3]", "[2]", "[3, 1, 2, 1]"),
+                    "num": ("[1, 1.0, 0.5]",),
+                    "list": ("[[1], [2, 3]]",),
+                }
                 kind = choices.pick(("int", "num", "list"))
                 return Origin(prefix + choices.pick(texts[kind]), alias, kind)
 
@@ -121,7 +136,9 @@ class Flat(Expressions):
         prefix = f"{alias} = " if alias else ""
         form = self.choices.pick(("near", "range", "list", "query", "links"))
         if form == "links":
-            return Origin(self.call(f"{prefix}links({value})"), alias or "links", "row", {"toll": "int", "to_node": "int"})
+            return Origin(
+                self.call(f"{prefix}links({value})"), alias or "links", "row", {"toll": "int", "to_node": "int"}, False
+            )
         if form == "query":
             self.variable("xs")
             comparison = self.choices.pick(("this > ", "this == ", "this + 1 != "))
@@ -135,21 +152,27 @@ class Flat(Expressions):
         if self.choices.chance(40):
             self.variables.setdefault("rs", rows(self.choices))
             where = self.choices.pick(("", " WHERE v", " WHERE k != 'a'", " ORDER BY v DESC LIMIT 2"))
-            shown = self.choices.pick(("(SELECT k, v FROM rs{})", "(SELECT * FROM rs{})", "(SELECT to(v, v), k FROM rs{} AS dict)"))
+            shown = self.choices.pick(
+                ("(SELECT k, v FROM rs{})", "(SELECT * FROM rs{})", "(SELECT to(v, v), k FROM rs{} AS dict)")
+            )
             return Origin(prefix + shown.format(where), alias, "row", {"k": "str", "v": "maybe"})
         self.variable("xs")
         where = self.choices.pick(("", " WHERE this > 1", " ORDER BY this DESC", " LIMIT 2"))
-        return Origin(f"{prefix}(SELECT {self.choices.pick(('this', 'this * 2', 'this % 2'))} FROM xs{where} AS list)", alias, "int")
+        return Origin(
+            f"{prefix}(SELECT {self.choices.pick(('this', 'this * 2', 'this % 2'))} FROM xs{where} AS list)",
+            alias,
+            "int",
+        )
 
     def sources(self, sight: Sight, most: int) -> tuple[str, Sight, list[Origin]]:
         """FROM with one to `most` sources, and what its query sees."""
         number = 1 + self.choices.below(most)
         aliases = "abc" if self.nesting == 0 else ("de" if self.nesting == 1 else "fg")
         origins: list[Origin] = []
-        own = Sight()
+        own = Sight({kind: [text for text in texts if "." in text] for kind, texts in sight.texts.items()})
         for i in range(number):
             named = number > 1 or self.choices.chance(40)
-            origin = self.origin(aliases[i] if named else None, own if origins else Sight(), bool(origins))
+            origin = self.origin(aliases[i] if named else None, own)
             origins.append(origin)
             own = self.see(origins)
         outer = sight.inner([o.name for o in origins if o.name], [name for o in origins for name in o.columns])
@@ -168,9 +191,10 @@ class Flat(Expressions):
                 sight.add(f"{origin.name}.this", origin.kind)
             for column, kind in origin.columns.items():
                 owners = sum(column in other.columns for other in origins)
-                known = not origin.text.endswith(")")  # the columns of calls are known when they run
-                if owners == 1 and known:
+                if owners == 1 and origin.known:
                     sight.add(column, kind)
+                if number == 0:
+                    sight.add(f"this['{column}']", kind)
                 if origin.name is not None:
                     sight.add(f"{origin.name}.{column}", kind)
         return sight
@@ -207,7 +231,7 @@ class Flat(Expressions):
         if form == "value" and self.nesting < 2:
             return self.nested(sight, "int", choices.pick(("value", "val")))
         if form == "to":
-            name = choices.pick(("total", "'x' + 'y'", "k", "\"label\""))
+            name = choices.pick(("total", "'x' + 'y'", "k", '"label"'))
             return f"to({self.expr('any', sight, 1)}, {name})"
         if form == "row" and sight.texts["row"]:
             return choices.pick(sight.texts["row"])
@@ -220,13 +244,13 @@ class Flat(Expressions):
         choices = self.choices
         grouped = choices.chance(25)
         text, own, origins = self.sources(sight or Sight(), choices.weighted((60, 1), (30, 2), (10, 3)))
-        self.templates = PLAIN if grouped else WITH_EVAL
+        self.templates = PLAIN if grouped else EVERYTHING
         where = f" WHERE {self.condition(own)}" if choices.chance(60) else ""
         if grouped:
             shown, rest = self.grouping(own)
         else:
             shown, rest = self.select_list(own, origins), [self.order(own), self.limit()]
-        self.templates = WITH_EVAL
+        self.templates = EVERYTHING
         ending = "".join(f" {clause}" for clause in choices.shuffled([clause for clause in rest if clause]))
         return f"SELECT {shown} FROM {text}{where}{ending}{self.representation(own)}"
 
@@ -235,7 +259,9 @@ class Flat(Expressions):
         if choices.chance(10):
             return "*"
         if choices.chance(5) and origins[0].kind == "int":
-            return ", ".join(self.call(f"{name}(").rstrip("(") for name in choices.some(("half", "even", "near"), 1, 2))
+            names = choices.some(("half", "even", "near"), 1, 2)
+            self.uses.update(dict.fromkeys(names))
+            return ", ".join(names)  # functions of `this`
         return ", ".join(self.column(sight) for _ in range(1 + choices.below(3)))
 
     def order(self, sight: Sight) -> str:
@@ -261,21 +287,34 @@ class Flat(Expressions):
         return self.expr(kind, sight, self.choices.below(2))
 
     def aggregate(self, sight: Sight) -> str:
-        form = self.choices.weighted((6, "count(*)"), (6, "sum({int})"), (4, "sum({num})"), (4, "count({maybe})"), (4, "min({int})"),
-                                     (4, "max({maybe})"), (4, "average({num})"), (3, "sum({maybe})"), (2, "max({str})"), (1, "min({any})"))
+        form = self.choices.weighted(
+            (6, "count(*)"),
+            (6, "sum({int})"),
+            (4, "sum({num})"),
+            (4, "count({maybe})"),
+            (4, "min({int})"),
+            (4, "max({maybe})"),
+            (4, "average({num})"),
+            (3, "sum({maybe})"),
+            (2, "max({str})"),
+            (1, "min({any})"),
+        )
         head, _, tail = form.partition("{")
         return head + self.expr(tail.split("}")[0], sight, 1) + ")" if tail else form
 
     def grouping(self, sight: Sight) -> tuple[str, list[str]]:
         """SELECT and the clauses after WHERE of a query with GROUP BY: one row per group, or partitions."""
         choices = self.choices
+        partition = choices.chance(40)
         keys = [self.key(sight) for _ in range(choices.weighted((75, 1), (25, 2)))]
+        if partition:
+            keys = [f"[{key}]" if key.endswith("this") else key for key in keys]
         having = ""
         if choices.chance(35):
             tested = choices.pick((self.aggregate(sight), keys[0], "count(*)"))
             having = f" HAVING {tested} {choices.pick(('>', '==', '<=', '!='))} {choices.pick(('1', '2', '0'))}"
         group = f"GROUP BY {', '.join(keys)}{having}"
-        if choices.chance(40):
+        if partition:
             return self.partition_columns(sight), [group, self.order(sight), self.limit()]
         shown = [choices.pick((keys[0], keys[-1], self.aggregate(sight))) for _ in range(choices.below(2))]
         shown.append(choices.pick((self.aggregate(sight), f"(1 + {self.aggregate(sight)})", f"[{keys[0]}, count(*)]")))
@@ -284,6 +323,6 @@ class Flat(Expressions):
         return ", ".join(choices.shuffled(shown)), [group, order, self.limit()]
 
     def partition_columns(self, sight: Sight) -> str:
-        """Columns of single rows: the first one surely is no key."""
-        surely = self.choices.pick(("[this, 'row']", "[this]"))
+        """Columns of single rows: the first one surely is not made of keys."""
+        surely = self.choices.pick(("this", "[this, 'row']"))
         return ", ".join([surely, *(self.expr("any", sight, 1) for _ in range(self.choices.below(2)))])

@@ -1,0 +1,76 @@
+"""What stands in FROM: the elements of a value, and the columns of an element. Both executors read them here."""
+
+from __future__ import annotations
+
+from dataclasses import fields, is_dataclass
+from functools import lru_cache
+from typing import Any
+
+from ss2sql.errors import ExecutionError, did_you_mean
+from ss2sql.kinds import Opaque
+from ss2sql.runtime.values import normalise, show
+
+_MISSING = object()
+
+
+def elements(value: Any) -> list[Any]:
+    """The elements of a value as a new list, which stays as it is when the value changes.
+
+    A list gives its items, a dict of equally long lists one dict per row, anything else itself.
+
+    Raises:
+        ExecutionError: X005 for a dict of lists that are not equally long.
+    """
+    kind = type(value)
+    if kind is list:
+        return list(value)
+    if kind is dict and value and set(map(type, value.values())) == {list}:
+        return _rows_of_columns(value)
+    return [value]
+
+
+def _rows_of_columns(columns: dict[Any, list[Any]]) -> list[Any]:
+    lengths = {name: len(column) for name, column in columns.items()}
+    if len(set(lengths.values())) > 1:
+        raise ExecutionError(
+            "X005",
+            f"a dict of columns needs lists of equal length, and these have the lengths {show(lengths)}",
+            hints=("fill up the shorter columns with None, or put the dict into a list to make it one element",),
+        )
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+
+
+def column_of(element: Any, name: str, default: Any = _MISSING) -> Any:
+    """The column of an element: the value of a dict's key, or the field of a dataclass object.
+
+    Args:
+        element: the current element of a source.
+        name: the column.
+        default: what stands for a missing column; without it a missing column is an error.
+
+    Raises:
+        ExecutionError: X008 for a missing column, X004 where a field holds what is not a value.
+    """
+    if type(element) is dict:
+        found = element.get(name, default)
+        if found is not _MISSING:
+            return found
+        raise _missing(name, [key for key in element if isinstance(key, str)], "this row")
+    owner = element.object if isinstance(element, Opaque) else element
+    known = _fields(type(owner))
+    if name in known:
+        return normalise(getattr(owner, name), f"the field '{name}'")
+    if default is not _MISSING:
+        return default
+    raise _missing(name, list(known), show(element))
+
+
+@lru_cache(maxsize=256)
+def _fields(kind: type) -> frozenset[str]:
+    """The fields of a dataclass; of every other type none."""
+    return frozenset(field.name for field in fields(kind)) if is_dataclass(kind) else frozenset()
+
+
+def _missing(name: str, known: list[str], owner: str) -> ExecutionError:
+    hints = did_you_mean(name, known) or ("only dicts and dataclass objects have columns; `this` is the element itself",)
+    return ExecutionError("X008", f"{owner} has no column '{name}'", hints=hints)
