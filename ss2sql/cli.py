@@ -130,7 +130,9 @@ def sql(
         for name, value in _values(parameters).items():
             session.set(name, value)
         if stage == "ast":
-            for statement in parse(Source(source.read_text("utf-8") if isinstance(source, Path) else source)).statements:
+            for statement in parse(
+                Source(source.read_text("utf-8") if isinstance(source, Path) else source)
+            ).statements:
                 click.echo(statement)
             return
         query = session.compile(source)

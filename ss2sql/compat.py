@@ -1,11 +1,11 @@
 """The spelling of the paper's program stub, so that it runs with its import line changed.
 
-    import ss2sql.compat as SelectScript
+import ss2sql.compat as SelectScript
 
-    ss = SelectScript.Interpreter()
-    ss.addFunction("move", move)
-    ir = SelectScript.compile(problem)
-    result = ss.eval(ir)
+ss = SelectScript.Interpreter()
+ss.addFunction("move", move)
+ir = SelectScript.compile(problem)
+result = ss.eval(ir)
 """
 
 from __future__ import annotations

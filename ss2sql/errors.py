@@ -205,7 +205,7 @@ class RepresentationError(Error):
     """Rows could not be given the form that AS asks for."""
 
 
-class Stopped(Error):
+class Stopped(Error):  # noqa: N818 - not an error of the script
     """A run ended early; `partial` holds the result so far (a `Result`, or None)."""
 
     partial: Any = None

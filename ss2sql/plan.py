@@ -291,7 +291,7 @@ Source: TypeAlias = TableSource | ValueSource | QuerySource
 
 @dataclass(frozen=True, slots=True)
 class Output:
-    """One column of SELECT. `label`, where the name is computed by `to(expr, expression)`, overrides `name` at run time."""
+    """One column of SELECT. A `label`, the second argument of `to`, gives the name at run time in place of `name`."""
 
     name: str
     expr: Expr

@@ -72,10 +72,9 @@ def _open_sources(resolver: Resolver, tree: ast.Query, scope: Scope) -> None:
                     )
         except ResolveError as error:
             resolver.errors.append(error)
-            source = plan.ValueSource(
-                resolver.number(), part.name or _name_of(part.expr), plan.Constant(None, ANY, span=part.span), ANY, None,
-                span=part.span,
-            )  # fmt: skip
+            nothing = plan.Constant(None, ANY, span=part.span)
+            name = part.name or _name_of(part.expr)
+            source = plan.ValueSource(resolver.number(), name, nothing, ANY, None, span=part.span)
         scope.sources.append(source)
 
 
@@ -190,7 +189,9 @@ def _search(resolver: Resolver, tree: ast.Query, scope: Scope, outer: Scope | No
     _open_sources(resolver, tree, scope)
     connect = tuple((a.name, resolver.guarded(resolver.expression, a.value, scope)) for a in tree.connect)
     stop = _optional(resolver, tree.stop, scope)
-    return search_options(resolver, tree, scope, outer, plan.Search(start, connect, stop, states=tuple(scope.states.items())))
+    return search_options(
+        resolver, tree, scope, outer, plan.Search(start, connect, stop, states=tuple(scope.states.items()))
+    )
 
 
 def _start(resolver: Resolver, tree: ast.Query, scope: Scope) -> tuple[tuple[str, plan.Expr], ...]:

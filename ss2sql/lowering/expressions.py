@@ -24,6 +24,18 @@ from ss2sql.lowering.parameters import Needs
 from ss2sql.lowering.sql import Node
 from ss2sql.walk import is_volatile, walk
 
+# Built-in functions that always give a bool; in SQL they give a flag.
+PREDICATES = frozenset({"eq", "ne", "lt", "le", "gt", "ge", "in", "not_in"})
+
+# SQLite's own aggregates stand under these names, so the functions of lists get others.
+OTHER_NAMES = {"count": "list_count", "min": "list_min", "max": "list_max"}
+
+
+def builtin_name(name: str) -> str:
+    """The name of a built-in function in SQL."""
+    return OTHER_NAMES.get(name, name)
+
+
 Reader: TypeAlias = Callable[[plan.Element | plan.Column], Node]
 
 
@@ -154,7 +166,8 @@ class Expressions:
         if node is not None:
             return node
         arguments = [self.value(argument, env) for argument in expr.arguments]
-        return self.unboxed(sql.call(function.name, *arguments, self.place(expr.place)), expr.type)
+        node = sql.call(builtin_name(function.name), *arguments, self.place(expr.place))
+        return node if function.name in PREDICATES else self.unboxed(node, expr.type)
 
     def place(self, span: Span) -> Node:
         return sql.string(f"{span.line}:{span.column}")
@@ -187,11 +200,17 @@ class Expressions:
             return exp.Count(this=exp.Star())
         kind = expr.argument.type
         argument = self.value(expr.argument, env)
-        plain = kind.only(Kind.INT | Kind.NONE) or kind.only(Kind.STR | Kind.NONE)
-        if expr.function == "count":
-            return exp.Count(this=argument)
-        if expr.function in ("min", "max") and plain:
-            return exp.Min(this=argument) if expr.function == "min" else exp.Max(this=argument)
+        plain = any(kind.only(one | Kind.NONE) for one in (Kind.INT, Kind.FLOAT, Kind.STR))
+        match expr.function:
+            case "count":
+                return exp.Count(this=argument)
+            case "min" if plain:
+                return exp.Min(this=argument)
+            case "max" if plain:
+                return exp.Max(this=argument)
+            case "sum" if kind.only(Kind.INT | Kind.NONE):
+                total = exp.Sum(this=argument)
+                return exp.Coalesce(this=total, expressions=[sql.number(0)]) if kind.may(Kind.NONE) else total
         return sql.call(f"group_{expr.function}", argument, self.place(expr.span))
 
 
@@ -204,4 +223,3 @@ def _is_short(value: float) -> bool:
 _NOWHERE = Span(Source(""), 0, 0)
 TRUE = plan.Constant(True, BOOL, span=_NOWHERE)
 FALSE = plan.Constant(False, BOOL, span=_NOWHERE)
-

@@ -40,7 +40,7 @@ def lower(query: plan.Query, function_names: Mapping[str, str], dialect: Dialect
         outputs += [selects.expressions.lower(key, flat.env) for key in keys]
         outputs += [selects.expressions.lower(key.expr, flat.env) for key in orders]
         is_sorted, is_limited = order is not None, order is not None and query.limit is not None
-        limit = needs.bind(query.limit, "limit") if is_limited and query.limit is not None else None
+        limit = needs.count(query.limit, "limit") if is_limited and query.limit is not None else None
         select = sql.select(outputs, flat.items, sql.conjunction(flat.conditions), order or (), limit)
     return SqlQuery(
         query,

@@ -52,9 +52,9 @@ def _equality(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
     for index, argument in enumerate(call.arguments):
         if isinstance(argument, plan.Constant) and argument.value is None:
             # None equals nothing but None, whatever the other side is.
-            other = lowering.value(call.arguments[1 - index], env)
-            test = exp.Is(this=sql.operand(other), expression=sql.null())
-            return test if equal else exp.Not(this=exp.Paren(this=test))
+            other = sql.operand(lowering.value(call.arguments[1 - index], env))
+            none = sql.null()
+            return exp.Is(this=other, expression=none if equal else exp.Not(this=none))
     if not _same_class(left, right, none=True):
         return None
     a, b = _operands(lowering, call, env)

@@ -58,6 +58,12 @@ class Needs:
         bound = self.parameters[label] = Parameter(label, expr, flag)
         return self._placeholder(bound)
 
+    def count(self, expr: plan.Expr, name: str) -> Node:
+        """A LIMIT: a whole number as it is written, anything else bound."""
+        if isinstance(expr, plan.Constant) and type(expr.value) is int:
+            return sql.number(expr.value)
+        return self.bind(expr, name)
+
     def _placeholder(self, bound: Parameter) -> Node:
         node = sql.parameter(bound.name)
         if isinstance(bound.expr, plan.Constant):

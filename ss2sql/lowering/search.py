@@ -101,7 +101,11 @@ class _Search:
         self.tables: list[exp.CTE] = []
 
     def statement(self) -> exp.Select:
-        union = exp.Union(this=self.first(), expression=self.recursive(), distinct=False)
+        labels = set(self.selects.needs.labels)
+        first = self.first()
+        # The two terms do not see each other, so their sources may have the same names.
+        self.selects.needs.labels = labels
+        union = exp.Union(this=first, expression=self.recursive(), distinct=False)
         assert self.order.queue is not None
         names = self.carried.names
         keys = [
@@ -112,6 +116,8 @@ class _Search:
         columns = [sql.identifier(name) for name in names]
         cte = exp.CTE(this=union, alias=exp.TableAlias(this=sql.identifier(self.table), columns=columns))
         select = self.results()
+        for copied in self.tables:
+            _keep_columns(copied, union)
         select.set("with_", exp.With(expressions=[*self.tables, cte], recursive=True))
         return select
 
@@ -231,7 +237,16 @@ class _Search:
         outputs += [self.expressions.lower(output.expr, env) for output in self.query.columns]
         outputs += [self.expressions.lower(key, env) for key in self.query.group]
         outputs += [self.expressions.lower(key.expr, env) for key in self.query.order]
-        goal = self.goal(env)
-        return sql.select(outputs, [sql.table(self.table, self.table)], goal, limit=sql.parameter("results"))
+        maximum = self.search.maximum
+        limit = None if maximum is None else self.selects.needs.count(maximum, "maximum")
+        return sql.select(outputs, [sql.table(self.table, self.table)], self.goal(env), limit=limit)
 
 
+def _keep_columns(copied: exp.CTE, terms: exp.Expression) -> None:
+    """Leaves only those columns in the copy of a table that the terms of the recursion read."""
+    name = copied.alias_or_name
+    labels = {item.alias_or_name for item in terms.find_all(exp.Table) if item.name == name}
+    read = {column.name for column in terms.find_all(exp.Column) if column.table in labels}
+    select = copied.this
+    kept = [column for column in select.expressions if column.name in read]
+    select.set("expressions", kept or select.expressions[:1])

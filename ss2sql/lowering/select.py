@@ -157,7 +157,7 @@ class Selects:
 
     def rows(self, query: plan.Query, env: Env, names: list[str | None], boxed: bool = False) -> exp.Select:
         """The query's rows, sorted and cut; the caller guarantees that SQL can sort them."""
-        limit = None if query.limit is None else self.needs.bind(query.limit, "limit")
+        limit = None if query.limit is None else self.needs.count(query.limit, "limit")
         if query.aggregated:
             select = self.grouped(query, env, names)
             return sql.sorted_query(select, (), limit)

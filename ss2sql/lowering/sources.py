@@ -181,5 +181,3 @@ def columns_reader(selects: Selects, query: plan.Query, columns: dict[str, Node]
         return record(boxed)
 
     return read
-
-

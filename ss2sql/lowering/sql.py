@@ -129,9 +129,7 @@ def select(
     return sorted_query(query, order, limit)
 
 
-def sorted_query(
-    query: exp.Select, order: Sequence[tuple[Node, bool]], limit: Node | None = None
-) -> exp.Select:
+def sorted_query(query: exp.Select, order: Sequence[tuple[Node, bool]], limit: Node | None = None) -> exp.Select:
     """The query with ORDER BY and LIMIT."""
     if order:
         keys = [exp.Ordered(this=key, desc=descending, nulls_first=not descending) for key, descending in order]

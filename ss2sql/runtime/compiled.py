@@ -114,7 +114,9 @@ class CompiledQuery:
         value = compute(run)
         if isinstance(value, bool) or not isinstance(value, int) or value < least:
             hint = f"write a whole number of at least {least}"
-            raise ExecutionError("X006", f"{word} needs a whole number of at least {least}, not {value!r}", expr.span, (hint,))
+            raise ExecutionError(
+                "X006", f"{word} needs a whole number of at least {least}, not {value!r}", expr.span, (hint,)
+            )
         return value
 
     def _ended_by_maximum(self, run: Run, rows: Rows) -> bool:
@@ -145,7 +147,10 @@ def finished(lowered: SqlQuery, sink: Rows, extras: Sequence[tuple[Any, Any]], l
     order = list(range(len(extras)))
     if lowered.orders:
         descending = tuple(key.descending for key in query.order)
-        order = sort_rows(order, [extras[index][1] for index in order], descending)
+        try:
+            order = sort_rows(order, [extras[index][1] for index in order], descending)
+        except ExecutionError as error:
+            raise error.located(query.order[0].expr.span) from None
     if limit is not None and not lowered.limited:
         order = order[:limit]
     groups = None
@@ -273,5 +278,3 @@ class Query:
             hints = (f"run(..., {', '.join(f'{name}=...' for name in missing)})", *given)
             raise ResolveError("R009", f"the script needs a value for {', '.join(missing)}", hints=hints)
         return self._session.execute(self, engine, timeout, maximum, max_rows, variables)
-
-

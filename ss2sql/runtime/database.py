@@ -8,11 +8,13 @@ query stacks a new one on top.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from itertools import islice
 from typing import Any, cast
 
 import apsw
 
 from ss2sql.errors import Error, ExecutionError, Span, note_place
+from ss2sql.lowering.expressions import PREDICATES, builtin_name
 from ss2sql.lowering.parameters import Parameter, Shown, SqlQuery
 from ss2sql.lowering.sources import sql_names
 from ss2sql.runtime.functions import UserFunction, forgets, takes_memo
@@ -65,6 +67,8 @@ class Database:
         for name in SEARCH_FUNCTIONS:
             connection.create_scalar_function(name, self._search_function(name))
         self.register_builtin("field", column_of)
+        for name, same in (("eq", True), ("ne", False)):
+            connection.create_scalar_function(name, self._equality(same))
         connection.set_progress_handler(self._progress, CHECK_EVERY)
 
     @property
@@ -92,19 +96,29 @@ class Database:
 
         return function
 
+    def _equality(self, same: bool) -> Callable[..., int]:
+        """`eq` and `ne` compare handles where they can, without a look at the values."""
+        stack = self.stack
+
+        def function(left: Any, right: Any, place: str) -> int:
+            return int(stack[-1].pool.equal(left, right) is same)
+
+        return function
+
     def register_builtin(self, name: str, python: Callable[..., Any]) -> None:
         """A built-in function on values of the language; its last SQL argument is the place of the call."""
-        stack = self.stack
+        stack, predicate = self.stack, name in PREDICATES
 
         def function(*arguments: Any) -> Any:
             execution = stack[-1]
             pool = execution.pool
             try:
-                return pool.encode_foreign(python(*map(pool.decode, arguments[:-1])), name)
+                result = python(*map(pool.decode, arguments[:-1]))
+                return int(result) if predicate else pool.encode_foreign(result, name)
             except Error as error:
                 raise error.located(execution.span(arguments[-1])) from None
 
-        self.connection.create_scalar_function(name, function)
+        self.connection.create_scalar_function(builtin_name(name), function)
 
     def register_user(self, function: UserFunction, sql_name: str) -> None:
         """A function of the user: fresh values on each real call, remembered where its volatility allows it."""
@@ -192,11 +206,12 @@ class Database:
         try:
             pool = execution.pool
             values = {parameter.name: _encoded(pool, parameter, evaluate) for parameter in lowered.parameters}
-            if lowered.query.search is not None:
-                values["results"] = -1 if most is None else most
             cursor = self.connection.execute(lowered.text, values)
-            return list(self._results(lowered, execution, cursor, sink))
+            return list(islice(self._results(lowered, execution, cursor, sink), most))
         except apsw.Error as error:
+            if "integer overflow" in str(error):
+                hint = "sum floats instead: sum(float(x))"
+                raise ExecutionError("X004", "a sum does not fit into 64 bits", lowered.query.span, (hint,)) from None
             hints = ("run it with engine='native'",)
             raise ExecutionError("X009", f"SQLite: {error}", lowered.query.span, hints) from error
         finally:
@@ -257,5 +272,3 @@ def _decoder(pool: Pool, shown: Sequence[Shown]) -> Callable[[Sequence[Any]], Ro
         return lambda raw: tuple(map(decode, raw))
     flags = [part.flag for part in shown]
     return lambda raw: tuple(bool(v) if flag else decode(v) for v, flag in zip(raw, flags, strict=True))
-
-

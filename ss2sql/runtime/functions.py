@@ -13,7 +13,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-
 from ss2sql import plan
 from ss2sql.errors import SessionError
 from ss2sql.frontend.purity import arity, infer
@@ -26,9 +25,12 @@ PLAIN = frozenset({type(None), bool, int, float, str, list, dict})
 
 # Names that the SQL made by lowering uses for itself; a user's function of such a name gets another one in SQL.
 RESERVED = frozenset(
-    "collect collect_nothing collect_records collect_rows collect_set count elements field group_average group_count"
-    " group_max group_min group_sum keep last list max min next_step on_path reach reached record row_number search"
-    " truth".split()
+    {
+        *("collect", "collect_nothing", "collect_records", "collect_rows", "collect_set", "record", "list", "field"),
+        *("group_average", "group_count", "group_max", "group_min", "group_sum", "list_count", "list_max", "list_min"),
+        *("next_step", "keep", "on_path", "reach", "reached", "truth", "last", "elements", "search"),
+        *("avg", "coalesce", "count", "max", "min", "row_number", "sum"),  # SQLite's own
+    }
 )
 
 
@@ -48,9 +50,7 @@ class UserFunction:
 
     @property
     def plan(self) -> plan.Function:
-        return plan.Function(
-            self.name, self.minimum, self.maximum, self.volatility, builtin=False, reason=self.reason
-        )
+        return plan.Function(self.name, self.minimum, self.maximum, self.volatility, builtin=False, reason=self.reason)
 
 
 def user_function(
@@ -97,7 +97,7 @@ def sql_names(functions: Mapping[str, Any]) -> dict[str, str]:
     taken, names = {word.lower() for word in RESERVED} | {name.lower() for name in BUILTINS}, {}
     for name in sorted(functions, key=lambda word: (word.lower(), word)):
         candidate, count = name, 1
-        while candidate.lower() in taken and name not in BUILTINS:
+        while candidate.lower() in taken and (name not in BUILTINS or name in RESERVED):
             count += 1
             candidate = f"{name}_{count}"
         taken.add(candidate.lower())
@@ -147,5 +147,3 @@ def native_callable(function: UserFunction, run: Run, memo_limit: int) -> Callab
         return result
 
     return remember
-
-

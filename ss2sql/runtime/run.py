@@ -53,7 +53,8 @@ class Run:
     - `variable(name, run)`: the value of a script variable; one that lives outside is read once per run and kept
       in `snapshots`.
     - `call(function, run)`: the callable behind a plan.Function, built in or the user's, on language values;
-      the user's gets fresh values, is remembered where immutable, counted, and its result made a language value. The run's memos live in `callables`.
+      the user's gets fresh values, is remembered where immutable, counted, and its result made a language
+      value. The run's memos live in `callables`.
     - `resolve_text(text, scope)`: the resolved statements of a text given to `eval`.
     - `shape(query, rows, arguments, named)`: the value that `AS` makes of rows, as a language value.
     - `table_rows(source)`: all rows of a table of the database, in its order, values of its columns in order.

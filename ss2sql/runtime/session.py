@@ -31,7 +31,14 @@ from ss2sql.runtime import representations
 from ss2sql.runtime.builtins import BUILTINS
 from ss2sql.runtime.compiled import ENGINES, Engine, Query, script_sql
 from ss2sql.runtime.database import Database
-from ss2sql.runtime.functions import MEMO_LIMIT, UserFunction, builtin_functions, native_callable, sql_names, user_function
+from ss2sql.runtime.functions import (
+    MEMO_LIMIT,
+    UserFunction,
+    builtin_functions,
+    native_callable,
+    sql_names,
+    user_function,
+)
 from ss2sql.runtime.result import Answer, Result
 from ss2sql.runtime.rows import Rows
 from ss2sql.runtime.run import Run, Stats
@@ -79,7 +86,9 @@ class Session:
     ) -> None:
         unknown = [word for word in disable if word not in SWITCHES]
         if unknown:
-            raise SessionError("S002", f"there is no optimisation '{unknown[0]}'", hints=did_you_mean(unknown[0], SWITCHES))
+            raise SessionError(
+                "S002", f"there is no optimisation '{unknown[0]}'", hints=did_you_mean(unknown[0], SWITCHES)
+            )
         self.connection = _open(path, read_only)
         self.timeout = timeout
         self.progress = progress
@@ -98,6 +107,8 @@ class Session:
         self.own = SessionFunctions(self)
         self.temporals = TemporalStore(self._clock)
         for name, builtin in BUILTINS.items():
+            if name in ("eq", "ne"):
+                continue  # the database has its own
             self.database.register_builtin(name, builtin.python or self.own.function(name))
 
     # --- registration ----------------------------------------------------------------------------------
@@ -351,7 +362,9 @@ class Session:
     def _check_name(self, name: str) -> None:
         self._check_open()
         if not name.isidentifier():
-            raise SessionError("S002", f"'{name}' is not a name that a script can use", hints=("use letters and digits",))
+            raise SessionError(
+                "S002", f"'{name}' is not a name that a script can use", hints=("use letters and digits",)
+            )
 
     # --- what the compiler asks ------------------------------------------------------------------------
 
@@ -408,7 +421,9 @@ class Session:
         if name in run.snapshots:
             return run.snapshots[name]
         if not self.knows(name):
-            raise ExecutionError("R001", f"the variable '{name}' has no value yet", hints=("assign it before it is read",))
+            raise ExecutionError(
+                "R001", f"the variable '{name}' has no value yet", hints=("assign it before it is read",)
+            )
         value = self._value(name)
         if name in self._attached:
             run.snapshots[name] = value

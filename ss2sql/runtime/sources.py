@@ -72,5 +72,7 @@ def _fields(kind: type) -> frozenset[str]:
 
 
 def _missing(name: str, known: list[str], owner: str) -> ExecutionError:
-    hints = did_you_mean(name, known) or ("only dicts and dataclass objects have columns; `this` is the element itself",)
+    hints = did_you_mean(name, known) or (
+        "only dicts and dataclass objects have columns; `this` is the element itself",
+    )
     return ExecutionError("X008", f"{owner} has no column '{name}'", hints=hints)

@@ -114,4 +114,3 @@ AGGREGATE_FUNCTIONS: dict[str, Callable[[Pool], Collect]] = {
     "collect_nothing": CollectNothing,
     **{f"group_{name}": _aggregate(name) for name in AGGREGATES},
 }
-

@@ -36,7 +36,9 @@ class Tables:
     def names(self) -> list[str]:
         """The names of all tables and views, those of SQLite and of ss2sql apart."""
         rows = self.connection.execute("SELECT name, type FROM pragma_table_list ORDER BY schema <> 'main', name")
-        return [name for name, kind in rows if kind in ("table", "view") and not name.startswith(("sqlite_", "ss2sql_"))]
+        return [
+            name for name, kind in rows if kind in ("table", "view") and not name.startswith(("sqlite_", "ss2sql_"))
+        ]
 
     def find(self, schema: str | None, name: str) -> plan.TableSource | None:
         """The table or view with this name, exactly as it is written there; None if there is none."""
@@ -86,7 +88,9 @@ class Tables:
 
     def _types(self, schema: str, name: str, columns: list[str]) -> list[Type]:
         tests = ", ".join(f"typeof({_quoted(column)})" for column in columns)
-        found: list[tuple[Any, ...]] = self.connection.execute(f"SELECT DISTINCT {tests} FROM {_quoted(schema)}.{_quoted(name)}").fetchall()
+        found: list[tuple[Any, ...]] = self.connection.execute(
+            f"SELECT DISTINCT {tests} FROM {_quoted(schema)}.{_quoted(name)}"
+        ).fetchall()
         types = []
         for index in range(len(columns)):
             kinds = Kind(0)
@@ -94,5 +98,3 @@ class Tables:
                 kinds |= _KINDS[row[index]]
             types.append(Type(kinds))
         return types
-
-

@@ -27,12 +27,12 @@ ALSO = {
 
 LITERALS = {
     "int": ("1", "0", "2", "3", "-1", "4", "5"),
-    "num": ("1", "0.5", "1.0", "2", "2.5", "-0.5", "1e3", ".25"),
+    "num": ("1", "0.5", "1.0", "2", "2.5", "-0.5", "1e3", ".25", "9007199254740993", "9007199254740992.0"),
     "bool": ("True", "False"),
-    "str": ("'a'", "'b'", "''", "'ab'", "'ü'"),
+    "str": ("'a'", "'b'", "''", "'ab'", "'ü'", "'1'"),
     "list": ("[1]", "[]", "[2, 1]", "[0, 1, 1]"),
     "maybe": ("None", "1", "2"),
-    "any": ("None", "1", "1.0", "'a'", "True", "[1]", "[]", "[[1.0]]", "0"),
+    "any": ("None", "1", "1.0", "'a'", "True", "[1]", "[]", "[[1.0]]", "0", "'1'"),
     "row": ("'row'",),
 }
 
@@ -53,6 +53,8 @@ TEMPLATES = {
         (1, "picky({int})"),
         (1, "(9223372036854775807 + {int})"),
         (1, "add({int}, {int})"),
+        (1, "weigh({any})"),
+        (1, "weigh(body({int}))"),
     ),
     "num": (
         (6, "{int}"),
@@ -124,6 +126,8 @@ TEMPLATES = {
         (1, "same({any})"),
         (1, "zip({list}, {list})"),
         (1, "picky({any})"),
+        (1, "strange({int})"),
+        (1, "body({int})"),
         (1, "flip([{any}, {list}])"),
         (1, "len({row})"),
     ),
@@ -138,9 +142,9 @@ AGGREGATING = {
 
 # Texts that are read when they run, and volatile functions: not with GROUP BY, where an equal text is the same key.
 READ_LATE = {
-    "int": ((1, 'eval("{int}")'), (1, 'eval("{int} + 1")'), (2, "tick()"), (1, "blink({int})")),
-    "any": ((1, 'eval("{any}")'),),
-    "bool": ((1, 'eval("{int} < {int}")'),),
+    "int": ((1, 'eval("{int}")'), (1, 'eval("{int} + 1")'), (4, "tick()"), (3, "blink({int})")),
+    "any": ((1, 'eval("{any}")'), (1, "[box({int}), 1]"), (1, "tick()")),
+    "bool": ((1, 'eval("{int} < {int}")'), (1, "({any} == box({int}))"), (1, "(box({int}) IN [box({int}), 1])")),
 }
 
 Parts = tuple[str, ...]  # texts and kinds in turn, a text first and last
@@ -195,17 +199,27 @@ class Expressions:
 
     def expr(self, kind: str, sight: Sight, depth: int) -> str:
         """An expression of about this kind, at most `depth` templates deep."""
-        choices = self.choices
-        if depth <= 0 or choices.chance(25):
+        if depth <= 0 or self.choices.chance(20):
             return self.leaf(kind, sight)
-        parts = choices.weighted(*self.templates[kind]) if kind in self.templates else ("", kind, "")
-        if len(parts) > 1 and parts[0].startswith("eval("):
+        parts = self.template(kind, sight)
+        if parts[0].startswith("eval("):
             depth = 0  # strings within strings would need escapes
         written = [self.call(parts[0])]
         for hole, text in zip(parts[1::2], parts[2::2], strict=True):
             written.append(self.expr(self.hole(hole), sight, depth - 1))
-            written.append(text)
+            written.append(self.call(text))
         return "".join(written)
+
+    def template(self, kind: str, sight: Sight) -> Parts:
+        """A template; preferably one that can read something in sight."""
+        if kind not in self.templates:
+            return ("", kind, "")
+        parts: Parts = ()
+        for _ in range(3):
+            parts = self.choices.weighted(*self.templates[kind])
+            if any(sight.texts[hole] for hole in parts[1::2]):
+                break
+        return parts
 
     def hole(self, kind: str) -> str:
         return "any" if self.choices.chance(2) else kind
@@ -213,6 +227,6 @@ class Expressions:
     def leaf(self, kind: str, sight: Sight) -> str:
         """Something in sight, or a literal."""
         texts = sight.texts[kind]
-        if texts and not self.choices.chance(25):
+        if texts and not self.choices.chance(18):
             return self.choices.pick(texts)
         return self.choices.pick(LITERALS[kind])

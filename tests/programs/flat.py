@@ -11,7 +11,7 @@ from .expressions import EVERYTHING, PLAIN, Expressions, Sight
 
 INTS = (1, 2, 3, 0, -1, 4, 2)
 NUMS = (1, 0.5, 1.0, 2, 2.5, True, 0)
-MIXED: tuple[Any, ...] = (None, 1, 1.0, True, "a", [1], [1.0], 0, "", [], [[]], 2.5)
+MIXED: tuple[Any, ...] = (None, 1, 1.0, True, "a", [1], [1.0], 0, "", [], [[]], 2.5, "1")
 
 # Variables: the kind of their elements, and how their values are made.
 VARIABLES: dict[str, tuple[str, Callable[[Choices], Any]]] = {
@@ -90,7 +90,7 @@ class Flat(Expressions):
         """One source. It may mention what is in sight: earlier sources of the same query, or rows around it."""
         choices = self.choices
         ints = [text for text in sight.texts["int"] if "(" not in text]
-        if ints and choices.chance(40):
+        if ints and choices.chance(55):
             return self.lateral(alias, choices.pick(ints))
         form = choices.weighted(
             (40, "variable"),
@@ -110,6 +110,9 @@ class Flat(Expressions):
             case "rows":
                 self.variables.setdefault("rs", rows(choices))
                 return Origin(prefix + "rs", alias or "rs", "row", ROW_KINDS)
+            case "columns" if choices.chance(20):
+                self.variables.setdefault("one", {"p": choices.pick(INTS), "q": "a"})
+                return Origin(prefix + "one", alias or "one", "row", COLUMN_KINDS)
             case "columns":
                 self.variables.setdefault("cs", columns(choices))
                 return Origin(prefix + "cs", alias or "cs", "row", COLUMN_KINDS)
@@ -119,7 +122,8 @@ class Flat(Expressions):
             case "query":
                 return self.inner_source(alias)
             case "call":
-                return Origin(f"{prefix}range({choices.pick(('3', '1', '1, 4', '4, 0, -2'))})", alias or "range", "int")
+                text = choices.pick(("range(3)", "range(1, 4)", "near(x = 1)", "range(4, 0, -2)", "near(2)"))
+                return Origin(self.call(prefix + text), alias or text.split("(")[0], "int")
             case "single":
                 name = choices.pick(("n", "word"))
                 return Origin(prefix + self.variable(name), alias or name, VARIABLES[name][0])
@@ -272,19 +276,25 @@ class Flat(Expressions):
         return "ORDER BY " + ", ".join(keys)
 
     def limit(self) -> str:
-        return f"LIMIT {self.choices.pick(('2', '1', '3', '0', '1 + 1', '4', '-1'))}" if self.choices.chance(25) else ""
+        return (
+            f"LIMIT {self.choices.pick(('2', '1', '3', '0', '1 + 1', '4', '2', '3', '5', '1', '8', '-1'))}"
+            if self.choices.chance(25)
+            else ""
+        )
 
     def representation(self, sight: Sight) -> str:
         names = ["list", "dict", "rows", "value", "val", "void", "List", "set"]
         if sight.texts["row"]:
             names.remove("set")  # a dict has no fixed form in a Python set
+        if "box" in self.uses and "set" in names:
+            names.remove("set")
         return f" AS {self.choices.pick(names)}" if self.choices.chance(75) else ""
 
     # Groups
 
     def key(self, sight: Sight) -> str:
-        kind = self.choices.weighted((10, "int"), (4, "any"), (3, "bool"), (3, "str"), (2, "list"))
-        return self.expr(kind, sight, self.choices.below(2))
+        kinds = [kind for kind in ("int", "any", "bool", "str", "list", "maybe", "num") if sight.texts[kind]] or ["int"]
+        return self.expr(self.choices.pick(kinds), sight, self.choices.below(2))
 
     def aggregate(self, sight: Sight) -> str:
         form = self.choices.weighted(

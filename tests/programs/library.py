@@ -98,6 +98,47 @@ def plus(a: Any, b: Any) -> Any:
     return a + b
 
 
+class Body:
+    """An opaque object: equal to itself alone."""
+
+    def __init__(self, number: int) -> None:
+        self.number = number
+
+    def __repr__(self) -> str:
+        return f"Body({self.number})"
+
+
+class Box:
+    """An opaque object that is not hashable, so that it is compared by identity whatever its `==` says."""
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __init__(self, number: int) -> None:
+        self.number = number
+
+    def __eq__(self, other: object) -> bool:
+        return True
+
+    def __repr__(self) -> str:
+        return f"Box({self.number})"
+
+
+BODIES = tuple(Body(number) for number in range(3))
+BOXES = tuple(Box(number) for number in range(3))
+
+
+def body(x: int) -> Body:
+    return BODIES[x % 3]
+
+
+def box(x: int) -> Box:
+    return BOXES[x % 3]
+
+
+def weigh(thing: Any) -> int:
+    return thing.number * 10 if isinstance(thing, (Body, Box)) else 1
+
+
 class Tick:
     """Volatile: counts its calls."""
 
@@ -138,6 +179,9 @@ LIBRARY: dict[str, tuple[Callable[[], Callable[..., Any]], str | None]] = {
     "links": (lambda: links, None),
     "shift": (lambda: shift, None),
     "add": (lambda: plus, "immutable"),
+    "body": (lambda: body, "immutable"),
+    "box": (lambda: box, "immutable"),
+    "weigh": (lambda: weigh, "stable"),
     "tick": (Tick, "volatile"),
     "blink": (Blink, "volatile"),
 }

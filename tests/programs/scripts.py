@@ -155,7 +155,7 @@ class Scripts(Searches):
         return c.pick(
             (
                 "SELECT xs, k FROM rs AS rows",
-                "SELECT a.v, b.v, xs FROM a = rs, b = xs AS rows",
+                "SELECT a.v, b.this, xs FROM a = rs, b = xs AS rows",
                 "SELECT k, (SELECT this FROM [1, 2] WHERE this == v AS list) FROM rs",
                 "SELECT v FROM rs START WITH v = 5 CONNECT BY v = v + 1 STOP WITH v > 5",
                 "SELECT (SELECT k FROM rs WHERE v == a.this AS value) FROM a = xs AS list",

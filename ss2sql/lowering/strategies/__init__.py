@@ -21,6 +21,8 @@ from ss2sql.lowering.strategies.base import Guard, Order
 ORDERS: dict[str, Order] = {
     order.name: order for order in (depth_first.ORDER, breadth_first.ORDER, cost.ORDER, probability.ORDER)
 }
-GUARDS: dict[str, Guard] = {guard.name: guard for guard in (allowed.GUARD, no_cycle.GUARD, unique.GUARD, memorize.GUARD)}
+GUARDS: dict[str, Guard] = {
+    guard.name: guard for guard in (allowed.GUARD, no_cycle.GUARD, unique.GUARD, memorize.GUARD)
+}
 
 __all__ = ["GUARDS", "ORDERS", "Guard", "Order"]

@@ -1,4 +1,4 @@
-"""Breadth first: the step that has waited longest; steps are numbered as they are generated, so this is level by level."""
+"""Breadth first: the step that has waited longest; steps are numbered as they are made, so this is level by level."""
 
 from ss2sql.lowering.strategies.base import Order
 

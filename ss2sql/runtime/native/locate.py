@@ -118,7 +118,11 @@ def placed(error: Exception) -> Exception:
 def _without_generator(error: Exception) -> Exception:
     """A StopIteration of a user's function, which Python turns into a RuntimeError where it leaves a generator."""
     cause = error.__cause__
-    if type(error) is RuntimeError and isinstance(cause, StopIteration) and str(error) == "generator raised StopIteration":
+    if (
+        type(error) is RuntimeError
+        and isinstance(cause, StopIteration)
+        and str(error) == "generator raised StopIteration"
+    ):
         return cause
     return error
 

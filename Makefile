@@ -1,0 +1,53 @@
+# Everything runs in .venv, which is made on first use. PYTHON may name the interpreter to make it with.
+
+PYTHON ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11 python; do \
+	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$p && break; done)
+VENV := .venv
+PY := $(VENV)/bin/python
+
+.DEFAULT_GOAL := help
+.PHONY: help demo test lint golden bench docs clean
+
+help:            ## this list
+	@sed -n 's/^\([a-z]*\): .*## \(.*\)/  make \1\t\2/p; s/^\(help\): *## \(.*\)/  make \1\t\2/p' Makefile
+
+demo: $(VENV)/package.stamp  ## runs the examples: scripts, the SQL they become, their rows
+	$(PY) examples/demo.py
+
+test: $(VENV)/dev.stamp      ## runs all tests, those of the examples and the documentation included
+	$(PY) -m pytest
+
+lint: $(VENV)/dev.stamp      ## ruff and mypy
+	$(PY) -m ruff check .
+	$(PY) -m mypy
+
+golden: $(VENV)/dev.stamp    ## writes the expectations of tests/cases and the outputs shown on pages anew
+	$(PY) -m pytest tests/test_cases.py --golden
+	$(PY) -m tests.pages --write
+
+bench: $(VENV)/dev.stamp     ## measures; prints a table, writes out/bench.json
+	$(PY) benchmarks/run.py
+
+docs: $(VENV)/docs.stamp     ## builds the documentation in docs/_build; a warning is an error
+	$(PY) -m sphinx -W --keep-going -q -b html docs docs/_build/html
+	@echo "open docs/_build/html/index.html"
+
+clean:           ## removes what make has made
+	rm -rf $(VENV) docs/_build out dist build htmlcov .coverage .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# --- the environment: a stamp is older than pyproject.toml when the installation is out of date ---------
+
+$(VENV)/package.stamp: pyproject.toml
+	@test -n "$(PYTHON)" || { echo "ss2sql needs Python 3.11 or newer; name it with: make PYTHON=..."; exit 1; }
+	test -x $(PY) || $(PYTHON) -m venv $(VENV)
+	$(PY) -m pip install --quiet --disable-pip-version-check --editable .
+	@touch $@
+
+$(VENV)/dev.stamp: $(VENV)/package.stamp
+	$(PY) -m pip install --quiet --disable-pip-version-check --editable ".[dev]"
+	@touch $@
+
+$(VENV)/docs.stamp: $(VENV)/package.stamp
+	$(PY) -m pip install --quiet --disable-pip-version-check --editable ".[docs]"
+	@touch $@

@@ -1,0 +1,219 @@
+"""One piece of generated code, its functions under construction, and the values that they keep.
+
+A unit becomes one Python function, `bound(run)`. It binds what a run offers (functions of the user, values of
+variables), defines a function for every query inside, and returns what the unit is for. `Body` is a function
+under construction. Values that need not be computed again are kept in *slots*: a slot belongs to the
+outermost function and loop where everything that its expression reads is known, and is filled when the
+expression is first needed. So nothing is evaluated that the written order would not evaluate.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from types import CodeType, FunctionType
+from typing import Any
+
+from ss2sql import plan
+from ss2sql.errors import Error, Span
+from ss2sql.kinds import Type
+from ss2sql.runtime.native.facts import Analysis, Facts
+from ss2sql.runtime.native.locate import PAGE, Page
+from ss2sql.runtime.builtins import BUILTINS
+from ss2sql.runtime.native.pen import Pen
+from ss2sql.runtime.run import Run
+
+UNSET = object()
+MOST_LOOPS = 16  # Python refuses more than 20 blocks inside of each other
+
+
+class NoValue(Exception):
+    """A variable has no value when its query starts; whoever reads it then gets Python's NameError."""
+
+
+@dataclass(slots=True)
+class Body:
+    """A generated function under construction.
+
+    `blocks` holds its statements and those of each loop that is open, outermost first. `levels` gives for
+    each source that is bound here the number of loops that must be open (0: a parameter). `states` are the
+    START WITH variables bound here, `moved` those that CONNECT BY has given a new value under a new name.
+    `groups` names the values of the group that is seen from here.
+    """
+
+    unit: Unit
+    name: str
+    parameters: list[str]
+    parent: Body | None
+    blocks: list[list[ast.stmt]] = field(default_factory=lambda: [[]])
+    levels: dict[int, int] = field(default_factory=dict)
+    states: set[tuple[int, str]] = field(default_factory=set)
+    moved: dict[tuple[int, str], str] = field(default_factory=dict)
+    groups: dict[Any, str] = field(default_factory=dict)
+    shared: dict[str, None] = field(default_factory=dict)
+    counts: Counter[int] = field(default_factory=Counter)
+    slots: dict[int, str] = field(default_factory=dict)
+
+    @property
+    def level(self) -> int:
+        """The number of open loops."""
+        return len(self.blocks) - 1
+
+    def add(self, *statements: ast.stmt) -> None:
+        """Statements for the innermost open loop."""
+        self.blocks[-1].extend(statements)
+
+    def home(self, facts: Facts) -> tuple[Body, int]:
+        """The outermost function and loop where everything is known that the facts' expression reads."""
+        levels = [self.levels[source] for source in facts.sources if source in self.levels]
+        if levels or not self.states.isdisjoint(facts.states) or (facts.grouped and self.groups):
+            return self, max(levels, default=0)
+        return (self, 0) if self.parent is None else self.parent.home(facts)
+
+    def kept(self, facts: Facts, value: ast.expr, pen: Pen, hint: str) -> ast.expr:
+        """The value, computed at most once for each turn of its home's loop; the facts are of a steady node.
+
+        Equal expressions share a slot. What is read only once, right at home, needs none.
+        """
+        home, level = self.home(facts)
+        if any(state in self.moved for state in facts.states):
+            return value
+        if home is self and level == self.level and (facts.key is None or self.counts[facts.key] < 2):
+            return value
+        name = home.slots.get(facts.key) if facts.key is not None else None
+        if name is None:
+            name = self.unit.local(hint)
+            home.blocks[level].insert(0, pen.assign(name, pen.name("UNSET")))
+            self.unit.namespace["UNSET"] = UNSET
+            if facts.key is not None:
+                home.slots[facts.key] = name
+        if home is not self:
+            self.shared[name] = None
+        fresh = pen.compare(pen.name(name), ast.IsNot(), pen.name("UNSET"))
+        return pen.either(fresh, pen.name(name), pen.bind(name, value))
+
+    def loop(self, names: list[str], items: ast.expr, pen: Pen, source: int) -> None:
+        """Opens a loop that binds a source."""
+        inner: list[ast.stmt] = []
+        self.add(pen.loop(names, items, inner))
+        self.blocks.append(inner)
+        self.levels[source] = self.level
+
+    def finished(self, pen: Pen) -> ast.stmt:
+        """The function's definition."""
+        statements = self.blocks[0] or [pen.run(pen.constant(None))]
+        if self.shared:
+            statements = [pen.shared(list(self.shared)), *statements]
+        return pen.function(self.name, self.parameters, statements)
+
+
+class Unit:
+    """One piece of generated code.
+
+    `names` and `states` give the local names of sources and START WITH variables, `tuples` the columns of the
+    sources whose elements are tuples, `elements` the types of those whose elements are values.
+    """
+
+    def __init__(self, span: Span, analysis: Analysis, parameters: tuple[str, ...] = ()) -> None:
+        self.page = Page(span.source)
+        self.pen = self.pen_at(span)
+        self.analysis = analysis
+        self.namespace: dict[str, Any] = {PAGE: self.page}
+        self.root = Body(self, "bound", ["run"], None)
+        self.names: dict[int, str] = {}
+        self.states: dict[tuple[int, str], str] = {}
+        self.tuples: dict[int, tuple[str, ...]] = {}
+        self.elements: dict[int, Type] = {}
+        self.bindings: list[ast.stmt] = []
+        self.definitions: list[ast.stmt] = []
+        self._bound: dict[Any, str] = {}
+        self._count = 0
+
+    def pen_at(self, span: Span) -> Pen:
+        return Pen(self.page.position(span))
+
+    # --- names -----------------------------------------------------------------------------------------
+
+    def local(self, hint: str) -> str:
+        """A new name, with a hint for the reader; its number keeps it apart from every other."""
+        self._count += 1
+        return f"{hint if hint.isascii() and hint.isidentifier() else 'name'}_{self._count}"
+
+    def constant(self, value: Any, hint: str = "constant") -> str:
+        """A name for an object of the compiler's."""
+        name = self.local(hint)
+        self.namespace[name] = value
+        return name
+
+    def helper(self, function: Callable[..., Any]) -> str:
+        """The name of a function of the library."""
+        name = function.__name__
+        assert self.namespace.setdefault(name, function) is function
+        return name
+
+    def bind(self, key: Any, hint: str, value: ast.expr, pen: Pen, error: str | None = None) -> str:
+        """A name for a value that is computed once, when a run begins; `error` names what may go wrong there."""
+        if key not in self._bound:
+            name = self._bound[key] = self.local(hint)
+            statement = pen.assign(name, value)
+            self.bindings.append(statement if error is None else pen.try_to(statement, error))
+        return self._bound[key]
+
+    def function(self, function: plan.Function, pen: Pen) -> str:
+        """A name for the callable behind a function of the plan."""
+        key = (function.name, function.builtin)
+        if key not in self._bound:
+            python = BUILTINS[function.name].python if function.builtin else None
+            if python is not None:
+                self._bound[key] = self.constant(python, function.name)
+            else:
+                constant = pen.name(self.constant(function, "function"))
+                self.bind(key, function.name, pen.call(self.helper(callable_of), pen.name("run"), constant), pen)
+        return self._bound[key]
+
+    def variable(self, name: str, pen: Pen) -> ast.expr:
+        """The value of a script variable: read once where nothing in the unit changes it, else each time."""
+        run, text = pen.name("run"), pen.constant(name)
+        if not self.analysis.is_fixed(name):
+            return pen.call(self.helper(variable_of), run, text)
+        self.helper(NoValue)
+        value = pen.call(self.helper(value_if_any), run, text)
+        return pen.name(self.bind(("variable", name), name, value, pen, "NoValue"))
+
+    # --- the end ---------------------------------------------------------------------------------------
+
+    def define(self, body: Body) -> None:
+        """Adds a finished function to the unit."""
+        self.definitions.append(body.finished(self.pen))
+
+    def module(self, result: ast.expr) -> ast.Module:
+        """The code of the unit, whose function `bound` gives `result`."""
+        # Slots stand in the root's block; what they are filled with comes later.
+        self.root.blocks[0].extend((*self.bindings, *self.definitions, self.pen.back(result)))
+        return ast.Module([self.root.finished(self.pen)], [])
+
+    def compiled(self, module: ast.Module) -> Callable[..., Any]:
+        """The function `bound` of the unit's module."""
+        code = compile(module, self.page.name, "exec", dont_inherit=True)
+        inner = next(constant for constant in code.co_consts if isinstance(constant, CodeType))
+        return FunctionType(inner, self.namespace)
+
+
+def callable_of(run: Run, function: plan.Function) -> Callable[..., Any]:
+    return run.host.call(function, run)
+
+
+def variable_of(run: Run, name: str) -> Any:
+    return run.variable(name)
+
+
+def value_if_any(run: Run, name: str) -> Any:
+    """The value of a variable when a query starts; NoValue where it has none yet."""
+    try:
+        return run.variable(name)
+    except Error as error:
+        if error.code == "R001":
+            raise NoValue from None
+        raise
