@@ -26,8 +26,8 @@ def type_text(kind: Type) -> str:
     """A type in a few words: `int 1..7`, `str or none`, `list of int`, `any`."""
     if kind.kinds == Kind.ANY:
         return "any"
-    names = [(member.name or "").lower() for member in Kind if member in kind.kinds and (member.name or "") in _SINGLE]
-    text = " or ".join(name for name in names) or "nothing"
+    names = [(member.name or "").lower() for member in Kind if kind.may(member) and member.name in _SINGLE]
+    text = " or ".join(names) or "nothing"
     if kind.item is not None and kind.kinds == Kind.LIST:
         text += f" of {type_text(kind.item)}"
     if kind.low is not None and kind.high is not None and kind.kinds != Kind.BOOL:

@@ -7,6 +7,7 @@ from dataclasses import fields, is_dataclass, replace
 from typing import Any, TypeAlias, TypeVar
 
 from ss2sql import plan
+from ss2sql.kinds import Type
 
 Node: TypeAlias = Any  # an expression, or any plan dataclass that holds expressions
 E = TypeVar("E")
@@ -33,7 +34,7 @@ def _nodes(value: Any) -> Iterator[Node]:
 
 
 def _is_node(value: Any) -> bool:
-    return is_dataclass(value) and not isinstance(value, (plan.Function, plan.Type))
+    return is_dataclass(value) and not isinstance(value, (plan.Function, Type))
 
 
 def walk(node: Node) -> Iterator[Node]:

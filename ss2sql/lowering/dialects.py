@@ -13,7 +13,7 @@ class Dialect:
 
     name: str
 
-    def print(self, tree: exp.Expression) -> str:
+    def print(self, tree: exp.Expr) -> str:
         return tree.sql(self.name, pretty=True, normalize_functions=False)
 
 

@@ -242,7 +242,7 @@ class _Search:
         return sql.select(outputs, [sql.table(self.table, self.table)], self.goal(env), limit=limit)
 
 
-def _keep_columns(copied: exp.CTE, terms: exp.Expression) -> None:
+def _keep_columns(copied: exp.CTE, terms: exp.Expr) -> None:
     """Leaves only those columns in the copy of a table that the terms of the recursion read."""
     name = copied.alias_or_name
     labels = {item.alias_or_name for item in terms.find_all(exp.Table) if item.name == name}

@@ -9,7 +9,7 @@ from typing import TypeAlias
 import apsw
 from sqlglot import exp
 
-Node: TypeAlias = exp.Expression
+Node: TypeAlias = exp.Expr
 
 _PLAIN_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
 

@@ -132,7 +132,12 @@ def _are_clean(items: list[Any], depth: int) -> bool:
         if inner_kinds <= SCALARS:
             return _numbers_are_clean(inner, inner_kinds)
     for item in items:
-        if type(item) not in SCALARS and not _is_clean(item, depth + 1):
+        kind = type(item)
+        if kind is dict:
+            clean = set(map(type, item)) <= {str} and _are_clean(list(item.values()), depth + 1)
+        else:
+            clean = kind in SCALARS or (kind is list and _are_clean(item, depth + 1))
+        if not clean:
             return False
     return _numbers_are_clean(items, kinds)
 
@@ -247,6 +252,8 @@ def _of_numpy(value: Any, depth: int) -> Any:
     if numpy is None or not isinstance(value, (numpy.generic, numpy.ndarray)):
         return _opaque(value)
     if value.dtype.kind in "mM":  # their items would lose their unit
+        if isinstance(value, numpy.generic):
+            return _opaque(value)
         return _opaque(value[()]) if value.ndim == 0 else _converted(list(value), depth)
     if isinstance(value, numpy.longdouble):
         return _float(float(value))

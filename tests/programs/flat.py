@@ -168,9 +168,8 @@ class Flat(Expressions):
             "int",
         )
 
-    def sources(self, sight: Sight, most: int) -> tuple[str, Sight, list[Origin]]:
-        """FROM with one to `most` sources, and what its query sees."""
-        number = 1 + self.choices.below(most)
+    def sources(self, sight: Sight, number: int) -> tuple[str, Sight, list[Origin]]:
+        """FROM with a number of sources, and what its query sees."""
         aliases = "abc" if self.nesting == 0 else ("de" if self.nesting == 1 else "fg")
         origins: list[Origin] = []
         own = Sight({kind: [text for text in texts if "." in text] for kind, texts in sight.texts.items()})
@@ -247,7 +246,7 @@ class Flat(Expressions):
         """A whole query without CONNECT BY."""
         choices = self.choices
         grouped = choices.chance(25)
-        text, own, origins = self.sources(sight or Sight(), choices.weighted((60, 1), (30, 2), (10, 3)))
+        text, own, origins = self.sources(sight or Sight(), choices.weighted((55, 1), (32, 2), (13, 3)))
         self.templates = PLAIN if grouped else EVERYTHING
         where = f" WHERE {self.condition(own)}" if choices.chance(60) else ""
         if grouped:

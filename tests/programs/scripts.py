@@ -103,7 +103,7 @@ class Scripts(Searches):
     def assigning(self) -> str:
         """Variables that a query changes row by row, and what it prints."""
         c = self.choices
-        text, own, _ = self.sources(Sight(), 2)
+        text, own, _ = self.sources(Sight(), 1 + c.below(2))
         own.add("hits", "int")
         own.add("memo", "any")
         where = c.pick(
@@ -159,7 +159,7 @@ class Scripts(Searches):
                 "SELECT k, (SELECT this FROM [1, 2] WHERE this == v AS list) FROM rs",
                 "SELECT v FROM rs START WITH v = 5 CONNECT BY v = v + 1 STOP WITH v > 5",
                 "SELECT (SELECT k FROM rs WHERE v == a.this AS value) FROM a = xs AS list",
-                "SELECT list, level FROM rs START WITH list = 1, level = 2 CONNECT BY list = 2 STOP WITH True",
+                "SELECT list, level FROM rs WHERE True START WITH list = 1, level = 2 CONNECT BY list = 2 STOP WITH True",
                 "value = 3; list = [value]; SELECT value, this FROM list AS list",
             )
         )

@@ -1,0 +1,33 @@
+"""`make demo`: four examples one after the other, and a table of what they found."""
+
+from __future__ import annotations
+
+import runpy
+from pathlib import Path
+
+from page import Page, console
+from rich.table import Table
+
+HERE = Path(__file__).parent
+EXAMPLES = ("hanoi", "map_colouring", "hierarchy", "robot")
+
+
+def main() -> None:
+    screen = console()
+    pages: list[Page] = [runpy.run_path(str(HERE / name / "run.py"))["main"]() for name in EXAMPLES]
+    screen.print()
+    screen.rule("[bold]Summary", style="cyan", characters="━")
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    for column, side in (("example", "left"), ("script", "left"), ("answer", "left"), ("engine", "left"), ("seconds", "right")):
+        table.add_column(column, justify=side)  # type: ignore[arg-type]
+    for page in pages:
+        for number, shown in enumerate(page.shown):
+            title = page.title if number == 0 else ""
+            table.add_row(title, shown.heading, shown.answer, shown.engine, f"{shown.seconds:.3f}")
+    screen.print(table)
+    screen.print("\nEach example is a folder of examples/, to be run alone: python examples/hanoi/run.py")
+    screen.print("The tutorial begins in docs/tutorial.md; ss2sql --help shows the commands.")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,114 @@
+"""How the examples print: the script, the SQL that it becomes, and its rows.
+
+A script file begins with comments: its first line is the heading, the rest says what the script teaches.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.padding import Padding
+from rich.syntax import Syntax
+from rich.text import Text
+
+from ss2sql import Result, Session
+
+
+def console() -> Console:
+    """As wide as the terminal, and wide enough for SQL where there is none."""
+    wide = None if os.isatty(1) else 110
+    return Console(width=wide, highlight=False)
+
+
+@dataclass(frozen=True)
+class Shown:
+    """One script that has run: a line of the summary."""
+
+    heading: str
+    answer: str
+    engine: str
+    seconds: float
+
+
+@dataclass
+class Page:
+    """A page of an example. `shown` collects what it has run."""
+
+    title: str
+    lead: str
+    console: Console = field(default_factory=console)
+    shown: list[Shown] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.console.print()
+        self.console.rule(f"[bold]{self.title}", style="cyan", characters="━")
+        self.say(self.lead)
+
+    def say(self, text: str) -> None:
+        """A paragraph."""
+        self.console.print(" ".join(text.split()), width=min(self.console.width, 100))
+
+    def picture(self, text: str) -> None:
+        """Text as it stands."""
+        self.console.print(Padding(Text(text), (1, 2)))
+
+    def heading(self, text: str) -> None:
+        self.console.print()
+        self.console.rule(f"[bold]{text}", style="dim", align="left")
+
+    def code(self, name: str, text: str, language: str) -> None:
+        """A block of code under its name."""
+        self.console.print(f"\n[cyan]{name}")
+        block = Syntax(text.strip(), language, theme="ansi_dark", background_color="default", word_wrap=True)
+        self.console.print(Padding(block, (0, 2)))
+
+    def run(self, session: Session, file: Path, rows: int = 8, sql: bool = True, **variables: Any) -> Result:
+        """Runs a script file and prints its lesson, its text, its SQL and at most `rows` of its rows."""
+        heading, lesson, script = read(file)
+        self.heading(heading)
+        self.say(lesson)
+        self.code("script", script, "sql")
+        started = time.perf_counter()
+        result = session.run(file, **variables)
+        seconds = time.perf_counter() - started
+        if sql:
+            self.code("SQL", queries(result), "sql")
+        self.console.print("\n[cyan]rows")
+        if result.answer is None:
+            self.console.print(Padding(Text(repr(result.value)), (0, 2)))
+        else:
+            result.show(rows, self.console)
+        self.shown.append(Shown(heading, size(result), result.engine, seconds))
+        return result
+
+
+def read(file: Path) -> tuple[str, str, str]:
+    """The heading, the lesson and the script of a file."""
+    lines = file.read_text(encoding="utf-8").splitlines()
+    comments = 0
+    while comments < len(lines) and lines[comments].startswith("#"):
+        comments += 1
+    texts = [line.lstrip("# ") for line in lines[:comments]]
+    return texts[0], " ".join(texts[1:]), "\n".join(lines[comments:])
+
+
+def queries(result: Result) -> str:
+    """The SQL of the queries of a script, without the statements that are none."""
+    texts = [text for text in result.sql.statements if not text.startswith("-- no query")]
+    return "\n\n".join(texts)
+
+
+def size(result: Result) -> str:
+    """What came out, in one phrase."""
+    if result.answer is None:
+        return repr(result.value)
+    paths = result.answer.rows.paths
+    if paths is None:
+        return f"{len(result)} row{'s' * (len(result) != 1)}"
+    shortest = min(map(len, paths), default=0)
+    return f"{len(paths)} path{'s' * (len(paths) != 1)}, shortest {shortest} step{'s' * (shortest != 1)}"

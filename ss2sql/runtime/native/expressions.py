@@ -1,0 +1,205 @@
+"""Expressions as Python expressions.
+
+Values in generated code are plain values of the language; nobody changes them, so they are shared. Python's
+own operators stand in where types prove that they do what the language says, else the operator's function is
+called.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, assert_never
+
+from ss2sql import plan
+from ss2sql.errors import ExecutionError
+from ss2sql.kinds import Kind
+from ss2sql.runtime.native.pen import Pen
+from ss2sql.runtime.native.unit import Body
+from ss2sql.runtime.run import Run
+from ss2sql.runtime.sources import column_of
+from ss2sql.runtime.values import show
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.native.builder import Builder
+
+_COMPARISONS: dict[str, type[ast.cmpop]] = {"lt": ast.Lt, "le": ast.LtE, "gt": ast.Gt, "ge": ast.GtE}
+_EQUALITY: dict[str, type[ast.cmpop]] = {"eq": ast.Eq, "ne": ast.NotEq}
+_MEMBERSHIP: dict[str, type[ast.cmpop]] = {"in": ast.In, "not_in": ast.NotIn}
+_ARITHMETIC: dict[str, type[ast.operator]] = {
+    "add": ast.Add,
+    "sub": ast.Sub,
+    "mul": ast.Mult,
+    "div": ast.Div,
+    "mod": ast.Mod,
+}
+_INLINE_LISTS = 8  # a longer list literal is a name in the code
+
+
+def expression(builder: Builder, node: plan.Expr, body: Body) -> ast.expr:
+    """The Python expression with the node's value, to be evaluated in the innermost open loop of `body`."""
+    unit = builder.unit
+    pen = unit.pen_at(node.span)
+
+    def build(part: plan.Expr) -> ast.expr:
+        return expression(builder, part, body)
+
+    match node:
+        case plan.Constant(value=value):
+            return _constant(builder, value, pen)
+        case plan.Variable(name=name):
+            return unit.variable(name, pen)
+        case plan.Element(source=source):
+            return element(body, source, pen)
+        case plan.Column():
+            return _column(body, node, pen)
+        case plan.State(query=query, name=name):
+            return pen.name(body.moved.get((query, name)) or unit.states[query, name])
+        case plan.Call():
+            return _call(builder, node, body)
+        case plan.And(parts=parts) | plan.Or(parts=parts):
+            operator = ast.And() if isinstance(node, plan.And) else ast.Or()
+            tested = pen.both(operator, [build(part) for part in parts])
+            return tested if all(part.type.only(Kind.BOOL) for part in parts) else pen.truth(tested)
+        case plan.Xor(left=left, right=right):
+            return pen.compare(pen.negation(build(left)), ast.NotEq(), pen.negation(build(right)))
+        case plan.Not(operand=operand):
+            return pen.negation(build(operand))
+        case plan.If(condition=condition, then=then, otherwise=otherwise):
+            branches = [_sequence([build(part) for part in branch], pen) for branch in (then, otherwise)]
+            return pen.either(build(condition), *branches)
+        case plan.MakeList(items=items):
+            return pen.list(*(build(item) for item in items))
+        case plan.GroupKey() | plan.Aggregate():
+            return pen.name(body.groups[group_key(node)])
+        case plan.Subquery():
+            return builder.subquery(node, body)
+        case plan.Eval():
+            return builder.text(node, body)
+        case plan.Temporal() | plan.Assign() | plan.TemporalAssign() | plan.AssignLate():
+            return _variable_access(builder, node, build, pen)
+        case _:
+            assert_never(node)
+
+
+def group_key(node: plan.GroupKey | plan.Aggregate) -> Any:
+    """What a body's `groups` know the value of a group by."""
+    return node.index if isinstance(node, plan.GroupKey) else ("aggregate", id(node))
+
+
+def element(body: Body, source: int, pen: Pen) -> ast.expr:
+    """The current element of a source; that of rows kept as tuples is made a dict."""
+    unit = body.unit
+    name = unit.names[source]
+    columns = unit.tuples.get(source)
+    if columns is None:
+        return pen.name(name)
+    return pen.dict(columns, tuple(pen.item(pen.name(name), index) for index in range(len(columns))))
+
+
+def _sequence(values: Sequence[ast.expr], pen: Pen) -> ast.expr:
+    """All values one after the other; the last one is the value."""
+    return values[0] if len(values) == 1 else pen.item(pen.tuple(*values), len(values) - 1)
+
+
+def _constant(builder: Builder, value: Any, pen: Pen) -> ast.expr:
+    return pen.name(builder.unit.constant(value)) if isinstance(value, list) else pen.constant(value)
+
+
+def _column(body: Body, node: plan.Column, pen: Pen) -> ast.expr:
+    unit = body.unit
+    current = pen.name(unit.names[node.source])
+    columns = unit.tuples.get(node.source)
+    if columns is not None:
+        return pen.item(current, columns.index(node.name))
+    if not node.declared:
+        return pen.call(unit.helper(column_of), current, pen.constant(node.name))
+    if unit.elements[node.source].only(Kind.DICT):
+        return pen.call(ast.Attribute(current, "get", ast.Load(), **pen.at), pen.constant(node.name))
+    return pen.call(unit.helper(column_of), current, pen.constant(node.name), pen.constant(None))
+
+
+# --- calls ---------------------------------------------------------------------------------------------
+
+
+def _call(builder: Builder, node: plan.Call, body: Body) -> ast.expr:
+    unit, function = builder.unit, node.function
+    pen = unit.pen_at(node.place)
+    arguments = [expression(builder, argument, body) for argument in node.arguments]
+    if function.builtin:
+        inline = _inline(node, arguments, pen)
+        if inline is not None:
+            return inline
+    unit.page.mark_call(node.place, function.name)
+    call = pen.call(unit.function(function, pen), *arguments)
+    facts = unit.analysis.of(node)
+    if function.builtin or not facts.steady:
+        return call
+    return body.kept(facts, call, unit.pen_at(node.span), function.name)
+
+
+def _inline(node: plan.Call, arguments: list[ast.expr], pen: Pen) -> ast.expr | None:
+    """The call as an operator of Python's, where that is known to do the same."""
+    name, types = node.function.name, [argument.type for argument in node.arguments]
+
+    def all_only(kinds: Kind) -> bool:
+        return all(type.only(kinds) for type in types)
+
+    if name in _EQUALITY:
+        return pen.compare(arguments[0], _EQUALITY[name](), arguments[1])
+    if name in _COMPARISONS and (all_only(Kind.NUMBER) or all_only(Kind.STR)):
+        return pen.compare(arguments[0], _COMPARISONS[name](), arguments[1])
+    if name in _MEMBERSHIP and (types[1].only(Kind.LIST) or all_only(Kind.STR)):
+        return pen.compare(arguments[0], _MEMBERSHIP[name](), arguments[1])
+    if node.function.raises:
+        return None
+    if name in _ARITHMETIC and (all_only(Kind.NUMBER) or (name == "add" and (all_only(Kind.STR) or all_only(Kind.LIST)))):
+        return pen.binary(arguments[0], _ARITHMETIC[name](), arguments[1])
+    if name == "neg" and all_only(Kind.NUMBER):
+        return pen.unary(ast.USub(), arguments[0])
+    return None
+
+
+# --- script variables ----------------------------------------------------------------------------------
+
+
+def _variable_access(
+    builder: Builder,
+    node: plan.Temporal | plan.Assign | plan.TemporalAssign | plan.AssignLate,
+    build: Callable[[plan.Expr], ast.expr],
+    pen: Pen,
+) -> ast.expr:
+    """Access to variables beyond reading their value."""
+    unit = builder.unit
+    owner = (pen.name("run"), pen.constant(node.name))
+    match node:
+        case plan.Assign(value=value):
+            return pen.call(unit.helper(assign), *owner, build(value))
+        case plan.Temporal(when=when):
+            return pen.call(unit.helper(temporal), *owner, pen.constant(None) if when is None else build(when))
+        case plan.TemporalAssign(keep=keep, value=value):
+            return pen.call(unit.helper(store_temporal), *owner, build(keep), build(value))
+        case plan.AssignLate(literal=literal):
+            return pen.call(unit.helper(bind_late), *owner, pen.name(unit.constant(literal)))
+        case _:
+            assert_never(node)
+
+
+def assign(run: Run, name: str, value: Any) -> Any:
+    return run.assign(name, value)
+
+
+def temporal(run: Run, name: str, when: Any) -> Any:
+    if when is not None and not isinstance(when, (int, float)):
+        message = f"{name}{{...}} takes a number of seconds, not {show(when)}"
+        raise ExecutionError("X007", message, hints=(f"write {name}{{}} for all kept values",))
+    return run.host.temporal(name, when)
+
+
+def store_temporal(run: Run, name: str, keep: Any, value: Any) -> Any:
+    run.host.store_temporal(name, keep, value)
+    return value
+
+
+def bind_late(run: Run, name: str, literal: Any) -> None:
+    run.host.bind_late(name, literal)

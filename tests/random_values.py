@@ -1,0 +1,87 @@
+"""Random values of the language for Hypothesis, and what it means that two values are exactly the same."""
+
+from __future__ import annotations
+
+import math
+from decimal import Decimal
+from typing import Any
+
+from hypothesis import strategies as st
+
+from ss2sql.kinds import INT_MAX, INT_MIN, Opaque
+
+INTEGERS = st.one_of(
+    st.integers(-3, 12),
+    st.sampled_from(
+        [INT_MIN, INT_MIN + 1, -(2**53) - 1, 2**31, 2**53 - 1, 2**53, 2**53 + 1, 2**53 + 3, INT_MAX - 1, INT_MAX]
+    ),
+    st.sampled_from([70, 71, 84, 103, 108, 115, 123, 40]),  # letters that marshal uses
+    st.integers(INT_MIN, INT_MAX),
+)
+FLOATS = st.one_of(
+    st.sampled_from([0.0, -0.0, 0.1, 0.5, -0.5, 1.0, 2.0, 2.5, -8.0, 1e15, 2.0**53, 2.0**63, -(2.0**63)]),
+    st.sampled_from([5e-324, -5e-324, 1e-308, 1e300, -1e300, 1.7976931348623157e308, -1.7976931348623157e308]),
+    st.integers(-5, 5).map(float),
+    st.floats(allow_nan=False, allow_infinity=False),
+)
+NUMBERS = st.one_of(st.booleans(), INTEGERS, FLOATS)
+TEXTS = st.one_of(st.sampled_from(["", "a", "b", "gTF{ls(", "7", "1.5", "nan", "\ud800", "ä\0"]), st.text(max_size=4))
+SCALARS = st.one_of(st.none(), NUMBERS, TEXTS)
+
+
+class Thing:
+    """An opaque object without anything of its own."""
+
+    def __repr__(self) -> str:
+        return "Thing"
+
+
+class Unhashable:
+    """An object that says it equals everything, and cannot be hashed."""
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __eq__(self, other: object) -> bool:
+        return True
+
+
+THINGS = [Thing(), Thing(), Decimal(1), Decimal("0.1"), Opaque(Unhashable()), Opaque(Unhashable()), b"a", b"gs("]
+OBJECTS = st.sampled_from(THINGS)
+KEYS = st.one_of(st.sampled_from(["a", "b", "c"]), st.integers(0, 2), st.just((1, "a")), st.just(1.0), st.just(True))
+
+
+def values(leaves: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
+    """Lists and dicts, three levels deep, of the given leaves."""
+    return st.recursive(
+        leaves,
+        lambda inner: st.one_of(st.lists(inner, max_size=3), st.dictionaries(KEYS, inner, max_size=3)),
+        max_leaves=8,
+    )
+
+
+def lists(leaves: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
+    """Lists, also nested ones, of the given leaves."""
+    return st.lists(st.recursive(leaves, lambda inner: st.lists(inner, max_size=3), max_leaves=8), max_size=4)
+
+
+PLAIN_VALUES = values(SCALARS)
+VALUES = values(st.one_of(SCALARS, OBJECTS))
+# Few different values, so that equal ones meet.
+ALIKE = values(st.sampled_from([None, 0, 1, 2, 0.0, -0.0, 1.0, 2.0, True, False, "a", "1", Decimal(1), b"a", THINGS[4]]))
+
+
+def same(left: Any, right: Any) -> bool:
+    """Whether two values are alike in type, sign of zero and order of keys, and their objects identical."""
+    if type(left) is not type(right):
+        return False
+    if isinstance(left, (list, tuple)):
+        return len(left) == len(right) and all(map(same, left, right))
+    if isinstance(left, dict):
+        return same(list(left.items()), list(right.items()))
+    if isinstance(left, float):
+        return left == right and math.copysign(1, left) == math.copysign(1, right)
+    if isinstance(left, Opaque):
+        return left.object is right.object
+    if isinstance(left, (int, str, bytes)) or left is None:
+        return bool(left == right)
+    return left is right

@@ -1,0 +1,98 @@
+"""Short ways to write syntax trees, for the tests of the parser."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from ss2sql.errors import ParseError, Source, Span
+from ss2sql.frontend import ast
+from ss2sql.frontend.parser import parse
+
+NOWHERE = Span(Source(""), 0, 0)
+
+
+def script(source: str) -> ast.Script:
+    """The tree of a script."""
+    return parse(Source(source))
+
+
+def expr(source: str) -> ast.Expr:
+    (statement,) = script(source).statements
+    return statement
+
+
+def query(source: str) -> ast.Query:
+    found = expr(source)
+    assert isinstance(found, ast.Query)
+    return found
+
+
+def same(found: object, wanted: object) -> None:
+    """Equal trees, and equal in the types of their literals (1 == 1.0 == True)."""
+    assert found == wanted
+    assert repr(found) == repr(wanted)
+
+
+def lit(value: Any) -> ast.Literal:
+    return ast.Literal(value, span=NOWHERE)
+
+
+def name(text: str) -> ast.Name:
+    return ast.Name(text, span=NOWHERE)
+
+
+def op(function: str, *operands: ast.Expr) -> ast.Operator:
+    return ast.Operator(function, operands, span=NOWHERE, place=NOWHERE)
+
+
+def items(*parts: ast.Expr) -> ast.ListLiteral:
+    return ast.ListLiteral(parts, span=NOWHERE)
+
+
+def call(function: str, *arguments: ast.Expr, star: bool = False) -> ast.Call:
+    return ast.Call(function, arguments, span=NOWHERE, star=star)
+
+
+def assign(target: str, value: ast.Expr) -> ast.Assign:
+    return ast.Assign(target, value, span=NOWHERE, name_span=NOWHERE)
+
+
+def this(source: str | None = None) -> ast.This:
+    return ast.This(source, span=NOWHERE)
+
+
+def index(value: ast.Expr, at: ast.Expr) -> ast.Index:
+    return ast.Index(value, at, span=NOWHERE)
+
+
+def cut(value: ast.Expr, lower: ast.Expr | None, upper: ast.Expr | None) -> ast.Slice:
+    return ast.Slice(value, lower, upper, span=NOWHERE)
+
+
+def iff(condition: ast.Expr, then: tuple[ast.Expr, ...] = (), otherwise: tuple[ast.Expr, ...] = ()) -> ast.If:
+    return ast.If(condition, then, otherwise, span=NOWHERE)
+
+
+def source(expr: ast.Expr, named: str | None = None) -> ast.From:
+    return ast.From(named, expr, span=NOWHERE)
+
+
+def select(columns: tuple[Any, ...], sources: tuple[ast.From, ...], **clauses: Any) -> ast.Query:
+    return ast.Query(columns, sources, **clauses, span=NOWHERE)
+
+
+def shape(named: str, *arguments: ast.Expr, **keywords: ast.Expr) -> ast.Representation:
+    return ast.Representation(named, arguments, tuple(assign(*pair) for pair in keywords.items()), span=NOWHERE)
+
+
+A, B, C, D = (name(letter) for letter in "abcd")
+
+
+def code(source: str) -> str:
+    """The code of the error of a script; the error must say what to do."""
+    with pytest.raises(ParseError) as caught:
+        script(source)
+    assert caught.value.hints, str(caught.value)
+    return caught.value.code
