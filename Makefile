@@ -23,7 +23,8 @@ lint: $(VENV)/dev.stamp      ## ruff and mypy
 
 golden: $(VENV)/dev.stamp    ## writes the expectations of tests/cases and the outputs shown on pages anew
 	$(PY) -m pytest tests/test_cases.py --golden
-	$(PY) -m tests.pages --write
+	$(PY) docs/generate.py
+	$(PY) tests/pages.py --write
 
 bench: $(VENV)/dev.stamp     ## measures; prints a table, writes out/bench.json
 	$(PY) benchmarks/run.py

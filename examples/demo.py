@@ -5,7 +5,7 @@ from __future__ import annotations
 import runpy
 from pathlib import Path
 
-from page import Page, console
+from page import Page, console, size
 from rich.table import Table
 
 HERE = Path(__file__).parent
@@ -23,7 +23,7 @@ def main() -> None:
     for page in pages:
         for number, shown in enumerate(page.shown):
             title = page.title if number == 0 else ""
-            table.add_row(title, shown.heading, shown.answer, shown.engine, f"{shown.seconds:.3f}")
+            table.add_row(title, shown.heading, size(shown.result), shown.result.engine, f"{shown.seconds:.3f}")
     screen.print(table)
     screen.print("\nEach example is a folder of examples/, to be run alone: python examples/hanoi/run.py")
     screen.print("The tutorial begins in docs/tutorial.md; ss2sql --help shows the commands.")

@@ -6,6 +6,7 @@ A script file begins with comments: its first line is the heading, the rest says
 from __future__ import annotations
 
 import os
+import sys
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -22,16 +23,16 @@ from ss2sql import Result, Session
 def console() -> Console:
     """As wide as the terminal, and wide enough for SQL where there is none."""
     wide = None if os.isatty(1) else 110
-    return Console(width=wide, highlight=False)
+    return Console(file=sys.stdout, width=wide, highlight=False)
 
 
 @dataclass(frozen=True)
 class Shown:
-    """One script that has run: a line of the summary."""
+    """One script that has run: its file's name, its heading, what it gave and how long that took."""
 
+    name: str
     heading: str
-    answer: str
-    engine: str
+    result: Result
     seconds: float
 
 
@@ -83,7 +84,7 @@ class Page:
             self.console.print(Padding(Text(repr(result.value)), (0, 2)))
         else:
             result.show(rows, self.console)
-        self.shown.append(Shown(heading, size(result), result.engine, seconds))
+        self.shown.append(Shown(file.stem, heading, result, seconds))
         return result
 
 

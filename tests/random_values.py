@@ -6,9 +6,14 @@ import math
 from decimal import Decimal
 from typing import Any
 
+from hypothesis import settings
 from hypothesis import strategies as st
 
 from ss2sql.kinds import INT_MAX, INT_MIN, Opaque
+
+# A busy machine is no error of the code under test.
+settings.register_profile("no deadline", deadline=None)
+settings.load_profile("no deadline")
 
 INTEGERS = st.one_of(
     st.integers(-3, 12),
@@ -67,7 +72,9 @@ def lists(leaves: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
 PLAIN_VALUES = values(SCALARS)
 VALUES = values(st.one_of(SCALARS, OBJECTS))
 # Few different values, so that equal ones meet.
-ALIKE = values(st.sampled_from([None, 0, 1, 2, 0.0, -0.0, 1.0, 2.0, True, False, "a", "1", Decimal(1), b"a", THINGS[4]]))
+ALIKE = values(
+    st.sampled_from([None, 0, 1, 2, 0.0, -0.0, 1.0, 2.0, True, False, "a", "1", Decimal(1), b"a", THINGS[4]])
+)
 
 
 def same(left: Any, right: Any) -> bool:

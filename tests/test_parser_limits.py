@@ -15,13 +15,6 @@ from trees import code, script
 from ss2sql.frontend import table, text
 
 
-def code(written: str) -> str:
-    with pytest.raises(ParseError) as caught:
-        script(written)
-    assert caught.value.hints, "every limit says what to do"
-    return caught.value.code
-
-
 def test_nesting_is_refused_above_two_hundred() -> None:
     for opening, closing in ("()", "[]"):
         script(opening * 200 + "a" + closing * 200)

@@ -44,7 +44,8 @@ def parse(source: Source) -> ast.Script:
         # that halts in front of the token keeps what belongs to it apart.
         trouble = _run(table, Builder(source), tokens, position, outcome.index)
         assert isinstance(trouble, Trouble)
-        if not builder.unended(tokens[position].start):  # where a query does not end, all that follows is astray
+        # Where a query does not end, the rest of its statement is astray: that is no second error.
+        if not builder.unended(max(tokens[position].start, trouble.statement)):
             errors.append(syntax_errors.explain(trouble))
         position = _resume(trouble)
     else:
@@ -104,9 +105,12 @@ def _children(rule: Rule, symbols: list[Any]) -> list[Any]:
 def _resume(trouble: Trouble) -> int:
     """The index of the token at which parsing goes on after an error: behind the next `;` outside brackets.
 
-    Where a bracket is never closed, that is behind the next `;` outside the brackets that follow the error.
+    Where a bracket is never closed, that is behind the next `;` outside the brackets that follow the error; where
+    a string is not closed, it has most likely swallowed the `;`.
     """
     tokens = trouble.tokens
+    if trouble.found.kind == "OPEN_STRING" and trouble.found.text.rstrip().endswith(";"):
+        return trouble.index + 1
     outside = len(trouble.brackets)
     depth, fallback = 0, len(tokens)
     for index in range(trouble.index, len(tokens)):

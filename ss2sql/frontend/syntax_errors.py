@@ -17,13 +17,26 @@ from ss2sql.frontend.table import END
 from ss2sql.frontend.text import CLOSING, OPENING, Token
 from ss2sql.frontend.trouble import CLAUSES, OPTIONS, PAIRS, VALUES, Trouble, either, named
 
+# What a clause or a bracket wants, and what it looks like.
 _WANTED = {
-    "SELECT": "a column", "FROM": "a source", "WHERE": "a condition", "HAVING": "a condition",
-    "STOP WITH": "a condition", "IF(": "a condition", "START WITH": "an assignment such as level = 1",
-    "CONNECT BY": "an assignment such as level = level + 1", "GROUP BY": "a value to group by",
-    "ORDER BY": "a value to sort by", "LIMIT": "a number", "AS": "a representation such as list or value",
-    "MAXIMUM": "a whole number or a value in parentheses", "f(": "an argument", "x[": "an index",
-}  # fmt: skip
+    "SELECT": ("a column", "for instance SELECT this, mass FROM space"),
+    "FROM": ("a source", "for instance FROM space, or FROM n = [1, 2, 3]"),
+    "WHERE": ("a condition", "for instance WHERE mass > 50"),
+    "START WITH": ("an assignment such as level = 1", "for instance START WITH level = 1, node = 'a'"),
+    "CONNECT BY": ("an assignment such as level = level + 1", "for instance CONNECT BY NO CYCLE level = level + 1"),
+    "STOP WITH": ("a condition", "for instance STOP WITH level == 7"),
+    "GROUP BY": ("a value to group by", "for instance GROUP BY colour"),
+    "HAVING": ("a condition", "for instance HAVING count(*) > 1"),
+    "ORDER BY": ("a value to sort by", "for instance ORDER BY mass DESC"),
+    "LIMIT": ("a number", "for instance LIMIT 10"),
+    "AS": ("a representation such as list or value", "for instance AS list"),
+    "MAXIMUM": ("a whole number or a value in parentheses", "for instance MAXIMUM 10, or MAXIMUM (n)"),
+    "IF(": ("a condition", "write IF(condition; then; else)"),
+    "f(": ("an argument", "an argument is a value, or name = value"),
+    "x[": ("an index", "for instance x[0], x[1:3] or x['key']"),
+}
+_VALUE = ("a value", "a value is a name, a number, a string, a list, a call, a query or an operation on values")
+_COMMA = "leave the comma out, or write what should follow it"
 
 
 def explain(t: Trouble) -> ParseError:
@@ -116,28 +129,27 @@ def _reserved(t: Trouble) -> ParseError | None:
 def _missing(t: Trouble) -> ParseError | None:
     """Something is missing in front of the token: a value, a name, an assignment."""
     found, before = t.found, t.before()
-    hints = ["leave the comma out, or write what should follow it"] if before.kind == "," else []
     clause = t.clause if before.kind in (",", "WITH", "BY", "(", "[") or before.kind == t.clause else ""
     if t.wants_operand:
-        what = "a value" if before.kind == "," and clause == "IF(" else _WANTED.get(clause, "a value")
-        if found.kind == "+":
-            hints = ["leave the + out"]
+        what, hint = _VALUE if before.kind == "," and clause == "IF(" else _WANTED.get(clause, _VALUE)
+        hint = "leave the + out" if found.kind == "+" else hint
     elif "+" in t.expected or t.expected == {"="}:
         return None
     elif before.kind == "IF":
-        what, hints = "'('", ["write IF(condition; then; else)"]
+        what, hint = "'('", _WANTED["IF("][1]
     elif before.kind == "NOT":
-        what = "IN"
+        what, hint = "IN", "write a NOT IN b, or NOT in front of the whole condition"
     elif before.kind == ".":
-        what = "this or a column"
+        what, hint = "this or a column", "for instance n.this, or n.mass"
     elif "NAME" in t.expected or before.kind == "MAXIMUM":
-        what = _WANTED["CONNECT BY" if t.clause in OPTIONS and before.kind != "MAXIMUM" else t.clause]
+        what, hint = _WANTED["CONNECT BY" if t.clause in OPTIONS and before.kind != "MAXIMUM" else t.clause]
     else:
         return None
     ahead = f"{t.before(2).kind} {before.kind}" if before.kind in ("WITH", "BY", "FIRST") else named(before)
     after = "" if before.kind == ";" and not t.bracket else f" after {ahead}"
     word = f"{named(found)} {PAIRS[found.keyword]}" if found.keyword in PAIRS else named(found)
-    error = t.error(_code(t), f"expected {what}{after}, found {word}", *hints)
+    hint = _COMMA if before.kind == "," else hint
+    error = t.error(_code(t), f"expected {what}{after}, found {word}", hint)
     return _opened(t, error) if found.kind in (END, ";") else error
 
 
@@ -225,7 +237,8 @@ def _between(t: Trouble) -> ParseError:
         bare = t.before().kind == "NAME" and t.found.kind in ("STRING", "INTEGER", "FLOAT")
         call = [f"a call has parentheses: {t.before().text}(...)"] if bare else []
         return t.error("P001", message, "statements are separated by ;", *call)
-    return _opened(t, t.error(_code(t), message))
+    hint = "write what should stand between them, or leave one of them out"
+    return _opened(t, t.error(_code(t), message, hint))
 
 
 def _source_hint(t: Trouble) -> list[str]:

@@ -150,7 +150,7 @@ def unreadable(source: Source, token: Token) -> ParseError | None:
         return ParseError("P003", f"'{short(text)}' is neither a number nor a name", span, hints)
     if token.kind != "OTHER":
         return None
-    hints = [_INSTEAD[text]] if text in _INSTEAD else []
+    hints = [_INSTEAD.get(text, "leave it out, or put it into a string")]
     if text in _SQL_SIGNS:
         return ParseError("P006", f"there is no operator {text}", span, hints)
     return ParseError("P003", f"the language has no character {_shown(text)}", span, hints)
@@ -249,7 +249,7 @@ def unescape(source: Source, token: Token) -> str:
             try:
                 return unicodedata.lookup(text)
             except KeyError:
-                raise ParseError("P003", f"there is no character named '{short(text)}'", span) from None
+                raise ParseError("P003", f"there is no character named '{short(text)}'", span, ["see the Unicode charts"]) from None
         code = int(text, 8 if kind == "octal" else 16)
         if code > 0x10FFFF or 0xD800 <= code <= 0xDFFF:
             raise ParseError("P003", f"{match[0]} is not a character", span, ["characters go up to \\U0010ffff"])

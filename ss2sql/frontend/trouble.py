@@ -91,6 +91,14 @@ class Trouble:
         return found
 
     @property
+    def statement(self) -> int:
+        """The offset behind the `;` in front of this statement; 0 in the first statement that was read."""
+        for value in self.values:
+            if isinstance(value, Token) and value.kind in (";", *OPENING):
+                return value.end if value.kind == ";" else 0
+        return 0
+
+    @property
     def brackets(self) -> list[Token]:
         """The open brackets, the innermost one first."""
         return [self.values[position] for position in self._open if self._kind(position) in OPENING]

@@ -14,13 +14,13 @@ from ss2sql.kinds import ANY, covers, type_of
 from ss2sql.lowering.lower import lower
 from ss2sql.lowering.parameters import Parameter, SqlQuery
 from ss2sql.runtime.native import NativeQuery, compile_statement
-from ss2sql.runtime.result import Answer, Sql, Status
+from ss2sql.runtime.result import Answer, Result, Sql, Status
 from ss2sql.runtime.rows import Rows
 from ss2sql.runtime.run import Run
 from ss2sql.runtime.values import freeze, sort_rows
 
 if TYPE_CHECKING:
-    from ss2sql.runtime.session import Session
+    from ss2sql.runtime.host import SessionHost
 
 Engine: TypeAlias = Literal["auto", "database", "native"]
 ENGINES = ("auto", "database", "native")
@@ -32,14 +32,14 @@ class CompiledQuery:
     With the engine `auto` the database runs it unless lowering objects; `reason` is then the objection.
     """
 
-    def __init__(self, session: Session, query: plan.Query, engine: Engine) -> None:
-        self.session = session
+    def __init__(self, host: SessionHost, query: plan.Query, engine: Engine) -> None:
+        self.host = host
         self.query = query
         self.lowered: SqlQuery | None = None
         self.reason = "engine='native' was asked for"
         if engine != "native":
             try:
-                self.lowered = lower(query, session.sql_names)
+                self.lowered = lower(query, host.sql_names)
             except UnsupportedError as error:
                 if engine == "database":
                     raise
@@ -70,10 +70,10 @@ class CompiledQuery:
         rows = self._database_rows(run, sink) if self.lowered else self._native_rows(run, sink)
         arguments = tuple(argument(run) for argument in self.arguments)
         named = {name: argument(run) for name, argument in self.named.items()}
-        raw = self.session.represent(self.query.representation, rows, arguments, named)
+        raw = self.host.shapes.represent(self.query.representation, rows, arguments, named)
         status: Status = "maximum" if self._ended_by_maximum(run, rows) else "complete"
         run.answer = Answer(rows, raw, self.engine, status)
-        return self.session.language_value(self.query.representation.name, raw)
+        return self.host.shapes.language_value(self.query.representation.name, raw)
 
     def _native_rows(self, run: Run, sink: Rows) -> Rows:
         assert self.native is not None
@@ -90,7 +90,7 @@ class CompiledQuery:
             return self.parameters[parameter.name](run)
 
         try:
-            extras = self.session.database.execute(self.lowered, run, evaluate, sink, most)
+            extras = self.host.database.execute(self.lowered, run, evaluate, sink, most)
         except ExecutionError as error:
             if error.code != "X009" or self.demanded or not isinstance(error.__cause__, _TOO_MUCH):
                 raise
@@ -177,20 +177,20 @@ def group_value(value: Any) -> Any:
 class CompiledStatement:
     """One statement: its plan, and the function that runs it."""
 
-    def __init__(self, session: Session, tree: ast.Expr, statement: plan.Statement, engine: Engine) -> None:
-        self.session = session
+    def __init__(self, host: SessionHost, tree: ast.Expr, statement: plan.Statement, engine: Engine) -> None:
+        self.host = host
         self.tree = tree
         self.engine = engine
         self._compile(statement)
 
     def _compile(self, statement: plan.Statement) -> None:
         self.statement = statement
-        self.generation = self.session.generation
+        self.generation = self.host.generation
         self.queries: list[CompiledQuery] = []
         self.function = compile_statement(statement.expr, self._dispatch)
 
     def _dispatch(self, query: plan.Query) -> Callable[[Run], Any]:
-        compiled = CompiledQuery(self.session, query, self.engine)
+        compiled = CompiledQuery(self.host, query, self.engine)
         self.queries.append(compiled)
         return compiled.value
 
@@ -202,17 +202,17 @@ class CompiledStatement:
 
     def value(self, run: Run) -> Any:
         if self._is_stale(run):
-            self._compile(self.session.resolve_statement(self.tree, run))
+            self._compile(self.host.resolve_statement(self.tree, run))
         return self.function(run)
 
     def _is_stale(self, run: Run) -> bool:
         """Whether the plan relies on columns or types that are no longer so."""
-        if self.statement.tentative or self.generation != self.session.generation:
+        if self.statement.tentative or self.generation != self.host.generation:
             return True
         for name, kind in self.statement.reads:
             if kind != ANY and not covers(kind, type_of(run.variable(name))):
                 return True
-        return any(self.session.table_changed(table) for table in self.statement.tables)
+        return any(self.host.table_changed(table) for table in self.statement.tables)
 
     def sql(self, run: Run | None = None) -> Sql:
         texts = [query.sql(run) for query in self.queries]
@@ -241,11 +241,19 @@ class Query:
     resolved program, `sql` the text that runs.
     """
 
-    def __init__(self, session: Session, script: ast.Script, program: plan.Program, engine: Engine) -> None:
-        self._session = session
+    def __init__(
+        self,
+        host: SessionHost,
+        execute: Callable[..., Result],
+        script: ast.Script,
+        program: plan.Program,
+        engine: Engine,
+    ) -> None:
         self.parameters = program.parameters
-        self._program = program
+        self._host = host
+        self._execute = execute
         self._script = script
+        self._program = program
         self._engine: Engine = engine
         self._statements: list[CompiledStatement] | None = None
 
@@ -259,7 +267,7 @@ class Query:
 
     def _compiled(self, engine: Engine) -> list[CompiledStatement]:
         pairs = zip(self._script.statements, self._program.statements, strict=True)
-        return [CompiledStatement(self._session, tree, statement, engine) for tree, statement in pairs]
+        return [CompiledStatement(self._host, tree, statement, engine) for tree, statement in pairs]
 
     @property
     def plan(self) -> plan.Program:
@@ -270,11 +278,11 @@ class Query:
         return script_sql(self.statements())
 
     def run(self, engine: Engine | None = None, timeout: float | None = None, maximum: int | None = None,
-            max_rows: int | None = None, **variables: Any) -> Any:  # fmt: skip
+            max_rows: int | None = None, **variables: Any) -> Result:  # fmt: skip
         """Runs the script; see `Session.run`. Raises ResolveError R009 for a parameter without a value."""
-        missing = [name for name in self.parameters if name not in variables and not self._session.knows(name)]
+        missing = [name for name in self.parameters if name not in variables and name not in self._host.names]
         if missing:
             given = did_you_mean(missing[0], [name for name in variables if name not in self.parameters])
             hints = (f"run(..., {', '.join(f'{name}=...' for name in missing)})", *given)
             raise ResolveError("R009", f"the script needs a value for {', '.join(missing)}", hints=hints)
-        return self._session.execute(self, engine, timeout, maximum, max_rows, variables)
+        return self._execute(self, engine, timeout, maximum, max_rows, variables)

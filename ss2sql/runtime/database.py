@@ -7,18 +7,20 @@ query stacks a new one on top.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import islice
 from typing import Any, cast
 
 import apsw
 
+from ss2sql import plan
 from ss2sql.errors import Error, ExecutionError, Span, note_place
 from ss2sql.lowering.expressions import PREDICATES, builtin_name
 from ss2sql.lowering.parameters import Parameter, Shown, SqlQuery
 from ss2sql.lowering.sources import sql_names
-from ss2sql.runtime.functions import UserFunction, forgets, takes_memo
+from ss2sql.runtime.functions import MISSING, Memo, UserFunction, forgets, takes_memo
 from ss2sql.runtime.pool import FALSE, TRUE, Pool
+from ss2sql.runtime.result import Sql
 from ss2sql.runtime.rows import Row, Rows
 from ss2sql.runtime.run import Run
 from ss2sql.runtime.search_functions import SearchState
@@ -31,20 +33,26 @@ SEARCH_FUNCTIONS = ("next_step", "keep", "on_path", "reached", "reach")
 CHECK_EVERY = 10_000  # steps of SQLite's virtual machine between looks at the clock, about 0.2 ms
 
 
+NO_CALLS: Mapping[str, Sequence[Span]] = {}
+
+
 class Execution:
     """What the functions of one running statement share."""
 
-    def __init__(self, lowered: SqlQuery, run: Run) -> None:
-        self.lowered = lowered
+    def __init__(
+        self, run: Run, query: plan.Query | None = None, calls: Mapping[str, Sequence[Span]] = NO_CALLS
+    ) -> None:
         self.run = run
+        self.query = query
+        self.calls = calls
         self.pool = Pool()
         self.search = SearchState(self.pool.frozen, run.stats)
-        self.memos: dict[str, dict[Any, Any]] = {}
+        self.memos: dict[str, Memo] = {}
         self.elements: dict[Any, Sequence[Sequence[Any]]] = {}
 
     def span(self, place: str) -> Span | None:
         """The span of the call at a place `line:column` of the script."""
-        for node in walk(self.lowered.query):
+        for node in walk(self.query) if self.query is not None else ():
             for name in ("place", "span"):
                 span = getattr(node, name, None)
                 if isinstance(span, Span) and f"{span.line}:{span.column}" == place:
@@ -55,11 +63,11 @@ class Execution:
 class Database:
     """The connection of a session with everything registered that lowered queries need."""
 
-    def __init__(self, connection: apsw.Connection) -> None:
+    def __init__(self, connection: apsw.Connection, memo_limit: int) -> None:
         self.connection = connection
         self.stack: list[Execution] = []
         self.modules: set[str] = set()
-        self.memo_limit = 0
+        self.memo_limit = memo_limit
         for name, scalar in SCALAR_FUNCTIONS.items():
             connection.create_scalar_function(name, self._bound(scalar))
         for name, factory in AGGREGATE_FUNCTIONS.items():
@@ -130,7 +138,7 @@ class Database:
             values = list(map(execution.pool.fresh, arguments))
             forget = remember and forgets(function, values)
             execution.run.stats.calls[name] += 1
-            spans = execution.lowered.calls.get(name, ())
+            spans = execution.calls.get(name, ())
             try:
                 result = body(*values)
             except Exception as error:
@@ -145,17 +153,13 @@ class Database:
             execution = stack[-1]
             memo = execution.memos.get(name)
             if memo is None:
-                memo = execution.memos[name] = {}
-            # 1 and 1.0 are one key of a dict but two arguments of a function.
-            key = (arguments, tuple(map(type, arguments))) if float in map(type, arguments) else arguments
-            if key in memo:
-                execution.run.stats.remembered[name] += 1
-                return memo[key]
+                memo = execution.memos[name] = Memo(self.memo_limit)
+            found = memo.find(arguments)
+            if found is not MISSING:
+                return found
             result, forget = call(execution, arguments)
-            if not forget and self.memo_limit:
-                if len(memo) >= self.memo_limit:
-                    del memo[next(iter(memo))]
-                memo[key] = result
+            if not forget:
+                memo.keep(arguments, result)
             return result
 
         plain = lambda *arguments: call(stack[-1], arguments)[0]  # noqa: E731
@@ -201,7 +205,7 @@ class Database:
         """
         for name, columns in lowered.modules.items():
             self._module(name, columns)
-        execution = Execution(lowered, run)
+        execution = Execution(run, lowered.query, lowered.calls)
         self.stack.append(execution)
         try:
             pool = execution.pool
@@ -216,9 +220,26 @@ class Database:
             raise ExecutionError("X009", f"SQLite: {error}", lowered.query.span, hints) from error
         finally:
             self.stack.pop()
+            for name, memo in execution.memos.items():
+                run.stats.remembered[name] += memo.hits
             if lowered.query.search is not None:
                 run.stats.generated += execution.search.steps
                 run.stats.expanded += len(execution.search.kept)
+
+    def paste(self, sql: Sql, run: Run) -> list[Row]:
+        """Runs SQL as a result shows it, with the values beside it, and gives its rows as they come.
+
+        This is how text that was lowered in one session runs in another that has the same functions.
+        """
+        for name, columns in sql.modules.items():
+            self._module(name, columns)
+        execution = Execution(run)
+        self.stack.append(execution)
+        try:
+            values = {name: execution.pool.encode(value) for name, value in sql.parameters.items()}
+            return [tuple(map(execution.pool.decode, row)) for row in self.connection.execute(sql, values)]
+        finally:
+            self.stack.pop()
 
     def _results(
         self, lowered: SqlQuery, execution: Execution, cursor: apsw.Cursor, sink: Rows

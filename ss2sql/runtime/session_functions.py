@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Mapping
+from typing import Any
 
 from ss2sql.errors import ExecutionError, did_you_mean
 from ss2sql.runtime.builtins import BUILTINS
+from ss2sql.runtime.functions import UserFunction
 from ss2sql.runtime.values import fresh
-
-if TYPE_CHECKING:
-    from ss2sql.runtime.session import Session
+from ss2sql.runtime.variables import Variables
 
 
 class SessionFunctions:
     """Methods named after the functions of the language."""
 
-    def __init__(self, session: Session) -> None:
-        self.session = session
+    def __init__(self, names: Variables, functions: Mapping[str, UserFunction]) -> None:
+        self.names = names
+        self.functions = functions
 
     def function(self, name: str) -> Callable[..., Any]:
         """The Python form of a built-in function that the table leaves to the session."""
@@ -41,14 +41,14 @@ class SessionFunctions:
 
     def _texts(self) -> dict[str, str]:
         texts = {name: entry.text for name, entry in BUILTINS.items() if name not in ("item", "slice")}
-        for name, entry in self.session.functions.items():
+        for name, entry in self.functions.items():
             lines = (entry.function.__doc__ or "").strip().splitlines() or ["registered"]
             texts[name] = f"{lines[0]} ({entry.volatility}: {entry.reason})"
         return texts
 
     def _var(self, name: str | None = None) -> Any:
         """All script variables as a dict, or the value of one."""
-        variables = self.session.variables()
+        variables = self.names.copies()
         if name is None:
             return variables
         if name not in variables:
@@ -57,11 +57,11 @@ class SessionFunctions:
 
     def _clear(self) -> None:
         """Forgets all script variables."""
-        self.session.clear()
+        self.names.clear()
 
     def _getTime(self) -> float:  # noqa: N802 - the language's name
         """The time in seconds."""
-        return self.session.temporals.clock()
+        return self.names.temporals.clock()
 
     def _eval(self, text: str) -> Any:
         raise AssertionError("eval is a construct of the plan, not a call")

@@ -22,7 +22,8 @@ _KINDS = {
 }
 
 
-def _quoted(name: str) -> str:
+def quoted(name: str) -> str:
+    """A name as SQL reads it whatever characters it has."""
     return '"' + name.replace('"', '""') + '"'
 
 
@@ -63,8 +64,8 @@ class Tables:
 
     def _version(self, schema: str) -> tuple[Any, ...]:
         """Changes when this or another connection has changed the database."""
-        versions = self.connection.execute(f"PRAGMA {_quoted(schema)}.data_version").fetchall()
-        cookies = self.connection.execute(f"PRAGMA {_quoted(schema)}.schema_version").fetchall()
+        versions = self.connection.execute(f"PRAGMA {quoted(schema)}.data_version").fetchall()
+        cookies = self.connection.execute(f"PRAGMA {quoted(schema)}.schema_version").fetchall()
         return (versions, cookies, self.connection.total_changes())
 
     def _read(self, schema: str, name: str, kind: str, without_rowid: bool) -> plan.TableSource:
@@ -87,9 +88,9 @@ class Tables:
         return self.connection.column_metadata(schema, name, column)[1]
 
     def _types(self, schema: str, name: str, columns: list[str]) -> list[Type]:
-        tests = ", ".join(f"typeof({_quoted(column)})" for column in columns)
+        tests = ", ".join(f"typeof({quoted(column)})" for column in columns)
         found: list[tuple[Any, ...]] = self.connection.execute(
-            f"SELECT DISTINCT {tests} FROM {_quoted(schema)}.{_quoted(name)}"
+            f"SELECT DISTINCT {tests} FROM {quoted(schema)}.{quoted(name)}"
         ).fetchall()
         types = []
         for index in range(len(columns)):

@@ -6,9 +6,12 @@ seconds, which means: until the value after them is older than that. Bounds are 
 
 from __future__ import annotations
 
+import json
 from bisect import bisect_right
 from collections.abc import Callable
 from typing import Any
+
+import apsw
 
 from ss2sql.errors import ExecutionError
 from ss2sql.runtime.values import show
@@ -70,3 +73,41 @@ class TemporalStore:
     def drop(self, name: str) -> None:
         self.histories.pop(name, None)
         self.keeps.pop(name, None)
+
+
+class TemporalFile:
+    """Temporal variables in the session's database file, in the table `ss2sql_temporal`.
+
+    The table has one row per kept value: the variable's name, the time in seconds, the value as JSON and the
+    seconds to keep. A value that JSON has no form for, such as an object of Python, lives in memory only.
+    """
+
+    def __init__(self, connection: apsw.Connection) -> None:
+        self.connection = connection
+
+    def load(self, store: TemporalStore) -> None:
+        """Fills the store with what an earlier session has kept."""
+        if not self.connection.execute("SELECT 1 FROM sqlite_schema WHERE name = 'ss2sql_temporal'").fetchall():
+            return
+        rows: list[tuple[Any, ...]] = self.connection.execute(
+            "SELECT name, time, value, keep FROM ss2sql_temporal ORDER BY rowid"
+        ).fetchall()
+        for name, moment, value, keep in rows:
+            store.histories.setdefault(name, []).append((moment, json.loads(value)))
+            store.keeps[name] = keep
+
+    def save(self, store: TemporalStore, name: str) -> None:
+        """Puts the history of one variable, or its end, into the file."""
+        try:
+            rows = [
+                (name, moment, json.dumps(value, allow_nan=False), store.keeps[name])
+                for moment, value in store.histories.get(name, ())
+            ]
+        except TypeError:
+            rows = []
+        with self.connection:
+            self.connection.execute(
+                "CREATE TABLE IF NOT EXISTS ss2sql_temporal(name TEXT, time REAL, value TEXT, keep REAL)"
+            )
+            self.connection.execute("DELETE FROM ss2sql_temporal WHERE name = ?", (name,))
+            self.connection.executemany("INSERT INTO ss2sql_temporal VALUES (?, ?, ?, ?)", rows)

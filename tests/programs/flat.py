@@ -156,10 +156,10 @@ class Flat(Expressions):
         if self.choices.chance(40):
             self.variables.setdefault("rs", rows(self.choices))
             where = self.choices.pick(("", " WHERE v", " WHERE k != 'a'", " ORDER BY v DESC LIMIT 2"))
-            shown = self.choices.pick(
-                ("(SELECT k, v FROM rs{})", "(SELECT * FROM rs{})", "(SELECT to(v, v), k FROM rs{} AS dict)")
-            )
-            return Origin(prefix + shown.format(where), alias, "row", {"k": "str", "v": "maybe"})
+            shown = self.choices.pick(("k, v", "*", "to(v, v), k"))
+            columns = ROW_KINDS if shown == "*" else {"k": "str", "v": "maybe"}
+            text = f"(SELECT {shown} FROM rs{where}{self.choices.pick(('', ' AS dict'))})"
+            return Origin(prefix + text, alias, "row", columns)
         self.variable("xs")
         where = self.choices.pick(("", " WHERE this > 1", " ORDER BY this DESC", " LIMIT 2"))
         return Origin(

@@ -40,7 +40,7 @@ def program(data: bytes) -> ProgramCase:
     last = writer.last(writer.choices.weighted(*FORMS))
     if writer.choices.chance(4):
         writer.uses["add"] = None
-    script = "".join(statement for statement in writer.statements) + last
+    script = "".join(writer.statements) + last
     variables = {}
     before = ""
     for name, value in writer.variables.items():
@@ -159,7 +159,7 @@ class Scripts(Searches):
                 "SELECT k, (SELECT this FROM [1, 2] WHERE this == v AS list) FROM rs",
                 "SELECT v FROM rs START WITH v = 5 CONNECT BY v = v + 1 STOP WITH v > 5",
                 "SELECT (SELECT k FROM rs WHERE v == a.this AS value) FROM a = xs AS list",
-                "SELECT list, level FROM rs WHERE True START WITH list = 1, level = 2 CONNECT BY list = 2 STOP WITH True",
+                "SELECT list FROM rs WHERE True START WITH list = 1, level = 2 CONNECT BY list = 2 STOP WITH level",
                 "value = 3; list = [value]; SELECT value, this FROM list AS list",
             )
         )

@@ -12,7 +12,7 @@ from ss2sql.frontend import ast
 
 from . import search
 from .functions import AGGREGATES
-from .sight import Bound, Frame, Group, LateList, Own, columns_of, elements_of, in_queries, mentions, source_name
+from .sight import Bound, Frame, Group, LateList, Own, columns_of, elements_of, is_visible, mentions, source_name
 from .values import Failure, Row, compare_keys, equal, hashable, shape
 
 if TYPE_CHECKING:
@@ -199,7 +199,7 @@ class Sources:
         columns = {name for bounds in self.once[:number] for bound in bounds or () for name in bound.columns}
 
         def elsewhere(name: str) -> bool:
-            known = name in self.ref.variables or name in self.ref.tables or bool(in_queries(self.outer, name))
+            known = name in self.ref.variables or name in self.ref.tables or is_visible(self.outer, name)
             return known and name not in columns
 
         def late(name: str) -> LateList | None:

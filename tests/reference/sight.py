@@ -76,6 +76,11 @@ def in_queries(frame: Frame | None, name: str) -> tuple[Any, ...]:
     return ()
 
 
+def is_visible(frame: Frame | None, name: str) -> bool:
+    """Whether a bare name means something in the queries around it, ambiguous or not."""
+    return any(name in level.state or any(name in bound.columns for bound in level.bound) for level in frames(frame))
+
+
 def source_named(frame: Frame | None, name: str) -> Bound | None:
     for level in frames(frame):
         for bound in level.bound:

@@ -12,13 +12,11 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, assert_never
 
 from ss2sql import plan
-from ss2sql.errors import ExecutionError
 from ss2sql.kinds import Kind
 from ss2sql.runtime.native.pen import Pen
 from ss2sql.runtime.native.unit import Body
 from ss2sql.runtime.run import Run
 from ss2sql.runtime.sources import column_of
-from ss2sql.runtime.values import show
 
 if TYPE_CHECKING:
     from ss2sql.runtime.native.builder import Builder
@@ -33,7 +31,6 @@ _ARITHMETIC: dict[str, type[ast.operator]] = {
     "div": ast.Div,
     "mod": ast.Mod,
 }
-_INLINE_LISTS = 8  # a longer list literal is a name in the code
 
 
 def expression(builder: Builder, node: plan.Expr, body: Body) -> ast.expr:
@@ -190,9 +187,6 @@ def assign(run: Run, name: str, value: Any) -> Any:
 
 
 def temporal(run: Run, name: str, when: Any) -> Any:
-    if when is not None and not isinstance(when, (int, float)):
-        message = f"{name}{{...}} takes a number of seconds, not {show(when)}"
-        raise ExecutionError("X007", message, hints=(f"write {name}{{}} for all kept values",))
     return run.host.temporal(name, when)
 
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import ast
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from types import CodeType, FunctionType
 from typing import Any
@@ -24,8 +24,10 @@ from ss2sql.runtime.native.locate import PAGE, Page
 from ss2sql.runtime.builtins import BUILTINS
 from ss2sql.runtime.native.pen import Pen
 from ss2sql.runtime.run import Run
+from ss2sql.walk import parts
 
 UNSET = object()
+COUNTERS = ("generated", "expanded", "pruned")
 MOST_LOOPS = 16  # Python refuses more than 20 blocks inside of each other
 
 
@@ -40,7 +42,9 @@ class Body:
     `blocks` holds its statements and those of each loop that is open, outermost first. `levels` gives for
     each source that is bound here the number of loops that must be open (0: a parameter). `states` are the
     START WITH variables bound here, `moved` those that CONNECT BY has given a new value under a new name.
-    `groups` names the values of the group that is seen from here.
+    `groups` names the values of the group that is seen from here. `shared` are names of the functions around
+    that are set here, `locals` names that are set here and read further in. `counts` says how often a costly
+    expression is written here, `slots` where the values of such expressions are kept.
     """
 
     unit: Unit
@@ -53,8 +57,17 @@ class Body:
     moved: dict[tuple[int, str], str] = field(default_factory=dict)
     groups: dict[Any, str] = field(default_factory=dict)
     shared: dict[str, None] = field(default_factory=dict)
+    locals: list[str] = field(default_factory=list)
     counts: Counter[int] = field(default_factory=Counter)
     slots: dict[int, str] = field(default_factory=dict)
+
+    def sees(self, source: int) -> bool:
+        """Whether a source is bound here or in a function around this one."""
+        return source in self.levels or (self.parent is not None and self.parent.sees(source))
+
+    def sees_state(self, state: tuple[int, str]) -> bool:
+        """Whether a START WITH variable is bound here or in a function around this one."""
+        return state in self.states or (self.parent is not None and self.parent.sees_state(state))
 
     @property
     def level(self) -> int:
@@ -94,12 +107,23 @@ class Body:
         fresh = pen.compare(pen.name(name), ast.IsNot(), pen.name("UNSET"))
         return pen.either(fresh, pen.name(name), pen.bind(name, value))
 
-    def loop(self, names: list[str], items: ast.expr, pen: Pen, source: int) -> None:
-        """Opens a loop that binds a source."""
+    def loop(self, names: list[str], items: ast.expr, pen: Pen) -> None:
+        """Opens a loop over items, which are tuples where there are several names."""
         inner: list[ast.stmt] = []
         self.add(pen.loop(names, items, inner))
         self.blocks.append(inner)
-        self.levels[source] = self.level
+        self.locals.extend(names)
+
+    def count(self, nodes: Iterable[Any]) -> None:
+        """Notes which costly expressions will be evaluated in this function, and how often they are written."""
+        stack = list(nodes)
+        while stack:
+            node = stack.pop()
+            facts = self.unit.analysis.of(node)
+            if facts.costly and facts.key is not None:
+                self.counts[facts.key] += 1
+            if not isinstance(node, plan.Subquery):
+                stack.extend(parts(node))
 
     def finished(self, pen: Pen) -> ast.stmt:
         """The function's definition."""
@@ -107,6 +131,14 @@ class Body:
         if self.shared:
             statements = [pen.shared(list(self.shared)), *statements]
         return pen.function(self.name, self.parameters, statements)
+
+    def define(self) -> None:
+        """Puts the finished function into the one around it."""
+        assert self.parent is not None
+        if self.parent is self.unit.root:
+            self.unit.definitions.append(self.finished(self.unit.pen))
+        else:
+            self.parent.add(self.finished(self.unit.pen))
 
 
 class Unit:
@@ -182,11 +214,28 @@ class Unit:
         value = pen.call(self.helper(value_if_any), run, text)
         return pen.name(self.bind(("variable", name), name, value, pen, "NoValue"))
 
-    # --- the end ---------------------------------------------------------------------------------------
+    def counter(self, name: str, body: Body) -> str:
+        """A counter of the whole run, to be increased in `body`."""
+        if name not in self._bound:
+            self._bound[name] = name
+            self.bindings.append(self.pen.assign(name, self.pen.constant(0)))
+        if body is not self.root:
+            body.shared[name] = None
+        return name
 
-    def define(self, body: Body) -> None:
-        """Adds a finished function to the unit."""
-        self.definitions.append(body.finished(self.pen))
+    def checked(self) -> ast.expr:
+        """A call that ends the run if it has to end."""
+        pen = self.pen
+        return pen.call(self.bind("check", "check", pen.call(self.helper(check_of), pen.name("run")), pen))
+
+    def metered(self) -> ast.expr:
+        """A call that hands on what the searches have counted, and ends the run if it has to end."""
+        pen = self.pen
+        counters = [pen.name(self.counter(name, self.root)) for name in COUNTERS]
+        meter = self.bind("meter", "meter", pen.call(self.helper(meter_of), pen.name("run")), pen)
+        return pen.call(meter, *counters)
+
+    # --- the end ---------------------------------------------------------------------------------------
 
     def module(self, result: ast.expr) -> ast.Module:
         """The code of the unit, whose function `bound` gives `result`."""
@@ -217,3 +266,23 @@ def value_if_any(run: Run, name: str) -> Any:
         if error.code == "R001":
             raise NoValue from None
         raise
+
+
+def check_of(run: Run) -> Callable[[], None]:
+    return run.check
+
+
+def meter_of(run: Run) -> Callable[[int, int, int], None]:
+    """What hands the counts of generated code on to the run, and looks at the clock."""
+    stats, check = run.stats, run.check
+    before = (0, 0, 0)
+
+    def meter(generated: int, expanded: int, pruned: int) -> None:
+        nonlocal before
+        stats.generated += generated - before[0]
+        stats.expanded += expanded - before[1]
+        stats.pruned += pruned - before[2]
+        before = (generated, expanded, pruned)
+        check()
+
+    return meter

@@ -1,0 +1,149 @@
+"""What a session holds and what its runs ask for; `Session` is the face of it, `run.Host` its contract."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import apsw
+
+from ss2sql import plan
+from ss2sql.errors import Source
+from ss2sql.frontend import ast
+from ss2sql.frontend.catalog import Catalog
+from ss2sql.frontend.parser import parse
+from ss2sql.frontend.resolve import resolve, resolve_text
+from ss2sql.kinds import type_of
+from ss2sql.runtime.builtins import BUILTINS
+from ss2sql.runtime.database import Database
+from ss2sql.runtime.functions import UserFunction, builtin_functions, native_callable, sql_names
+from ss2sql.runtime.rows import Rows
+from ss2sql.runtime.run import Run
+from ss2sql.runtime.session_functions import SessionFunctions
+from ss2sql.runtime.shaping import Shapes
+from ss2sql.runtime.tables import Tables, quoted
+from ss2sql.runtime.temporal import TemporalFile, TemporalStore
+from ss2sql.runtime.variables import Variables
+
+
+class SessionHost:
+    """The functions, variables, tables and representations of a session.
+
+    `generation` counts registrations, so that compiled scripts notice them. `sql_names` are the names that
+    registered functions have in SQL.
+    """
+
+    def __init__(
+        self, connection: apsw.Connection, file: TemporalFile | None, read_only: bool, memo_limit: int
+    ) -> None:
+        self.connection = connection
+        self.memo_limit = memo_limit
+        self.database = Database(connection, memo_limit)
+        self.tables = Tables(connection)
+        self.shapes = Shapes()
+        self.functions: dict[str, UserFunction] = {}
+        self.sql_names: dict[str, str] = {}
+        self.generation = 0
+        self.runs: list[Run] = []
+        temporals = TemporalStore(self._clock)
+        if file is not None:
+            file.load(temporals)
+        self.names = Variables(temporals, None if read_only else file)
+        self.own = SessionFunctions(self.names, self.functions)
+        for name, builtin in BUILTINS.items():
+            if name not in ("eq", "ne"):  # of these the database has its own
+                self.database.register_builtin(name, builtin.python or self.own.function(name))
+
+    def register(self, entry: UserFunction) -> None:
+        """Makes a function known to scripts and to SQL."""
+        self.functions[entry.name] = entry
+        self.generation += 1
+        before, self.sql_names = self.sql_names, sql_names(self.functions)
+        for name, sql_name in self.sql_names.items():
+            if name == entry.name or before.get(name) != sql_name:
+                self.database.register_user(self.functions[name], sql_name)
+
+    # --- what the compiler asks ------------------------------------------------------------------------
+
+    def catalog(self, values: Mapping[str, Any] | None = None, open_names: bool = False) -> Catalog:
+        given = dict(values or {})
+        snapshots: dict[str, Any] = {}
+
+        def variable_type(name: str) -> Any:
+            if name not in snapshots:
+                snapshots[name] = given[name] if name in given else self.names.value(name)
+            return type_of(snapshots[name])
+
+        functions = builtin_functions()
+        functions.update((name, entry.plan) for name, entry in self.functions.items())
+        return Catalog(
+            functions,
+            tuple(self.shapes.functions),
+            {*self.names, *given},
+            variable_type,
+            self.tables.find,
+            self.tables.names(),
+            dict(self.names.late),
+            open_names,
+        )
+
+    def resolve_statement(self, tree: ast.Expr, run: Run) -> plan.Statement:
+        """The plan of one statement, resolved against the values that stand now."""
+        catalog = self.catalog(run.arguments, open_names=False)
+        return resolve(ast.Script((tree,), span=tree.span), catalog).statements[0]
+
+    def resolve_text(self, text: str, scope: Any) -> tuple[plan.Expr, ...]:
+        """The statements of a text given to `eval`."""
+        return resolve_text(parse(Source(text, "<eval>")), scope, self.catalog(self._arguments()))
+
+    def _arguments(self) -> Mapping[str, Any]:
+        return self.runs[-1].arguments if self.runs else {}
+
+    def table_changed(self, table: plan.TableSource) -> bool:
+        """Whether a table has other columns, or values of other kinds, than a plan was made for."""
+        now = self.tables.find(table.schema, table.table)
+        return now is None or (now.columns, now.order, now.collated) != (table.columns, table.order, table.collated)
+
+    # --- what a run asks (see runtime/run.py) ----------------------------------------------------------
+
+    def variable(self, name: str, run: Run) -> Any:
+        return self.names.read(name, run)
+
+    def assign(self, name: str, value: Any) -> None:
+        self.names.assign(name, value)
+        for run in self.runs:
+            run.snapshots.pop(name, None)
+
+    def bind_late(self, name: str, literal: ast.ListLiteral) -> None:
+        self.names.bind_late(name, literal)
+
+    def call(self, function: plan.Function, run: Run) -> Callable[..., Any]:
+        if function.builtin:
+            return BUILTINS[function.name].python or self.own.function(function.name)
+        known = run.callables.get(function.name)
+        if known is None:
+            known = native_callable(self.functions[function.name], run, self.memo_limit)
+            run.callables[function.name] = known
+        return known
+
+    def _clock(self) -> float:
+        """The time of getTime(), which the user may have replaced."""
+        entry = self.functions.get("getTime")
+        return float(entry.function()) if entry else time.time()
+
+    def temporal(self, name: str, when: Any) -> Any:
+        return self.names.temporal(name, when)
+
+    def store_temporal(self, name: str, keep: Any, value: Any) -> None:
+        self.names.store_temporal(name, keep, value)
+
+    def table_rows(self, source: plan.TableSource) -> list[tuple[Any, ...]]:
+        columns = ", ".join(quoted(name) for name, _ in source.columns)
+        order = f" ORDER BY {', '.join(quoted(key) for key in source.order)}" if source.order else ""
+        text = f"SELECT {columns} FROM {quoted(source.schema)}.{quoted(source.table)}{order}"
+        return [tuple(row) for row in self.connection.execute(text)]
+
+    def shape(self, query: plan.Query, rows: Rows, arguments: tuple[Any, ...], named: dict[str, Any]) -> Any:
+        raw = self.shapes.represent(query.representation, rows, arguments, named)
+        return self.shapes.language_value(query.representation.name, raw)

@@ -1,0 +1,229 @@
+"""Compiles the queries of a unit, each with the queries inside of it.
+
+A query becomes a function that finds its results (flat.py, hunt.py), functions for what stands around them
+(LIMIT and its kin, groups, the arguments of AS), and a `Task` that puts them together when a run begins.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from ss2sql import plan
+from ss2sql.runtime.native import flat, hunt
+from ss2sql.runtime.native.expressions import expression, group_key
+from ss2sql.runtime.native.facts import Facts
+from ss2sql.runtime.native.options import whole
+from ss2sql.runtime.native.pen import Pen
+from ss2sql.runtime.native.tasks import Form, Task, task_of, tuples_of, value_of
+from ss2sql.runtime.native.texts import Sight, texts_of
+from ss2sql.runtime.native.unit import Body, Unit
+from ss2sql.runtime.run import Run
+from ss2sql.walk import sources_read, states_read, walk
+
+Dispatch = Callable[[plan.Query], Callable[[Run], Any]]
+
+
+@dataclass(frozen=True, slots=True)
+class Nested:
+    """A compiled query as the code around it uses it: names of functions, and the outer values that they take."""
+
+    task: str
+    value: str
+    tuples: str
+    arguments: list[ast.expr]
+
+
+class Builder:
+    """Compiles into one unit. With `dispatch` the queries are somebody else's, see `compile_statement`."""
+
+    def __init__(self, unit: Unit, dispatch: Dispatch | None = None) -> None:
+        self.unit = unit
+        self.dispatch = dispatch
+
+    # --- queries and texts inside of expressions -------------------------------------------------------
+
+    def subquery(self, node: plan.Subquery, body: Body) -> ast.expr:
+        """The value of a query in an expression."""
+        unit, pen = self.unit, self.unit.pen_at(node.span)
+        if self.dispatch is not None:
+            return pen.call(unit.constant(self.dispatch(node.query), "query"), pen.name("run"))
+        nested = self.query(node.query, body)
+        call = pen.call(nested.value, *nested.arguments)
+        facts = unit.analysis.of(node)
+        return body.kept(facts, call, pen, "value") if facts.steady else call
+
+    def text(self, node: plan.Eval, body: Body) -> ast.expr:
+        """The value of a text that is compiled when it is met."""
+        unit, pen = self.unit, self.unit.pen_at(node.span)
+        unit.page.mark_eval(node.span)
+        sources = tuple(source for source in node.sources if body.sees(source))
+        states = tuple(state for state in node.states if body.sees_state(state))
+        sight = Sight(
+            node.scope,
+            tuple((source, unit.tuples.get(source), unit.elements.get(source)) for source in sources),
+            states,
+            self.dispatch,
+        )
+        constant = pen.name(unit.constant(sight, "sight"))
+        texts = unit.bind(("texts", id(node)), "texts", pen.call(unit.helper(texts_of), pen.name("run"), constant), pen)
+        function = pen.item(pen.name(texts), expression(self, node.text, body))
+        return pen.call(function, *self._outer_values(sources, states, body, pen))
+
+    def source_facts(self, source: plan.Source) -> Facts:
+        """What the reading of a source depends on."""
+        match source:
+            case plan.ValueSource(value=value):
+                return replace(self.unit.analysis.of(value), key=None)
+            case plan.QuerySource(query=query):
+                return replace(self.unit.analysis.of(query), key=None, total=False)
+            case plan.TableSource():
+                return Facts(total=False)
+
+    def _outer_values(
+        self, sources: Sequence[int], states: Sequence[tuple[int, str]], body: Body, pen: Pen
+    ) -> list[ast.expr]:
+        unit = self.unit
+        values = [pen.name(unit.names[source]) for source in sources]
+        return values + [pen.name(body.moved.get(state) or unit.states[state]) for state in states]
+
+    # --- queries ---------------------------------------------------------------------------------------
+
+    def query(self, query: plan.Query, caller: Body) -> Nested:
+        """Compiles a query that is used in `caller`."""
+        unit = self.unit
+        facts = unit.analysis.of(query)
+        sources = [source for source in sorted(facts.sources) if caller.sees(source)]
+        states = [state for state in sorted(facts.states) if caller.sees_state(state)]
+        groups = caller.groups if facts.grouped else {}
+        pen = unit.pen_at(query.span)
+
+        def part(name: str) -> Body:
+            """A function of the query; it takes what the query reads of the queries around it."""
+            names = [*(unit.names[s] for s in sources), *(unit.states[s] for s in states), *groups.values()]
+            body = Body(unit, unit.local(name), names, unit.root)
+            body.levels = dict.fromkeys(sources, 0)
+            body.states, body.groups = set(states), dict(groups)
+            return body
+
+        functions = {
+            "settings": self._settings(query, part),
+            "find": (flat.finder if query.search is None else hunt.finder)(self, query, part("rows"), aggregates(query)),
+            "group": self._group(query, part),
+            "arguments": self._arguments(query, part),
+        }
+        if query.search is not None:
+            functions["flush"] = unit.local("flush")
+            unit.definitions.append(pen.function(functions["flush"], [], [pen.run(unit.metered())]))
+        form = pen.name(unit.constant(Form.of(query, len(aggregates(query))), "form"))
+        given = [pen.constant(None) if name is None else pen.name(name) for name in functions.values()]
+        task, value, tuples = unit.local("task"), unit.local("value_of"), unit.local("rows_of")
+        unit.definitions += [
+            pen.assign(task, pen.call(unit.helper(task_of), pen.name("run"), form, *given)),
+            pen.assign(value, pen.call(unit.helper(value_of), pen.name(task))),
+            pen.assign(tuples, pen.call(unit.helper(tuples_of), pen.name(task))),
+        ]
+        outer = self._outer_values(sources, states, caller, pen) + [pen.name(name) for name in groups.values()]
+        return Nested(task, value, tuples, outer)
+
+    def _settings(self, query: plan.Query, part: Callable[[str], Body]) -> str | None:
+        """A function that gives LIMIT, MAXIMUM and MEMORIZE's bound, and the names of the columns."""
+        search = query.search
+        counts = [(query.limit, 0, "LIMIT")]
+        counts.append((search.maximum if search else None, 1, "MAXIMUM"))
+        counts.append((search.bound if search else None, 1, "MEMORIZE"))
+        labelled = any(output.label for output in query.columns)
+        if not labelled and not any(expr for expr, _, _ in counts):
+            return None
+        body = part("settings")
+        values = [self._count(expr, least, word, body) for expr, least, word in counts]
+        pen = self.unit.pen_at(query.span)
+        labels = [
+            pen.constant(output.name) if output.label is None else self._label(output.label, body)
+            for output in query.columns
+        ]
+        body.add(pen.back(pen.tuple(*values, pen.tuple(*labels) if labelled else pen.constant(None))))
+        body.define()
+        return body.name
+
+    def _count(self, expr: plan.Expr | None, least: int, word: str, body: Body) -> ast.expr:
+        if expr is None:
+            return self.unit.pen.constant(None)
+        pen = self.unit.pen_at(expr.span)
+        value = expression(self, expr, body)
+        return pen.call(self.unit.helper(whole), value, pen.constant(least), pen.constant(word))
+
+    def _label(self, expr: plan.Expr, body: Body) -> ast.expr:
+        pen = self.unit.pen_at(expr.span)
+        return pen.call(self.unit.helper(label), expression(self, expr, body))
+
+    def _group(self, query: plan.Query, part: Callable[[str], Body]) -> str | None:
+        """A function of a group's aggregates and keys.
+
+        It gives None for a group that HAVING drops, else the group's row and its sort keys; the row is None
+        where the group is a partition.
+        """
+        if not query.group or not (query.aggregated or query.having):
+            return None
+        unit, pen = self.unit, self.unit.pen_at(query.span)
+        body = part("group")
+        names = {group_key(node): unit.local(node.function) for node in aggregates(query)}
+        names.update({index: unit.local("key") for index in range(len(query.group))})
+        body.groups.update(names)
+        body.parameters = [*names.values(), *body.parameters]
+        outputs = [output.expr for output in query.columns] if query.aggregated else []
+        keys = [key.expr for key in query.order] if query.aggregated else []
+        body.count([*([query.having] if query.having else []), *outputs, *keys])
+        if query.having is not None:
+            kept = expression(self, query.having, body)
+            body.add(unit.pen_at(query.having.span).unless(kept, ast.Return(pen.constant(None), **pen.at)))
+        row = pen.tuple(*(expression(self, expr, body) for expr in outputs)) if query.aggregated else pen.constant(None)
+        body.add(pen.back(pen.tuple(row, pen.tuple(*(expression(self, expr, body) for expr in keys)))))
+        body.define()
+        return body.name
+
+    def _arguments(self, query: plan.Query, part: Callable[[str], Body]) -> str | None:
+        """A function that gives the arguments of AS."""
+        representation = query.representation
+        if not representation.arguments and not representation.named:
+            return None
+        body = part("arguments")
+        pen = self.unit.pen_at(query.span)
+        positional = pen.tuple(*(expression(self, expr, body) for expr in representation.arguments))
+        names = tuple(name for name, _ in representation.named)
+        named = pen.dict(names, tuple(expression(self, expr, body) for _, expr in representation.named))
+        body.add(pen.back(pen.tuple(positional, named)))
+        body.define()
+        return body.name
+
+
+def aggregates(query: plan.Query) -> list[plan.Aggregate]:
+    """The aggregates over the rows of the query's groups, in the order in which their arguments are evaluated."""
+    if not query.group:
+        return []
+    places: list[Any] = [output.expr for output in query.columns] if query.aggregated else []
+    places += [query.having] if query.having is not None else []
+    places += [key.expr for key in query.order] if query.aggregated else []
+    inside = [node for place in places for node in walk(place)]
+    nested = [node for node in inside if isinstance(node, plan.Query) and node.group]
+    of_nested = {id(node) for other in nested for node in aggregates(other)}
+    own = {source.id for source in query.sources}
+    return [
+        node
+        for node in inside
+        if isinstance(node, plan.Aggregate) and id(node) not in of_nested and _reads(node.argument, own, query.id)
+    ]
+
+
+def _reads(argument: plan.Expr | None, sources: set[int], query: int) -> bool:
+    """Whether an aggregate is one over rows with these sources and the state of this query."""
+    if argument is None:
+        return True
+    return not sources.isdisjoint(sources_read(argument)) or any(number == query for number, _ in states_read(argument))
+
+
+def label(value: Any) -> str:
+    """The name that `to(expr, value)` gives a column."""
+    return value if isinstance(value, str) else str(value)

@@ -1,0 +1,82 @@
+"""Flat queries: a generator of nested loops that yields one result after the other.
+
+A result is a row, or, where something has to be done with it later, a pair of the row and its keys: the
+arguments of aggregates, the values of GROUP BY, those of ORDER BY. In a query that aggregates the row is None.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from ss2sql import plan
+from ss2sql.runtime.native.expressions import expression
+from ss2sql.runtime.native.loops import Loops
+from ss2sql.runtime.native.unit import Body
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.native.builder import Builder
+
+
+def finder(builder: Builder, query: plan.Query, body: Body, aggregates: Sequence[plan.Aggregate]) -> str:
+    """Compiles the generator of results into `body` and gives its name."""
+    loops = Loops(builder, query, body)
+    keys = key_expressions(query, aggregates)
+    outputs = () if query.aggregated else tuple(output.expr for output in query.columns)
+    inside = [source.value for source in query.sources if isinstance(source, plan.ValueSource)]
+    where = () if query.where is None else (query.where,)
+    body.count([*inside, *where, *outputs, *keys])
+
+    loops.read_once()
+    conditions, guarded = placed_conditions(builder, query, loops)
+    inner = loops.open(body, conditions, guarded)
+    pen = builder.unit.pen_at(query.span)
+    row = pen.constant(None) if query.aggregated else pen.tuple(*(expression(builder, e, inner) for e in outputs))
+    if keys:
+        row = pen.tuple(row, pen.tuple(*(expression(builder, key, inner) for key in keys)))
+    inner.add(pen.run(pen.give(row)))
+    inner.define()
+    return body.name
+
+
+def key_expressions(query: plan.Query, aggregates: Sequence[plan.Aggregate]) -> list[plan.Expr]:
+    """What is evaluated of a result besides its columns, in this order. `count(*)` counts a constant."""
+    one = plan.Constant(1, plan.BOOL, span=query.span)
+    arguments = [one if node.argument is None else node.argument for node in aggregates]
+    order = [] if query.aggregated else [key.expr for key in query.order]
+    return [*arguments, *query.group, *order]
+
+
+def placed_conditions(
+    builder: Builder, query: plan.Query, loops: Loops
+) -> tuple[dict[int, list[plan.Expr]], int | None]:
+    """The parts of WHERE by the number of sources that are bound when they are tested; see `Loops.open`.
+
+    As written, all parts are tested from left to right when all sources are bound. A part moves outwards
+    only where nobody can notice. It must not have an effect, nor may anything that it then comes before.
+    If it may raise, the part before it stays before it, and all later sources must be read once and have
+    elements, so that it would be evaluated anyway.
+    """
+    parts = query.where.parts if isinstance(query.where, plan.And) else (query.where,)
+    placed: dict[int, list[plan.Expr]] = defaultdict(list)
+    number = {source.id: index + 1 for index, source in enumerate(query.sources)}
+    last, reached, guarded = len(query.sources), 0, None
+    certain = steady = True  # of all parts so far
+    for part in parts:
+        if part is None:
+            continue
+        facts = builder.unit.analysis.of(part)
+        level = max((number[source] for source in facts.sources if source in number), default=0)
+        level = max(level, loops.silent_from)
+        if not (certain and facts.total):
+            level = max(level, reached, loops.once_from)
+        steady = steady and facts.steady
+        certain = certain and facts.total and steady
+        if not steady:
+            level = last
+        elif not certain and level < last:
+            guarded = loops.once_from
+        reached = max(reached, level)
+        placed[level].append(part)
+    return dict(placed), guarded

@@ -1,0 +1,178 @@
+"""The sources of a query as loops, the last one innermost, and the conditions that are tested between them.
+
+A source that mentions neither an earlier source nor the search's state is read once, when its query begins,
+in written order. Any other is read again for each of their values. What is read is a list of its own, so a
+value that changes during the walk does no harm.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, assert_never
+
+from ss2sql import plan
+from ss2sql.runtime.native.facts import Facts
+from ss2sql.runtime.native.expressions import expression
+from ss2sql.runtime.native.unit import MOST_LOOPS, Body
+from ss2sql.runtime.run import Run
+from ss2sql.runtime.sources import elements
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.native.builder import Builder
+
+CHECK_EVERY = 31  # a mask: the clock is read every 32 turns
+
+
+class Loops:
+    """The loops of one query, opened in `body`; what is read once is read in `owner`, around it or the same."""
+
+    def __init__(self, builder: Builder, query: plan.Query, owner: Body) -> None:
+        self.builder = builder
+        self.query = query
+        self.owner = owner
+        self.sources = query.sources
+        self.facts = [builder.source_facts(source) for source in query.sources]
+        own = {source.id for source in query.sources}
+        self.lateral = [
+            not own.isdisjoint(facts.sources) or any(number == query.id for number, _ in facts.states)
+            for facts in self.facts
+        ]
+        self.items: dict[int, str] = {}
+        self.frozen: dict[int, str] = {}  # sources whose elements come with their frozen form
+
+    @property
+    def once_from(self) -> int:
+        """The number of the first source from which on all are read once."""
+        return max((index + 1 for index, lateral in enumerate(self.lateral) if lateral), default=0)
+
+    @property
+    def silent_from(self) -> int:
+        """The number of the first source from which on nobody can notice whether a source is read."""
+        loud = (
+            index + 1
+            for index, facts in enumerate(self.facts)
+            if self.lateral[index] and not (facts.steady and facts.total)
+        )
+        return max(loud, default=0)
+
+    def read_once(self) -> None:
+        """Reads what has to be read once."""
+        for source, lateral in zip(self.sources, self.lateral, strict=True):
+            if not lateral:
+                pen = self.builder.unit.pen_at(source.span)
+                name = self.items[source.id] = self.builder.unit.local("items")
+                self.owner.add(pen.assign(name, self._items(source, self.owner)))
+                self.owner.locals.append(name)
+
+    def freeze_items(self, source: plan.Source, helper: str) -> None:
+        """Pairs the elements of a source that is read once with what `helper` makes of them."""
+        pen = self.builder.unit.pen_at(source.span)
+        name = self.items[source.id]
+        self.owner.add(pen.assign(name, pen.call(helper, pen.name(name))))
+        self.frozen[source.id] = self.builder.unit.local("key")
+
+    def open(self, body: Body, conditions: Mapping[int, Sequence[plan.Expr]], guarded: int | None = None) -> Body:
+        """Opens all loops and gives the function where the innermost one is.
+
+        `conditions` gives for each number of bound sources what is tested then. With `guarded` the loops from
+        this number on are entered only if all their sources, which are read once, have elements.
+        """
+        for index, source in enumerate(self.sources):
+            self._test(body, conditions.get(index, ()))
+            if index == guarded:
+                self._guard(body, self.sources[index:])
+            if body.level == MOST_LOOPS:
+                body = self._continued(body)
+            self._open_one(body, source)
+            self._count(body, index + 1 == len(self.sources))
+        self._test(body, conditions.get(len(self.sources), ()))
+        return body
+
+    def _open_one(self, body: Body, source: plan.Source) -> None:
+        unit = self.builder.unit
+        pen = unit.pen_at(source.span)
+        known = self.items.get(source.id)
+        items = self._items(source, body) if known is None else pen.name(known)
+        name = unit.names[source.id] = unit.local(source.name)
+        frozen = self.frozen.get(source.id)
+        body.loop([name] if frozen is None else [name, frozen], items, pen)
+        body.levels[source.id] = body.level
+
+    def _count(self, body: Body, innermost: bool) -> None:
+        """Counts the turns, and looks at the clock now and then. The innermost turns of a search are its steps."""
+        unit = self.builder.unit
+        pen = unit.pen
+        steps = innermost and self.query.search is not None
+        counter = unit.counter("generated" if steps else "ticks", body)
+        rare = pen.binary(pen.name(counter), ast.BitAnd(), pen.constant(CHECK_EVERY))
+        body.add(pen.increase(counter), pen.unless(rare, pen.run(unit.metered() if steps else unit.checked())))
+
+    def _test(self, body: Body, conditions: Sequence[plan.Expr]) -> None:
+        for condition in conditions:
+            pen = self.builder.unit.pen_at(condition.span)
+            body.add(pen.unless(expression(self.builder, condition, body), self._skip(body, pen)))
+
+    def _guard(self, body: Body, sources: Sequence[plan.Source]) -> None:
+        for source in sources:
+            pen = self.builder.unit.pen_at(source.span)
+            body.add(pen.unless(pen.name(self.items[source.id]), self._skip(body, pen)))
+
+    @staticmethod
+    def _skip(body: Body, pen: Any) -> ast.stmt:
+        """Goes on with the next element of the innermost open loop, or ends where none is open."""
+        return pen.next_turn() if body.level else ast.Return(None, **pen.at)  # type: ignore[no-any-return]
+
+    def _continued(self, body: Body) -> Body:
+        """A new function for the loops further in: Python does not nest any number of them."""
+        unit = self.builder.unit
+        rest = Body(unit, unit.local("rest"), [*body.parameters, *body.locals], body.parent)
+        rest.levels = dict.fromkeys(body.levels, 0)
+        rest.states, rest.groups, rest.counts = body.states, body.groups, body.counts
+        call = unit.pen.call(rest.name, *map(unit.pen.name, rest.parameters))
+        body.add(unit.pen.run(ast.YieldFrom(call, **unit.pen.at)))
+        body.define()
+        return rest
+
+    def _items(self, source: plan.Source, body: Body) -> ast.expr:
+        """The elements of a source as a list of values, or of tuples where `unit.tuples` says so."""
+        builder, unit = self.builder, self.builder.unit
+        pen = unit.pen_at(source.span)
+        match source:
+            case plan.TableSource(columns=columns):
+                unit.tuples[source.id] = tuple(name for name, _ in columns)
+                table = pen.name(unit.constant(source, "table"))
+                rows = pen.call(unit.helper(table_rows), pen.name("run"), table)
+                return body.kept(Facts(), rows, pen, source.name)
+            case plan.ValueSource(value=value):
+                unit.elements[source.id] = source.element
+                if isinstance(value, plan.Constant):
+                    return pen.name(unit.constant(elements(value.value), "items"))
+                pen = unit.pen_at(value.span)
+                return self._kept(source, body, pen.call(unit.helper(elements), expression(builder, value, body)))
+            case plan.QuerySource(query=query):
+                nested = builder.query(query, body)
+                if is_table(query):
+                    unit.tuples[source.id] = tuple(output.name for output in query.columns)
+                    return self._kept(source, body, pen.call(nested.tuples, *nested.arguments))
+                unit.elements[source.id] = source.element
+                value_of_query = pen.call(nested.value, *nested.arguments)
+                return self._kept(source, body, pen.call(unit.helper(elements), value_of_query))
+            case _:
+                assert_never(source)
+
+    def _kept(self, source: plan.Source, body: Body, items: ast.expr) -> ast.expr:
+        facts = self.builder.source_facts(source)
+        return body.kept(facts, items, self.builder.unit.pen_at(source.span), "read") if facts.steady else items
+
+
+def is_table(query: plan.Query) -> bool:
+    """Whether the elements of a query in FROM are its rows, so that no representation needs to be asked."""
+    representation = query.representation
+    plain = representation.name == "dict" and not representation.arguments and not representation.named
+    shaped = query.search is not None or (query.group and not query.aggregated)
+    return plain and not shaped and not any(output.label for output in query.columns)
+
+
+def table_rows(run: Run, table: plan.TableSource) -> list[tuple[Any, ...]]:
+    return run.host.table_rows(table)

@@ -1,0 +1,41 @@
+"""The values of options and limits, checked when they are known."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ss2sql.errors import ExecutionError
+from ss2sql.runtime.values import NUMBERS, show
+
+
+def whole(value: Any, least: int, word: str) -> int:
+    """The value of LIMIT, MAXIMUM or MEMORIZE; raises ExecutionError X006 if it is not a number of at least `least`."""
+    if type(value) is not int or value < least:
+        message = f"{word} needs a whole number of at least {least}, not {show(value)}"
+        raise ExecutionError("X006", message, hints=(f"write a whole number of at least {least}",))
+    return value
+
+
+def cost(value: Any) -> Any:
+    """The COST of a step; raises ExecutionError X006 if it is not a number of at least 0."""
+    return _positive(value, "COST")
+
+
+def heuristic(value: Any) -> Any:
+    """The HEURISTIC of a step; raises ExecutionError X006 if it is not a number of at least 0."""
+    return _positive(value, "HEURISTIC")
+
+
+def probability(value: Any) -> Any:
+    """The PROBABILITY of a step; raises ExecutionError X006 if it is not a number from 0 to 1."""
+    if type(value) not in NUMBERS or not 0 <= value <= 1:
+        message = f"PROBABILITY needs a number from 0 to 1, not {show(value)}"
+        raise ExecutionError("X006", message, hints=("divide by the sum of all weights to get probabilities",))
+    return value
+
+
+def _positive(value: Any, word: str) -> Any:
+    if type(value) not in NUMBERS or value < 0:
+        message = f"{word} needs a number of at least 0, not {show(value)}"
+        raise ExecutionError("X006", message, hints=("a negative cost would make longer paths ever cheaper",))
+    return value

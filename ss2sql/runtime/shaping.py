@@ -1,0 +1,72 @@
+"""From rows to the value that AS asks for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from ss2sql import plan
+from ss2sql.errors import Error, RepresentationError
+from ss2sql.runtime import representations
+from ss2sql.runtime.rows import Row, Rows
+from ss2sql.runtime.values import Opaque, fresh, normalise
+
+PLAIN = (bool, int, float, str, list, dict, type(None))
+
+
+class Shapes:
+    """The representations of a session, those of the language and the user's, by their names in lower case."""
+
+    def __init__(self) -> None:
+        self.functions: dict[str, Callable[..., Any]] = dict(representations.ALL)
+
+    def represent(
+        self, form: plan.Representation, rows: Rows, arguments: Sequence[Any], named: Mapping[str, Any]
+    ) -> Any:
+        """The value that AS makes of rows, as the user gets it: nothing in it is shared.
+
+        Of a search it is a list with one value per path; of a partition a dict from group value to that.
+        """
+
+        def whole(positions: Sequence[int] | None) -> Any:
+            if form.name == "void":
+                return None
+            results: Sequence[Any] = rows.rows if rows.paths is None else rows.paths  # type: ignore[assignment]
+            chosen = results if positions is None else [results[index] for index in positions]
+            if rows.paths is None:
+                return self._shaped(form, rows.columns, chosen, arguments, named)
+            return [self._shaped(form, rows.columns, path, arguments, named) for path in chosen]
+
+        if rows.groups is None:
+            return whole(None)
+        return {fresh(key): whole(positions) for key, positions in rows.groups}
+
+    def _shaped(
+        self,
+        form: plan.Representation,
+        columns: tuple[str, ...],
+        rows: Sequence[Row],
+        arguments: Sequence[Any],
+        named: Mapping[str, Any],
+    ) -> Any:
+        table = representations.Table(columns, [tuple(map(fresh, row)) for row in rows])
+        given = {name: fresh(value) for name, value in named.items()}
+        try:
+            return self.functions[form.name](table, *map(fresh, arguments), **given)
+        except Error as error:
+            raise error.located(form.span) from None
+        except TypeError as error:
+            if error.__traceback__ is not None and error.__traceback__.tb_next is not None:
+                raise  # it was raised inside the function, not by the call of it
+            message = f"AS {form.name} cannot take these arguments: {error}"
+            raise RepresentationError("V001", message, form.span, ("leave them out or correct them",)) from error
+
+    def language_value(self, name: str, value: Any) -> Any:
+        """A representation's value as scripts go on with it; what the user's own made stays the object that it is."""
+        if name in representations.ALL or isinstance(value, PLAIN):
+            return normalise(value, f"AS {name}")
+        try:
+            hash(value)
+        except TypeError:
+            return Opaque(value)
+        return value

@@ -1,0 +1,104 @@
+"""The variables of a session: what scripts assign, what Python sets or attaches, and temporal variables."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from ss2sql.errors import ExecutionError
+from ss2sql.frontend import ast
+from ss2sql.runtime.run import Run
+from ss2sql.runtime.temporal import TemporalFile, TemporalStore
+from ss2sql.runtime.values import fresh, normalise
+
+
+class Variables:
+    """Values of the language by name.
+
+    An attached object is read anew by every run, which then keeps what it has read. `late` holds list
+    literals that are resolved where they are used. With a `file` temporal variables outlive the session.
+    """
+
+    def __init__(self, temporals: TemporalStore, file: TemporalFile | None = None) -> None:
+        self.values: dict[str, Any] = {}
+        self.attached: dict[str, Any] = {}
+        self.late: dict[str, ast.ListLiteral] = {}
+        self.temporals = temporals
+        self.file = file
+        self.values.update((name, temporals.latest(name)) for name in temporals.histories)
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.values or name in self.attached
+
+    def __iter__(self) -> Iterator[str]:
+        yield from self.values
+        yield from self.attached
+
+    def value(self, name: str) -> Any:
+        """The present value. Raises KeyError, or ExecutionError X004 where an attached object holds what is no value."""
+        if name in self.attached:
+            return normalise(self.attached[name], f"the variable '{name}'")
+        return self.values[name]
+
+    def read(self, name: str, run: Run) -> Any:
+        """The value as a run sees it; raises ExecutionError R001 where it has none yet."""
+        if name in run.snapshots:
+            return run.snapshots[name]
+        if name not in self:
+            hints = ("assign it before it is read",)
+            raise ExecutionError("R001", f"the variable '{name}' has no value yet", hints=hints)
+        value = self.value(name)
+        if name in self.attached:
+            run.snapshots[name] = value
+        return value
+
+    def copies(self) -> dict[str, Any]:
+        """All script variables with copies of their values, sorted by name."""
+        return {name: fresh(value) for name, value in sorted(self.values.items())}
+
+    def assign(self, name: str, value: Any) -> None:
+        self.forget(name)
+        self.values[name] = value
+
+    def attach(self, name: str, source: Any) -> None:
+        self.forget(name)
+        self.attached[name] = source
+
+    def bind_late(self, name: str, literal: ast.ListLiteral) -> None:
+        self.forget(name)
+        self.late[name] = literal
+
+    def forget(self, name: str) -> None:
+        """Makes room for a new meaning of a name."""
+        self.values.pop(name, None)
+        self.attached.pop(name, None)
+        self.late.pop(name, None)
+        if name in self.temporals.histories:
+            self.temporals.drop(name)
+            self._save(name)
+
+    def clear(self) -> None:
+        """Forgets all script variables; what is attached stays."""
+        for name in [*self.values, *self.late]:
+            self.forget(name)
+
+    # --- temporal variables ----------------------------------------------------------------------------
+
+    def temporal(self, name: str, when: Any) -> Any:
+        """`name{when}`; raises ExecutionError X007 if the variable is not temporal."""
+        if name not in self.temporals.histories:
+            hint = f"store it with {name}{{5.0}} = ..."
+            raise ExecutionError("X007", f"'{name}' is not a temporal variable", hints=(hint,))
+        return self.temporals.read(name, when)
+
+    def store_temporal(self, name: str, keep: Any, value: Any) -> None:
+        """`name{keep} = value`."""
+        if name not in self.temporals.histories:
+            self.forget(name)
+        self.temporals.store(name, keep, value)
+        self.values[name] = value
+        self._save(name)
+
+    def _save(self, name: str) -> None:
+        if self.file is not None:
+            self.file.save(self.temporals, name)

@@ -1,0 +1,156 @@
+"""Pages whose code runs: README.md and docs/. `python tests/pages.py --write` writes their outputs anew.
+
+The blocks of a page run in order:
+
+- `python` runs in the page's namespace. A `text` or `sql` block after it is what it printed.
+- `selectscript` is parsed. If a `sql` or `text` block follows, it also runs in the page's session `ss`: `sql` is the
+  SQL that it became, `text` its result, or its error.
+- `console`: lines that begin with `$ ss2sql` run; the lines up to the next `$` are what the command printed.
+- A block of code that begins with `# file: NAME` is written to that file, for the commands after it.
+
+Every other block is left alone. A page runs in an empty folder of its own.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+import shlex
+import sys
+from contextlib import chdir, redirect_stdout
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from click.testing import CliRunner
+
+import ss2sql
+from ss2sql.cli import main as command_line
+from ss2sql.errors import Source
+from ss2sql.frontend.parser import parse
+
+ROOT = Path(__file__).parent.parent
+PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
+OUTPUTS = ("text", "sql")
+BLOCK = re.compile(r"^```(?P<kind>\w+)\n(?P<body>.*?)^```$", re.MULTILINE | re.DOTALL)
+FILE = re.compile(r"# file: (\S+)\n")
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A block that does not show what its code gives."""
+
+    line: int
+    start: int
+    end: int
+    shown: str
+    actual: str
+
+
+class Player:
+    """Runs the blocks of one page."""
+
+    def __init__(self) -> None:
+        self.names: dict[str, Any] = {"__name__": "page"}
+
+    def python(self, text: str, place: str, line: int) -> dict[str, str]:
+        printed = io.StringIO()
+        with redirect_stdout(printed):
+            exec(compile("\n" * line + text, place, "exec"), self.names)
+        return dict.fromkeys(OUTPUTS, printed.getvalue())
+
+    def selectscript(self, text: str) -> dict[str, str]:
+        printed = io.StringIO()
+        try:
+            with redirect_stdout(printed):
+                result = self.names["ss"].run(text)
+        except ss2sql.Error as error:
+            return {"text": f"{printed.getvalue()}{error}", "sql": ""}
+        return {"text": f"{printed.getvalue()}{result!r}", "sql": sql_text(result)}
+
+    def console(self, text: str) -> str:
+        """The block with every command followed by what it prints."""
+        lines = []
+        for part in re.split(r"^(?=\$ )", text, flags=re.MULTILINE):
+            command, *shown = part.splitlines()
+            lines.append(command)
+            lines.extend(self.printed(command) if command.startswith("$ ss2sql ") else shown)
+        return "\n".join(lines)
+
+    def printed(self, command: str) -> list[str]:
+        answer = CliRunner().invoke(command_line, shlex.split(command)[2:], env={"COLUMNS": "100"})
+        if answer.exception is not None and not isinstance(answer.exception, SystemExit):
+            raise answer.exception
+        return answer.output.splitlines()
+
+    def close(self) -> None:
+        for value in self.names.values():
+            if isinstance(value, ss2sql.Session):
+                value.close()
+
+
+def sql_text(result: Any) -> str:
+    """The SQL of a script's queries, with the values of its parameters as comments."""
+    texts = [text for text in result.sql.statements if not text.startswith("-- no query")]
+    values = {name: value for text in texts for name, value in text.parameters.items()}
+    return "\n".join(["\n\n".join(texts), *(f"-- :{name} = {value!r}" for name, value in values.items())])
+
+
+def differences(page: Path) -> list[Difference]:
+    """Runs a page and gives the blocks that do not show what their code gives."""
+    text = page.read_text(encoding="utf-8")
+    blocks = list(BLOCK.finditer(text))
+    player, found = Player(), []
+    outputs: dict[str, str] = {}
+    with TemporaryDirectory() as folder, chdir(folder):
+        for number, block in enumerate(blocks):
+            kind, body = block["kind"], block["body"]
+            line = text.count("\n", 0, block.start("body"))
+            if file := FILE.match(body):
+                Path(file[1]).write_text(body[file.end() :], encoding="utf-8")
+            if kind == "python":
+                outputs = player.python(body, str(page), line)
+            elif kind == "selectscript":
+                parse(Source(body)) if not shows_error(blocks, number) else None
+                outputs = player.selectscript(body) if followed_by(blocks, number, OUTPUTS) else {}
+            elif kind == "console" or (kind in OUTPUTS and outputs):
+                actual = player.console(body) if kind == "console" else outputs[kind]
+                if tidy(actual) != tidy(body):
+                    found.append(Difference(line, block.start("body"), block.end("body"), body, tidy(actual)))
+    player.close()
+    return found
+
+
+def followed_by(blocks: list[re.Match[str]], number: int, kinds: tuple[str, ...]) -> bool:
+    return number + 1 < len(blocks) and blocks[number + 1]["kind"] in kinds
+
+
+def shows_error(blocks: list[re.Match[str]], number: int) -> bool:
+    return followed_by(blocks, number, ("text",)) and blocks[number + 1]["body"].startswith("error[P")
+
+
+def tidy(text: str) -> str:
+    """The text without blanks at the ends of lines and without empty lines around it."""
+    return "\n".join(line.rstrip() for line in text.strip("\n").splitlines()) + "\n"
+
+
+def write(page: Path) -> int:
+    """Writes the outputs of a page anew; gives the number of blocks that were changed."""
+    found = differences(page)
+    text = page.read_text(encoding="utf-8")
+    for difference in reversed(found):
+        text = text[: difference.start] + difference.actual + text[difference.end :]
+    if found:
+        page.write_text(text, encoding="utf-8")
+    return len(found)
+
+
+if __name__ == "__main__":
+    os.environ["NO_COLOR"] = "1"
+    chosen = [Path(name).resolve() for name in sys.argv[2:]] or list(PAGES)
+    if sys.argv[1:2] != ["--write"]:
+        sys.exit("usage: python tests/pages.py --write [PAGE ...]")
+    for path in chosen:
+        print(f"{path.relative_to(ROOT)}: {write(path)} outputs changed")

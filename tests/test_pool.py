@@ -1,0 +1,315 @@
+"""Values on their way through SQLite: handles, exactness, equality, truth, memory."""
+
+from __future__ import annotations
+
+import datetime
+import gc
+import weakref
+from decimal import Decimal
+from fractions import Fraction
+from pathlib import PurePath
+from typing import Any
+
+import apsw
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from random_values import ALIKE, PLAIN_VALUES, VALUES, Thing, Unhashable, same
+
+from ss2sql.errors import ExecutionError
+from ss2sql.runtime.pool import FALSE, TRUE, Pool
+from ss2sql.runtime.values import fresh, normalise, truth
+
+GIVER = "the function 'f'"
+
+
+@pytest.fixture(scope="module")
+def database() -> apsw.Connection:
+    connection = apsw.Connection(":memory:")
+    connection.execute("CREATE TABLE one(value)")
+    return connection
+
+
+# --- there and back ------------------------------------------------------------------------------------
+
+
+@given(VALUES)
+def test_values_come_back_exactly(value: Any) -> None:
+    pool = Pool()
+    handle = pool.encode(value)
+    assert type(handle) in (type(None), int, float, str, bytes)
+    assert same(pool.decode(handle), value)
+    assert same(normalise(pool.fresh(handle), GIVER), value)
+    assert pool.encode(value) == handle
+    assert pool.encode(pool.decode(handle)) == handle
+
+
+@given(VALUES)
+def test_foreign_values_come_back_exactly(value: Any) -> None:
+    pool = Pool()
+    given_value = fresh(value)
+    handle = pool.encode_foreign(given_value, GIVER)
+    assert same(pool.decode(handle), value)
+    assert pool.encode_foreign(fresh(value), GIVER) == handle == pool.encode(value)
+
+
+@given(PLAIN_VALUES)
+def test_values_survive_sqlite(value: Any) -> None:
+    pool = Pool()
+    connection = apsw.Connection(":memory:")
+    connection.execute("CREATE TABLE one(value)")
+    connection.execute("INSERT INTO one VALUES (?)", (pool.encode(value),))
+    query = (
+        "WITH RECURSIVE steps(value, n) AS (SELECT value, 0 FROM one UNION ALL SELECT value, n + 1 FROM steps "
+        "WHERE n < 2 ORDER BY 1) SELECT value FROM (SELECT value FROM steps WHERE n = 2 LIMIT -1)"
+    )
+    assert same(pool.decode(connection.execute(query).get), value)
+
+
+@pytest.mark.parametrize("value", [None, 0, 1, -(2**63), 2**63 - 1, 0.0, 1.5, -0.0, "", "a", "ä", "a\0b", "1"])
+def test_scalars_travel_as_themselves(value: Any) -> None:
+    pool = Pool()
+    for travels in (pool.encode(value), pool.encode_foreign(value, GIVER), pool.decode(value), pool.fresh(value)):
+        assert same(travels, value)
+    assert same(pool.key(value), value)
+
+
+def test_bools_have_fixed_handles() -> None:
+    for pool in (Pool(), Pool()):
+        assert pool.encode(True) == pool.encode_foreign(np.True_, GIVER) == TRUE
+        assert pool.encode(False) == pool.encode_foreign(False, GIVER) == FALSE
+        assert pool.decode(TRUE) is True
+        assert pool.fresh(FALSE) is False
+        assert (pool.key(TRUE), pool.key(FALSE)) == (1, 0)
+
+
+def test_lone_surrogates_travel_as_handles() -> None:
+    pool = Pool()
+    handle = pool.encode("\ud800")
+    assert type(handle) is bytes
+    assert pool.decode(handle) == pool.fresh(handle) == "\ud800"
+    assert pool.encode_foreign("\ud800", GIVER) == handle
+    assert pool.key(handle) == handle
+    assert not pool.equal(handle, pool.encode("\ud801"))
+    assert not pool.equal(handle, "?")
+    for letters in ("gTF{\ud800", "gTF{\ud801"):
+        assert pool.key(pool.encode(letters)) == pool.encode(letters)
+
+
+def test_foreign_values_are_normalised() -> None:
+    pool = Pool()
+    cases: list[tuple[Any, Any]] = [
+        ((1, (2, 3)), [1, [2, 3]]),
+        ([np.float64(1.0)], [1.0]),
+        ([[np.int64(1)]], [[1]]),
+        ((np.float64(1.0),), [1.0]),
+        (np.array([[1, 2]]), [[1, 2]]),
+        ({2, 1}, [1, 2]),
+        (({2, 1},), [[1, 2]]),
+        ({"a": (1,)}, {"a": [1]}),
+        (np.float64(2.5), 2.5),
+        ([[(1,)]], [[[1]]]),
+        ((), []),
+    ]
+    for given_value, expected in cases:
+        for _ in range(2):
+            assert same(pool.decode(pool.encode_foreign(given_value, GIVER)), expected)
+        assert pool.encode_foreign(given_value, GIVER) == pool.encode(expected)
+
+
+def test_numpy_scalars_are_not_taken_for_their_bytes() -> None:
+    pool = Pool()
+    raw = np.float64(1.5).tobytes()
+    assert pool.decode(pool.encode_foreign([raw], GIVER)) == [raw]
+    assert pool.decode(pool.encode_foreign([np.float64(1.5)], GIVER)) == [1.5]
+    assert pool.decode(pool.encode_foreign([raw], GIVER)) == [raw]
+
+
+@pytest.mark.parametrize("bad", [float("nan"), float("inf"), 2**63, -(2**63) - 1, 1j])
+def test_bad_values_are_refused_every_time(bad: Any) -> None:
+    pool = Pool()
+    for value in (bad, [bad], [[1], [bad]], (bad,), ((bad,),), {"a": bad}, [[[bad]]], np.array([bad])):
+        for _ in range(2):
+            with pytest.raises(ExecutionError, match="the function 'f' returned") as caught:
+                pool.encode_foreign(value, GIVER)
+            assert caught.value.code == "X004"
+
+
+def test_lists_that_contain_themselves_are_refused() -> None:
+    pool = Pool()
+    knot: list[Any] = []
+    knot += [knot, knot]
+    deep: list[Any] = []
+    for _ in range(3000):
+        deep = [deep]
+    for value in (knot, [1, knot], (knot,), {"a": knot}, deep):
+        with pytest.raises(ExecutionError, match="deeper than 500 levels"):
+            pool.encode_foreign(value, GIVER)
+    with pytest.raises(ExecutionError, match="deeper than 500 levels"):
+        pool.encode(deep)
+    while deep:
+        deep = deep.pop()
+
+
+# --- copies --------------------------------------------------------------------------------------------
+
+
+def test_later_changes_of_a_given_list_do_not_show() -> None:
+    pool = Pool()
+    plain: list[Any] = [[1], 2]
+    thing = Thing()
+    odd: list[Any] = [[thing], {"a": thing}]
+    first, second = pool.encode_foreign(plain, GIVER), pool.encode_foreign(odd, GIVER)
+    plain[0].append(3)
+    odd[0].append(3)
+    odd[1]["b"] = 1
+    assert pool.decode(first) == [[1], 2]
+    assert pool.decode(second) == [[thing], {"a": thing}]
+
+
+def test_fresh_copies_may_be_changed() -> None:
+    pool = Pool()
+    thing = Unhashable()
+    for value in ([[1], 2], {"a": [1]}, [[thing]], {"a": [thing]}):
+        handle = pool.encode_foreign(value, GIVER)
+        before = pool.fresh(handle)
+        copy = pool.fresh(handle)
+        copy.clear()
+        assert pool.fresh(handle) == before == value
+
+
+def test_decoded_values_are_shared() -> None:
+    pool = Pool()
+    handle = pool.encode([1, [2]])
+    assert pool.decode(handle) is pool.decode(handle)
+
+
+def test_objects_come_back_identical() -> None:
+    pool = Pool()
+    for thing in (Thing(), Unhashable(), PurePath("a"), datetime.date(2020, 1, 1), np.datetime64("2020-01-01"), len):
+        alone, inside = pool.encode_foreign(thing, GIVER), pool.encode_foreign({"a": [thing]}, GIVER)
+        assert pool.fresh(alone) is thing
+        assert pool.fresh(inside)["a"][0] is thing
+        assert pool.encode_foreign(thing, GIVER) == alone
+        assert pool.encode_foreign({"a": [thing]}, GIVER) == inside
+        assert pool.encode(pool.decode(inside)) == inside
+
+
+def test_equal_objects_keep_their_identity() -> None:
+    pool = Pool()
+    first, second = PurePath("a"), PurePath("a")
+    one, two = pool.encode_foreign([first], GIVER), pool.encode_foreign([second], GIVER)
+    assert one != two
+    assert pool.equal(one, two)
+    assert pool.fresh(one)[0] is first
+    assert pool.fresh(two)[0] is second
+
+
+def test_objects_live_as_long_as_the_pool() -> None:
+    pool = Pool()
+    thing = Thing()
+    watch = weakref.ref(thing)
+    handle = pool.encode_foreign([thing], GIVER)
+    del thing
+    gc.collect()
+    assert pool.fresh(handle) == [watch()]
+    del pool
+    gc.collect()
+    assert watch() is None
+
+
+# --- equality ------------------------------------------------------------------------------------------
+
+
+@given(st.lists(ALIKE, max_size=6))
+def test_keys_agree_with_equality_in_any_order_of_meeting(met: list[Any]) -> None:
+    pool = Pool()
+    handles = [pool.encode(value) for value in met]
+    for left, one in zip(met, handles, strict=True):
+        for right, two in zip(met, handles, strict=True):
+            assert pool.equal(one, two) is (left == right)
+            assert (pool.key(one) == pool.key(two)) is (left == right)
+            if left == right:
+                assert hash(pool.frozen(one)) == hash(pool.frozen(two))
+    for value, handle in zip(met, handles, strict=True):
+        assert same(pool.decode(handle), value)
+        assert pool.key(pool.key(handle)) == pool.key(handle)
+
+
+@given(ALIKE, ALIKE)
+def test_sqlite_compares_keys_as_the_language_compares_values(left: Any, right: Any) -> None:
+    pool = Pool()
+    keys = [pool.key(pool.encode(value)) for value in (left, right)]
+    connection = apsw.Connection(":memory:")
+    equal = connection.execute("SELECT ? IS ?", keys).get
+    groups = connection.execute(
+        "SELECT count(*) FROM (SELECT key FROM (SELECT ? AS key UNION ALL SELECT ?) GROUP BY key)", keys
+    )
+    assert equal == (left == right)
+    assert groups.get == (1 if left == right else 2)
+
+
+def test_equal_values_have_handles_of_their_own_and_one_key() -> None:
+    pool = Pool()
+    whole, exact, mixed = pool.encode([10, 9]), pool.encode([10.0, 9.0]), pool.encode([10, 9.0])
+    assert len({whole, exact, mixed}) == 3
+    assert pool.key(exact) == pool.key(whole) == pool.key(mixed)
+    assert same(pool.decode(exact), [10.0, 9.0])
+    assert pool.key(pool.encode({"a": 1, "b": 2})) == pool.key(pool.encode({"b": 2.0, "a": True}))
+    assert pool.encode({"a": 1, "b": 2}) != pool.encode({"b": 2, "a": 1})
+    assert pool.key(pool.encode([])) != pool.key(pool.encode({}))
+    assert pool.key(pool.encode([[]])) != pool.key(pool.encode([]))
+    assert pool.key(pool.encode(["1"])) != pool.key(pool.encode([1]))
+
+
+def test_objects_that_equal_numbers_have_their_keys() -> None:
+    pool = Pool()
+    assert pool.key(pool.encode(Decimal(2))) == 2
+    assert pool.key(pool.encode(Fraction(1, 2))) == 0.5
+    assert pool.equal(pool.encode([Decimal(2)]), pool.encode([2.0]))
+    assert not pool.equal(pool.encode(Decimal("0.1")), 0.1)
+
+
+# --- bytes of tables -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("blob", [b"", b"a", b"gTF{", b"1\0~", b"\x00" * 13, bytes(range(256))])
+def test_blobs_of_tables_are_bytes_objects(blob: bytes) -> None:
+    pool = Pool()
+    assert pool.decode(blob) == pool.fresh(blob) == blob
+    handle = pool.encode(blob)
+    assert pool.decode(handle) == pool.fresh(handle) == blob
+    assert pool.encode_foreign(blob, GIVER) == handle
+    assert pool.key(blob) == pool.key(handle)
+    assert pool.equal(blob, handle)
+    assert not pool.equal(blob, pool.encode([1]))
+    assert not pool.equal(blob, pool.encode(b"other"))
+
+
+def test_handles_of_another_pool_are_strange_bytes() -> None:
+    first, second = Pool(), Pool()
+    handle = first.encode([1])
+    second.encode([1])
+    assert second.decode(handle) == handle
+
+
+# --- truth ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("encoding", ["UTF-8", "UTF-16le"])
+@pytest.mark.parametrize(
+    "value", [True, False, [], [0], {}, {"a": 0}, Thing(), b"", b"0", b"7x", "\ud800", [[]]], ids=repr
+)
+def test_sqlite_sees_the_truth_of_handles(encoding: str, value: Any) -> None:
+    pool = Pool()
+    connection = apsw.Connection(":memory:")
+    connection.pragma("encoding", encoding)
+    connection.execute("CREATE TABLE one(value)")
+    connection.execute("INSERT INTO one VALUES (?)", (pool.encode(value),))
+    query = (
+        "SELECT CASE WHEN value THEN 1 ELSE 0 END, NOT value, value AND 1, value OR 0,"
+        " (SELECT count(*) FROM one WHERE value) FROM one"
+    )
+    expected = int(truth(value))
+    assert connection.execute(query).get == (expected, 1 - expected, expected, expected, expected)
