@@ -9,12 +9,13 @@ from page import Page, console, size
 from rich.table import Table
 
 HERE = Path(__file__).parent
+LINES = 24  # of code at a time; an example run alone shows everything
 EXAMPLES = ("hanoi", "map_colouring", "hierarchy", "robot")
 
 
 def main() -> None:
     screen = console()
-    pages: list[Page] = [runpy.run_path(str(HERE / name / "run.py"))["main"]() for name in EXAMPLES]
+    pages: list[Page] = [runpy.run_path(str(HERE / name / "run.py"))["main"](LINES) for name in EXAMPLES]
     screen.print()
     screen.rule("[bold]Summary", style="cyan", characters="━")
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))

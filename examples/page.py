@@ -38,10 +38,11 @@ class Shown:
 
 @dataclass
 class Page:
-    """A page of an example. `shown` collects what it has run."""
+    """A page of an example. `lines` bounds the code that is shown at a time, `shown` collects what it has run."""
 
     title: str
     lead: str
+    lines: int | None = None
     console: Console = field(default_factory=console)
     shown: list[Shown] = field(default_factory=list)
 
@@ -56,7 +57,7 @@ class Page:
 
     def picture(self, text: str) -> None:
         """Text as it stands."""
-        self.console.print(Padding(Text(text), (1, 2)))
+        self.console.print(Padding(Text(text), (1, 2), expand=False))
 
     def heading(self, text: str) -> None:
         self.console.print()
@@ -65,8 +66,14 @@ class Page:
     def code(self, name: str, text: str, language: str) -> None:
         """A block of code under its name."""
         self.console.print(f"\n[cyan]{name}")
-        block = Syntax(text.strip(), language, theme="ansi_dark", background_color="default", word_wrap=True)
-        self.console.print(Padding(block, (0, 2)))
+        colours = Syntax("", language, theme="ansi_dark", background_color="default")
+        lines = text.strip().splitlines()
+        most = self.lines or len(lines)
+        block = colours.highlight("\n".join(lines[:most]))
+        block.rstrip()
+        self.console.print(Padding(block, (0, 2), expand=False))
+        if len(lines) > most:
+            self.console.print(f"  ... and {len(lines) - most} lines more", style="dim")
 
     def run(self, session: Session, file: Path, rows: int = 8, sql: bool = True, **variables: Any) -> Result:
         """Runs a script file and prints its lesson, its text, its SQL and at most `rows` of its rows."""

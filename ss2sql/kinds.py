@@ -141,12 +141,13 @@ def _columns(a: Type, b: Type) -> tuple[tuple[str, Type], ...] | None:
     """Columns of a union: those of both, in the order of their first appearance; None where one side lacks it."""
     holders = [t for t in (a, b) if t.may(Kind.STRUCTURED)]
     # An empty list lacks nothing: its elements have whatever columns the others have.
-    holders = [t for t in holders if not _is_empty(t)] or holders
-    known = [dict(t.columns) for t in holders if t.columns is not None]
-    if not holders or len(known) < len(holders):
+    filled = [t for t in holders if not _is_empty(t)]
+    known = [dict(t.columns) for t in filled or holders if t.columns is not None]
+    if not holders or len(known) < len(filled or holders):
         return None
+    absent = NONE if filled else NOTHING
     names = dict.fromkeys(chain.from_iterable(known))
-    return tuple((name, union(columns.get(name, NONE) for columns in known)) for name in names)
+    return tuple((name, union(columns.get(name, absent) for columns in known)) for name in names)
 
 
 def _is_empty(t: Type) -> bool:
@@ -218,7 +219,7 @@ def _type_of_items(items: Sequence[Any], detail: int) -> Type:
         numbers = [item for item in items if isinstance(item, (int, float))]
     if not numbers:
         return Type(kinds)
-    return Type(kinds, min(numbers), max(numbers))
+    return Type(kinds, +min(numbers), +max(numbers))  # + makes 0 and 1 of bools
 
 
 def _encodable(text: str) -> bool:

@@ -291,11 +291,16 @@ Source: TypeAlias = TableSource | ValueSource | QuerySource
 
 @dataclass(frozen=True, slots=True)
 class Output:
-    """One column of SELECT. A `label`, the second argument of `to`, gives the name at run time in place of `name`."""
+    """One column of SELECT.
+
+    A `label`, the second argument of `to`, gives the name at run time in place of `name`. With `star` the
+    column is an element of unknown columns that SELECT * takes apart when the rows are there.
+    """
 
     name: str
     expr: Expr
     label: Expr | None = None
+    star: bool = False
 
 
 @dataclass(frozen=True, slots=True)

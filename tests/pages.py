@@ -2,7 +2,8 @@
 
 The blocks of a page run in order:
 
-- `python` runs in the page's namespace. A `text` or `sql` block after it is what it printed.
+- `python` runs in the page's namespace. A `text` or `sql` block after it is what it printed. Python inside of a comment,
+  `<!-- python ... -->`, runs without being seen.
 - `selectscript` is parsed. If a `sql` or `text` block follows, it also runs in the page's session `ss`: `sql` is the
   SQL that it became, `text` its result, or its error.
 - `console`: lines that begin with `$ ss2sql` run; the lines up to the next `$` are what the command printed.
@@ -34,7 +35,7 @@ from ss2sql.frontend.parser import parse
 ROOT = Path(__file__).parent.parent
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
 OUTPUTS = ("text", "sql")
-BLOCK = re.compile(r"^```(?P<kind>\w+)\n(?P<body>.*?)^```$", re.MULTILINE | re.DOTALL)
+BLOCK = re.compile(r"^(?P<open>```|<!-- )(?P<kind>\w+)\n(?P<body>.*?)^(?:```|-->)$", re.MULTILINE | re.DOTALL)
 FILE = re.compile(r"# file: (\S+)\n")
 
 
@@ -115,8 +116,8 @@ def differences(page: Path) -> list[Difference]:
             elif kind == "selectscript":
                 parse(Source(body)) if not shows_error(blocks, number) else None
                 outputs = player.selectscript(body) if followed_by(blocks, number, OUTPUTS) else {}
-            elif kind == "console" or (kind in OUTPUTS and outputs):
-                actual = player.console(body) if kind == "console" else outputs[kind]
+            elif kind == "console" or (kind in outputs):
+                actual = player.console(body) if kind == "console" else outputs.pop(kind)
                 if tidy(actual) != tidy(body):
                     found.append(Difference(line, block.start("body"), block.end("body"), body, tidy(actual)))
     player.close()

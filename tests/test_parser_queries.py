@@ -172,6 +172,8 @@ OPEN = [
      "SELECT a FROM b WHERE (c == (SELECT d FROM e AS value)) AND f LIMIT 1 AS list"),
     ("SELECT a FROM b WHERE c IN SELECT d FROM e LIMIT 1 AS list LIMIT 2",
      "SELECT a FROM b WHERE c IN (SELECT d FROM e LIMIT 1 AS list) LIMIT 2"),
+    ("SELECT a FROM b WHERE c IN SELECT d FROM e AS list AS dict",
+     "SELECT a FROM b WHERE c IN (SELECT d FROM e AS list) AS dict"),
     ("SELECT SELECT a FROM b AS value, c FROM d", "SELECT (SELECT a FROM b AS value), c FROM d"),
     ("SELECT a FROM b START WITH x = SELECT c FROM d AS value, y = 1 CONNECT BY x = 2",
      "SELECT a FROM b START WITH x = (SELECT c FROM d AS value), y = 1 CONNECT BY x = 2"),

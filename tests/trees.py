@@ -1,4 +1,4 @@
-"""Short ways to write syntax trees, for the tests of the parser."""
+"""Short ways to write syntax trees and to check errors, for the tests of the parser."""
 
 from __future__ import annotations
 
@@ -90,9 +90,29 @@ def shape(named: str, *arguments: ast.Expr, **keywords: ast.Expr) -> ast.Represe
 A, B, C, D = (name(letter) for letter in "abcd")
 
 
-def code(source: str) -> str:
-    """The code of the error of a script; the error must say what to do."""
+def failure(source: str) -> ParseError:
+    """The error of a script."""
     with pytest.raises(ParseError) as caught:
-        script(source)
-    assert caught.value.hints, str(caught.value)
-    return caught.value.code
+        parse(Source(source))
+    return caught.value
+
+
+def check(marked: str, code: str, message: str, hint: str) -> None:
+    """One error, at the text between `«` and `»`, with these words in its message and in its hints."""
+    start, end = marked.index("«"), marked.index("»") - 1
+    error = failure(marked.replace("«", "").replace("»", ""))
+    rendered = str(error)
+    assert len(error.errors) == 1, rendered
+    assert error.span is not None
+    assert (error.span.start, error.span.end) == (start, end), rendered
+    assert error.code == code, rendered
+    assert error.hints, rendered
+    assert message in error.message, rendered
+    assert hint in "\n".join(error.hints), rendered
+
+
+def code(source: str) -> str:
+    """The code of a script's error, which must say what to do."""
+    error = failure(source)
+    assert error.hints, str(error)
+    return error.code

@@ -38,8 +38,8 @@ def ratio(part: float) -> float:
     return part / part if part else float("nan")
 
 
-def main() -> Page:
-    page = Page("Mistakes, and what the messages say", LEAD)
+def main(lines: int | None = None) -> Page:
+    page = Page("Mistakes, and what the messages say", LEAD, lines)
     with ss2sql.connect() as ss:
         ss.set("family", FAMILY)
         ss.set("moves", [[0, 1], [1, 0]])

@@ -1,6 +1,6 @@
 # NO CYCLE
-# No row may occur twice on a path. The row has to say where the search stands, so SELECT names the towers too;
-# the moves alone would repeat in every solution.
+# No row may occur twice on a path. The row has to say where the search stands, so SELECT names the towers too.
+# The paper stops at level 7, where one path is left. Level 9 leaves 21 paths; with cycles there are 28.
 moves = [[0,1], [0,2], [1,0], [1,2], [2,0], [2,1]];
 SELECT this, tower FROM moves WHERE [[],[],[3,2,1]] == move(this, tower)
 

@@ -20,8 +20,8 @@ never onto a smaller one. Which moves bring all disks to the third tower? `move`
 the scripts below ask for the answer in the five ways of the paper."""
 
 
-def main() -> Page:
-    page = Page("Towers of Hanoi", LEAD)
+def main(lines: int | None = None) -> Page:
+    page = Page("Towers of Hanoi", LEAD, lines)
     with ss2sql.connect() as ss:
         ss.function(move)
         page.run(ss, HERE / "1_nested.ss")

@@ -24,7 +24,7 @@ Quinn Rosa Samir Tilda Umut Vera Wim Yara""".split()
 DEPARTMENTS = ("Engineering", "Sales", "Support")
 
 
-def make_company(path: Path, seed: int = 2015) -> None:
+def make_company(path: Path, seed: int = 2) -> None:
     """Writes the table of employees; the same seed gives the same company."""
     numbers = random.Random(seed)
     people: list[tuple[int, str, int | None, str, int]] = [(1, NAMES[0], None, "Management", 9800)]
@@ -49,8 +49,8 @@ def tree(paths: list[list[tuple[int, str]]]) -> str:
     return "\n".join("   " * (len(path) - 1) + path[-1][1] for path in paths)
 
 
-def main() -> Page:
-    page = Page("A hierarchy in a database file", LEAD)
+def main(lines: int | None = None) -> Page:
+    page = Page("A hierarchy in a database file", LEAD, lines)
     with TemporaryDirectory() as folder:
         file = Path(folder) / "company.db"
         make_company(file)

@@ -18,8 +18,8 @@ LEAD = """Colour a map of eight countries with four colours so that no two neigh
 the four scripts below find the same ones. Then a smaller map of five countries shows what else may stand in WHERE."""
 
 
-def main() -> Page:
-    page = Page("Map colouring", LEAD)
+def main(lines: int | None = None) -> Page:
+    page = Page("Map colouring", LEAD, lines)
     with ss2sql.connect() as ss:
         for name in ("1_inequalities", "2_nested_query", "3_pairs", "4_names"):
             page.run(ss, HERE / f"{name}.ss", rows=3)

@@ -18,8 +18,8 @@ checkCollision asks whether it stands in a wall there. Such functions are called
 written, never remembered, so the search runs natively, not in SQLite."""
 
 
-def main() -> Page:
-    page = Page("Robot navigation", LEAD)
+def main(lines: int | None = None) -> Page:
+    page = Page("Robot navigation", LEAD, lines)
     floor = Floor()
     start = floor.position("YouBot")
     with ss2sql.connect() as ss:

@@ -54,10 +54,8 @@ def _lifted(expr: plan.Expr, query: plan.Query) -> plan.Expr:
             return plan.GroupKey(index, key.type, span=expr.span)
     match expr:
         case plan.Call(function=function, arguments=(argument,)) if function.builtin and function.name in AGGREGATES:
-            if _sees_rows(argument, query):
-                return plan.Aggregate(
-                    function.name, argument, _aggregate_type(function.name, argument.type), span=expr.span
-                )
+            kind = _aggregate_type(function.name, argument.type)
+            return plan.Aggregate(function.name, argument, kind, span=expr.span)
     return rebuild(expr, lambda part: _lifted(part, query))
 
 

@@ -12,6 +12,7 @@ from ss2sql.frontend.groups import with_groups
 from ss2sql.frontend.options import search_options
 from ss2sql.frontend.scope import Scope, bound_name, column_of, element_of
 from ss2sql.kinds import ANY, NONE, Kind, Type, covers, union
+from ss2sql.runtime.rows import free_name
 
 if TYPE_CHECKING:
     from ss2sql.frontend.resolve import Resolver
@@ -287,17 +288,10 @@ def _columns(resolver: Resolver, tree: ast.Query, scope: Scope) -> tuple[plan.Ou
                 outputs.append(_labelled(resolver, value, label, scope))
             case _:
                 outputs.append(plan.Output(_column_name(column), _key(resolver, column, scope)))
-    taken: set[str] = set()
-    return tuple(_with_free_name(output, taken) for output in outputs)
-
-
-def _with_free_name(output: plan.Output, taken: set[str]) -> plan.Output:
-    name, count = output.name, 1
-    while name in taken:
-        count += 1
-        name = f"{output.name}_{count}"
-    taken.add(name)
-    return replace(output, name=name)
+    taken: list[str] = []
+    for output in outputs:
+        taken.append(free_name(output.name, taken))
+    return tuple(replace(output, name=name) for output, name in zip(outputs, taken, strict=True))
 
 
 def _star(resolver: Resolver, scope: Scope, span: Span) -> list[plan.Output]:
@@ -308,7 +302,7 @@ def _star(resolver: Resolver, scope: Scope, span: Span) -> list[plan.Output]:
         if source.columns:
             outputs.extend(plan.Output(name, column_of(source, name, span)) for name, _ in source.columns)
         else:
-            outputs.append(plan.Output(source.name, element_of(source, span)))
+            outputs.append(plan.Output(source.name, element_of(source, span), star=source.columns is None))
     return outputs
 
 

@@ -123,7 +123,7 @@ def _behind_as(t: Trouble) -> ParseError | None:
     if word not in ("WHERE", "START", "CONNECT", "STOP", "GROUP", "HAVING", "ORDER", "LIMIT", "AS", ","):
         return None
     return t.error("P006", f"AS ends the query, {named(t.found)} cannot follow it",
-                   "AS says the form of the result, as its last clause",
+                   "AS says the form of the result and is the last clause",
                    f"to name a source write FROM {shape.text} = ...")  # fmt: skip
 
 

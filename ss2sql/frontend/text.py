@@ -52,7 +52,7 @@ _TOKEN = re.compile(
     |(?P<OTHER>\|\||&&|[\s\S])""",
     re.VERBOSE,
 )
-_WORD_PART = re.compile(r"[^\x00-/:-@\[-^`{-\x7f\s]+")
+_TAIL = re.compile(r"\w+")  # what makes a number unreadable
 _UNREADABLE = re.compile("[\0\ud800-\udfff]")
 
 _INSTEAD = {
@@ -90,7 +90,7 @@ def tokens(source: Source) -> list[Token]:
             found.append(Token(text, text, start, end))
         elif kind == "WORD":
             _add_word(found, text, start)
-        elif kind in ("FLOAT", "INTEGER") and (tail := _WORD_PART.match(source.text, end)):
+        elif kind in ("FLOAT", "INTEGER") and (tail := _TAIL.match(source.text, end)):
             found.append(Token("BAD_NUMBER", text + tail[0], start, tail.end()))
         else:
             found.append(Token(kind, text, start, end))
@@ -249,7 +249,9 @@ def unescape(source: Source, token: Token) -> str:
             try:
                 return unicodedata.lookup(text)
             except KeyError:
-                raise ParseError("P003", f"there is no character named '{short(text)}'", span, ["see the Unicode charts"]) from None
+                raise ParseError(
+                    "P003", f"there is no character named '{short(text)}'", span, ["see the Unicode charts"]
+                ) from None
         code = int(text, 8 if kind == "octal" else 16)
         if code > 0x10FFFF or 0xD800 <= code <= 0xDFFF:
             raise ParseError("P003", f"{match[0]} is not a character", span, ["characters go up to \\U0010ffff"])

@@ -28,7 +28,7 @@ from ss2sql.walk import is_volatile, walk
 PREDICATES = frozenset({"eq", "ne", "lt", "le", "gt", "ge", "in", "not_in"})
 
 # SQLite's own aggregates stand under these names, so the functions of lists get others.
-OTHER_NAMES = {"count": "list_count", "min": "list_min", "max": "list_max"}
+OTHER_NAMES = {"count": "list_count", "sum": "list_sum", "min": "list_min", "max": "list_max"}
 
 
 def builtin_name(name: str) -> str:

@@ -39,7 +39,7 @@ def lower(query: plan.Query, function_names: Mapping[str, str], dialect: Dialect
         outputs = selects.outputs(query, flat.env, _names(query))
         outputs += [selects.expressions.lower(key, flat.env) for key in keys]
         outputs += [selects.expressions.lower(key.expr, flat.env) for key in orders]
-        is_sorted, is_limited = order is not None, order is not None and query.limit is not None
+        is_sorted, is_limited = order is not None, order is not None and _cut_by_sql(query)
         limit = needs.count(query.limit, "limit") if is_limited and query.limit is not None else None
         select = sql.select(outputs, flat.items, sql.conjunction(flat.conditions), order or (), limit)
     return SqlQuery(
@@ -54,6 +54,14 @@ def lower(query: plan.Query, function_names: Mapping[str, str], dialect: Dialect
         {name: tuple(spans) for name, spans in needs.calls.items()},
         dict(needs.modules),
     )
+
+
+def _cut_by_sql(query: plan.Query) -> bool:
+    """Whether LIMIT may stand in the SQL: LIMIT 0 would keep SQLite from evaluating rows that have to be sorted."""
+    if query.limit is None or query.group:
+        return False
+    positive = isinstance(query.limit, plan.Constant) and query.limit.value != 0
+    return positive or not query.order
 
 
 def _names(query: plan.Query) -> list[str | None]:

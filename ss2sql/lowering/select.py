@@ -16,7 +16,13 @@ from ss2sql.lowering.sources import Opened, open_sources, sql_names
 from ss2sql.lowering.sql import Node
 from ss2sql.walk import sources_read, walk
 
-COLLECTORS = {"list": "collect", "rows": "collect_rows", "set": "collect_set", "void": "collect_nothing"}
+COLLECTORS = {
+    "list": "collect",
+    "rows": "collect_rows",
+    "set": "collect_set",
+    "value": "collect_value",
+    "void": "collect_nothing",
+}
 
 
 def sortable(kind: Type) -> bool:
@@ -91,8 +97,11 @@ class Selects:
         """The keys of ORDER BY, then those of the product's own order; None where Python has to sort."""
         natural = flat.natural
         if not query.order:
-            tables = any(isinstance(source, plan.TableSource) for source in _all_sources(query))
-            return [(key, False) for key in natural or ()] if tables else []
+            kinds = {isinstance(source, plan.TableSource) for source in _all_sources(query)}
+            if kinds == {True}:
+                return [(key, False) for key in natural or ()]
+            _walk_in_order(flat.items)
+            return []
         if natural is None or not all(sortable(key.expr.type) for key in query.order):
             return None
         keys = [(self.expressions.lower(key.expr, flat.env), key.descending) for key in query.order]
@@ -105,7 +114,12 @@ class Selects:
         flat = self.flat(query, env)
         where = sql.conjunction(flat.conditions)
         first = flat.natural
-        if first is not None and len(first) == 1:
+        own = {source.id for source in query.sources}
+        foreign = any(
+            isinstance(node, plan.Aggregate) and node.argument is not None and not sources_read(node.argument) & own
+            for node in _group_nodes(query)
+        )
+        if first is not None and len(first) == 1 and not foreign:
             keys = tuple(self.expressions.lower(key, flat.env) for key in query.group)
             return self._group(query, replace(flat.env, groups=keys), flat.items, where, first[0], names)
         return self._group_numbered(query, flat, where, names)
@@ -142,7 +156,7 @@ class Selects:
         self, query: plan.Query, env: Env, items: list[Node], where: Node | None, first: Node, names: list[str | None]
     ) -> exp.Select:
         select = sql.select(self.outputs(query, env, names), items, where)
-        select.set("group", exp.Group(expressions=[key.copy() for key in env.groups]))
+        select.set("group", exp.Group(expressions=[sql.key(key.copy()) for key in env.groups]))
         if query.having is not None:
             select.set("having", exp.Having(this=self.expressions.condition(query.having, env)))
         order = [(self.expressions.lower(key.expr, env), key.descending) for key in query.order]
@@ -178,12 +192,15 @@ class Selects:
     def subquery(self, query: plan.Query, env: Env) -> Node:
         """A query in an expression: the value that its representation gives."""
         name = query.representation.name
-        if name == "value":
+        if name == "value" and not can_fail(replace(query, limit=None)):
             select = self.rows(replace(query, columns=query.columns[:1]), env, [None], boxed=not query.aggregated)
             if select.args.get("limit") is None:
                 sql.sorted_query(select, (), sql.number(1))
             return sql.scalar(select)
-        simple = not (query.aggregated or query.order or query.limit)
+        # An aggregate of SQL belongs to the innermost query whose columns it mentions, so it must mention this one's.
+        own = {source.id for source in query.sources}
+        simple = any(sources_read(output.expr) & own for output in query.columns)
+        simple = simple and not (query.aggregated or query.order or query.limit)
         tables = any(isinstance(source, plan.TableSource) for source in _all_sources(query))
         if simple and not tables:
             flat = self.flat(query, env)
@@ -225,6 +242,16 @@ class _Arguments(Expressions):
             if argument == expr:
                 return column.copy()
         return super().value(expr, env)
+
+
+def _walk_in_order(items: list[Node]) -> None:
+    """Makes SQLite walk tables by their rowid.
+
+    Among virtual tables an ORDER BY would make it sort the whole product, and evaluate rows that a LIMIT cuts off.
+    """
+    for item in items:
+        if isinstance(item, exp.Table) and not isinstance(item.this, exp.Anonymous):
+            item.set("indexed", False)
 
 
 def _named(node: Node, name: str | None) -> Node:

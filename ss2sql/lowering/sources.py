@@ -17,7 +17,7 @@ from ss2sql import plan
 from ss2sql.lowering import sql
 from ss2sql.lowering.expressions import Env, Reader, can_fail, is_flag
 from ss2sql.lowering.sql import Node
-from ss2sql.walk import sources_read, states_read
+from ss2sql.walk import sources_read, states_read, walk
 
 if TYPE_CHECKING:
     from ss2sql.lowering.select import Selects
@@ -73,16 +73,27 @@ def open_source(selects: Selects, source: plan.Source, env: Env, siblings: set[i
         case plan.TableSource():
             return _table(selects, source)
         case plan.ValueSource(value=value):
+            if siblings and can_fail(value) and not sources_read(value) and not states_read(value):
+                # It is read before the walk begins, so that it fails even if the sources before it are empty.
+                return _elements(selects, source, selects.needs.bind(value))
             return _elements(selects, source, selects.expressions.value(value, env))
         case plan.QuerySource(query=query):
             if _can_join(query):
                 return _joined(selects, source, env, siblings, search)
             lateral = bool(sources_read(query) & siblings) or any(q == search for q, _ in states_read(query))
+            if siblings and can_fail(query) and not sources_read(query) - _inside(query):
+                subquery = plan.Subquery(query, span=source.span)
+                return _elements(selects, source, selects.needs.bind(subquery))
             if not lateral and query.representation.name == "dict" and (not query.group or query.aggregated):
                 return _derived(selects, source, env)
             return _elements(selects, source, selects.subquery(query, env))
         case _:
             assert_never(source)
+
+
+def _inside(query: plan.Query) -> set[int]:
+    """The numbers of the sources that a query and the queries in it bring along."""
+    return {node.id for node in walk(query) if isinstance(node, (plan.TableSource, plan.ValueSource, plan.QuerySource))}
 
 
 def _table(selects: Selects, source: plan.TableSource) -> Opened:

@@ -129,10 +129,20 @@ def select(
     return sorted_query(query, order, limit)
 
 
+def key(node: Node) -> Node:
+    """A key of ORDER BY or GROUP BY; a number alone would be taken for the position of a column."""
+    plain = node
+    while isinstance(plain, (exp.Neg, exp.Paren)):
+        plain = plain.this
+    return string("") if isinstance(plain, exp.Literal) and not plain.is_string else node
+
+
 def sorted_query(query: exp.Select, order: Sequence[tuple[Node, bool]], limit: Node | None = None) -> exp.Select:
     """The query with ORDER BY and LIMIT."""
     if order:
-        keys = [exp.Ordered(this=key, desc=descending, nulls_first=not descending) for key, descending in order]
+        keys = [
+            exp.Ordered(this=key(node), desc=descending, nulls_first=not descending) for node, descending in order
+        ]
         query.set("order", exp.Order(expressions=keys))
     if limit is not None:
         query.set("limit", exp.Limit(expression=limit))

@@ -100,6 +100,10 @@ def _label(query: plan.Query, nested: bool) -> Span | None:
     return next((output.label.span for output in query.columns if output.label is not None), None)
 
 
+def _nested_star(query: plan.Query, nested: bool) -> Span | None:
+    return next((output.expr.span for output in query.columns if nested and output.star), None)
+
+
 def _grouped_search(query: plan.Query, nested: bool) -> Span | None:
     return query.group[0].span if query.search and query.aggregated else None
 
@@ -148,6 +152,7 @@ RULES: tuple[Rule, ...] = (
     Rule("a representation of the user inside another query", "use AS list or AS dict", _nested_representation),
     Rule("a partition inside another query", "assign it to a variable before the query", _nested_partition),
     Rule("an inner ORDER BY over values of several kinds", "sort by numbers or strings alone", _nested_order),
+    Rule("SELECT * over columns that only the elements know", "name the columns", _nested_star),
     Rule("a column name that is computed", "write the name itself in to(expr, name)", _label),
     Rule("aggregates over the paths of a search", "leave the engine to ss2sql", _grouped_search),
     Rule("HAVING on a partition", "leave the engine to ss2sql", _partition_having),

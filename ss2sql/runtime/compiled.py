@@ -17,6 +17,7 @@ from ss2sql.runtime.native import NativeQuery, compile_statement
 from ss2sql.runtime.result import Answer, Result, Sql, Status
 from ss2sql.runtime.rows import Rows
 from ss2sql.runtime.run import Run
+from ss2sql.runtime.shaping import with_stars
 from ss2sql.runtime.values import freeze, sort_rows
 
 if TYPE_CHECKING:
@@ -62,12 +63,12 @@ class CompiledQuery:
 
     def value(self, run: Run) -> Any:
         """Runs the query; its answer becomes the run's last one, its value is one of the language."""
-        search = self.query.search is not None
-        columns = tuple(output.name for output in self.query.columns)
-        paths = search and not self.query.aggregated
+        query = self.query
+        columns = tuple(output.name for output in query.columns)
+        paths = query.search is not None and not query.aggregated
         sink = Rows(columns, rows=None if paths else [], paths=[] if paths else None)
         run.sink = (sink, self.engine)
-        rows = self._database_rows(run, sink) if self.lowered else self._native_rows(run, sink)
+        rows = with_stars(query, self._database_rows(run, sink) if self.lowered else self._native_rows(run, sink))
         arguments = tuple(argument(run) for argument in self.arguments)
         named = {name: argument(run) for name, argument in self.named.items()}
         raw = self.host.shapes.represent(self.query.representation, rows, arguments, named)

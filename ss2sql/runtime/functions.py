@@ -26,8 +26,9 @@ PLAIN = frozenset({type(None), bool, int, float, str, list, dict})
 # Names that the SQL made by lowering uses for itself; a user's function of such a name gets another one in SQL.
 RESERVED = frozenset(
     {
-        *("collect", "collect_nothing", "collect_records", "collect_rows", "collect_set", "record", "list", "field"),
-        *("group_average", "group_count", "group_max", "group_min", "group_sum", "list_count", "list_max", "list_min"),
+        *("collect", "collect_nothing", "collect_records", "collect_rows", "collect_set", "collect_value"),
+        *("group_average", "group_count", "group_max", "group_min", "group_sum"),
+        *("list_count", "list_max", "list_min", "list_sum", "list", "record", "field"),
         *("next_step", "keep", "on_path", "reach", "reached", "truth", "last", "elements", "search"),
         *("avg", "coalesce", "count", "max", "min", "row_number", "sum"),  # SQLite's own
     }

@@ -21,7 +21,7 @@ from ss2sql.runtime.functions import UserFunction, builtin_functions, native_cal
 from ss2sql.runtime.rows import Rows
 from ss2sql.runtime.run import Run
 from ss2sql.runtime.session_functions import SessionFunctions
-from ss2sql.runtime.shaping import Shapes
+from ss2sql.runtime.shaping import Shapes, with_stars
 from ss2sql.runtime.tables import Tables, quoted
 from ss2sql.runtime.temporal import TemporalFile, TemporalStore
 from ss2sql.runtime.variables import Variables
@@ -145,5 +145,5 @@ class SessionHost:
         return [tuple(row) for row in self.connection.execute(text)]
 
     def shape(self, query: plan.Query, rows: Rows, arguments: tuple[Any, ...], named: dict[str, Any]) -> Any:
-        raw = self.shapes.represent(query.representation, rows, arguments, named)
+        raw = self.shapes.represent(query.representation, with_stars(query, rows), arguments, named)
         return self.shapes.language_value(query.representation.name, raw)

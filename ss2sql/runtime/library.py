@@ -81,7 +81,7 @@ def average(values: Any) -> float:
     """The arithmetic mean, a float."""
     kinds = _numbers("average", _list("average", values))
     if not values:
-        raise _empty("average")
+        return None
     if float not in kinds:
         return float(sum(values) / len(values))
     try:
@@ -103,24 +103,20 @@ def _float(value: Fraction) -> float:
         raise float_overflow() from None
 
 
-def _empty(function: str) -> ExecutionError:
-    return _wrong(f"{function} of an empty list", f"test len(...) first: IF(len(x) > 0; {function}(x); None)")
-
-
 def least(first: Any, *others: Any) -> Any:
-    """The least element of a list, or the least of several arguments; the first of equal ones."""
+    """The least element of a list, or the least of several arguments; the first of equal ones, None of no elements."""
     return _extreme("min", -1, first, others)
 
 
 def greatest(first: Any, *others: Any) -> Any:
-    """The greatest element of a list, or the greatest of several arguments; the first of equal ones."""
+    """The greatest element of a list, or the greatest of several arguments; the first of equal ones, None of none."""
     return _extreme("max", 1, first, others)
 
 
 def _extreme(function: str, sign: int, first: Any, others: tuple[Any, ...]) -> Any:
     values = (first, *others) if others else _list(function, first)
     if not values:
-        raise _empty(function)
+        return None
     kinds = set(map(type, values))
     if kinds <= NUMBERS or kinds == {str}:
         return min(values) if sign < 0 else max(values)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any, TypeAlias
 
 Row: TypeAlias = tuple[Any, ...]
@@ -21,3 +23,40 @@ class Rows:
     rows: list[Row] | None = None
     paths: list[list[Row]] | None = None
     groups: list[tuple[Any, list[int]]] | None = None
+
+    def all_rows(self) -> Iterator[Row]:
+        """The rows, or the rows of all paths."""
+        return iter(self.rows or ()) if self.paths is None else chain.from_iterable(self.paths)
+
+    def with_stars(self, stars: frozenset[int]) -> Rows:
+        """The rows with the columns at these positions taken apart, where all their values are dicts.
+
+        This is SELECT * over a source whose columns only its elements know.
+        """
+        parts: list[tuple[int, tuple[str, ...] | None]] = []
+        for index in range(len(self.columns)):
+            values = [row[index] for row in self.all_rows()] if index in stars else []
+            apart = bool(values) and all(isinstance(value, dict) and value for value in values)
+            parts.append((index, tuple({key: None for value in values for key in value}) if apart else None))
+        names: list[str] = []
+        for index, keys in parts:
+            names.extend(free_name(name, names) for name in (keys or (self.columns[index],)))
+
+        def wide(row: Row) -> Row:
+            cells: list[Any] = []
+            for index, keys in parts:
+                cells.extend((row[index],) if keys is None else map(row[index].get, keys))
+            return tuple(cells)
+
+        rows = None if self.rows is None else [wide(row) for row in self.rows]
+        paths = None if self.paths is None else [[wide(row) for row in path] for path in self.paths]
+        return Rows(tuple(names), rows, paths, self.groups)
+
+
+def free_name(name: str, taken: Collection[str]) -> str:
+    """The name, or the name with the first number that makes it a new one: `name_2`."""
+    candidate, count = name, 1
+    while candidate in taken:
+        count += 1
+        candidate = f"{name}_{count}"
+    return candidate

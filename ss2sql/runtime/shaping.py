@@ -28,9 +28,10 @@ class Shapes:
         Of a search it is a list with one value per path; of a partition a dict from group value to that.
         """
 
+        if form.name == "void":
+            return None
+
         def whole(positions: Sequence[int] | None) -> Any:
-            if form.name == "void":
-                return None
             results: Sequence[Any] = rows.rows if rows.paths is None else rows.paths  # type: ignore[assignment]
             chosen = results if positions is None else [results[index] for index in positions]
             if rows.paths is None:
@@ -70,3 +71,9 @@ class Shapes:
         except TypeError:
             return Opaque(value)
         return value
+
+
+def with_stars(query: plan.Query, rows: Rows) -> Rows:
+    """The rows of a query, with those columns taken apart that SELECT * could not know beforehand."""
+    stars = frozenset(index for index, output in enumerate(query.columns) if output.star)
+    return rows.with_stars(stars) if stars else rows

@@ -83,6 +83,13 @@ class CollectSet(CollectRows):
         return self.pool.encode_foreign(sets.represent(Table((), rows)), "AS set")
 
 
+class CollectValue(CollectRows):
+    """`collect_value(a, b)`: a of the first row, after all rows have been evaluated."""
+
+    def final(self) -> Any:
+        return self.pool.encode(self.values[0][0] if self.values else None)
+
+
 class CollectNothing(Collect):
     """`collect_nothing(a, b)`: the rows are evaluated, the value is None."""
 
@@ -112,5 +119,6 @@ AGGREGATE_FUNCTIONS: dict[str, Callable[[Pool], Collect]] = {
     "collect_records": CollectRecords,
     "collect_set": CollectSet,
     "collect_nothing": CollectNothing,
+    "collect_value": CollectValue,
     **{f"group_{name}": _aggregate(name) for name in AGGREGATES},
 }

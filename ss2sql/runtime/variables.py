@@ -35,7 +35,7 @@ class Variables:
         yield from self.attached
 
     def value(self, name: str) -> Any:
-        """The present value. Raises KeyError, or ExecutionError X004 where an attached object holds what is no value."""
+        """The present value. Raises KeyError; ExecutionError X004 where an attached object holds no value."""
         if name in self.attached:
             return normalise(self.attached[name], f"the variable '{name}'")
         return self.values[name]

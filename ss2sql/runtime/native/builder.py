@@ -108,16 +108,17 @@ class Builder:
             body.states, body.groups = set(states), dict(groups)
             return body
 
+        own = aggregates(query)
         functions = {
             "settings": self._settings(query, part),
-            "find": (flat.finder if query.search is None else hunt.finder)(self, query, part("rows"), aggregates(query)),
+            "find": (flat.finder if query.search is None else hunt.finder)(self, query, part("rows"), own),
             "group": self._group(query, part),
             "arguments": self._arguments(query, part),
         }
         if query.search is not None:
             functions["flush"] = unit.local("flush")
             unit.definitions.append(pen.function(functions["flush"], [], [pen.run(unit.metered())]))
-        form = pen.name(unit.constant(Form.of(query, len(aggregates(query))), "form"))
+        form = pen.name(unit.constant(Form.of(query, tuple(node.function for node in own)), "form"))
         given = [pen.constant(None) if name is None else pen.name(name) for name in functions.values()]
         task, value, tuples = unit.local("task"), unit.local("value_of"), unit.local("rows_of")
         unit.definitions += [

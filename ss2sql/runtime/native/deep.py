@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from threading import Lock
 
 FRAMES_PER_LEVEL = 30
-SHALLOW = 8  # levels that fit into any stack
+SHALLOW = 16  # levels that fit into any stack
 
 _lock = Lock()
 _users = 0

@@ -60,7 +60,8 @@ class Analysis:
         self.levels = max((depths[id(root)] for root in roots), default=0)
 
     def of(self, node: Any) -> Facts:
-        return self._facts[id(node)]
+        """The facts of a node below the roots; any other node is a constant of the compiler's."""
+        return self._facts.get(id(node)) or Facts()
 
     def is_fixed(self, variable: str) -> bool:
         """Whether a script variable keeps its value while the nodes run."""

@@ -79,9 +79,9 @@ class Loops:
         this number on are entered only if all their sources, which are read once, have elements.
         """
         for index, source in enumerate(self.sources):
-            self._test(body, conditions.get(index, ()))
             if index == guarded:
                 self._guard(body, self.sources[index:])
+            self._test(body, conditions.get(index, ()))
             if body.level == MOST_LOOPS:
                 body = self._continued(body)
             self._open_one(body, source)

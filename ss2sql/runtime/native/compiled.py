@@ -1,0 +1,104 @@
+"""What the rest of ss2sql sees of the native executor: compiled queries and compiled statements."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable
+from typing import Any
+
+from ss2sql import plan
+from ss2sql.errors import Error, Span
+from ss2sql.runtime.native.builder import Builder, Dispatch
+from ss2sql.runtime.native.deep import deep
+from ss2sql.runtime.native.expressions import expression
+from ss2sql.runtime.native.facts import Analysis
+from ss2sql.runtime.native.locate import placed
+from ss2sql.runtime.native.unit import Unit
+from ss2sql.runtime.rows import Rows
+from ss2sql.runtime.run import Run
+
+
+class NativeQuery:
+    """A query that stands by itself, compiled to Python once, to be run many times."""
+
+    def __init__(self, query: plan.Query) -> None:
+        self.query = query
+        analysis = Analysis((query,))
+        self._levels = analysis.levels
+        with deep(self._levels):
+            unit = Unit(query.span, analysis)
+            nested = Builder(unit).query(query, unit.root)
+            self._module = unit.module(unit.pen.name(nested.task))
+            self._bound = unit.compiled(self._module)
+
+    @property
+    def source_text(self) -> str:
+        """The generated code as text."""
+        with deep(2 * self._levels):
+            return ast.unparse(ast.fix_missing_locations(self._module))
+
+    def rows(self, run: Run, sink: Rows | None = None) -> Rows:
+        """The answer of the query.
+
+        Args:
+            run: the run that it belongs to.
+            sink: is filled while the query runs, so that what was found by then outlives an error; it is
+                then also the result.
+
+        Raises:
+            Error: with the place in the script. Exceptions of the user's functions pass with a note.
+        """
+        return self._placed(lambda: self._bound(run).rows(sink=sink, outermost=True))  # type: ignore[no-any-return]
+
+    def value(self, run: Run) -> Any:
+        """The value that the query's representation makes of its answer; raises what `rows` raises."""
+
+        def value() -> Any:
+            task = self._bound(run)
+            return task.shaped(task.rows(outermost=True))
+
+        return self._placed(value)
+
+    def _placed(self, work: Callable[[], Any]) -> Any:
+        try:
+            with deep(self._levels):
+                return work()
+        except Exception as error:
+            other = placed(error)
+            if isinstance(other, Error):
+                other.located(self.query.span)
+            if other is error:
+                raise
+            raise other from None
+
+
+def compile_statement(expr: plan.Expr, dispatch: Dispatch | None = None) -> Callable[[Run], Any]:
+    """A statement as a function of the run.
+
+    Args:
+        expr: the statement's expression.
+        dispatch: is asked once for every query that is not inside of another one, and gives the function that
+            runs it and has its value; without it queries run natively.
+
+    Returns:
+        The function; it raises as `NativeQuery.rows` does.
+    """
+    if isinstance(expr, plan.Constant):
+        return lambda run: expr.value
+    analysis = Analysis((expr,), open_world=True)
+    with deep(analysis.levels):
+        unit = Unit(expr.span, analysis)
+        builder = Builder(unit, dispatch or (lambda query: NativeQuery(query).value))
+        bound = unit.compiled(unit.module(expression(builder, expr, unit.root)))
+
+    def statement(run: Run) -> Any:
+        try:
+            with deep(analysis.levels):
+                return bound(run)
+        except Exception as error:
+            other = placed(error)
+            if other is error:
+                raise
+            raise other from None
+
+    return statement

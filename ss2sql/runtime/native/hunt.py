@@ -1,0 +1,235 @@
+"""Searches: the generator of the steps from one state, which all orders of search share.
+
+The generated function `rows(...)` begins a search. It gives the state of START WITH, the generator function
+`steps(state, seen)`, and the function `keys(last)`. Each step is evaluated when it is asked for, its clauses
+in the order of language.md section 7. What is yielded are the steps that leave a trace, see `Step` in
+searches/step.py.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from ss2sql import plan
+from ss2sql.kinds import Kind
+from ss2sql.runtime.native import options
+from ss2sql.runtime.native.expressions import expression
+from ss2sql.runtime.native.flat import key_expressions
+from ss2sql.runtime.native.loops import Loops
+from ss2sql.runtime.native.unit import Body
+from ss2sql.runtime.values import freeze
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.native.builder import Builder
+
+
+def finder(builder: Builder, query: plan.Query, body: Body, aggregates: Sequence[plan.Aggregate]) -> str:
+    """Compiles the function that begins a search into `body` and gives its name."""
+    assert query.search is not None
+    unit, pen = builder.unit, builder.unit.pen_at(query.span)
+    variables = [name for name, _ in query.search.start]
+    keys = key_expressions(query, aggregates)
+    for name, expr in query.search.start:
+        local = unit.states[query.id, name] = unit.local(name)
+        body.add(unit.pen_at(expr.span).assign(local, expression(builder, expr, body)))
+        body.states.add((query.id, name))
+    names = [unit.states[query.id, name] for name in variables]
+    loops = Loops(builder, query, body)
+    loops.read_once()
+    # A search is no step, so its start does not count as one that went on.
+    expanded = unit.counter("expanded", body)
+    body.add(pen.increase(expanded, -1))
+    steps = Steps(builder, query, body, loops, bool(keys))
+    steps.compile(names)
+    find_keys = pen.constant(None) if not keys else pen.name(_keys(builder, query, body, keys))
+    state = pen.tuple(*map(pen.name, names))
+    body.add(pen.back(pen.tuple(state, pen.name(steps.body.name), find_keys)))
+    body.define()
+    return body.name
+
+
+def _keys(builder: Builder, query: plan.Query, outer: Body, keys: Sequence[plan.Expr]) -> str:
+    """A function of the elements and the state of a last step: what GROUP BY and ORDER BY see of it."""
+    unit, pen = builder.unit, builder.unit.pen_at(query.span)
+    body = Body(unit, unit.local("keys"), ["last"], outer)
+    assert query.search is not None
+    _bind_own(body, query)
+    body.count(keys)
+    names = [unit.names[source.id] for source in query.sources]
+    names += [unit.states[query.id, name] for name, _ in query.search.start]
+    body.add(pen.unpack(names, pen.name("last")))
+    body.add(pen.back(pen.tuple(*(expression(builder, key, body) for key in keys))))
+    body.define()
+    return body.name
+
+
+def _bind_own(body: Body, query: plan.Query) -> None:
+    """Takes the query's sources and state as known in the whole body."""
+    assert query.search is not None
+    body.levels.update((source.id, 0) for source in query.sources)
+    body.states.update((query.id, name) for name, _ in query.search.start)
+
+
+class Steps:
+    """The generator function `steps(state, seen)` of one search."""
+
+    def __init__(self, builder: Builder, query: plan.Query, outer: Body, loops: Loops, has_keys: bool) -> None:
+        assert query.search is not None
+        self.builder = builder
+        self.unit = builder.unit
+        self.query = query
+        self.search = query.search
+        self.outer = outer
+        self.loops = loops
+        self.has_keys = has_keys
+        self.body = Body(self.unit, self.unit.local("steps"), ["state", "seen"], outer)
+        self.outputs = () if query.aggregated else tuple(output.expr for output in query.columns)
+        self.compares = self.search.repeats != "allowed"
+        self.pen = self.unit.pen_at(query.span)
+
+    def compile(self, states: list[str]) -> None:
+        """Writes the function; `states` are the names of the state's variables."""
+        pen, search, body = self.pen, self.search, self.body
+        body.states = {(self.query.id, name) for name, _ in search.start}
+        clauses = [search.stop, self.query.where, search.weight, search.heuristic]
+        inside = [source.value for source in self.query.sources if isinstance(source, plan.ValueSource)]
+        connect = [expr for _, expr in search.connect]
+        body.count([*inside, *self.outputs, *(clause for clause in clauses if clause), *connect])
+        body.add(pen.increase(self.unit.counter("expanded", body)))
+        body.add(pen.unpack(states, pen.name("state")))
+        body.locals.extend(states)
+        if self.compares:
+            self._freeze_elements()
+        self.inner = self.loops.open(body, {})
+        self._step()
+        self.inner.define()
+
+    def _freeze_elements(self) -> None:
+        """Elements that stand in the row as they are, and are read once, are frozen once."""
+        shown = {expr.source for expr in self.outputs if isinstance(expr, plan.Element)}
+        for source in self.query.sources:
+            if source.id in self.loops.items and source.id in shown and source.id not in self.unit.tuples:
+                if not (isinstance(source, plan.ValueSource) and source.element.only(Kind.NUMBER | Kind.STR)):
+                    self.loops.freeze_items(source, self.unit.helper(with_frozen))
+
+    # --- one step --------------------------------------------------------------------------------------
+
+    def _step(self) -> None:
+        pen, inner = self.pen, self.inner
+        if self.compares:
+            self._compare()
+        may_end = self._judge()
+        if not self.compares:
+            outputs = (expression(self.builder, expr, inner) for expr in self.outputs)
+            inner.add(pen.assign("row", pen.tuple(*outputs)))
+        self._weigh(inner.blocks[-1])
+        if may_end:
+            ended = self._yield(pen.constant(True), pen.constant(None), pen.constant(0))
+            inner.add(pen.when(pen.name("stop"), ended, pen.next_turn()))
+        estimate = pen.constant(0)
+        if self.search.heuristic is not None:
+            inner.add(pen.assign("estimate", self._checked(self.search.heuristic, options.heuristic)))
+            estimate = pen.name("estimate")
+        following = self._connect()
+        inner.add(self._yield(pen.constant(True) if self.query.where is None else pen.name("goal"), following, estimate))
+
+    def _compare(self) -> None:
+        """Evaluates the row, and drops the step if the row must not occur again."""
+        pen, inner = self.pen, self.inner
+        values, frozen = [], []
+        for expr in self.outputs:
+            value, key = self._frozen(expr)
+            values.append(value)
+            frozen.append(key)
+        inner.add(pen.assign("row", pen.tuple(*values)))
+        inner.add(pen.assign("key", frozen[0] if len(frozen) == 1 else pen.tuple(*frozen)))
+        known = pen.compare(pen.name("key"), ast.In(), pen.name("seen"))
+        if self.search.repeats == "memorize":
+            edge: list[ast.stmt] = []
+            self._weigh(edge)
+            edge += [self._yield(pen.constant(None), pen.constant(None), pen.constant(0)), pen.next_turn()]
+            inner.add(pen.when(known, *edge))
+        else:
+            inner.add(pen.when(known, pen.increase(self.unit.counter("pruned", inner)), pen.next_turn()))
+
+    def _frozen(self, expr: plan.Expr) -> tuple[ast.expr, ast.expr]:
+        """The value of a column, and what stands for it where rows are compared."""
+        unit, inner = self.unit, self.inner
+        pen = unit.pen_at(expr.span)
+        value = expression(self.builder, expr, inner)
+        if isinstance(expr, plan.Element) and expr.source in self.loops.frozen:
+            return value, pen.name(self.loops.frozen[expr.source])
+        if not isinstance(value, (ast.Name, ast.Constant)):
+            local = unit.local("value")
+            inner.add(pen.assign(local, value))
+            value = pen.name(local)
+        if expr.type.only(Kind.NONE | Kind.NUMBER | Kind.STR):
+            return value, value
+        frozen = pen.call(unit.helper(freeze), value)
+        facts = unit.analysis.of(expr)
+        return value, inner.kept(replace(facts, key=None), frozen, pen, "frozen") if facts.steady else frozen
+
+    def _judge(self) -> bool:
+        """Evaluates STOP WITH and WHERE and drops a step that stops without being a goal.
+
+        Gives whether a step may still be one that stops.
+        """
+        pen, inner, stop, where = self.pen, self.inner, self.search.stop, self.query.where
+        if stop is not None and where is None:
+            pen = self.unit.pen_at(stop.span)
+            inner.add(pen.when(expression(self.builder, stop, inner), pen.next_turn()))
+            return False
+        for name, clause in (("stop", stop), ("goal", where)):
+            if clause is not None:
+                pen = self.unit.pen_at(clause.span)
+                value = expression(self.builder, clause, inner)
+                inner.add(pen.assign(name, value if clause.type.only(Kind.BOOL) else pen.truth(value)))
+        if stop is None:
+            return False
+        traceless = pen.both(ast.And(), [pen.name("stop"), pen.negation(pen.name("goal"))])
+        inner.add(pen.when(traceless, pen.next_turn()))
+        return True
+
+    def _weigh(self, block: list[ast.stmt]) -> None:
+        """Evaluates COST or PROBABILITY; an impossible step is dropped."""
+        weight, pen = self.search.weight, self.pen
+        if weight is None:
+            return
+        probable = self.search.order == "probability"
+        block.append(pen.assign("weight", self._checked(weight, options.probability if probable else options.cost)))
+        if probable:
+            block.append(pen.unless(pen.name("weight"), pen.next_turn()))
+
+    def _checked(self, expr: plan.Expr, check: Callable[[Any], Any]) -> ast.expr:
+        pen = self.unit.pen_at(expr.span)
+        return pen.call(self.unit.helper(check), expression(self.builder, expr, self.inner))
+
+    def _connect(self) -> ast.expr:
+        """CONNECT BY in its order; gives the next state."""
+        inner, unit, number = self.inner, self.unit, self.query.id
+        for name, expr in self.search.connect:
+            local = unit.local(f"next_{name}")
+            inner.add(unit.pen_at(expr.span).assign(local, expression(self.builder, expr, inner)))
+            inner.moved[number, name] = local
+        names = [(number, name) for name, _ in self.search.start]
+        return self.pen.tuple(*(self.pen.name(inner.moved.get(name) or unit.states[name]) for name in names))
+
+    def _yield(self, goal: ast.expr, following: ast.expr, estimate: ast.expr) -> ast.stmt:
+        """`yield (row, goal, following, key, weight, estimate, last)`."""
+        pen, search, unit = self.pen, self.search, self.unit
+        key = pen.name("key") if self.compares else pen.constant(None)
+        weight = pen.constant(None) if search.weight is None else pen.name("weight")
+        last: ast.expr = pen.constant(None)
+        if self.has_keys:
+            names = [unit.names[source.id] for source in self.query.sources]
+            names += [unit.states[self.query.id, name] for name, _ in search.start]
+            last = pen.tuple(*map(pen.name, names))
+        return pen.run(pen.give(pen.tuple(pen.name("row"), goal, following, key, weight, estimate, last)))
+
+
+def with_frozen(items: list[Any]) -> list[tuple[Any, Any]]:
+    """The items with their frozen forms."""
+    return list(zip(items, map(freeze, items), strict=True))

@@ -1,0 +1,60 @@
+"""The graph that MEMORIZE searches: rows as nodes, steps as edges."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from ss2sql.runtime.native.searches.step import Found
+from ss2sql.runtime.rows import Row
+
+
+@dataclass(slots=True)
+class Graph:
+    """Nodes are numbers; 0 is the start, which has no row. Edges are numbers, too, in the order of their making.
+
+    `edges[node]` are the edges out of a node in source order. Of an edge, `targets` is the node that it leads
+    to, `weights` its cost or probability, `lasts` what GROUP BY and ORDER BY see of its step. No path has more
+    than `bound` steps.
+    """
+
+    check: Callable[[], None]
+    bound: int | None
+    rows: list[Row] = field(default_factory=lambda: [()])
+    goals: list[bool] = field(default_factory=lambda: [False])
+    edges: list[list[int]] = field(default_factory=lambda: [[]])
+    targets: list[int] = field(default_factory=list)
+    weights: list[Any] = field(default_factory=list)
+    lasts: list[Any] = field(default_factory=list)
+
+    def add_node(self, row: Row, goal: bool) -> int:
+        """The number of a new node."""
+        self.rows.append(row)
+        self.goals.append(goal)
+        self.edges.append([])
+        return len(self.rows) - 1
+
+    def add_edge(self, node: int, target: int, weight: Any, last: Any) -> None:
+        self.edges[node].append(len(self.targets))
+        self.targets.append(target)
+        self.weights.append(weight)
+        self.lasts.append(last)
+
+    @property
+    def longest(self) -> int:
+        """No path without a repeated row has more steps than this."""
+        nodes = len(self.rows) - 1
+        return nodes if self.bound is None else min(nodes, self.bound)
+
+    def found(self, path: Sequence[int]) -> Found:
+        """The result for a path, given as edges."""
+        return [self.rows[self.targets[edge]] for edge in path], self.lasts[path[-1]]
+
+    def into(self) -> list[list[int]]:
+        """For each node the nodes with an edge to it, each as often as there are edges."""
+        sources: list[list[int]] = [[] for _ in self.rows]
+        for node, edges in enumerate(self.edges):
+            for edge in edges:
+                sources[self.targets[edge]].append(node)
+        return sources

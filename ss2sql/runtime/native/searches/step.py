@@ -1,0 +1,83 @@
+"""What all orders of search share: steps, the way back from a step to the start, and the path of NO CYCLE."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Container, Hashable, Iterator
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+from ss2sql import plan
+from ss2sql.runtime.rows import Row
+from ss2sql.runtime.run import Stats
+
+State: TypeAlias = tuple[Any, ...]
+
+# A step that leaves a trace: its row; whether it is a goal; the state after it, None where it stops; its row
+# frozen; its weight; the estimate of what remains; and its elements with the state before it, for GROUP BY
+# and ORDER BY. With MEMORIZE a step to a row that is known has None for the goal, too.
+Step: TypeAlias = tuple[Row, bool | None, State | None, Hashable, Any, Any, Any]
+
+# A result: the rows of its path, and the last part of its last step.
+Found: TypeAlias = tuple[list[Row], Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Hunt:
+    """One run of a search.
+
+    `steps(state, seen)` yields the steps from a state in source order, each evaluated when it is asked for;
+    those whose frozen rows are in `seen` are dropped. `bound` is MEMORIZE's. `stats` counts rows that an order
+    drops by itself. `check` ends the run if it has to end; who works for long without asking for steps calls
+    it.
+    """
+
+    start: State
+    steps: Callable[[State, Container[Hashable]], Iterator[Step]]
+    order: plan.Order
+    bound: int | None
+    stats: Stats
+    check: Callable[[], None]
+
+
+# A step with the way back: the place before it (None: the start), its row, its frozen row, its depth. Paths
+# share their beginnings, so that the cost of a step does not depend on the length of its path.
+Place: TypeAlias = tuple[Any, Row, Hashable, int]
+
+
+def path_to(place: Place | None) -> list[Row]:
+    """The rows from the start to a place."""
+    rows: list[Row] = []
+    while place is not None:
+        rows.append(place[1])
+        place = place[0]
+    rows.reverse()
+    return rows
+
+
+class Trail:
+    """The frozen rows on the path to one place, for NO CYCLE.
+
+    The set of rows follows the search from place to place: it gives up what lies only on the old path and
+    takes what lies only on the new one. In depth-first order that is a row or two for each move, and in no
+    order more than the two paths.
+    """
+
+    def __init__(self) -> None:
+        self.keys: set[Hashable] = set()
+        self._place: Place | None = None
+
+    def move_to(self, place: Place | None) -> None:
+        """Makes `keys` those of the path to a place."""
+        old, new = self._place, place
+        self._place = place
+        gained: list[Hashable] = []
+        while old is not new:
+            # The deeper of the two goes back a step, until both are the same place.
+            if new is None or (old is not None and old[3] >= new[3]):
+                assert old is not None
+                self.keys.discard(old[2])
+                old = old[0]
+            else:
+                gained.append(new[2])
+                new = new[0]
+        self.keys.update(gained)

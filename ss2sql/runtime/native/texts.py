@@ -1,0 +1,80 @@
+"""Texts given to `eval`: compiled when they are met, once per run, with what their place sees as parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from ss2sql import plan
+from ss2sql.errors import ExecutionError
+from ss2sql.kinds import ANY, Type
+from ss2sql.runtime.native.deep import deep
+from ss2sql.runtime.native.facts import Analysis
+from ss2sql.runtime.native.unit import Body, Unit
+from ss2sql.runtime.run import Run
+from ss2sql.runtime.values import show
+
+
+@dataclass(frozen=True, slots=True)
+class Sight:
+    """What one `eval` sees.
+
+    `scope` belongs to the resolver. `sources` are numbers of sources with the columns of tuples, or the types
+    of elements (see Unit), `states` START WITH variables; a compiled text takes their values in this order.
+    """
+
+    scope: Any
+    sources: tuple[tuple[int, tuple[str, ...] | None, Type | None], ...]
+    states: tuple[tuple[int, str], ...]
+    dispatch: Callable[[plan.Query], Callable[[Run], Any]] | None
+
+
+class Texts(dict[str, Callable[..., Any]]):
+    """The compiled texts of one `eval` in one run; asking for a new one compiles it."""
+
+    def __init__(self, run: Run, sight: Sight) -> None:
+        super().__init__()
+        self.run = run
+        self.sight = sight
+
+    def __missing__(self, text: Any) -> Callable[..., Any]:
+        if not isinstance(text, str):
+            raise ExecutionError("X007", f"eval reads a text, not {show(text)}", hints=("put it into quotes",))
+        statements = self.run.host.resolve_text(text, self.sight.scope)
+        function = self[text] = compiled(statements, self.sight)(self.run)
+        return function
+
+
+def compiled(statements: tuple[plan.Expr, ...], sight: Sight) -> Callable[[Run], Callable[..., Any]]:
+    """The function that binds a text to a run; the bound text gives the value of its last statement."""
+    from ss2sql.runtime.native.builder import Builder
+    from ss2sql.runtime.native.expressions import expression
+
+    analysis = Analysis(statements, open_world=True)
+    with deep(analysis.levels):
+        unit = Unit(statements[0].span, analysis)
+        builder = Builder(unit, sight.dispatch)
+        body = Body(unit, unit.local("text"), [], unit.root)
+        for source, columns, kind in sight.sources:
+            name = unit.names[source] = unit.local("element")
+            body.parameters.append(name)
+            body.levels[source] = 0
+            if columns is not None:
+                unit.tuples[source] = columns
+            unit.elements[source] = kind or ANY
+        for state in sight.states:
+            name = unit.states[state] = unit.local(state[1])
+            body.parameters.append(name)
+            body.states.add(state)
+        for statement in statements[:-1]:
+            pen = unit.pen_at(statement.span)
+            body.add(pen.run(expression(builder, statement, body)))
+        pen = unit.pen_at(statements[-1].span)
+        body.add(pen.back(expression(builder, statements[-1], body)))
+        body.define()
+        return unit.compiled(unit.module(pen.name(body.name)))
+
+
+def texts_of(run: Run, sight: Sight) -> Texts:
+    return Texts(run, sight)

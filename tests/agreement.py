@@ -1,0 +1,92 @@
+"""Runs one program on the reference and on both executors and says where they differ."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+from dataclasses import dataclass
+from typing import Any
+
+from programs import ProgramCase
+from reference import Failure, Reference
+
+import ss2sql
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a program came to: a value, one of our error codes, or the type of a user's exception; and what it printed."""
+
+    value: Any = None
+    error: str | None = None
+    printed: str = ""
+
+
+def exact(value: Any) -> Any:
+    """The value with the type of every part, so that 1, 1.0 and True differ, and objects count by identity."""
+    match value:
+        case list() | tuple():
+            return (type(value).__name__, *map(exact, value))
+        case dict():
+            return ("dict", *((exact(key), exact(item)) for key, item in value.items()))
+        case set():
+            return ("set", frozenset(map(exact, value)))
+        case None | bool() | int() | str():
+            return (type(value).__name__, value)
+        case float():
+            return ("float", repr(value))
+        case _:
+            return ("object", type(value).__name__)
+
+
+def reference_outcome(case: ProgramCase) -> Outcome:
+    judge = Reference(case.functions, case.variables, case.tables, case.volatility)
+    try:
+        value = judge.run(case.script)
+    except Failure as failure:
+        return Outcome(error=failure.code, printed="\n".join(judge.printed))
+    except Exception as error:
+        return Outcome(error=type(error).__name__, printed="\n".join(judge.printed))
+    return Outcome(exact(value), printed="\n".join(judge.printed))
+
+
+def session_for(case: ProgramCase, **options: Any) -> ss2sql.Session:
+    """A session with the functions, variables and tables of a program."""
+    ss = ss2sql.connect(**options)
+    for name, function in case.functions.items():
+        ss.function(name, function, volatility=case.volatility.get(name))
+    for name, value in case.variables.items():
+        ss.attach(name, value)
+    for name, rows in case.tables.items():
+        columns = list(rows[0])
+        ss.host.connection.execute(f'CREATE TABLE "{name}"({", ".join(columns)})')
+        marks = ", ".join("?" * len(columns))
+        ss.host.connection.executemany(f'INSERT INTO "{name}" VALUES ({marks})', [tuple(r.values()) for r in rows])
+    return ss
+
+
+def executor_outcome(case: ProgramCase, engine: str, **options: Any) -> Outcome | None:
+    """None where the engine refuses the program."""
+    output = io.StringIO()
+    with session_for(case, **options) as ss, contextlib.redirect_stdout(output):
+        try:
+            value = ss.run(case.script, engine=engine).value  # type: ignore[arg-type]
+        except ss2sql.UnsupportedError:
+            return None
+        except ss2sql.Error as error:
+            return Outcome(error=error.code, printed=output.getvalue().rstrip("\n"))
+        except Exception as error:
+            return Outcome(error=type(error).__name__, printed=output.getvalue().rstrip("\n"))
+        return Outcome(exact(value), printed=output.getvalue().rstrip("\n"))
+
+
+def differences(case: ProgramCase) -> list[str]:
+    """One line per executor that disagrees with the reference."""
+    expected = reference_outcome(case)
+    found = []
+    for engine in ("native", "database"):
+        outcome = executor_outcome(case, engine)
+        # A list function on what is certainly no list is refused before the run; the reference notices it later, if ever.
+        if outcome is not None and outcome != expected and outcome.error != "R008":
+            found.append(f"{engine}: {outcome}\nreference: {expected}")
+    return found

@@ -1,0 +1,175 @@
+"""Golden cases: a script in a file, with its plan, its SQL and its answer. See cases/README.md for the form of a file.
+
+`python tests/golden.py` prints what every case gives, one line of JSON each, without a look at the expectations.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, redirect_stdout
+from dataclasses import dataclass, field
+from pathlib import Path
+from pprint import pformat
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from cases import world
+
+import ss2sql
+from ss2sql.plan_tree import plan_tree
+from ss2sql.runtime.result import Sql
+
+FOLDER = Path(__file__).parent / "cases"
+SECTIONS = ("plan", "sql", "printed", "status", "value", "error")
+NEEDS = "needs: "
+
+
+@dataclass(frozen=True)
+class Case:
+    """A script with a title, the names of what it needs of the world, and what is expected, by section."""
+
+    path: Path
+    title: str
+    needs: tuple[str, ...]
+    script: str
+    expected: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        return str(self.path.relative_to(FOLDER).with_suffix(""))
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a script gave on one engine: its sections, the result or the error, and whether the session survived."""
+
+    sections: Mapping[str, str]
+    result: ss2sql.Result | None
+    error: BaseException | None
+    usable: bool
+
+    @property
+    def verdict(self) -> tuple[str, ...]:
+        """What the engines have to agree on: the answer, or the error's code and place."""
+        match self.error:
+            case ss2sql.Error(code=code, span=span):
+                return ("error", code, span.place if span else "", self.sections["printed"])
+            case None:
+                return ("value", self.sections["value"], self.sections["status"], self.sections["printed"])
+            case _:
+                return ("error", type(self.error).__name__, str(self.error), self.sections["printed"])
+
+
+# --- files ---------------------------------------------------------------------------------------------
+
+
+def cases() -> list[Case]:
+    """All cases, in the order of their names."""
+    return [load(path) for path in sorted(FOLDER.rglob("*.case"))]
+
+
+def load(path: Path) -> Case:
+    """Reads a file: title, needs, an empty line, the script, and its sections."""
+    head, _, rest = path.read_text(encoding="utf-8").partition("\n\n")
+    title, _, needs = head.partition("\n")
+    assert not needs or needs.startswith(NEEDS), f"{path}: the second line says what the case needs, or is empty"
+    script: list[str] = []
+    sections: dict[str, list[str]] = {}
+    current = script
+    for line in rest.splitlines():
+        if line.startswith("--- ") and line[4:] in SECTIONS:
+            current = sections.setdefault(line[4:], [])
+        else:
+            current.append(line)
+    expected = {name: "\n".join(lines) for name, lines in sections.items()}
+    return Case(path, title, tuple(needs.removeprefix(NEEDS).split(", ")) if needs else (), "\n".join(script), expected)
+
+
+def text(case: Case, sections: Mapping[str, str]) -> str:
+    """The file of a case with these sections; empty ones are left out."""
+    head = case.title + (f"\n{NEEDS}{', '.join(case.needs)}" if case.needs else "")
+    parts = [f"{head}\n\n{case.script}\n"]
+    parts += [f"--- {name}\n{sections[name]}\n" for name in SECTIONS if sections.get(name)]
+    return "".join(parts)
+
+
+# --- running -------------------------------------------------------------------------------------------
+
+
+@contextmanager
+def furnished(case: Case) -> Iterator[ss2sql.Session]:
+    """A new session with what the case needs."""
+    with TemporaryDirectory() as folder, ss2sql.connect(world.database(Path(folder), case.needs)) as session:
+        world.furnish(session, case.needs)
+        yield session
+
+
+def run(case: Case, engine: str = "auto") -> Outcome:
+    """Runs a case in a session of its own."""
+    printed = io.StringIO()
+    with furnished(case) as session:
+        result: ss2sql.Result | None = None
+        error: BaseException | None = None
+        with redirect_stdout(printed):
+            try:
+                result = session.run(case.script, engine=engine)
+            except Exception as caught:
+                error = caught
+        usable = session.eval("SELECT this + 1 FROM [1, 2] AS list") == [2, 3]
+    sections = dict.fromkeys(SECTIONS, "") | {"printed": printed.getvalue().rstrip("\n")}
+    if result is not None:
+        sections["value"] = written(result.value)
+        sections["status"] = "" if result.status == "complete" else result.status
+    if error is not None:
+        sections["error"] = error_text(error)
+    sections.update(compiled(case, result))
+    return Outcome(sections, result, error, usable)
+
+
+def compiled(case: Case, result: ss2sql.Result | None) -> dict[str, str]:
+    """The plan and the SQL of a case, where it can be compiled; the SQL that ran, where it ran."""
+    with furnished(case) as session:
+        try:
+            query = session.compile(case.script)
+        except ss2sql.Error:
+            return {}
+        if query.parameters:
+            return {}  # names that nobody knows: run refuses them
+        return {"plan": plan_tree(query.plan).rstrip(), "sql": sql_text(result.sql if result else query.sql)}
+
+
+def sql_text(sql: Sql) -> str:
+    """The statements that run, each with the values of its parameters; statements without a query are left out."""
+    parts = []
+    for statement in sql.statements:
+        if statement.startswith("-- no query"):
+            continue
+        values = [f"-- :{name} = {value!r}" for name, value in sorted(statement.parameters.items())]
+        parts.append("\n".join([statement, *values]))
+    return "\n\n".join(parts)
+
+
+def written(value: Any) -> str:
+    """A value as Python writes it, on lines of at most 100 characters."""
+    return pformat(value, width=100, compact=True, sort_dicts=False)
+
+
+def error_text(error: BaseException) -> str:
+    """An error as a user sees it: of one's own exceptions also the type and the notes."""
+    if isinstance(error, ss2sql.Error):
+        return str(error)
+    notes: Sequence[str] = getattr(error, "__notes__", ())
+    return "\n".join([f"{type(error).__name__}: {error}", *notes])
+
+
+def report() -> Iterator[str]:
+    """One line of JSON for each case: its name and its sections."""
+    for case in cases():
+        yield json.dumps([case.name, dict(run(case).sections)])
+
+
+if __name__ == "__main__":
+    sys.stdout.writelines(line + "\n" for line in report())

@@ -1,0 +1,300 @@
+"""The examples run, quickly, and what they find is right."""
+
+import io
+import itertools
+import os
+import re
+import runpy
+import sqlite3
+import subprocess
+import sys
+import time
+from collections import Counter, deque
+from contextlib import closing, redirect_stdout
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+EXAMPLES = Path(__file__).parent.parent / "examples"
+NAMES = ("errors", "hanoi", "hierarchy", "map_colouring", "robot")
+SLOWEST = 20  # seconds for one script, on a machine that does something else as well
+
+
+@dataclass
+class Played:
+    """An example that has run: its module, its page, what it printed, how long it took."""
+
+    module: dict[str, Any]
+    page: Any
+    text: str
+    seconds: float
+
+    def value(self, name: str) -> Any:
+        return self.result(name).value
+
+    def result(self, name: str) -> Any:
+        return next(shown.result for shown in self.page.shown if shown.name == name)
+
+    def lengths(self, name: str) -> dict[int, int]:
+        return dict(Counter(map(len, self.result(name).paths)))
+
+
+@pytest.fixture(scope="module")
+def played() -> Any:
+    """Runs an example once, when it is first asked for."""
+    known: dict[str, Played] = {}
+
+    def play(name: str) -> Played:
+        if name not in known:
+            printed, started = io.StringIO(), time.perf_counter()
+            path = sys.path[:]
+            with redirect_stdout(printed):
+                module = runpy.run_path(str(EXAMPLES / name / "run.py"))
+                page = module["main"]()
+            sys.path[:] = path
+            known[name] = Played(module, page, printed.getvalue(), time.perf_counter() - started)
+        return known[name]
+
+    return play
+
+
+def test_every_example_is_listed_and_has_a_test():
+    folders = sorted(path.name for path in EXAMPLES.iterdir() if (path / "run.py").exists())
+    assert tuple(folders) == NAMES
+    listed = (EXAMPLES / "README.md").read_text("utf-8")
+    assert all(f"python examples/{name}/run.py" in listed for name in NAMES)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_shows_its_scripts_with_sql_and_rows(played, name):
+    example = played(name)
+    scripts = sorted(path.stem for path in (EXAMPLES / name).glob("*.ss"))
+    assert sorted(shown.name for shown in example.page.shown) == scripts
+    assert example.text.count("\nSQL\n") == example.text.count("\nrows\n") == len(scripts)
+    assert all(shown.seconds < SLOWEST for shown in example.page.shown)
+    for script in (EXAMPLES / name).glob("*.ss"):
+        heading, lesson = script.read_text("utf-8").splitlines()[:2]
+        assert heading.startswith("# ")
+        assert lesson.startswith("# ")
+
+
+# --- Towers of Hanoi -----------------------------------------------------------------------------------
+
+SEVEN = [[0, 2], [0, 1], [2, 1], [0, 2], [1, 0], [1, 2], [0, 2]]
+
+
+def test_hanoi_gives_the_answers_of_the_paper(played):
+    hanoi = played("hanoi")
+    assert hanoi.value("1_nested") == SEVEN
+    assert hanoi.value("2_search") == [[{"this": step} for step in SEVEN]]
+    assert hanoi.lengths("3_no_cycle") == {7: 1, 8: 4, 9: 16}
+    # The goal is entered by two different moves, so that there are two last rows: after seven steps, and after eight.
+    assert hanoi.lengths("4_unique") == {7: 1, 8: 1}
+    assert [step for step, _ in hanoi.result("4_unique").paths[0]] == SEVEN
+    assert hanoi.lengths("5_memorize") == {15: 1, 16: 8, 17: 48, 18: 228}
+
+
+def test_hanoi_paths_obey_the_rules(played):
+    hanoi = played("hanoi")
+    for name, disks in (("3_no_cycle", 3), ("4_unique", 3), ("5_memorize", 4)):
+        for path in hanoi.result(name).paths:
+            assert replayed(path, disks), path
+
+
+def replayed(path: list[tuple[list[int], list[list[int]]]], disks: int) -> bool:
+    """Whether the steps, made one after the other, bring every disk to the third tower."""
+    towers: list[list[int]] = [list(range(disks, 0, -1)), [], []]
+    for (start, end), shown in path:
+        if shown != towers or not towers[start] or (towers[end] and towers[end][-1] < towers[start][-1]):
+            return False
+        towers[end].append(towers[start].pop())
+    return towers == [[], [], list(range(disks, 0, -1))]
+
+
+def test_the_program_of_the_paper_differs_in_its_import_line_only(played):
+    stub = (EXAMPLES / "hanoi" / "stub.py").read_text("utf-8")
+    assert re.findall(r"^(?:import|from).*", stub, re.MULTILINE) == ["import ss2sql.compat as SelectScript"]
+    assert runpy.run_path(str(EXAMPLES / "hanoi" / "stub.py"))["result"] == [SEVEN]
+    assert str([SEVEN]) in played("hanoi").text
+
+
+# --- map colouring -------------------------------------------------------------------------------------
+
+COLOURS = ("red", "green", "blue", "yellow")
+EIGHT = "ab ac ad ae af bc bd bf bg cd cg ch de dh ef eh fg gh".split()
+FIVE = "ab ac ad ae bc bd cd de".split()
+
+
+def colourings(countries: str, borders: list[str]) -> list[dict[str, str]]:
+    found = []
+    for colours in itertools.product(COLOURS, repeat=len(countries)):
+        colour = dict(zip(countries, colours, strict=True))
+        if all(colour[left] != colour[right] for left, right in borders):
+            found.append(colour)
+    return found
+
+
+@pytest.mark.parametrize("name", ["1_inequalities", "2_nested_query", "3_pairs", "4_names"])
+def test_eight_countries_have_48_colourings_in_every_form(played, name):
+    rows = played("map_colouring").value(name)
+    assert len(rows) == 48
+    assert "".join(colour[0] for colour in rows[0].values()) == "rgbygbyr"
+    assert rows == colourings("abcdefgh", EIGHT)
+
+
+def test_five_countries_are_counted_and_logged(played):
+    example = played("map_colouring")
+    expected = colourings("abcde", FIVE)
+    assert (len(expected), 4**5 - len(expected)) == (48, 976)
+    assert example.value("5_counting") == [48, 976]
+    assert example.value("6_logging") == expected
+    red = [colour for colour in expected if colour["a"] == "red"]
+    assert len(red) == 12
+    assert example.value("7_logging_some") == red
+    assert "It printed 1,024 lines" in example.text
+    assert "It printed 12 lines" in example.text
+    assert "log: 1 red red red red red" in example.text
+    assert "log: 1024 yellow yellow yellow yellow yellow" in example.text
+
+
+# --- the hierarchy -------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def company(played, tmp_path_factory):
+    """The employees as the example makes them, by number."""
+    file = tmp_path_factory.mktemp("company") / "company.db"
+    played("hierarchy").module["make_company"](file)
+    with closing(sqlite3.connect(file)) as connection:
+        connection.row_factory = sqlite3.Row
+        return {row["id"]: dict(row) for row in connection.execute("SELECT * FROM employees ORDER BY id")}
+
+
+def reports(company: dict[int, Any], boss: int | None) -> list[int]:
+    return [number for number, person in company.items() if person["manager"] == boss]
+
+
+def test_hierarchy_managers_and_departments(played, company):
+    example = played("hierarchy")
+    leading = {person["manager"] for person in company.values()} - {None}
+    expected = sorted((company[number]["name"], company[number]["department"]) for number in leading)
+    assert list(example.result("1_managers")) == expected
+    salaries: dict[str, list[int]] = {}
+    for person in company.values():
+        salaries.setdefault(person["department"], []).append(person["salary"])
+    rows = [(name, len(paid), min(paid), round(sum(paid) / len(paid)), max(paid)) for name, paid in salaries.items()]
+    assert list(example.result("5_salaries")) == sorted(rows, key=lambda row: -sum(salaries[row[0]]) / row[1])
+
+
+def test_hierarchy_whole_tree(played, company):
+    def below(boss: int | None, path: list[tuple[int, str]]) -> list[list[tuple[int, str]]]:
+        found = []
+        for number in reports(company, boss):
+            here = [*path, (number, company[number]["name"])]
+            found += [here, *below(number, here)]
+        return found
+
+    example = played("hierarchy")
+    paths = example.result("2_tree").paths
+    assert paths == below(None, [])
+    assert len(paths) == len(company) == 24
+    assert all("   " * (len(path) - 1) + path[-1][1] in example.text for path in paths)
+
+
+def test_hierarchy_upwards_and_downwards(played, company):
+    example = played("hierarchy")
+    chain, number = [], 24
+    while number is not None:
+        chain.append((company[number]["name"], company[number]["department"]))
+        number = company[number]["manager"]
+    assert example.result("3_upwards").paths == [chain]
+    near = [[(company[one]["name"], 1)] for one in reports(company, 2)]
+    far = [
+        [(company[one]["name"], 1), (company[two]["name"], 2)] for one in reports(company, 2) for two in reports(company, one)
+    ]
+    assert far
+    assert example.result("4_downwards").paths == near + far
+
+
+# --- the robot -----------------------------------------------------------------------------------------
+
+
+def test_robot_paths_reach_the_target_around_the_walls(played):
+    example = played("robot")
+    paths = example.value("paths")
+    floor = example.module["Floor"]()
+    start = floor.position("YouBot")
+    assert len(paths) == 1000
+    assert example.result("paths").status == "maximum"
+    assert len({tuple(map(tuple, path)) for path in paths}) == 1000
+    lengths = list(map(len, paths))
+    assert lengths == sorted(lengths)
+    assert lengths[-1] <= 20
+    assert lengths[0] == shortest(floor.rows, start, [10.0, 9.0])
+    for path in paths:
+        places = [start, *path]
+        assert path[-1] == [10.0, 9.0]
+        assert len(set(map(tuple, path))) == len(path)
+        assert all(floor.rows[int(y)][int(x)] != "#" for x, y in path)
+        for (x, y), (to_x, to_y) in itertools.pairwise(places):
+            assert max(abs(x - to_x), abs(y - to_y)) == 1
+
+
+def shortest(rows: list[list[str]], start: list[float], target: list[float]) -> int:
+    """The length of the shortest way by breadth-first search."""
+    queue, seen = deque([(tuple(map(int, start)), 0)]), set()
+    while queue:
+        (x, y), length = queue.popleft()
+        if [x, y] == target:
+            return length
+        for dx, dy in itertools.product((-1, 0, 1), repeat=2):
+            place = (x + dx, y + dy)
+            if place not in seen and rows[y + dy][x + dx] != "#":
+                seen.add(place)
+                queue.append((place, length + 1))
+    raise AssertionError("the target cannot be reached")
+
+
+def test_robot_rings_and_is_drawn(played):
+    text = played("robot").text
+    rung = re.search(r"the bell rang\s+(\d+)\s+times", text)
+    assert rung
+    assert int(rung[1]) > 0
+    drawing = [line for line in text.splitlines() if line.count("█") >= 2]
+    assert len(drawing) == 12
+    picture = "\n".join(drawing)
+    assert (picture.count("S"), picture.count("T")) == (1, 1)
+    assert picture.count("o") == len(played("robot").value("paths")[0]) - 1
+
+
+# --- mistakes ------------------------------------------------------------------------------------------
+
+
+def test_every_mistake_names_line_column_reason_and_cure(played):
+    example = played("errors")
+    messages = re.split(r"^error$", example.text, flags=re.MULTILINE)[1:]
+    assert len(messages) == len(example.module["TOUR"])
+    for message in messages:
+        assert re.search(r"error\[[A-Z]\d{3}\]: \S+", message), message
+        assert re.search(r"--> <script>:\d+:\d+", message), message
+        assert "^" in message
+        assert "= help: " in message, message
+    assert "no error" not in example.text
+    assert "Ada" in example.text.split("The session works on")[1]
+
+
+# --- the demonstration ---------------------------------------------------------------------------------
+
+
+def test_demo_runs_to_its_summary():
+    environment = {**os.environ, "PYTHONIOENCODING": "utf-8"}
+    done = subprocess.run(
+        [sys.executable, str(EXAMPLES / "demo.py")],
+        capture_output=True, text=True, encoding="utf-8", check=True, timeout=300, env=environment,
+    )  # fmt: skip
+    summary = done.stdout.split("Summary")[1]
+    for answer in ("48 rows", "[48, 976]", "285 paths, shortest 15 steps", "1000 paths"):
+        assert answer in summary
+    assert done.stderr == ""

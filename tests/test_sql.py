@@ -1,0 +1,137 @@
+"""The SQL that is shown is the SQL that runs."""
+
+from __future__ import annotations
+
+import sqlite3
+from pathlib import Path
+
+import apsw
+import pytest
+
+import ss2sql
+from ss2sql.runtime.run import Run
+
+MOVES = [[0, 1], [0, 2], [1, 0], [1, 2], [2, 0], [2, 1]]
+
+
+def move(step, towers):
+    if not towers or not towers[step[0]]:
+        return []
+    if towers[step[1]] and towers[step[1]][-1] < towers[step[0]][-1]:
+        return []
+    towers[step[1]].append(towers[step[0]].pop())
+    return towers
+
+
+def double(x):
+    return x * 2
+
+
+HANOI = """
+SELECT this{more} FROM moves WHERE [[], [], [3, 2, 1]] == move(this, tower)
+START WITH tower = [[3, 2, 1], [], []], level = 1
+CONNECT BY {option} tower = move(this, tower), level = level + 1
+STOP WITH level == 8 OR [] == move(this, tower);
+"""
+
+FLAT = [
+    "SELECT name, pay FROM staff WHERE pay > 5 ORDER BY pay DESC LIMIT 3 AS rows;",
+    "SELECT double(pay) FROM staff WHERE name != 'b' AS list;",
+    "SELECT boss, count(*), sum(pay) FROM staff GROUP BY boss AS rows;",
+    "SELECT a.this, b.this FROM a = [1, 2, 3], b = ['x', 'y'] WHERE a.this != 2 AS rows;",
+    "SELECT a.name, b.name FROM a = staff, b = staff WHERE a.id == b.boss AS rows;",
+    "SELECT this FROM [[1, 2], [3.0, True], [None, 'x']] WHERE this[0] != 1 AS list;",
+]
+
+
+def session() -> ss2sql.Session:
+    ss = ss2sql.connect()
+    ss.host.connection.execute(
+        "CREATE TABLE staff(id INTEGER PRIMARY KEY, boss INTEGER, name TEXT, pay REAL);"
+        "INSERT INTO staff VALUES (1, NULL, 'a', 9.5), (2, 1, 'b', 7), (3, 1, 'c', 8.25), (4, 2, 'd', 3)"
+    )
+    ss.function(move)
+    ss.function(double)
+    ss.attach("moves", MOVES)
+    return ss
+
+
+@pytest.mark.parametrize("script", FLAT)
+def test_the_text_gives_the_same_rows_in_another_connection_with_the_same_functions(script: str) -> None:
+    result = session().run(script, engine="database")
+    other = session()
+    assert other.host.database.paste(result.sql, Run(other.host)) == list(result)
+    assert len(list(result)) > 0
+
+
+@pytest.mark.parametrize("option", ["", "BREADTH FIRST", "NO CYCLE", "UNIQUE", "MAXIMUM 2"])
+def test_the_text_of_a_search_gives_the_same_last_rows(option: str) -> None:
+    more = ", tower" if option in ("NO CYCLE", "UNIQUE") else ""
+    result = session().run(HANOI.format(option=option, more=more), engine="database")
+    other = session()
+    pasted = other.host.database.paste(result.sql, Run(other.host))
+    assert [row[2:] for row in pasted] == [path[-1] for path in result.paths]
+    assert len(pasted) > 0
+
+
+def test_a_query_without_python_runs_in_any_sqlite() -> None:
+    """Flat queries over tables need neither functions nor parameters: the text is plain SQL."""
+    script = "SELECT name, pay FROM staff WHERE pay > 5 AND boss == 1 ORDER BY name DESC LIMIT 2 AS rows;"
+    result = session().run(script, engine="database")
+    assert result.sql.parameters == {}
+    plain = sqlite3.connect(":memory:")
+    plain.executescript(
+        "CREATE TABLE staff(id INTEGER PRIMARY KEY, boss INTEGER, name TEXT, pay REAL);"
+        "INSERT INTO staff VALUES (1, NULL, 'a', 9.5), (2, 1, 'b', 7), (3, 1, 'c', 8.25), (4, 2, 'd', 3)"
+    )
+    assert plain.execute(result.sql).fetchall() == result.value == [("c", 8.25), ("b", 7.0)]
+
+
+def test_the_text_that_is_shown_is_the_text_that_sqlite_gets() -> None:
+    ss = session()
+    seen: list[str] = []
+    ss.host.connection.trace_v2(apsw.SQLITE_TRACE_STMT, lambda event: seen.append(event["sql"]))
+    result = ss.run(FLAT[0], engine="database")
+    assert str(result.sql) in seen
+
+
+def test_a_script_of_several_statements_has_one_text_per_statement() -> None:
+    result = session().run("limit = 5; SELECT name FROM staff WHERE pay > limit AS list; 1 + 1;")
+    texts = result.sql.statements
+    assert len(texts) == 3
+    assert texts[1].startswith("SELECT")
+    assert texts[1].parameters == {"limit": 5}
+    assert texts[0].startswith("-- no query") and texts[2].startswith("-- no query")
+
+
+def test_literals_stay_readable() -> None:
+    text = session().run("SELECT this FROM [[1, 2], [3, 4]] WHERE this == [3, 4] AS list;", engine="database").sql
+    assert "/* [[1, 2], [3, 4]] */" in text
+    assert "/* [3, 4] */" in text
+
+
+def test_hostile_text_in_literals_cannot_leave_its_place(tmp_path: Path) -> None:
+    nasty = "x'; DROP TABLE staff; -- */ /* \\\" ` [ \u2028"
+    ss = session()
+    literal = nasty.replace("\\", "\\\\").replace("'", "\\'")
+    result = ss.run(f"SELECT this FROM ['{literal}', 'b'] WHERE this == '{literal}' AS list;", engine="database")
+    assert result.value == [nasty]
+    assert ss.eval("SELECT count(*) FROM staff GROUP BY 1 AS value;") == 4
+
+
+def test_names_that_are_words_of_sql() -> None:
+    ss = ss2sql.connect()
+    ss.function("left", lambda x: x)
+    ss.attach("order", [{"select": 1, "Group": 2, "group": 3}])
+    script = "SELECT select, left(Group), to(group, table) FROM order;"
+    assert ss.run(script, engine="database").value == [{"select": 1, "left": 2, "table": 3}]
+
+
+def test_functions_whose_names_differ_in_case_only() -> None:
+    ss = ss2sql.connect()
+    ss.function("f", lambda x: x + 1)
+    ss.function("F", lambda x: x + 10)
+    ss.function("keep", lambda x: x + 100)
+    ss.function("count", lambda x: x + 1000)
+    script = "SELECT f(this), F(this), keep(this), count(this) FROM [0] AS list;"
+    assert ss.run(script, engine="database").value == [1, 10, 100, 1000]
