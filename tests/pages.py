@@ -56,10 +56,12 @@ class Player:
     def __init__(self) -> None:
         self.names: dict[str, Any] = {"__name__": "page"}
 
-    def python(self, text: str, place: str, line: int) -> dict[str, str]:
-        printed = io.StringIO()
+    def python(self, text: str, line: int) -> dict[str, str]:
+        """Runs a block as a file of its own, with the line numbers of the page, so that functions have a source."""
+        file, printed = Path(f"block_{line}.py").resolve(), io.StringIO()
+        file.write_text("\n" * line + text, encoding="utf-8")
         with redirect_stdout(printed):
-            exec(compile("\n" * line + text, place, "exec"), self.names)
+            exec(compile(file.read_text("utf-8"), str(file), "exec"), self.names)
         return dict.fromkeys(OUTPUTS, printed.getvalue())
 
     def selectscript(self, text: str) -> dict[str, str]:
@@ -74,7 +76,7 @@ class Player:
     def console(self, text: str) -> str:
         """The block with every command followed by what it prints."""
         lines = []
-        for part in re.split(r"^(?=\$ )", text, flags=re.MULTILINE):
+        for part in re.findall(r"^\$ .*\n(?:(?!\$ ).*\n)*", text, flags=re.MULTILINE):
             command, *shown = part.splitlines()
             lines.append(command)
             lines.extend(self.printed(command) if command.startswith("$ ss2sql ") else shown)
@@ -112,7 +114,7 @@ def differences(page: Path) -> list[Difference]:
             if file := FILE.match(body):
                 Path(file[1]).write_text(body[file.end() :], encoding="utf-8")
             if kind == "python":
-                outputs = player.python(body, str(page), line)
+                outputs = player.python(body, line)
             elif kind == "selectscript":
                 parse(Source(body)) if not shows_error(blocks, number) else None
                 outputs = player.selectscript(body) if followed_by(blocks, number, OUTPUTS) else {}

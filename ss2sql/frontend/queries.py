@@ -288,6 +288,8 @@ def _columns(resolver: Resolver, tree: ast.Query, scope: Scope) -> tuple[plan.Ou
                 outputs.append(_labelled(resolver, value, label, scope))
             case _:
                 outputs.append(plan.Output(_column_name(column), _key(resolver, column, scope)))
+    if any(output.label for output in outputs):
+        return tuple(outputs)  # the names are complete only when the query runs, and are told apart then
     taken: list[str] = []
     for output in outputs:
         taken.append(free_name(output.name, taken))

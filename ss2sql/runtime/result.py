@@ -104,10 +104,10 @@ class Result:
         """Prints the rows as a table, at most `max_rows` of them, and says how many there are."""
         console = console or Console()
         console.print(self._table(max_rows))
+        console.print(_caption(len(self), max_rows, self), markup=False, highlight=False)
 
     def _table(self, max_rows: int) -> RichTable:
-        total = len(self)
-        table = RichTable(caption=_caption(total, max_rows, self), caption_justify="left")
+        table = RichTable()
         for name in self.columns:
             table.add_column(Text(name))
         for row, _ in zip(self, range(max_rows), strict=False):
@@ -116,7 +116,7 @@ class Result:
 
     def __repr__(self) -> str:
         console = Console(width=100, color_system=None, record=True, file=io.StringIO())
-        console.print(self._table(20))
+        self.show(20, console)
         return console.export_text().rstrip()
 
 

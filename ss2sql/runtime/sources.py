@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from dataclasses import fields, is_dataclass
 from functools import lru_cache
 from typing import Any
@@ -66,8 +67,9 @@ def column_of(element: Any, name: str, default: Any = _MISSING) -> Any:
 
 
 @lru_cache(maxsize=256)
-def _fields(kind: type) -> frozenset[str]:
+def _fields(kind: Hashable) -> frozenset[str]:
     """The fields of a dataclass; of every other type none."""
+    assert isinstance(kind, type)
     return frozenset(field.name for field in fields(kind)) if is_dataclass(kind) else frozenset()
 
 

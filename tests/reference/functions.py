@@ -62,10 +62,7 @@ def average(values: Any) -> Any:
 
 
 def ordered(values: Any) -> list[Any]:
-    try:
-        return sorted(a_list(values), key=functools.cmp_to_key(compare))
-    except Failure as error:
-        raise wrong("values without an order") from error
+    return sorted(a_list(values), key=functools.cmp_to_key(compare))
 
 
 def least(values: Any) -> Any:
@@ -85,7 +82,7 @@ def extreme(values: Any, sign: int) -> Any:
             if number == 0 or compare(value, best) == sign:
                 best = value
         except Failure as error:
-            raise wrong("values without an order") from error
+            raise error
     return best
 
 

@@ -17,7 +17,7 @@ from ss2sql.runtime.native.expressions import expression, group_key
 from ss2sql.runtime.native.facts import Facts
 from ss2sql.runtime.native.options import whole
 from ss2sql.runtime.native.pen import Pen
-from ss2sql.runtime.native.tasks import Form, Task, task_of, tuples_of, value_of
+from ss2sql.runtime.native.tasks import Form, task_of, tuples_of, value_of
 from ss2sql.runtime.native.texts import Sight, texts_of
 from ss2sql.runtime.native.unit import Body, Unit
 from ss2sql.runtime.run import Run
@@ -114,10 +114,8 @@ class Builder:
             "find": (flat.finder if query.search is None else hunt.finder)(self, query, part("rows"), own),
             "group": self._group(query, part),
             "arguments": self._arguments(query, part),
+            "flush": None if query.search is None else self._flush(pen),
         }
-        if query.search is not None:
-            functions["flush"] = unit.local("flush")
-            unit.definitions.append(pen.function(functions["flush"], [], [pen.run(unit.metered())]))
         form = pen.name(unit.constant(Form.of(query, tuple(node.function for node in own)), "form"))
         given = [pen.constant(None) if name is None else pen.name(name) for name in functions.values()]
         task, value, tuples = unit.local("task"), unit.local("value_of"), unit.local("rows_of")
@@ -128,6 +126,12 @@ class Builder:
         ]
         outer = self._outer_values(sources, states, caller, pen) + [pen.name(name) for name in groups.values()]
         return Nested(task, value, tuples, outer)
+
+    def _flush(self, pen: Pen) -> str:
+        """A function that hands on what was counted."""
+        name = self.unit.local("flush")
+        self.unit.definitions.append(pen.function(name, [], [pen.run(self.unit.metered())]))
+        return name
 
     def _settings(self, query: plan.Query, part: Callable[[str], Body]) -> str | None:
         """A function that gives LIMIT, MAXIMUM and MEMORIZE's bound, and the names of the columns."""
@@ -145,7 +149,7 @@ class Builder:
             pen.constant(output.name) if output.label is None else self._label(output.label, body)
             for output in query.columns
         ]
-        body.add(pen.back(pen.tuple(*values, pen.tuple(*labels) if labelled else pen.constant(None))))
+        body.add(pen.back(pen.pack(*values, pen.pack(*labels) if labelled else pen.constant(None))))
         body.define()
         return body.name
 
@@ -180,8 +184,8 @@ class Builder:
         if query.having is not None:
             kept = expression(self, query.having, body)
             body.add(unit.pen_at(query.having.span).unless(kept, ast.Return(pen.constant(None), **pen.at)))
-        row = pen.tuple(*(expression(self, expr, body) for expr in outputs)) if query.aggregated else pen.constant(None)
-        body.add(pen.back(pen.tuple(row, pen.tuple(*(expression(self, expr, body) for expr in keys)))))
+        row = pen.pack(*(expression(self, expr, body) for expr in outputs)) if query.aggregated else pen.constant(None)
+        body.add(pen.back(pen.pack(row, pen.pack(*(expression(self, expr, body) for expr in keys)))))
         body.define()
         return body.name
 
@@ -192,10 +196,10 @@ class Builder:
             return None
         body = part("arguments")
         pen = self.unit.pen_at(query.span)
-        positional = pen.tuple(*(expression(self, expr, body) for expr in representation.arguments))
+        positional = pen.pack(*(expression(self, expr, body) for expr in representation.arguments))
         names = tuple(name for name, _ in representation.named)
-        named = pen.dict(names, tuple(expression(self, expr, body) for _, expr in representation.named))
-        body.add(pen.back(pen.tuple(positional, named)))
+        named = pen.record(names, tuple(expression(self, expr, body) for _, expr in representation.named))
+        body.add(pen.back(pen.pack(positional, named)))
         body.define()
         return body.name
 

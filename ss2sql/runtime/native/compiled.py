@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from ss2sql import plan
-from ss2sql.errors import Error, Span
+from ss2sql.errors import Error
 from ss2sql.runtime.native.builder import Builder, Dispatch
 from ss2sql.runtime.native.deep import deep
 from ss2sql.runtime.native.expressions import expression

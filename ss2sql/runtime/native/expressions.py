@@ -66,7 +66,7 @@ def expression(builder: Builder, node: plan.Expr, body: Body) -> ast.expr:
             branches = [_sequence([build(part) for part in branch], pen) for branch in (then, otherwise)]
             return pen.either(build(condition), *branches)
         case plan.MakeList(items=items):
-            return pen.list(*(build(item) for item in items))
+            return pen.array(*(build(item) for item in items))
         case plan.GroupKey() | plan.Aggregate():
             return pen.name(body.groups[group_key(node)])
         case plan.Subquery():
@@ -91,12 +91,12 @@ def element(body: Body, source: int, pen: Pen) -> ast.expr:
     columns = unit.tuples.get(source)
     if columns is None:
         return pen.name(name)
-    return pen.dict(columns, tuple(pen.item(pen.name(name), index) for index in range(len(columns))))
+    return pen.record(columns, tuple(pen.item(pen.name(name), index) for index in range(len(columns))))
 
 
 def _sequence(values: Sequence[ast.expr], pen: Pen) -> ast.expr:
     """All values one after the other; the last one is the value."""
-    return values[0] if len(values) == 1 else pen.item(pen.tuple(*values), len(values) - 1)
+    return values[0] if len(values) == 1 else pen.item(pen.pack(*values), len(values) - 1)
 
 
 def _constant(builder: Builder, value: Any, pen: Pen) -> ast.expr:
@@ -150,7 +150,8 @@ def _inline(node: plan.Call, arguments: list[ast.expr], pen: Pen) -> ast.expr | 
         return pen.compare(arguments[0], _MEMBERSHIP[name](), arguments[1])
     if node.function.raises:
         return None
-    if name in _ARITHMETIC and (all_only(Kind.NUMBER) or (name == "add" and (all_only(Kind.STR) or all_only(Kind.LIST)))):
+    joins = name == "add" and (all_only(Kind.STR) or all_only(Kind.LIST))
+    if joins or (name in _ARITHMETIC and all_only(Kind.NUMBER)):
         return pen.binary(arguments[0], _ARITHMETIC[name](), arguments[1])
     if name == "neg" and all_only(Kind.NUMBER):
         return pen.unary(ast.USub(), arguments[0])

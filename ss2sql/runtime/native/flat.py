@@ -11,7 +11,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from ss2sql import plan
+from ss2sql.kinds import INT
 from ss2sql.runtime.native.expressions import expression
+from ss2sql.runtime.native.lookups import lookup
 from ss2sql.runtime.native.loops import Loops
 from ss2sql.runtime.native.unit import Body
 
@@ -32,9 +34,9 @@ def finder(builder: Builder, query: plan.Query, body: Body, aggregates: Sequence
     conditions, guarded = placed_conditions(builder, query, loops)
     inner = loops.open(body, conditions, guarded)
     pen = builder.unit.pen_at(query.span)
-    row = pen.constant(None) if query.aggregated else pen.tuple(*(expression(builder, e, inner) for e in outputs))
+    row = pen.constant(None) if query.aggregated else pen.pack(*(expression(builder, e, inner) for e in outputs))
     if keys:
-        row = pen.tuple(row, pen.tuple(*(expression(builder, key, inner) for key in keys)))
+        row = pen.pack(row, pen.pack(*(expression(builder, key, inner) for key in keys)))
     inner.add(pen.run(pen.give(row)))
     inner.define()
     return body.name
@@ -42,7 +44,7 @@ def finder(builder: Builder, query: plan.Query, body: Body, aggregates: Sequence
 
 def key_expressions(query: plan.Query, aggregates: Sequence[plan.Aggregate]) -> list[plan.Expr]:
     """What is evaluated of a result besides its columns, in this order. `count(*)` counts a constant."""
-    one = plan.Constant(1, plan.BOOL, span=query.span)
+    one = plan.Constant(1, INT, span=query.span)
     arguments = [one if node.argument is None else node.argument for node in aggregates]
     order = [] if query.aggregated else [key.expr for key in query.order]
     return [*arguments, *query.group, *order]
@@ -67,6 +69,8 @@ def placed_conditions(
         if part is None:
             continue
         facts = builder.unit.analysis.of(part)
+        if certain and loops.look_up(lookup(part, builder.unit.analysis)):
+            continue
         level = max((number[source] for source in facts.sources if source in number), default=0)
         level = max(level, loops.silent_from)
         if not (certain and facts.total):

@@ -18,6 +18,7 @@ from ss2sql.kinds import Kind
 from ss2sql.runtime.native import options
 from ss2sql.runtime.native.expressions import expression
 from ss2sql.runtime.native.flat import key_expressions
+from ss2sql.runtime.native.lookups import lookup
 from ss2sql.runtime.native.loops import Loops
 from ss2sql.runtime.native.unit import Body
 from ss2sql.runtime.values import freeze
@@ -45,8 +46,8 @@ def finder(builder: Builder, query: plan.Query, body: Body, aggregates: Sequence
     steps = Steps(builder, query, body, loops, bool(keys))
     steps.compile(names)
     find_keys = pen.constant(None) if not keys else pen.name(_keys(builder, query, body, keys))
-    state = pen.tuple(*map(pen.name, names))
-    body.add(pen.back(pen.tuple(state, pen.name(steps.body.name), find_keys)))
+    state = pen.pack(*map(pen.name, names))
+    body.add(pen.back(pen.pack(state, pen.name(steps.body.name), find_keys)))
     body.define()
     return body.name
 
@@ -61,7 +62,7 @@ def _keys(builder: Builder, query: plan.Query, outer: Body, keys: Sequence[plan.
     names = [unit.names[source.id] for source in query.sources]
     names += [unit.states[query.id, name] for name, _ in query.search.start]
     body.add(pen.unpack(names, pen.name("last")))
-    body.add(pen.back(pen.tuple(*(expression(builder, key, body) for key in keys))))
+    body.add(pen.back(pen.pack(*(expression(builder, key, body) for key in keys))))
     body.define()
     return body.name
 
@@ -101,19 +102,41 @@ class Steps:
         body.add(pen.increase(self.unit.counter("expanded", body)))
         body.add(pen.unpack(states, pen.name("state")))
         body.locals.extend(states)
+        self._look_up()
         if self.compares:
             self._freeze_elements()
         self.inner = self.loops.open(body, {})
         self._step()
         self.inner.define()
 
+    def _look_up(self) -> None:
+        """Leaves out elements that STOP WITH and WHERE drop at once: `STOP WITH a != b ...`, `WHERE a == b ...`.
+
+        With MEMORIZE they matter, for a step to a known row is not asked whether it stops.
+        """
+        stop, where = _first(self.search.stop, plan.Or), _first(self.query.where, plan.And)
+        if stop is None or where is None or self.search.repeats == "memorize":
+            return
+        analysis = self.unit.analysis
+        dropped, wanted = lookup(stop, analysis, "ne"), lookup(where, analysis)
+        if dropped is None or wanted is None:
+            return
+        for one, other in ((dropped.column, wanted.column), (dropped.other, wanted.other)):
+            if analysis.of(one).key is None or analysis.of(one).key != analysis.of(other).key:
+                return
+        rows = [analysis.of(expr) for expr in self.outputs] if self.compares else []
+        if all(facts.steady and facts.total for facts in rows):
+            self.loops.look_up(wanted)
+
     def _freeze_elements(self) -> None:
         """Elements that stand in the row as they are, and are read once, are frozen once."""
         shown = {expr.source for expr in self.outputs if isinstance(expr, plan.Element)}
         for source in self.query.sources:
-            if source.id in self.loops.items and source.id in shown and source.id not in self.unit.tuples:
-                if not (isinstance(source, plan.ValueSource) and source.element.only(Kind.NUMBER | Kind.STR)):
-                    self.loops.freeze_items(source, self.unit.helper(with_frozen))
+            usable = source.id in self.loops.items and source.id not in self.loops.lookups
+            if source.id not in shown or not usable or isinstance(source, plan.TableSource):
+                continue
+            if source.id not in self.unit.tuples and not source.element.only(Kind.NUMBER | Kind.STR):
+                self.loops.freeze_items(source, self.unit.helper(with_frozen))
 
     # --- one step --------------------------------------------------------------------------------------
 
@@ -124,7 +147,7 @@ class Steps:
         may_end = self._judge()
         if not self.compares:
             outputs = (expression(self.builder, expr, inner) for expr in self.outputs)
-            inner.add(pen.assign("row", pen.tuple(*outputs)))
+            inner.add(pen.assign("row", pen.pack(*outputs)))
         self._weigh(inner.blocks[-1])
         if may_end:
             ended = self._yield(pen.constant(True), pen.constant(None), pen.constant(0))
@@ -134,7 +157,8 @@ class Steps:
             inner.add(pen.assign("estimate", self._checked(self.search.heuristic, options.heuristic)))
             estimate = pen.name("estimate")
         following = self._connect()
-        inner.add(self._yield(pen.constant(True) if self.query.where is None else pen.name("goal"), following, estimate))
+        goal = pen.constant(True) if self.query.where is None else pen.name("goal")
+        inner.add(self._yield(goal, following, estimate))
 
     def _compare(self) -> None:
         """Evaluates the row, and drops the step if the row must not occur again."""
@@ -144,8 +168,8 @@ class Steps:
             value, key = self._frozen(expr)
             values.append(value)
             frozen.append(key)
-        inner.add(pen.assign("row", pen.tuple(*values)))
-        inner.add(pen.assign("key", frozen[0] if len(frozen) == 1 else pen.tuple(*frozen)))
+        inner.add(pen.assign("row", pen.pack(*values)))
+        inner.add(pen.assign("key", frozen[0] if len(frozen) == 1 else pen.pack(*frozen)))
         known = pen.compare(pen.name("key"), ast.In(), pen.name("seen"))
         if self.search.repeats == "memorize":
             edge: list[ast.stmt] = []
@@ -215,7 +239,7 @@ class Steps:
             inner.add(unit.pen_at(expr.span).assign(local, expression(self.builder, expr, inner)))
             inner.moved[number, name] = local
         names = [(number, name) for name, _ in self.search.start]
-        return self.pen.tuple(*(self.pen.name(inner.moved.get(name) or unit.states[name]) for name in names))
+        return self.pen.pack(*(self.pen.name(inner.moved.get(name) or unit.states[name]) for name in names))
 
     def _yield(self, goal: ast.expr, following: ast.expr, estimate: ast.expr) -> ast.stmt:
         """`yield (row, goal, following, key, weight, estimate, last)`."""
@@ -226,8 +250,13 @@ class Steps:
         if self.has_keys:
             names = [unit.names[source.id] for source in self.query.sources]
             names += [unit.states[self.query.id, name] for name, _ in search.start]
-            last = pen.tuple(*map(pen.name, names))
-        return pen.run(pen.give(pen.tuple(pen.name("row"), goal, following, key, weight, estimate, last)))
+            last = pen.pack(*map(pen.name, names))
+        return pen.run(pen.give(pen.pack(pen.name("row"), goal, following, key, weight, estimate, last)))
+
+
+def _first(clause: plan.Expr | None, kind: type[plan.And] | type[plan.Or]) -> plan.Expr | None:
+    """The part of a clause that is asked first."""
+    return clause.parts[0] if isinstance(clause, kind) else clause
 
 
 def with_frozen(items: list[Any]) -> list[tuple[Any, Any]]:

@@ -79,8 +79,9 @@ class Page:
         return found if found is not None or position[0] is None else self._by_line.get(position[0])
 
     def function(self, position: Position) -> str:
+        """The function that is called at a position, or the name that is read there."""
         span = self.span(position)
-        return self._functions.get(position) or ("" if span is None else span.text)
+        return self._functions.get(position) or (span.text if span and span.text.isidentifier() else "<script>")
 
     def is_eval(self, position: Position) -> bool:
         return position in self._evals

@@ -12,8 +12,9 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, assert_never
 
 from ss2sql import plan
-from ss2sql.runtime.native.facts import Facts
 from ss2sql.runtime.native.expressions import expression
+from ss2sql.runtime.native.facts import Facts
+from ss2sql.runtime.native.lookups import Lookup, found_in, index_of_columns, index_of_elements, index_of_tuples
 from ss2sql.runtime.native.unit import MOST_LOOPS, Body
 from ss2sql.runtime.run import Run
 from ss2sql.runtime.sources import elements
@@ -39,6 +40,7 @@ class Loops:
             for facts in self.facts
         ]
         self.items: dict[int, str] = {}
+        self.lookups: dict[int, Lookup] = {}  # by source: what its loop looks up
         self.frozen: dict[int, str] = {}  # sources whose elements come with their frozen form
 
     @property
@@ -72,6 +74,30 @@ class Loops:
         self.owner.add(pen.assign(name, pen.call(helper, pen.name(name))))
         self.frozen[source.id] = self.builder.unit.local("key")
 
+    def look_up(self, condition: Lookup | None) -> bool:
+        """Plans to look up what the condition asks for; gives whether that is possible and worth it.
+
+        What the column must equal has to be known before the source's loop, and nothing that is read after it
+        may notice. A loop that runs only once is as quick without an index.
+        """
+        number = {source.id: index for index, source in enumerate(self.sources)}
+        if condition is None or condition.column.source not in number:
+            return False
+        source, other = condition.column.source, self.builder.unit.analysis.of(condition.other)
+        index = number[source]
+        facts = self.facts[index]
+        if source in self.lookups or source in self.frozen or self.lateral[index] or not facts.steady:
+            return False
+        if isinstance(condition.column, plan.Element) and source in self.builder.unit.tuples:
+            return False
+        if index + 1 < self.silent_from or any(number.get(known, -1) > index for known in other.sources):
+            return False
+        correlated = bool(other.sources or other.states) and self.owner.home(facts)[0] is not self.owner
+        if index == 0 and self.query.search is None and not correlated:
+            return False
+        self.lookups[source] = condition
+        return True
+
     def open(self, body: Body, conditions: Mapping[int, Sequence[plan.Expr]], guarded: int | None = None) -> Body:
         """Opens all loops and gives the function where the innermost one is.
 
@@ -94,6 +120,8 @@ class Loops:
         pen = unit.pen_at(source.span)
         known = self.items.get(source.id)
         items = self._items(source, body) if known is None else pen.name(known)
+        if source.id in self.lookups:
+            items = self._looked_up(source, items, body)
         name = unit.names[source.id] = unit.local(source.name)
         frozen = self.frozen.get(source.id)
         body.loop([name] if frozen is None else [name, frozen], items, pen)
@@ -121,7 +149,7 @@ class Loops:
     @staticmethod
     def _skip(body: Body, pen: Any) -> ast.stmt:
         """Goes on with the next element of the innermost open loop, or ends where none is open."""
-        return pen.next_turn() if body.level else ast.Return(None, **pen.at)  # type: ignore[no-any-return]
+        return pen.next_turn() if body.level else ast.Return(None, **pen.at)
 
     def _continued(self, body: Body) -> Body:
         """A new function for the loops further in: Python does not nest any number of them."""
@@ -160,6 +188,22 @@ class Loops:
                 return self._kept(source, body, pen.call(unit.helper(elements), value_of_query))
             case _:
                 assert_never(source)
+
+    def _looked_up(self, source: plan.Source, items: ast.expr, body: Body) -> ast.expr:
+        """The elements that the source's lookup finds; its index lives as long as the elements do."""
+        unit, condition = self.builder.unit, self.lookups[source.id]
+        pen = unit.pen_at(condition.column.span)
+        columns = unit.tuples.get(source.id)
+        if isinstance(condition.column, plan.Element):
+            index = pen.call(unit.helper(index_of_elements), items)
+        elif columns is None:
+            index = pen.call(unit.helper(index_of_columns), items, pen.constant(condition.column.name))
+        else:
+            index = pen.call(unit.helper(index_of_tuples), items, pen.constant(columns.index(condition.column.name)))
+        facts = self.builder.source_facts(source)
+        kept = body.kept(facts, index, pen, "index")
+        pen = unit.pen_at(condition.other.span)
+        return pen.call(unit.helper(found_in), kept, expression(self.builder, condition.other, body))
 
     def _kept(self, source: plan.Source, body: Body, items: ast.expr) -> ast.expr:
         facts = self.builder.source_facts(source)

@@ -34,13 +34,13 @@ class Pen:
         callee = self.name(function) if isinstance(function, str) else function
         return ast.Call(callee, list(arguments), [], **self.at)
 
-    def tuple(self, *items: ast.expr) -> ast.expr:
+    def pack(self, *items: ast.expr) -> ast.expr:
         return ast.Tuple(list(items), ast.Load(), **self.at)
 
-    def list(self, *items: ast.expr) -> ast.expr:
+    def array(self, *items: ast.expr) -> ast.expr:
         return ast.List(list(items), ast.Load(), **self.at)
 
-    def dict(self, names: tuple[str, ...], values: tuple[ast.expr, ...]) -> ast.expr:
+    def record(self, names: tuple[str, ...], values: tuple[ast.expr, ...]) -> ast.expr:
         return ast.Dict([self.constant(name) for name in names], list(values), **self.at)
 
     def item(self, value: ast.expr, index: int | ast.expr) -> ast.expr:

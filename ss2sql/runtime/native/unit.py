@@ -19,9 +19,9 @@ from typing import Any
 from ss2sql import plan
 from ss2sql.errors import Error, Span
 from ss2sql.kinds import Type
+from ss2sql.runtime.builtins import BUILTINS
 from ss2sql.runtime.native.facts import Analysis, Facts
 from ss2sql.runtime.native.locate import PAGE, Page
-from ss2sql.runtime.builtins import BUILTINS
 from ss2sql.runtime.native.pen import Pen
 from ss2sql.runtime.run import Run
 from ss2sql.walk import parts
@@ -31,7 +31,7 @@ COUNTERS = ("generated", "expanded", "pruned")
 MOST_LOOPS = 16  # Python refuses more than 20 blocks inside of each other
 
 
-class NoValue(Exception):
+class MissingValueError(Exception):
     """A variable has no value when its query starts; whoever reads it then gets Python's NameError."""
 
 
@@ -210,9 +210,9 @@ class Unit:
         run, text = pen.name("run"), pen.constant(name)
         if not self.analysis.is_fixed(name):
             return pen.call(self.helper(variable_of), run, text)
-        self.helper(NoValue)
+        self.helper(MissingValueError)
         value = pen.call(self.helper(value_if_any), run, text)
-        return pen.name(self.bind(("variable", name), name, value, pen, "NoValue"))
+        return pen.name(self.bind(("variable", name), name, value, pen, "MissingValueError"))
 
     def counter(self, name: str, body: Body) -> str:
         """A counter of the whole run, to be increased in `body`."""
@@ -259,12 +259,12 @@ def variable_of(run: Run, name: str) -> Any:
 
 
 def value_if_any(run: Run, name: str) -> Any:
-    """The value of a variable when a query starts; NoValue where it has none yet."""
+    """The value of a variable when a query starts; MissingValueError where it has none yet."""
     try:
         return run.variable(name)
     except Error as error:
         if error.code == "R001":
-            raise NoValue from None
+            raise MissingValueError from None
         raise
 
 

@@ -1,0 +1,69 @@
+"""Looking up the elements that an equality asks for, instead of walking over all of them.
+
+A condition `column == other`, where the source of the column is read once and `other` is known before its
+loop, needs no loop over all elements: an index gives those whose column equals the value. It is built when
+it is first needed. Conditions that may raise are not looked up, for they would no longer be asked of every
+element.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Hashable
+from dataclasses import dataclass
+from typing import Any
+
+from ss2sql import plan
+from ss2sql.runtime.native.facts import Analysis
+from ss2sql.runtime.sources import column_of
+from ss2sql.runtime.values import freeze
+
+
+@dataclass(frozen=True, slots=True)
+class Lookup:
+    """`column == other`: a column or the element of a source, and what it must equal."""
+
+    column: plan.Column | plan.Element
+    other: plan.Expr
+
+
+def lookup(part: plan.Expr, analysis: Analysis, operator: str = "eq") -> Lookup | None:
+    """The condition as a lookup, if it compares a column or an element with something else by `operator`."""
+    match part:
+        case plan.Call(function=plan.Function(name=name, builtin=True), arguments=(left, right)) if name == operator:
+            facts = analysis.of(part)
+            if not facts.steady or not facts.total:
+                return None
+            for column, other in ((left, right), (right, left)):
+                if isinstance(column, (plan.Column, plan.Element)) and column.source not in analysis.of(other).sources:
+                    return Lookup(column, other)
+    return None
+
+
+def index_of_tuples(rows: list[Any], position: int) -> dict[Hashable, list[Any]]:
+    """The rows by the value of a column."""
+    index: dict[Hashable, list[Any]] = defaultdict(list)
+    for row in rows:
+        index[freeze(row[position])].append(row)
+    return dict(index)
+
+
+def index_of_columns(items: list[Any], name: str) -> dict[Hashable, list[Any]]:
+    """The elements by the value of a column."""
+    index: dict[Hashable, list[Any]] = defaultdict(list)
+    for item in items:
+        index[freeze(column_of(item, name, None))].append(item)
+    return dict(index)
+
+
+def index_of_elements(items: list[Any]) -> dict[Hashable, list[Any]]:
+    """The elements by themselves."""
+    index: dict[Hashable, list[Any]] = defaultdict(list)
+    for item in items:
+        index[freeze(item)].append(item)
+    return dict(index)
+
+
+def found_in(index: dict[Hashable, list[Any]], value: Any) -> list[Any]:
+    """The elements whose column equals the value, in their order."""
+    return index.get(freeze(value), [])
