@@ -1,6 +1,7 @@
 """How Sphinx builds the documentation: MyST pages, the furo theme, and colours for SelectScript."""
 
-from importlib.metadata import version
+import re
+from importlib import metadata
 from typing import Any
 
 from pygments.lexer import RegexLexer, words
@@ -9,7 +10,7 @@ from pygments.token import Comment, Keyword, Name, Number, Operator, Punctuation
 project = "ss2sql"
 author = "the ss2sql authors"
 project_copyright = "2026, the ss2sql authors"
-release = version("ss2sql")
+release = metadata.version("ss2sql")
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 source_suffix = {".md": "markdown"}
@@ -18,7 +19,8 @@ myst_heading_anchors = 3
 html_theme = "furo"
 html_title = f"ss2sql {release}"
 autodoc_member_order = "bysource"
-autodoc_typehints = "description"
+autodoc_typehints = "signature"
+autodoc_class_signature = "separated"
 autodoc_typehints_format = "short"
 
 KEYWORDS = """SELECT FROM AS IF AND OR XOR NOT IN WHERE START CONNECT BY STOP WITH GROUP HAVING ORDER LIMIT ASC DESC NO
@@ -30,7 +32,7 @@ class SelectScriptLexer(RegexLexer):
 
     name = "SelectScript"
     aliases = ("selectscript",)
-    flags = 2  # re.IGNORECASE
+    flags = re.IGNORECASE | re.MULTILINE
     tokens = {  # noqa: RUF012 - pygments reads it from the class
         "root": [
             (r"\s+", Text),

@@ -36,13 +36,13 @@ def error_index() -> str:
 
 
 def example(code: str) -> tuple[str, str] | None:
-    """Script and message of the shortest golden case that ends with this error alone."""
+    """Script and message of the shortest golden case that ends with this error alone, if it fits on a page."""
     found = []
     for file in sorted(CASES.rglob("*.case")):
         text = file.read_text(encoding="utf-8")
         if match := re.search(rf"^--- error\n(error\[{code}\].*?)(?=^--- |\Z)", text, re.MULTILINE | re.DOTALL):
             script = text.split("\n--- ")[0].split("\n\n", 1)[1].strip("\n")
-            if match[1].count("error[") == 1:
+            if match[1].count("error[") == 1 and len(script) < 400:
                 found.append((script, match[1].strip("\n")))
     return min(found, key=lambda case: len("".join(case)), default=None)
 

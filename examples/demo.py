@@ -19,8 +19,9 @@ def main() -> None:
     screen.print()
     screen.rule("[bold]Summary", style="cyan", characters="━")
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
-    for column, side in (("example", "left"), ("script", "left"), ("answer", "left"), ("engine", "left"), ("seconds", "right")):
-        table.add_column(column, justify=side)  # type: ignore[arg-type]
+    for column in ("example", "script", "answer", "engine"):
+        table.add_column(column, no_wrap=True)
+    table.add_column("seconds", justify="right")
     for page in pages:
         for number, shown in enumerate(page.shown):
             title = page.title if number == 0 else ""

@@ -16,6 +16,7 @@ from ss2sql.runtime.functions import builtin_functions
 from ss2sql.runtime.native import NativeQuery, compile_statement
 from ss2sql.runtime.rows import Rows
 from ss2sql.runtime.run import Run
+from ss2sql.runtime.shaping import with_stars
 from ss2sql.runtime.values import fresh, normalise
 
 
@@ -85,6 +86,7 @@ class FakeHost:
 
     def shape(self, query: plan.Query, rows: Rows, arguments: tuple[Any, ...], named: dict[str, Any]) -> Any:
         name = query.representation.name
+        rows = with_stars(query, rows)
         if rows.groups is not None:
             members = rows.rows if rows.rows is not None else rows.paths
             assert members is not None

@@ -26,6 +26,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from click.testing import CliRunner
+from golden import sql_text
 
 import ss2sql
 from ss2sql.cli import main as command_line
@@ -70,8 +71,8 @@ class Player:
             with redirect_stdout(printed):
                 result = self.names["ss"].run(text)
         except ss2sql.Error as error:
-            return {"text": f"{printed.getvalue()}{error}", "sql": ""}
-        return {"text": f"{printed.getvalue()}{result!r}", "sql": sql_text(result)}
+            return {"text": f"{printed.getvalue()}{error}"}
+        return {"text": f"{printed.getvalue()}{result!r}", "sql": sql_text(result.sql)}
 
     def console(self, text: str) -> str:
         """The block with every command followed by what it prints."""
@@ -94,13 +95,6 @@ class Player:
                 value.close()
 
 
-def sql_text(result: Any) -> str:
-    """The SQL of a script's queries, with the values of its parameters as comments."""
-    texts = [text for text in result.sql.statements if not text.startswith("-- no query")]
-    values = {name: value for text in texts for name, value in text.parameters.items()}
-    return "\n".join(["\n\n".join(texts), *(f"-- :{name} = {value!r}" for name, value in values.items())])
-
-
 def differences(page: Path) -> list[Difference]:
     """Runs a page and gives the blocks that do not show what their code gives."""
     text = page.read_text(encoding="utf-8")
@@ -118,7 +112,7 @@ def differences(page: Path) -> list[Difference]:
             elif kind == "selectscript":
                 parse(Source(body)) if not shows_error(blocks, number) else None
                 outputs = player.selectscript(body) if followed_by(blocks, number, OUTPUTS) else {}
-            elif kind == "console" or (kind in outputs):
+            elif kind == "console" or kind in outputs:
                 actual = player.console(body) if kind == "console" else outputs.pop(kind)
                 if tidy(actual) != tidy(body):
                     found.append(Difference(line, block.start("body"), block.end("body"), body, tidy(actual)))

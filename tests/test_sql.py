@@ -122,9 +122,9 @@ def test_hostile_text_in_literals_cannot_leave_its_place(tmp_path: Path) -> None
 def test_names_that_are_words_of_sql() -> None:
     ss = ss2sql.connect()
     ss.function("left", lambda x: x)
-    ss.attach("order", [{"select": 1, "Group": 2, "group": 3}])
-    script = "SELECT select, left(Group), to(group, table) FROM order;"
-    assert ss.run(script, engine="database").value == [{"select": 1, "left": 2, "table": 3}]
+    ss.attach("order", [{"where": 1, "Group": 2, "group": 3}])
+    script = "SELECT where, left(Group), to(group, table) FROM order;"
+    assert ss.run(script, engine="database").value == [{"where": 1, "left": 2, "table": 3}]
 
 
 def test_functions_whose_names_differ_in_case_only() -> None:

@@ -49,11 +49,11 @@ def unique(disks: int) -> list[int]:
     found: list[int] = []
     while queue:
         towers, level = queue.popleft()
-        key = tuple(map(tuple, towers))
-        if key in seen:
-            continue
-        seen.add(key)
-        for step in MOVES:
+        before = tuple(map(tuple, towers))
+        for number, step in enumerate(MOVES):
+            if (number, before) in seen:
+                continue
+            seen.add((number, before))
             after = moved(step, towers)
             if after == goal:
                 found.append(level)

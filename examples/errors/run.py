@@ -16,9 +16,9 @@ LEAD = """Every error names the line and the column, shows the text, says what i
 of names are reported at once. The code in brackets is explained in the error index of the documentation."""
 
 TOUR = (
-    ("A name with a typo", "SELECT name FROM employes WHERE salary > 1000;"),
+    ("A name with a typo", "SELECT name FROM famliy WHERE age > 30;"),
     ("A child that is not there", 'SELECT this["children"][0] FROM family;'),
-    ("A column that one row lacks", "SELECT name, age FROM family;"),
+    ("A key that one of the rows lacks", 'SELECT name FROM family WHERE this["age"] > 30;'),
     ("A missing parenthesis", "SELECT name\nFROM family\nWHERE len((name) > 2;"),
     ("STOP without WITH", "SELECT this FROM moves START WITH n = 0 CONNECT BY n = n + 1 STOP n == 3;"),
     ("Options that contradict each other", "SELECT this FROM moves START WITH n = 0 CONNECT BY NO CYCLE MEMORIZE 3 n = n + 1;"),

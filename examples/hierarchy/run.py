@@ -50,7 +50,7 @@ def tree(paths: list[list[tuple[int, str]]]) -> str:
 
 
 def main(lines: int | None = None) -> Page:
-    page = Page("A hierarchy in a database file", LEAD, lines)
+    page = Page("Employees in a file", LEAD, lines)
     with TemporaryDirectory() as folder:
         file = Path(folder) / "company.db"
         make_company(file)

@@ -1,5 +1,5 @@
-# All paths of at most twenty steps, the first thousand of them
-# The paper's last listing. `add` is replaced, so that this + cur_pos adds vectors. A step beyond what the remaining
+# The first thousand paths
+# The paper's last listing: at most twenty steps. `add` is replaced, so that this + cur_pos adds vectors. A step beyond what the remaining
 # ones can make good, or into a wall, stops; MEMORIZE looks at every place once and then lists paths, shortest first.
 robot      = "YouBot";
 start_pos  = position(robot);

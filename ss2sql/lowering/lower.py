@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from ss2sql import plan
 from ss2sql.lowering import sql
@@ -28,9 +29,9 @@ def lower(query: plan.Query, function_names: Mapping[str, str], dialect: Dialect
         select = lower_search(selects, query)
         keys, orders = query.group, query.order
     elif query.aggregated:
-        select = selects.rows(query, Env(), _names(query))
+        is_sorted, is_limited = True, _cut_by_sql(query)
+        select = selects.rows(query if is_limited else replace(query, limit=None), Env(), _names(query))
         keys, orders = (), ()
-        is_sorted = is_limited = True
     else:
         flat = selects.flat(query, Env())
         order = selects.order(query, flat)
@@ -57,11 +58,15 @@ def lower(query: plan.Query, function_names: Mapping[str, str], dialect: Dialect
 
 
 def _cut_by_sql(query: plan.Query) -> bool:
-    """Whether LIMIT may stand in the SQL: LIMIT 0 would keep SQLite from evaluating rows that have to be sorted."""
-    if query.limit is None or query.group:
+    """Whether LIMIT may stand in the SQL.
+
+    LIMIT 0 would keep SQLite from evaluating rows that have to be sorted or grouped first, and a partition is
+    cut before it is made.
+    """
+    if query.limit is None or (query.group and not query.aggregated):
         return False
     positive = isinstance(query.limit, plan.Constant) and query.limit.value != 0
-    return positive or not query.order
+    return positive or not (query.order or query.group)
 
 
 def _names(query: plan.Query) -> list[str | None]:

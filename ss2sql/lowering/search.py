@@ -99,6 +99,7 @@ class _Search:
         self.carried = Carried(query, search)
         self.flags = {name: is_flag(kind) for name, kind in search.states}
         self.tables: list[exp.CTE] = []
+        self.positions: dict[str, str] = {}  # the column of each copied table that numbers its rows
 
     def statement(self) -> exp.Select:
         labels = set(self.selects.needs.labels)
@@ -158,7 +159,12 @@ class _Search:
         sources = [self.in_order(item) for part in opened for item in part.items]
         conditions = [where] if where is not None else []
         conditions += [condition for part in opened for condition in part.conditions]
-        outputs: list[Node] = [sql.call("next_step"), parent, depth]
+        positions = [
+            sql.column(self.positions[item.name], item.alias_or_name)
+            for item in sources
+            if isinstance(item, exp.Table) and item.name in self.positions
+        ]
+        outputs: list[Node] = [sql.call("next_step", *positions), parent, depth]
         outputs += [self.expressions.lower(node, env) for _, node in self.carried.reads]
         outputs += [env.states[(self.query.id, name)].copy() for name in self.carried.states]
         return sql.select(outputs, items + sources, sql.conjunction(conditions))
@@ -167,17 +173,23 @@ class _Search:
         """An item of FROM; a table is read from a copy in its own order.
 
         Steps are numbered as they are walked, so the walk must be in order. SQLite keeps a materialised copy
-        in the order of its making and builds an index on it where a condition asks for equality, in which
-        equal keys keep that order; so a step costs its neighbours, not the table.
+        in the order of its making. Where a condition asks for equality it builds an index on the copy, so that
+        a step costs its neighbours, not the table. That index holds the key and then the columns that are
+        read, in their order: `position`, the first, keeps equal keys in the order of the table.
         """
         if not isinstance(item, exp.Table) or isinstance(item.this, exp.Anonymous):
             return item
         source = self.selects.tables[item.alias_or_name]
         name = f"{item.alias_or_name}_in_order"
-        if all(cte.alias_or_name != name for cte in self.tables):
-            columns = [sql.column(column) for column, _ in source.columns]
+        if name not in self.positions:
+            self.positions[name] = _free("position", {column.lower() for column, _ in source.columns})
+            columns: list[Node] = [sql.column(column) for column, _ in source.columns]
+            order = [(sql.column(key), False) for key in source.order]
+            keys = [exp.Ordered(this=key, desc=False, nulls_first=True) for key, _ in order]
+            number = exp.Window(this=exp.RowNumber(), order=exp.Order(expressions=keys) if keys else None)
+            position: Node = sql.column("rowid") if source.order == ("rowid",) else number
             copied = sql.table(source.table, source.table, source.schema)
-            select = sql.select(columns, [copied], order=[(sql.column(key), False) for key in source.order])
+            select = sql.select([sql.alias(position, self.positions[name]), *columns], [copied], order=order)
             cte = exp.CTE(this=select, alias=exp.TableAlias(this=sql.identifier(name)), materialized=True)
             self.tables.append(cte)
         return sql.table(name, item.alias_or_name)
@@ -248,5 +260,4 @@ def _keep_columns(copied: exp.CTE, terms: exp.Expr) -> None:
     labels = {item.alias_or_name for item in terms.find_all(exp.Table) if item.name == name}
     read = {column.name for column in terms.find_all(exp.Column) if column.table in labels}
     select = copied.this
-    kept = [column for column in select.expressions if column.name in read]
-    select.set("expressions", kept or select.expressions[:1])
+    select.set("expressions", [column for column in select.expressions if column.alias_or_name in read])

@@ -31,6 +31,11 @@ def sortable(kind: Type) -> bool:
     return is_flag(kind) or kind.only(plain) or kind.only(Kind.STR | Kind.NONE)
 
 
+def sortable_key(expr: plan.Expr) -> bool:
+    """Whether SQL may sort by the expression: SQLite evaluates keys before columns, so the keys must not fail."""
+    return sortable(expr.type) and not can_fail(expr)
+
+
 def uniform(kind: Type) -> bool:
     """Whether equal values of the type are the same value, so that any member can stand for its group."""
     return is_flag(kind) or any(kind.only(one | Kind.NONE) for one in (Kind.INT, Kind.FLOAT, Kind.STR))
@@ -102,7 +107,7 @@ class Selects:
                 return [(key, False) for key in natural or ()]
             _walk_in_order(flat.items)
             return []
-        if natural is None or not all(sortable(key.expr.type) for key in query.order):
+        if natural is None or not all(sortable_key(key.expr) for key in query.order):
             return None
         keys = [(self.expressions.lower(key.expr, flat.env), key.descending) for key in query.order]
         return keys + [(key, False) for key in natural]
@@ -207,7 +212,7 @@ class Selects:
             values = self.outputs(query, flat.env, [None] * len(query.columns), boxed=True)
             collected = self._collected(query, values)
             return sql.scalar(sql.select([collected], flat.items, sql.conjunction(flat.conditions)))
-        label = self.needs.label("rows")
+        label = self.needs.label("results")
         select = self.derived(query, env)
         columns: list[Node] = []
         for output, name_ in zip(query.columns, sql_names(tuple(o.name for o in query.columns)).values(), strict=True):

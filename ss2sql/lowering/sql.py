@@ -12,11 +12,12 @@ from sqlglot import exp
 Node: TypeAlias = exp.Expr
 
 _PLAIN_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
+_WORDS = frozenset(apsw.keywords) | {"TRUE", "FALSE"}
 
 
 def identifier(name: str) -> exp.Identifier:
     """A name, quoted where SQLite would take it for something else."""
-    plain = _PLAIN_NAME.match(name) and name.upper() not in apsw.keywords
+    plain = _PLAIN_NAME.match(name) and name.upper() not in _WORDS
     return exp.Identifier(this=name, quoted=not plain)
 
 

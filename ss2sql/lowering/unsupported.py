@@ -13,7 +13,7 @@ from typing import Any
 from ss2sql import plan
 from ss2sql.errors import Span, UnsupportedError
 from ss2sql.kinds import Kind
-from ss2sql.lowering.select import sortable, uniform
+from ss2sql.lowering.select import sortable_key, uniform
 from ss2sql.lowering.strategies import GUARDS, ORDERS
 from ss2sql.walk import is_volatile, parts, walk
 
@@ -93,7 +93,7 @@ def _nested_order(query: plan.Query, nested: bool) -> Span | None:
     keys = query.order
     if keys and any(isinstance(source, plan.QuerySource) for source in query.sources):
         return keys[0].expr.span
-    return next((key.expr.span for key in keys if not sortable(key.expr.type)), None)
+    return next((key.expr.span for key in keys if not sortable_key(key.expr)), None)
 
 
 def _label(query: plan.Query, nested: bool) -> Span | None:
@@ -120,7 +120,7 @@ def _group_values(query: plan.Query, nested: bool) -> Span | None:
         if not uniform(key.type):
             return key.span
     for key_ in query.order:
-        if not sortable(key_.expr.type):
+        if not sortable_key(key_.expr):
             return key_.expr.span
     for node in _own_nodes(query):
         if isinstance(node, plan.Aggregate) and node.argument is not None:

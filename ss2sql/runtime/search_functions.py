@@ -24,8 +24,8 @@ class SearchState:
         self.last_dropped = 0
         self.keys: dict[int, Hashable] = {}  # the frozen rows of kept steps, made when first compared
 
-    def next_step(self) -> int:
-        """The number of a new step."""
+    def next_step(self, *positions: int) -> int:
+        """The number of a new step, after a look at the positions of its rows in their tables."""
         self.steps += 1
         return self.steps
 

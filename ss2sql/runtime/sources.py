@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
 from dataclasses import fields, is_dataclass
-from functools import lru_cache
 from typing import Any
 
 from ss2sql.errors import ExecutionError, did_you_mean
@@ -63,14 +61,12 @@ def column_of(element: Any, name: str, default: Any = _MISSING) -> Any:
         return normalise(getattr(owner, name), f"the field '{name}'")
     if default is not _MISSING:
         return default
-    raise _missing(name, list(known), show(element))
+    raise _missing(name, known, show(element))
 
 
-@lru_cache(maxsize=256)
-def _fields(kind: Hashable) -> frozenset[str]:
+def _fields(kind: type) -> list[str]:
     """The fields of a dataclass; of every other type none."""
-    assert isinstance(kind, type)
-    return frozenset(field.name for field in fields(kind)) if is_dataclass(kind) else frozenset()
+    return [field.name for field in fields(kind)] if is_dataclass(kind) else []
 
 
 def _missing(name: str, known: list[str], owner: str) -> ExecutionError:

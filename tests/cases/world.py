@@ -264,10 +264,14 @@ TABLES: dict[str, str] = {
     "roads": """
         CREATE TABLE roads(src TEXT, dst TEXT, length INTEGER);
         INSERT INTO roads VALUES ('a', 'd', 9), ('a', 'b', 2), ('b', 'd', 5), ('b', 'c', 1), ('c', 'd', 2)""",
+    "sizes": """
+        CREATE TABLE parts(part TEXT, width REAL);
+        INSERT INTO parts VALUES ('bolt', -2.25), ('nut', 2.6);
+        CREATE VIEW sizes AS SELECT part, CAST(round(abs(width)) AS INTEGER) AS size FROM parts""",
     "broken": """
-        CREATE TABLE parts(part TEXT);
-        INSERT INTO parts VALUES ('bolt');
-        CREATE VIEW broken AS SELECT part, abs(-9223372036854775807 - (part = 'bolt')) AS size FROM parts""",
+        CREATE TABLE gone(part TEXT);
+        CREATE VIEW broken AS SELECT part FROM gone;
+        DROP TABLE gone""",
 }
 
 # --- the registry --------------------------------------------------------------------------------------

@@ -215,7 +215,7 @@ def is_table(query: plan.Query) -> bool:
     representation = query.representation
     plain = representation.name == "dict" and not representation.arguments and not representation.named
     shaped = query.search is not None or (query.group and not query.aggregated)
-    return plain and not shaped and not any(output.label for output in query.columns)
+    return plain and not shaped and not any(output.label or output.star for output in query.columns)
 
 
 def table_rows(run: Run, table: plan.TableSource) -> list[tuple[Any, ...]]:

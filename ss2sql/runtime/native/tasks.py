@@ -225,8 +225,10 @@ def _with_outer(function: Callable[..., Any], outer: tuple[Any, ...], seen: Row)
 
 
 def _shown(value: Any) -> Any:
-    """A group's value as the key of a dict: lists become tuples."""
-    return tuple(map(_shown, value)) if isinstance(value, (list, tuple)) else value
+    """A group's value as the key of a dict: lists become tuples, dicts tuples of pairs."""
+    if isinstance(value, (list, tuple)):
+        return tuple(map(_shown, value))
+    return _shown(list(map(list, value.items()))) if isinstance(value, dict) else value
 
 
 def too_many(query: plan.Query, most: int) -> ExecutionError:
