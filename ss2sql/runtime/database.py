@@ -274,7 +274,8 @@ def _room(run: Run, results: list[Any] | None, result: Any) -> None:
     assert results is not None
     results.append(result)
     if run.max_rows is not None and len(results) > run.max_rows:
-        raise ExecutionError("X010", f"the query has more than max_rows={run.max_rows} results", None)
+        hint = "add LIMIT or MAXIMUM to the query, or raise max_rows"
+        raise ExecutionError("X010", f"the query has more than max_rows={run.max_rows} results", hints=(hint,))
 
 
 def _encoded(pool: Pool, parameter: Parameter, evaluate: Callable[[Parameter], Any]) -> Any:

@@ -77,7 +77,7 @@ def total(values: Any) -> Any:
         return _float(_exact_sum(values))
 
 
-def average(values: Any) -> float:
+def average(values: Any) -> float | None:
     """The arithmetic mean, a float."""
     kinds = _numbers("average", _list("average", values))
     if not values:

@@ -20,7 +20,8 @@ from ss2sql.runtime.values import show
 def seconds(value: Any, what: str) -> float:
     """A number of seconds; raises ExecutionError X007 for anything else."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise ExecutionError("X007", f"{what} is a number of seconds, not {show(value)}")
+        hint = "write a number: v{5.0} = x, v{-2.0}, or v{} for all values"
+        raise ExecutionError("X007", f"{what} is a number of seconds, not {show(value)}", hints=(hint,))
     return value
 
 
@@ -36,7 +37,8 @@ class TemporalStore:
         """`name{keep} = value`."""
         kept = seconds(keep, "the time to keep")
         if kept < 0:
-            raise ExecutionError("X007", f"the time to keep is at least 0 seconds, not {show(keep)}")
+            hint = "v{5.0} = x keeps the values of the last 5 seconds"
+            raise ExecutionError("X007", f"the time to keep is at least 0 seconds, not {show(keep)}", hints=(hint,))
         now = self.clock()
         history = self.histories.setdefault(name, [])
         history.append((now, value))

@@ -21,7 +21,7 @@ from ss2sql.runtime.native.tasks import Form, task_of, tuples_of, value_of
 from ss2sql.runtime.native.texts import Sight, texts_of
 from ss2sql.runtime.native.unit import Body, Unit
 from ss2sql.runtime.run import Run
-from ss2sql.walk import sources_read, states_read, walk
+from ss2sql.walk import walk
 
 Dispatch = Callable[[plan.Query], Callable[[Run], Any]]
 
@@ -212,21 +212,9 @@ def aggregates(query: plan.Query) -> list[plan.Aggregate]:
     places += [query.having] if query.having is not None else []
     places += [key.expr for key in query.order] if query.aggregated else []
     inside = [node for place in places for node in walk(place)]
-    nested = [node for node in inside if isinstance(node, plan.Query) and node.group]
-    of_nested = {id(node) for other in nested for node in aggregates(other)}
-    own = {source.id for source in query.sources}
-    return [
-        node
-        for node in inside
-        if isinstance(node, plan.Aggregate) and id(node) not in of_nested and _reads(node.argument, own, query.id)
-    ]
-
-
-def _reads(argument: plan.Expr | None, sources: set[int], query: int) -> bool:
-    """Whether an aggregate is one over rows with these sources and the state of this query."""
-    if argument is None:
-        return True
-    return not sources.isdisjoint(sources_read(argument)) or any(number == query for number, _ in states_read(argument))
+    nested = [node for node in inside if isinstance(node, plan.Query)]
+    theirs = {id(node) for other in nested for node in aggregates(other)}
+    return [node for node in inside if isinstance(node, plan.Aggregate) and id(node) not in theirs]
 
 
 def label(value: Any) -> str:

@@ -1,0 +1,148 @@
+"""The scripts of tests/cases: their answers, plans and SQL, on every engine. `--golden` writes the expectations anew."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from functools import cache
+from typing import Any
+
+import golden
+import pytest
+from cases import world
+from golden import Case, Outcome
+from reference import Reference
+from replay import Replay, search_of
+from test_errors import FROM_PYTHON
+
+import ss2sql
+from ss2sql.errors import CODES, Source
+from ss2sql.frontend.parser import parse
+
+CASES = golden.cases()
+ANSWER = ("printed", "status", "value", "error")
+COMPILED = ("plan", "sql")
+# The reference evaluator does not know these, or would need minutes.
+UNKNOWN_TO_REFERENCE = ("hanoi/", "map/", "queries/dataclasses", "expressions/help", "expressions/var-and-clear")
+MANY_ARGUMENTS = ("expressions/assignments", "expressions/functions-of-")
+OWN_CODES = ("P", "R", "U", "X", "V", "T", "S")
+
+
+@cache
+def outcome(case: Case, engine: str = "auto") -> Outcome:
+    return golden.run(case, engine)
+
+
+def every(cases: list[Case]) -> Any:
+    return pytest.mark.parametrize("case", cases, ids=lambda case: case.name)
+
+
+# --- what a case says ----------------------------------------------------------------------------------
+
+
+@every(CASES)
+def test_answer(case: Case, request: pytest.FixtureRequest) -> None:
+    found = outcome(case)
+    assert found.usable
+    if request.config.getoption("--golden"):
+        case.path.write_text(golden.text(case, found.sections), encoding="utf-8")
+    else:
+        assert shown(found.sections, ANSWER) == shown(case.expected, ANSWER)
+
+
+@every(CASES)
+def test_plan_and_sql(case: Case, request: pytest.FixtureRequest) -> None:
+    if not request.config.getoption("--golden"):
+        assert shown(outcome(case).sections, COMPILED) == shown(case.expected, COMPILED)
+
+
+def shown(sections: Any, names: tuple[str, ...]) -> str:
+    return "".join(f"--- {name}\n{sections[name]}\n" for name in names if sections.get(name))
+
+
+# --- engines, replay, reference ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("engine", ["database", "native"])
+@every(CASES)
+def test_engines_agree(case: Case, engine: str) -> None:
+    found = outcome(case, engine)
+    assert found.usable
+    if engine == "native" or not isinstance(found.error, ss2sql.UnsupportedError):
+        assert found.verdict == outcome(case).verdict
+
+
+@every([case for case in CASES if not case.path.stem.startswith(("volatile", "robot")) and "error" not in case.expected])
+def test_paths_replay(case: Case) -> None:
+    result = outcome(case).result
+    assert result is not None
+    script = parse(Source(case.script))
+    query = search_of(script)
+    if query is None or not result.paths:
+        return
+    replay = Replay(Reference(**world.for_reference(case.needs)), script, query)
+    assert all(replay.leads_to_a_goal(path) for path in result.paths)
+
+
+@every([case for case in CASES if "value" in case.expected and not case.name.startswith(UNKNOWN_TO_REFERENCE)])
+def test_reference_agrees(case: Case) -> None:
+    if world.REPRESENTATIONS.keys() & set(case.needs) or case.name.startswith(MANY_ARGUMENTS):
+        return
+    reference = Reference(**world.for_reference(case.needs))
+    assert golden.written(reference.run(case.script)) == case.expected["value"]
+    assert "\n".join(reference.printed) == case.expected.get("printed", "")
+
+
+# --- errors --------------------------------------------------------------------------------------------
+
+
+@every([case for case in CASES if "error" in case.expected])
+def test_errors_name_place_reason_and_cure(case: Case) -> None:
+    error = outcome(case).error
+    assert error is not None
+    if not isinstance(error, ss2sql.Error):
+        assert "called at <script>:" in error.__notes__[0]
+        return
+    for one in error.errors:
+        assert one.span is not None
+        assert 0 <= one.span.start <= one.span.end <= len(one.span.source.text)
+        assert one.hints
+        assert one.message[0] != one.message[0].upper() or not one.message[0].isalpha() or one.message.split()[0].isupper()
+        assert not one.message.endswith(".")
+
+
+def test_every_code_has_a_case() -> None:
+    codes = {line[6:10] for case in CASES for line in case.expected.get("error", "").splitlines() if line[:6] == "error["}
+    assert codes | FROM_PYTHON.keys() == CODES.keys()
+    assert not codes & FROM_PYTHON.keys()
+
+
+def test_there_are_many_cases() -> None:
+    assert len(CASES) >= 100
+    assert len([case for case in CASES if "error" in case.expected]) >= 45
+    assert len({case.title for case in CASES}) == len(CASES)
+
+
+# --- the same under every hash seed --------------------------------------------------------------------
+
+
+def test_outcomes_do_not_depend_on_the_hash_seed() -> None:
+    first, *others = [report(seed) for seed in "012"]
+    assert len(first) == len(CASES)
+    for other in others:
+        for one, same in zip(first, other, strict=True):
+            assert one == same
+
+
+def report(seed: str) -> list[Any]:
+    """What all cases give in a process with this hash seed."""
+    process = subprocess.run(
+        [sys.executable, golden.__file__],
+        env={**os.environ, "PYTHONHASHSEED": seed, "PYTHONPATH": os.fspath(golden.FOLDER.parent)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return [json.loads(line) for line in process.stdout.splitlines()]

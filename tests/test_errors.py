@@ -1,0 +1,291 @@
+"""Errors that no file of tests/cases can hold: huge and odd texts, wrong use from Python, runs that are stopped."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+import ss2sql
+from ss2sql import Error, Session
+
+ENDLESS = "SELECT n FROM [1] WHERE n % 1000 == 0 START WITH n = 1 CONNECT BY n = n + 1"
+SLOW = "SELECT a.this FROM a = range(1000), b = range(1000), c = range(1000) WHERE a.this + b.this + c.this < 0"
+
+
+@pytest.fixture
+def session() -> Iterator[Session]:
+    with ss2sql.connect() as opened:
+        yield opened
+
+
+def failure(action: Callable[[], object]) -> Error:
+    """The error of ss2sql that the action raises."""
+    with pytest.raises(Error) as caught:
+        action()
+    error: Error = caught.value
+    return error
+
+
+def still_works(session: Session) -> None:
+    assert session.eval("SELECT this + 1 FROM [1, 2] AS list") == [2, 3]
+
+
+# --- one error for each code that only Python can reach ------------------------------------------------
+
+
+def run_when_closed(session: Session) -> None:
+    other = ss2sql.connect()
+    other.close()
+    other.run("1;")
+
+
+FROM_PYTHON: dict[str, Callable[[Session], object]] = {
+    "P004": lambda session: session.run("x = 1;" * 100_000),
+    "P005": lambda session: session.run("(" * 10_000 + "1" + ")" * 10_000),
+    "R009": lambda session: session.compile("SELECT this * factor FROM [1]").run(),
+    "U001": lambda session: session.run("n = 0; SELECT (n = n + 1) FROM [1]", engine="database"),
+    "X010": lambda session: session.run("SELECT this FROM [1, 2, 3]", max_rows=2),
+    "T001": lambda session: session.run(ENDLESS, timeout=0.05),
+    "T002": lambda session: session.run(interrupting(session)),
+    "S001": run_when_closed,
+    "S002": lambda session: session.function("two words", len),
+}
+
+
+def interrupting(session: Session) -> str:
+    """A script without end, which is interrupted from another thread."""
+    threading.Timer(0.05, session.interrupt).start()
+    return ENDLESS
+
+
+@pytest.mark.parametrize("code", FROM_PYTHON)
+def test_errors_from_python(session: Session, code: str) -> None:
+    error = failure(lambda: FROM_PYTHON[code](session))
+    assert error.code == code
+    assert str(error).startswith(f"error[{code}]: ")
+    if code != "T002":
+        assert error.hints
+    still_works(session)
+
+
+# --- texts ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "code", "place"),
+    [
+        ("", "P008", "1:1"),
+        (" \n\t ", "P008", "1:1"),
+        (";;;", "P008", "1:1"),
+        ("/* nothing */", "P008", "1:1"),
+        ("x = 1;\0", "P003", "1:7"),
+        ("\x7fELF\x02\x01\x01\0\0\0", "P003", "1:8"),
+        ("x = '\udc80';", "P003", "1:6"),
+        ("\ufeffx = 1", None, ""),
+        ("[" * 10_000, "P005", "1:201"),
+        ("NOT " * 10_000 + "1", "P005", "1:801"),
+        ("x = " + "1 + " * 200 + "1", None, ""),
+        ("x = " + "1 + " * 10_000 + "1", "P005", ""),
+        ("SELECT this FROM (" * 250 + "[1]" + ")" * 250, "P005", ""),
+        ("x = " + "f(" * 250, "P005", ""),
+        ("#" * 300_000, "P004", "1:1"),
+        ("x = '" + "é" * 200_000 + "'", "P004", "1:1"),
+        ("(" * 199 + "1" + ")" * 199, None, ""),
+    ],
+    ids=lambda value: repr(value)[:30],
+)
+def test_odd_texts(session: Session, text: str, code: str | None, place: str) -> None:
+    started = time.perf_counter()
+    if code is None:
+        session.run(text)
+    else:
+        error = failure(lambda: session.run(text))
+        assert error.code == code
+        assert error.span is not None
+        assert f"{error.span.line}:{error.span.column}" == place or not place
+        assert error.hints
+        assert len(str(error)) < 2_000
+    assert time.perf_counter() - started < 1
+    still_works(session)
+
+
+@pytest.mark.parametrize("script", [b"x = 1;", None, 7, ["x = 1;"]])
+def test_a_script_is_text(session: Session, script: object) -> None:
+    error = failure(lambda: session.run(script))  # type: ignore[arg-type]
+    assert error.code == "S002"
+    assert type(script).__name__ in error.message
+    still_works(session)
+
+
+def test_the_name_of_a_file_stands_in_the_error(session: Session, tmp_path: Path) -> None:
+    file = tmp_path / "wrong.ss"
+    file.write_text("x = 1;\ny = 2 +;\n", encoding="utf-8")
+    error = failure(lambda: session.run(file))
+    assert f"--> {file}:2:8" in str(error)
+
+
+def test_a_file_that_cannot_be_read(session: Session, tmp_path: Path) -> None:
+    binary = tmp_path / "binary.ss"
+    binary.write_bytes(b"\xff\xfe\x00")
+    for path in (tmp_path / "missing.ss", binary, tmp_path):
+        error = failure(lambda path=path: session.run(path))
+        assert error.code == "S002"
+        assert str(path) in error.message
+    still_works(session)
+
+
+# --- registration --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("action", "word"),
+    [
+        (lambda session: session.function("f", 5), "function"),
+        (lambda session: session.function("f", len, volatility="sometimes"), "volatile"),
+        (lambda session: session.function(lambda x: x), "name"),
+        (lambda session: session.set("two words", 1), "two words"),
+        (lambda session: session.attach("", []), "name"),
+        (lambda session: session.attach("db", Path("/no/such/file.db")), "file"),
+        (lambda session: session.representation("a-b"), "a-b"),
+        (lambda session: session.run("1", engine="turbo"), "turbo"),
+        (lambda session: ss2sql.connect(disable=["mem"]), "mem"),
+        (lambda session: ss2sql.connect("/no/such/folder/x.db"), "x.db"),
+    ],
+)
+def test_wrong_registrations_say_what_is_wrong(
+    session: Session, action: Callable[[Session], object], word: str
+) -> None:
+    error = failure(lambda: action(session))
+    assert error.code == "S002"
+    assert word in error.message
+    still_works(session)
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), 2**63, 1j, [1, [float("nan")]]])
+def test_values_that_the_language_does_not_have(session: Session, value: object) -> None:
+    error = failure(lambda: session.set("x", value))
+    assert error.code == "X004"
+    assert "the variable 'x'" in error.message
+    error = failure(lambda: session.run("x;", x=value))
+    assert error.code == "X004"
+    session.attach("y", [value])
+    assert failure(lambda: session.run("SELECT this FROM y")).code == "X004"
+    still_works(session)
+
+
+def test_a_missing_parameter_is_named(session: Session) -> None:
+    query = session.compile("SELECT this * factor + offset FROM [1] AS list")
+    error = failure(lambda: query.run(factr=2, offset=1))
+    assert error.code == "R009"
+    assert "factor" in error.message
+    assert "offset" not in error.message
+    assert any("factr" in hint or "factor=..." in hint for hint in error.hints)
+    assert query.run(factor=2, offset=1).value == [3]
+
+
+# --- exceptions of the user ----------------------------------------------------------------------------
+
+
+class Mishap(Exception):
+    """An exception of the user's own."""
+
+
+@pytest.mark.parametrize("engine", ["auto", "database", "native"])
+def test_an_exception_keeps_its_type_and_its_traceback(session: Session, engine: str) -> None:
+    @session.function
+    def fragile(x: int) -> int:
+        if x > 1:
+            raise Mishap(f"{x} is too much")
+        return x
+
+    with pytest.raises(Mishap, match="2 is too much") as caught:
+        session.run("y = 1;\nSELECT this\nFROM [1, 2, 3] WHERE fragile(this) AS list;", engine=engine)  # type: ignore[arg-type]
+    notes = "\n".join(caught.value.__notes__)
+    assert notes.count("fragile") == 2  # the sentence and the line
+    assert "<script>:3:22" in notes
+    assert "3 | FROM [1, 2, 3] WHERE fragile(this) AS list;" in notes
+    assert caught.traceback[-1].name == "fragile"
+    still_works(session)
+
+
+def test_a_script_inside_a_function_reports_its_own_error(session: Session) -> None:
+    @session.function
+    def inner(x: int) -> object:
+        return session.eval("SELECT 1 / this FROM [0] AS value")
+
+    error = failure(lambda: session.run("SELECT inner(this) FROM [1]"))
+    assert error.code == "X002"
+    assert error.span is not None
+    assert error.span.text == "/"
+    still_works(session)
+
+
+# --- several errors ------------------------------------------------------------------------------------
+
+
+def test_all_errors_of_a_script_are_found(session: Session) -> None:
+    error = failure(lambda: session.run("SELECT nme FROM [1];\nfoo(1);\nSELECT this FROM [1] AS lst;\nthis;"))
+    assert [one.code for one in error.errors] == ["R001", "R002", "R006", "R014"]
+    assert [one.span.line for one in error.errors if one.span] == [1, 2, 3, 4]
+    assert str(error).count("error[") == 4
+
+
+# --- stopping ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("engine", ["database", "native"])
+@pytest.mark.parametrize("script", [ENDLESS, SLOW, ENDLESS.replace("n = n + 1", "UNIQUE n = n + 1")])
+def test_a_timeout_ends_a_run_in_time(session: Session, engine: str, script: str) -> None:
+    started = time.perf_counter()
+    error = failure(lambda: session.run(script, engine=engine, timeout=0.2))  # type: ignore[arg-type]
+    assert time.perf_counter() - started < 0.6
+    assert isinstance(error, ss2sql.Timeout)
+    assert error.partial.status == "timeout"
+    assert error.partial.engine == engine
+    still_works(session)
+
+
+@pytest.mark.parametrize("engine", ["database", "native"])
+def test_the_partial_result_holds_what_was_found(session: Session, engine: str) -> None:
+    error = failure(lambda: session.run(ENDLESS, engine=engine, timeout=0.3))  # type: ignore[arg-type]
+    assert isinstance(error, ss2sql.Timeout)
+    paths = error.partial.paths
+    assert paths
+    assert [path[-1] for path in paths] == [(1000 * (i + 1),) for i in range(len(paths))]
+
+
+@pytest.mark.parametrize("engine", ["database", "native"])
+def test_an_interrupt_ends_a_run(session: Session, engine: str) -> None:
+    threading.Timer(0.1, session.interrupt).start()
+    error = failure(lambda: session.run(ENDLESS, engine=engine))  # type: ignore[arg-type]
+    assert isinstance(error, ss2sql.Cancelled)
+    assert error.partial.status == "cancelled"
+    still_works(session)
+
+
+@pytest.mark.parametrize("engine", ["database", "native"])
+def test_ctrl_c_ends_a_run(session: Session, engine: str) -> None:
+    @session.function
+    def press(n: int) -> int:
+        if n == 5:
+            raise KeyboardInterrupt
+        return n
+
+    script = "SELECT press(n) FROM [1] START WITH n = 1 CONNECT BY BREADTH FIRST n = n + 1"
+    session.function("press", press, volatility="immutable")
+    error = failure(lambda: session.run(script, engine=engine))  # type: ignore[arg-type]
+    assert isinstance(error, ss2sql.Cancelled)
+    still_works(session)
+
+
+@pytest.mark.parametrize("engine", ["database", "native"])
+def test_max_rows_counts_paths_of_a_search(session: Session, engine: str) -> None:
+    script = "SELECT n FROM [1] START WITH n = 1 CONNECT BY n = n + 1 STOP WITH n == 4"
+    assert len(session.run(script, engine=engine, max_rows=3).paths) == 3  # type: ignore[arg-type]
+    error = failure(lambda: session.run(script, engine=engine, max_rows=2))  # type: ignore[arg-type]
+    assert error.code == "X010"
+    assert "2" in error.message
