@@ -123,7 +123,9 @@ def main() -> None:
     machine = {"python": platform.python_version(), "sqlite": apsw.sqlite_lib_version(), "machine": platform.machine()}
     OUT.parent.mkdir(exist_ok=True)
     OUT.write_text(json.dumps({"machine": machine, "records": records}, indent=2) + "\n", encoding="utf-8")
-    console.print(f"written to {OUT.relative_to(OUT.parents[1])}; all took {time.perf_counter() - started:.0f} s", highlight=False)
+    console.print(
+        f"written to {OUT.relative_to(OUT.parents[1])}; all took {time.perf_counter() - started:.0f} s", highlight=False
+    )
 
 
 if __name__ == "__main__":

@@ -17,8 +17,8 @@ HEAD = """# Errors
 
 <!-- Written by docs/generate.py from ss2sql/errors.py and tests/cases; `make golden` writes it anew. -->
 
-Every error has a code, the place in the script, the reason and the cure. Errors of names and clauses are all reported at
-once. What your own functions raise keeps its type and gets a note that names the line of the script.
+Every error has a code, the place in the script, the reason and the cure. Errors of names and clauses are all reported
+at once. What your own functions raise keeps its type and gets a note that names the line of the script.
 """
 
 

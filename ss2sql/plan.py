@@ -213,8 +213,9 @@ class Eval:
 
 @dataclass(frozen=True, slots=True)
 class GroupKey:
-    """The value of the GROUP BY expression with this position, in a place that sees groups."""
+    """The value of a query's GROUP BY expression with this position, in a place that sees its groups."""
 
+    query: int
     index: int
     type: Type = ANY
     span: Span = _span()
@@ -356,7 +357,8 @@ class Query:
 
     With `group` and `aggregated`: one row per group; `columns`, `having` and `order` contain GroupKey and
     Aggregate and no Element or Column of this query outside an Aggregate. With `group` alone: a dict from
-    group value to the partition; `columns` and `order` see elements, `having` groups.
+    group value to the partition; `columns` and `order` see elements, `having` groups. Of a search with
+    `aggregated` columns, `rows` are what the rows of its paths consist of, where they have no Aggregate.
     """
 
     id: int
@@ -370,6 +372,7 @@ class Query:
     order: tuple[OrderKey, ...] = ()
     limit: Expr | None = None
     representation: Representation = Representation("dict")
+    rows: tuple[Expr, ...] = ()
     span: Span = _span()
 
 

@@ -46,6 +46,15 @@ def walk(node: Node) -> Iterator[Node]:
         stack.extend(reversed(list(parts(current))))
 
 
+def walk_own(node: Node) -> Iterator[Node]:
+    """Like `walk`, without the queries below the node."""
+    stack = [node]
+    while stack:
+        current = stack.pop()
+        yield current
+        stack.extend(part for part in reversed(list(parts(current))) if not isinstance(part, plan.Query))
+
+
 def rebuild(expr: E, change: Callable[[Node], Node]) -> E:
     """The same node with `change` applied to every node directly inside it."""
     if isinstance(expr, plan.Constant):

@@ -2,8 +2,8 @@
 
 The blocks of a page run in order:
 
-- `python` runs in the page's namespace. A `text` or `sql` block after it is what it printed. Python inside of a comment,
-  `<!-- python ... -->`, runs without being seen.
+- `python` runs in the page's namespace. A `text` or `sql` block after it is what it printed. Python inside of a
+  comment, `<!-- python ... -->`, runs without being seen.
 - `selectscript` is parsed. If a `sql` or `text` block follows, it also runs in the page's session `ss`: `sql` is the
   SQL that it became, `text` its result, or its error.
 - `console`: lines that begin with `$ ss2sql` run; the lines up to the next `$` are what the command printed.

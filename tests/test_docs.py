@@ -22,7 +22,9 @@ MODULES = sorted(module.name for module in pkgutil.walk_packages(ss2sql.__path__
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_pages_show_what_their_code_gives(page):
     for found in differences(page):
-        pytest.fail(f"{page.name}, line {found.line}: `make golden` would write\n{found.actual}\nand there is\n{found.shown}")
+        pytest.fail(
+            f"{page.name}, line {found.line}: `make golden` would write\n{found.actual}\nand there is\n{found.shown}"
+        )
 
 
 @pytest.mark.parametrize("page", LINKING, ids=lambda page: page.stem)
@@ -62,5 +64,5 @@ def test_examples_in_docstrings_hold(name):
 
 
 def test_every_module_says_what_it_is_for():
-    paths = [path for path in Path(ss2sql.__path__[0]).rglob("*.py")]
+    paths = Path(ss2sql.__path__[0]).rglob("*.py")
     assert [str(path) for path in paths if not path.read_text("utf-8").startswith('"""')] == []

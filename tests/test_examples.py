@@ -123,8 +123,8 @@ def test_the_program_of_the_paper_differs_in_its_import_line_only(played):
 # --- map colouring -------------------------------------------------------------------------------------
 
 COLOURS = ("red", "green", "blue", "yellow")
-EIGHT = "ab ac ad ae af bc bd bf bg cd cg ch de dh ef eh fg gh".split()
-FIVE = "ab ac ad ae bc bd cd de".split()
+EIGHT = "ab ac ad ae af bc bd bf bg cd cg ch de dh ef eh fg gh".split()  # noqa: SIM905
+FIVE = "ab ac ad ae bc bd cd de".split()  # noqa: SIM905
 
 
 def colourings(countries: str, borders: list[str]) -> list[dict[str, str]]:
@@ -212,7 +212,9 @@ def test_hierarchy_upwards_and_downwards(played, company):
     assert example.result("3_upwards").paths == [chain]
     near = [[(company[one]["name"], 1)] for one in reports(company, 2)]
     far = [
-        [(company[one]["name"], 1), (company[two]["name"], 2)] for one in reports(company, 2) for two in reports(company, one)
+        [(company[one]["name"], 1), (company[two]["name"], 2)]
+        for one in reports(company, 2)
+        for two in reports(company, one)
     ]
     assert far
     assert example.result("4_downwards").paths == near + far

@@ -98,7 +98,9 @@ def test_the_stages_of_the_architecture_are_functions():
 
 def test_every_error_code_is_used_and_explained():
     code = "\n".join(path.read_text("utf-8") for path in PACKAGE.rglob("*.py") if path.name != "errors.py")
-    raised = set(re.findall(r'"([A-Z]\d{3})"', code + (PACKAGE / "errors.py").read_text("utf-8").split("class Error")[1]))
+    raised = set(
+        re.findall(r'"([A-Z]\d{3})"', code + (PACKAGE / "errors.py").read_text("utf-8").split("class Error")[1])
+    )
     assert raised == set(CODES)
     index = (ROOT / "docs" / "errors.md").read_text("utf-8")
     assert [name for name in CODES if f"## {name}: " not in index] == []

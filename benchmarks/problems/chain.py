@@ -28,7 +28,8 @@ def walk(length: int) -> list[int]:
 PROBLEMS = tuple(
     Problem(
         f"chain of {length:,}, {option or 'no option'}",
-        f"SELECT n FROM [0] WHERE n == {length} START WITH n = 1 CONNECT BY {option} n = n + 1 STOP WITH n == {length};",
+        f"""SELECT n FROM [0] WHERE n == {length}
+            START WITH n = 1 CONNECT BY {option} n = n + 1 STOP WITH n == {length};""",
         partial(walk, length),
     )
     for option in OPTIONS

@@ -12,8 +12,8 @@ from page import Page
 
 import ss2sql
 
-LEAD = """Every error names the line and the column, shows the text, says what is wrong and what to do about it. All errors
-of names are reported at once. The code in brackets is explained in the error index of the documentation."""
+LEAD = """Every error names the line and the column, shows the text, says what is wrong and what to do about it. All
+errors of names are reported at once. The code in brackets is explained in the error index of the documentation."""
 
 TOUR = (
     ("A name with a typo", "SELECT name FROM famliy WHERE age > 30;"),
@@ -21,7 +21,10 @@ TOUR = (
     ("A key that one of the rows lacks", 'SELECT name FROM family WHERE this["age"] > 30;'),
     ("A missing parenthesis", "SELECT name\nFROM family\nWHERE len((name) > 2;"),
     ("STOP without WITH", "SELECT this FROM moves START WITH n = 0 CONNECT BY n = n + 1 STOP n == 3;"),
-    ("Options that contradict each other", "SELECT this FROM moves START WITH n = 0 CONNECT BY NO CYCLE MEMORIZE 3 n = n + 1;"),
+    (
+        "Options that contradict each other",
+        "SELECT this FROM moves START WITH n = 0 CONNECT BY NO CYCLE MEMORIZE 3 n = n + 1;",
+    ),
     ("An equals sign from SQL", "SELECT name FROM family WHERE name = 'Ada';"),
     ("A column name from SQL", "SELECT name AS first FROM family;"),
     ("Two kinds of values that have no order", "SELECT name FROM family WHERE name < 1;"),

@@ -15,9 +15,9 @@ from towers import move
 
 import ss2sql
 
-LEAD = """Three towers, the disks on the first one, the largest below. A move takes the top disk of one tower to another,
-never onto a smaller one. Which moves bring all disks to the third tower? `move` is an ordinary Python function;
-the scripts below ask for the answer in the five ways of the paper."""
+LEAD = """Three towers, the disks on the first one, the largest below. A move takes the top disk of one tower to
+another, never onto a smaller one. Which moves bring all disks to the third tower? `move` is an ordinary Python
+function; the scripts below ask for the answer in the five ways of the paper."""
 
 
 def main(lines: int | None = None) -> Page:

@@ -20,7 +20,7 @@ LEAD = """A company of 24 people in a SQLite file; each row names the person's m
 it is: ss2sql.connect(path) makes the tables of a file sources of scripts."""
 
 NAMES = """Ada Bruno Chiara Dimitri Elif Farid Greta Hugo Ines Jonas Kira Lars Mina Noor Otto Petra
-Quinn Rosa Samir Tilda Umut Vera Wim Yara""".split()
+Quinn Rosa Samir Tilda Umut Vera Wim Yara""".split()  # noqa: SIM905
 DEPARTMENTS = ("Engineering", "Sales", "Support")
 
 
@@ -39,7 +39,8 @@ def make_company(path: Path, seed: int = 2) -> None:
         people.append((number, name, manager, department, salary))
     with closing(sqlite3.connect(path)) as file, file:
         file.execute(
-            "CREATE TABLE employees (id INTEGER PRIMARY KEY, name TEXT, manager INTEGER, department TEXT, salary INTEGER)"
+            """CREATE TABLE employees
+               (id INTEGER PRIMARY KEY, name TEXT, manager INTEGER, department TEXT, salary INTEGER)"""
         )
         file.executemany("INSERT INTO employees VALUES (?, ?, ?, ?, ?)", people)
 

@@ -14,8 +14,9 @@ from page import Page
 
 import ss2sql
 
-LEAD = """Colour a map of eight countries with four colours so that no two neighbours have the same one. There are 48 ways;
-the four scripts below find the same ones. Then a smaller map of five countries shows what else may stand in WHERE."""
+LEAD = """Colour a map of eight countries with four colours so that no two neighbours have the same one. There are 48
+ways; the four scripts below find the same ones. Then a smaller map of five countries shows what else may stand in
+WHERE."""
 
 
 def main(lines: int | None = None) -> Page:

@@ -13,9 +13,9 @@ from page import Page
 
 import ss2sql
 
-LEAD = """A robot looks for its way around walls. Its functions act on a simulator: move really puts the robot somewhere,
-checkCollision asks whether it stands in a wall there. Such functions are called in the order in which they are
-written, never remembered, so the search runs natively, not in SQLite."""
+LEAD = """A robot looks for its way around walls. Its functions act on a simulator: move really puts the robot
+somewhere, checkCollision asks whether it stands in a wall there. Such functions are called in the order in which they
+are written, never remembered, so the search runs natively, not in SQLite."""
 
 
 def main(lines: int | None = None) -> Page:
@@ -31,8 +31,9 @@ def main(lines: int | None = None) -> Page:
         result = page.run(ss, HERE / "paths.ss", rows=5)
     lengths = sorted(map(len, result.value))
     page.say(
-        f"{len(lengths):,} paths of {lengths[0]} to {lengths[-1]} steps; the bell rang {floor.bells} times; move was called "
-        f"{result.stats.calls['move']:,} times. S is the start, T the target, o the first path, dots are places of others:"
+        f"{len(lengths):,} paths of {lengths[0]} to {lengths[-1]} steps; the bell rang {floor.bells} times; move was "
+        f"called {result.stats.calls['move']:,} times. S is the start, T the target, o the first path, dots are places "
+        "of others:"
     )
     page.picture(floor.drawing(start, result.value))
     return page

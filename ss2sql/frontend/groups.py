@@ -9,7 +9,7 @@ from ss2sql import plan
 from ss2sql.errors import ResolveError
 from ss2sql.kinds import ANY, NONE, Kind, Type, union
 from ss2sql.runtime.builtins import AGGREGATES
-from ss2sql.walk import parts, rebuild, sources_read, states_read, walk
+from ss2sql.walk import parts, rebuild, sources_read, states_read, walk_own
 
 if TYPE_CHECKING:
     from ss2sql.frontend.resolve import Resolver
@@ -18,16 +18,14 @@ if TYPE_CHECKING:
 def with_groups(resolver: Resolver, query: plan.Query) -> plan.Query:
     """The query with group values and aggregates in the places that see groups.
 
-    A query whose columns are made of these alone gives one row per group; of a search this takes an
-    aggregate, for its columns are otherwise the rows of the paths.
+    A query whose columns are made of these alone gives one row per group. Of a search the columns are also
+    the rows of its paths, as long as they do not aggregate.
     """
     columns = tuple(replace(output, expr=_lifted(output.expr, query)) for output in query.columns)
-    aggregates = any(isinstance(node, plan.Aggregate) for output in columns for node in walk(output.expr))
+    aggregates = any(isinstance(node, plan.Aggregate) for output in columns for node in walk_own(output.expr))
     aggregated = not any(_sees_rows(output.expr, query) for output in columns)
-    if query.search is not None:
-        aggregated = aggregated and aggregates
-        if aggregates and query.search.repeats != "allowed":
-            _refuse(resolver, query, "SELECT makes the rows that this search compares, so it cannot aggregate")
+    if query.search is not None and aggregates and query.search.repeats != "allowed":
+        _refuse(resolver, query, "SELECT makes the rows that this search compares, so it cannot aggregate")
     if aggregates and not aggregated:
         _refuse_mixture(resolver, query, columns)
     having = None if query.having is None else _lifted(query.having, query)
@@ -45,33 +43,41 @@ def with_groups(resolver: Resolver, query: plan.Query) -> plan.Query:
             message = "ORDER BY sorts groups here, so it sees group values and aggregates only"
             hint = f"add it to GROUP BY, or aggregate it: max({key.expr.span.text})"
             resolver.errors.append(ResolveError("R008", message, key.expr.span, (hint,)))
-    return replace(query, columns=columns, order=order, aggregated=True)
+    rows = () if aggregates or query.search is None else tuple(output.expr for output in query.columns)
+    return replace(query, columns=columns, order=order, aggregated=True, rows=rows)
 
 
-def _lifted(expr: plan.Expr, query: plan.Query) -> plan.Expr:
-    """The expression with GroupKey and Aggregate where it means a group value or an aggregate."""
+def _lifted(expr: plan.Expr, query: plan.Query, inside: bool = False) -> plan.Expr:
+    """The expression with GroupKey and Aggregate where it means a group value or an aggregate.
+
+    `inside` another query the group values are in sight, but its calls of `sum` and its kin are its own.
+    """
     for index, key in enumerate(query.group):
         if expr == key:
-            return plan.GroupKey(index, key.type, span=expr.span)
+            return plan.GroupKey(query.id, index, key.type, span=expr.span)
     match expr:
-        case plan.Call(function=function, arguments=(argument,)) if function.builtin and function.name in AGGREGATES:
-            kind = _aggregate_type(function.name, argument.type)
-            return plan.Aggregate(function.name, argument, kind, span=expr.span)
-    return rebuild(expr, lambda part: _lifted(part, query))
+        case plan.Call(function=plan.Function(name=name, builtin=True), arguments=(argument,)) if (
+            name in AGGREGATES and not inside
+        ):
+            kind = _aggregate_type(name, argument.type)
+            return plan.Aggregate(name, argument, kind, span=expr.span)
+    inside = inside or isinstance(expr, plan.Query)
+    return rebuild(expr, lambda part: _lifted(part, query, inside))
 
 
-def _sees_rows(node: object, query: plan.Query) -> bool:
-    """Whether the node reads the query's own elements or state outside an aggregate."""
-    if isinstance(node, plan.Aggregate):
-        return False
+def _sees_rows(node: object, query: plan.Query, inside: bool = False) -> bool:
+    """Whether the node reads the query's own elements or state outside its aggregates; `inside` see `_lifted`."""
     own = {source.id for source in query.sources}
     match node:
+        case plan.Aggregate() if not inside:
+            return False
         case plan.Element() | plan.Column() | plan.Eval():
             return bool(sources_read(node) & own)
         case plan.State():
             return any(number == query.id for number, _ in states_read(node))
         case _:
-            return any(_sees_rows(part, query) for part in parts(node))
+            inside = inside or isinstance(node, plan.Query)
+            return any(_sees_rows(part, query, inside) for part in parts(node))
 
 
 def _aggregate_type(name: str, kind: Type) -> Type:

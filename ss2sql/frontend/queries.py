@@ -106,7 +106,7 @@ def _named_source(resolver: Resolver, name: str, word: str, scope: Scope, span: 
     if resolver.catalog.open_names:
         return _value_source(resolver, name, resolver.name(word, None, span), span)
     known = [*resolver.assigned, *resolver.catalog.variables, *resolver.catalog.tables, *resolver.late]
-    hints = did_you_mean(word, known)
+    hints = did_you_mean(word, known) or ("assign a list to it, or attach one from Python: session.attach(name, list)",)
     if word in resolver.catalog.functions:
         hints = (f"'{word}' is a function: call it, {word}(...)",)
     raise ResolveError("R003", f"unknown source '{word}'", span, hints)
@@ -131,7 +131,7 @@ def _late_list(resolver: Resolver, word: str, scope: Scope, span: Span) -> plan.
 def _table_source(resolver: Resolver, name: str, schema: str, word: str, span: Span) -> plan.Source:
     table = resolver.catalog.table(schema, word)
     if table is None:
-        hints = did_you_mean(word, resolver.catalog.tables)
+        hints = did_you_mean(word, resolver.catalog.tables) or (f"'{schema}' is no source here, and has no such table",)
         raise ResolveError("R003", f"unknown source '{schema}.{word}'", span, hints)
     return _use_table(resolver, table, name, span)
 
@@ -247,15 +247,16 @@ def _settle_state_types(resolver: Resolver, tree: ast.Query, scope: Scope, start
 
 def _connect_types(resolver: Resolver, tree: ast.Query, scope: Scope) -> dict[str, Type]:
     """The types that CONNECT BY gives with the present types of the variables; nothing of the trial is kept."""
-    kept = (len(resolver.errors), dict(resolver.parameters), dict(resolver.tables), resolver.tentative)
+    errors = len(resolver.errors)
+    kept = (dict(resolver.parameters), dict(resolver.tables), resolver.tentative, resolver.numbers)
     trial = scope.copy()
     _open_sources(resolver, tree, trial)
     types: dict[str, Type] = {}
     for assign in tree.connect:
         value = resolver.guarded(resolver.expression, assign.value, trial)
         types[assign.name] = value.type
-    del resolver.errors[kept[0] :]
-    _, resolver.parameters, resolver.tables, resolver.tentative = kept
+    del resolver.errors[errors:]
+    resolver.parameters, resolver.tables, resolver.tentative, resolver.numbers = kept
     return types
 
 

@@ -60,12 +60,12 @@ class Resolver:
         self.reads: dict[str, Type] = {}
         self.tables: dict[int, plan.TableSource] = {}
         self.tentative = False
-        self._number = base
+        self.numbers = base
 
     def number(self) -> int:
         """A new number for a source or query. Texts of `eval` count from a million, apart from their script."""
-        self._number += 1
-        return self._number
+        self.numbers += 1
+        return self.numbers
 
     def finish(self) -> None:
         if self.errors:
@@ -162,9 +162,11 @@ class Resolver:
             self.reads[name] = ANY
             return plan.Variable(name, ANY, span=span)
         known = [*names_in_sight(scope), *self.assigned, *self.catalog.variables, *self.parameters]
-        hints = did_you_mean(name, known)
+        hints = did_you_mean(name, known) or (f"assign it before, or give it from Python: run(script, {name}=...)",)
         if name in self.catalog.functions:
             hints = (f"'{name}' is a function: write {name}({'this' if scope else '...'})",)
+        elif any(source.name == name for level in (scope.outwards() if scope else ()) for source in level.sources):
+            hints = (f"'{name}' is a source: write {name}.this",)
         elif name.upper() == "NULL":
             hints = ("write None",)
         raise ResolveError("R001", f"unknown name '{name}'", span, hints)
@@ -259,7 +261,8 @@ class Resolver:
             self.check_arity(function, len(arguments), span)
             return self.eval(arguments[0], scope, span)
         if is_aggregate(function) and len(arguments) == 1 and not grouped and not arguments[0].type.may(Kind.LIST):
-            raise ResolveError("R008", f"{name} needs a list, and this is not one", span, (AGGREGATE_HINT.format(name=name),))
+            hint = AGGREGATE_HINT.format(name=name)
+            raise ResolveError("R008", f"{name} needs a list, and this is not one", span, (hint,))
         return self.call(name, arguments, span, span)
 
     def call(self, name: str, arguments: tuple[plan.Expr, ...], span: Span, place: Span) -> plan.Call:

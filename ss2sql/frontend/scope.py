@@ -56,7 +56,8 @@ def source_named(scope: Scope | None, name: str, span: Span) -> plan.Source:
             if source.name == name:
                 return source
             known.append(source.name)
-    raise ResolveError("R003", f"there is no source named '{name}' here", span, did_you_mean(name, known))
+    hints = did_you_mean(name, known) or (f"name a source in FROM: FROM {name} = ...",)
+    raise ResolveError("R003", f"there is no source named '{name}' here", span, hints)
 
 
 def column_of(source: plan.Source, name: str, span: Span) -> plan.Column:

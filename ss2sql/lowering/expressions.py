@@ -43,18 +43,21 @@ Reader: TypeAlias = Callable[[plan.Element | plan.Column], Node]
 class Env:
     """How sources and START WITH variables are read in the SQL scope at hand.
 
-    A reader or state gives what stands in a column: a flag where the type is bool alone.
+    A reader, state or group value gives what stands in a column: a flag where the type is bool alone.
     """
 
     sources: Mapping[int, Reader] = field(default_factory=dict)
     states: Mapping[tuple[int, str], Node] = field(default_factory=dict)
-    groups: tuple[Node, ...] = ()
+    groups: Mapping[tuple[int, int], Node] = field(default_factory=dict)
 
     def with_source(self, source: int, reader: Reader) -> Env:
         return replace(self, sources={**self.sources, source: reader})
 
     def with_states(self, states: Mapping[tuple[int, str], Node]) -> Env:
         return replace(self, states={**self.states, **states})
+
+    def with_groups(self, groups: Mapping[tuple[int, int], Node]) -> Env:
+        return replace(self, groups={**self.groups, **groups})
 
 
 def is_flag(kind: Type) -> bool:
@@ -129,8 +132,8 @@ class Expressions:
                 return self.conditional(expr, env)
             case plan.MakeList(items=items):
                 return sql.call("list", *(self.value(item, env) for item in items))
-            case plan.GroupKey(index=index):
-                return env.groups[index]
+            case plan.GroupKey(query=query, index=index):
+                return env.groups[(query, index)]
             case plan.Aggregate():
                 return self.aggregate(expr, env)
             case plan.Subquery(query=query, type=kind):

@@ -14,7 +14,7 @@ from ss2sql.lowering.expressions import Env, Expressions, can_fail, is_flag
 from ss2sql.lowering.parameters import Needs
 from ss2sql.lowering.sources import Opened, open_sources, sql_names
 from ss2sql.lowering.sql import Node
-from ss2sql.walk import sources_read, walk
+from ss2sql.walk import sources_read, walk_own
 
 COLLECTORS = {
     "list": "collect",
@@ -120,8 +120,8 @@ class Selects:
         where = sql.conjunction(flat.conditions)
         first = flat.natural
         if first is not None and len(first) == 1 and not _needs_numbers(query):
-            keys = tuple(self.expressions.lower(key, flat.env) for key in query.group)
-            return self._group(query, replace(flat.env, groups=keys), flat.items, where, first[0], names)
+            keys = [self.expressions.lower(key, flat.env) for key in query.group]
+            return self._group(query, flat.env, keys, flat.items, where, first[0], names)
         return self._group_numbered(query, flat, where, names)
 
     def _group_numbered(self, query: plan.Query, flat: Flat, where: Node | None, names: list[str | None]) -> exp.Select:
@@ -146,17 +146,24 @@ class Selects:
             window.set("order", exp.Order(expressions=ordered))
         outputs.append(sql.alias(window, "position"))
         inner = sql.derived(sql.select(outputs, flat.items, where), label)
-        keys = tuple(sql.column(f"key_{index}", label) for index in range(1, len(query.group) + 1))
-        grouped_env = replace(flat.env, groups=keys)
+        keys = [sql.column(f"key_{index}", label) for index in range(1, len(query.group) + 1)]
         lowering = _Numbered(self, arguments, [sql.column(name, label) for name in names_of])
         position = sql.column("position", label)
-        return lowering._group(query, grouped_env, [inner], None, position, names)
+        return lowering._group(query, flat.env, keys, [inner], None, position, names)
 
     def _group(
-        self, query: plan.Query, env: Env, items: list[Node], where: Node | None, first: Node, names: list[str | None]
+        self,
+        query: plan.Query,
+        env: Env,
+        keys: Sequence[Node],
+        items: list[Node],
+        where: Node | None,
+        first: Node,
+        names: list[str | None],
     ) -> exp.Select:
+        env = env.with_groups({(query.id, index): key for index, key in enumerate(keys)})
         select = sql.select(self.outputs(query, env, names), items, where)
-        select.set("group", exp.Group(expressions=[sql.key(key.copy()) for key in env.groups]))
+        select.set("group", exp.Group(expressions=[sql.key(key.copy()) for key in keys]))
         if query.having is not None:
             select.set("having", exp.Having(this=self.expressions.condition(query.having, env)))
         order = [(self.expressions.lower(key.expr, env), key.descending) for key in query.order]
@@ -284,4 +291,4 @@ def _needs_numbers(query: plan.Query) -> bool:
 def _group_nodes(query: plan.Query) -> list[object]:
     places = [output.expr for output in query.columns] + [key.expr for key in query.order]
     places += [query.having] if query.having is not None else []
-    return [node for place in places for node in walk(place)]
+    return [node for place in places for node in walk_own(place)]

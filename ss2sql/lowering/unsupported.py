@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import islice
 from typing import Any
 
 from ss2sql import plan
@@ -15,7 +16,7 @@ from ss2sql.errors import Span, UnsupportedError
 from ss2sql.kinds import Kind
 from ss2sql.lowering.select import sortable_key, uniform
 from ss2sql.lowering.strategies import GUARDS, ORDERS
-from ss2sql.walk import is_volatile, parts, walk
+from ss2sql.walk import is_volatile, walk, walk_own
 
 LANGUAGE_REPRESENTATIONS = ("dict", "list", "rows", "value", "set", "void")
 MOST_SOURCES = 60  # SQLite joins at most 64 tables
@@ -31,14 +32,8 @@ class Rule:
 
 
 def _own_nodes(query: plan.Query) -> Iterator[Any]:
-    """The nodes of a query's expressions, those of queries inside it apart."""
-    stack = list(parts(query))
-    while stack:
-        node = stack.pop()
-        if isinstance(node, plan.Query):
-            continue
-        yield node
-        stack.extend(parts(node))
+    """The nodes of a query's expressions, those of queries inside it apart, in the order of the text."""
+    return islice(walk_own(query), 1, None)
 
 
 def _memorize(query: plan.Query, nested: bool) -> Span | None:

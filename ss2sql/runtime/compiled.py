@@ -87,8 +87,11 @@ class CompiledQuery:
         cut_early = limit is not None and not self.query.order and not self.query.group
         most = min((n for n in (maximum, limit if cut_early else None) if n is not None), default=None)
 
+        bound = run.bound[self] = {}
+
         def evaluate(parameter: Parameter) -> Any:
-            return self.parameters[parameter.name](run)
+            value = bound[parameter.name] = self.parameters[parameter.name](run)
+            return value
 
         try:
             extras = self.host.database.execute(self.lowered, run, evaluate, sink, most)
@@ -127,15 +130,13 @@ class CompiledQuery:
         return most is not None and len(rows.paths or rows.rows or ()) >= most
 
     def sql(self, run: Run | None = None) -> Sql:
-        """The text that runs, with the values of its parameters where they are known."""
+        """The text that runs, with the values of its parameters: those that it had in a run, else those in the text."""
         if self.lowered is None:
             return Sql(f"-- no SQL: {self.reason}")
-        values = {}
-        for parameter in self.lowered.parameters:
-            if run is not None:
-                values[parameter.name] = self.parameters[parameter.name](run)
-            elif isinstance(parameter.expr, plan.Constant):
-                values[parameter.name] = parameter.expr.value
+        parameters = self.lowered.parameters
+        values = {p.name: p.expr.value for p in parameters if isinstance(p.expr, plan.Constant)}
+        if run is not None:
+            values.update(run.bound.get(self, ()))
         return Sql(self.lowered.text, values, modules=self.lowered.modules)
 
 

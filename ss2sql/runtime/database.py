@@ -14,7 +14,7 @@ from typing import Any, cast
 import apsw
 
 from ss2sql import plan
-from ss2sql.errors import Error, ExecutionError, Span, note_place
+from ss2sql.errors import Error, ExecutionError, Span, Stopped, note_place
 from ss2sql.lowering.expressions import PREDICATES, builtin_name
 from ss2sql.lowering.parameters import Parameter, Shown, SqlQuery
 from ss2sql.lowering.sources import sql_names
@@ -119,6 +119,7 @@ class Database:
 
         def function(*arguments: Any) -> Any:
             execution = stack[-1]
+            execution.run.check()
             pool = execution.pool
             try:
                 result = python(*map(pool.decode, arguments[:-1]))
@@ -137,6 +138,7 @@ class Database:
         def call(execution: Execution, arguments: tuple[Any, ...]) -> tuple[Any, bool]:
             values = list(map(execution.pool.fresh, arguments))
             forget = remember and forgets(function, values)
+            execution.run.check()
             execution.run.stats.calls[name] += 1
             spans = execution.calls.get(name, ())
             try:
@@ -207,11 +209,14 @@ class Database:
             self._module(name, columns)
         execution = Execution(run, lowered.query, lowered.calls)
         self.stack.append(execution)
+        cursor = self.connection.cursor()
         try:
             pool = execution.pool
             values = {parameter.name: _encoded(pool, parameter, evaluate) for parameter in lowered.parameters}
-            cursor = self.connection.execute(lowered.text, values)
+            cursor.execute(lowered.text, values)
             return list(islice(self._results(lowered, execution, cursor, sink), most))
+        except Stopped as stopped:
+            raise stopped.located(lowered.query.span) from None
         except apsw.Error as error:
             if "integer overflow" in str(error):
                 hint = "sum floats instead: sum(float(x))"
@@ -219,6 +224,7 @@ class Database:
             hints = ("run it with engine='native'",)
             raise ExecutionError("X009", f"SQLite: {error}", lowered.query.span, hints) from error
         finally:
+            cursor.close(True)  # else an error that somebody keeps would keep the statement open, and the file locked
             self.stack.pop()
             for name, memo in execution.memos.items():
                 run.stats.remembered[name] += memo.hits

@@ -163,10 +163,11 @@ def native_callable(function: UserFunction, run: Run, memo_limit: int) -> Callab
     The memo's keys are the marshalled arguments, which tell 1 from 1.0 and True; values that cannot be
     marshalled (objects) are not remembered.
     """
-    name, body, calls = function.name, function.function, run.stats.calls
+    name, body, calls, check = function.name, function.function, run.stats.calls, run.check
     giver = f"the function '{name}'"
 
     def call(*arguments: Any) -> Any:
+        check()
         calls[name] += 1
         return normalise(body(*map(fresh, arguments)), giver)
 

@@ -59,7 +59,8 @@ class Run:
     - `shape(query, rows, arguments, named)`: the value that `AS` makes of rows, as a language value.
     - `table_rows(source)`: all rows of a table of the database, in its order, values of its columns in order.
 
-    `sink` holds the rows found so far by the query that runs, and its engine; `answer` what the last query gave.
+    `sink` holds the rows found so far by the query that runs, and its engine; `answer` what the last query gave,
+    `bound` the values that each lowered query was given for its parameters.
     """
 
     host: Host
@@ -73,6 +74,7 @@ class Run:
     answer: Any = None
     snapshots: dict[str, Any] = field(default_factory=dict)
     callables: dict[str, Callable[..., Any]] = field(default_factory=dict)
+    bound: dict[object, dict[str, Any]] = field(default_factory=dict)
 
     def check(self) -> None:
         """Raises Cancelled or Timeout when the run has to end."""

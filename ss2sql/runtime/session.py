@@ -175,7 +175,8 @@ class Session:
     def set(self, name: str, value: Any) -> None:
         """Sets a script variable to a copy of the value. Raises ExecutionError X004 for NaN and its like."""
         self._check_name(name)
-        self.host.names.assign(name, normalise(fresh(value), f"the variable '{name}'"))
+        giver = f"the variable '{name}'"
+        self.host.names.assign(name, normalise(fresh(normalise(value, giver)), giver))
 
     def get(self, name: str) -> Any:
         """The value of a script variable, a copy. Raises KeyError if there is none."""
@@ -253,8 +254,9 @@ class Session:
     ) -> Result:
         """Runs a compiled script; `Query.run` and `Session.run` end here."""
         self._check_open()
-        seconds = self.timeout if timeout is None else timeout
-        run = Run(self.host, Stats(), None if seconds is None else time.monotonic() + seconds, max_rows=max_rows)
+        _check_bound("maximum", maximum, 1)
+        _check_bound("max_rows", max_rows, 0)
+        run = Run(self.host, Stats(), self._deadline(self.timeout if timeout is None else timeout), max_rows=max_rows)
         run.arguments = {name: normalise(value, f"the variable '{name}'") for name, value in variables.items()}
         run.stats.seconds["compile"] = compile_seconds
         started = time.perf_counter()
@@ -290,6 +292,12 @@ class Session:
             script_sql(statements, run),
             answer,
         )
+
+    def _deadline(self, seconds: float | None) -> float | None:
+        """When a run that starts now has to end; one inside of another run ends with that at the latest."""
+        times = [run.deadline for run in self.host.runs]
+        times.append(None if seconds is None else time.monotonic() + seconds)
+        return min((moment for moment in times if moment is not None), default=None)
 
     def _partial(self, run: Run, status: str) -> Result | None:
         if run.sink is None:
@@ -333,6 +341,11 @@ def _name_of(function: Any) -> str:
     if not name.isidentifier():
         raise SessionError("S002", f"{function!r} has no name of its own", hints=('give one: function("name", f)',))
     return str(name)
+
+
+def _check_bound(name: str, value: Any, least: int) -> None:
+    if value is not None and (isinstance(value, bool) or not isinstance(value, int) or value < least):
+        raise SessionError("S002", f"{name} is a whole number of at least {least}, not {value!r}")
 
 
 def _open(path: str | os.PathLike[str] | None, read_only: bool) -> apsw.Connection:

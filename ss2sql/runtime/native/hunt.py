@@ -87,7 +87,7 @@ class Steps:
         self.loops = loops
         self.has_keys = has_keys
         self.body = Body(self.unit, self.unit.local("steps"), ["state", "seen"], outer)
-        self.outputs = () if query.aggregated else tuple(output.expr for output in query.columns)
+        self.outputs = query.rows if query.aggregated else tuple(output.expr for output in query.columns)
         self.compares = self.search.repeats != "allowed"
         self.pen = self.unit.pen_at(query.span)
 
