@@ -1,8 +1,10 @@
-"""`make demo`: four examples one after the other, and a table of what they found."""
+"""`make demo`: examples one after the other, all or those that are named, and a table of what they found."""
 
 from __future__ import annotations
 
 import runpy
+import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 from page import Page, console, size
@@ -13,9 +15,9 @@ LINES = 24  # of code at a time; an example run alone shows everything
 EXAMPLES = ("hanoi", "map_colouring", "hierarchy", "robot")
 
 
-def main() -> None:
+def main(names: Sequence[str] = EXAMPLES) -> None:
     screen = console()
-    pages: list[Page] = [runpy.run_path(str(HERE / name / "run.py"))["main"](LINES) for name in EXAMPLES]
+    pages: list[Page] = [runpy.run_path(str(HERE / name / "run.py"))["main"](LINES) for name in names]
     screen.print()
     screen.rule("[bold]Summary", style="cyan", characters="━")
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
@@ -32,4 +34,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:] or EXAMPLES)

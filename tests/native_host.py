@@ -123,13 +123,11 @@ class FakeHost:
         return Run(self, **limits)
 
     def run(self, script: str, run: Run | None = None) -> Any:
-        """The value of the last statement; each is resolved when those before it have run."""
+        """The value of the last statement."""
         run = self.start() if run is None else run
         value = None
-        for statement in parse(Source(script)).statements:
-            tree = parse(Source(script))
-            resolved = resolve(type(tree)((statement,), span=tree.span), self.catalog()).statements[0]
-            value = compile_statement(resolved.expr)(run)
+        for statement in resolve(parse(Source(script)), self.catalog()).statements:
+            value = compile_statement(statement.expr)(run)
         return value
 
     def query(self, script: str) -> NativeQuery:

@@ -34,7 +34,7 @@ class Replay:
         self.search = Search(reference, query, None)
 
     def leads_to_a_goal(self, path: Rows) -> bool:
-        """Whether the rows are a path from the start to a goal. Equal rows may come from several elements: any will do."""
+        """Whether the rows are a path from the start to a goal; of several elements with equal rows any will do."""
         states = [self.search.start]
         for row in path[:-1]:
             states = [after for state in states for after, stops, _ in self._steps(state, row) if not stops]

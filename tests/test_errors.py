@@ -190,7 +190,7 @@ def test_a_missing_parameter_is_named(session: Session) -> None:
 # --- exceptions of the user ----------------------------------------------------------------------------
 
 
-class Mishap(Exception):
+class MishapError(Exception):
     """An exception of the user's own."""
 
 
@@ -199,10 +199,10 @@ def test_an_exception_keeps_its_type_and_its_traceback(session: Session, engine:
     @session.function
     def fragile(x: int) -> int:
         if x > 1:
-            raise Mishap(f"{x} is too much")
+            raise MishapError(f"{x} is too much")
         return x
 
-    with pytest.raises(Mishap, match="2 is too much") as caught:
+    with pytest.raises(MishapError, match="2 is too much") as caught:
         session.run("y = 1;\nSELECT this\nFROM [1, 2, 3] WHERE fragile(this) AS list;", engine=engine)  # type: ignore[arg-type]
     notes = "\n".join(caught.value.__notes__)
     assert notes.count("fragile") == 2  # the sentence and the line

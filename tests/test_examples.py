@@ -290,13 +290,18 @@ def test_every_mistake_names_line_column_reason_and_cure(played):
 # --- the demonstration ---------------------------------------------------------------------------------
 
 
+def test_demo_shows_every_example_but_the_mistakes(monkeypatch):
+    monkeypatch.syspath_prepend(str(EXAMPLES))
+    assert set(runpy.run_path(str(EXAMPLES / "demo.py"))["EXAMPLES"]) == set(NAMES) - {"errors"}
+
+
 def test_demo_runs_to_its_summary():
     environment = {**os.environ, "PYTHONIOENCODING": "utf-8"}
     done = subprocess.run(
-        [sys.executable, str(EXAMPLES / "demo.py")],
+        [sys.executable, str(EXAMPLES / "demo.py"), "hanoi", "hierarchy", "robot"],
         capture_output=True, text=True, encoding="utf-8", check=True, timeout=300, env=environment,
     )  # fmt: skip
     summary = done.stdout.split("Summary")[1]
-    for answer in ("48 rows", "[48, 976]", "285 paths, shortest 15 steps", "1000 paths"):
+    for answer in ("285 paths, shortest 15 steps", "24 paths", "1000 paths, shortest 10 steps"):
         assert answer in summary
     assert done.stderr == ""

@@ -129,7 +129,8 @@ def test_eval_sees_what_its_place_sees() -> None:
         [2, 3],
         [3, 4],
     ]
-    assert host.run("y = eval('z = 3; z + 1'); y + z") == 7
+    assert host.run("eval('k = 3; k + 1')") == 4
+    assert host.variables["k"] == 3
 
 
 def test_eval_sees_rows_of_queries_and_the_state_of_a_search() -> None:

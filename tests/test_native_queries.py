@@ -61,8 +61,8 @@ def test_conditions_are_tested_from_left_to_right() -> None:
 
 
 def test_an_empty_later_source_spares_the_conditions() -> None:
-    host = FakeHost(l=[0], none=[])
-    assert host.run("SELECT 1 FROM l, none WHERE 1 / l.this > 0") == []
+    host = FakeHost(l=[0], empty=[])
+    assert host.run("SELECT 1 FROM l, empty WHERE 1 / l.this > 0") == []
     assert host.error("SELECT 1 FROM l, k = [1] WHERE 1 / l.this > 0").code == "X002"
 
 
@@ -110,11 +110,11 @@ def test_a_repeated_call_runs_once_per_row() -> None:
 
 
 def test_a_call_of_constants_runs_once_and_only_if_needed() -> None:
-    host = FakeHost({"twice": twice}, l=[1, 2, 3], none=[])
+    host = FakeHost({"twice": twice}, l=[1, 2, 3], empty=[])
     run = host.start()
     assert host.run("SELECT this + twice(4) FROM l AS list", run) == [9, 10, 11]
     assert run.stats.calls["twice"] == 1
-    host.run("SELECT this + twice(5) FROM none AS list", run)
+    host.run("SELECT this + twice(5) FROM empty AS list", run)
     assert run.stats.calls["twice"] == 1
 
 
@@ -204,7 +204,7 @@ def test_a_join_reads_the_table_once_and_looks_up() -> None:
 
 def test_a_hierarchy_costs_its_size() -> None:
     number = 3000
-    rows = [(index + 1, index // 2, str(index)) for index in range(number)]
+    rows = [(index + 1, (index + 1) // 2, str(index)) for index in range(number)]
     host = FakeHost(tables=table("staff", rows))
     in_source = "SELECT id FROM (SELECT * FROM staff WHERE boss == top) START WITH top = 1 CONNECT BY top = id"
     in_where = "SELECT id FROM staff WHERE boss == top START WITH top = 1 CONNECT BY top = id STOP WITH boss != top"
@@ -266,7 +266,11 @@ def test_equal_keys_are_one_group_shown_by_the_first() -> None:
 def test_partitions() -> None:
     host = FakeHost(rows=[{"k": "a", "n": 1}, {"k": "b", "n": 5}, {"k": "a", "n": 3}])
     assert host.run("SELECT n FROM rows GROUP BY k AS list") == {"a": [1, 3], "b": [5]}
-    assert host.run("SELECT n FROM rows GROUP BY k, n AS list") == {("a", 1): [1], ("b", 5): [5], ("a", 3): [3]}
+    assert host.run("SELECT n FROM rows GROUP BY k, n > 1 AS list") == {
+        ("a", False): [1],
+        ("b", True): [5],
+        ("a", True): [3],
+    }
     assert host.run("SELECT n FROM rows GROUP BY [k] AS list") == {("a",): [1, 3], ("b",): [5]}
     assert host.run("SELECT n FROM rows GROUP BY k HAVING count(*) > 1 AS list") == {"a": [1, 3]}
     assert host.run("SELECT n FROM rows GROUP BY k ORDER BY n DESC AS list") == {"b": [5], "a": [3, 1]}
@@ -275,8 +279,6 @@ def test_partitions() -> None:
 def test_having_may_ask_a_nested_query() -> None:
     host = FakeHost(rows=[{"k": "a", "n": 1}, {"k": "b", "n": 5}], big=["b"])
     script = "SELECT k FROM rows GROUP BY k HAVING [] != (SELECT this FROM big WHERE this == rows.k AS list) AS list"
-    assert host.run(script) == ["b"]
-    script = "SELECT k FROM rows GROUP BY k HAVING [] != (SELECT this FROM [5, 6] WHERE this == sum(n) AS list) AS list"
     assert host.run(script) == ["b"]
 
 
@@ -294,7 +296,7 @@ def test_order_of_evaluation() -> None:
         return value
 
     host = FakeHost({"note": note}, {"note": "volatile"})
-    host.run("SELECT note('s', 1) FROM [1] WHERE note('w', 1) GROUP BY note('g', 1) ORDER BY note('o', 1)")
+    host.run("SELECT note('s', this) FROM [1] WHERE note('w', 1) GROUP BY note('g', 1) ORDER BY note('o', 1)")
     assert seen == ["w", "s", "g", "o"]
     seen.clear()
     script = "SELECT sum(note('s', a.this)) FROM a = [1, 2] GROUP BY note('g', 1) HAVING max(note('h', a.this)) == 2"

@@ -27,6 +27,13 @@ TOUR = (
     ),
     ("An equals sign from SQL", "SELECT name FROM family WHERE name = 'Ada';"),
     ("A column name from SQL", "SELECT name AS first FROM family;"),
+    (
+        "The one typo in the listings of the paper",
+        """SELECT this, tower FROM moves
+START WITH tower = [[3,2,1],[],[]]
+CONNECT BY NO CYCLE tower = move(this, tower)
+STOP WITH  [] == move(mov.this, tower);""",
+    ),
     ("Two kinds of values that have no order", "SELECT name FROM family WHERE name < 1;"),
     ("A division by zero", "n = 0;\n1 / n;"),
     ("A representation nobody has made", "SELECT name FROM family AS lists;"),
@@ -41,12 +48,18 @@ def ratio(part: float) -> float:
     return part / part if part else float("nan")
 
 
+def move(step: list[int], towers: list[list[int]]) -> list[list[int]]:
+    """Any function will do here: it is never called."""
+    return towers
+
+
 def main(lines: int | None = None) -> Page:
     page = Page("Mistakes, and what the messages say", LEAD, lines)
     with ss2sql.connect() as ss:
         ss.set("family", FAMILY)
         ss.set("moves", [[0, 1], [1, 0]])
         ss.function(ratio)
+        ss.function(move)
         for number, (heading, script) in enumerate(TOUR, start=1):
             page.heading(f"{number}. {heading}")
             page.code("script", script, "sql")

@@ -93,7 +93,8 @@ def _aggregate_type(name: str, kind: Type) -> Type:
 
 
 def _refuse(resolver: Resolver, query: plan.Query, reason: str) -> None:
-    resolver.errors.append(ResolveError("R008", reason, query.columns[0].expr.span))
+    hint = "aggregate in a query around the search: SELECT ... FROM (SELECT ... CONNECT BY ... AS list) GROUP BY ..."
+    resolver.errors.append(ResolveError("R008", reason, query.columns[0].expr.span, (hint,)))
 
 
 def _refuse_mixture(resolver: Resolver, query: plan.Query, columns: tuple[plan.Output, ...]) -> None:

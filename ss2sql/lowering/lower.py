@@ -52,7 +52,7 @@ def lower(query: plan.Query, function_names: Mapping[str, str], dialect: Dialect
         _shown([key.expr for key in orders]),
         is_sorted,
         is_limited,
-        {name: tuple(spans) for name, spans in needs.calls.items()},
+        {name: tuple(sorted(spans, key=lambda span: span.start)) for name, spans in needs.calls.items()},
         dict(needs.modules),
     )
 

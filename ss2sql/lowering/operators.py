@@ -113,7 +113,9 @@ def _modulo(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
 
 
 def _negation(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
-    if call.function.raises or not _is_number(call.arguments[0].type):
+    """SQLite subtracts from 0, which gives 0.0 for 0.0 in place of -0.0."""
+    kind = call.arguments[0].type
+    if call.function.raises or not kind.only(Kind.BOOL | Kind.INT) or not _is_number(kind):
         return None
     return exp.Neg(this=sql.operand(lowering.lower(call.arguments[0], env)))
 

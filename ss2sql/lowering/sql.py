@@ -31,8 +31,9 @@ def call(name: str, *arguments: Node) -> exp.Anonymous:
 
 
 def number(value: int | float) -> Node:
-    literal = exp.Literal.number(repr(abs(value)))
-    return exp.Neg(this=literal) if value < 0 else literal
+    text = repr(value)
+    literal = exp.Literal.number(text.removeprefix("-"))
+    return exp.Neg(this=literal) if text.startswith("-") else literal
 
 
 def string(value: str) -> exp.Literal:

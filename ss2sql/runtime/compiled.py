@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 import apsw
 
 from ss2sql import plan
-from ss2sql.errors import ExecutionError, ResolveError, UnsupportedError, did_you_mean
+from ss2sql.errors import ExecutionError, ResolveError, UnsupportedError
 from ss2sql.frontend import ast
 from ss2sql.kinds import ANY, covers, type_of
 from ss2sql.lowering.lower import lower
@@ -284,7 +284,9 @@ class Query:
         """Runs the script; see `Session.run`. Raises ResolveError R009 for a parameter without a value."""
         missing = [name for name in self.parameters if name not in variables and name not in self._host.names]
         if missing:
-            given = did_you_mean(missing[0], [name for name in variables if name not in self.parameters])
-            hints = (f"run(..., {', '.join(f'{name}=...' for name in missing)})", *given)
+            hints = [f"run(..., {', '.join(f'{name}=...' for name in missing)})"]
+            for name in variables:
+                if name not in self.parameters and name not in self._host.names:
+                    hints.append(f"'{name}' is no parameter of the script")
             raise ResolveError("R009", f"the script needs a value for {', '.join(missing)}", hints=hints)
         return self._execute(self, engine, timeout, maximum, max_rows, variables)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from ss2sql.kinds import ANY, NOTHING, STR, UNENCODABLE, Kind, Type, union
+from ss2sql.kinds import ANY, NONE, NOTHING, STR, UNENCODABLE, Kind, Type, union
 from ss2sql.runtime.library import RANGE_LIMIT
 from ss2sql.runtime.operator_types import (
     INTEGER,
@@ -61,7 +61,8 @@ def total_raises(types: Types) -> bool:
 
 
 def average(types: Types) -> Type:
-    return Type(Kind.FLOAT) if _element(types[0]).may(Kind.NUMBER) else NOTHING
+    """A float, or None of an empty list."""
+    return union((Type(Kind.FLOAT) if _element(types[0]).may(Kind.NUMBER) else NOTHING, NONE))
 
 
 def least(types: Types) -> Type:
@@ -73,9 +74,9 @@ def greatest(types: Types) -> Type:
 
 
 def _extreme(types: Types, smallest: bool) -> Type:
-    """The result of `min` or `max`, of a list or of several arguments."""
+    """The result of `min` or `max`, of a list (None if it is empty) or of several arguments."""
     if len(types) == 1:
-        return _element(types[0])
+        return union((_element(types[0]), NONE))
     lists = union(map(as_list, types)) if all(t.may(Kind.LIST) for t in types) else NOTHING
     return union((_extreme_number(types, smallest), as_text(types), lists))
 

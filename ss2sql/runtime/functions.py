@@ -16,12 +16,13 @@ from typing import Any
 from ss2sql import plan
 from ss2sql.errors import SessionError
 from ss2sql.frontend.purity import arity, infer
+from ss2sql.frontend.text import RESERVED as RESERVED_WORDS
 from ss2sql.runtime.builtins import BUILTINS
+from ss2sql.runtime.pool import Pool
 from ss2sql.runtime.run import Run
 from ss2sql.runtime.values import fresh, normalise
 
 MEMO_LIMIT = 100_000
-PLAIN = frozenset({type(None), bool, int, float, str, list, dict})
 
 # Names that the SQL made by lowering uses for itself; a user's function of such a name gets another one in SQL.
 RESERVED = frozenset(
@@ -65,8 +66,8 @@ def user_function(
 
     Raises SessionError S002 for a name or a signature that scripts could not use.
     """
-    if not name.isidentifier():
-        raise SessionError("S002", f"'{name}' is not a name that a script can call", hints=("use letters and digits",))
+    if name not in BUILTINS:  # `in` is the name of an operator
+        check_name(name)
     if not callable(function):
         raise SessionError("S002", f"'{name}' is a {type(function).__name__}, not a function")
     if volatility not in (None, "immutable", "stable", "volatile"):
@@ -80,6 +81,17 @@ def user_function(
     return UserFunction(
         name, function, purity.volatility, True, purity.reason, takes.minimum, takes.maximum, inverse, vectorized
     )
+
+
+def check_name(name: str) -> None:
+    """Raises SessionError S002 if scripts could not use the name."""
+    if not name.isidentifier():
+        hints = ("use letters, digits and _, a letter first",)
+    elif name.upper() in RESERVED_WORDS:
+        hints = (f"'{name}' is a word of the language; choose another name",)
+    else:
+        return
+    raise SessionError("S002", f"'{name}' is not a name that a script can use", hints=hints)
 
 
 def builtin_functions() -> dict[str, plan.Function]:
@@ -112,7 +124,13 @@ def takes_memo(function: UserFunction) -> bool:
 
 def forgets(function: UserFunction, arguments: list[Any]) -> bool:
     """Whether a call must not be remembered: what was proved of plain data says nothing of other objects."""
-    return function.inferred and any(type(argument) not in PLAIN for argument in arguments)
+    if not function.inferred:
+        return False
+    try:
+        marshal.dumps(arguments, 2)
+    except ValueError:
+        return True
+    return False
 
 
 MISSING = object()
@@ -121,8 +139,8 @@ MISSING = object()
 class Memo:
     """The remembered results of one function, by its SQL arguments; the oldest go when there are too many.
 
-    1 and 1.0 are one key of a dict but two arguments of a function, so an entry whose arguments are numbers
-    also keeps their types. Handles and strings need no such care, and a look costs 0.1 us.
+    1 and 1.0 are one key of a dict but two arguments of a function, and so are 0.0 and -0.0: an entry whose
+    arguments are numbers also keeps their kinds. Handles and strings need no such care, and a look costs 0.1 us.
     """
 
     __slots__ = ("entries", "hits", "limit")
@@ -137,9 +155,9 @@ class Memo:
         found = self.entries.get(arguments)
         if found is None:
             return MISSING
-        result, types = found
-        if types is not None and types != tuple(map(type, arguments)):
-            found = self.entries.get((arguments, tuple(map(type, arguments))))
+        result, kinds = found
+        if kinds is not None and kinds != _kinds(arguments):
+            found = self.entries.get((arguments, _kinds(arguments)))
             if found is None:
                 return MISSING
             result = found[0]
@@ -149,19 +167,26 @@ class Memo:
     def keep(self, arguments: tuple[Any, ...], result: Any) -> None:
         if not self.limit:
             return
-        types = tuple(map(type, arguments))
-        numeric = types if int in types or float in types else None
+        types = set(map(type, arguments))
+        kinds = _kinds(arguments) if int in types or float in types else None
         if len(self.entries) >= self.limit:
             del self.entries[next(iter(self.entries))]
-        key: Any = (arguments, types) if arguments in self.entries else arguments
-        self.entries[key] = (result, numeric)
+        key: Any = (arguments, kinds) if arguments in self.entries else arguments
+        self.entries[key] = (result, kinds)
+
+
+def _kinds(arguments: tuple[Any, ...]) -> tuple[Any, ...]:
+    """The types of the arguments; a float that is zero has its sign in the place of its type."""
+    if 0.0 in arguments:
+        return tuple(str(value) if type(value) is float else type(value) for value in arguments)
+    return tuple(map(type, arguments))
 
 
 def native_callable(function: UserFunction, run: Run, memo_limit: int) -> Callable[..., Any]:
     """The function on language values, as the native executor calls it.
 
-    The memo's keys are the marshalled arguments, which tell 1 from 1.0 and True; values that cannot be
-    marshalled (objects) are not remembered.
+    The memo's keys are the marshalled arguments, which tell 1 from 1.0 and True; where there are objects inside,
+    the handle of a pool that knows them.
     """
     name, body, calls, check = function.name, function.function, run.stats.calls, run.check
     giver = f"the function '{name}'"
@@ -174,13 +199,15 @@ def native_callable(function: UserFunction, run: Run, memo_limit: int) -> Callab
     if not takes_memo(function) or not memo_limit:
         return call
     memo: dict[bytes, Any] = {}
-    remembered = run.stats.remembered
+    remembered, objects = run.stats.remembered, Pool()
 
     def remember(*arguments: Any) -> Any:
         try:
             key = marshal.dumps(arguments, 2)
         except ValueError:
-            return call(*arguments)
+            if function.inferred:
+                return call(*arguments)
+            key = objects.encode(list(arguments))
         if key in memo:
             remembered[name] += 1
             return memo[key]

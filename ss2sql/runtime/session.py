@@ -26,6 +26,7 @@ from ss2sql.runtime.compiled import ENGINES, Engine, Query, script_sql
 from ss2sql.runtime.functions import (
     MEMO_LIMIT,
     UserFunction,
+    check_name,
     user_function,
 )
 from ss2sql.runtime.host import SessionHost
@@ -139,8 +140,7 @@ class Session:
         The function gets a table (`columns`, `rows` as tuples, `dicts()`) and the arguments of AS; what it
         returns is the value. Of a search it is called once per path.
         """
-        if not name.isidentifier():
-            raise SessionError("S002", f"'{name}' is not a name that can stand after AS")
+        self._check_name(name)
 
         def register(body: F) -> F:
             self.host.shapes.functions[name.lower()] = body
@@ -166,9 +166,10 @@ class Session:
     def _attach_file(self, name: str, path: Path) -> None:
         if not path.exists():
             raise SessionError("S002", f"there is no file {path}", hints=("give the path of a SQLite file",))
+        if name.lower() in ("main", "temp"):
+            raise SessionError("S002", f"'{name}' is the session's own database", hints=("choose another name",))
         try:
-            self.host.connection.execute("ATTACH ? AS " + '"' + name.replace('"', '""') + '"', (str(path),))
-            self.host.tables.names()
+            self.host.tables.attach(name, path)
         except apsw.Error as error:
             raise SessionError("S002", f"{path} is not a SQLite file that can be read: {error}") from error
 
@@ -199,8 +200,7 @@ class Session:
 
     def _compile(self, script: str | Path, catalog: Catalog, engine: Engine) -> Query:
         self._check_open()
-        if engine not in ENGINES:
-            raise SessionError("S002", f"there is no engine {engine!r}", hints=did_you_mean(str(engine), ENGINES))
+        _check_engine(engine)
         tree = parse(_source(script))
         return Query(self.host, self.execute, tree, resolve(tree, catalog), engine)
 
@@ -254,6 +254,8 @@ class Session:
     ) -> Result:
         """Runs a compiled script; `Query.run` and `Session.run` end here."""
         self._check_open()
+        if engine is not None:
+            _check_engine(engine)
         _check_bound("maximum", maximum, 1)
         _check_bound("max_rows", max_rows, 0)
         run = Run(self.host, Stats(), self._deadline(self.timeout if timeout is None else timeout), max_rows=max_rows)
@@ -330,10 +332,7 @@ class Session:
 
     def _check_name(self, name: str) -> None:
         self._check_open()
-        if not name.isidentifier():
-            raise SessionError(
-                "S002", f"'{name}' is not a name that a script can use", hints=("use letters and digits",)
-            )
+        check_name(name)
 
 
 def _name_of(function: Any) -> str:
@@ -341,6 +340,11 @@ def _name_of(function: Any) -> str:
     if not name.isidentifier():
         raise SessionError("S002", f"{function!r} has no name of its own", hints=('give one: function("name", f)',))
     return str(name)
+
+
+def _check_engine(engine: str) -> None:
+    if engine not in ENGINES:
+        raise SessionError("S002", f"there is no engine {engine!r}", hints=did_you_mean(str(engine), ENGINES))
 
 
 def _check_bound(name: str, value: Any, least: int) -> None:

@@ -36,7 +36,8 @@ class SessionFunctions:
             return "\n".join(lines)
         texts = self._texts()
         if name not in texts:
-            raise ExecutionError("X007", f"there is no function '{name}'", hints=did_you_mean(str(name), texts))
+            hints = did_you_mean(str(name), texts) or ("help() lists all of them",)
+            raise ExecutionError("X007", f"there is no function '{name}'", hints=hints)
         return f"{name}: {texts[name]}"
 
     def _texts(self) -> dict[str, str]:
@@ -52,7 +53,8 @@ class SessionFunctions:
         if name is None:
             return variables
         if name not in variables:
-            raise ExecutionError("X007", f"there is no variable '{name}'", hints=did_you_mean(str(name), variables))
+            hints = did_you_mean(str(name), variables) or ("var() gives all of them",)
+            raise ExecutionError("X007", f"there is no variable '{name}'", hints=hints)
         return variables[name]
 
     def _clear(self) -> None:

@@ -6,6 +6,7 @@ enforce. The reading is kept until the database changes.
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import apsw
@@ -33,6 +34,19 @@ class Tables:
     def __init__(self, connection: apsw.Connection) -> None:
         self.connection = connection
         self._known: dict[tuple[str, str], tuple[Any, plan.TableSource]] = {}
+
+    def attach(self, name: str, path: Path) -> None:
+        """Makes the tables of a SQLite file known as `name.table`. Raises apsw.Error where it is no such file."""
+        databases = {row[1].lower() for row in self.connection.execute("PRAGMA database_list")}
+        if name.lower() in databases:
+            self.connection.execute(f"DETACH {quoted(name)}")
+        self._known.clear()
+        self.connection.execute(f"ATTACH ? AS {quoted(name)}", (str(path),))
+        try:
+            self.names()
+        except apsw.Error:
+            self.connection.execute(f"DETACH {quoted(name)}")
+            raise
 
     def names(self) -> list[str]:
         """The names of all tables and views, those of SQLite and of ss2sql apart."""

@@ -40,6 +40,7 @@ MOVES = [[0, 1], [0, 2], [1, 0], [1, 2], [2, 0], [2, 1]]
 
 # --- graphs --------------------------------------------------------------------------------------------
 
+
 def neighbours(node):
     """A graph in which depth first reaches C through B, and breadth first does not."""
     return {"S": ["B", "C"], "B": ["C"], "C": ["D"], "D": []}[node]

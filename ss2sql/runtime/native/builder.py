@@ -21,7 +21,7 @@ from ss2sql.runtime.native.tasks import Form, task_of, tuples_of, value_of
 from ss2sql.runtime.native.texts import Sight, texts_of
 from ss2sql.runtime.native.unit import Body, Unit
 from ss2sql.runtime.run import Run
-from ss2sql.walk import walk
+from ss2sql.walk import walk_own
 
 Dispatch = Callable[[plan.Query], Callable[[Run], Any]]
 
@@ -97,7 +97,7 @@ class Builder:
         facts = unit.analysis.of(query)
         sources = [source for source in sorted(facts.sources) if caller.sees(source)]
         states = [state for state in sorted(facts.states) if caller.sees_state(state)]
-        groups = caller.groups if facts.grouped else {}
+        groups = {key: name for key, name in caller.groups.items() if key[0] in facts.groups}
         pen = unit.pen_at(query.span)
 
         def part(name: str) -> Body:
@@ -175,7 +175,7 @@ class Builder:
         unit, pen = self.unit, self.unit.pen_at(query.span)
         body = part("group")
         names = {group_key(node): unit.local(node.function) for node in aggregates(query)}
-        names.update({index: unit.local("key") for index in range(len(query.group))})
+        names.update({(query.id, index): unit.local("key") for index in range(len(query.group))})
         body.groups.update(names)
         body.parameters = [*names.values(), *body.parameters]
         outputs = [output.expr for output in query.columns] if query.aggregated else []
@@ -211,10 +211,7 @@ def aggregates(query: plan.Query) -> list[plan.Aggregate]:
     places: list[Any] = [output.expr for output in query.columns] if query.aggregated else []
     places += [query.having] if query.having is not None else []
     places += [key.expr for key in query.order] if query.aggregated else []
-    inside = [node for place in places for node in walk(place)]
-    nested = [node for node in inside if isinstance(node, plan.Query)]
-    theirs = {id(node) for other in nested for node in aggregates(other)}
-    return [node for node in inside if isinstance(node, plan.Aggregate) and id(node) not in theirs]
+    return [node for place in places for node in walk_own(place) if isinstance(node, plan.Aggregate)]
 
 
 def label(value: Any) -> str:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, assert_never
 
 from ss2sql import plan
 from ss2sql.kinds import Kind
+from ss2sql.runtime.native.facts import OWN_GROUP
 from ss2sql.runtime.native.pen import Pen
 from ss2sql.runtime.native.unit import Body
 from ss2sql.runtime.run import Run
@@ -79,9 +80,9 @@ def expression(builder: Builder, node: plan.Expr, body: Body) -> ast.expr:
             assert_never(node)
 
 
-def group_key(node: plan.GroupKey | plan.Aggregate) -> Any:
-    """What a body's `groups` know the value of a group by."""
-    return node.index if isinstance(node, plan.GroupKey) else ("aggregate", id(node))
+def group_key(node: plan.GroupKey | plan.Aggregate) -> tuple[int, int]:
+    """What a body's `groups` know the value of a group by: its query, and the position or the node."""
+    return (node.query, node.index) if isinstance(node, plan.GroupKey) else (OWN_GROUP, id(node))
 
 
 def element(body: Body, source: int, pen: Pen) -> ast.expr:

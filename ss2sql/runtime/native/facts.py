@@ -15,8 +15,8 @@ from ss2sql.walk import parts, walk
 class Facts:
     """Facts of one node of a plan.
 
-    `sources` and `states` are what it reads, nested queries included; `grouped` says whether it reads a
-    group. A `steady` node gives the same value in the same row however often it is evaluated, and has no
+    `sources` and `states` are what it reads, nested queries included; `groups` are the queries of whose groups
+    it reads values (OWN_GROUP: aggregates, which no nested query sees). A `steady` node gives the same value in the same row however often it is evaluated, and has no
     effect; it may raise. A `total` node cannot raise. `key` is the same for expressions that are the same
     text with the same meaning (None where that is not known); `costly` marks calls of user functions and
     queries, whose values are worth keeping.
@@ -24,14 +24,14 @@ class Facts:
 
     sources: frozenset[int] = frozenset()
     states: frozenset[tuple[int, str]] = frozenset()
-    grouped: bool = False
+    groups: frozenset[int] = frozenset()
     steady: bool = True
     total: bool = True
     key: int | None = None
     costly: bool = False
 
 
-_EFFECTS = (plan.Assign, plan.TemporalAssign, plan.AssignLate, plan.Eval)
+OWN_GROUP = -1
 
 
 class Analysis:
@@ -71,7 +71,7 @@ class Analysis:
         facts = Facts(
             frozenset().union(*(part.sources for part in below)),
             frozenset().union(*(part.states for part in below)),
-            any(part.grouped for part in below),
+            frozenset().union(*(part.groups for part in below)),
             all(part.steady for part in below),
             all(part.total for part in below),
         )
@@ -97,8 +97,12 @@ class Analysis:
                 return replace(facts, total=facts.total and _has_plain_truth(left) and _has_plain_truth(right))
             case plan.Not(operand=tested) | plan.If(condition=tested):
                 return replace(facts, total=facts.total and _has_plain_truth(tested))
-            case plan.GroupKey() | plan.Aggregate():
-                return replace(facts, grouped=True)
+            case plan.GroupKey(query=query):
+                return replace(facts, groups=frozenset({query}))
+            case plan.Aggregate():
+                return replace(facts, groups=frozenset({OWN_GROUP}))
+            case plan.Query(id=query):
+                return replace(facts, groups=facts.groups - {query, OWN_GROUP})
             case plan.Subquery():
                 return replace(facts, total=False, costly=True)
             case plan.Eval(sources=sources, states=states):

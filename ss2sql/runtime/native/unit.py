@@ -42,7 +42,7 @@ class Body:
     `blocks` holds its statements and those of each loop that is open, outermost first. `levels` gives for
     each source that is bound here the number of loops that must be open (0: a parameter). `states` are the
     START WITH variables bound here, `moved` those that CONNECT BY has given a new value under a new name.
-    `groups` names the values of the group that is seen from here. `shared` are names of the functions around
+    `groups` names the values of the groups that are seen from here, see `group_key`. `shared` are names of the functions around
     that are set here, `locals` names that are set here and read further in. `counts` says how often a costly
     expression is written here, `slots` where the values of such expressions are kept.
     """
@@ -55,7 +55,7 @@ class Body:
     levels: dict[int, int] = field(default_factory=dict)
     states: set[tuple[int, str]] = field(default_factory=set)
     moved: dict[tuple[int, str], str] = field(default_factory=dict)
-    groups: dict[Any, str] = field(default_factory=dict)
+    groups: dict[tuple[int, int], str] = field(default_factory=dict)
     shared: dict[str, None] = field(default_factory=dict)
     locals: list[str] = field(default_factory=list)
     counts: Counter[int] = field(default_factory=Counter)
@@ -81,7 +81,8 @@ class Body:
     def home(self, facts: Facts) -> tuple[Body, int]:
         """The outermost function and loop where everything is known that the facts' expression reads."""
         levels = [self.levels[source] for source in facts.sources if source in self.levels]
-        if levels or not self.states.isdisjoint(facts.states) or (facts.grouped and self.groups):
+        grouped = any(query in facts.groups for query, _ in self.groups)
+        if levels or grouped or not self.states.isdisjoint(facts.states):
             return self, max(levels, default=0)
         return (self, 0) if self.parent is None else self.parent.home(facts)
 
