@@ -142,7 +142,6 @@ CODES: dict[str, Code] = _table(
     ("T002", "cancelled", "The run was interrupted."),
     ("S001", "session is closed", "A closed session cannot run scripts."),
     ("S002", "wrong registration", "A function, variable, table or representation cannot be registered like this."),
-    ("S003", "missing extra", "An optional package is needed; the error names its install line."),
 )
 
 

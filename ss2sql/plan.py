@@ -23,10 +23,9 @@ def _span() -> Any:
 
 @dataclass(frozen=True, slots=True)
 class Function:
-    """What the plan knows of a function, built in or registered; the callable stays in the session.
+    """What the plan knows of a function; the callable stays in the session.
 
-    `raises` is False only if no call whose arguments have passed can fail. `reason` says how the
-    volatility was found.
+    `raises` is False only if the call cannot fail. `reason` says how the volatility was found.
     """
 
     name: str
@@ -184,10 +183,7 @@ class TemporalAssign:
 
 @dataclass(frozen=True, slots=True)
 class AssignLate:
-    """Binds a variable to a list literal (a syntax tree) that mentions sources of queries yet to come.
-
-    Whoever uses the variable as a source gets the list resolved in its own place; the value is None.
-    """
+    """Binds a variable to a list literal, a syntax tree, that is resolved where the variable is used as a source."""
 
     name: str
     literal: Any
@@ -199,8 +195,7 @@ class AssignLate:
 class Eval:
     """`eval(text)`: the text is parsed and resolved when it runs, in the sight of this place.
 
-    `scope` belongs to the resolver (`resolve_in_scope` takes it back); `sources` and `states` are what an
-    executor must hand to the compiled text: every source and START WITH variable in sight.
+    `scope` belongs to the resolver; `sources` and `states` are all in sight, to be handed to the text.
     """
 
     text: Expr
@@ -262,9 +257,9 @@ class TableSource:
 
 @dataclass(frozen=True, slots=True)
 class ValueSource:
-    """The elements of a value: a list, a dict of columns, or a single value. `columns` None: known only at run time.
+    """The elements of a value, which may mention earlier sources, the search's state and outer queries.
 
-    The value may mention earlier sources of its query, the search's state and outer queries.
+    `columns` is None where they are known only at run time.
     """
 
     id: int
@@ -277,7 +272,7 @@ class ValueSource:
 
 @dataclass(frozen=True, slots=True)
 class QuerySource:
-    """A query in FROM: its elements are those of the query's value (`AS dict`: rows with columns)."""
+    """A query in FROM: its elements are those of the query's value."""
 
     id: int
     name: str

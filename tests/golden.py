@@ -108,11 +108,12 @@ def furnished(case: Case) -> Iterator[ss2sql.Session]:
 
 
 def run(case: Case, engine: str = "auto") -> Outcome:
-    """Runs a case in a session of its own."""
+    """Runs a case in a session of its own; plan and SQL are those of the engine `auto`."""
     printed = io.StringIO()
+    result: ss2sql.Result | None = None
+    error: BaseException | None = None
     with furnished(case) as session:
-        result: ss2sql.Result | None = None
-        error: BaseException | None = None
+        query = compiled(case, session) if engine == "auto" else None
         with redirect_stdout(printed):
             try:
                 result = session.run(case.script, engine=engine)
@@ -120,25 +121,24 @@ def run(case: Case, engine: str = "auto") -> Outcome:
                 error = caught
         usable = session.eval("SELECT this + 1 FROM [1, 2] AS list") == [2, 3]
     sections = dict.fromkeys(SECTIONS, "") | {"printed": printed.getvalue().rstrip("\n")}
+    if query is not None:
+        sections["plan"] = plan_tree(query.plan).rstrip()
+        sections["sql"] = sql_text(result.sql if result else query.sql)
     if result is not None:
         sections["value"] = written(result.value)
         sections["status"] = "" if result.status == "complete" else result.status
     if error is not None:
         sections["error"] = error_text(error)
-    sections.update(compiled(case, result))
     return Outcome(sections, result, error, usable)
 
 
-def compiled(case: Case, result: ss2sql.Result | None) -> dict[str, str]:
-    """The plan and the SQL of a case, where it can be compiled; the SQL that ran, where it ran."""
-    with furnished(case) as session:
-        try:
-            query = session.compile(case.script)
-        except Exception:  # what is wrong stands in the error that run has met
-            return {}
-        if query.parameters:
-            return {}  # names that nobody knows: run refuses them
-        return {"plan": plan_tree(query.plan).rstrip(), "sql": sql_text(result.sql if result else query.sql)}
+def compiled(case: Case, session: ss2sql.Session) -> ss2sql.Query | None:
+    """The compiled script; None where it cannot be compiled, or has names that nobody knows, which run refuses."""
+    try:
+        query = session.compile(case.script)
+    except Exception:  # what is wrong stands in the error that run meets
+        return None
+    return None if query.parameters else query
 
 
 def sql_text(sql: Sql) -> str:

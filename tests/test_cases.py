@@ -53,9 +53,8 @@ def test_answer(case: Case, request: pytest.FixtureRequest) -> None:
 
 
 @every(CASES)
-def test_plan_and_sql(case: Case, request: pytest.FixtureRequest) -> None:
-    if not request.config.getoption("--golden"):
-        assert shown(outcome(case).sections, COMPILED) == shown(case.expected, COMPILED)
+def test_plan_and_sql(case: Case) -> None:
+    assert shown(outcome(case).sections, COMPILED) == shown(case.expected, COMPILED)
 
 
 def shown(sections: Any, names: tuple[str, ...]) -> str:

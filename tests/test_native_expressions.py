@@ -172,7 +172,9 @@ class Body:
 
 def test_columns_of_dicts_and_dataclasses() -> None:
     host = FakeHost(
-        dicts=[{"a": 1}, {"b": 2, "a": 3}], columns={"a": [1, 2], "b": [3, 4]}, bodies=[Body("cup", 2.5), Body("box", 1)]
+        dicts=[{"a": 1}, {"b": 2, "a": 3}],
+        columns={"a": [1, 2], "b": [3, 4]},
+        bodies=[Body("cup", 2.5), Body("box", 1)],
     )
     assert host.run("SELECT a, b FROM dicts AS rows") == [[1, None], [3, 2]]
     assert host.run("SELECT b, this FROM columns AS rows") == [[3, {"a": 1, "b": 3}], [4, {"a": 2, "b": 4}]]

@@ -55,9 +55,7 @@ class Problem:
 def problem(seed: int, weights: list[Any], largest: int = 6) -> Problem:
     dice = random.Random(seed)
     number = dice.randint(2, largest)
-    edges = [
-        [(dice.randrange(number), dice.choice(weights)) for _ in range(dice.randint(0, 4))] for _ in range(number)
-    ]
+    edges = [[(dice.randrange(number), dice.choice(weights)) for _ in range(dice.randint(0, 4))] for _ in range(number)]
     goals = {node for node in range(number) if dice.random() < 0.4}
     stops = {node for node in range(number) if dice.random() < 0.2}
     return Problem(edges, goals, stops, dice.choice([None, 1, 2, 3, 4, 5]))
@@ -86,7 +84,16 @@ def totals(graph: Problem, likeliest: bool) -> list[list[int]]:
     return [path[1] for path in sorted(graph.paths(), key=rank)]
 
 
-COSTS: list[list[Any]] = [[1], [0], [0, 1, 2], [3, 5, 7], [0.5, 1, 1.25], [0.1, 0.2, 0.3, 0.7], [0.1, 1.1, 0], [2**60, 1]]
+COSTS: list[list[Any]] = [
+    [1],
+    [0],
+    [0, 1, 2],
+    [3, 5, 7],
+    [0.5, 1, 1.25],
+    [0.1, 0.2, 0.3, 0.7],
+    [0.1, 1.1, 0],
+    [2**60, 1],
+]
 CHANCES: list[list[Any]] = [[0.9], [1], [0.5, 1, 0.25], [0.1, 0.3, 0.9], [1 / 3, 2 / 3, 1], [1e-200, 0.5]]
 
 

@@ -50,7 +50,7 @@ def test_sorting_what_has_no_order_points_at_the_query() -> None:
     [
         "1 + \n  fail(2)",
         "SELECT this FROM [1]\nWHERE fail(this)",
-        "SELECT fail(this)\nFROM [1]",
+        "SELECT\nfail(this) FROM [1]",
         "SELECT n.this FROM n = [1] START WITH m = 1 CONNECT BY MEMORIZE\n m = fail(m)",
         "SELECT this FROM [1] GROUP BY\nfail(this)",
         "SELECT (SELECT 1 FROM [1] WHERE\nfail(1)) FROM [1]",
@@ -58,7 +58,7 @@ def test_sorting_what_has_no_order_points_at_the_query() -> None:
     ],
 )
 def test_a_users_exception_keeps_its_type_and_gets_a_note(script: str) -> None:
-    with pytest.raises(ZeroDivisionError, match="^on purpose$") as raised:
+    with pytest.raises(ZeroDivisionError, match="on purpose") as raised:
         FakeHost({"fail": fail}).run(script)
     (note,) = raised.value.__notes__
     column = script.split("\n")[1].index("fail") + 1

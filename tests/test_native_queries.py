@@ -1,4 +1,4 @@
-"""The native executor on flat queries: products, filters, sources, groups, order, limits, and what is called how often."""
+"""The native executor on flat queries: products, filters, sources, groups, order, limits, and counted calls."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The native executor on searches: the counts of the language page, every order, options, and the cost of long paths."""
+"""The native executor on searches: counts of the language page, every order, options, the cost of long paths."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections import Counter
 from typing import Any
 
 import pytest
-from native_host import FakeHost, place
+from native_host import FakeHost
 
 from ss2sql.runtime.native.searches import SEARCHES
 from ss2sql.runtime.run import Run

@@ -340,17 +340,29 @@ def test_the_engine_can_be_chosen(ss: ss2sql.Session) -> None:
 
 @both
 def test_unknown_names_of_a_compiled_script_are_its_parameters(ss: ss2sql.Session, engine: Any) -> None:
-    query = ss.compile("SELECT this FROM numbers WHERE this > least AND this < most AS list;")
-    assert query.parameters == ("numbers", "least", "most")
-    assert query.run(numbers=[1, 2, 3, 4], least=1, most=4, engine=engine).value == [2, 3]
-    assert query.run(numbers=[1, 2, 3, 4], least=2, most=2.5, engine=engine).value == []
+    query = ss.compile("SELECT this FROM [1, 2, 3, 4] WHERE this > least AND this < most AS list;")
+    assert query.parameters == ("least", "most")
+    assert query.run(least=1, most=4, engine=engine).value == [2, 3]
+    assert query.run(least=2, most=2.5, engine=engine).value == []
     with pytest.raises(ss2sql.ResolveError) as caught:
-        query.run(numbers=[1], leats=1, engine=engine)
+        query.run(leats=1, engine=engine)
     assert caught.value.code == "R009"
     assert caught.value.message == "the script needs a value for least, most"
     assert caught.value.hints == ("run(..., least=..., most=...)", "'leats' is no parameter of the script")
     ss.set("most", 3)
-    assert query.run(numbers=[1, 2, 3], least=1, engine=engine).value == [2]
+    assert query.run(least=1, engine=engine).value == [2]
+
+
+@both
+def test_a_source_may_be_a_parameter(ss: ss2sql.Session, engine: Any) -> None:
+    query = ss.compile("SELECT name FROM people WHERE age > least AS list;")
+    assert query.parameters == ("people",)  # the other names may be columns of it
+    people = [{"name": "Ada", "age": 36}, {"name": "Bob", "age": 7}]
+    assert query.run(people=people, least=10, engine=engine).value == ["Ada"]
+    assert query.run(people={"name": ["Cy"], "age": [9]}, least=8, engine=engine).value == ["Cy"]
+    with pytest.raises(ss2sql.ResolveError, match="unknown name 'least'"):
+        query.run(people=people, engine=engine)
+    assert code_of(query.run, least=8, engine=engine) == "R009"
 
 
 def test_what_python_may_not_give(ss: ss2sql.Session) -> None:
@@ -622,7 +634,7 @@ def test_max_rows_is_a_limit_that_must_not_be_passed(ss: ss2sql.Session, engine:
 
 ERRORS = {
     "SELECT this FROM": "P002",
-    "SELECT this FROM [1] WHERE this = 1;": "P006",
+    "SELECT x FROM [1] WHERE x = 1;": "P006",
     "": "P008",
     "SELECT nme FROM [1];": "R001",
     "SELECT f(1) FROM [1];": "R002",

@@ -13,6 +13,7 @@ from ss2sql.frontend import ast
 from ss2sql.kinds import ANY, covers, type_of
 from ss2sql.lowering.lower import lower
 from ss2sql.lowering.parameters import Parameter, SqlQuery
+from ss2sql.lowering.rewrites import optimise
 from ss2sql.runtime.native import NativeQuery, compile_statement
 from ss2sql.runtime.result import Answer, Result, Sql, Status
 from ss2sql.runtime.rows import Rows
@@ -35,7 +36,7 @@ class CompiledQuery:
 
     def __init__(self, host: SessionHost, query: plan.Query, engine: Engine) -> None:
         self.host = host
-        self.query = query
+        query = self.query = optimise(query, host.disabled)
         self.lowered: SqlQuery | None = None
         self.reason = "engine='native' was asked for"
         if engine != "native":
@@ -177,17 +178,19 @@ def group_value(value: Any) -> Any:
 
 
 class CompiledStatement:
-    """One statement: its plan, and the function that runs it."""
+    """One statement: its plan, the `generation` of the session that it was made for, and the function that runs it."""
 
-    def __init__(self, host: SessionHost, tree: ast.Expr, statement: plan.Statement, engine: Engine) -> None:
+    def __init__(
+        self, host: SessionHost, tree: ast.Expr, statement: plan.Statement, engine: Engine, generation: int
+    ) -> None:
         self.host = host
         self.tree = tree
         self.engine = engine
-        self._compile(statement)
+        self._compile(statement, generation)
 
-    def _compile(self, statement: plan.Statement) -> None:
+    def _compile(self, statement: plan.Statement, generation: int) -> None:
         self.statement = statement
-        self.generation = self.host.generation
+        self.generation = generation
         self.queries: list[CompiledQuery] = []
         self.function = compile_statement(statement.expr, self._dispatch)
 
@@ -204,7 +207,7 @@ class CompiledStatement:
 
     def value(self, run: Run) -> Any:
         if self._is_stale(run):
-            self._compile(self.host.resolve_statement(self.tree, run))
+            self._compile(self.host.resolve_statement(self.tree, run), self.host.generation)
         return self.function(run)
 
     def _is_stale(self, run: Run) -> bool:
@@ -257,6 +260,7 @@ class Query:
         self._script = script
         self._program = program
         self._engine: Engine = engine
+        self._generation = host.generation
         self._statements: list[CompiledStatement] | None = None
 
     def statements(self, engine: Engine | None = None) -> list[CompiledStatement]:
@@ -269,7 +273,7 @@ class Query:
 
     def _compiled(self, engine: Engine) -> list[CompiledStatement]:
         pairs = zip(self._script.statements, self._program.statements, strict=True)
-        return [CompiledStatement(self._host, tree, statement, engine) for tree, statement in pairs]
+        return [CompiledStatement(self._host, tree, part, engine, self._generation) for tree, part in pairs]
 
     @property
     def plan(self) -> plan.Program:

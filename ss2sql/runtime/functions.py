@@ -31,7 +31,7 @@ RESERVED = frozenset(
         *("group_average", "group_count", "group_max", "group_min", "group_sum"),
         *("list_count", "list_max", "list_min", "list_sum", "list", "record", "field"),
         *("next_step", "keep", "on_path", "reach", "reached", "truth", "last", "elements", "search"),
-        *("avg", "coalesce", "count", "max", "min", "row_number", "sum"),  # SQLite's own
+        *("avg", "coalesce", "count", "match", "max", "min", "row_number", "sum"),  # SQLite's own
     }
 )
 

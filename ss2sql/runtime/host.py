@@ -17,7 +17,7 @@ from ss2sql.frontend.resolve import resolve, resolve_text
 from ss2sql.kinds import type_of
 from ss2sql.runtime.builtins import BUILTINS
 from ss2sql.runtime.database import Database
-from ss2sql.runtime.functions import UserFunction, builtin_functions, native_callable, sql_names
+from ss2sql.runtime.functions import MEMO_LIMIT, UserFunction, builtin_functions, native_callable, sql_names
 from ss2sql.runtime.rows import Rows
 from ss2sql.runtime.run import Run
 from ss2sql.runtime.session_functions import SessionFunctions
@@ -31,15 +31,16 @@ class SessionHost:
     """The functions, variables, tables and representations of a session.
 
     `generation` counts registrations, so that compiled scripts notice them. `sql_names` are the names that
-    registered functions have in SQL.
+    registered functions have in SQL. `disabled` names the optimisations that are switched off.
     """
 
     def __init__(
-        self, connection: apsw.Connection, file: TemporalFile | None, read_only: bool, memo_limit: int
+        self, connection: apsw.Connection, file: TemporalFile | None, read_only: bool, disabled: frozenset[str]
     ) -> None:
         self.connection = connection
-        self.memo_limit = memo_limit
-        self.database = Database(connection, memo_limit)
+        self.disabled = disabled
+        self.memo_limit = 0 if "memo" in disabled else MEMO_LIMIT
+        self.database = Database(connection, self.memo_limit)
         self.tables = Tables(connection)
         self.shapes = Shapes()
         self.functions: dict[str, UserFunction] = {}

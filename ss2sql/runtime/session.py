@@ -19,12 +19,11 @@ from ss2sql.errors import (
     Stopped,
     did_you_mean,
 )
-from ss2sql.frontend.catalog import Catalog
 from ss2sql.frontend.parser import parse
 from ss2sql.frontend.resolve import resolve
+from ss2sql.lowering.rewrites import REWRITES
 from ss2sql.runtime.compiled import ENGINES, Engine, Query, script_sql
 from ss2sql.runtime.functions import (
-    MEMO_LIMIT,
     UserFunction,
     check_name,
     user_function,
@@ -36,7 +35,7 @@ from ss2sql.runtime.temporal import TemporalFile
 from ss2sql.runtime.values import fresh, normalise
 
 F = TypeVar("F", bound=Callable[..., Any])
-SWITCHES = ("memo",)
+SWITCHES = ("memo", *REWRITES)
 
 
 def connect(
@@ -53,7 +52,7 @@ def connect(
         timeout: seconds after which a run is broken off; None for no limit.
         progress: "auto", True or False: whether long runs show a line of progress on a terminal.
         read_only: opens the file without the right to change it.
-        disable: names of optimisations to switch off: "memo".
+        disable: names of optimisations to switch off: "memo", "unnest".
 
     Raises:
         SessionError: the file cannot be opened, or a name in `disable` is unknown.
@@ -82,7 +81,7 @@ class Session:
         self.progress = progress
         self._closed = False
         file = None if path is None else TemporalFile(connection)
-        self.host = SessionHost(connection, file, read_only, 0 if "memo" in disable else MEMO_LIMIT)
+        self.host = SessionHost(connection, file, read_only, frozenset(disable))
 
     # --- registration ----------------------------------------------------------------------------------
 
@@ -196,13 +195,13 @@ class Session:
 
         Raises ParseError and ResolveError, UnsupportedError if `engine` is "database" and that is impossible.
         """
-        return self._compile(script, self.host.catalog(open_names=True), engine)
+        return self._compile(script, engine, {}, open_names=True)
 
-    def _compile(self, script: str | Path, catalog: Catalog, engine: Engine) -> Query:
+    def _compile(self, script: str | Path, engine: Engine, values: Mapping[str, Any], open_names: bool) -> Query:
         self._check_open()
         _check_engine(engine)
         tree = parse(_source(script))
-        return Query(self.host, self.execute, tree, resolve(tree, catalog), engine)
+        return Query(self.host, self.execute, tree, resolve(tree, self.host.catalog(values, open_names)), engine)
 
     def run(
         self,
@@ -235,7 +234,7 @@ class Session:
         """
         started = time.perf_counter()
         values = {name: normalise(value, f"the variable '{name}'") for name, value in variables.items()}
-        query = self._compile(script, self.host.catalog(values), engine)
+        query = self._compile(script, engine, values, open_names=False)
         return self.execute(query, engine, timeout, maximum, max_rows, values, time.perf_counter() - started)
 
     def eval(self, script: str | Path, **variables: Any) -> Any:

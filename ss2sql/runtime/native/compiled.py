@@ -85,7 +85,7 @@ def compile_statement(expr: plan.Expr, dispatch: Dispatch | None = None) -> Call
     """
     if isinstance(expr, plan.Constant):
         return lambda run: expr.value
-    analysis = Analysis((expr,), open_world=True)
+    analysis = Analysis((expr,), open_world=True, inside=False)
     with deep(analysis.levels):
         unit = Unit(expr.span, analysis)
         builder = Builder(unit, dispatch or (lambda query: NativeQuery(query).value))

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Hashable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from ss2sql import plan
 from ss2sql.kinds import Kind
-from ss2sql.walk import parts, walk
+from ss2sql.walk import parts
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,10 +16,10 @@ class Facts:
     """Facts of one node of a plan.
 
     `sources` and `states` are what it reads, nested queries included; `groups` are the queries of whose groups
-    it reads values (OWN_GROUP: aggregates, which no nested query sees). A `steady` node gives the same value in the same row however often it is evaluated, and has no
-    effect; it may raise. A `total` node cannot raise. `key` is the same for expressions that are the same
-    text with the same meaning (None where that is not known); `costly` marks calls of user functions and
-    queries, whose values are worth keeping.
+    it reads values (OWN_GROUP: aggregates, which no nested query sees). A `steady` node gives the same value
+    in the same row however often it is evaluated, and has no effect; it may raise. A `total` node cannot
+    raise. `key` is the same for expressions that are the same text with the same meaning (None where that is
+    not known); `costly` marks calls of user functions and queries, whose values are worth keeping.
     """
 
     sources: frozenset[int] = frozenset()
@@ -32,28 +32,44 @@ class Facts:
 
 
 OWN_GROUP = -1
+_NONE: frozenset[int] = frozenset()
+_NO_STATES: frozenset[tuple[int, str]] = frozenset()
 
 
 class Analysis:
     """The facts of everything below some nodes of a plan.
 
     With `open_world`, or where there is an `eval` or a late list, any variable may change at any time; else
-    only those that are assigned below the nodes.
+    only those that are assigned below the nodes. `inside` says whether to look into queries, too.
     """
 
-    def __init__(self, roots: tuple[Any, ...], open_world: bool = False) -> None:
+    def __init__(self, roots: tuple[Any, ...], open_world: bool = False, inside: bool = True) -> None:
         self._facts: dict[int, Facts] = {}
         self._keys: dict[Hashable, int] = {}
         self._roots = roots  # kept alive, for facts go by identity
-        nodes = [node for root in roots for node in walk(root)]
-        self.assigned = {node.name for node in nodes if isinstance(node, (plan.Assign, plan.TemporalAssign))}
-        self.open_world = open_world or any(isinstance(node, (plan.Eval, plan.AssignLate)) for node in nodes)
-        objects = [node for node in nodes if isinstance(node, (plan.ValueSource, plan.QuerySource))]
-        self._plain = {source.id for source in objects if not source.element.may(Kind.OBJECT)}
-        self._plain.update(node.id for node in nodes if isinstance(node, plan.TableSource))
+        nodes: list[tuple[Any, list[Any]]] = []
+        stack = list(roots)
+        while stack:
+            node = stack.pop()
+            below = [] if isinstance(node, plan.Subquery) and not inside else list(parts(node))
+            nodes.append((node, below))
+            stack.extend(below)
+        self.open_world = open_world
+        self.assigned: set[str] = set()
+        self._plain: set[int] = set()  # sources whose elements are no objects
+        for node, _ in nodes:
+            match node:
+                case plan.Assign(name=name) | plan.TemporalAssign(name=name):
+                    self.assigned.add(name)
+                case plan.Eval() | plan.AssignLate():
+                    self.open_world = True
+                case plan.ValueSource(id=number, element=element) | plan.QuerySource(id=number, element=element):
+                    if not element.may(Kind.OBJECT):
+                        self._plain.add(number)
+                case plan.TableSource(id=number):
+                    self._plain.add(number)
         depths: dict[int, int] = {}
-        for node in reversed(nodes):
-            below = list(parts(node))
+        for node, below in reversed(nodes):
             depths[id(node)] = 1 + max((depths[id(part)] for part in below), default=0)
             if id(node) not in self._facts:
                 self._facts[id(node)] = self._examine(node, [self._facts[id(part)] for part in below])
@@ -68,54 +84,54 @@ class Analysis:
         return not self.open_world and variable not in self.assigned
 
     def _examine(self, node: Any, below: list[Facts]) -> Facts:
-        facts = Facts(
-            frozenset().union(*(part.sources for part in below)),
-            frozenset().union(*(part.states for part in below)),
-            frozenset().union(*(part.groups for part in below)),
-            all(part.steady for part in below),
-            all(part.total for part in below),
-        )
-        facts = replace(facts, key=self._key(node, below))
+        sources, states, groups = _NONE, _NO_STATES, _NONE
+        steady = total = True
+        costly = False
+        for part in below:
+            sources |= part.sources
+            states |= part.states
+            groups |= part.groups
+            steady = steady and part.steady
+            total = total and part.total
         match node:
-            case plan.Constant():
-                return facts
             case plan.Variable(name=name):
-                return replace(facts, steady=self.is_fixed(name))
+                steady = self.is_fixed(name)
             case plan.Element(source=source):
-                return replace(facts, sources=frozenset({source}))
+                sources = frozenset({source})
             case plan.Column(source=source, declared=declared):
-                return replace(facts, sources=frozenset({source}), total=declared and source in self._plain)
+                sources, total = frozenset({source}), declared and source in self._plain
             case plan.State(query=query, name=name):
-                return replace(facts, states=frozenset({(query, name)}))
+                states = frozenset({(query, name)})
             case plan.Call(function=function):
-                steady = facts.steady and function.volatility != "volatile"
-                total = facts.total and function.builtin and not function.raises
-                return replace(facts, steady=steady, total=total, costly=not function.builtin)
+                steady = steady and function.volatility != "volatile"
+                total = total and function.builtin and not function.raises
+                costly = not function.builtin
             case plan.And(parts=tested) | plan.Or(parts=tested):
-                return replace(facts, total=facts.total and all(map(_has_plain_truth, tested)))
+                total = total and all(map(_has_plain_truth, tested))
             case plan.Xor(left=left, right=right):
-                return replace(facts, total=facts.total and _has_plain_truth(left) and _has_plain_truth(right))
+                total = total and _has_plain_truth(left) and _has_plain_truth(right)
             case plan.Not(operand=tested) | plan.If(condition=tested):
-                return replace(facts, total=facts.total and _has_plain_truth(tested))
+                total = total and _has_plain_truth(tested)
             case plan.GroupKey(query=query):
-                return replace(facts, groups=frozenset({query}))
+                groups = frozenset({query})
             case plan.Aggregate():
-                return replace(facts, groups=frozenset({OWN_GROUP}))
+                groups = frozenset({OWN_GROUP})
             case plan.Query(id=query):
-                return replace(facts, groups=facts.groups - {query, OWN_GROUP})
+                groups -= {query, OWN_GROUP}
             case plan.Subquery():
-                return replace(facts, total=False, costly=True)
-            case plan.Eval(sources=sources, states=states):
-                seen = facts.sources | set(sources), facts.states | set(states)
-                return replace(facts, sources=seen[0], states=seen[1], steady=False, total=False)
+                total, costly = False, True
+            case plan.Eval(sources=seen, states=seen_states):
+                sources, states = sources | set(seen), states | set(seen_states)
+                steady = total = False
             case plan.Temporal() | plan.Assign() | plan.TemporalAssign() | plan.AssignLate():
-                return replace(facts, steady=False, total=False)
-            case _:
-                return facts
+                steady = total = False
+        return Facts(sources, states, groups, steady, total, self._key(node, below), costly)
 
     def _key(self, node: Any, below: list[Facts]) -> int | None:
         """A number for the meaning of the expression: that of its first appearance."""
-        inner = tuple(part.key for part in below)
+        inner = [part.key for part in below]
+        if None in inner:
+            return None
         own: tuple[Hashable, ...]
         match node:
             case plan.Constant(value=value):
@@ -136,9 +152,7 @@ class Analysis:
                 own = ()
             case _:
                 return None
-        if None in inner:
-            return None
-        return self._keys.setdefault((type(node).__name__, own, inner), len(self._keys))
+        return self._keys.setdefault((type(node), own, *inner), len(self._keys))
 
 
 def _has_plain_truth(expr: plan.Expr) -> bool:

@@ -22,8 +22,6 @@ from ss2sql.runtime.sources import elements
 if TYPE_CHECKING:
     from ss2sql.runtime.native.builder import Builder
 
-CHECK_EVERY = 31  # a mask: the clock is read every 32 turns
-
 
 class Loops:
     """The loops of one query, opened in `body`; what is read once is read in `owner`, around it or the same."""
@@ -133,8 +131,9 @@ class Loops:
         pen = unit.pen
         steps = innermost and self.query.search is not None
         counter = unit.counter("generated" if steps else "ticks", body)
-        rare = pen.binary(pen.name(counter), ast.BitAnd(), pen.constant(CHECK_EVERY))
-        body.add(pen.increase(counter), pen.unless(rare, pen.run(unit.metered() if steps else unit.checked())))
+        due = unit.counter("due_step" if steps else "due_tick", body)
+        look = pen.assign(due, unit.metered() if steps else unit.paced(counter))
+        body.add(pen.increase(counter), pen.when(pen.compare(pen.name(counter), ast.GtE(), pen.name(due)), look))
 
     def _test(self, body: Body, conditions: Sequence[plan.Expr]) -> None:
         for condition in conditions:

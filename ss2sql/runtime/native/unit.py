@@ -22,6 +22,7 @@ from ss2sql.kinds import Type
 from ss2sql.runtime.builtins import BUILTINS
 from ss2sql.runtime.native.facts import Analysis, Facts
 from ss2sql.runtime.native.locate import PAGE, Page
+from ss2sql.runtime.native.pace import meter_of, pace_of
 from ss2sql.runtime.native.pen import Pen
 from ss2sql.runtime.run import Run
 from ss2sql.walk import parts
@@ -42,9 +43,9 @@ class Body:
     `blocks` holds its statements and those of each loop that is open, outermost first. `levels` gives for
     each source that is bound here the number of loops that must be open (0: a parameter). `states` are the
     START WITH variables bound here, `moved` those that CONNECT BY has given a new value under a new name.
-    `groups` names the values of the groups that are seen from here, see `group_key`. `shared` are names of the functions around
-    that are set here, `locals` names that are set here and read further in. `counts` says how often a costly
-    expression is written here, `slots` where the values of such expressions are kept.
+    `groups` names the values of the groups that are seen from here, see `group_key`. `shared` are names of
+    the functions around that are set here, `locals` names that are set here and read further in. `counts`
+    says how often a costly expression is written here, `slots` where the values of such expressions are kept.
     """
 
     unit: Unit
@@ -224,13 +225,14 @@ class Unit:
             body.shared[name] = None
         return name
 
-    def checked(self) -> ast.expr:
-        """A call that ends the run if it has to end."""
+    def paced(self, counter: str) -> ast.expr:
+        """A call that ends the run if it has to end; its value is the count at which to ask again."""
         pen = self.pen
-        return pen.call(self.bind("check", "check", pen.call(self.helper(check_of), pen.name("run")), pen))
+        pace = self.bind("pace", "pace", pen.call(self.helper(pace_of), pen.name("run")), pen)
+        return pen.call(pace, pen.name(counter))
 
     def metered(self) -> ast.expr:
-        """A call that hands on what the searches have counted, and ends the run if it has to end."""
+        """The same for the steps of searches; it also hands on what they have counted."""
         pen = self.pen
         counters = [pen.name(self.counter(name, self.root)) for name in COUNTERS]
         meter = self.bind("meter", "meter", pen.call(self.helper(meter_of), pen.name("run")), pen)
@@ -267,23 +269,3 @@ def value_if_any(run: Run, name: str) -> Any:
         if error.code == "R001":
             raise MissingValueError from None
         raise
-
-
-def check_of(run: Run) -> Callable[[], None]:
-    return run.check
-
-
-def meter_of(run: Run) -> Callable[[int, int, int], None]:
-    """What hands the counts of generated code on to the run, and looks at the clock."""
-    stats, check = run.stats, run.check
-    before = (0, 0, 0)
-
-    def meter(generated: int, expanded: int, pruned: int) -> None:
-        nonlocal before
-        stats.generated += generated - before[0]
-        stats.expanded += expanded - before[1]
-        stats.pruned += pruned - before[2]
-        before = (generated, expanded, pruned)
-        check()
-
-    return meter

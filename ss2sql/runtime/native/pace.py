@@ -1,0 +1,55 @@
+"""How often a run looks at the clock while it works.
+
+Turns of a loop may take a tenth of a microsecond or, with a slow function, seconds. So the turns between two
+looks are counted, and their number follows the time that they took.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from ss2sql.runtime.run import Run
+
+QUICK, SLOW = 0.002, 0.01  # seconds between two looks: below the one there may be more turns, above the other fewer
+MOST_TURNS = 128
+
+
+class Pace:
+    """Ends the run where it has to end, and says at which turn to look again."""
+
+    def __init__(self, run: Run) -> None:
+        self._check = run.check
+        self._turns = 1
+        self._last = time.perf_counter()
+
+    def next(self, turn: int) -> int:
+        """The turn at which to ask again."""
+        self._check()
+        now = time.perf_counter()
+        if now - self._last < QUICK:
+            self._turns = min(2 * self._turns, MOST_TURNS)
+        elif now - self._last > SLOW:
+            self._turns = max(self._turns // 4, 1)
+        self._last = now
+        return turn + self._turns
+
+
+def pace_of(run: Run) -> Callable[[int], int]:
+    return Pace(run).next
+
+
+def meter_of(run: Run) -> Callable[[int, int, int], int]:
+    """The pace of searches, which also hands on to the run what generated code has counted."""
+    stats, pace = run.stats, Pace(run).next
+    before = (0, 0, 0)
+
+    def meter(generated: int, expanded: int, pruned: int) -> int:
+        nonlocal before
+        stats.generated += generated - before[0]
+        stats.expanded += expanded - before[1]
+        stats.pruned += pruned - before[2]
+        before = (generated, expanded, pruned)
+        return pace(generated)
+
+    return meter

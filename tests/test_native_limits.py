@@ -1,0 +1,254 @@
+"""The native executor at its limits: runs that end early, and plans that are very deep or very wide."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from native_host import FakeHost, place
+
+from ss2sql import plan
+from ss2sql.errors import Cancelled, ExecutionError, Source, Span, Timeout
+from ss2sql.kinds import ANY, BOOL, type_of
+from ss2sql.runtime.native import NativeQuery, compile_statement
+from ss2sql.runtime.rows import Rows
+
+# --- runs that end early -------------------------------------------------------------------------------
+
+ENDLESS = [
+    "SELECT this FROM [0, 1] START WITH n = 1 CONNECT BY n = n + 1",
+    "SELECT this FROM [0, 1] START WITH n = 1 CONNECT BY BREADTH FIRST n = n + 1",
+    "SELECT n FROM [0, 1] START WITH n = 1 CONNECT BY NO CYCLE n = n + 1",
+    "SELECT n FROM [0, 1] START WITH n = 1 CONNECT BY UNIQUE n = n + 1",
+    "SELECT this FROM [0, 1] START WITH n = 1 CONNECT BY COST this n = n + 1",
+    "SELECT this FROM [0, 1] WHERE this == 2 START WITH n = 1 CONNECT BY n = 1 - n",
+]
+
+
+@pytest.mark.parametrize("script", ENDLESS)
+def test_a_timeout_keeps_what_was_found(script: str) -> None:
+    host = FakeHost()
+    query = host.query(script)
+    sink = Rows((), paths=[])
+    started = time.monotonic()
+    with pytest.raises(Timeout) as raised:
+        query.rows(host.start(deadline=time.monotonic() + 0.05), sink)
+    assert time.monotonic() - started < 1
+    assert raised.value.span == query.query.span
+    assert sink.paths is not None
+    assert bool(sink.paths) is ("WHERE" not in script)
+
+
+@pytest.mark.parametrize(
+    "script",
+    [
+        "SELECT a.this FROM a = l, b = l, c = l, d = l WHERE c.this + d.this < 0",
+        "SELECT (SELECT 1 FROM b = l, c = l, d = l WHERE a.this + d.this < 0) FROM a = l",
+        "SELECT a.this FROM a = l, b = l, c = l, d = l, e = []",
+    ],
+)
+def test_a_timeout_where_nothing_is_found(script: str) -> None:
+    host = FakeHost(l=list(range(300)))
+    with pytest.raises(Timeout):
+        host.query(script).rows(host.start(deadline=time.monotonic() + 0.05))
+
+
+def test_a_timeout_in_the_paths_of_memorize() -> None:
+    # 14 nodes, each with an edge to each other one, and a goal behind the last: very many paths, all found late.
+    host = FakeHost({"near": lambda node: [other for other in range(14) if other != node] + [14] * (node == 13)})
+    script = """SELECT n.this FROM n = near(node) WHERE n.this == 14 START WITH node = 0
+    CONNECT BY MEMORIZE node = n.this STOP WITH n.this == 14"""
+    sink = Rows((), paths=[])
+    with pytest.raises(Timeout):
+        host.query(script).rows(host.start(deadline=time.monotonic() + 0.2), sink)
+    assert sink.paths
+    assert [len(path) for path in sink.paths] == sorted(len(path) for path in sink.paths)
+
+
+def test_an_interrupt() -> None:
+    host = FakeHost()
+    run = host.start()
+
+    def interrupt(value: Any) -> Any:
+        run.interrupted = value > 5
+        return True
+
+    host.functions["interrupt"] = interrupt
+    host.volatility["interrupt"] = "volatile"
+    query = host.query("SELECT n FROM [0] WHERE interrupt(n) START WITH n = 1 CONNECT BY n = n + 1")
+    sink = Rows((), paths=[])
+    with pytest.raises(Cancelled):
+        query.rows(run, sink)
+    assert sink.paths is not None
+    # Somebody looks at least every 128 steps, and everything that was counted is in the statistics.
+    assert 6 <= len(sink.paths) <= 6 + 128
+    assert run.stats.generated >= len(sink.paths)
+
+
+def test_the_answer_is_the_sink() -> None:
+    host = FakeHost()
+    sink = Rows(("this",), rows=[])
+    assert host.query("SELECT this FROM [1, 2]").rows(host.start(), sink) is sink
+    assert (sink.columns, sink.rows, sink.paths) == (("this",), [(1,), (2,)], None)
+
+
+def test_errors_keep_what_was_found() -> None:
+    host = FakeHost()
+    sink = Rows((), rows=[])
+    with pytest.raises(ExecutionError):
+        host.query("SELECT 1 / this FROM [1, 2, 0, 4]").rows(host.start(), sink)
+    assert sink.rows == [(1.0,), (0.5,)]
+
+
+@pytest.mark.parametrize(
+    "script",
+    [
+        "SELECT this FROM l",
+        "SELECT this FROM l LIMIT 6",
+        "SELECT this FROM l ORDER BY this",
+        "SELECT this FROM l GROUP BY this % 2",
+        "SELECT this, count(*) FROM l GROUP BY this",
+        "SELECT this FROM l START WITH n = 0 CONNECT BY n = 1 STOP WITH n == 1",
+        "SELECT this FROM l START WITH n = 0 CONNECT BY n = 1 STOP WITH n == 1 ORDER BY this",
+    ],
+)
+def test_more_results_than_allowed(script: str) -> None:
+    host = FakeHost(l=list(range(7)))
+    query = host.query(script)
+    with pytest.raises(ExecutionError) as raised:
+        query.rows(host.start(max_rows=5))
+    assert (raised.value.code, place(raised.value)) == ("X010", f"1:1 {script}")
+    assert query.rows(host.start(max_rows=7)) is not None
+
+
+def test_a_limit_keeps_results_within_what_is_allowed() -> None:
+    host = FakeHost(l=list(range(100)))
+    for order in ("", "ORDER BY this"):
+        assert len(host.query(f"SELECT this FROM l {order} LIMIT 5").rows(host.start(max_rows=5)).rows or ()) == 5
+
+
+def test_rows_of_inner_queries_are_not_counted() -> None:
+    host = FakeHost(l=list(range(100)))
+    script = "SELECT len((SELECT this FROM l AS list)) FROM [1] AS value"
+    assert host.query(script).value(host.start(max_rows=1)) == 100
+
+
+# --- depth and width -----------------------------------------------------------------------------------
+
+SPAN = Span(Source("deep"), 0, 4)
+
+
+def constant(value: Any) -> plan.Expr:
+    return plan.Constant(value, type_of(value), span=SPAN)
+
+
+def call(name: str, *arguments: plan.Expr, builtin: bool = True) -> plan.Expr:
+    return plan.Call(plan.Function(name, 0, None, "immutable", builtin), arguments, span=SPAN, place=SPAN)
+
+
+def listed(number: int, value: plan.Expr, where: plan.Expr | None = None) -> plan.Expr:
+    """`(SELECT this FROM value WHERE where AS list)`; its source has this number."""
+    source = plan.ValueSource(number, "s", value, ANY, (), span=SPAN)
+    output = plan.Output("this", plan.Element(number, span=SPAN))
+    form = plan.Representation("list")
+    query = plan.Query(number, (source,), (output,), where, representation=form, span=SPAN)
+    return plan.Subquery(query, span=SPAN)
+
+
+def wrapped(levels: int, start: plan.Expr, wrap: Callable[[int, plan.Expr], plan.Expr]) -> plan.Expr:
+    for level in range(1, levels + 1):
+        start = wrap(level, start)
+    return start
+
+
+def below(level: int, inner: plan.Expr) -> plan.Expr:
+    """A nested query that also sees the element of the outermost one."""
+    same = call("eq", plan.Element(300, span=SPAN), constant(1))
+    return listed(level, constant([1]), plan.And((same, inner), BOOL, span=SPAN))
+
+
+def table(level: int, inner: plan.Expr) -> plan.Expr:
+    """`(SELECT this FROM inner)` where the inner query is a source."""
+    assert isinstance(inner, plan.Subquery)
+    source = plan.QuerySource(1000 + level, "s", inner.query, ANY, None, span=SPAN)
+    output = plan.Output("this", plan.Element(1000 + level, span=SPAN))
+    return plan.Subquery(plan.Query(1000 + level, (source,), (output,), span=SPAN), span=SPAN)
+
+
+@pytest.mark.parametrize(
+    ("deep", "expected"),
+    [
+        (wrapped(300, constant(0), lambda level, inner: call("add", inner, constant(1))), 300),
+        (wrapped(300, constant(0), lambda level, inner: call("f", inner, builtin=False)), 0),
+        (wrapped(300, constant(0), lambda level, inner: plan.Not(inner, span=SPAN)), False),
+        (
+            wrapped(
+                300,
+                constant(0),
+                lambda level, inner: (
+                    plan.If(constant(True), (inner, inner), (constant(1),), span=SPAN)
+                    if level < 5
+                    else plan.If(constant(False), (constant(1),), (inner,), span=SPAN)
+                ),
+            ),
+            0,
+        ),
+        (wrapped(300, constant([7, 8]), listed), [7, 8]),
+        (wrapped(300, constant(True), below), [1]),
+    ],
+    ids=["operators", "calls", "not", "if", "queries", "correlated"],
+)
+def test_plans_of_300_levels(deep: plan.Expr, expected: Any) -> None:
+    limit = sys.getrecursionlimit()
+    host = FakeHost({"f": lambda value: value})
+    assert compile_statement(deep)(host.start()) == expected
+    assert sys.getrecursionlimit() == limit
+    if isinstance(deep, plan.Subquery):
+        assert "def bound(run):" in NativeQuery(deep.query).source_text
+
+
+def test_queries_in_from_of_200_levels() -> None:
+    (value,) = compile_statement(wrapped(200, listed(1, constant([5])), table))(FakeHost().start())
+    for _ in range(200):
+        value = value["this"]
+    assert value == 5
+
+
+@pytest.mark.parametrize("number", [16, 17, 40, 70])
+def test_more_sources_than_python_nests(number: int) -> None:
+    sources = ", ".join(f"s{index} = [{index}, {index}]" if index < 3 else f"s{index} = [s{index - 1}.this + 1]"
+                        for index in range(number))  # fmt: skip
+    where = f"s1.this != 5 AND s{number - 1}.this + s0.this + s3.this > 0"
+    script = f"SELECT s0.this, s2.this, s{number - 1}.this FROM {sources} WHERE {where} AS rows"
+    assert FakeHost().run(script) == [[0, 2, number - 1]] * 8
+
+
+@pytest.mark.parametrize("number", [17, 40])
+def test_searches_with_more_sources_than_python_nests(number: int) -> None:
+    sources = ", ".join(f"s{index} = [{index}, n]" if index < 2 else f"s{index} = [n]" for index in range(number))
+    script = (
+        f"SELECT s0.this, s1.this, s{number - 1}.this FROM {sources} START WITH n = 3 CONNECT BY NO CYCLE n = n + 1"
+    )
+    assert FakeHost().run(f"{script} STOP WITH n == 4 OR s0.this == 3 OR s1.this == 3 AS list") == [[0, 1, 3]]
+
+
+def test_every_unit_is_plain_python() -> None:
+    host = FakeHost(l=[1, 2])
+    text = host.query("SELECT this FROM l WHERE this > 1").source_text
+    assert text.startswith("def bound(run):")
+    assert "for l_" in text
+
+
+@pytest.mark.parametrize(
+    "script", ["SELECT wait(this) FROM l", "SELECT wait(n) FROM [0] START WITH n = 1 CONNECT BY n = n + 1"]
+)
+def test_slow_functions_do_not_delay_the_end(script: str) -> None:
+    host = FakeHost({"wait": lambda value: time.sleep(0.004)}, {"wait": "volatile"}, l=list(range(1000)))
+    query = host.query(script)
+    started = time.monotonic()
+    with pytest.raises(Timeout):
+        query.rows(host.start(deadline=started + 0.05))
+    assert time.monotonic() - started < 0.05 + 0.1
