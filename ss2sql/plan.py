@@ -79,7 +79,7 @@ class Element:
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A column of a source's current element. `declared` is False where the columns are known only at run time."""
+    """A column of the current element; `declared` is False where columns are known only at run time."""
 
     source: int
     name: str
@@ -100,7 +100,7 @@ class State:
 
 @dataclass(frozen=True, slots=True)
 class Call:
-    """A call of a function or operator. `place` is what errors point at: the call, or the operator's sign."""
+    """A call of a function or operator; errors point at its `place`: the call, or the operator's sign."""
 
     function: Function
     arguments: tuple[Expr, ...]
@@ -287,11 +287,7 @@ Source: TypeAlias = TableSource | ValueSource | QuerySource
 
 @dataclass(frozen=True, slots=True)
 class Output:
-    """One column of SELECT.
-
-    A `label`, the second argument of `to`, gives the name at run time in place of `name`. With `star` the
-    column is an element of unknown columns that SELECT * takes apart when the rows are there.
-    """
+    """One column of SELECT; a computed `label` replaces its `name`, `star` lets SELECT * take the element apart."""
 
     name: str
     expr: Expr

@@ -15,7 +15,7 @@ import ss2sql
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a program came to: a value, one of our error codes, or the type of a user's exception; and what it printed."""
+    """What a program came to: a value, our error code or the type of a user's exception, and what it printed."""
 
     value: Any = None
     error: str | None = None
@@ -86,7 +86,7 @@ def differences(case: ProgramCase) -> list[str]:
     found = []
     for engine in ("native", "database"):
         outcome = executor_outcome(case, engine)
-        # A list function on what is certainly no list is refused before the run; the reference notices it later, if ever.
+        # A list function on what is certainly no list is refused before the run; the reference notices it later.
         if outcome is not None and outcome != expected and outcome.error != "R008":
             found.append(f"{engine}: {outcome}\nreference: {expected}")
     return found

@@ -204,3 +204,13 @@ def test_rounding_is_part_of_the_bounds() -> None:
     assert high is not None
     assert high >= 2**53 + 4
     assert math.isfinite(high)
+
+
+@pytest.mark.parametrize(
+    ("name", "others"),
+    [("add", ("a",)), ("item", (0,)), ("slice", (0, 1)), ("min", ("\udfff",)), ("str", ())],
+)
+def test_text_made_of_surrogates_is_not_promised_to_fit_into_sqlite(name: str, others: tuple[Any, ...]) -> None:
+    arguments = ("\ud800", *others)
+    keeps_promise(name, [(value, type_of(value)) for value in arguments])
+    assert BUILTINS[name].result([Type(Kind.STR), *map(type_of, others)]).may(Kind.STR)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import pytest
@@ -136,6 +137,22 @@ def test_the_first_paths_of_very_many(options: str) -> None:
     assert {len(path) for path in paths} == {2 * (side - 1)}
     # In source order, which here is down before right.
     assert paths == sorted(paths, reverse=True)
+
+
+def test_the_first_of_very_many_paths_whose_totals_differ_by_rounding() -> None:
+    side, costs = 20, {1: 0.1, 20: 0.3}
+    edges: list[list[Edge]] = [
+        [(node + step, costs[step]) for step in (1, side) if (node % side if step == 1 else node // side) < side - 1]
+        for node in range(side * side)
+    ]
+    graph = Problem(edges, {side * side - 1}, set(), None)
+    paths = graph.host().run(graph.script("COST e.this[1] MAXIMUM 300"))
+    sums = [sum(costs[after - before] for before, after in pairwise([0, *path])) for path in paths]
+    assert len(sums) == 300
+    assert sums == sorted(sums)
+    assert sums[-1] - sums[0] < 1e-9
+    # Among equal totals right comes before down, which is source order.
+    assert all(a < b for a, b in pairwise(zip(sums, paths, strict=True)))
 
 
 def test_work_is_bounded_where_most_ways_lead_nowhere() -> None:

@@ -137,7 +137,10 @@ def test_an_attached_list_is_read_when_the_script_runs(ss: ss2sql.Session, engin
 def test_a_dict_of_columns_is_a_table(ss: ss2sql.Session, engine: Any) -> None:
     ss.attach("cities", {"name": ["Ulm", "Bonn"], "size": [1, 2]})
     assert ss.run("SELECT name FROM cities WHERE size > 1 AS list;", engine=engine).value == ["Bonn"]
-    assert ss.run("SELECT * FROM cities;", engine=engine).value == [{"name": "Ulm", "size": 1}, {"name": "Bonn", "size": 2}]
+    assert ss.run("SELECT * FROM cities;", engine=engine).value == [
+        {"name": "Ulm", "size": 1},
+        {"name": "Bonn", "size": 2},
+    ]
     assert ss.run("SELECT this FROM cities AS value;", engine=engine).value == {"name": "Ulm", "size": 1}
 
 
@@ -163,8 +166,18 @@ def test_fields_of_dataclass_objects_are_columns(ss: ss2sql.Session, engine: Any
 
 
 @both
-@pytest.mark.parametrize(("value", "elements"), [(7, [7]), ("text", ["text"]), (None, [None]), (True, [True]),
-                                                 ((1, 2), [1, 2]), (np.array([1.5, 2.0]), [1.5, 2.0]), ([], [])])  # fmt: skip
+@pytest.mark.parametrize(
+    ("value", "elements"),
+    [
+        (7, [7]),
+        ("text", ["text"]),
+        (None, [None]),
+        (True, [True]),
+        ((1, 2), [1, 2]),
+        (np.array([1.5]), [1.5]),
+        ([], []),
+    ],
+)
 def test_any_other_value_is_a_list_of_one(ss: ss2sql.Session, engine: Any, value: Any, elements: list[Any]) -> None:
     ss.attach("x", value)
     found = ss.run("SELECT this FROM x AS list;", engine=engine).value
@@ -318,7 +331,10 @@ def test_the_value_of_a_script_is_that_of_its_last_statement(ss: ss2sql.Session)
 
 
 def test_the_engine_can_be_chosen(ss: ss2sql.Session) -> None:
-    flat, memorize = "SELECT this FROM [1, 2];", "SELECT this FROM [1] START WITH n = 0 CONNECT BY MEMORIZE 2 n = n + 1;"
+    flat, memorize = (
+        "SELECT this FROM [1, 2];",
+        "SELECT this FROM [1] START WITH n = 0 CONNECT BY MEMORIZE 2 n = n + 1;",
+    )
     assert ss.run(flat).engine == "database"
     assert ss.run(flat, engine="native").engine == "native"
     assert ss.run(memorize).engine == "native"
@@ -423,7 +439,14 @@ def test_a_query_is_compiled_again_when_values_are_of_other_kinds(ss: ss2sql.Ses
     items: list[Any] = [1, 2]
     ss.attach("items", items)
     query = ss.compile("SELECT this + this FROM items AS list;")
-    for values, doubled in (([3], [6]), ([1.5], [3.0]), (["a"], ["aa"]), ([[1]], [[1, 1]]), ([2**62], None), ([1], [2])):
+    for values, doubled in (
+        ([3], [6]),
+        ([1.5], [3.0]),
+        (["a"], ["aa"]),
+        ([[1]], [[1, 1]]),
+        ([2**62], None),
+        ([1], [2]),
+    ):
         items[:] = values
         if doubled is None:
             assert code_of(query.run, engine=engine) == "X004"

@@ -47,6 +47,9 @@ class Settings:
     labels: tuple[str, ...] | None = None
 
 
+NO_SETTINGS = Settings()
+
+
 @dataclass(frozen=True, slots=True)
 class Task:
     """A query bound to a run. The functions are generated; they take the values of outer queries that it reads."""
@@ -61,23 +64,23 @@ class Task:
 
     def value(self, *outer: Any) -> Any:
         """The query's value, as its representation makes it."""
-        return self.shaped(self.rows(*outer), *outer)
+        return self.shaped(self.rows(outer), outer)
 
-    def shaped(self, rows: Rows, *outer: Any) -> Any:
+    def shaped(self, rows: Rows, outer: tuple[Any, ...] = ()) -> Any:
         """What the query's representation makes of its answer."""
         arguments, named = self.arguments(*outer) if self.arguments else ((), {})
         return self.run.host.shape(self.form.query, rows, arguments, named)
 
     def tuples(self, *outer: Any) -> list[Row]:
         """The rows of a query whose results are rows."""
-        rows = self.rows(*outer).rows
+        rows = self.rows(outer).rows
         assert rows is not None
         return rows
 
-    def rows(self, *outer: Any, sink: Rows | None = None, outermost: bool = False) -> Rows:
+    def rows(self, outer: tuple[Any, ...] = (), sink: Rows | None = None, outermost: bool = False) -> Rows:
         """The answer of the query, in `sink` where one is given. The run's limits hold for the `outermost` query."""
         form, query = self.form, self.form.query
-        settings = Settings(*self.settings(*outer)) if self.settings else Settings()
+        settings = Settings(*self.settings(*outer)) if self.settings else NO_SETTINGS
         found, keyed = self._results(settings, outer, outermost)
         answer = Rows(form.columns) if sink is None else sink
         if settings.labels is not None:
