@@ -1,9 +1,8 @@
 """The plan: a script with every name resolved, the narrow waist between the frontend and the executors.
 
-Nothing here belongs to lark or to SQLite. A `Program` holds statements; a statement is an expression; a
-query is an expression too. Sources are told apart by a number that is unique in the program, START WITH
-variables by the number of their query, so no scoping is left to the executors. Every expression carries
-its `Type`, a promise about its values, and the span of its text.
+Nothing here belongs to lark or to SQLite. Statements and queries are expressions. Sources are told apart by
+a number that is unique in the program, START WITH variables by the number of their query, so no scoping is
+left to the executors. An expression carries its `Type`, a promise about its values, and the span of its text.
 """
 
 from __future__ import annotations
@@ -35,6 +34,7 @@ class Function:
     builtin: bool = True
     raises: bool = True
     reason: str = field(default="", compare=False)
+    parameters: tuple[str, ...] = field(default=(), compare=False)
 
 
 # --- expressions ---------------------------------------------------------------------------------------

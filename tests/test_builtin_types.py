@@ -46,6 +46,8 @@ def test_bounds_are_computed() -> None:
         ("min", (small, bounded(2, 3)), bounded(0, 3)),
         ("max", (small, bounded(2, 3)), bounded(2, 5)),
         ("range", (bounded(0, 9),), Type(Kind.LIST, item=bounded(0, 8), columns=())),
+        ("range", (bounded(1, 3), bounded(5, 9)), Type(Kind.LIST, item=bounded(1, 8), columns=())),
+        ("range", (bounded(7, 9), bounded(1, 3), INT), Type(Kind.LIST, item=bounded(2, 9), columns=())),
     ]
     for name, types, expected in cases:
         assert BUILTINS[name].result(types) == expected, name

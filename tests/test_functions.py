@@ -591,7 +591,7 @@ def test_the_robot_listing_adds_vectors() -> None:
 WORDS_OF_SQL = ["table", "order", "where", "join", "null", "cast", "case", "match", "like", "glob", "abs", "round",
                 "total", "coalesce", "iif", "likelihood", "row_number", "avg", "raise", "Values", "CURRENT_TIME",
                 "default"]  # fmt: skip
-HELPERS = ["list", "record", "truth", "last", "field", "elements", "search", "next_step", "keep", "on_path", "reach",
+HELPERS = ["list", "record", "truth", "in_turn", "field", "elements", "search", "next_step", "keep", "on_path", "reach",
            "reached", "collect", "collect_rows", "group_sum", "list_max", "count", "sum", "item", "slice"]  # fmt: skip
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import traceback
+from dataclasses import dataclass
 from typing import Any
 
 import pytest
@@ -41,9 +42,9 @@ def test_errors_of_the_language(script: str, code: str, expected: str) -> None:
     assert (error.code, place(error)) == (code, expected)
 
 
-def test_sorting_what_has_no_order_points_at_the_query() -> None:
+def test_sorting_what_has_no_order_points_at_the_key() -> None:
     error = FakeHost().error("1; SELECT this FROM [1, 'a'] ORDER BY this")
-    assert (error.code, place(error)) == ("X001", "1:4 SELECT this FROM [1, 'a'] ORDER BY this")
+    assert (error.code, place(error)) == ("X001", "1:39 this")
 
 
 @pytest.mark.parametrize(
@@ -174,3 +175,18 @@ def test_without_columns_in_tracebacks_the_line_is_still_known(monkeypatch: pyte
     error = FakeHost().error("1 +\n2;\n3 / 0")
     assert error.span is not None
     assert error.span.line == 3
+
+
+def test_a_field_that_raises() -> None:
+    @dataclass
+    class Body:
+        mass: Any = None
+
+        def __getattribute__(self, name: str) -> Any:
+            if name == "mass":
+                raise OSError("gone")
+            return super().__getattribute__(name)
+
+    with pytest.raises(OSError, match="gone") as raised:
+        FakeHost(bodies=[Body()]).run("SELECT\nmass FROM bodies")
+    assert raised.value.__notes__[0].startswith("raised by the function 'mass', called at <script>:2:1")

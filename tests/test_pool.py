@@ -269,6 +269,11 @@ def test_objects_that_equal_numbers_have_their_keys() -> None:
     assert pool.key(pool.encode(Fraction(1, 2))) == 0.5
     assert pool.equal(pool.encode([Decimal(2)]), pool.encode([2.0]))
     assert not pool.equal(pool.encode(Decimal("0.1")), 0.1)
+    assert same(pool.key(pool.encode(Decimal(2**100))), 2.0**100)
+    for beyond in (Decimal(10**300), Decimal("Infinity")):
+        handle = pool.encode(beyond)
+        assert pool.key(handle) == handle
+    assert pool.equal(pool.encode([Decimal(2**100)]), pool.encode([2.0**100]))
 
 
 # --- bytes of tables -----------------------------------------------------------------------------------

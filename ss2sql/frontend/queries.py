@@ -11,6 +11,7 @@ from ss2sql.frontend import ast
 from ss2sql.frontend.groups import with_groups
 from ss2sql.frontend.options import search_options
 from ss2sql.frontend.scope import Scope, bound_name, column_of, element_of
+from ss2sql.frontend.sources import open_sources
 from ss2sql.kinds import ANY, NONE, Kind, Type, covers, union
 from ss2sql.runtime.rows import free_name
 
@@ -54,122 +55,6 @@ def _optional(resolver: Resolver, tree: ast.Expr | None, scope: Scope | None) ->
     return None if tree is None else resolver.guarded(resolver.expression, tree, scope)
 
 
-# --- sources -------------------------------------------------------------------------------------------
-
-
-def _open_sources(resolver: Resolver, tree: ast.Query, scope: Scope) -> None:
-    """Brings the sources into sight, one after the other."""
-    for part in tree.sources:
-        try:
-            source = _source(resolver, part, scope)
-            if part.name is not None or not isinstance(part.expr, ast.ListLiteral | ast.Query):
-                twin = next((other for other in scope.sources if other.name == source.name), None)
-                if twin is not None:
-                    raise ResolveError(
-                        "R013",
-                        f"two sources are called '{source.name}'",
-                        part.span,
-                        (f"name them: FROM a = {source.name}, b = {source.name}",),
-                    )
-        except ResolveError as error:
-            resolver.errors.append(error)
-            nothing = plan.Constant(None, ANY, span=part.span)
-            name = part.name or _name_of(part.expr)
-            source = plan.ValueSource(resolver.number(), name, nothing, ANY, None, span=part.span)
-        scope.sources.append(source)
-
-
-def _source(resolver: Resolver, tree: ast.From, scope: Scope) -> plan.Source:
-    name = tree.name or _name_of(tree.expr)
-    match tree.expr:
-        case ast.Query():
-            inner = resolve_query(resolver, tree.expr, scope)
-            element, columns = _elements(inner.type)
-            return plan.QuerySource(resolver.number(), name, inner.query, element, columns, span=tree.span)
-        case ast.Name(name=word):
-            return _named_source(resolver, name, word, scope, tree.expr.span)
-        case ast.Attribute(source=schema, name=word):
-            if all(schema != source.name for level in scope.outwards() for source in level.sources):
-                return _table_source(resolver, name, schema, word, tree.expr.span)
-    return _value_source(resolver, name, resolver.expression(tree.expr, scope), tree.span)
-
-
-def _named_source(resolver: Resolver, name: str, word: str, scope: Scope, span: Span) -> plan.Source:
-    if word in resolver.late:
-        return _value_source(resolver, name, _late_list(resolver, word, scope, span), span)
-    value = bound_name(scope, word, span) or resolver.variable(word, span)
-    if value is not None:
-        return _value_source(resolver, name, value, span)
-    table = resolver.catalog.table(None, word)
-    if table is not None:
-        return _use_table(resolver, table, name, span)
-    if resolver.catalog.open_names:
-        return _value_source(resolver, name, resolver.name(word, None, span), span)
-    known = [*resolver.assigned, *resolver.catalog.variables, *resolver.catalog.tables, *resolver.late]
-    hints = did_you_mean(word, known) or ("assign a list to it, or attach one from Python: session.attach(name, list)",)
-    if word in resolver.catalog.functions:
-        hints = (f"'{word}' is a function: call it, {word}(...)",)
-    raise ResolveError("R003", f"unknown source '{word}'", span, hints)
-
-
-def _late_list(resolver: Resolver, word: str, scope: Scope, span: Span) -> plan.Expr:
-    before = len(resolver.errors)
-    value = resolver.expression(resolver.late[word], scope)
-    if len(resolver.errors) > before:
-        cause = resolver.errors[before]
-        del resolver.errors[before:]
-        raise ResolveError(
-            "R011",
-            f"the list '{word}' cannot be read here: {cause.message}",
-            span,
-            ("read it in a query inside one that has the sources that it mentions",),
-            ((resolver.late[word].span, "the list stands here"),),
-        )
-    return value
-
-
-def _table_source(resolver: Resolver, name: str, schema: str, word: str, span: Span) -> plan.Source:
-    table = resolver.catalog.table(schema, word)
-    if table is None:
-        hints = did_you_mean(word, resolver.catalog.tables) or (f"'{schema}' is no source here, and has no such table",)
-        raise ResolveError("R003", f"unknown source '{schema}.{word}'", span, hints)
-    return _use_table(resolver, table, name, span)
-
-
-def _use_table(resolver: Resolver, table: plan.TableSource, name: str, span: Span) -> plan.Source:
-    source = replace(table, id=resolver.number(), name=name, span=span)
-    resolver.tables[source.id] = source
-    return source
-
-
-def _value_source(resolver: Resolver, name: str, value: plan.Expr, span: Span) -> plan.Source:
-    element, columns = _elements(value.type)
-    return plan.ValueSource(resolver.number(), name, value, element, columns, span=span)
-
-
-def _name_of(tree: ast.Expr) -> str:
-    """The name of a source that has none written: the variable's, table's or function's, else `this`."""
-    match tree:
-        case ast.Name(name=name) | ast.Attribute(name=name) | ast.Call(function=name):
-            return name
-        case _:
-            return "this"
-
-
-def _elements(value: Type) -> tuple[Type, tuple[tuple[str, Type], ...] | None]:
-    """The type and the columns of the elements of a value that stands in FROM."""
-    if value.only(Kind.LIST):
-        return value.item or ANY, value.columns
-    if value.only(Kind.DICT) and value.columns is not None:
-        columns = value.columns
-        if columns and all(kind.only(Kind.LIST) for _, kind in columns):
-            columns = tuple((name, kind.item or ANY) for name, kind in columns)
-        return Type(Kind.DICT, columns=columns), columns
-    if value.may(Kind.LIST | Kind.DICT):
-        return ANY, None
-    return value, value.columns if value.may(Kind.OBJECT) else ()
-
-
 # --- the search ----------------------------------------------------------------------------------------
 
 
@@ -182,12 +67,12 @@ def _search(resolver: Resolver, tree: ast.Query, scope: Scope, outer: Scope | No
                 resolver.errors.append(
                     ResolveError("R012", f"{clause} needs CONNECT BY", place, ("add CONNECT BY name = expr",))
                 )
-        _open_sources(resolver, tree, scope)
+        open_sources(resolver, tree, scope)
         return None
     start = _start(resolver, tree, scope)
     _check_assigned(resolver, tree)
     _settle_state_types(resolver, tree, scope, dict(start))
-    _open_sources(resolver, tree, scope)
+    open_sources(resolver, tree, scope)
     connect = tuple((a.name, resolver.guarded(resolver.expression, a.value, scope)) for a in tree.connect)
     stop = _optional(resolver, tree.stop, scope)
     return search_options(
@@ -250,7 +135,7 @@ def _connect_types(resolver: Resolver, tree: ast.Query, scope: Scope) -> dict[st
     errors = len(resolver.errors)
     kept = (dict(resolver.parameters), dict(resolver.tables), resolver.tentative, resolver.numbers)
     trial = scope.copy()
-    _open_sources(resolver, tree, trial)
+    open_sources(resolver, tree, trial)
     types: dict[str, Type] = {}
     for assign in tree.connect:
         value = resolver.guarded(resolver.expression, assign.value, trial)

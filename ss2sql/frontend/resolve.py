@@ -43,7 +43,7 @@ def resolve(script: ast.Script, catalog: Catalog) -> plan.Program:
 def resolve_text(script: ast.Script, scope: Scope | None, catalog: Catalog) -> tuple[plan.Expr, ...]:
     """The statements of a text given to `eval`, resolved where the eval stands."""
     resolver = Resolver(catalog, base=1_000_000)
-    expressions = tuple(resolver.guarded(resolver.expression, statement, scope) for statement in script.statements)
+    expressions = tuple(resolver.statement(statement, scope).expr for statement in script.statements)
     resolver.finish()
     return expressions
 
@@ -81,13 +81,14 @@ class Resolver:
             self.errors.append(error)
             return plan.Constant(None, ANY, span=tree.span)
 
-    def statement(self, tree: ast.Expr) -> plan.Statement:
+    def statement(self, tree: ast.Expr, scope: Scope | None = None) -> plan.Statement:
+        """The plan of a statement; what it assigns is known to those after it."""
         self.reads, self.tables, self.tentative = {}, {}, False
         nested = [node.name for node in _assignments(tree) if node is not tree]
         for name in nested:
             # Its value changes while the statement runs, so nothing is known of its type.
             self.assigned[name] = ANY
-        expr = self.guarded(self.expression, tree, None)
+        expr = self.guarded(self.expression, tree, scope)
         if isinstance(expr, plan.Assign):
             self.assigned[expr.name] = ANY if expr.name in nested else expr.value.type
             self.late.pop(expr.name, None)

@@ -27,13 +27,10 @@ from ss2sql.walk import is_volatile, walk
 # Built-in functions that always give a bool; in SQL they give a flag.
 PREDICATES = frozenset({"eq", "ne", "lt", "le", "gt", "ge", "in", "not_in"})
 
-# SQLite's own aggregates stand under these names, so the functions of lists get others.
-OTHER_NAMES = {"count": "list_count", "sum": "list_sum", "min": "list_min", "max": "list_max"}
-
 
 def builtin_name(name: str) -> str:
-    """The name of a built-in function in SQL."""
-    return OTHER_NAMES.get(name, name)
+    """The name of a built-in function in SQL; a name of SQLite's own stays SQLite's, for views and aggregates."""
+    return f"{name}_of" if name in sql.SQLITE_FUNCTIONS else name
 
 
 Reader: TypeAlias = Callable[[plan.Element | plan.Column], Node]
@@ -195,7 +192,7 @@ class Expressions:
         for branch in (expr.then, expr.otherwise):
             last = self.lower(branch[-1], env) if is_flag(expr.type) else self.value(branch[-1], env)
             before = [self.value(part, env) for part in branch[:-1] if can_fail(part)]
-            branches.append(sql.call("last", *before, last) if before else last)
+            branches.append(sql.call("in_turn", *before, last) if before else last)
         return sql.case([(self.condition(expr.condition, env), branches[0])], branches[1])
 
     def aggregate(self, expr: plan.Aggregate, env: Env) -> Node:
@@ -211,9 +208,6 @@ class Expressions:
                 return exp.Min(this=argument)
             case "max" if plain:
                 return exp.Max(this=argument)
-            case "sum" if kind.only(Kind.INT | Kind.NONE):
-                total = exp.Sum(this=argument)
-                return exp.Coalesce(this=total, expressions=[sql.number(0)]) if kind.may(Kind.NONE) else total
         return sql.call(f"group_{expr.function}", argument, self.place(expr.span))
 
 

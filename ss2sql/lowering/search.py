@@ -99,6 +99,7 @@ class _Search:
         self.carried = Carried(query, search)
         self.flags = {name: is_flag(kind) for name, kind in search.states}
         self.tables: list[exp.CTE] = []
+        self.next_states: list[Node] = []
         self.positions: dict[str, str] = {}  # the column of each copied table that numbers its rows
 
     def statement(self) -> exp.Select:
@@ -152,6 +153,7 @@ class _Search:
         depth = sql.binary(exp.Add, sql.column("depth", self.table), sql.number(1))
         table = sql.table(self.table, self.table)
         step = sql.column("step", self.table)
+        self.next_states = [following[(self.query.id, name)] for name, _ in self.search.connect]
         return self.steps(Env().with_states(following), step, depth, [table], self.goes_on(parent))
 
     def steps(self, env: Env, parent: Node, depth: Node, items: list[Node], where: Node | None) -> exp.Select:
@@ -233,11 +235,20 @@ class _Search:
         else:
             goal = self.expressions.condition(self.query.where, env)
             if stop is not None and self.search.stop is not None and can_fail(self.search.stop) and self.cut():
-                goal = sql.call("last", stop, goal)
+                goal = sql.call("in_turn", stop, goal)
+        goal = self.with_next(goal, stop)
         if self.guard.met is None:
             return goal
         missed = [(exp.Not(this=sql.operand(goal)), sql.number(0))] if goal is not None else []
         return self.guarded(env, missed + self.met(env), sql.number(1))
+
+    def with_next(self, goal: Node | None, stop: Node | None) -> Node | None:
+        """The goal, after CONNECT BY of a step that goes on: the last result's own can fail, too."""
+        if not (self.cut() and any(can_fail(expr) for _, expr in self.search.connect)):
+            return goal
+        go_on = sql.call("in_turn", *(node.copy() for node in self.next_states), sql.number(1))
+        reached = go_on if stop is None else sql.case([(stop.copy(), sql.number(1))], go_on)
+        return reached if goal is None else sql.case([(goal, reached)], sql.number(0))
 
     def cut(self) -> bool:
         """Whether the search may end before its steps are used up, so that a step's own order shows."""

@@ -95,7 +95,7 @@ class Selects:
             last = query.sources[-1]
             if last.id not in sources_read(query.where):
                 # Asked before the last source is read, it could fail for a product that has no rows.
-                own[-1] = sql.call("last", opened[-1].witness.copy(), own[-1])
+                own[-1] = sql.call("in_turn", opened[-1].witness.copy(), own[-1])
         return Flat(items, conditions + own, inner, opened)
 
     def order(self, query: plan.Query, flat: Flat) -> list[tuple[Node, bool]] | None:

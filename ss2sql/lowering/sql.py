@@ -15,6 +15,14 @@ _PLAIN_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
 _WORDS = frozenset(apsw.keywords) | {"TRUE", "FALSE"}
 
 
+def _sqlite_functions() -> frozenset[str]:
+    rows = apsw.Connection(":memory:").execute("SELECT DISTINCT lower(name) FROM pragma_function_list")
+    return frozenset(str(row[0]) for row in rows)
+
+
+SQLITE_FUNCTIONS = _sqlite_functions()
+
+
 def identifier(name: str) -> exp.Identifier:
     """A name, quoted where SQLite would take it for something else."""
     plain = _PLAIN_NAME.match(name) and name.upper() not in _WORDS
@@ -142,9 +150,7 @@ def key(node: Node) -> Node:
 def sorted_query(query: exp.Select, order: Sequence[tuple[Node, bool]], limit: Node | None = None) -> exp.Select:
     """The query with ORDER BY and LIMIT."""
     if order:
-        keys = [
-            exp.Ordered(this=key(node), desc=descending, nulls_first=not descending) for node, descending in order
-        ]
+        keys = [exp.Ordered(this=key(node), desc=descending, nulls_first=not descending) for node, descending in order]
         query.set("order", exp.Order(expressions=keys))
     if limit is not None:
         query.set("limit", exp.Limit(expression=limit))

@@ -173,7 +173,9 @@ def finished(lowered: SqlQuery, sink: Rows, extras: Sequence[tuple[Any, Any]], l
 
 
 def group_value(value: Any) -> Any:
-    """A group's value as the key of a dict: lists become tuples."""
+    """A group's value as the key of a dict: lists become tuples, dicts tuples of pairs."""
+    if isinstance(value, dict):
+        return group_value(list(value.items()))
     return tuple(map(group_value, value)) if isinstance(value, (list, tuple)) else value
 
 

@@ -50,6 +50,11 @@ class Execution:
         self.memos: dict[str, Memo] = {}
         self.elements: dict[Any, Sequence[Sequence[Any]]] = {}
 
+    def value_source(self) -> Span | None:
+        """The place of the first source that is a value; a bad one is most likely this."""
+        sources = (node for node in walk(self.query) if isinstance(node, plan.ValueSource)) if self.query else ()
+        return next((source.span for source in sources), None)
+
     def span(self, place: str) -> Span | None:
         """The span of the call at a place `line:column` of the script."""
         for node in walk(self.query) if self.query is not None else ():
@@ -94,7 +99,14 @@ class Database:
         return function
 
     def _factory(self, factory: Callable[[Pool], Any]) -> Callable[[], Any]:
-        return lambda: factory(self.current.pool)
+        def make() -> Any:
+            execution = self.current
+            aggregate = factory(execution.pool)
+            if hasattr(aggregate, "place"):
+                aggregate.final = _located(aggregate, execution)
+            return aggregate
+
+        return make
 
     def _search_function(self, name: str) -> Callable[..., Any]:
         stack, method = self.stack, getattr(SearchState, name)
@@ -139,6 +151,7 @@ class Database:
             values = list(map(execution.pool.fresh, arguments))
             forget = remember and forgets(function, values)
             execution.run.check()
+            execution.run.check()  # a slow function must not keep a timeout waiting
             execution.run.stats.calls[name] += 1
             spans = execution.calls.get(name, ())
             try:
@@ -183,7 +196,10 @@ class Database:
         key = (value, type(value), columns)
         found = execution.elements.get(key)
         if found is None:
-            found = element_columns(execution.pool, value, columns)
+            try:
+                found = element_columns(execution.pool, value, columns)
+            except Error as error:
+                raise error.located(execution.value_source()) from None
             if len(execution.elements) >= 10_000:
                 execution.elements.clear()
             execution.elements[key] = found
@@ -218,9 +234,6 @@ class Database:
         except Stopped as stopped:
             raise stopped.located(lowered.query.span) from None
         except apsw.Error as error:
-            if "integer overflow" in str(error):
-                hint = "sum floats instead: sum(float(x))"
-                raise ExecutionError("X004", "a sum does not fit into 64 bits", lowered.query.span, (hint,)) from None
             hints = ("run it with engine='native'",)
             raise ExecutionError("X009", f"SQLite: {error}", lowered.query.span, hints) from error
         finally:
@@ -274,6 +287,19 @@ class Database:
             path.reverse()
             _room(execution.run, sink.paths, path)
             yield row[width:keys], row[keys:]
+
+
+def _located(aggregate: Any, execution: Execution) -> Callable[[], Any]:
+    """The aggregate's `final`, whose errors get the place of its call."""
+    final = aggregate.final
+
+    def located() -> Any:
+        try:
+            return final()
+        except Error as error:
+            raise error.located(execution.span(aggregate.place)) from None
+
+    return located
 
 
 def _room(run: Run, results: list[Any] | None, result: Any) -> None:

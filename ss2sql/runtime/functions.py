@@ -17,6 +17,7 @@ from ss2sql import plan
 from ss2sql.errors import SessionError
 from ss2sql.frontend.purity import arity, infer
 from ss2sql.frontend.text import RESERVED as RESERVED_WORDS
+from ss2sql.lowering.sql import SQLITE_FUNCTIONS
 from ss2sql.runtime.builtins import BUILTINS
 from ss2sql.runtime.pool import Pool
 from ss2sql.runtime.run import Run
@@ -25,15 +26,11 @@ from ss2sql.runtime.values import fresh, normalise
 MEMO_LIMIT = 100_000
 
 # Names that the SQL made by lowering uses for itself; a user's function of such a name gets another one in SQL.
-RESERVED = frozenset(
-    {
-        *("collect", "collect_nothing", "collect_records", "collect_rows", "collect_set", "collect_value"),
-        *("group_average", "group_count", "group_max", "group_min", "group_sum"),
-        *("list_count", "list_max", "list_min", "list_sum", "list", "record", "field"),
-        *("next_step", "keep", "on_path", "reach", "reached", "truth", "last", "elements", "search"),
-        *("avg", "coalesce", "count", "match", "max", "min", "row_number", "sum"),  # SQLite's own
-    }
-)
+RESERVED = SQLITE_FUNCTIONS | {
+    *("collect", "collect_nothing", "collect_records", "collect_rows", "collect_set", "collect_value"),
+    *("group_average", "group_count", "group_max", "group_min", "group_sum", "list", "record", "field"),
+    *("next_step", "keep", "on_path", "reach", "reached", "truth", "in_turn", "elements", "search"),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,12 +44,21 @@ class UserFunction:
     reason: str
     minimum: int
     maximum: int | None
+    parameters: tuple[str, ...] = ()
     inverse: Callable[..., Any] | None = None
     vectorized: bool = False
 
     @property
     def plan(self) -> plan.Function:
-        return plan.Function(self.name, self.minimum, self.maximum, self.volatility, builtin=False, reason=self.reason)
+        return plan.Function(
+            self.name,
+            self.minimum,
+            self.maximum,
+            self.volatility,
+            builtin=False,
+            reason=self.reason,
+            parameters=self.parameters,
+        )
 
 
 def user_function(
@@ -73,14 +79,13 @@ def user_function(
     if volatility not in (None, "immutable", "stable", "volatile"):
         raise SessionError("S002", f"volatility is 'immutable', 'stable' or 'volatile', not {volatility!r}")
     takes = arity(function)
-    if volatility is not None:
-        return UserFunction(
-            name, function, volatility, False, "declared", takes.minimum, takes.maximum, inverse, vectorized
-        )
-    purity = infer(function)
-    return UserFunction(
-        name, function, purity.volatility, True, purity.reason, takes.minimum, takes.maximum, inverse, vectorized
-    )
+    inferred = volatility is None
+    reason = "declared"
+    if volatility is None:
+        purity = infer(function)
+        volatility, reason = purity.volatility, purity.reason
+    size = (takes.minimum, takes.maximum, takes.names)
+    return UserFunction(name, function, volatility, inferred, reason, *size, inverse, vectorized)
 
 
 def check_name(name: str) -> None:
@@ -193,6 +198,7 @@ def native_callable(function: UserFunction, run: Run, memo_limit: int) -> Callab
 
     def call(*arguments: Any) -> Any:
         check()
+        run.check()  # a slow function must not keep a timeout waiting
         calls[name] += 1
         return normalise(body(*map(fresh, arguments)), giver)
 

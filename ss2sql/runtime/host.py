@@ -22,7 +22,7 @@ from ss2sql.runtime.rows import Rows
 from ss2sql.runtime.run import Run
 from ss2sql.runtime.session_functions import SessionFunctions
 from ss2sql.runtime.shaping import Shapes, with_stars
-from ss2sql.runtime.tables import Tables, quoted
+from ss2sql.runtime.tables import Tables
 from ss2sql.runtime.temporal import TemporalFile, TemporalStore
 from ss2sql.runtime.variables import Variables
 
@@ -140,10 +140,7 @@ class SessionHost:
         self.names.store_temporal(name, keep, value)
 
     def table_rows(self, source: plan.TableSource) -> list[tuple[Any, ...]]:
-        columns = ", ".join(quoted(name) for name, _ in source.columns)
-        order = f" ORDER BY {', '.join(quoted(key) for key in source.order)}" if source.order else ""
-        text = f"SELECT {columns} FROM {quoted(source.schema)}.{quoted(source.table)}{order}"
-        return [tuple(row) for row in self.connection.execute(text)]
+        return self.tables.rows(source)
 
     def shape(self, query: plan.Query, rows: Rows, arguments: tuple[Any, ...], named: dict[str, Any]) -> Any:
         raw = self.shapes.represent(query.representation, with_stars(query, rows), arguments, named)

@@ -140,7 +140,7 @@ class Pool:
         handle = self._handles.get(exact)
         if handle is None:
             handle = self._add(exact, None, value)
-            self._values[handle] = normalise(fresh(value), "the script")
+            self._values[handle] = value
         return handle
 
     def _key(self, handle: bytes) -> Any:

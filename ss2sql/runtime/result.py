@@ -15,6 +15,8 @@ from ss2sql.runtime.rows import Row, Rows
 from ss2sql.runtime.run import Stats
 from ss2sql.runtime.values import fresh, show
 
+MOST_TEXT = 200  # characters of a string in a table
+
 Status: TypeAlias = Literal["complete", "maximum", "timeout", "cancelled"]
 
 
@@ -109,15 +111,24 @@ class Result:
     def _table(self, max_rows: int) -> RichTable:
         table = RichTable()
         for name in self.columns:
-            table.add_column(Text(name))
+            table.add_column(Text(_cell(name)))
         for row, _ in zip(self, range(max_rows), strict=False):
-            table.add_row(*(Text(value if isinstance(value, str) else show(value)) for value in row))
+            table.add_row(*(Text(_cell(value)) for value in row))
         return table
 
     def __repr__(self) -> str:
         console = Console(width=100, color_system=None, record=True, file=io.StringIO())
         self.show(20, console)
         return console.export_text().rstrip()
+
+
+def _cell(value: Any) -> str:
+    """A value as text of one line; what a terminal would take for more than text is shown as in a script."""
+    if not isinstance(value, str):
+        return show(value)
+    if not value.isprintable():
+        return show(value, MOST_TEXT)
+    return value if len(value) <= MOST_TEXT else value[: MOST_TEXT - 3] + "..."
 
 
 def _caption(total: int, shown: int, result: Result) -> str:

@@ -35,6 +35,7 @@ from ss2sql.runtime.temporal import TemporalFile
 from ss2sql.runtime.values import fresh, normalise
 
 F = TypeVar("F", bound=Callable[..., Any])
+BUSY_MILLISECONDS = 1000  # how long to wait for a file that somebody else is writing
 SWITCHES = ("memo", *REWRITES)
 
 
@@ -355,6 +356,7 @@ def _open(path: str | os.PathLike[str] | None, read_only: bool) -> apsw.Connecti
     flags = apsw.SQLITE_OPEN_READONLY if read_only else apsw.SQLITE_OPEN_READWRITE | apsw.SQLITE_OPEN_CREATE
     try:
         connection = apsw.Connection(":memory:" if path is None else os.fspath(path), flags=flags)
+        connection.set_busy_timeout(BUSY_MILLISECONDS)
         connection.execute("SELECT count(*) FROM sqlite_schema")
     except apsw.Error as error:
         raise SessionError("S002", f"{path} cannot be opened as a SQLite database: {error}") from error

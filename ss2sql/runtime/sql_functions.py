@@ -27,8 +27,8 @@ def truth_of(pool: Pool, value: Any) -> int:
     return int(truth(pool.decode(value)))
 
 
-def last(pool: Pool, *values: Any) -> Any:
-    """`last(a, b)`: b, after a has been evaluated."""
+def in_turn(pool: Pool, *values: Any) -> Any:
+    """`in_turn(a, b)`: b, after a has been evaluated."""
     return values[-1]
 
 
@@ -36,7 +36,7 @@ SCALAR_FUNCTIONS: dict[str, Callable[..., Any]] = {
     "list": make_list,
     "record": record,
     "truth": truth_of,
-    "last": last,
+    "in_turn": in_turn,
 }
 
 
@@ -104,7 +104,10 @@ def _aggregate(name: str) -> Callable[[Pool], Collect]:
     """`group_sum(value, place)` and its kin: the language's aggregates over a group."""
 
     class Aggregate(Collect):
+        place = ""
+
         def step(self, value: Any, place: str) -> None:
+            self.place = place
             self.values.append(self.pool.decode(value))
 
         def final(self) -> Any:

@@ -12,6 +12,7 @@ from typing import Any
 import apsw
 
 from ss2sql import plan
+from ss2sql.errors import ExecutionError
 from ss2sql.kinds import Kind, Type
 
 _KINDS = {
@@ -43,27 +44,25 @@ class Tables:
         self._known.clear()
         self.connection.execute(f"ATTACH ? AS {quoted(name)}", (str(path),))
         try:
-            self.names()
+            self.connection.execute(f"SELECT count(*) FROM {quoted(name)}.sqlite_schema").fetchall()
         except apsw.Error:
             self.connection.execute(f"DETACH {quoted(name)}")
             raise
 
     def names(self) -> list[str]:
         """The names of all tables and views, those of SQLite and of ss2sql apart."""
-        rows = self.connection.execute("SELECT name, type FROM pragma_table_list ORDER BY schema <> 'main', name")
+        rows = self._fetch("SELECT name, type FROM pragma_table_list ORDER BY schema <> 'main', name")
         return [
             name for name, kind in rows if kind in ("table", "view") and not name.startswith(("sqlite_", "ss2sql_"))
         ]
 
     def find(self, schema: str | None, name: str) -> plan.TableSource | None:
         """The table or view with this name, exactly as it is written there; None if there is none."""
-        rows: list[tuple[Any, ...]] = list(
-            self.connection.execute(
-                "SELECT schema, name, type, wr FROM pragma_table_list"
-                " WHERE name = ? AND (? IS NULL OR schema = ?) AND type IN ('table', 'view')"
-                " ORDER BY schema <> 'main'",
-                (name, schema, schema),
-            )
+        rows = self._fetch(
+            "SELECT schema, name, type, wr FROM pragma_table_list"
+            " WHERE name = ? AND (? IS NULL OR schema = ?) AND type IN ('table', 'view')"
+            " ORDER BY schema <> 'main'",
+            (name, schema, schema),
         )
         if not rows or name.startswith("sqlite_"):
             return None
@@ -72,14 +71,31 @@ class Tables:
         known = self._known.get((home, exact))
         if known is not None and known[0] == version:
             return known[1]
-        source = self._read(home, exact, kind, bool(without_rowid))
+        try:
+            source = self._read(home, exact, kind, bool(without_rowid))
+        except apsw.Error as error:
+            hints = (f"look at the definition of the {kind} in the database",)
+            raise ExecutionError("X009", f"the {kind} '{name}' cannot be read: {error}", hints=hints) from error
         self._known[(home, exact)] = (version, source)
         return source
 
+    def rows(self, source: plan.TableSource) -> list[tuple[Any, ...]]:
+        """All rows of a table in its order."""
+        columns = ", ".join(quoted(name) for name, _ in source.columns)
+        order = f" ORDER BY {', '.join(quoted(key) for key in source.order)}" if source.order else ""
+        return self._fetch(f"SELECT {columns} FROM {quoted(source.schema)}.{quoted(source.table)}{order}")
+
+    def _fetch(self, text: str, bindings: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+        """The rows of a statement. Raises ExecutionError X009 where SQLite refuses it: the file may be locked."""
+        try:
+            return self.connection.execute(text, bindings).fetchall()
+        except apsw.Error as error:
+            raise ExecutionError("X009", f"SQLite: {error}") from error
+
     def _version(self, schema: str) -> tuple[Any, ...]:
         """Changes when this or another connection has changed the database."""
-        versions = self.connection.execute(f"PRAGMA {quoted(schema)}.data_version").fetchall()
-        cookies = self.connection.execute(f"PRAGMA {quoted(schema)}.schema_version").fetchall()
+        versions = self._fetch(f"PRAGMA {quoted(schema)}.data_version")
+        cookies = self._fetch(f"PRAGMA {quoted(schema)}.schema_version")
         return (versions, cookies, self.connection.total_changes())
 
     def _read(self, schema: str, name: str, kind: str, without_rowid: bool) -> plan.TableSource:
@@ -93,7 +109,8 @@ class Tables:
         elif without_rowid:
             order = tuple(keys)
         else:
-            order = (next(word for word in ("rowid", "_rowid_", "oid") if word not in {c.lower() for c in columns}),)
+            taken = {column.lower() for column in columns}
+            order = tuple(word for word in ("rowid", "_rowid_", "oid") if word not in taken)[:1]
         typed = tuple(zip(columns, self._types(schema, name, columns), strict=True))
         collated = () if kind == "view" else tuple(c for c in columns if self._collation(schema, name, c) != "BINARY")
         return plan.TableSource(0, name, schema, name, typed, order, collated, span=None)  # type: ignore[arg-type]

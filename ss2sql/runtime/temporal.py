@@ -101,15 +101,24 @@ class TemporalFile:
     def save(self, store: TemporalStore, name: str) -> None:
         """Puts the history of one variable, or its end, into the file."""
         try:
-            rows = [
-                (name, moment, json.dumps(value, allow_nan=False), store.keeps[name])
-                for moment, value in store.histories.get(name, ())
-            ]
+            rows = [(name, moment, _json(value), store.keeps[name]) for moment, value in store.histories.get(name, ())]
         except TypeError:
             rows = []
-        with self.connection:
-            self.connection.execute(
-                "CREATE TABLE IF NOT EXISTS ss2sql_temporal(name TEXT, time REAL, value TEXT, keep REAL)"
-            )
-            self.connection.execute("DELETE FROM ss2sql_temporal WHERE name = ?", (name,))
-            self.connection.executemany("INSERT INTO ss2sql_temporal VALUES (?, ?, ?, ?)", rows)
+        try:
+            with self.connection:
+                self.connection.execute(
+                    "CREATE TABLE IF NOT EXISTS ss2sql_temporal(name TEXT, time REAL, value TEXT, keep REAL)"
+                )
+                self.connection.execute("DELETE FROM ss2sql_temporal WHERE name = ?", (name,))
+                self.connection.executemany("INSERT INTO ss2sql_temporal VALUES (?, ?, ?, ?)", rows)
+        except apsw.Error as error:
+            hints = ("open the session with read_only=True to keep temporal variables in memory",)
+            raise ExecutionError("X009", f"'{name}' cannot be kept in the file: {error}", hints=hints) from error
+
+
+def _json(value: Any) -> str:
+    """The value as JSON. Raises TypeError where JSON would give back another one, as of a dict with numbers as keys."""
+    text = json.dumps(value)
+    if json.loads(text) != value:
+        raise TypeError
+    return text

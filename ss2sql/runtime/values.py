@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Hashable
 from marshal import dumps, loads
+from math import isfinite
 from numbers import Number
 from typing import Any
 
@@ -130,9 +131,10 @@ def _as_number(value: Any) -> int | float | None:
     given: Any = value
     for kind in (int, float):
         try:
-            number = kind(given)
-            if number == given and hash(number) == hash(given):
-                return _one_form(number)  # type: ignore[no-any-return]
+            number = _one_form(kind(given))
+            is_value = isfinite(number) and (type(number) is float or INT_MIN <= number < -INT_MIN)
+            if is_value and number == given and hash(number) == hash(given):
+                return number  # type: ignore[no-any-return]
         except (TypeError, ValueError, OverflowError):
             continue
     return None

@@ -116,7 +116,7 @@ class Builder:
             "arguments": self._arguments(query, part),
             "flush": None if query.search is None else self._flush(pen),
         }
-        form = pen.name(unit.constant(Form.of(query, tuple(node.function for node in own)), "form"))
+        form = pen.name(unit.constant(Form.of(query, tuple(own)), "form"))
         given = [pen.constant(None) if name is None else pen.name(name) for name in functions.values()]
         task, value, tuples = unit.local("task"), unit.local("value_of"), unit.local("rows_of")
         unit.definitions += [

@@ -110,6 +110,7 @@ def _column(body: Body, node: plan.Column, pen: Pen) -> ast.expr:
     columns = unit.tuples.get(node.source)
     if columns is not None:
         return pen.item(current, columns.index(node.name))
+    unit.page.mark_call(node.span, node.name)  # a field may be computed by code of the user's
     if not node.declared:
         return pen.call(unit.helper(column_of), current, pen.constant(node.name))
     if unit.elements[node.source].only(Kind.DICT):

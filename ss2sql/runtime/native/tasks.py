@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterator
+from collections.abc import Callable, Hashable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from itertools import islice
@@ -10,7 +10,7 @@ from operator import itemgetter
 from typing import Any, TypeAlias
 
 from ss2sql import plan
-from ss2sql.errors import ExecutionError
+from ss2sql.errors import Error, ExecutionError
 from ss2sql.runtime.builtins import AGGREGATES
 from ss2sql.runtime.native.searches import SEARCHES, Hunt
 from ss2sql.runtime.rows import Row, Rows
@@ -27,12 +27,12 @@ class Form:
 
     query: plan.Query
     columns: tuple[str, ...]
-    aggregates: tuple[str, ...]  # functions; of `count(*)` it is `count`, too
+    aggregates: tuple[plan.Aggregate, ...]
     groups: int
     descending: tuple[bool, ...]
 
     @staticmethod
-    def of(query: plan.Query, aggregates: tuple[str, ...]) -> Form:
+    def of(query: plan.Query, aggregates: tuple[plan.Aggregate, ...]) -> Form:
         columns = tuple(output.name for output in query.columns)
         return Form(query, columns, aggregates, len(query.group), tuple(key.descending for key in query.order))
 
@@ -154,11 +154,17 @@ class Ending:
             positions = self._having(keys)
         first = len(self.form.aggregates) + self.form.groups
         if self.form.descending:
-            positions = sort_rows(positions, [keys[at][first:] for at in positions], self.form.descending)
+            positions = self._sorted(positions, [keys[at][first:] for at in positions])
         positions = positions[: self.limit]
         results[:] = [results[at] for at in positions]
         if self.query.group:
             answer.groups = self._partitions([keys[at] for at in positions])
+
+    def _sorted(self, results: list[Any], keys: list[Row]) -> list[Any]:
+        try:
+            return sort_rows(results, keys, self.form.descending)
+        except Error as error:
+            raise error.located(self.query.order[0].expr.span) from None
 
     def _room(self, number: int) -> None:
         if self.most is not None and number > self.most:
@@ -180,7 +186,7 @@ class Ending:
                 order.append(made[1])
                 self._room(len(results))
         if self.form.descending:
-            results[:] = sort_rows(results, order, self.form.descending)
+            results[:] = self._sorted(results, order)
         if self.limit is not None:
             del results[self.limit :]
 
@@ -219,8 +225,15 @@ class Ending:
     def _seen_of(self, members: list[Row]) -> Row:
         """What is seen of a group: its aggregates, then its values."""
         columns = zip(*members, strict=True)
-        aggregates = [AGGREGATES[name](values) for name, values in zip(self.form.aggregates, columns, strict=False)]
+        aggregates = [_aggregate(node, values) for node, values in zip(self.form.aggregates, columns, strict=False)]
         return (*aggregates, *self._group_values(members[0]))
+
+
+def _aggregate(node: plan.Aggregate, values: Iterable[Any]) -> Any:
+    try:
+        return AGGREGATES[node.function](values)
+    except Error as error:
+        raise error.located(node.span) from None
 
 
 def _with_outer(function: Callable[..., Any], outer: tuple[Any, ...], seen: Row) -> Any:

@@ -1,8 +1,8 @@
 """The orders of search: one file each, and the table of what combines with what.
 
 `step.py` says what all share. Each order is a generator of results for a `Hunt`: depth_first.py,
-breadth_first.py, best_first.py (COST, HEURISTIC, PROBABILITY), memorize.py with graph.py, by_length.py and
-by_weight.py.
+breadth_first.py, best_first.py (COST, HEURISTIC, PROBABILITY), memorize.py with graph.py, by_length.py,
+by_weight.py and its bounds.py.
 """
 
 from __future__ import annotations
