@@ -135,6 +135,16 @@ def test_an_attached_list_is_read_when_the_script_runs(ss: ss2sql.Session, engin
 
 
 @both
+def test_a_run_keeps_what_it_has_read(ss: ss2sql.Session, engine: Any) -> None:
+    numbers: list[Any] = [1, 2]
+    ss.attach("numbers", numbers)
+    ss.function("log", lambda x: numbers.append(str(x)), volatility="volatile")
+    script = "SELECT log(this) FROM numbers; SELECT this + 1 FROM numbers AS list;"
+    assert ss.run(script, engine=engine).value == [2, 3]
+    assert ss.run("SELECT this FROM numbers AS list;", engine=engine).value == numbers == [1, 2, "1", "2"]
+
+
+@both
 def test_a_dict_of_columns_is_a_table(ss: ss2sql.Session, engine: Any) -> None:
     ss.attach("cities", {"name": ["Ulm", "Bonn"], "size": [1, 2]})
     assert ss.run("SELECT name FROM cities WHERE size > 1 AS list;", engine=engine).value == ["Bonn"]

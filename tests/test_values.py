@@ -167,6 +167,13 @@ def test_keys_of_chosen_values() -> None:
         assert freeze(left) != freeze(right), (left, right)
 
 
+def test_values_that_a_script_nested_too_deeply_have_no_key() -> None:
+    value: Any = 0.5
+    for _ in range(1500):
+        value = [value]
+    assert failure(freeze, value).message == "cannot compare a value nested deeper than 500 levels"
+
+
 # --- order ---------------------------------------------------------------------------------------------
 
 ORDERED = st.one_of(

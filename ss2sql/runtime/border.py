@@ -33,7 +33,9 @@ _SHALLOW = frozenset({list, tuple})
 _are_scalars = SCALARS.issuperset
 
 # Finds in marshal's bytes a tuple, an integer of more than 32 bits, and a float whose exponent is that of NaN and
-# the infinities. It also finds some other numbers and text, by chance: that costs time only.
+# the infinities. It also finds some other numbers and text, by chance: that costs time only. The first one, which
+# finds any float, is quicker.
+_to_be_searched = re.compile(rb"[lg(]").search
 _to_be_checked = re.compile(rb"[l(]|g.{6}[\xf0-\xff][\x7f\xff]", re.DOTALL).search
 
 _MAPPINGS = (dict, MappingProxyType)
@@ -62,8 +64,10 @@ def normalise(value: Any, giver: str) -> Any:
         return value
     if kind is float and isfinite(value):
         return value
-    if kind is list and len(value) < 16 and is_shallow(value) and not _to_be_checked(dumps(value, 2)):
-        return value
+    if kind is list and len(value) < 16 and is_shallow(value):
+        marshalled = dumps(value, 2)
+        if not _to_be_searched(marshalled) or not _to_be_checked(marshalled):
+            return value
     try:
         return value if _is_clean(value, 0) else _converted(value, 0)
     except _Refused as refused:

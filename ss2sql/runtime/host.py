@@ -9,7 +9,7 @@ from typing import Any
 import apsw
 
 from ss2sql import plan
-from ss2sql.errors import Source
+from ss2sql.errors import Error, Source
 from ss2sql.frontend import ast
 from ss2sql.frontend.catalog import Catalog
 from ss2sql.frontend.parser import parse
@@ -103,7 +103,10 @@ class SessionHost:
 
     def table_changed(self, table: plan.TableSource) -> bool:
         """Whether a table has other columns, or values of other kinds, than a plan was made for."""
-        now = self.tables.find(table.schema, table.table)
+        try:
+            now = self.tables.find(table.schema, table.table)
+        except Error as error:
+            raise error.located(table.span) from error.__cause__
         return now is None or (now.columns, now.order, now.collated) != (table.columns, table.order, table.collated)
 
     # --- what a run asks (see runtime/run.py) ----------------------------------------------------------

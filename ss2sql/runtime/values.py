@@ -45,7 +45,7 @@ def truth(value: Any) -> bool:
 def fresh(value: Any) -> Any:
     """A deep copy that Python code may keep and change; opaque objects are the same objects, unwrapped.
 
-    A round trip through marshal takes 0.23 us for [[3, 2, 1], [], []], a recursive copy 0.7 us.
+    A round trip through marshal takes 0.28 us for [[3, 2, 1], [], []], a recursive copy 0.89 us.
     """
     kind = type(value)
     if kind is list or kind is dict:

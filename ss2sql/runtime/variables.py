@@ -49,7 +49,8 @@ class Variables:
             raise ExecutionError("R001", f"the variable '{name}' has no value yet", hints=hints)
         value = self.value(name)
         if name in self.attached:
-            run.snapshots[name] = value
+            # A function that the run calls may lengthen the list; the run keeps what it has read.
+            value = run.snapshots[name] = list(value) if type(value) is list else value
         return value
 
     def copies(self) -> dict[str, Any]:

@@ -1,0 +1,81 @@
+"""The paper's program runs with its import line changed."""
+
+from __future__ import annotations
+
+import pytest
+from listings import HANOI
+
+import ss2sql
+import ss2sql.compat
+
+# As printed, but for the first line, which was: import SelectScript, SelectScript.Interpreter
+STUB = '''
+ import ss2sql.compat as SelectScript
+
+ def move(step, towers):
+     if not towers or not towers[step[0]]: pass
+     elif not towers[step[1]] or towers[step[1]][-1]>towers[step[0]][-1]:
+         #append element on top from another tower top
+         towers[step[1]].append(towers[step[0]].pop())
+         return towers
+     return []
+
+ ss = SelectScript.Interpreter()
+ ss.addFunction('move', move)
+
+ problem = """ insert SelectScript here """
+ 
+ ir      = SelectScript.compile(problem)
+ result  = ss.eval(ir)
+'''  # noqa: W293 - as printed
+MOVES = "moves = [[0,1], [0,2], [1,0], [1,2], [2,0], [2,1]];\n"
+SEVEN = [[0, 2], [0, 1], [2, 1], [0, 2], [1, 0], [1, 2], [0, 2]]
+
+
+def stub(problem: str) -> object:
+    """What the program gives with a script put in its place."""
+    names: dict[str, object] = {}
+    text = STUB.replace(" insert SelectScript here ", problem)
+    exec("\n".join(line.removeprefix(" ") for line in text.splitlines()), names)
+    return names["result"]
+
+
+def test_the_program_stub_solves_the_towers() -> None:
+    assert stub(HANOI["nested"]) == SEVEN
+    assert stub(MOVES + HANOI["cycle"]) == [[{"this": step} for step in SEVEN]]
+    corrected = HANOI["no cycle"].replace("mov.this", "this")
+    (path,) = stub(MOVES + corrected)  # type: ignore[misc]
+    assert [row["this"] for row in path] == SEVEN
+    (path,) = stub(MOVES + HANOI["memorize"])  # type: ignore[misc]
+    assert len(path) == 15
+    assert path[0] == {"this": [0, 1], "tower": [[4, 3, 2, 1], [], []]}
+
+
+def test_its_typo_gets_a_hint() -> None:
+    with pytest.raises(ss2sql.ResolveError, match="did you mean 'moves'"):
+        stub(MOVES + HANOI["no cycle"])
+
+
+def test_scripts_are_compiled_before_the_functions_are_known() -> None:
+    script = ss2sql.compat.compile("double(x) + 1;")
+    interpreter = ss2sql.compat.Interpreter()
+    with pytest.raises(ss2sql.ResolveError):
+        interpreter.eval(script)
+    interpreter.addFunction("double", lambda x: 2 * x)
+    interpreter.addVariable("x", 20)
+    assert interpreter.eval(script) == 41
+    assert interpreter.eval("double(3);") == 6
+    with pytest.raises(ss2sql.ParseError):
+        ss2sql.compat.compile("SELECT FROM;")
+
+
+def test_variables_go_both_ways() -> None:
+    interpreter = ss2sql.compat.Interpreter()
+    bodies = ["ball"]
+    interpreter.addVariable("bodies", bodies)
+    assert interpreter.callVariable("bodies") is bodies
+    bodies.append("box")
+    assert interpreter.eval("found = SELECT this FROM bodies AS list;") == ["ball", "box"]
+    assert interpreter.callVariable("found") == ["ball", "box"]
+    with pytest.raises(KeyError):
+        interpreter.callVariable("nothing")
