@@ -11,20 +11,23 @@ import csv
 import importlib
 import io
 import json
+import os
 import runpy
 import sys
-from collections.abc import Callable, Mapping
+import traceback
+from collections.abc import Callable
+from contextlib import redirect_stdout
 from functools import wraps
 from pathlib import Path
 from typing import Any, TypeVar
 
 import click
 
-from ss2sql.errors import Cancelled, Error, SessionError, Source, Timeout
+from ss2sql.errors import Cancelled, Error, SessionError, Timeout
 from ss2sql.frontend.parser import parse
 from ss2sql.plan_tree import plan_tree
 from ss2sql.runtime.result import Result
-from ss2sql.runtime.session import Session, connect
+from ss2sql.runtime.session import Session, connect, source_of
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -65,8 +68,21 @@ def reports_errors(command: F) -> F:
             _fail("cancelled", 130)
         except Error as error:
             _fail(str(error), 1)
+        except UserError as error:
+            _fail(str(error), 1)
 
     return run  # type: ignore[return-value]
+
+
+class UserError(Exception):
+    """What Python code of the user raised, as text; without the frames of ss2sql."""
+
+    def __init__(self, error: Exception) -> None:
+        shown = traceback.TracebackException.from_exception(error)
+        own = (str(Path(__file__).parent), "src/", "<frozen runpy>")  # src/ is apsw
+        frames = [frame for frame in shown.stack if not frame.filename.startswith(own)]
+        shown.stack = traceback.StackSummary.from_list(frames)
+        super().__init__("".join(shown.format()).rstrip())
 
 
 def _fail(message: str, code: int) -> None:
@@ -101,13 +117,14 @@ def run(
 ) -> None:
     """Runs a script: FILE, - for standard input, or -e TEXT."""
     source = _script(file, text)
-    with _session(function_files, worlds, database) as session:
+    with _session(function_files, worlds, database, parameters) as session:
         try:
-            result = session.run(source, engine=engine, timeout=timeout, maximum=maximum, **_values(parameters))
+            with redirect_stdout(sys.stderr):  # what the script prints is not its result
+                result = session.run(source, engine=engine, timeout=timeout, maximum=maximum)
         except Error:
             raise
         except Exception as error:
-            _fail("".join(_user_error(error)), 1)
+            raise UserError(error) from None
         _print(result, form)
 
 
@@ -126,17 +143,13 @@ def sql(
 ) -> None:
     """Shows what a script becomes: its syntax tree, its plan, or the SQL that runs."""
     source = _script(file, text)
-    with _session(function_files, worlds, database) as session:
-        for name, value in _values(parameters).items():
-            session.set(name, value)
-        if stage == "ast":
-            for statement in parse(
-                Source(source.read_text("utf-8") if isinstance(source, Path) else source)
-            ).statements:
-                click.echo(statement)
-            return
+    if stage == "ast":
+        for statement in parse(source_of(source)).statements:
+            _echo(repr(statement))
+        return
+    with _session(function_files, worlds, database, parameters) as session:
         query = session.compile(source)
-        click.echo(plan_tree(query.plan).rstrip() if stage == "plan" else _sql_text(query.sql))
+        _echo(plan_tree(query.plan).rstrip() if stage == "plan" else _sql_text(query.sql))
 
 
 def _sql_text(sql: Any) -> str:
@@ -151,18 +164,38 @@ def _script(file: str | None, text: str | None) -> str | Path:
     if text is not None:
         return text
     assert file is not None
-    return sys.stdin.read() if file == "-" else Path(file)
+    if file != "-":
+        return Path(file)
+    try:
+        return sys.stdin.buffer.read().decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise SessionError("S002", f"the script on standard input cannot be read: {error}") from error
 
 
-def _session(function_files: tuple[Path, ...], worlds: tuple[str, ...], database: str | None) -> Session:
+def _session(
+    function_files: tuple[Path, ...],
+    worlds: tuple[str, ...],
+    database: str | None,
+    parameters: tuple[tuple[str, str], ...],
+) -> Session:
     session = connect(database, read_only=database is not None)
     for path in function_files:
-        for name, value in runpy.run_path(str(path)).items():
+        for name, value in _names_of(path).items():
             if callable(value) and getattr(value, "__module__", None) == "<run_path>" and not name.startswith("_"):
                 session.function(name, value)
     for world in worlds:
         session.attach(*_world(world))
+    for name, text in parameters:
+        session.set(name, _value(text))
     return session
+
+
+def _names_of(path: Path) -> dict[str, Any]:
+    try:
+        with redirect_stdout(sys.stderr):
+            return runpy.run_path(str(path))
+    except Exception as error:
+        raise UserError(error) from None
 
 
 def _world(text: str) -> tuple[str, Any]:
@@ -170,52 +203,61 @@ def _world(text: str) -> tuple[str, Any]:
     module, _, attribute = place.partition(":")
     if not (name and module and attribute):
         raise click.UsageError(f"--world takes NAME=MODULE:OBJECT, not {text}")
+    sys.path.insert(0, os.getcwd())
     try:
-        found = getattr(importlib.import_module(module), attribute)
-    except (ImportError, AttributeError) as error:
+        with redirect_stdout(sys.stderr):
+            found = getattr(importlib.import_module(module), attribute)
+            return name, found() if isinstance(found, type) else found
+    except Exception as error:
         raise SessionError("S002", f"the world {text} cannot be found: {error}") from error
-    return name, found() if isinstance(found, type) else found
 
 
-def _values(parameters: tuple[tuple[str, str], ...]) -> dict[str, Any]:
-    values: dict[str, Any] = {}
-    for name, text in parameters:
-        try:
-            values[name] = python_ast.literal_eval(text)
-        except (ValueError, SyntaxError):
-            values[name] = text
-    return values
+def _value(text: str) -> Any:
+    """The value of a Python literal; any other text is itself."""
+    try:
+        return python_ast.literal_eval(text)
+    except (ValueError, SyntaxError, TypeError, MemoryError, RecursionError):
+        return text
 
 
-def _user_error(error: Exception) -> list[str]:
-    """A user's exception as Python prints it, without the frames of ss2sql."""
-    import traceback
-
-    return traceback.format_exception_only(error)
+def _echo(text: str) -> None:
+    """Prints a result; what no terminal can show is written as an escape."""
+    click.echo(text.encode("utf-8", "backslashreplace").decode("utf-8"))
 
 
 def _print(result: Result, form: str) -> None:
     if form == "json":
-        click.echo(json.dumps(result.value, default=_plain, ensure_ascii=False))
+        _echo(json.dumps(_plain(result.value), ensure_ascii=False))
     elif form == "csv":
         file = io.StringIO()
-        writer = csv.writer(file)
+        writer = csv.writer(file, lineterminator="\n")
         writer.writerow(result.columns)
         writer.writerows(result)
-        click.echo(file.getvalue(), nl=False)
+        _echo(file.getvalue().rstrip("\n"))
     elif result.answer is None:
-        click.echo(result.value)
+        _echo(str(result.value))
     else:
         result.show()
 
 
 def _plain(value: Any) -> Any:
-    """What JSON has no form for: sets as lists, keys of groups and objects as text."""
-    if isinstance(value, (set, frozenset)):
-        return sorted(value, key=repr)
-    if isinstance(value, Mapping):
-        return dict(value)
-    return repr(value)
+    """The value in the forms of JSON: sets as lists, keys of several values as the text of a list, objects as text."""
+    match value:
+        case None | bool() | int() | float() | str():
+            return value
+        case list() | tuple():
+            return list(map(_plain, value))
+        case set():
+            return sorted(map(_plain, value), key=repr)
+        case dict():
+            return {_key(key): _plain(item) for key, item in value.items()}
+        case _:
+            return repr(value)
+
+
+def _key(key: Any) -> Any:
+    plain = _plain(key)
+    return json.dumps(plain, ensure_ascii=False) if isinstance(plain, list) else plain
 
 
 if __name__ == "__main__":

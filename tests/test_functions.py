@@ -611,3 +611,16 @@ def test_names_that_differ_in_case_are_different_functions(ss: ss2sql.Session, e
         ss.function(name, lambda x, number=number: x + 10**number, volatility="immutable")
     calls = ", ".join(f"{name}(this)" for name in names)
     assert ss.run(f"SELECT {calls} FROM [0] AS list;", engine=engine).value == [10**number for number in range(8)]
+
+
+@pytest.mark.parametrize("engine", ["database", "native"])
+def test_a_list_that_the_function_changes_after_returning_it_stays_as_it_was(engine: Any) -> None:
+    ss = ss2sql.connect()
+    kept: list[int] = []
+
+    @ss.function(volatility="volatile")
+    def log(x):
+        kept.append(x)
+        return kept
+
+    assert ss.run("SELECT log(this) FROM [1, 2, 3] AS list;", engine=engine).value == [[1], [1, 2], [1, 2, 3]]

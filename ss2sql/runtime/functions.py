@@ -197,12 +197,13 @@ def native_callable(function: UserFunction, run: Run, memo_limit: int) -> Callab
     giver = f"the function '{name}'"
 
     def call(*arguments: Any) -> Any:
-        check()
-        run.check()  # a slow function must not keep a timeout waiting
+        check()  # a slow function must not keep a timeout waiting
         calls[name] += 1
         return normalise(body(*map(fresh, arguments)), giver)
 
-    if not takes_memo(function) or not memo_limit:
+    if function.volatility == "volatile":
+        return lambda *arguments: _kept(call(*arguments))
+    if not memo_limit:
         return call
     memo: dict[bytes, Any] = {}
     remembered, objects = run.stats.remembered, Pool()
@@ -224,3 +225,21 @@ def native_callable(function: UserFunction, run: Run, memo_limit: int) -> Callab
         return result
 
     return remember
+
+
+def _kept(result: Any) -> Any:
+    """A result that stays as it is, even if the function has kept the list and changes it later."""
+    if type(result) not in (list, dict):
+        return result
+    try:
+        return marshal.loads(marshal.dumps(result, 2))
+    except ValueError:  # there are objects inside, which stay the same ones
+        return _rebuilt(result)
+
+
+def _rebuilt(value: Any) -> Any:
+    if type(value) is list:
+        return list(map(_rebuilt, value))
+    if type(value) is dict:
+        return {name: _rebuilt(part) for name, part in value.items()}
+    return value

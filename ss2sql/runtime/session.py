@@ -201,7 +201,7 @@ class Session:
     def _compile(self, script: str | Path, engine: Engine, values: Mapping[str, Any], open_names: bool) -> Query:
         self._check_open()
         _check_engine(engine)
-        tree = parse(_source(script))
+        tree = parse(source_of(script))
         return Query(self.host, self.execute, tree, resolve(tree, self.host.catalog(values, open_names)), engine)
 
     def run(
@@ -363,7 +363,8 @@ def _open(path: str | os.PathLike[str] | None, read_only: bool) -> apsw.Connecti
     return connection
 
 
-def _source(script: str | Path) -> Source:
+def source_of(script: str | Path) -> Source:
+    """The text of a script with its name. Raises SessionError S002 for a file that cannot be read."""
     if isinstance(script, Path):
         try:
             return Source(script.read_text(encoding="utf-8"), str(script))
