@@ -6,7 +6,7 @@ VENV := .venv
 PY := $(VENV)/bin/python
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint golden bench docs clean
+.PHONY: help demo test nightly lint golden bench docs clean
 
 help:            ## this list
 	@sed -n 's/^\([a-z]*\): .*## \(.*\)/  make \1\t\2/p; s/^\(help\): *## \(.*\)/  make \1\t\2/p' Makefile
@@ -16,6 +16,9 @@ demo: $(VENV)/package.stamp  ## runs the examples: scripts, the SQL they become,
 
 test: $(VENV)/dev.stamp      ## runs all tests, those of the examples and the documentation included
 	$(PY) -m pytest
+
+nightly: $(VENV)/dev.stamp   ## the random programs of the tests, 20,000 of them
+	SS2SQL_PROGRAMS=20000 $(PY) -m pytest tests/test_agreement.py
 
 lint: $(VENV)/dev.stamp      ## ruff and mypy
 	$(PY) -m ruff check .

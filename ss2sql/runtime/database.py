@@ -150,7 +150,6 @@ class Database:
         def call(execution: Execution, arguments: tuple[Any, ...]) -> tuple[Any, bool]:
             values = list(map(execution.pool.fresh, arguments))
             forget = remember and forgets(function, values)
-            execution.run.check()
             execution.run.check()  # a slow function must not keep a timeout waiting
             execution.run.stats.calls[name] += 1
             spans = execution.calls.get(name, ())
