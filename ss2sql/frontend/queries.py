@@ -10,7 +10,7 @@ from ss2sql.errors import ResolveError, Span, did_you_mean
 from ss2sql.frontend import ast
 from ss2sql.frontend.groups import with_groups
 from ss2sql.frontend.options import search_options
-from ss2sql.frontend.scope import Scope, bound_name, column_of, element_of
+from ss2sql.frontend.scope import Scope, column_of, element_of, is_settled
 from ss2sql.frontend.sources import open_sources
 from ss2sql.kinds import ANY, NONE, Kind, Type, covers, union
 from ss2sql.runtime.rows import free_name
@@ -110,7 +110,7 @@ def _settle_state_types(resolver: Resolver, tree: ast.Query, scope: Scope, start
     Each round resolves FROM and CONNECT BY on trial. Three rounds decide it for everything but growing
     numbers, whose bounds are dropped first, and growing lists; what is still moving is taken as unknown.
     """
-    counters = {name: _counter_type(tree, name, value) for name, value in start.items()}
+    counters = {name: _counter_type(resolver, tree, name, value) for name, value in start.items()}
     for name, kind in counters.items():
         if kind is not None:
             scope.states[name] = kind
@@ -145,14 +145,15 @@ def _connect_types(resolver: Resolver, tree: ast.Query, scope: Scope) -> dict[st
     return types
 
 
-def _counter_type(tree: ast.Query, name: str, start: plan.Expr) -> Type | None:
+def _counter_type(resolver: Resolver, tree: ast.Query, name: str, start: plan.Expr) -> Type | None:
     """The type of a variable that only counts, `level = level + 1`, else None.
 
     No search makes 2^31 steps on one path, so a small stride from a small start stays within 64 bits.
     """
     match [assign.value for assign in tree.connect if assign.name == name]:
-        case [ast.Operator(function="add" | "sub", operands=(ast.Name(name=same), ast.Literal(value=int(stride))))]:
-            pass
+        case [ast.Operator(function=operator, operands=(ast.Name(name=same), ast.Literal(value=int(stride))))]:
+            if operator not in ("add", "sub") or not resolver.catalog.functions[operator].builtin:
+                return None
         case _:
             return None
     small = start.type.only(Kind.INT) and start.type.bounded(2**61)
@@ -184,9 +185,9 @@ def _columns(resolver: Resolver, tree: ast.Query, scope: Scope) -> tuple[plan.Ou
 
 def _star(resolver: Resolver, scope: Scope, span: Span) -> list[plan.Output]:
     outputs: list[plan.Output] = []
+    if not is_settled(Scope(None, scope.query, scope.sources), None):
+        resolver.tentative = True
     for source in scope.sources:
-        if source.columns is None:
-            resolver.tentative = True
         if source.columns:
             outputs.extend(plan.Output(name, column_of(source, name, span)) for name, _ in source.columns)
         else:
@@ -220,7 +221,7 @@ def _key(resolver: Resolver, tree: ast.Expr, scope: Scope) -> plan.Expr:
     """A SELECT column, GROUP BY or ORDER BY key: a bare function name is applied to `this`."""
     if isinstance(tree, ast.Name) and tree.name in resolver.catalog.functions and scope.sources:
         try:
-            found = bound_name(scope, tree.name, tree.span) or resolver.variable(tree.name, tree.span)
+            found = resolver.bound(tree.name, scope, tree.span) or resolver.variable(tree.name, tree.span)
         except ResolveError as error:
             resolver.errors.append(error)
             return plan.Constant(None, ANY, span=tree.span)

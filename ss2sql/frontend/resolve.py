@@ -19,6 +19,7 @@ from ss2sql.frontend.scope import (
     bound_name,
     column_of,
     element_of,
+    is_settled,
     names_in_sight,
     open_source,
     source_named,
@@ -88,6 +89,7 @@ class Resolver:
         for name in nested:
             # Its value changes while the statement runs, so nothing is known of its type.
             self.assigned[name] = ANY
+            self.late.pop(name, None)
         expr = self.guarded(self.expression, tree, scope)
         if isinstance(expr, plan.Assign):
             self.assigned[expr.name] = ANY if expr.name in nested else expr.value.type
@@ -137,6 +139,7 @@ class Resolver:
             case ast.TemporalAssign(name=name, keep=keep, value=value):
                 kept, new = self.all((keep, value), scope)
                 self.assigned[name] = ANY
+                self.late.pop(name, None)
                 return plan.TemporalAssign(name, kept, new, new.type, span=span)
             case ast.Temporal(name=name, when=when):
                 return self.temporal(name, when, scope, span)
@@ -151,12 +154,11 @@ class Resolver:
         return tuple(self.guarded(self.expression, tree, scope) for tree in trees)
 
     def name(self, name: str, scope: Scope | None, span: Span) -> plan.Expr:
-        bound = bound_name(scope, name, span) or self.variable(name, span)
-        if bound is not None:
-            return bound
-        dynamic = open_source(scope)
+        meaning = self.bound(name, scope, span) or self.variable(name, span)
+        if meaning is not None:
+            return meaning
+        dynamic = open_source(scope, name, span)
         if dynamic is not None:
-            self.tentative = True
             return column_of(dynamic, name, span)
         if self.catalog.open_names:
             self.parameters[name] = None
@@ -172,6 +174,13 @@ class Resolver:
             hints = ("write None",)
         raise ResolveError("R001", f"unknown name '{name}'", span, hints)
 
+    def bound(self, name: str, scope: Scope | None, span: Span) -> plan.State | plan.Column | None:
+        """The START WITH variable or column that a bare name means, as far as columns are known."""
+        found = bound_name(scope, name, span)
+        if not is_settled(scope, found):
+            self.tentative = True
+        return found
+
     def variable(self, name: str, span: Span) -> plan.Variable | None:
         """The script variable of this name, if there is one."""
         if name in self.late:
@@ -183,6 +192,8 @@ class Resolver:
                 ((self.late[name].span, "the list stands here"),),
             )
         if name in self.assigned:
+            # A function of the user may run a script that assigns it, too: the statement relies on its type.
+            self.reads.setdefault(name, self.assigned[name])
             return plan.Variable(name, self.assigned[name], span=span)
         if name in self.catalog.variables:
             if name not in self.reads:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from ss2sql import plan
 from ss2sql.errors import ResolveError, Span, did_you_mean
 from ss2sql.kinds import Kind, Type
+from ss2sql.walk import walk
 
 
 @dataclass(slots=True)
@@ -90,10 +91,45 @@ def bound_name(scope: Scope | None, name: str, span: Span) -> plan.State | plan.
     return None
 
 
-def open_source(scope: Scope | None) -> plan.Source | None:
-    """The only source of the innermost query whose columns are known at run time only, if there is just one."""
-    candidates = [source for source in scope.sources if source.columns is None] if scope else []
-    return candidates[0] if len(candidates) == 1 else None
+def is_open(source: plan.Source) -> bool:
+    """Whether the columns of a source are known only when it is read."""
+    return source.columns is None
+
+
+def open_source(scope: Scope | None, name: str, span: Span) -> plan.Source | None:
+    """The source that a name must be a column of if it is nothing else: the innermost one whose columns are unknown.
+
+    Raises ResolveError R004 where there are several that no variable will tell apart.
+    """
+    for level in scope.outwards() if scope else ():
+        candidates = [source for source in level.sources if is_open(source)]
+        if len(candidates) > 1 and not any(map(_reads_variable, candidates)):
+            choices = " or ".join(f"{source.name}.{name}" for source in candidates)
+            message = f"'{name}' may be a column of {len(candidates)} sources"
+            raise ResolveError("R004", message, span, (f"write {choices}",))
+        if candidates:
+            return candidates[0]
+    return None
+
+
+def is_settled(scope: Scope | None, found: plan.State | plan.Column | None) -> bool:
+    """Whether a bare name means what was found for good.
+
+    A source whose columns depend on a variable may turn out to have one of this name, when the variable has
+    its value, and then that one comes first.
+    """
+    for level in scope.outwards() if scope else ():
+        if isinstance(found, plan.State) and found.query == level.query:
+            return True
+        if any(is_open(source) and _reads_variable(source) for source in level.sources):
+            return False
+        if isinstance(found, plan.Column) and any(source.id == found.source for source in level.sources):
+            return True
+    return True
+
+
+def _reads_variable(source: plan.Source) -> bool:
+    return any(isinstance(node, plan.Variable) for node in walk(source))
 
 
 def names_in_sight(scope: Scope | None) -> list[str]:

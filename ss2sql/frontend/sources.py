@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from ss2sql import plan
 from ss2sql.errors import Error, ResolveError, Span, did_you_mean
 from ss2sql.frontend import ast
-from ss2sql.frontend.scope import Scope, bound_name
+from ss2sql.frontend.scope import Scope
 from ss2sql.kinds import ANY, Kind, Type
 
 if TYPE_CHECKING:
@@ -81,7 +81,7 @@ def _by_position(resolver: Resolver, tree: ast.Call) -> tuple[ast.Expr, ...]:
 def _named_source(resolver: Resolver, name: str, word: str, scope: Scope, span: Span) -> plan.Source:
     if word in resolver.late:
         return _value_source(resolver, name, _late_list(resolver, word, scope, span), span)
-    value = bound_name(scope, word, span) or resolver.variable(word, span)
+    value = resolver.bound(word, scope, span) or resolver.variable(word, span)
     if value is not None:
         return _value_source(resolver, name, value, span)
     table = _table(resolver, None, word, span)

@@ -10,7 +10,7 @@ import apsw
 from ss2sql import plan
 from ss2sql.errors import ExecutionError, ResolveError, UnsupportedError
 from ss2sql.frontend import ast
-from ss2sql.kinds import ANY, covers, type_of
+from ss2sql.kinds import ANY, NOTHING, Type, covers, type_of
 from ss2sql.lowering.lower import lower
 from ss2sql.lowering.parameters import Parameter, SqlQuery
 from ss2sql.lowering.rewrites import optimise
@@ -217,7 +217,7 @@ class CompiledStatement:
         if self.statement.tentative or self.generation != self.host.generation:
             return True
         for name, kind in self.statement.reads:
-            if kind != ANY and not covers(kind, type_of(run.variable(name))):
+            if kind != ANY and not covers(kind, _type_of(run, name)):
                 return True
         return any(self.host.table_changed(table) for table in self.statement.tables)
 
@@ -228,6 +228,14 @@ class CompiledStatement:
         if not texts:
             return Sql(f"-- no query: {' '.join(self.tree.span.text.split())}")
         return Sql("\n".join(f"{text};" for text in texts), statements=tuple(texts))
+
+
+def _type_of(run: Run, name: str) -> Type:
+    """The type of a variable's present value; of one that cannot be read nothing: whoever reads it says so."""
+    try:
+        return type_of(run.variable(name))
+    except ExecutionError:
+        return NOTHING
 
 
 def script_sql(statements: Sequence[CompiledStatement], run: Run | None = None) -> Sql:

@@ -14,7 +14,7 @@ import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from types import BuiltinFunctionType, FunctionType, MethodType, ModuleType
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, cast
 
 from ss2sql.frontend.purity.source import Binding, FunctionNode, Located, Names, Owner, bindings, read
 from ss2sql.frontend.purity.tables import CLASSES, IMPURE_MODULES, METHODS, PURE_MODULES, Kind, known
@@ -133,7 +133,7 @@ class Frame:
             return self._lasting(value, name, what)
         module = self.located.module if self.located.whole else None
         if name not in self.function.__globals__:
-            builtins: dict[str, Any] = self.function.__builtins__  # type: ignore[attr-defined]
+            builtins: dict[str, Any] = cast(Any, self.function).__builtins__
             if name in builtins and not (module and (name in module.names or name in module.rebound)):
                 return builtins[name]
             raise Unproven(f"reads the name '{name}', which has no value yet")
