@@ -177,9 +177,9 @@ def _columns(resolver: Resolver, tree: ast.Query, scope: Scope) -> tuple[plan.Ou
                 outputs.append(plan.Output(_column_name(column), _key(resolver, column, scope)))
     if any(output.label for output in outputs):
         return tuple(outputs)  # the names are complete only when the query runs, and are told apart then
-    taken: list[str] = []
+    taken: dict[str, None] = {}
     for output in outputs:
-        taken.append(free_name(output.name, taken))
+        taken[free_name(output.name, taken)] = None
     return tuple(replace(output, name=name) for output, name in zip(outputs, taken, strict=True))
 
 
