@@ -40,12 +40,14 @@ Reader: TypeAlias = Callable[[plan.Element | plan.Column], Node]
 class Env:
     """How sources and START WITH variables are read in the SQL scope at hand.
 
-    A reader, state or group value gives what stands in a column: a flag where the type is bool alone.
+    A reader, state or group value gives what stands in a column: a flag where the type is bool alone. `known`
+    are expressions that stand in a column already.
     """
 
     sources: Mapping[int, Reader] = field(default_factory=dict)
     states: Mapping[tuple[int, str], Node] = field(default_factory=dict)
     groups: Mapping[tuple[int, int], Node] = field(default_factory=dict)
+    known: tuple[tuple[plan.Expr, Node], ...] = ()
 
     def with_source(self, source: int, reader: Reader) -> Env:
         return replace(self, sources={**self.sources, source: reader})
@@ -106,6 +108,9 @@ class Expressions:
 
     def lower(self, expr: plan.Expr, env: Env) -> Node:
         """The expression as a flag or a value, by its type."""
+        for known, node in env.known:
+            if known == expr:
+                return node.copy()
         match expr:
             case plan.Constant():
                 return self.constant(expr)

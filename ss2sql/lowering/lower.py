@@ -2,31 +2,56 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+
+from sqlglot import exp
 
 from ss2sql import plan
 from ss2sql.lowering import sql
 from ss2sql.lowering.dialects import SQLITE, Dialect
 from ss2sql.lowering.expressions import Env, is_flag
 from ss2sql.lowering.parameters import Needs, Shown, SqlQuery
-from ss2sql.lowering.search import lower_search
+from ss2sql.lowering.product import copies_of
+from ss2sql.lowering.on_entering import OnEntering, applies
+from ss2sql.lowering.search import SearchLowering
 from ss2sql.lowering.select import Selects
 from ss2sql.lowering.unsupported import check
+from ss2sql.lowering.when_taken import WhenTaken
+from ss2sql.walk import is_volatile
 
 
-def lower(query: plan.Query, function_names: Mapping[str, str], dialect: Dialect = SQLITE) -> SqlQuery:
+def lower(
+    query: plan.Query,
+    function_names: Mapping[str, str],
+    dialect: Dialect = SQLITE,
+    *,
+    cut: bool = False,
+    careful: bool = False,
+    disabled: Collection[str] = (),
+) -> SqlQuery:
     """The statement of a query that stands by itself, not inside another.
 
-    `function_names` maps registered functions to their names in SQL. Raises UnsupportedError with the reason
-    where the query has to run natively.
+    `function_names` maps registered functions to their names in SQL. `cut` says that a search may end before its
+    steps are used up, whether its text says so or not. `careful` asks for a statement that takes nothing for
+    granted, neither how values look nor that nothing fails: what to run when another has been found out.
+    `disabled` names rewrites that are switched off.
+    Raises UnsupportedError with the reason where the query has to run natively.
     """
     check(query)
-    needs = Needs(function_names)
+    needs = Needs(function_names, careful=careful or is_volatile(query), disabled=disabled)
     selects = Selects(needs)
-    is_sorted = is_limited = False
+    selects.copies = {} if query.search is None else None
+    is_sorted = is_limited = ahead = False
     if query.search is not None:
-        select = lower_search(selects, query)
+        cut = cut or query.search.maximum is not None or query.limit is not None
+        weighted = query.search.weight is not None
+        if weighted or (not careful and applies(query, cut)):
+            search: SearchLowering = OnEntering(selects, query, cut)
+            ahead = not weighted
+        else:
+            search = WhenTaken(selects, query, cut)
+        select = search.statement()
         keys, orders = query.group, query.order
     elif query.aggregated:
         is_sorted, is_limited = True, _cut_by_sql(query)
@@ -42,7 +67,9 @@ def lower(query: plan.Query, function_names: Mapping[str, str], dialect: Dialect
         outputs += [selects.expressions.lower(key.expr, flat.env) for key in orders]
         is_sorted, is_limited = order is not None, order is not None and _cut_by_sql(query)
         limit = needs.count(query.limit, "limit") if is_limited and query.limit is not None else None
-        select = sql.select(outputs, flat.items, sql.conjunction(flat.conditions), order or (), limit)
+        select = sql.select(outputs, flat.items, sql.conjunction(flat.terms), order or (), limit)
+    if selects.copies:
+        select.set("with_", exp.With(expressions=copies_of(selects.copies)))
     return SqlQuery(
         query,
         dialect.print(select),
@@ -54,6 +81,8 @@ def lower(query: plan.Query, function_names: Mapping[str, str], dialect: Dialect
         is_limited,
         {name: tuple(sorted(spans, key=lambda span: span.start)) for name, spans in needs.calls.items()},
         dict(needs.modules),
+        frozenset(needs.plain),
+        ahead,
     )
 
 

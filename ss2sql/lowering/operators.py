@@ -46,6 +46,33 @@ def _operands(lowering: Expressions, call: plan.Call, env: Env) -> list[Node]:
     return [lowering.lower(argument, env) for argument in call.arguments]
 
 
+def _has_one_form(kind: Type) -> bool:
+    """Whether these are lists of which equal ones are the same: of integers, strings, None and such lists."""
+    if kind.kinds != Kind.LIST or kind.item is None:
+        return False
+    return kind.item.only(Kind.INT | Kind.STR | Kind.NONE) or _has_one_form(kind.item)
+
+
+def _by_handle(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
+    """Structured values that are compared by their handles, which saves a Python call of 0.4 us.
+
+    Of one that is known beforehand, it is taken for granted that no value that equals it has another form; the
+    pool notices when one turns up ([3.0] beside [3]), and the statement is run again with care.
+    """
+    first, second = call.arguments
+    nodes: list[Node] | None = None
+    if _has_one_form(first.type) and _has_one_form(second.type):
+        nodes = [lowering.value(argument, env) for argument in call.arguments]
+    elif not lowering.needs.careful:
+        for known, other in ((first, second), (second, first)):
+            if isinstance(known, (plan.Constant, plan.Variable)) and _has_one_form(known.type):
+                nodes = [lowering.value(other, env), lowering.needs.plain_parameter(known)]
+                break
+    if nodes is None:
+        return None
+    return sql.binary(exp.NullSafeEQ if call.function.name == "eq" else exp.NullSafeNEQ, *nodes)
+
+
 def _equality(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
     left, right = (argument.type for argument in call.arguments)
     equal = call.function.name == "eq"
@@ -56,7 +83,7 @@ def _equality(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
             none = sql.null()
             return exp.Is(this=other, expression=none if equal else exp.Not(this=none))
     if not _same_class(left, right, none=True):
-        return None
+        return _by_handle(lowering, call, env)
     a, b = _operands(lowering, call, env)
     if left.may(Kind.NONE) or right.may(Kind.NONE):
         return sql.binary(exp.NullSafeEQ if equal else exp.NullSafeNEQ, a, b)

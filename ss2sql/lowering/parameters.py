@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 
 from ss2sql import plan
@@ -27,7 +27,9 @@ class Parameter:
 class Needs:
     """Collects what one statement needs while it is lowered.
 
-    `function_names` maps the functions of the language to their names in SQL.
+    `function_names` maps the functions of the language to their names in SQL. `plain` are parameters with which
+    values are compared by their handles; where a statement is to be `careful`, nothing is. `disabled` are the
+    rewrites that are switched off.
     """
 
     function_names: Mapping[str, str]
@@ -35,6 +37,9 @@ class Needs:
     calls: dict[str, list[Span]] = field(default_factory=dict)
     modules: dict[str, tuple[str, ...]] = field(default_factory=dict)
     labels: set[str] = field(default_factory=set)
+    careful: bool = False
+    plain: set[str] = field(default_factory=set)
+    disabled: Collection[str] = ()
 
     def label(self, name: str) -> str:
         """A name for a source that no other source of the statement has; the user's own for the first."""
@@ -57,6 +62,12 @@ class Needs:
             label = f"p{count}" if name is None else f"{base}_{count}"
         bound = self.parameters[label] = Parameter(label, expr, flag)
         return self._placeholder(bound)
+
+    def plain_parameter(self, expr: plan.Expr) -> Node:
+        """The placeholder for a value with which others are compared by their handles."""
+        node = self.bind(expr, expr.name if isinstance(expr, plan.Variable) else None)
+        self.plain.add(node.name)
+        return node
 
     def count(self, expr: plan.Expr, name: str) -> Node:
         """A LIMIT: a whole number as it is written, anything else bound."""
@@ -99,7 +110,9 @@ class SqlQuery:
 
     The statement's columns are, in this order: for a search the step's and its parent's number; the
     `outputs`; `keys` group values; `orders` sort keys that SQL does not sort by itself. `limit` and `order`
-    that SQL leaves to the finishing in Python are named in `finish`.
+    that SQL leaves to the finishing in Python are named in `finish`. `plain` are the parameters whose handles
+    stand for all values that equal theirs, as long as no other form of such a value turns up. `ahead` says that something may be evaluated that the language would not
+    evaluate, so that what fails may be no error.
     """
 
     query: plan.Query
@@ -112,3 +125,5 @@ class SqlQuery:
     limited: bool
     calls: Mapping[str, tuple[Span, ...]]
     modules: Mapping[str, tuple[str, ...]]
+    plain: frozenset[str] = frozenset()
+    ahead: bool = False

@@ -15,7 +15,7 @@ from ss2sql import plan
 from ss2sql.errors import Span, UnsupportedError
 from ss2sql.kinds import Kind
 from ss2sql.lowering.select import sortable_key, uniform
-from ss2sql.lowering.strategies import GUARDS, ORDERS
+from ss2sql.lowering.strategies import GUARDS
 from ss2sql.walk import is_volatile, walk, walk_own
 
 LANGUAGE_REPRESENTATIONS = ("dict", "list", "rows", "value", "set", "void")
@@ -38,10 +38,6 @@ def _own_nodes(query: plan.Query) -> Iterator[Any]:
 
 def _memorize(query: plan.Query, nested: bool) -> Span | None:
     return query.span if query.search and not GUARDS[query.search.repeats].lowered else None
-
-
-def _weighted(query: plan.Query, nested: bool) -> Span | None:
-    return query.span if query.search and ORDERS[query.search.order].queue is None else None
 
 
 def _assignment(query: plan.Query, nested: bool) -> Span | None:
@@ -133,7 +129,6 @@ def _limits(query: plan.Query, nested: bool) -> Span | None:
 
 RULES: tuple[Rule, ...] = (
     Rule("MEMORIZE builds a graph in memory", "use NO CYCLE, or leave the engine to ss2sql", _memorize),
-    Rule("this order of search is not lowered yet", "use BREADTH FIRST, or leave the engine to ss2sql", _weighted),
     Rule("the query assigns a script variable", "move the assignment out of the query", _assignment),
     Rule("eval reads its text when it runs", "write the expression itself", _eval),
     Rule("temporal variables are read row by row", "assign it to a variable before the query", _temporal),

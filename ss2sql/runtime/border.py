@@ -76,6 +76,11 @@ def normalise(value: Any, giver: str) -> Any:
         raise too_deep(_subject(giver)) from None
 
 
+def needs_no_check(marshalled: bytes) -> bool:
+    """Whether the marshal bytes of a shallow list say that it is a value already."""
+    return not _to_be_searched(marshalled)
+
+
 def is_shallow(value: list[Any] | tuple[Any, ...]) -> bool:
     """Whether a list or tuple consists of scalars, and of lists and tuples of scalars.
 

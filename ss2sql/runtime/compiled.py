@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import apsw
@@ -20,6 +20,7 @@ from ss2sql.runtime.rows import Rows
 from ss2sql.runtime.run import Run
 from ss2sql.runtime.shaping import with_stars
 from ss2sql.runtime.values import freeze, sort_rows
+from ss2sql.walk import walk
 
 if TYPE_CHECKING:
     from ss2sql.runtime.host import SessionHost
@@ -31,24 +32,38 @@ ENGINES = ("auto", "database", "native")
 class CompiledQuery:
     """One query that stands by itself in a statement, ready to run on its engine.
 
-    With the engine `auto` the database runs it unless lowering objects; `reason` is then the objection.
+    With the engine `auto` the database runs it unless lowering objects; `reason` is then the objection. What
+    it was made for may rely on values of variables, which `variable` foretells; it is made anew when they differ.
     """
 
-    def __init__(self, host: SessionHost, query: plan.Query, engine: Engine) -> None:
+    def __init__(
+        self, host: SessionHost, query: plan.Query, engine: Engine, variable: Callable[[str], Any]
+    ) -> None:
         self.host = host
-        query = self.query = optimise(query, host.disabled)
+        self.written = query
+        self.demanded = engine == "database"
+        self.wanted = engine
+        self.refusal: UnsupportedError | None = None
+        self._make(variable)
+        if self.refusal is not None and None not in self.world.lists.values():
+            raise self.refusal
+
+    def _make(self, variable: Callable[[str], Any]) -> None:
+        """Rewrites and lowers the query, or compiles it to Python."""
+        host = self.host
+        self.world = host.world(variable)
+        query = self.query = optimise(self.written, host.disabled, self.world)
         self.lowered: SqlQuery | None = None
         self.reason = "engine='native' was asked for"
-        if engine != "native":
+        self.refusal = None
+        if self.wanted != "native":
             try:
-                self.lowered = lower(query, host.sql_names)
+                self.lowered = lower(query, host.sql_names, disabled=host.disabled)
             except UnsupportedError as error:
-                if engine == "database":
-                    raise
                 self.reason = error.message
-        self.demanded = engine == "database"
-        self.native = None if self.lowered else NativeQuery(query)
-        self.parameters = {p.name: compile_statement(p.expr) for p in self.lowered.parameters} if self.lowered else {}
+                self.refusal = error if self.demanded else None
+        self.native = None if self.lowered or self.refusal else NativeQuery(query)
+        self.bounded: SqlQuery | None = None
         self.maximum = self._constant(query.search.maximum if query.search else None)
         self.limit = self._constant(query.limit)
         representation = query.representation
@@ -64,6 +79,10 @@ class CompiledQuery:
 
     def value(self, run: Run) -> Any:
         """Runs the query; its answer becomes the run's last one, its value is one of the language."""
+        if not self.world.holds(run.variable):
+            self._make(run.variable)
+        if self.refusal is not None:
+            raise self.refusal
         query = self.query
         columns = tuple(output.name for output in query.columns)
         paths = query.search is not None and not query.aggregated
@@ -91,11 +110,12 @@ class CompiledQuery:
         bound = run.bound[self] = {}
 
         def evaluate(parameter: Parameter) -> Any:
-            value = bound[parameter.name] = self.parameters[parameter.name](run)
+            value = bound[parameter.name] = compile_statement(parameter.expr)(run)
             return value
 
+        lowered = self.lowered_for(run)
         try:
-            extras = self.host.database.execute(self.lowered, run, evaluate, sink, most)
+            extras = self.host.database.execute(lowered, run, evaluate, self.careful, sink, most)
         except ExecutionError as error:
             if error.code != "X009" or self.demanded or not isinstance(error.__cause__, _TOO_MUCH):
                 raise
@@ -103,7 +123,22 @@ class CompiledQuery:
             self.reason = f"{error.message}, so it runs natively"
             self.native, self.lowered = NativeQuery(self.query), None
             return self._native_rows(run, sink)
-        return finished(self.lowered, sink, extras, limit)
+        return finished(lowered, sink, extras, limit)
+
+    def lowered_for(self, run: Run | None) -> SqlQuery:
+        """The statement for a run: another one where the run, not the script, bounds the results of a search."""
+        assert self.lowered is not None
+        query = self.query
+        if run is None or run.maximum is None or query.search is None or query.search.maximum or query.limit:
+            return self.lowered
+        if self.bounded is None:
+            self.bounded = lower(query, self.host.sql_names, cut=True, disabled=self.host.disabled)
+        return self.bounded
+
+    def careful(self) -> SqlQuery:
+        """The statement that takes nothing for granted."""
+        host = self.host
+        return lower(self.query, host.sql_names, cut=True, careful=True, disabled=host.disabled)
 
     def _most(self, run: Run) -> int | None:
         expr = self.query.search.maximum if self.query.search else None
@@ -180,24 +215,34 @@ def group_value(value: Any) -> Any:
 
 
 class CompiledStatement:
-    """One statement: its plan, the `generation` of the session that it was made for, and the function that runs it."""
+    """One statement: its plan, the `generation` of the session that it was made for, and the function that runs it.
+
+    `variable` gives the values that variables will have when it runs, as far as they are known.
+    """
 
     def __init__(
-        self, host: SessionHost, tree: ast.Expr, statement: plan.Statement, engine: Engine, generation: int
+        self,
+        host: SessionHost,
+        tree: ast.Expr,
+        statement: plan.Statement,
+        engine: Engine,
+        generation: int,
+        variable: Callable[[str], Any],
     ) -> None:
         self.host = host
         self.tree = tree
         self.engine = engine
-        self._compile(statement, generation)
+        self._compile(statement, generation, variable)
 
-    def _compile(self, statement: plan.Statement, generation: int) -> None:
+    def _compile(self, statement: plan.Statement, generation: int, variable: Callable[[str], Any]) -> None:
         self.statement = statement
         self.generation = generation
+        self.variable = variable
         self.queries: list[CompiledQuery] = []
         self.function = compile_statement(statement.expr, self._dispatch)
 
     def _dispatch(self, query: plan.Query) -> Callable[[Run], Any]:
-        compiled = CompiledQuery(self.host, query, self.engine)
+        compiled = CompiledQuery(self.host, query, self.engine, self.variable)
         self.queries.append(compiled)
         return compiled.value
 
@@ -209,7 +254,7 @@ class CompiledStatement:
 
     def value(self, run: Run) -> Any:
         if self._is_stale(run):
-            self._compile(self.host.resolve_statement(self.tree, run), self.host.generation)
+            self._compile(self.host.resolve_statement(self.tree, run), self.host.generation, run.variable)
         return self.function(run)
 
     def _is_stale(self, run: Run) -> bool:
@@ -249,6 +294,22 @@ def script_sql(statements: Sequence[CompiledStatement], run: Run | None = None) 
     return Sql(joined, parameters, tuple(texts), modules)
 
 
+def _foretold(
+    host: SessionHost, assigned: Mapping[str, plan.Constant | None], values: Mapping[str, Any]
+) -> Callable[[str], Any]:
+    """The values that variables will have, going by the statements before; KeyError where that is not known."""
+
+    def variable(name: str) -> Any:
+        if name in assigned:
+            constant = assigned[name]
+            if constant is None:
+                raise KeyError(name)
+            return constant.value
+        return values[name] if name in values else host.names.value(name)
+
+    return variable
+
+
 class Query:
     """A compiled script, to be run many times.
 
@@ -271,19 +332,29 @@ class Query:
         self._program = program
         self._engine: Engine = engine
         self._generation = host.generation
-        self._statements: list[CompiledStatement] | None = None
+        self._statements: dict[Engine, list[CompiledStatement]] = {}
 
-    def statements(self, engine: Engine | None = None) -> list[CompiledStatement]:
-        """The compiled statements for an engine; those of the query's own engine are kept."""
-        if engine is not None and engine != self._engine:
-            return self._compiled(engine)
-        if self._statements is None:
-            self._statements = self._compiled(self._engine)
-        return self._statements
+    def statements(
+        self, engine: Engine | None = None, values: Mapping[str, Any] | None = None
+    ) -> list[CompiledStatement]:
+        """The compiled statements for an engine; `values` are those of parameters, as far as they are known."""
+        chosen = engine or self._engine
+        if chosen not in self._statements:
+            self._statements[chosen] = self._compiled(chosen, values or {})
+        return self._statements[chosen]
 
-    def _compiled(self, engine: Engine) -> list[CompiledStatement]:
-        pairs = zip(self._script.statements, self._program.statements, strict=True)
-        return [CompiledStatement(self._host, tree, part, engine, self._generation) for tree, part in pairs]
+    def _compiled(self, engine: Engine, values: Mapping[str, Any]) -> list[CompiledStatement]:
+        statements = []
+        assigned: dict[str, plan.Constant | None] = {}
+        for tree, part in zip(self._script.statements, self._program.statements, strict=True):
+            variable = _foretold(self._host, dict(assigned), values)
+            statements.append(CompiledStatement(self._host, tree, part, engine, self._generation, variable))
+            for node in walk(part.expr):
+                if isinstance(node, (plan.Assign, plan.TemporalAssign, plan.AssignLate)):
+                    assigned[node.name] = None
+            if isinstance(part.expr, plan.Assign) and isinstance(part.expr.value, plan.Constant):
+                assigned[part.expr.name] = part.expr.value
+        return statements
 
     @property
     def plan(self) -> plan.Program:

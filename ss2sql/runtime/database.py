@@ -8,28 +8,31 @@ query stacks a new one on top.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from itertools import islice
 from typing import Any, cast
 
 import apsw
 
 from ss2sql import plan
-from ss2sql.errors import Error, ExecutionError, Span, Stopped, note_place
+from ss2sql.errors import Error, ExecutionError, Span, Stopped
 from ss2sql.lowering.expressions import PREDICATES, builtin_name
 from ss2sql.lowering.parameters import Parameter, Shown, SqlQuery
 from ss2sql.lowering.sources import sql_names
-from ss2sql.runtime.functions import MISSING, Memo, UserFunction, forgets, takes_memo
-from ss2sql.runtime.pool import FALSE, TRUE, Pool
+from ss2sql.runtime.calls import sql_function
+from ss2sql.runtime.functions import Memo, UserFunction
+from ss2sql.runtime.native.options import cost, heuristic, probability
+from ss2sql.runtime.pool import FALSE, TRUE, OtherFormError, Pool
 from ss2sql.runtime.result import Sql
 from ss2sql.runtime.rows import Row, Rows
 from ss2sql.runtime.run import Run
-from ss2sql.runtime.search_functions import SearchState
+from ss2sql.runtime.search_functions import FUNCTIONS, SearchState
 from ss2sql.runtime.sources import column_of
 from ss2sql.runtime.sql_functions import AGGREGATE_FUNCTIONS, SCALAR_FUNCTIONS, element_columns
 from ss2sql.vtables.sequences import Elements
 from ss2sql.walk import walk
 
-SEARCH_FUNCTIONS = ("next_step", "keep", "on_path", "reached", "reach")
+WHOLE = 2**40
 CHECK_EVERY = 10_000  # steps of SQLite's virtual machine between looks at the clock, about 0.2 ms
 
 
@@ -46,8 +49,7 @@ class Execution:
         self.query = query
         self.calls = calls
         self.pool = Pool()
-        self.search = SearchState(self.pool.frozen, run.stats)
-        self.memos: dict[str, Memo] = {}
+        self.failed = False  # whether a function has raised
         self.elements: dict[Any, Sequence[Sequence[Any]]] = {}
 
     def value_source(self) -> Span | None:
@@ -72,13 +74,17 @@ class Database:
         self.connection = connection
         self.stack: list[Execution] = []
         self.modules: set[str] = set()
+        self.search = SearchState()
+        self.memos: dict[str, Memo] = {}  # of each function of the user, for the execution that runs
         self.memo_limit = memo_limit
         for name, scalar in SCALAR_FUNCTIONS.items():
             connection.create_scalar_function(name, self._bound(scalar))
         for name, factory in AGGREGATE_FUNCTIONS.items():
             connection.create_aggregate_function(name, self._factory(factory))
-        for name in SEARCH_FUNCTIONS:
-            connection.create_scalar_function(name, self._search_function(name))
+        for name, arguments in FUNCTIONS.items():
+            connection.create_scalar_function(name, getattr(self.search, name), arguments)
+        for name, check in (("cost", cost), ("heuristic", heuristic), ("probability", probability)):
+            connection.create_scalar_function(f"step_{name}", self._weight_function(check), 2)
         self.register_builtin("field", column_of)
         for name, same in (("eq", True), ("ne", False)):
             connection.create_scalar_function(name, self._equality(same))
@@ -108,11 +114,19 @@ class Database:
 
         return make
 
-    def _search_function(self, name: str) -> Callable[..., Any]:
-        stack, method = self.stack, getattr(SearchState, name)
+    def _weight_function(self, check: Callable[[Any], Any]) -> Callable[..., Any]:
+        """`step_cost(value, place)` and its kin: the value, if it is one."""
+        stack = self.stack
 
-        def function(*arguments: Any) -> Any:
-            return method(stack[-1].search, *arguments)
+        def function(value: Any, place: str) -> Any:
+            execution = stack[-1]
+            try:
+                weight = check(execution.pool.decode(value))
+            except Error as error:
+                execution.failed = True
+                raise error.located(execution.span(place)) from None
+            # A float where sums could leave the integers of SQLite; nothing but the order of steps shows it.
+            return int(weight) if type(weight) is bool else weight if weight <= WHOLE else float(weight)
 
         return function
 
@@ -137,47 +151,15 @@ class Database:
                 result = python(*map(pool.decode, arguments[:-1]))
                 return int(result) if predicate else pool.encode_foreign(result, name)
             except Error as error:
+                execution.failed = True
                 raise error.located(execution.span(arguments[-1])) from None
 
         self.connection.create_scalar_function(builtin_name(name), function)
 
     def register_user(self, function: UserFunction, sql_name: str) -> None:
-        """A function of the user: fresh values on each real call, remembered where its volatility allows it."""
-        stack, name, body = self.stack, function.name, function.function
-        giver = f"the function '{name}'"
-        remember = takes_memo(function)
-
-        def call(execution: Execution, arguments: tuple[Any, ...]) -> tuple[Any, bool]:
-            values = list(map(execution.pool.fresh, arguments))
-            forget = remember and forgets(function, values)
-            execution.run.check()  # a slow function must not keep a timeout waiting
-            execution.run.stats.calls[name] += 1
-            spans = execution.calls.get(name, ())
-            try:
-                result = body(*values)
-            except Exception as error:
-                note_place(error, name, spans)
-                raise
-            try:
-                return execution.pool.encode_foreign(result, giver), forget
-            except Error as error:
-                raise error.located(spans[0] if spans else None) from None
-
-        def function_of_memo(*arguments: Any) -> Any:
-            execution = stack[-1]
-            memo = execution.memos.get(name)
-            if memo is None:
-                memo = execution.memos[name] = Memo(self.memo_limit)
-            found = memo.find(arguments)
-            if found is not MISSING:
-                return found
-            result, forget = call(execution, arguments)
-            if not forget:
-                memo.keep(arguments, result)
-            return result
-
-        plain = lambda *arguments: call(stack[-1], arguments)[0]  # noqa: E731
-        self.connection.create_scalar_function(sql_name, function_of_memo if remember else plain)
+        """A function of the user; see calls.py."""
+        memo = self.memos.setdefault(function.name, Memo(self.memo_limit))
+        self.connection.create_scalar_function(sql_name, sql_function(function, memo, self.stack))
 
     def _module(self, name: str, columns: tuple[str, ...]) -> None:
         """Registers the virtual table for lists whose elements have these columns, once."""
@@ -198,10 +180,12 @@ class Database:
             try:
                 found = element_columns(execution.pool, value, columns)
             except Error as error:
+                execution.failed = True
                 raise error.located(execution.value_source()) from None
             if len(execution.elements) >= 10_000:
                 execution.elements.clear()
             execution.elements[key] = found
+        self.search.walks.append(len(found[0]))
         return found
 
     def _progress(self) -> bool:
@@ -212,37 +196,84 @@ class Database:
     # --- execution -------------------------------------------------------------------------------------
 
     def execute(
-        self, lowered: SqlQuery, run: Run, evaluate: Callable[[Parameter], Any], sink: Rows, most: int | None = None
+        self,
+        lowered: SqlQuery,
+        run: Run,
+        evaluate: Callable[[Parameter], Any],
+        careful: Callable[[], SqlQuery],
+        sink: Rows,
+        most: int | None = None,
     ) -> list[tuple[Row, Row]]:
         """Runs the statement and fills `sink` with its rows, or with its paths.
 
-        `evaluate` gives the value of a parameter; `most` bounds the results of a search. Gives for each
+        `evaluate` gives the value of a parameter; `careful` the statement to run where this one took something
+        for granted that is not so; `most` bounds the results of a search. Gives for each
         result its group values and the sort keys that SQL left over. Raises what a user's function raised,
         ExecutionError X009 for an error of SQLite, X010 for more results than run.max_rows.
         """
-        for name, columns in lowered.modules.items():
-            self._module(name, columns)
         execution = Execution(run, lowered.query, lowered.calls)
+        with self._running(execution):
+            try:
+                return self._attempt(lowered, execution, evaluate, sink, most)
+            except OtherFormError:
+                pass
+            except Stopped:
+                raise
+            except Exception:
+                if not (execution.failed and lowered.ahead):
+                    raise
+            # What the statement took for granted is not so: a value has turned up in another form, or something
+            # failed that was perhaps evaluated too early. No call of a function is made a second time.
+            sink.clear()
+            execution.pool.watched = frozenset()
+            execution.failed = False
+            return self._attempt(careful(), execution, evaluate, sink, most)
+
+    @contextmanager
+    def _running(self, execution: Execution) -> Iterator[None]:
+        """Makes the execution the innermost one, with empty memos, and adds up at its end what it has done."""
+        run, memos = execution.run, {name: self.memos[name] for name in execution.calls}
+        outer = {name: memo.begin() for name, memo in memos.items()}
+        search = self.search.begin(execution.pool.frozen, None)
         self.stack.append(execution)
-        cursor = self.connection.cursor()
         try:
-            pool = execution.pool
-            values = {parameter.name: _encoded(pool, parameter, evaluate) for parameter in lowered.parameters}
-            cursor.execute(lowered.text, values)
-            return list(islice(self._results(lowered, execution, cursor, sink), most))
+            yield
         except Stopped as stopped:
-            raise stopped.located(lowered.query.span) from None
+            raise stopped.located(execution.query.span if execution.query else None) from None
         except apsw.Error as error:
             hints = ("run it with engine='native'",)
-            raise ExecutionError("X009", f"SQLite: {error}", lowered.query.span, hints) from error
+            span = execution.query.span if execution.query else None
+            raise ExecutionError("X009", f"SQLite: {error}", span, hints) from error
+        finally:
+            self.stack.pop()
+            for name, memo in memos.items():
+                calls, hits = memo.end(outer[name])
+                run.stats.calls[name] += calls
+                run.stats.remembered[name] += hits
+            if execution.query is not None and execution.query.search is not None:
+                self.search.count(run.stats)
+            self.search.end(search)
+
+    def _attempt(
+        self,
+        lowered: SqlQuery,
+        execution: Execution,
+        evaluate: Callable[[Parameter], Any],
+        sink: Rows,
+        most: int | None,
+    ) -> list[tuple[Row, Row]]:
+        for name, columns in lowered.modules.items():
+            self._module(name, columns)
+        pool = execution.pool
+        self.search.begin(pool.frozen, most)
+        values = {parameter.name: _encoded(pool, parameter, evaluate) for parameter in lowered.parameters}
+        pool.watched = frozenset(values[name] for name in lowered.plain)
+        cursor = self.connection.cursor()
+        try:
+            cursor.execute(lowered.text, values)
+            return list(islice(self._results(lowered, execution, cursor, sink), most))
         finally:
             cursor.close(True)  # else an error that somebody keeps would keep the statement open, and the file locked
-            self.stack.pop()
-            for name, memo in execution.memos.items():
-                run.stats.remembered[name] += memo.hits
-            if lowered.query.search is not None:
-                run.stats.generated += execution.search.steps
-                run.stats.expanded += len(execution.search.kept)
 
     def paste(self, sql: Sql, run: Run) -> list[Row]:
         """Runs SQL as a result shows it, with the values beside it, and gives its rows as they come.
@@ -251,13 +282,10 @@ class Database:
         """
         for name, columns in sql.modules.items():
             self._module(name, columns)
-        execution = Execution(run)
-        self.stack.append(execution)
-        try:
+        execution = Execution(run, calls=dict.fromkeys(self.memos, ()))
+        with self._running(execution):
             values = {name: execution.pool.encode(value) for name, value in sql.parameters.items()}
             return [tuple(map(execution.pool.decode, row)) for row in self.connection.execute(sql, values)]
-        finally:
-            self.stack.pop()
 
     def _results(
         self, lowered: SqlQuery, execution: Execution, cursor: apsw.Cursor, sink: Rows
@@ -273,16 +301,18 @@ class Database:
                 yield row[width:keys], row[keys:]
             return
         # Rows of the steps before a result are decoded once and shared by all paths through them.
-        kept, boxed = execution.search.kept, _decoder(pool, [Shown(False)] * width)
-        decoded: dict[int, Row] = {}
+        parent_row, boxed = self.search.parent_row, _decoder(pool, [Shown(False)] * width)
+        decoded: dict[int, tuple[int, Row]] = {}
         for raw in cursor:
             row = decode(raw[2:])
             path, parent = [row[:width]], raw[1]
             while parent:
-                if parent not in decoded:
-                    decoded[parent] = boxed(kept[parent][1])
-                path.append(decoded[parent])
-                parent = kept[parent][0]
+                known = decoded.get(parent)
+                if known is None:
+                    before, raw_row = parent_row(parent)
+                    known = decoded[parent] = (before, boxed(raw_row))
+                parent, shared = known
+                path.append(shared)
             path.reverse()
             _room(execution.run, sink.paths, path)
             yield row[width:keys], row[keys:]

@@ -21,6 +21,7 @@ from ss2sql.lowering.sql import SQLITE_FUNCTIONS
 from ss2sql.runtime.builtins import BUILTINS
 from ss2sql.runtime.pool import Pool
 from ss2sql.runtime.run import Run
+from ss2sql.runtime.search_functions import FUNCTIONS as SEARCH_FUNCTIONS
 from ss2sql.runtime.values import fresh, normalise
 
 MEMO_LIMIT = 100_000
@@ -29,7 +30,8 @@ MEMO_LIMIT = 100_000
 RESERVED = SQLITE_FUNCTIONS | {
     *("collect", "collect_nothing", "collect_records", "collect_rows", "collect_set", "collect_value"),
     *("group_average", "group_count", "group_max", "group_min", "group_sum", "list", "record", "field"),
-    *("next_step", "keep", "on_path", "reach", "reached", "truth", "in_turn", "elements", "search"),
+    *("truth", "in_turn", "elements", "search", "step_cost", "step_heuristic", "step_probability"),
+    *SEARCH_FUNCTIONS,
 }
 
 
@@ -123,64 +125,59 @@ def sql_names(functions: Mapping[str, Any]) -> dict[str, str]:
     return names
 
 
-def takes_memo(function: UserFunction) -> bool:
-    return function.volatility != "volatile"
-
-
-def forgets(function: UserFunction, arguments: list[Any]) -> bool:
-    """Whether a call must not be remembered: what was proved of plain data says nothing of other objects."""
-    if not function.inferred:
-        return False
-    try:
-        marshal.dumps(arguments, 2)
-    except ValueError:
-        return True
-    return False
-
-
-MISSING = object()
-
-
 class Memo:
     """The remembered results of one function, by its SQL arguments; the oldest go when there are too many.
 
-    1 and 1.0 are one key of a dict but two arguments of a function, and so are 0.0 and -0.0: an entry whose
-    arguments are numbers also keeps their kinds. Handles and strings need no such care, and a look costs 0.1 us.
+    1 and 1.0 are one key of a dict but two arguments of a function, and so are 0.0 and -0.0: where there are
+    numbers among the arguments, an entry also keeps their kinds. Handles and strings need no such care: their
+    results are in `plain`, where a look costs 0.1 us. `calls` counts real calls, `hits` answers from the memo.
+    `failures` keeps what calls have raised: a statement that is run again must not call a second time.
     """
 
-    __slots__ = ("entries", "hits", "limit")
+    __slots__ = ("calls", "entries", "failures", "hits", "limit", "plain")
 
     def __init__(self, limit: int) -> None:
+        self.plain: dict[Any, Any] = {}
         self.entries: dict[Any, tuple[Any, Any]] = {}
+        self.failures: dict[Any, Exception] = {}
         self.hits = 0
+        self.calls = 0
         self.limit = limit
 
-    def find(self, arguments: tuple[Any, ...]) -> Any:
-        """The remembered result, or MISSING."""
+    def begin(self) -> tuple[Any, ...]:
+        """Empties the memo for one more execution and gives what it held, for `end`."""
+        outer = (self.plain, self.entries, self.failures, self.calls, self.hits)
+        self.plain, self.entries, self.failures, self.calls, self.hits = {}, {}, {}, 0, 0
+        return outer
+
+    def end(self, outer: tuple[Any, ...]) -> tuple[int, int]:
+        """Puts back what the memo held before, and gives the numbers of calls and of hits."""
+        counts = self.calls, self.hits
+        self.plain, self.entries, self.failures, self.calls, self.hits = outer
+        return counts
+
+    def find(self, arguments: tuple[Any, ...]) -> tuple[Any, Any] | None:
+        """The entry for arguments among which there are numbers, or whose result is None."""
         found = self.entries.get(arguments)
-        if found is None:
-            return MISSING
-        result, kinds = found
-        if kinds is not None and kinds != _kinds(arguments):
-            found = self.entries.get((arguments, _kinds(arguments)))
-            if found is None:
-                return MISSING
-            result = found[0]
-        self.hits += 1
-        return result
+        if found is None or found[1] is None or found[1] == kinds_of(arguments):
+            return found
+        return self.entries.get((arguments, kinds_of(arguments)))
 
-    def keep(self, arguments: tuple[Any, ...], result: Any) -> None:
-        if not self.limit:
+    def keep(self, arguments: tuple[Any, ...], result: Any, numbers: bool) -> None:
+        """Notes a result; `numbers` says whether there are numbers among the arguments."""
+        if len(self.plain) + len(self.entries) >= self.limit:
+            if not self.limit:
+                return
+            oldest: dict[Any, Any] = self.plain if len(self.plain) > len(self.entries) else self.entries
+            del oldest[next(iter(oldest))]
+        if not numbers and result is not None:
+            self.plain[arguments] = result
             return
-        types = set(map(type, arguments))
-        kinds = _kinds(arguments) if int in types or float in types else None
-        if len(self.entries) >= self.limit:
-            del self.entries[next(iter(self.entries))]
-        key: Any = (arguments, kinds) if arguments in self.entries else arguments
-        self.entries[key] = (result, kinds)
+        key: Any = (arguments, kinds_of(arguments)) if arguments in self.entries else arguments
+        self.entries[key] = (result, kinds_of(arguments) if numbers else None)
 
 
-def _kinds(arguments: tuple[Any, ...]) -> tuple[Any, ...]:
+def kinds_of(arguments: tuple[Any, ...]) -> tuple[Any, ...]:
     """The types of the arguments; a float that is zero has its sign in the place of its type."""
     if 0.0 in arguments:
         return tuple(str(value) if type(value) is float else type(value) for value in arguments)

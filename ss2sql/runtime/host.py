@@ -15,6 +15,7 @@ from ss2sql.frontend.catalog import Catalog
 from ss2sql.frontend.parser import parse
 from ss2sql.frontend.resolve import resolve, resolve_text
 from ss2sql.kinds import type_of
+from ss2sql.lowering.rewrites.world import World
 from ss2sql.runtime.builtins import BUILTINS
 from ss2sql.runtime.database import Database
 from ss2sql.runtime.functions import MEMO_LIMIT, UserFunction, builtin_functions, native_callable, sql_names
@@ -97,6 +98,25 @@ class SessionHost:
     def resolve_text(self, text: str, scope: Any) -> tuple[plan.Expr, ...]:
         """The statements of a text given to `eval`."""
         return resolve_text(parse(Source(text, "<eval>")), scope, self.catalog(self._arguments()))
+
+    def world(self, variable: Callable[[str], Any]) -> World:
+        """What rewrites may know of the session. `variable` gives the values that variables will have."""
+        meanings: dict[tuple[str, int], plan.Expr | None] = {}
+
+        def read(text: str, scope: Any) -> plan.Expr | None:
+            if (text, id(scope)) not in meanings:
+                meanings[text, id(scope)] = self._meaning(text, scope)
+            return meanings[text, id(scope)]
+
+        return World(variable, read, frozenset(self.functions))
+
+    def _meaning(self, text: str, scope: Any) -> plan.Expr | None:
+        """The one statement of a text given to `eval`; None where there are more, or where it has no meaning yet."""
+        try:
+            statements = self.resolve_text(text, scope)
+        except Error:
+            return None
+        return statements[0] if len(statements) == 1 else None
 
     def _arguments(self) -> Mapping[str, Any]:
         return self.runs[-1].arguments if self.runs else {}

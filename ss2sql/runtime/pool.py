@@ -13,7 +13,7 @@ from os import urandom
 from typing import Any
 
 from ss2sql.kinds import INT_MAX, INT_MIN
-from ss2sql.runtime.border import SCALARS, is_shallow, normalise
+from ss2sql.runtime.border import SCALARS, is_shallow, needs_no_check, normalise
 from ss2sql.runtime.messages import too_deep
 from ss2sql.runtime.values import Opaque, freeze, fresh, several_forms, truth
 
@@ -25,6 +25,10 @@ TRUE = _TRUTHY + b"ss2sql-true"
 FALSE = _FALSY + b"ss2sql-false"
 
 
+class OtherFormError(Exception):
+    """A value equals another that was taken for the only form: [3.0] beside [3]. It never leaves an execution."""
+
+
 class Pool:
     """The structured values of one run; they live as long as the pool.
 
@@ -33,14 +37,15 @@ class Pool:
     others begin with six random bytes, so that no stored BLOB can be taken for one.
     """
 
-    __slots__ = ("_classes", "_handles", "_keys", "_made", "_marshalled", "_tag", "_values")
+    __slots__ = ("_classes", "_handles", "_keys", "_made", "_tag", "_values", "marshalled", "watched")
 
     def __init__(self) -> None:
         self._tag = urandom(6)
         self._made = 0
         # What tells values apart -> handle: marshal bytes; of objects, which have none, see _exact.
         self._handles: dict[Hashable, bytes] = {}
-        self._marshalled = {TRUE: dumps(True, 2), FALSE: dumps(False, 2)}
+        self.watched: frozenset[Any] = frozenset()  # handles that must stand for all values that equal theirs
+        self.marshalled = {TRUE: dumps(True, 2), FALSE: dumps(False, 2)}
         self._values: dict[bytes, Any] = {TRUE: True, FALSE: False}
         self._keys: dict[bytes, int | float | str | bytes] = {TRUE: 1, FALSE: 0}
         self._classes: dict[Hashable, bytes] = {}
@@ -78,6 +83,8 @@ class Pool:
         marshalled = dumps(value, 2)
         handle = self._handles.get(marshalled)
         if handle is None:
+            if kind is list and needs_no_check(marshalled):
+                return self._add(marshalled, marshalled, value)
             handle = self._handles[marshalled] = self.encode(normalise(value, giver))
         return handle
 
@@ -88,7 +95,7 @@ class Pool:
         try:
             return self._values[value]
         except KeyError:
-            marshalled = self._marshalled.get(value)
+            marshalled = self.marshalled.get(value)
         if marshalled is None:
             return value
         return self._values.setdefault(value, loads(marshalled))
@@ -98,7 +105,7 @@ class Pool:
         if type(value) is not bytes:
             return value
         try:
-            return loads(self._marshalled[value])
+            return loads(self.marshalled[value])
         except KeyError:
             return fresh(self.decode(value))
 
@@ -127,9 +134,17 @@ class Pool:
         self._made += 1
         handle = (_TRUTHY if truth(value) else _FALSY) + self._tag + self._made.to_bytes(5, "big")
         self._handles[exact] = handle
+        if self.watched and (marshalled is None or several_forms(marshalled)):
+            self._watch(handle, marshalled, value)
         if marshalled is not None:
-            self._marshalled[handle] = marshalled
+            self.marshalled[handle] = marshalled
         return handle
+
+    def _watch(self, handle: bytes, marshalled: bytes | None, value: Any) -> None:
+        """Raises OtherFormError if the value equals one whose handle stands for all that do."""
+        key = freeze(value) if marshalled is None or several_forms(marshalled) else marshalled
+        if type(key) is bytes and self._handles.get(key) in self.watched:
+            raise OtherFormError
 
     def _encode_objects(self, value: Any) -> bytes:
         """The handle of an object, or of a list or dict with objects inside, which the pool keeps alive."""
@@ -145,7 +160,7 @@ class Pool:
 
     def _key(self, handle: bytes) -> Any:
         """The key of a structured value that nobody has compared yet."""
-        marshalled = self._marshalled.get(handle)
+        marshalled = self.marshalled.get(handle)
         key: Any = handle
         if marshalled is None or several_forms(marshalled):
             value = self.decode(handle)

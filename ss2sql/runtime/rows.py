@@ -24,6 +24,12 @@ class Rows:
     paths: list[list[Row]] | None = None
     groups: list[tuple[Any, list[int]]] | None = None
 
+    def clear(self) -> None:
+        """Forgets all rows and paths."""
+        for found in (self.rows, self.paths):
+            if found is not None:
+                found.clear()
+
     def all_rows(self) -> Iterator[Row]:
         """The rows, or the rows of all paths."""
         return iter(self.rows or ()) if self.paths is None else chain.from_iterable(self.paths)

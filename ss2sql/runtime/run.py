@@ -76,6 +76,11 @@ class Run:
     callables: dict[str, Callable[..., Any]] = field(default_factory=dict)
     bound: dict[object, dict[str, Any]] = field(default_factory=dict)
 
+    @property
+    def watched(self) -> bool:
+        """Whether `check` has anything to say, now or later."""
+        return self.interrupted or self.deadline is not None
+
     def check(self) -> None:
         """Raises Cancelled or Timeout when the run has to end."""
         if self.interrupted:

@@ -1,28 +1,220 @@
 """What a search in SQL has no words for: numbers for its steps, the way back, and the rows that were met.
 
-One `SearchState` serves one execution of one statement. Its methods are the SQL functions that
-lowering/search.py writes down. All of them may be asked twice about the same step and then answer the same.
+One `SearchState` serves one execution of one statement. Its methods are the SQL functions that the lowering of
+searches writes down. The first group serves searches whose steps are evaluated on entering the queue, the
+second those whose steps are evaluated when they are taken, where all may be asked twice about the same step
+and then answer the same. Ranks are totals for which less is better.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable
-from typing import Any
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from math import prod
+from typing import Any, TypeAlias
 
 from ss2sql.runtime.run import Stats
 
+Kept: TypeAlias = tuple[int, tuple[Any, ...]]
+
+# The SQL functions with the number of their arguments, -1 for any.
+FUNCTIONS = {
+    **dict.fromkeys(("go_on", "note_result"), 0),
+    **dict.fromkeys(("expand", "arrive"), 1),
+    **dict.fromkeys(("still_best", "give_once"), 2),
+    **dict.fromkeys(("enter", "enter_first", "enter_best", "on_path", "reached", "closed", "improves"), -1),
+    **dict.fromkeys(("next_step", "keep", "on_way", "owned", "own"), -1),
+}
+
+
+class Way:
+    """The keys of the rows on the path to one step, for NO CYCLE.
+
+    The set follows the search from step to step: it gives up what lies only on the old path and takes what
+    lies only on the new one. Depth first that is a row or two for each move. Numbers grow along a path, so
+    the greater of two ends is never on the path to the other.
+    """
+
+    def __init__(
+        self, kept: Sequence[Kept] | Mapping[int, Kept], key_of: Callable[[tuple[Any, ...]], Hashable]
+    ) -> None:
+        self.kept = kept
+        self.key_of = key_of
+        self.end = 0
+        self.keys: set[Hashable] = set()
+
+    def lead_to(self, step: int) -> None:
+        kept, old, new = self.kept, self.end, step
+        gained: list[Hashable] = []
+        while old != new:
+            if old > new:
+                old, row = kept[old]
+                self.keys.discard(self.key_of(row))
+            else:
+                new, row = kept[new]
+                gained.append(self.key_of(row))
+        self.end = step
+        self.keys.update(gained)
+
 
 class SearchState:
-    """Steps are numbered from 1; 0 is the parent of the first ones."""
+    """Steps are numbered from 1; 0 is the parent of the first ones.
 
-    def __init__(self, frozen: Callable[[Any], Hashable], stats: Stats) -> None:
-        self.frozen = frozen
-        self.stats = stats
+    One object serves a connection: what SQLite calls are its methods themselves, for a function around them would
+    cost as much as they do. `begin` makes it ready for one execution, `end` gives it back to the one before.
+    """
+
+    def __init__(self) -> None:
+        self._reset(lambda value: value, None)
+
+    def begin(self, key: Callable[[Any], Hashable], most: int | None) -> dict[str, Any]:
+        """Starts afresh and gives what has to be handed to `end`.
+
+        `key` gives equal SQL values one hashable value; `most` is the number of results after which the search ends.
+        """
+        outer = dict(self.__dict__)
+        self._reset(key, most)
+        return outer
+
+    def end(self, outer: dict[str, Any]) -> None:
+        self.__dict__.update(outer)
+
+    def _reset(self, key: Callable[[Any], Hashable], most: int | None) -> None:
+        self.key = key
+        self.asked: tuple[Any, ...] = ()  # the row that a guard was asked about, and let pass
+        self.asked_key: Hashable = ()
+        self.generated = 0
+        self.expanded = 0
+        self.pruned = 0
         self.steps = 0
-        self.kept: dict[int, tuple[int, tuple[Any, ...]]] = {}
-        self.owners: dict[Hashable, int] = {}
+        self.wanted = float("inf") if most is None else most
+        self.rows: list[Kept] = [(0, ())]  # of the steps that entered, by number
+        self.kept: dict[int, Kept] = {}  # of the steps that went on
+        self.met: dict[Hashable, Any] = {}  # row -> the step that reached it, or its best rank
+        self.taken: dict[Hashable, Any] = {}  # row -> the rank at which it was taken
+        self.given: set[Hashable] = set()
+        self.way = Way(self.rows, self._key_of)
+        self.kept_way = Way(self.kept, self._key_of)
         self.last_dropped = 0
-        self.keys: dict[int, Hashable] = {}  # the frozen rows of kept steps, made when first compared
+        self.walks: list[int] = []  # the lengths of the lists that were walked
+
+    def count(self, stats: Stats) -> None:
+        """Adds what the search has done."""
+        if self.steps:
+            stats.generated += self.steps
+            stats.expanded += len(self.kept)
+        else:
+            # Where steps are not counted one by one, each that goes on generates one for every element.
+            stats.generated += self.generated or prod(self.walks) * (self.expanded + 1)
+            stats.expanded += self.expanded
+        stats.pruned += self.pruned
+
+    def _key_of(self, row: tuple[Any, ...]) -> Hashable:
+        return self.key(row[0]) if len(row) == 1 else tuple(map(self.key, row))
+
+    def parent_row(self, step: int) -> Kept:
+        """The parent's number and the row of a step that others come from."""
+        return self.kept[step] if self.kept else self.rows[step]
+
+    # --- steps that are evaluated on entering ----------------------------------------------------------
+
+    def go_on(self) -> int:
+        """Counts a step; false when the search has its results."""
+        if self.wanted <= 0:
+            return 0
+        self.generated += 1
+        return 1
+
+    def note_result(self) -> int:
+        """Counts a result; gives 0, the place of a goal in the queue."""
+        self.wanted -= 1
+        return 0
+
+    def expand(self, step: int) -> int:
+        """Counts a step that goes on; always true."""
+        self.expanded += 1
+        return 1
+
+    def enter(self, parent: int, *row: Any) -> int:
+        """Notes a step that enters the queue and gives its number."""
+        self.rows.append((parent, row))
+        return len(self.rows) - 1
+
+    def enter_first(self, parent: int) -> int:
+        """The same for the first step to the row that `reached` was asked about last."""
+        number = self.met[self.asked_key] = len(self.rows)
+        self.rows.append((parent, self.asked))
+        return number
+
+    def enter_best(self, parent: int, rank: Any) -> int:
+        """The same for the best step so far to the row that `improves` was asked about last."""
+        self.met[self.asked_key] = rank
+        self.rows.append((parent, self.asked))
+        return len(self.rows) - 1
+
+    def reached(self, *row: Any) -> int:
+        """Whether a step has reached the row."""
+        key = self.key(row[0]) if len(row) == 1 else tuple(map(self.key, row))
+        if key in self.met:
+            self.pruned += 1
+            return 1
+        self.asked, self.asked_key = row, key
+        return 0
+
+    def arrive(self, step: int) -> int:
+        """Whether a step that is taken is the first to reach its row; it then is the one that has."""
+        if self.met.setdefault(self._key_of(self.rows[step][1]), step) == step:
+            return 1
+        self._dropped(step)
+        return 0
+
+    def closed(self, rank: Any, *row: Any) -> int:
+        """Whether the row was taken at a rank so good that no way through a step of this rank can be better."""
+        taken = self.taken.get(self._key_of(row))
+        if taken is None or taken > rank:
+            return 0
+        self.pruned += 1
+        return 1
+
+    def improves(self, rank: Any, *row: Any) -> int:
+        """Whether the step is better than the best to the row so far."""
+        key = self.key(row[0]) if len(row) == 1 else tuple(map(self.key, row))
+        best = self.met.get(key)
+        if best is None or rank < best:
+            self.asked, self.asked_key = row, key
+            return 1
+        self.pruned += 1
+        return 0
+
+    def still_best(self, step: int, rank: Any) -> int:
+        """Whether a step that is taken is still the best to its row."""
+        key = self._key_of(self.rows[step][1])
+        if self.met[key] < rank:
+            return 0
+        self.taken[key] = rank
+        return 1
+
+    def give_once(self, step: int, rank: Any) -> int:
+        """Whether a step is still the best to its row, which was not given out before."""
+        key = self._key_of(self.rows[step][1])
+        if self.met[key] < rank:
+            return 0
+        self.taken[key] = rank
+        if key in self.given:
+            return 0
+        self.given.add(key)
+        return 1
+
+    def on_path(self, parent: int, *row: Any) -> int:
+        """Whether the row occurs on the path to the parent."""
+        way = self.way
+        if parent != way.end:
+            way.lead_to(parent)
+        if (self.key(row[0]) if len(row) == 1 else tuple(map(self.key, row))) in way.keys:
+            self.pruned += 1
+            return 1
+        return 0
+
+    # --- steps that are evaluated when they are taken --------------------------------------------------
 
     def next_step(self, *positions: int) -> int:
         """The number of a new step, after a look at the positions of its rows in their tables."""
@@ -34,43 +226,31 @@ class SearchState:
         self.kept[step] = (parent, row)
         return 1
 
-    def on_path(self, step: int, parent: int, *row: Any) -> int:
+    def on_way(self, step: int, parent: int, *row: Any) -> int:
         """Whether the row occurs on the path to this step."""
-        key = tuple(map(self.frozen, row))
-        keys = self.keys
-        while parent:
-            known = keys.get(parent)
-            if known is None:
-                known = keys[parent] = tuple(map(self.frozen, self.kept[parent][1]))
-            if known == key:
-                self._dropped(step)
-                return 1
-            parent = self.kept[parent][0]
-        return 0
+        key = self._key_of(row)
+        way = self.kept_way
+        if parent != way.end:
+            way.lead_to(parent)
+        if key not in way.keys:
+            return 0
+        self._dropped(step)
+        return 1
 
-    def reached(self, step: int, parent: int, *row: Any) -> int:
+    def owned(self, step: int, parent: int, *row: Any) -> int:
         """Whether another step has reached the row."""
-        owner = self.owners.get(tuple(map(self.frozen, row)))
+        owner = self.met.get(self._key_of(row))
         if owner is None or owner == step:
             return 0
         self._dropped(step)
         return 1
 
-    def reach(self, step: int, parent: int, *row: Any) -> int:
+    def own(self, step: int, parent: int, *row: Any) -> int:
         """Notes that this step reaches the row; always true."""
-        self.owners.setdefault(tuple(map(self.frozen, row)), step)
+        self.met.setdefault(self._key_of(row), step)
         return 1
 
     def _dropped(self, step: int) -> None:
         if step != self.last_dropped:
             self.last_dropped = step
-            self.stats.pruned += 1
-
-    def path(self, parent: int, row: tuple[Any, ...]) -> list[tuple[Any, ...]]:
-        """The rows from the start to a result, the result's own row last."""
-        rows = [row]
-        while parent:
-            parent, row = self.kept[parent]
-            rows.append(row)
-        rows.reverse()
-        return rows
+            self.pruned += 1

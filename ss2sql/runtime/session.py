@@ -262,7 +262,7 @@ class Session:
         run.arguments = {name: normalise(value, f"the variable '{name}'") for name, value in variables.items()}
         run.stats.seconds["compile"] = compile_seconds
         started = time.perf_counter()
-        statements = query.statements(engine)
+        statements = query.statements(engine, run.arguments)
         run.stats.seconds["lower"] = time.perf_counter() - started
         self.host.runs.append(run)
         started = time.perf_counter()

@@ -10,27 +10,32 @@ class Order:
     """Which step is taken next from the queue of a recursive query.
 
     `queue` are the columns of the recursive table that sort the queue, with True for descending; the tie
-    order is part of it. None: SQLite's queue does not run this order yet, it runs natively. `promise` says
-    what a user can rely on.
+    order is part of it, `step` being the number under which a step was generated. `total` names the column
+    that holds what the path comes to, where steps have weights. `promise` says what a user can rely on.
     """
 
     name: str
     keyword: str
-    queue: tuple[tuple[str, bool], ...] | None
+    queue: tuple[tuple[str, bool], ...]
     promise: str
+    total: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Guard:
-    """What happens to a step whose row was met before.
+    """What happens to a step whose row was met before; the names are SQL functions of runtime/search_functions.py.
 
-    `met` is the SQL function that tells whether the row was met (None: nobody asks), `meet` the one that
-    notes it once the step has turned out to count. `lowered` is False for what only runs natively.
+    `met` tells whether the row was met (None: nobody asks) and `meet` notes it once the step has turned out
+    to count, where steps are evaluated when they are taken from the queue. Where they are evaluated before
+    they enter it, `entering` tells whether a row was met, and `number` gives the step its number, and notes
+    the row. `lowered` is False for what only runs natively.
     """
 
     name: str
     keyword: str
     met: str | None
     meet: str | None
+    entering: str | None
+    number: str
     lowered: bool
     promise: str

@@ -1,4 +1,4 @@
-"""Breadth first: the step that has waited longest; steps are numbered as they are made, so this is level by level."""
+"""Breadth first: the step that was generated first."""
 
 from ss2sql.lowering.strategies.base import Order
 

@@ -3,5 +3,12 @@
 from ss2sql.lowering.strategies.base import Guard
 
 GUARD = Guard(
-    "memorize", "MEMORIZE", None, None, False, "Every path without a repeated row up to the bound, shortest first."
+    "memorize",
+    "MEMORIZE",
+    None,
+    None,
+    None,
+    "enter",
+    False,
+    "Every path without a repeated row up to the bound, shortest first.",
 )

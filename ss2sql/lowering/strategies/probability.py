@@ -2,4 +2,10 @@
 
 from ss2sql.lowering.strategies.base import Order
 
-ORDER = Order("probability", "PROBABILITY", None, "Gives likelier paths before less likely ones.")
+ORDER = Order(
+    "probability",
+    "PROBABILITY",
+    (("likelihood", True), ("step", False)),
+    "Gives likelier paths before less likely ones.",
+    "likelihood",
+)

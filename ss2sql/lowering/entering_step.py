@@ -1,0 +1,240 @@
+"""One step while it is made: what decides whether it enters the queue, and what it carries (see on_entering.py).
+
+The order of the parts is that of the language: the guard, STOP WITH, WHERE, the row, the weight, HEURISTIC,
+CONNECT BY. Where nothing can fail, nobody sees the order, and what costs a Python call is asked last.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from sqlglot import exp
+
+from ss2sql import plan
+from ss2sql.kinds import Kind, Type
+from ss2sql.lowering import sql
+from ss2sql.lowering.expressions import Env, can_fail
+from ss2sql.lowering.sql import Node
+from ss2sql.walk import parts, walk
+
+if TYPE_CHECKING:
+    from ss2sql.lowering.on_entering import OnEntering
+
+MOST = 2**40  # weights up to here do not add up to 64 bits: 2^23 steps on one path would be needed
+
+
+class EnteringStep:
+    """`env` reads the elements and the state before the step; `first` says that this is the START WITH state."""
+
+    def __init__(self, search: OnEntering, env: Env, first: bool) -> None:
+        self.of = search
+        self.env = env
+        self.first = first
+        self.expressions = search.expressions
+        self.query = search.query
+        self.search = search.search
+        self.parent: Node = sql.number(0) if first else search.column("step")
+        clauses = [self.query.where, self.search.stop, self.search.weight, self.search.heuristic]
+        clauses += [output.expr for output in self.query.columns] + [expr for _, expr in self.search.connect]
+        self.fails = any(can_fail(clause) for clause in clauses if clause is not None)
+        self.best = search.total is not None and self.search.repeats == "unique"
+        self.next = search.following(env)
+
+    def row(self) -> list[Node]:
+        return [self.expressions.value(output.expr, self.env) for output in self.query.columns]
+
+    def stop(self) -> Node:
+        assert self.search.stop is not None
+        return self.expressions.condition(self.search.stop, self.env)
+
+    def goal(self) -> Node:
+        assert self.query.where is not None
+        return self.expressions.condition(self.query.where, self.env)
+
+    # --- whether it enters -----------------------------------------------------------------------------
+
+    def enters(self) -> list[Node]:
+        """The conditions on entering."""
+        drops: list[Node] = []
+        if self.of.counted:
+            drops.append(_not(sql.call("go_on")))
+        guard = self._guard()
+        if not self.fails:
+            drops += [*self._dead(), *([] if self.best else guard)]
+        elif self.of.total is None and self.query.where is not None and self.search.stop is not None:
+            branches = [(drop, sql.number(0)) for drop in [*drops, *guard]]
+            return [sql.case([*branches, (self.stop(), self.goal())], sql.number(1))]
+        else:
+            drops += [*guard, *self._dead()]
+        if self.of.total is not None:
+            drops += self._weighed()
+        if not drops:
+            return []
+        if self.fails or self.of.counted:
+            return [sql.case([(drop, sql.number(0)) for drop in drops], sql.number(1))]
+        return [_not(drop) for drop in drops]
+
+    def _guard(self) -> list[Node]:
+        """Whether the row was met."""
+        name = self.of.guard.entering
+        if name is None or (self.first and name in ("on_path", "closed")):
+            return []
+        arguments: list[Node] = []
+        if name == "on_path":
+            arguments.append(self.parent.copy())
+        elif self.of.total is not None:
+            arguments.append(self.of.ranked(self.of.column(self.of.total)))
+        return [sql.call(name, *arguments, *self.row())]
+
+    def _dead(self) -> list[Node]:
+        """Whether the step stops without being a goal."""
+        where, stop = self.query.where, self.search.stop
+        # A weighted search has no other way to keep the order in which the clauses would fail.
+        must_ask = where is not None and self.of.total is not None and can_fail(where)
+        asked: list[Node] = [sql.call("in_turn", self.goal(), sql.number(0))] if must_ask else []
+        if stop is None:
+            return asked
+        if where is None:
+            return [self.stop()]
+        if can_fail(where) or can_fail(stop):
+            return [sql.case([(self.stop(), _not(self.goal()))], asked[0] if asked else sql.number(0))]
+        dead = sql.conjunction([self.stop(), _not(self.goal())])
+        return [dead] if dead is not None else []
+
+    def _weighed(self) -> list[Node]:
+        """What COST or PROBABILITY drops."""
+        drops: list[Node] = []
+        if self.search.order == "probability":
+            drops.append(sql.binary(exp.EQ, self.weight(), sql.number(0)))
+        if not self.best:
+            return drops
+        later = [self.search.heuristic, *(expr for _, expr in self.search.connect)]
+        if any(can_fail(part) for part in later if part is not None):
+            # Evaluated also for a step that turns out not to be better, for then its failing shows.
+            rest = [] if self.search.heuristic is None else [self.estimate()]
+            happens = sql.call("in_turn", self.weight(), *rest, *self._after(), sql.number(0))
+            goes_on = self.search.stop is None or self.query.where is None
+            drops.append(happens if goes_on else sql.case([(self.stop(), sql.number(0))], happens))
+        drops.append(_not(sql.call("improves", self.of.ranked(self.total()), *self.row())))
+        return drops
+
+    # --- what it carries -------------------------------------------------------------------------------
+
+    def outputs(self, positions: list[Node]) -> list[Node]:
+        """The columns of the recursive table; `positions` are looked at where SQLite looks rows up."""
+        of = self.of
+        carried: dict[str | None, Node] = {"step": self._number(positions), "parent": self.parent}
+        carried[of.depth] = sql.number(1) if self.first else _plus(of.column(of.depth or ""), sql.number(1))
+        if of.goal is not None:
+            carried[of.goal] = self.goal()
+        if of.live is not None:
+            carried[of.live] = _not(self.stop())
+        if of.waits is not None:
+            carried[of.waits] = self._waits()
+        if of.total is not None:
+            carried[of.total] = self.total()
+        if of.estimate is not None:
+            carried[of.estimate] = self._if_it_goes_on(self.search.heuristic, self.estimate(), sql.number(0))
+            later = _plus(self.total(), carried[of.estimate].copy())
+            carried[of.rank] = sql.case([(self._first_as_result(), self.total())], later)
+        assigned = dict(self.search.connect)
+        for (name, _), node in zip(self.search.start, self._after(), strict=True):
+            carried[of.states[name]] = self._if_it_goes_on(assigned.get(name), node, sql.null())
+        for name, short in of.before.items():
+            carried[short] = self.env.states[(self.query.id, name)].copy()
+        for short, read in of.reads:
+            carried[short] = self.expressions.lower(read, self.env)
+        return [carried[name] for name in of.all_names]
+
+    def _number(self, positions: list[Node]) -> Node:
+        """The number of the step; it notes the step's row with it."""
+        guard = self.of.guard
+        # Depth first, a row is marked when its step is taken.
+        number = "enter" if guard.number == "enter_first" and self.of.depth is not None else guard.number
+        rank = [self.of.ranked(self.total())] if self.best else []
+        # The guard that was asked last knows the row: `enter_first` and `enter_best` take it from there.
+        row = self.row() if number == "enter" else []
+        entered = sql.call(number, self.parent.copy(), *rank, *row)
+        return sql.call("in_turn", *positions, entered) if positions else entered
+
+    def _waits(self) -> Node:
+        """0 for a goal; `note_result` counts it too, and ends the evaluation with the last one that is asked for."""
+        noted = sql.call("note_result") if self.of.total is None else sql.number(0)
+        return noted if self.query.where is None else sql.case([(self.goal(), noted)], sql.number(1))
+
+    def _first_as_result(self) -> Node:
+        return sql.number(1) if self.query.where is None else self.goal()
+
+    def _after(self) -> list[Node]:
+        return [self.next[(self.query.id, name)].copy() for name, _ in self.search.start]
+
+    def _if_it_goes_on(self, expr: plan.Expr | None, node: Node, otherwise: Node) -> Node:
+        """The value of a clause that is not evaluated for a step that stops, where that could show."""
+        if expr is None or self.of.carries_anyway(expr):
+            return node
+        return sql.case([(self.stop(), otherwise)], node)
+
+    # --- weights ---------------------------------------------------------------------------------------
+
+    def weight(self) -> Node:
+        weight = self.search.weight
+        assert weight is not None
+        most = 1 if self.search.order == "probability" else MOST
+        return self._checked(weight, f"step_{self.search.order}", most)
+
+    def estimate(self) -> Node:
+        assert self.search.heuristic is not None
+        return self._checked(self.search.heuristic, "step_heuristic", MOST)
+
+    def _checked(self, expr: plan.Expr, check: str, most: float) -> Node:
+        node = self.expressions.lower(expr, self.env)
+        return node if _lies_within(expr.type, most) else sql.call(check, node, self.expressions.place(expr.span))
+
+    def total(self) -> Node:
+        """What the path comes to with this step."""
+        of = self.of
+        assert of.total is not None
+        product = self.search.order == "probability"
+        before = sql.number(int(product)) if self.first else of.column(of.total)
+        return sql.binary(exp.Mul if product else exp.Add, before, self.weight())
+
+
+def _lies_within(kind: Type, most: float) -> bool:
+    """Whether the type promises numbers from 0 to `most`."""
+    return kind.only(Kind.NUMBER) and kind.low is not None and kind.low >= 0 and kind.bounded(most)
+
+
+def _not(node: Node) -> Node:
+    return exp.Not(this=sql.operand(node))
+
+
+def _plus(left: Node, right: Node) -> Node:
+    return sql.binary(exp.Add, left, right)
+
+
+def fallible(expr: plan.Expr | None) -> list[plan.Expr]:
+    """The parts of an expression that can fail by themselves."""
+    found: list[plan.Expr] = []
+    for node in walk(expr) if expr is not None else ():
+        if isinstance(node, plan.Subquery) or (isinstance(node, plan.Column) and not node.declared):
+            found.append(node)
+        elif isinstance(node, plan.Call) and can_fail(replace(node, arguments=())):
+            found.append(node)
+    return found
+
+
+def certain(clause: plan.Expr | None) -> list[plan.Expr]:
+    """The parts of a clause that are evaluated whenever the clause is."""
+    inside: Iterable[plan.Expr]
+    match clause:
+        case None:
+            return []
+        case plan.And(parts=(first, *_)) | plan.Or(parts=(first, *_)):
+            inside = [first]
+        case plan.If(condition=condition):
+            inside = [condition]
+        case _:
+            inside = [part for part in parts(clause) if not isinstance(part, plan.Query)]
+    return [clause, *(known for part in inside for known in certain(part))]

@@ -1,0 +1,261 @@
+"""A search whose steps are evaluated before they enter the queue.
+
+The recursive term evaluates a step while it is made: the guard, STOP WITH and WHERE decide in its WHERE
+whether the step enters at all, and what enters carries the state after it. So most steps never wait, and the
+state is made once per step instead of once per child. Of the 3,462 steps of the paper's Towers of Hanoi 577 enter.
+
+Who looks at the order of evaluation could tell the difference where a search is cut off. Breadth first and by
+weight the language itself evaluates the children of a step together; there `go_on` ends the evaluation with the
+last result that is asked for, and a goal waits at the head of the queue, as a result only; if it goes on, the
+second recursive term lets it wait again at its own place. What else can be told apart is left to when_taken.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+from sqlglot import exp
+
+from ss2sql import plan
+from ss2sql.lowering import sql
+from ss2sql.lowering.entering_step import EnteringStep, certain, fallible
+from ss2sql.lowering.expressions import Env, can_fail, is_flag
+from ss2sql.lowering.search import SearchLowering, element_reads, free_name
+from ss2sql.lowering.select import Selects
+from ss2sql.lowering.sql import Node
+from ss2sql.walk import parts, states_read, walk
+
+
+def applies(query: plan.Query, cut: bool) -> bool:
+    """Whether nobody can tell that the steps of the search are evaluated before they are taken."""
+    search = query.search
+    assert search is not None
+    if search.order != "depth first":
+        return True
+    clauses: list[object] = [query.where, search.stop, *(expr for _, expr in search.connect)]
+    if search.repeats == "unique" and _any_fails(clauses):
+        return False  # a row may be reached before the step is taken, which is then not asked whether it stops
+    clauses += [output.expr for output in query.columns]
+    clauses += [source for source in query.sources if not isinstance(source, plan.TableSource)]
+    return not (cut and _any_fails(clauses))
+
+
+def _any_fails(clauses: Iterable[object]) -> bool:
+    return any(can_fail(part) for part in clauses if part is not None)
+
+
+class OnEntering(SearchLowering):
+    """The terms of the recursion and the query around it.
+
+    The columns of the recursive table, each where it is needed: `depth`; the total of COST or PROBABILITY and
+    the estimate of HEURISTIC; the flags `goal` and `goes_on`; `waits`, 0 for a goal that waits as a result
+    only; `rank`, which sorts the queue; the state after the step; parts of the state before it; elements.
+    """
+
+    def __init__(self, selects: Selects, query: plan.Query, cut: bool) -> None:
+        super().__init__(selects, query, cut)
+        search = self.search
+        self.names: list[str] = ["step", "parent"]
+        # A goal that comes out before its turn to be expanded waits as a result first.
+        self.ahead = (search.order == "breadth first" and cut) or search.heuristic is not None
+        self.ends_early = search.order == "breadth first" and cut
+        constant = all(map(self.is_constant, query.sources))
+        self.counted = self.ends_early or not constant or any(isinstance(n, plan.Subquery) for n in walk(query))
+        self.depth = self._named("depth") if search.order == "depth first" else None
+        self.states = {name: self._named(name) for name, _ in search.start}
+        self.known = self._known_calls()
+        self.goal_later = not self.ahead and self._waits_for_its_turn(query.where)
+        self.stop_later = self._waits_for_its_turn(search.stop)
+        both = query.where is not None and search.stop is not None
+        flag = query.where is not None and not self.goal_later and not self.ahead
+        self.goal = self._named("goal") if flag else None
+        self.live = self._named("goes_on") if both and not self.stop_later else None
+        self.total = None if self.order.total is None else self._named(self.order.total)
+        self.estimate = None if search.heuristic is None else self._named("estimate")
+        self.waits = self._named("waits") if self.ahead else None
+        self.rank = self._named("rank") if search.heuristic is not None else None
+        self.before: dict[str, str] = {}
+
+    def _named(self, name: str) -> str:
+        short = free_name(name, self.taken)
+        self.names.append(short)
+        return short
+
+    # --- what is known of a step when it is taken ------------------------------------------------------
+
+    def _known_calls(self) -> list[tuple[plan.Expr, str]]:
+        """Calls whose values are the state after the step, with the column that holds it."""
+        known: list[tuple[plan.Expr, str]] = []
+        assigned: set[tuple[int, str]] = set()
+        for name, expr in self.search.connect:
+            evaluated = self.carries_anyway(expr)
+            if isinstance(expr, plan.Call) and evaluated and not states_read(expr) & assigned:
+                if is_flag(expr.type) == self.flags[name]:
+                    known.append((expr, self.states[name]))
+            assigned.add((self.query.id, name))
+        return known
+
+    def carries_anyway(self, expr: plan.Expr) -> bool:
+        """Whether CONNECT BY may be evaluated for each step that enters, also for one that stops."""
+        if self.search.stop is None or self.query.where is None:
+            return True  # whatever enters goes on
+        done = certain(self.query.where) + certain(self.search.stop)
+        return all(any(part == other for other in done) for part in fallible(expr))
+
+    def _waits_for_its_turn(self, clause: plan.Expr | None) -> bool:
+        """Whether a flag is made when the step is taken, because all of its calls have become columns."""
+        if clause is None:
+            return False
+        calls = fallible(clause)
+        return bool(calls) and all(any(call == known for known, _ in self.known) for call in calls)
+
+    def now(self) -> Env:
+        """Reads a step that was taken: its elements, the state before it, and the calls that became columns."""
+        before = {(self.query.id, name): self.column(short) for name, short in self.before.items()}
+        known = tuple((expr, self.column(short)) for expr, short in self.known)
+        return replace(self.reading().with_states(before), known=known)
+
+    def _carry_for(self, places: list[object]) -> None:
+        """Makes the recursive table carry what these parts read of the state before the step, and of elements."""
+        left = [place if place is None else _without(place, [expr for expr, _ in self.known]) for place in places]
+        read = {name for place in left for part in place or () for query, name in states_read(part)
+                if query == self.query.id}  # fmt: skip
+        for name, _ in self.search.start:
+            if name in read and name not in self.before:
+                self.before[name] = self._named(f"{name}_before")
+        for node in element_reads(self.query, [part for place in left for part in place or ()]):
+            self.carry(node)
+
+    # --- the statement ---------------------------------------------------------------------------------
+
+    def statement(self) -> exp.Select:
+        query, search = self.query, self.search
+        places: list[object] = [output.expr for output in query.columns]
+        places += [*query.group, *(key.expr for key in query.order)]
+        places += [query.where] if self.goal_later else []
+        places += [search.stop] if self.stop_later else []
+        self._carry_for(places)
+        labels = set(self.selects.needs.labels)
+        first = self.steps(Env().with_states(self.start()), True)
+        self.selects.needs.labels = labels
+        after = {(query.id, name): self.column(short) for name, short in self.states.items()}
+        others = [self.steps(Env().with_states(after), False)]
+        if self.ahead:
+            others.append(self.again())
+        return self.recursive_query(self.all_names, [first, *others], self.results())
+
+    @property
+    def all_names(self) -> list[str]:
+        return [*self.names, *(name for name, _ in self.reads)]
+
+    def queue(self) -> Iterable[tuple[str, bool]]:
+        if self.rank is not None:
+            return ((self.rank, False), ("step", False))
+        if self.waits is not None:
+            return ((self.waits, False), ("step", False))
+        return self.order.queue
+
+    # --- the recursive terms ---------------------------------------------------------------------------
+
+    def steps(self, env: Env, first: bool) -> exp.Select:
+        """The steps from the START WITH state, or those from a step that goes on."""
+        sources, conditions, env, witness = self.open(env)
+        items: list[Node] = [] if first else [sql.table(self.table, self.table)]
+        step = EnteringStep(self, env, first)
+        entering = [_asked_of_all(node, witness) for node in step.enters()]
+        where = [*([] if first else self.parent_goes_on()), *conditions, *entering]
+        outputs = step.outputs(self.positions_of(sources, where))
+        return sql.select(outputs, items + sources, sql.conjunction(where))
+
+    def parent_goes_on(self) -> list[Node]:
+        """What is asked of the step that was taken, before its children are made."""
+        asked: list[Node] = []
+        if self.waits is not None:
+            asked.append(self.column(self.waits))
+        if self.live is not None:
+            asked.append(self.column(self.live))
+        elif self.stop_later and self.search.stop is not None:
+            asked.append(exp.Not(this=sql.operand(self.expressions.condition(self.search.stop, self.now()))))
+        counted: Node = sql.call("expand", self.column("step"))
+        for still in self.still_counts():
+            counted = sql.case([(exp.Not(this=still), sql.number(0))], counted)
+        return [*asked, counted]
+
+    def still_counts(self) -> list[Node]:
+        """Whether the step that was taken still counts: another may have reached its row meanwhile."""
+        if self.search.repeats != "unique":
+            return []
+        if self.total is not None:
+            return [sql.call("still_best", self.column("step"), self.ranked(self.column(self.total)))]
+        if self.search.order == "depth first":
+            return [sql.call("arrive", self.column("step"))]
+        return []
+
+    def ranked(self, total: Node) -> Node:
+        """A total as a number that is the smaller the better it is."""
+        return exp.Neg(this=sql.operand(total)) if self.search.order == "probability" else total
+
+    def again(self) -> exp.Select:
+        """A goal that has come out waits again, to be expanded in its turn."""
+        assert self.waits is not None
+        changed: dict[str, Node] = {self.waits: sql.number(1)}
+        if self.rank is not None and self.total is not None and self.estimate is not None:
+            changed[self.rank] = sql.binary(exp.Add, self.column(self.total), self.column(self.estimate))
+        outputs = [changed.get(name, self.column(name)) for name in self.all_names]
+        where: list[Node] = [exp.Not(this=self.column(self.waits))]
+        if self.live is not None:
+            where.append(self.column(self.live))
+        return sql.select(outputs, [sql.table(self.table, self.table)], sql.conjunction(where))
+
+    # --- results ---------------------------------------------------------------------------------------
+
+    def results(self) -> exp.Select:
+        now = self.now()
+        shown: list[Node] = [self.column("step"), self.column("parent")]
+        shown += [self.expressions.lower(output.expr, now) for output in self.query.columns]
+        shown += [self.expressions.lower(key, now) for key in self.query.group]
+        shown += [self.expressions.lower(key.expr, now) for key in self.query.order]
+        asked: list[Node] = []
+        if self.goal is not None:
+            asked.append(self.column(self.goal))
+        elif self.goal_later and self.query.where is not None:
+            asked.append(self.expressions.condition(self.query.where, now))
+        elif self.waits is not None:
+            asked.append(exp.Not(this=self.column(self.waits)))
+        still = self.still_counts()
+        if self.search.repeats == "unique" and self.total is not None:
+            still = [sql.call("give_once", self.column("step"), self.ranked(self.column(self.total)))]
+        goal = sql.conjunction(asked)
+        if goal is not None and still:
+            # The guard is asked last, for it notes what it is asked about.
+            asked, still = [], [sql.case([(goal, still[0])], sql.number(0))]
+        asked += still
+        table = sql.table(self.table, self.table)
+        return sql.select(shown, [table], sql.conjunction(asked), limit=self.limit())
+
+
+def _asked_of_all(node: Node, witness: Node) -> Node:
+    """A condition that SQLite must not ask before the last source is read, for its answer may change from step to step.
+
+    SQLite asks a condition as soon as all columns are known that it mentions.
+    """
+    table = witness.find(exp.Column).table  # type: ignore[union-attr]
+    if not any(call.name in _CHANGING for call in node.find_all(exp.Anonymous)):
+        return node
+    if any(column.table == table for column in node.find_all(exp.Column)):
+        return node
+    return sql.call("in_turn", witness.copy(), node)
+
+
+_CHANGING = frozenset({"go_on", "reached", "improves"})
+
+
+def _without(place: object, known: list[plan.Expr]) -> list[object]:
+    """The parts of an expression that are left where these calls are columns."""
+    if any(place == call for call in known):
+        return []
+    hidden = [node for node in walk(place) if any(node == call for call in known)]
+    if not hidden:
+        return [place]
+    return [rest for part in parts(place) for rest in _without(part, known)]
