@@ -1,7 +1,7 @@
 """One step while it is made: what decides whether it enters the queue, and what it carries (see on_entering.py).
 
 The order of the parts is that of the language: the guard, STOP WITH, WHERE, the row, the weight, HEURISTIC,
-CONNECT BY. Where nothing can fail, nobody sees the order, and what costs a Python call is asked last.
+CONNECT BY. Where nobody sees the order, what SQLite does by itself is asked before what costs a Python call.
 """
 
 from __future__ import annotations
@@ -36,9 +36,7 @@ class EnteringStep:
         self.query = search.query
         self.search = search.search
         self.parent: Node = sql.number(0) if first else search.column("step")
-        clauses = [self.query.where, self.search.stop, self.search.weight, self.search.heuristic]
-        clauses += [output.expr for output in self.query.columns] + [expr for _, expr in self.search.connect]
-        self.fails = any(can_fail(clause) for clause in clauses if clause is not None)
+        self.strict = search.strict
         self.best = search.total is not None and self.search.repeats == "unique"
         self.next = search.following(env)
 
@@ -57,24 +55,26 @@ class EnteringStep:
 
     def enters(self) -> list[Node]:
         """The conditions on entering."""
-        drops: list[Node] = []
-        if self.of.counted:
-            drops.append(_not(sql.call("go_on")))
-        guard = self._guard()
-        if not self.fails:
-            drops += [*self._dead(), *([] if self.best else guard)]
-        elif self.of.total is None and self.query.where is not None and self.search.stop is not None:
-            branches = [(drop, sql.number(0)) for drop in [*drops, *guard]]
+        counted = [_not(sql.call("go_on"))] if self.of.counted else []
+        guard, dead = self._guard(), self._dead()
+        both = self.query.where is not None and self.search.stop is not None
+        if self.strict and both and self.of.total is None:
+            branches = [(drop, sql.number(0)) for drop in [*counted, *guard]]
             return [sql.case([*branches, (self.stop(), self.goal())], sql.number(1))]
+        weighed = [] if self.of.total is None else self._weighed()
+        if self.strict:
+            drops = [*counted, *guard, *dead, *weighed]
+        elif self.best:
+            guard = weighed
+            drops = [*counted, *(guard + dead if self._asks_python(dead) else dead + guard)]
         else:
-            drops += [*guard, *self._dead()]
-        if self.of.total is not None:
-            drops += self._weighed()
-        if not drops:
-            return []
-        if self.fails or self.of.counted:
-            return [sql.case([(drop, sql.number(0)) for drop in drops], sql.number(1))]
+            drops = [*counted, *(guard + dead if self._asks_python(dead) else dead + guard), *weighed]
+        if self.strict or len(drops) > 1:
+            return [sql.case([(drop, sql.number(0)) for drop in drops], sql.number(1))] if drops else []
         return [_not(drop) for drop in drops]
+
+    def _asks_python(self, drops: list[Node]) -> bool:
+        return any(True for drop in drops for _ in drop.find_all(exp.Anonymous))
 
     def _guard(self) -> list[Node]:
         """Whether the row was met."""
@@ -85,6 +85,8 @@ class EnteringStep:
         if name == "on_path":
             arguments.append(self.parent.copy())
         elif self.of.total is not None:
+            if not self.strict:
+                return []  # `improves` asks for more than `closed`
             arguments.append(self.of.ranked(self.of.column(self.of.total)))
         return [sql.call(name, *arguments, *self.row())]
 
@@ -92,7 +94,7 @@ class EnteringStep:
         """Whether the step stops without being a goal."""
         where, stop = self.query.where, self.search.stop
         # A weighted search has no other way to keep the order in which the clauses would fail.
-        must_ask = where is not None and self.of.total is not None and can_fail(where)
+        must_ask = where is not None and self.of.total is not None and self.strict and can_fail(where)
         asked: list[Node] = [sql.call("in_turn", self.goal(), sql.number(0))] if must_ask else []
         if stop is None:
             return asked
@@ -111,7 +113,7 @@ class EnteringStep:
         if not self.best:
             return drops
         later = [self.search.heuristic, *(expr for _, expr in self.search.connect)]
-        if any(can_fail(part) for part in later if part is not None):
+        if self.strict and any(can_fail(part) for part in later if part is not None):
             # Evaluated also for a step that turns out not to be better, for then its failing shows.
             rest = [] if self.search.heuristic is None else [self.estimate()]
             happens = sql.call("in_turn", self.weight(), *rest, *self._after(), sql.number(0))

@@ -8,6 +8,7 @@ from dataclasses import replace
 from sqlglot import exp
 
 from ss2sql import plan
+from ss2sql.kinds import Kind
 from ss2sql.lowering import sql
 from ss2sql.lowering.dialects import SQLITE, Dialect
 from ss2sql.lowering.expressions import Env, is_flag
@@ -48,7 +49,7 @@ def lower(
         weighted = query.search.weight is not None
         if weighted or (not careful and applies(query, cut)):
             search: SearchLowering = OnEntering(selects, query, cut)
-            ahead = not weighted
+            ahead = not careful
         else:
             search = WhenTaken(selects, query, cut)
         select = search.statement()
@@ -83,6 +84,7 @@ def lower(
         dict(needs.modules),
         frozenset(needs.plain),
         ahead,
+        all(output.expr.type.only(Kind.INT | Kind.FLOAT | Kind.STR | Kind.NONE) for output in query.columns),
     )
 
 

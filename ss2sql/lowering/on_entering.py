@@ -57,6 +57,7 @@ class OnEntering(SearchLowering):
         super().__init__(selects, query, cut)
         search = self.search
         self.names: list[str] = ["step", "parent"]
+        self.strict = self._is_strict()
         # A goal that comes out before its turn to be expanded waits as a result first.
         self.ahead = (search.order == "breadth first" and cut) or search.heuristic is not None
         self.ends_early = search.order == "breadth first" and cut
@@ -81,6 +82,27 @@ class OnEntering(SearchLowering):
         short = free_name(name, self.taken)
         self.names.append(short)
         return short
+
+    # --- what can be seen of the order of evaluation ---------------------------------------------------
+
+    def _is_strict(self) -> bool:
+        """Whether the parts of a step have to be evaluated in the order of the language.
+
+        Calls of the user's functions are counted. All else shows only where something fails; then the statement
+        is run again with care.
+        """
+        search, query = self.search, self.query
+        clauses = [query.where, search.stop, search.weight, search.heuristic, *(expr for _, expr in search.connect)]
+        if self.selects.needs.careful:
+            return _any_fails([*clauses, *(output.expr for output in query.columns)])
+        return any(not self._is_known_of(call) for clause in clauses for call in _user_calls(clause))
+
+    def _is_known_of(self, call: plan.Call) -> bool:
+        """Whether a call has been made already for every row that was met: it depends on the row alone."""
+        if not any(call == part for part in certain(self.search.stop) + certain(self.query.where)):
+            return False
+        shown = [output.expr for output in self.query.columns]
+        return all(isinstance(a, plan.Constant) or any(a == expr for expr in shown) for a in call.arguments)
 
     # --- what is known of a step when it is taken ------------------------------------------------------
 
@@ -233,6 +255,12 @@ class OnEntering(SearchLowering):
         asked += still
         table = sql.table(self.table, self.table)
         return sql.select(shown, [table], sql.conjunction(asked), limit=self.limit())
+
+
+def _user_calls(clause: object) -> list[plan.Call]:
+    if clause is None:
+        return []
+    return [node for node in walk(clause) if isinstance(node, plan.Call) and not node.function.builtin]
 
 
 def _asked_of_all(node: Node, witness: Node) -> Node:

@@ -112,7 +112,7 @@ class SqlQuery:
     `outputs`; `keys` group values; `orders` sort keys that SQL does not sort by itself. `limit` and `order`
     that SQL leaves to the finishing in Python are named in `finish`. `plain` are the parameters whose handles
     stand for all values that equal theirs, as long as no other form of such a value turns up. `ahead` says that something may be evaluated that the language would not
-    evaluate, so that what fails may be no error.
+    evaluate, so that what fails may be no error; `plain_rows` that the rows consist of numbers, strings and None.
     """
 
     query: plan.Query
@@ -127,3 +127,4 @@ class SqlQuery:
     modules: Mapping[str, tuple[str, ...]]
     plain: frozenset[str] = frozenset()
     ahead: bool = False
+    plain_rows: bool = False

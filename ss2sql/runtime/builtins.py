@@ -72,7 +72,7 @@ _ENTRIES = (
     _pure("gt", TWO, ordering.gt, ot.boolean, ot.order_raises, "a > b"),
     _pure("in", TWO, operators.contains, ot.boolean, ot.membership_raises, "a IN b: b is a list, a dict or a string"),
     _pure("not_in", TWO, operators.lacks, ot.boolean, ot.membership_raises, "a NOT IN b"),
-    _pure("item", TWO, operators.item_of, ot.item_of, ot.always, "a[i]: of a list, a string or a dict"),
+    _pure("item", TWO, operators.item_of, ot.item_of, ot.item_raises, "a[i]: of a list, a string or a dict"),
     _pure("slice", (3, 3), operators.slice_of, ot.slice_of, ot.slice_raises, "a[i:j]: of a list or a string"),
     _pure("len", ONE, library.length, ft.length, ft.length_raises, "the length of a list, a dict or a string"),
     _pure("count", ONE, library.count, ft.length, ft.are_not_lists, "the number of elements of a list"),

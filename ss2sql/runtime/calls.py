@@ -1,4 +1,4 @@
-"""Functions of the user as SQL functions: fresh values on each real call, remembered where their volatility allows it.
+"""Functions as SQL functions: those of the user, with fresh values and a memo, and the built-in ones.
 
 What happens per call decides the speed of a search, so the way of a remembered call is as short as it can be:
 0.2 us from SQL and back.
@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors import Error, note_place
 from ss2sql.runtime.functions import Memo, UserFunction, kinds_of
+from ss2sql.runtime.pool import Pool
 
 if TYPE_CHECKING:
     from ss2sql.runtime.database import Execution
@@ -82,3 +83,91 @@ def sql_function(function: UserFunction, memo: Memo, stack: list[Execution]) -> 
         return call(*arguments)
 
     return call_of_memo if remember else call
+
+
+def builtin_function(
+    name: str, python: Callable[..., Any], stack: list[Execution], predicate: bool
+) -> Callable[..., Any]:
+    """A built-in function on values of the language; its last SQL argument is the place of the call."""
+
+    def function(*arguments: Any) -> Any:
+        execution = stack[-1]
+        run, pool = execution.run, execution.pool
+        if run.interrupted or run.deadline is not None:
+            run.check()
+        try:
+            result = python(*map(pool.decode, arguments[:-1]))
+            return int(result) if predicate else pool.encode_foreign(result, name)
+        except Error as error:
+            execution.failed = True
+            raise error.located(execution.span(arguments[-1])) from None
+
+    quick = QUICK.get(name)
+    return function if quick is None else quick(function, stack)
+
+
+def _quick_item(general: Callable[..., Any], stack: list[Execution]) -> Callable[..., Any]:
+    """`item`: the elements of a list are made SQL values once. 0.1 us, where the general way takes 1 us and more."""
+
+    def item(container: Any, index: Any, place: str) -> Any:
+        parts = stack[-1].parts
+        try:
+            if index >= 0:
+                return parts[container][index]
+        except (KeyError, IndexError, TypeError):
+            pass
+        return general(container, index, place)
+
+    return item
+
+
+def _quick_membership(negated: bool) -> Callable[..., Callable[..., Any]]:
+    """`in` and `not_in`: the elements of a list are put into a set once."""
+
+    def quick(general: Callable[..., Any], stack: list[Execution]) -> Callable[..., Any]:
+        def contains(item: Any, container: Any, place: str) -> Any:
+            execution = stack[-1]
+            try:
+                members = execution.members[container]
+            except KeyError:
+                return general(item, container, place)
+            return (execution.pool.key(item) in members) is not negated
+
+        return contains
+
+    return quick
+
+
+class Parts(dict[Any, list[Any]]):
+    """The elements of lists as SQL values, by the lists' handles. KeyError for what is no list."""
+
+    def __init__(self, pool: Pool) -> None:
+        self.pool = pool
+
+    def __missing__(self, handle: Any) -> list[Any]:
+        value = self.pool.decode(handle)
+        if type(value) is not list:
+            raise KeyError
+        parts = self[handle] = list(map(self.pool.encode, value))
+        return parts
+
+
+class Members(dict[Any, frozenset[Any]]):
+    """The keys of the elements of lists, by the lists' handles. KeyError for what is no list."""
+
+    def __init__(self, pool: Pool) -> None:
+        self.pool = pool
+
+    def __missing__(self, handle: Any) -> frozenset[Any]:
+        value = self.pool.decode(handle)
+        if type(value) is not list:
+            raise KeyError
+        members = self[handle] = frozenset(self.pool.key(self.pool.encode(item)) for item in value)
+        return members
+
+
+QUICK: dict[str, Callable[[Callable[..., Any], list[Any]], Callable[..., Any]]] = {
+    "item": _quick_item,
+    "in": _quick_membership(False),
+    "not_in": _quick_membership(True),
+}

@@ -19,7 +19,7 @@ from ss2sql.errors import Error, ExecutionError, Span, Stopped
 from ss2sql.lowering.expressions import PREDICATES, builtin_name
 from ss2sql.lowering.parameters import Parameter, Shown, SqlQuery
 from ss2sql.lowering.sources import sql_names
-from ss2sql.runtime.calls import sql_function
+from ss2sql.runtime.calls import Members, Parts, builtin_function, sql_function
 from ss2sql.runtime.functions import Memo, UserFunction
 from ss2sql.runtime.native.options import cost, heuristic, probability
 from ss2sql.runtime.pool import FALSE, TRUE, OtherFormError, Pool
@@ -49,6 +49,8 @@ class Execution:
         self.query = query
         self.calls = calls
         self.pool = Pool()
+        self.parts = Parts(self.pool)
+        self.members = Members(self.pool)
         self.failed = False  # whether a function has raised
         self.elements: dict[Any, Sequence[Sequence[Any]]] = {}
 
@@ -141,19 +143,7 @@ class Database:
 
     def register_builtin(self, name: str, python: Callable[..., Any]) -> None:
         """A built-in function on values of the language; its last SQL argument is the place of the call."""
-        stack, predicate = self.stack, name in PREDICATES
-
-        def function(*arguments: Any) -> Any:
-            execution = stack[-1]
-            execution.run.check()
-            pool = execution.pool
-            try:
-                result = python(*map(pool.decode, arguments[:-1]))
-                return int(result) if predicate else pool.encode_foreign(result, name)
-            except Error as error:
-                execution.failed = True
-                raise error.located(execution.span(arguments[-1])) from None
-
+        function = builtin_function(name, python, self.stack, name in PREDICATES)
         self.connection.create_scalar_function(builtin_name(name), function)
 
     def register_user(self, function: UserFunction, sql_name: str) -> None:
@@ -234,7 +224,7 @@ class Database:
         """Makes the execution the innermost one, with empty memos, and adds up at its end what it has done."""
         run, memos = execution.run, {name: self.memos[name] for name in execution.calls}
         outer = {name: memo.begin() for name, memo in memos.items()}
-        search = self.search.begin(execution.pool.frozen, None)
+        search = self.search.begin(execution.pool.frozen, None, False)
         self.stack.append(execution)
         try:
             yield
@@ -265,7 +255,7 @@ class Database:
         for name, columns in lowered.modules.items():
             self._module(name, columns)
         pool = execution.pool
-        self.search.begin(pool.frozen, most)
+        self.search.begin(pool.frozen, most, lowered.plain_rows)
         values = {parameter.name: _encoded(pool, parameter, evaluate) for parameter in lowered.parameters}
         pool.watched = frozenset(values[name] for name in lowered.plain)
         cursor = self.connection.cursor()

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
-from ss2sql.kinds import ANY, NONE, NOTHING, STR, UNENCODABLE, Kind, Type, union
+from ss2sql.kinds import ANY, NONE, NOTHING, STR, UNENCODABLE, Kind, Type, list_of, union
 from ss2sql.runtime.library import RANGE_LIMIT
 from ss2sql.runtime.operator_types import (
     INTEGER,
@@ -27,7 +27,8 @@ LENGTH = 2**53  # no list and no string is longer: no machine's memory would hol
 
 
 def length(types: Types) -> Type:
-    return Type(Kind.INT, 0, LENGTH)
+    known = types[0].positions if types[0].only(Kind.LIST) else None
+    return Type(Kind.INT, 0, LENGTH) if known is None else Type(Kind.INT, len(known), len(known))
 
 
 def length_raises(types: Types) -> bool:
@@ -49,15 +50,30 @@ def _element(t: Type) -> Type:
 def total(types: Types) -> Type:
     element = _element(types[0])
     kinds = Kind.INT | (element.kinds & Kind.FLOAT)
+    if (sums := _sums(types[0])) is not None:
+        return numbers(kinds, sums)
     negative = element.may(Kind.NUMBER) and not is_nonnegative(element)
     positive = element.may(Kind.NUMBER) and (element.high is None or element.high > 0)
     return Type(kinds, None if negative else 0, None if positive else 0)
 
 
+def _sums(t: Type) -> tuple[int, int] | None:
+    """The bounds of the sums of lists whose elements are known one by one as integers."""
+    limits = [integers(part) for part in t.positions or ()]
+    if not limits or None in limits or not all(part.only(INTEGER) for part in t.positions or ()):
+        return None
+    known = [limit for limit in limits if limit is not None]
+    return sum(low for low, _ in known), sum(high for _, high in known)
+
+
 def total_raises(types: Types) -> bool:
     element = _element(types[0])
+    if are_not_lists(types):
+        return True
+    if (sums := _sums(types[0])) is not None:
+        return not fits(Kind.INT, sums)
     # So small that even the longest list stays within 64 bits.
-    return are_not_lists(types) or not (element.only(INTEGER) and (element.bounded(512) or element == NOTHING))
+    return not (element.only(INTEGER) and (element.bounded(512) or element == NOTHING))
 
 
 def average(types: Types) -> Type:
@@ -75,10 +91,16 @@ def greatest(types: Types) -> Type:
 
 def _extreme(types: Types, smallest: bool) -> Type:
     """The result of `min` or `max`, of a list (None if it is empty) or of several arguments."""
-    if len(types) == 1:
+    if len(types) == 1 and types[0].positions is None:
         return union((_element(types[0]), NONE))
-    lists = union(map(as_list, types)) if all(t.may(Kind.LIST) for t in types) else NOTHING
-    return union((_extreme_number(types, smallest), as_text(types), lists))
+    chosen = _candidates(types)
+    lists = union(map(as_list, chosen)) if all(t.may(Kind.LIST) for t in chosen) else NOTHING
+    return union((_extreme_number(chosen, smallest), as_text(chosen), lists))
+
+
+def _candidates(types: Types) -> Types:
+    """What `min` or `max` chooses from: several arguments, or the elements of a list, known one by one."""
+    return types if len(types) > 1 else types[0].positions or types
 
 
 def _extreme_number(types: Types, smallest: bool) -> Type:
@@ -95,8 +117,11 @@ def _extreme_number(types: Types, smallest: bool) -> Type:
 
 
 def extreme_raises(types: Types) -> bool:
-    together = union(types)
-    return len(types) == 1 or not comparable(together, together)
+    if len(types) == 1 and (types[0].positions is None or not types[0].only(Kind.LIST)):
+        return True
+    chosen = _candidates(types)
+    together = union(chosen)
+    return len(chosen) > 1 and not comparable(together, together)
 
 
 def same_list(types: Types) -> Type:
@@ -110,9 +135,7 @@ def sorting_raises(types: Types) -> bool:
 
 
 def zipped(types: Types) -> Type:
-    elements = union(map(_element, types))
-    columns = None if elements.may(Kind.STRUCTURED) else ()
-    return Type(Kind.LIST, item=Type(Kind.LIST, item=elements, columns=columns), columns=())
+    return Type(Kind.LIST, item=list_of([_element(t) for t in types]), columns=())
 
 
 def numbers_from(types: Types) -> Type:
@@ -193,9 +216,20 @@ def size(types: Types) -> Type:
 
 def size_raises(types: Types) -> bool:
     half = 8e307  # the difference of two such numbers is finite
+    if all(t.only(Kind.LIST) and t.positions is not None for t in types):
+        return _length_raises([t.positions or () for t in types])
     if not all(t.only(Kind.NUMBER) for t in types):
         return True
     return len(types) > 1 and not all(-half <= bound <= half for t in types for bound in floats(t))
+
+
+def _length_raises(vectors: Sequence[tuple[Type, ...]]) -> bool:
+    """Whether the length of a vector, or the distance of two, can fail: of 16 such numbers even the sum is finite."""
+    parts = [part for vector in vectors for part in vector]
+    small = 1e306
+    if not all(part.only(Kind.NUMBER) for part in parts) or len(set(map(len, vectors))) > 1:
+        return True
+    return not all(-small <= bound <= small for part in parts for bound in floats(part))
 
 
 # --- text ----------------------------------------------------------------------------------------------

@@ -195,7 +195,7 @@ def mod_raises(types: Types) -> bool:
 def power(types: Types) -> Type:
     base, exponent = types
     parts = []
-    least: float | None = 0 if is_nonnegative(base) else None
+    least: float | None = 0 if is_nonnegative(base) or _is_even(exponent) else None
     if integers(base) and (times := integers(exponent)):
         if times[1] >= 0:
             corners = _powers(types)
@@ -207,12 +207,21 @@ def power(types: Types) -> Type:
     return union(parts)
 
 
+def _is_even(exponent: Type) -> bool:
+    """Whether the exponent is one even integer."""
+    times = integers(exponent)
+    return exponent.only(INTEGER) and times is not None and times[0] == times[1] and times[0] % 2 == 0
+
+
 def _powers(types: Types) -> list[int] | None:
     """Bounds of integers raised to exponents that are not negative; None if they are beyond all values."""
     base, exponent = integers(types[0]), integers(types[1])
     if base is None or exponent is None or exponent[1] > 63:
         return None
     size, highest = max(abs(base[0]), abs(base[1])), exponent[1]
+    if base[0] < 0 and exponent[0] == highest:
+        middle = [0] if base[0] <= 0 <= base[1] and highest else []
+        return [base[0] ** highest, base[1] ** highest, *middle]
     if base[0] < 0:
         return [-(size**highest), size**highest, -1, 1]
     return [base[0] ** max(exponent[0], 0), base[0] ** highest, base[1] ** highest, 1]
@@ -280,12 +289,30 @@ def item_of(types: Types) -> Type:
     container, index = types
     parts = []
     if container.may(Kind.LIST) and index.may(INTEGER):
-        parts.append(ANY if container.item is None else container.item)
+        parts.append(_elements_at(container, index))
     if index.may(INTEGER):
         parts.append(as_text([container]))
     if container.may(Kind.DICT):
         parts.append(ANY)
     return union(parts)
+
+
+def _elements_at(container: Type, index: Type) -> Type:
+    """The elements of the lists among the values that an index may mean."""
+    places = integers(index)
+    if container.positions is None or places is None:
+        return ANY if container.item is None else container.item
+    length = len(container.positions)
+    inside = range(max(places[0], -length), min(places[1], length - 1) + 1)
+    return union(container.positions[place] for place in inside)
+
+
+def item_raises(types: Types) -> bool:
+    container, index = types
+    places = integers(index)
+    if not container.only(Kind.LIST) or container.positions is None or not index.only(INTEGER) or places is None:
+        return True
+    return places[0] < -len(container.positions) or places[1] >= len(container.positions)
 
 
 def slice_of(types: Types) -> Type:

@@ -64,22 +64,24 @@ class SearchState:
     """
 
     def __init__(self) -> None:
-        self._reset(lambda value: value, None)
+        self._reset(lambda value: value, None, True)
 
-    def begin(self, key: Callable[[Any], Hashable], most: int | None) -> dict[str, Any]:
+    def begin(self, key: Callable[[Any], Hashable], most: int | None, plain: bool) -> dict[str, Any]:
         """Starts afresh and gives what has to be handed to `end`.
 
-        `key` gives equal SQL values one hashable value; `most` is the number of results after which the search ends.
+        `key` gives equal SQL values one hashable value; rows that are `plain` need none. `most` is the number of
+        results after which the search ends.
         """
         outer = dict(self.__dict__)
-        self._reset(key, most)
+        self._reset(key, most, plain)
         return outer
 
     def end(self, outer: dict[str, Any]) -> None:
         self.__dict__.update(outer)
 
-    def _reset(self, key: Callable[[Any], Hashable], most: int | None) -> None:
+    def _reset(self, key: Callable[[Any], Hashable], most: int | None, plain: bool) -> None:
         self.key = key
+        self.plain = plain
         self.asked: tuple[Any, ...] = ()  # the row that a guard was asked about, and let pass
         self.asked_key: Hashable = ()
         self.generated = 0
@@ -109,6 +111,8 @@ class SearchState:
         stats.pruned += self.pruned
 
     def _key_of(self, row: tuple[Any, ...]) -> Hashable:
+        if self.plain:
+            return row
         return self.key(row[0]) if len(row) == 1 else tuple(map(self.key, row))
 
     def parent_row(self, step: int) -> Kept:
@@ -153,7 +157,7 @@ class SearchState:
 
     def reached(self, *row: Any) -> int:
         """Whether a step has reached the row."""
-        key = self.key(row[0]) if len(row) == 1 else tuple(map(self.key, row))
+        key = row if self.plain else self._key_of(row)
         if key in self.met:
             self.pruned += 1
             return 1
@@ -177,7 +181,7 @@ class SearchState:
 
     def improves(self, rank: Any, *row: Any) -> int:
         """Whether the step is better than the best to the row so far."""
-        key = self.key(row[0]) if len(row) == 1 else tuple(map(self.key, row))
+        key = row if self.plain else self._key_of(row)
         best = self.met.get(key)
         if best is None or rank < best:
             self.asked, self.asked_key = row, key
@@ -209,7 +213,7 @@ class SearchState:
         way = self.way
         if parent != way.end:
             way.lead_to(parent)
-        if (self.key(row[0]) if len(row) == 1 else tuple(map(self.key, row))) in way.keys:
+        if (row if self.plain else self._key_of(row)) in way.keys:
             self.pruned += 1
             return 1
         return 0
