@@ -242,7 +242,7 @@ class Subquery:
 class TableSource:
     """A table or view of the database. `order` names what sorts it: `rowid`, primary key columns, or nothing (a view).
 
-    `collated` are the columns that SQLite would compare otherwise than byte by byte.
+    `collated`: columns that SQLite would not compare byte by byte. `indexes`: (column, index), "" for the primary key.
     """
 
     id: int
@@ -252,6 +252,7 @@ class TableSource:
     columns: tuple[tuple[str, Type], ...]
     order: tuple[str, ...]
     collated: tuple[str, ...] = ()
+    indexes: tuple[tuple[str, str], ...] = ()
     span: Span = _span()
 
 

@@ -16,6 +16,7 @@ from ss2sql import plan
 from ss2sql.kinds import Kind, Type
 from ss2sql.lowering import sql
 from ss2sql.lowering.expressions import Env, can_fail
+from ss2sql.lowering.lookup import without
 from ss2sql.lowering.sql import Node
 from ss2sql.walk import parts, walk
 
@@ -50,6 +51,10 @@ class EnteringStep:
     def goal(self) -> Node:
         assert self.query.where is not None
         return self.expressions.condition(self.query.where, self.env)
+
+    def lookups(self) -> list[Node]:
+        """Equalities without which the step would stop and be no goal: SQLite may look up what they ask for."""
+        return [self.expressions.condition(part, self.env) for part in self.of.looked_up]
 
     # --- whether it enters -----------------------------------------------------------------------------
 
@@ -99,7 +104,8 @@ class EnteringStep:
         if stop is None:
             return asked
         if where is None:
-            return [self.stop()]
+            left = without(stop, self.of.looked_up)
+            return [] if left is None else [self.expressions.condition(left, self.env)]
         if can_fail(where) or can_fail(stop):
             return [sql.case([(self.stop(), _not(self.goal()))], asked[0] if asked else sql.number(0))]
         dead = sql.conjunction([self.stop(), _not(self.goal())])
@@ -132,15 +138,22 @@ class EnteringStep:
         if of.goal is not None:
             carried[of.goal] = self.goal()
         if of.live is not None:
-            carried[of.live] = _not(self.stop())
+            # Whatever enters goes on, unless it is a goal: only then STOP WITH is asked once more.
+            both = self.query.where is not None and not self._asks_python([self.goal()])
+            carried[of.live] = sql.case([(self.goal(), _not(self.stop()))], sql.number(1)) if both else _not(self.stop())
         if of.waits is not None:
             carried[of.waits] = self._waits()
         if of.total is not None:
             carried[of.total] = self.total()
         if of.estimate is not None:
-            carried[of.estimate] = self._if_it_goes_on(self.search.heuristic, self.estimate(), sql.number(0))
-            later = _plus(self.total(), carried[of.estimate].copy())
-            carried[of.rank] = sql.case([(self._first_as_result(), self.total())], later)
+            # Only a goal waits twice, and needs the estimate when it has come out.
+            estimate = self._if_it_goes_on(self.search.heuristic, self.estimate(), sql.number(0))
+            later = _plus(self.total(), self.estimate())
+            if self.query.where is None:
+                carried[of.estimate], carried[of.rank] = estimate, self.total()
+            else:
+                carried[of.estimate] = sql.case([(self.goal(), estimate)], sql.null())
+                carried[of.rank] = sql.case([(self.goal(), self.total())], later)
         assigned = dict(self.search.connect)
         for (name, _), node in zip(self.search.start, self._after(), strict=True):
             carried[of.states[name]] = self._if_it_goes_on(assigned.get(name), node, sql.null())
@@ -165,9 +178,6 @@ class EnteringStep:
         """0 for a goal; `note_result` counts it too, and ends the evaluation with the last one that is asked for."""
         noted = sql.call("note_result") if self.of.total is None else sql.number(0)
         return noted if self.query.where is None else sql.case([(self.goal(), noted)], sql.number(1))
-
-    def _first_as_result(self) -> Node:
-        return sql.number(1) if self.query.where is None else self.goal()
 
     def _after(self) -> list[Node]:
         return [self.next[(self.query.id, name)].copy() for name, _ in self.search.start]

@@ -9,7 +9,7 @@ place in the script, for its errors.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeAlias, assert_never
 
@@ -22,7 +22,8 @@ from ss2sql.lowering import sql
 from ss2sql.lowering.operators import NATIVE
 from ss2sql.lowering.parameters import Needs
 from ss2sql.lowering.sql import Node
-from ss2sql.walk import is_volatile, walk
+from ss2sql.walk import can_fail as can_fail
+from ss2sql.walk import walk
 
 # Built-in functions that always give a bool; in SQL they give a flag.
 PREDICATES = frozenset({"eq", "ne", "lt", "le", "gt", "ge", "in", "not_in"})
@@ -64,16 +65,6 @@ def is_flag(kind: Type) -> bool:
     return kind.kinds == Kind.BOOL
 
 
-def can_fail(node: object) -> bool:
-    """Whether evaluating the expression can raise, or be noticed: then its place in the order matters."""
-    return is_volatile(node) or any(
-        (isinstance(part, plan.Call) and part.function.raises)
-        or isinstance(part, plan.Subquery)
-        or (isinstance(part, plan.Column) and not part.declared)
-        for part in walk(node)
-    )
-
-
 class Expressions:
     """Lowers the expressions of one statement; `needs` collects what they ask for."""
 
@@ -104,6 +95,9 @@ class Expressions:
             return sql.binary(exp.NEQ, node, sql.number(0))
         if kind.only(Kind.STR):
             return sql.binary(exp.NEQ, node, sql.string(""))
+        if kind.only(Kind.NONE | Kind.NUMBER | Kind.LIST | Kind.DICT):
+            # A handle begins with the number that SQLite takes for its truth.
+            return exp.Is(this=sql.operand(node), expression=exp.true())
         return sql.call("truth", node)
 
     def lower(self, expr: plan.Expr, env: Env) -> Node:
@@ -127,7 +121,10 @@ class Expressions:
             case plan.Or(parts=parts):
                 return self.any_of(parts, env)
             case plan.Xor(left=left, right=right):
-                return sql.binary(exp.NEQ, self.condition(left, env), self.condition(right, env))
+                one, other = self.condition(left, env), self.condition(right, env)
+                if can_fail(left) and can_fail(right):  # SQLite would ask a nested query last
+                    return exp.Case(this=one, ifs=[exp.If(this=other, true=sql.number(0))], default=sql.number(1))
+                return sql.binary(exp.NEQ, one, other)
             case plan.Not(operand=operand):
                 return exp.Not(this=sql.operand(self.condition(operand, env)))
             case plan.If():
@@ -170,9 +167,14 @@ class Expressions:
         node = native(self, expr, env) if native else None
         if node is not None:
             return node
-        arguments = [self.value(argument, env) for argument in expr.arguments]
-        node = sql.call(builtin_name(function.name), *arguments, self.place(expr.place))
-        return node if function.name in PREDICATES else self.unboxed(node, expr.type)
+        if not can_fail(expr) and _is_fixed(expr):
+            return self.needs.bind(expr, None, is_flag(expr.type))
+        return self.python(expr, [self.value(argument, env) for argument in expr.arguments])
+
+    def python(self, expr: plan.Call, arguments: Sequence[Node]) -> Node:
+        """A call of the language's own function on values."""
+        node = sql.call(builtin_name(expr.function.name), *arguments, self.place(expr.place))
+        return node if expr.function.name in PREDICATES else self.unboxed(node, expr.type)
 
     def place(self, span: Span) -> Node:
         return sql.string(f"{span.line}:{span.column}")
@@ -214,6 +216,11 @@ class Expressions:
             case "max" if plain:
                 return exp.Max(this=argument)
         return sql.call(f"group_{expr.function}", argument, self.place(expr.span))
+
+
+def _is_fixed(expr: plan.Expr) -> bool:
+    """Whether an expression is made of constants and script variables alone, so that it has one value per run."""
+    return all(isinstance(part, (plan.Constant, plan.Variable, plan.Call, plan.MakeList)) for part in walk(expr))
 
 
 def _is_short(value: float) -> bool:

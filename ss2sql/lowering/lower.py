@@ -12,7 +12,7 @@ from ss2sql.kinds import Kind
 from ss2sql.lowering import sql
 from ss2sql.lowering.dialects import SQLITE, Dialect
 from ss2sql.lowering.expressions import Env, is_flag
-from ss2sql.lowering.parameters import Needs, Shown, SqlQuery
+from ss2sql.lowering.parameters import Counts, Needs, Shown, SqlQuery
 from ss2sql.lowering.product import copies_of
 from ss2sql.lowering.on_entering import OnEntering, applies
 from ss2sql.lowering.search import SearchLowering
@@ -36,14 +36,14 @@ def lower(
     `function_names` maps registered functions to their names in SQL. `cut` says that a search may end before its
     steps are used up, whether its text says so or not. `careful` asks for a statement that takes nothing for
     granted, neither how values look nor that nothing fails: what to run when another has been found out.
-    `disabled` names rewrites that are switched off.
-    Raises UnsupportedError with the reason where the query has to run natively.
+    `disabled` names rewrites that are switched off. Raises UnsupportedError with the reason where the query has to run natively.
     """
     check(query)
     needs = Needs(function_names, careful=careful or is_volatile(query), disabled=disabled)
     selects = Selects(needs)
     selects.copies = {} if query.search is None else None
     is_sorted = is_limited = ahead = False
+    counts: Counts = "steps"
     if query.search is not None:
         cut = cut or query.search.maximum is not None or query.limit is not None
         weighted = query.search.weight is not None
@@ -52,7 +52,7 @@ def lower(
             ahead = not careful
         else:
             search = WhenTaken(selects, query, cut)
-        select = search.statement()
+        select, counts = search.statement(), search.counts
         keys, orders = query.group, query.order
     elif query.aggregated:
         is_sorted, is_limited = True, _cut_by_sql(query)
@@ -84,7 +84,8 @@ def lower(
         dict(needs.modules),
         frozenset(needs.plain),
         ahead,
-        all(output.expr.type.only(Kind.INT | Kind.FLOAT | Kind.STR | Kind.NONE) for output in query.columns),
+        plain_rows=all(output.expr.type.only(Kind.INT | Kind.FLOAT | Kind.STR | Kind.NONE) for output in query.columns),
+        counts=counts,
     )
 
 

@@ -21,6 +21,8 @@ from ss2sql import plan
 from ss2sql.lowering import sql
 from ss2sql.lowering.entering_step import EnteringStep, certain, fallible
 from ss2sql.lowering.expressions import Env, can_fail, is_flag
+from ss2sql.lowering.lookup import lookups, without
+from ss2sql.lowering.parameters import Counts
 from ss2sql.lowering.search import SearchLowering, element_reads, free_name
 from ss2sql.lowering.select import Selects
 from ss2sql.lowering.sql import Node
@@ -58,11 +60,11 @@ class OnEntering(SearchLowering):
         search = self.search
         self.names: list[str] = ["step", "parent"]
         self.strict = self._is_strict()
+        self.looked_up = [] if "lookup" in selects.needs.disabled else lookups(query)
         # A goal that comes out before its turn to be expanded waits as a result first.
         self.ahead = (search.order == "breadth first" and cut) or search.heuristic is not None
-        self.ends_early = search.order == "breadth first" and cut
-        constant = all(map(self.is_constant, query.sources))
-        self.counted = self.ends_early or not constant or any(isinstance(n, plan.Subquery) for n in walk(query))
+        ends_early = search.order == "breadth first" and cut and bool(_user_calls(query))
+        self.counted = ends_early or self.counts == "steps"
         self.depth = self._named("depth") if search.order == "depth first" else None
         self.states = {name: self._named(name) for name, _ in search.start}
         self.known = self._known_calls()
@@ -96,6 +98,16 @@ class OnEntering(SearchLowering):
         if self.selects.needs.careful:
             return _any_fails([*clauses, *(output.expr for output in query.columns)])
         return any(not self._is_known_of(call) for clause in clauses for call in _user_calls(clause))
+
+    @property
+    def counts(self) -> Counts:
+        """How it is known how many steps were generated: see `SearchState.count`."""
+        query = self.query
+        if all(map(self.is_constant, query.sources)) and not any(isinstance(n, plan.Subquery) for n in walk(query)):
+            return "product"
+        stop = self.search.stop
+        undropped = stop is None or (query.where is None and without(stop, self.looked_up) is None)
+        return "entered" if undropped and self.order.total is None else "steps"
 
     def _is_known_of(self, call: plan.Call) -> bool:
         """Whether a call has been made already for every row that was met: it depends on the row alone."""
@@ -185,9 +197,11 @@ class OnEntering(SearchLowering):
         sources, conditions, env, witness = self.open(env)
         items: list[Node] = [] if first else [sql.table(self.table, self.table)]
         step = EnteringStep(self, env, first)
+        conditions += step.lookups()
+        sources = self.arranged(sources, conditions)
         entering = [_asked_of_all(node, witness) for node in step.enters()]
         where = [*([] if first else self.parent_goes_on()), *conditions, *entering]
-        outputs = step.outputs(self.positions_of(sources, where))
+        outputs = step.outputs(self.positions_of(sources, conditions))
         return sql.select(outputs, items + sources, sql.conjunction(where))
 
     def parent_goes_on(self) -> list[Node]:

@@ -16,30 +16,14 @@ from sqlglot import exp
 from ss2sql import plan
 from ss2sql.kinds import Kind, Type
 from ss2sql.lowering import sql
+from ss2sql.lowering.classes import EXACT, is_number, same_class
+from ss2sql.lowering.scalars import FUNCTIONS
 from ss2sql.lowering.sql import Node
 
 if TYPE_CHECKING:
     from ss2sql.lowering.expressions import Env, Expressions
 
 Native: TypeAlias = "Callable[[Expressions, plan.Call, Env], Node | None]"
-
-REAL_NUMBER = Kind.INT | Kind.FLOAT
-EXACT = 2**53  # integers up to here are exact as floats
-
-
-def _class_of(kind: Type, none: bool) -> str | None:
-    """`number` or `text` if all values, None apart if allowed, are of that class in SQL."""
-    allowed = Kind.NONE if none else Kind(0)
-    if kind.kinds == Kind.BOOL or (kind.only(REAL_NUMBER | allowed) and kind.may(REAL_NUMBER)):
-        return "number"
-    if kind.only(Kind.STR | allowed) and kind.may(Kind.STR):
-        return "text"
-    return None
-
-
-def _same_class(left: Type, right: Type, none: bool = False) -> bool:
-    class_of = _class_of(left, none)
-    return class_of is not None and class_of == _class_of(right, none)
 
 
 def _operands(lowering: Expressions, call: plan.Call, env: Env) -> list[Node]:
@@ -82,7 +66,7 @@ def _equality(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
             other = sql.operand(lowering.value(call.arguments[1 - index], env))
             none = sql.null()
             return exp.Is(this=other, expression=none if equal else exp.Not(this=none))
-    if not _same_class(left, right, none=True):
+    if not same_class(left, right, none=True):
         return _by_handle(lowering, call, env)
     a, b = _operands(lowering, call, env)
     if left.may(Kind.NONE) or right.may(Kind.NONE):
@@ -93,7 +77,7 @@ def _equality(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
 def _comparison(kind: type[exp.Binary]) -> Native:
     def lower(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
         left, right = (argument.type for argument in call.arguments)
-        if not _same_class(left, right):
+        if not same_class(left, right):
             return None
         return sql.binary(kind, *_operands(lowering, call, env))
 
@@ -102,15 +86,11 @@ def _comparison(kind: type[exp.Binary]) -> Native:
 
 def _arithmetic(kind: type[exp.Binary]) -> Native:
     def lower(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
-        if call.function.raises or not all(_is_number(argument.type) for argument in call.arguments):
+        if call.function.raises or not all(is_number(argument.type) for argument in call.arguments):
             return None
         return sql.binary(kind, *_operands(lowering, call, env))
 
     return lower
-
-
-def _is_number(kind: Type) -> bool:
-    return _class_of(kind, none=False) == "number"
 
 
 def _add(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
@@ -122,7 +102,7 @@ def _add(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
 def _division(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
     """True division; the operands must be exact as floats, else SQLite would round twice."""
     kinds = [argument.type for argument in call.arguments]
-    if call.function.raises or not all(_is_number(kind) for kind in kinds):
+    if call.function.raises or not all(is_number(kind) for kind in kinds):
         return None
     if any(kind.may(Kind.INT) and not kind.bounded(EXACT) for kind in kinds):
         return None
@@ -130,29 +110,12 @@ def _division(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
     return sql.binary(exp.Div, exp.Cast(this=left, to=exp.DataType.build("REAL", dialect="sqlite")), right)
 
 
-def _modulo(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
-    """Python's sign follows the divisor, SQLite's the dividend: alike where neither is negative."""
-    left, right = (argument.type for argument in call.arguments)
-    whole = left.only(Kind.BOOL | Kind.INT) and right.only(Kind.INT)
-    if call.function.raises or not whole or (left.low or 0) < 0 or left.low is None or (right.low or 0) < 1:
-        return None
-    return sql.binary(exp.Mod, *_operands(lowering, call, env))
-
-
-def _negation(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
-    """SQLite subtracts from 0, which gives 0.0 for 0.0 in place of -0.0."""
-    kind = call.arguments[0].type
-    if call.function.raises or not kind.only(Kind.BOOL | Kind.INT) or not _is_number(kind):
-        return None
-    return exp.Neg(this=sql.operand(lowering.lower(call.arguments[0], env)))
-
-
 def _membership(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
     """`x IN [1, 2, 3]` with a list of plain literals of the class of x."""
     item, items = call.arguments
     if not isinstance(items, plan.Constant) or not isinstance(items.value, list) or not items.value:
         return None
-    if items.type.item is None or not _same_class(item.type, items.type.item) or Kind.BOOL in items.type.item.kinds:
+    if items.type.item is None or not same_class(item.type, items.type.item) or Kind.BOOL in items.type.item.kinds:
         return None
     members = [lowering.constant(plan.Constant(value, items.type.item, span=items.span)) for value in items.value]
     test = exp.In(this=sql.operand(lowering.lower(item, env)), expressions=members)
@@ -170,8 +133,7 @@ NATIVE: dict[str, Native] = {
     "sub": _arithmetic(exp.Sub),
     "mul": _arithmetic(exp.Mul),
     "div": _division,
-    "mod": _modulo,
-    "neg": _negation,
     "in": _membership,
     "not_in": _membership,
+    **FUNCTIONS,
 }

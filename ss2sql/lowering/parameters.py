@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
+from typing import Literal, TypeAlias
 
 from ss2sql import plan
 from ss2sql.errors import Span
 from ss2sql.lowering import sql
 from ss2sql.lowering.sql import Node
+
+
+Counts: TypeAlias = Literal["steps", "product", "entered"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,6 +117,7 @@ class SqlQuery:
     that SQL leaves to the finishing in Python are named in `finish`. `plain` are the parameters whose handles
     stand for all values that equal theirs, as long as no other form of such a value turns up. `ahead` says that something may be evaluated that the language would not
     evaluate, so that what fails may be no error; `plain_rows` that the rows consist of numbers, strings and None.
+    `counts` says how it is known how many steps a search has generated.
     """
 
     query: plan.Query
@@ -128,3 +133,4 @@ class SqlQuery:
     plain: frozenset[str] = frozenset()
     ahead: bool = False
     plain_rows: bool = False
+    counts: Counts = "steps"

@@ -22,6 +22,7 @@ from sqlglot import exp
 from ss2sql import plan
 from ss2sql.lowering import sql
 from ss2sql.lowering.expressions import Env, is_flag
+from ss2sql.lowering.parameters import Counts
 from ss2sql.lowering.select import Selects
 from ss2sql.lowering.sources import open_sources, sql_names
 from ss2sql.lowering.sql import Node
@@ -70,6 +71,10 @@ class SearchLowering:
         self.tables: list[exp.CTE] = []
         self.positions: dict[str, str] = {}  # the column of each copied table that numbers its rows
         self.copied: dict[str, Node] = {}  # items of FROM that are read once
+
+    @property
+    def counts(self) -> Counts:
+        return "steps"
 
     def statement(self) -> exp.Select:
         """The whole statement."""
@@ -152,27 +157,26 @@ class SearchLowering:
     def open(self, env: Env) -> tuple[list[Node], list[Node], Env, Node]:
         """The items of FROM for the children of a state, their conditions, the sight on them, a column of the last."""
         opened, env = open_sources(self.selects, self.query.sources, env, self.query.id)
-        items = [self._in_order(item) for part in opened for item in part.items]
+        items = [item for part in opened for item in part.items]
         return items, [condition for part in opened for condition in part.conditions], env, opened[-1].witness
+
+    def arranged(self, items: list[Node], conditions: list[Node]) -> list[Node]:
+        """The items of FROM, read so that their rows come in order under these conditions."""
+        return [self._in_order(item, conditions) for item in items]
 
     def positions_of(self, items: list[Node], conditions: list[Node]) -> list[Node]:
         """The positions of rows that SQLite may look up: it indexes copies that a condition asks for equality."""
-        asked = {
-            side.table
-            for condition in conditions
-            if isinstance(condition, (exp.EQ, exp.Is, exp.NullSafeEQ))
-            for side in (condition.this, condition.expression)
-            if isinstance(side, exp.Column)
-        }
+        asked = {table for table, _ in _looked_up(conditions)}
         return [
             sql.column(self.positions[item.name], item.alias_or_name)
             for item in items
             if isinstance(item, exp.Table) and item.name in self.positions and item.alias_or_name in asked
         ]
 
-    def _in_order(self, item: Node) -> Node:
+    def _in_order(self, item: Node, conditions: list[Node]) -> Node:
         """An item of FROM; a table, and a list that is the same for all states, is read from a copy in its own order.
 
+        A table needs no copy where a condition asks for a column with an index that gives its rows in their order.
         Steps are numbered as they are walked, so the walk must be in order. SQLite keeps a materialised copy
         in the order of its making. Where a condition asks for equality it builds an index on the copy, so that
         a step costs its neighbours, not the table. That index holds the key and then the columns that are
@@ -185,6 +189,10 @@ class SearchLowering:
         if isinstance(item.this, exp.Anonymous):
             return self._list_copied(item)
         source = self.selects.tables[item.alias_or_name]
+        for column, index in source.indexes:
+            if (item.alias_or_name, column) in _looked_up(conditions):
+                item.set("indexed", index or False)
+                return item
         name = f"{item.alias_or_name}_in_order"
         if name not in self.positions:
             self.positions[name] = free_name("position", {column.lower() for column, _ in source.columns})
@@ -228,6 +236,18 @@ class SearchLowering:
         if not isinstance(source, plan.ValueSource):
             return False
         return not sources_read(source.value) and not states_read(source.value)
+
+
+def _looked_up(conditions: list[Node]) -> set[tuple[str, str]]:
+    """The columns, as (label, name), whose values conditions ask for by equality with something of other tables."""
+    found: set[tuple[str, str]] = set()
+    for condition in conditions:
+        if not isinstance(condition, (exp.EQ, exp.Is, exp.NullSafeEQ)):
+            continue
+        for side, other in ((condition.this, condition.expression), (condition.expression, condition.this)):
+            if isinstance(side, exp.Column) and all(c.table != side.table for c in other.find_all(exp.Column)):
+                found.add((side.table, side.name))
+    return found
 
 
 def _keep_columns(copied: exp.CTE, terms: exp.Expr) -> None:

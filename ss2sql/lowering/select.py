@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Sequence
+from dataclasses import replace
 
 from sqlglot import exp
 
@@ -11,8 +11,10 @@ from ss2sql import plan
 from ss2sql.kinds import Kind, Type
 from ss2sql.lowering import sql
 from ss2sql.lowering.expressions import Env, Expressions, can_fail, is_flag
+from ss2sql.lowering.levels import Levels
 from ss2sql.lowering.parameters import Needs
-from ss2sql.lowering.sources import Opened, open_sources, sql_names
+from ss2sql.lowering.product import Product
+from ss2sql.lowering.sources import open_sources, sql_names
 from ss2sql.lowering.sql import Node
 from ss2sql.walk import sources_read, walk_own
 
@@ -41,23 +43,6 @@ def uniform(kind: Type) -> bool:
     return is_flag(kind) or any(kind.only(one | Kind.NONE) for one in (Kind.INT, Kind.FLOAT, Kind.STR))
 
 
-@dataclass(slots=True)
-class Flat:
-    """A flat query under construction: its sources are open, its conditions known."""
-
-    items: list[Node]
-    conditions: list[Node]
-    env: Env
-    opened: list[Opened]
-
-    @property
-    def natural(self) -> list[Node] | None:
-        """The keys of the product's own order; None where a source has none."""
-        if not all(part.order for part in self.opened):
-            return None
-        return [key.copy() for part in self.opened for key in part.order]
-
-
 class Selects:
     """Lowers flat queries of one statement, and queries nested in its expressions."""
 
@@ -65,49 +50,33 @@ class Selects:
         self.needs = needs
         self.expressions = Expressions(needs, self.subquery)
         self.tables: dict[str, plan.TableSource] = {}
+        self.copies: dict[str, Node] | None = None  # lists that the statement copies, where it can have copies
 
     # --- parts -----------------------------------------------------------------------------------------
 
     def conditions(self, where: plan.Expr | None, env: Env) -> list[Node]:
-        """WHERE as conditions that all have to hold.
+        """WHERE, which cannot fail, as conditions that all have to hold, in any order."""
+        parts = where.parts if isinstance(where, plan.And) else (where,) if where is not None else ()
+        return [self.expressions.condition(part, env) for part in parts]
 
-        Conditions that cannot fail may be asked in any order, as early as the planner likes. From the first
-        that can, the rest is one CASE, which keeps the written order.
-        """
-        if where is None:
-            return []
-        parts = where.parts if isinstance(where, plan.And) else (where,)
-        free = 0
-        while free < len(parts) and not can_fail(parts[free]):
-            free += 1
-        result = [self.expressions.condition(part, env) for part in parts[:free]]
-        if free < len(parts):
-            result.append(self.expressions.all_of(parts[free:], env))
-        return result
-
-    def flat(self, query: plan.Query, env: Env) -> Flat:
+    def flat(self, query: plan.Query, env: Env) -> Product:
         """FROM and WHERE of a query."""
         opened, inner = open_sources(self, query.sources, env)
-        items = [item for part in opened for item in part.items]
-        conditions = [condition for part in opened for condition in part.conditions]
-        own = self.conditions(query.where, inner)
-        if own and len(items) > 1 and query.where is not None and can_fail(query.where):
-            last = query.sources[-1]
-            if last.id not in sources_read(query.where):
-                # Asked before the last source is read, it could fail for a product that has no rows.
-                own[-1] = sql.call("in_turn", opened[-1].witness.copy(), own[-1])
-        return Flat(items, conditions + own, inner, opened)
+        tables = any(isinstance(source, plan.TableSource) for source in _all_sources(query))
+        disabled = self.needs.disabled
+        levels = Levels(query, "early" not in disabled, "hoist" not in disabled and not tables)
+        return Product(self, query, opened, inner, levels)
 
-    def order(self, query: plan.Query, flat: Flat) -> list[tuple[Node, bool]] | None:
+    def order(self, query: plan.Query, flat: Product) -> list[tuple[Node, bool]] | None:
         """The keys of ORDER BY, then those of the product's own order; None where Python has to sort."""
-        natural = flat.natural
         if not query.order:
             kinds = {isinstance(source, plan.TableSource) for source in _all_sources(query)}
             if kinds == {True}:
-                return [(key, False) for key in natural or ()]
-            _walk_in_order(flat.items)
+                return [(key, False) for key in flat.natural or ()]
+            _walk_in_order(flat.items, self.copies or {})
             return []
-        if natural is None or not all(sortable_key(key.expr) for key in query.order):
+        natural = flat.natural if all(sortable_key(key.expr) for key in query.order) else None
+        if natural is None:
             return None
         keys = [(self.expressions.lower(key.expr, flat.env), key.descending) for key in query.order]
         return keys + [(key, False) for key in natural]
@@ -117,14 +86,16 @@ class Selects:
     def grouped(self, query: plan.Query, env: Env, names: list[str | None]) -> exp.Select:
         """One row per group, in order of first appearance."""
         flat = self.flat(query, env)
-        where = sql.conjunction(flat.conditions)
+        where = sql.conjunction(flat.terms)
         first = flat.natural
         if first is not None and len(first) == 1 and not _needs_numbers(query):
             keys = [self.expressions.lower(key, flat.env) for key in query.group]
             return self._group(query, flat.env, keys, flat.items, where, first[0], names)
         return self._group_numbered(query, flat, where, names)
 
-    def _group_numbered(self, query: plan.Query, flat: Flat, where: Node | None, names: list[str | None]) -> exp.Select:
+    def _group_numbered(
+        self, query: plan.Query, flat: Product, where: Node | None, names: list[str | None]
+    ) -> exp.Select:
         """Groups of a product: its rows are numbered first, so that groups can be sorted by first appearance."""
         label = self.needs.label("product")
         arguments: list[plan.Expr] = []
@@ -186,7 +157,7 @@ class Selects:
         order = self.order(query, flat)
         assert order is not None, "declared in unsupported.py"
         outputs = self.outputs(query, flat.env, names, boxed)
-        return sql.select(outputs, flat.items, sql.conjunction(flat.conditions), order, limit)
+        return sql.select(outputs, flat.items, sql.conjunction(flat.terms), order, limit)
 
     def derived(self, query: plan.Query, env: Env) -> exp.Select:
         """The query as a derived table, its columns under the names of sql_names."""
@@ -213,7 +184,7 @@ class Selects:
             flat = self.flat(query, env)
             values = self.outputs(query, flat.env, [None] * len(query.columns), boxed=True)
             collected = self._collected(query, values)
-            return sql.scalar(sql.select([collected], flat.items, sql.conjunction(flat.conditions)))
+            return sql.scalar(sql.select([collected], flat.items, sql.conjunction(flat.terms)))
         label = self.needs.label("results")
         select = self.derived(query, env)
         columns: list[Node] = []
@@ -251,13 +222,13 @@ class _Arguments(Expressions):
         return super().value(expr, env)
 
 
-def _walk_in_order(items: list[Node]) -> None:
+def _walk_in_order(items: list[Node], copies: Collection[str]) -> None:
     """Makes SQLite walk tables by their rowid.
 
     Among virtual tables an ORDER BY would make it sort the whole product, and evaluate rows that a LIMIT cuts off.
     """
     for item in items:
-        if isinstance(item, exp.Table) and not isinstance(item.this, exp.Anonymous):
+        if isinstance(item, exp.Table) and not isinstance(item.this, exp.Anonymous) and item.name not in copies:
             item.set("indexed", False)
 
 

@@ -86,11 +86,20 @@ def grouped(node: Node, *kinds: type[Node]) -> Node:
 
 def operand(node: Node) -> Node:
     """The node, in parentheses where a neighbouring operator could tear it apart."""
-    return grouped(node, exp.Binary, exp.Connector, exp.Not, exp.Neg)
+    return grouped(node, exp.Binary, exp.Connector, exp.Not, exp.Neg, exp.In)
+
+
+_ARITHMETIC = (exp.Add, exp.Sub, exp.Mul, exp.Div, exp.Mod, exp.DPipe)
 
 
 def binary(kind: type[exp.Binary], left: Node, right: Node) -> Node:
+    if issubclass(kind, exp.Predicate):  # comparisons, which bind less than arithmetic
+        return kind(this=_compared(left), expression=_compared(right))
     return kind(this=operand(left), expression=operand(right))
+
+
+def _compared(node: Node) -> Node:
+    return node if isinstance(node, _ARITHMETIC) else operand(node)
 
 
 def alias(node: Node, name: str) -> Node:

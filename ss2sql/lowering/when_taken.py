@@ -56,6 +56,7 @@ class WhenTaken(SearchLowering):
 
     def children(self, env: Env, parent: Node, depth: Node, items: list[Node], where: Node | None) -> exp.Select:
         sources, conditions, env, _ = self.open(env)
+        sources = self.arranged(sources, conditions)
         number = sql.call("next_step", *self.positions_of(sources, conditions))
         outputs: list[Node] = [number, parent, depth]
         outputs += [self.expressions.lower(node, env) for _, node in self.reads]

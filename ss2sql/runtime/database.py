@@ -17,7 +17,7 @@ import apsw
 from ss2sql import plan
 from ss2sql.errors import Error, ExecutionError, Span, Stopped
 from ss2sql.lowering.expressions import PREDICATES, builtin_name
-from ss2sql.lowering.parameters import Parameter, Shown, SqlQuery
+from ss2sql.lowering.parameters import Counts, Parameter, Shown, SqlQuery
 from ss2sql.lowering.sources import sql_names
 from ss2sql.runtime.calls import Members, Parts, builtin_function, sql_function
 from ss2sql.runtime.functions import Memo, UserFunction
@@ -51,6 +51,7 @@ class Execution:
         self.pool = Pool()
         self.parts = Parts(self.pool)
         self.members = Members(self.pool)
+        self.counts: Counts = "steps"
         self.failed = False  # whether a function has raised
         self.elements: dict[Any, Sequence[Sequence[Any]]] = {}
 
@@ -241,7 +242,7 @@ class Database:
                 run.stats.calls[name] += calls
                 run.stats.remembered[name] += hits
             if execution.query is not None and execution.query.search is not None:
-                self.search.count(run.stats)
+                self.search.count(run.stats, execution.counts)
             self.search.end(search)
 
     def _attempt(
@@ -255,6 +256,7 @@ class Database:
         for name, columns in lowered.modules.items():
             self._module(name, columns)
         pool = execution.pool
+        execution.counts = lowered.counts
         self.search.begin(pool.frozen, most, lowered.plain_rows)
         values = {parameter.name: _encoded(pool, parameter, evaluate) for parameter in lowered.parameters}
         pool.watched = frozenset(values[name] for name in lowered.plain)

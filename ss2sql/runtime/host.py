@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import apsw
@@ -127,7 +128,7 @@ class SessionHost:
             now = self.tables.find(table.schema, table.table)
         except Error as error:
             raise error.located(table.span) from error.__cause__
-        return now is None or (now.columns, now.order, now.collated) != (table.columns, table.order, table.collated)
+        return now is None or replace(now, id=table.id, name=table.name) != table
 
     # --- what a run asks (see runtime/run.py) ----------------------------------------------------------
 

@@ -12,6 +12,7 @@ from collections.abc import Callable, Hashable, Mapping, Sequence
 from math import prod
 from typing import Any, TypeAlias
 
+from ss2sql.lowering.parameters import Counts
 from ss2sql.runtime.run import Stats
 
 Kept: TypeAlias = tuple[int, tuple[Any, ...]]
@@ -87,6 +88,7 @@ class SearchState:
         self.generated = 0
         self.expanded = 0
         self.pruned = 0
+        self.late = 0  # of these, the steps that had entered
         self.steps = 0
         self.wanted = float("inf") if most is None else most
         self.rows: list[Kept] = [(0, ())]  # of the steps that entered, by number
@@ -99,15 +101,19 @@ class SearchState:
         self.last_dropped = 0
         self.walks: list[int] = []  # the lengths of the lists that were walked
 
-    def count(self, stats: Stats) -> None:
-        """Adds what the search has done."""
-        if self.steps:
-            stats.generated += self.steps
-            stats.expanded += len(self.kept)
-        else:
-            # Where steps are not counted one by one, each that goes on generates one for every element.
-            stats.generated += self.generated or prod(self.walks) * (self.expanded + 1)
-            stats.expanded += self.expanded
+    def count(self, stats: Stats, counts: Counts) -> None:
+        """Adds what the search has done.
+
+        The steps that were generated are counted one by one, or they are the product of all elements for each
+        step that went on, or those that entered and those that a guard kept out.
+        """
+        generated = self.generated + self.steps
+        if not generated and counts == "product":
+            generated = prod(self.walks) * (self.expanded + 1)
+        elif not generated and counts == "entered":
+            generated = len(self.rows) - 1 + self.pruned - self.late
+        stats.generated += generated
+        stats.expanded += self.expanded + len(self.kept)
         stats.pruned += self.pruned
 
     def _key_of(self, row: tuple[Any, ...]) -> Hashable:
@@ -168,6 +174,8 @@ class SearchState:
         """Whether a step that is taken is the first to reach its row; it then is the one that has."""
         if self.met.setdefault(self._key_of(self.rows[step][1]), step) == step:
             return 1
+        if step != self.last_dropped:
+            self.late += 1
         self._dropped(step)
         return 0
 

@@ -113,7 +113,31 @@ class Tables:
             order = tuple(word for word in ("rowid", "_rowid_", "oid") if word not in taken)[:1]
         typed = tuple(zip(columns, self._types(schema, name, columns), strict=True))
         collated = () if kind == "view" else tuple(c for c in columns if self._collation(schema, name, c) != "BINARY")
-        return plan.TableSource(0, name, schema, name, typed, order, collated, span=None)  # type: ignore[arg-type]
+        indexes = () if kind == "view" else self._indexes(schema, name, order, keys)
+        return plan.TableSource(0, name, schema, name, typed, order, collated, indexes, span=None)  # type: ignore[arg-type]
+
+    def _indexes(
+        self, schema: str, name: str, order: tuple[str, ...], keys: list[str]
+    ) -> tuple[tuple[str, str], ...]:
+        """What finds the rows with one value of a column and gives them in the order of the table, as (column, index).
+
+        That is an index on this column alone, for its entries end with the rowid. The index "" stands for the table
+        itself, which is sorted by its key.
+        """
+        if keys and order == tuple(keys):
+            return ((keys[0], ""),)
+        names: list[tuple[Any, ...]] = self.connection.execute(
+            "SELECT name, origin FROM pragma_index_list(?, ?) WHERE NOT partial ORDER BY name", (name, schema)
+        ).fetchall()
+        # A primary key that no index keeps is the rowid.
+        found = {keys[0]: ""} if len(keys) == 1 and all(origin != "pk" for _, origin in names) else {}
+        for index, origin in names:
+            parts: list[tuple[Any, ...]] = self.connection.execute(
+                "SELECT name, coll FROM pragma_index_xinfo(?, ?) WHERE key", (index, schema)
+            ).fetchall()
+            if len(parts) == 1 and parts[0][0] is not None and parts[0][1] == "BINARY" and origin == "c":
+                found.setdefault(parts[0][0], index)
+        return tuple(found.items())
 
     def _collation(self, schema: str, name: str, column: str) -> str:
         return self.connection.column_metadata(schema, name, column)[1]

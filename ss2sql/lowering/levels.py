@@ -1,0 +1,237 @@
+"""When the parts of a flat query's row are evaluated: as soon as nobody can tell that from the written order.
+
+The *level* of an expression is the number of sources that are bound when it is evaluated. As written, WHERE
+and the columns are evaluated when all are bound. A part may be evaluated earlier if it does not fail and has
+no effect. One that may fail comes earlier only together with everything before it, and only where all later
+sources are known to have elements, for else the written order might never have come to it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+from ss2sql import plan
+from ss2sql.kinds import Kind
+from ss2sql.lowering.expressions import can_fail
+from ss2sql.walk import is_volatile, sources_read, walk
+
+MOST_HOISTED = 24
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """A part of WHERE with its level. A `free` one may be asked at any time from then on."""
+
+    expr: plan.Expr
+    level: int
+    free: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Hoisted:
+    """A value that is computed once at its level and read further in."""
+
+    expr: plan.Expr
+    level: int
+
+
+@dataclass(slots=True)
+class Levels:
+    """The levels of one query.
+
+    `silent_from` is the level from which on nobody can notice whether a source is read; `certain_from` that
+    from which on all sources are known to have elements, if those in `guarded` turn out to have some.
+    """
+
+    query: plan.Query
+    early: bool
+    hoist: bool
+    number: dict[int, int] = field(init=False)
+    silent_from: int = field(init=False)
+    certain_from: int = field(init=False)
+    guarded: list[plan.Source] = field(init=False)
+
+    def __post_init__(self) -> None:
+        sources = self.query.sources
+        self.number = {source.id: position for position, source in enumerate(sources, 1)}
+        self.silent_from = self.certain_from = 0
+        guarded: list[plan.Source] = []
+        for position, source in enumerate(sources, 1):
+            if self._is_loud(source, position):
+                self.silent_from = position
+            if self._has_elements(source):
+                continue
+            if self._may_be_guarded(source):
+                guarded.append(source)
+            else:
+                self.certain_from = position
+        self.guarded = guarded
+
+    # --- sources ---------------------------------------------------------------------------------------
+
+    def _value(self, source: plan.Source) -> plan.Expr | plan.Query | None:
+        match source:
+            case plan.ValueSource(value=value):
+                return value
+            case plan.QuerySource(query=query):
+                return query
+            case plan.TableSource():
+                return None
+
+    def _is_loud(self, source: plan.Source, position: int) -> bool:
+        """Whether reading the source could be noticed; what is bound before the statement runs is read anyway."""
+        value = self._value(source)
+        if value is None or not can_fail(value):
+            return False
+        return position == 1 or bool(sources_read(value) - _inside(value))
+
+    def _has_elements(self, source: plan.Source) -> bool:
+        match source:
+            case plan.ValueSource(value=plan.Constant(value=value)):
+                return value != []
+            case plan.ValueSource(value=plan.MakeList(items=items)):
+                return bool(items)
+            case plan.ValueSource(value=value):
+                return not value.type.may(Kind.LIST | Kind.DICT | Kind.OBJECT)
+            case _:
+                return False
+
+    def _may_be_guarded(self, source: plan.Source) -> bool:
+        """Whether it can be asked beforehand if the source has elements."""
+        match source:
+            case plan.TableSource():
+                return True
+            case plan.ValueSource(value=value):
+                own = sources_read(value) & self.number.keys()
+                return value.type.only(Kind.LIST) and not own and not can_fail(value)
+            case _:
+                return False
+
+    def guards(self, level: int) -> list[plan.Source]:
+        """The sources that must be known to have elements where something fallible is evaluated at this level."""
+        return [source for source in self.guarded if self.number[source.id] > level]
+
+    # --- expressions -----------------------------------------------------------------------------------
+
+    def of(self, expr: object) -> int:
+        """The number of sources that have to be bound for the expression."""
+        return max((self.number.get(source, 0) for source in sources_read(expr)), default=0)
+
+    def conditions(self) -> list[Condition]:
+        """The parts of WHERE in written order."""
+        last = len(self.query.sources)
+        parts = () if self.query.where is None else _conjuncts(self.query.where)
+        placed: list[Condition] = []
+        reached = failing = 0  # the highest level of all parts so far, and of those that may fail
+        for part in parts:
+            level = max(self.of(part), self.silent_from, failing)
+            if can_fail(part):
+                level = max(level, reached, self.certain_from, 1)
+                if is_volatile(part) or not self.early:
+                    level = last
+                failing = level
+            reached = max(reached, level)
+            placed.append(Condition(part, level, not failing))
+        return placed
+
+    def hoisted(self, conditions: Sequence[Condition], outputs: Sequence[plan.Expr]) -> list[Hoisted]:
+        """The values to compute early: those of costly expressions in WHERE, then in `outputs`, innermost first."""
+        if not self.hoist or len(self.query.sources) < 2:
+            return []
+        walk_over = _Hoisting(self)
+        for condition in conditions:
+            walk_over.visit(condition.expr, condition.level)
+            walk_over.floor = max(walk_over.floor, condition.level)
+        for output in outputs:
+            walk_over.visit(output, len(self.query.sources))
+        return walk_over.found[:MOST_HOISTED]
+
+
+class _Hoisting:
+    """Goes over what is evaluated of a row, in written order.
+
+    `floor` is the lowest level at which something may be evaluated that comes after all that was met so far.
+    """
+
+    def __init__(self, levels: Levels) -> None:
+        self.levels = levels
+        self.floor = max(levels.silent_from, levels.certain_from, 1)
+        self.found: list[Hoisted] = []
+
+    def visit(self, expr: plan.Expr, level: int) -> None:
+        """An expression that is certainly evaluated, at this level."""
+        if not can_fail(expr) or any(known.expr == expr for known in self.found):
+            return
+        if is_volatile(expr):
+            self.floor = len(self.levels.query.sources)
+            return
+        own = max(self.levels.of(expr), self.floor)
+        if own < level and _is_costly(expr):
+            self.parts(expr, own)
+            self.found.append(Hoisted(expr, own))
+            self.floor = own
+        else:
+            self.parts(expr, level)
+            if _fails_itself(expr):
+                self.floor = max(self.floor, level)
+
+    def parts(self, expr: plan.Expr, level: int) -> None:
+        """What the expression evaluates before itself."""
+        for part in _certain_parts(expr):
+            self.visit(part, level)
+
+
+def _conjuncts(expr: plan.Expr) -> Iterator[plan.Expr]:
+    """The parts of a conjunction, those of conjunctions inside of it, too: SQLite takes it apart as well."""
+    if isinstance(expr, plan.And):
+        for part in expr.parts:
+            yield from _conjuncts(part)
+    else:
+        yield expr
+
+
+def _certain_parts(expr: plan.Expr) -> Iterator[plan.Expr]:
+    """The parts that are evaluated whenever the expression is, up to the first that may not be."""
+    match expr:
+        case plan.Call(arguments=arguments):
+            yield from arguments
+        case plan.MakeList(items=items):
+            yield from items
+        case plan.And(parts=parts) | plan.Or(parts=parts):
+            yield parts[0]
+        case plan.Not(operand=operand):
+            yield operand
+        case plan.If(condition=condition):
+            yield condition
+        case plan.Xor(left=left, right=right):
+            yield left
+            yield right
+
+
+def _fails_itself(expr: plan.Expr) -> bool:
+    """Whether something can fail that the expression evaluates besides its certain parts."""
+    match expr:
+        case plan.Call(function=function):
+            return function.raises or not function.builtin
+        case plan.MakeList() | plan.Not() | plan.Xor():
+            return False
+        case plan.And(parts=parts) | plan.Or(parts=parts):
+            return any(map(can_fail, parts[1:]))
+        case plan.If(then=then, otherwise=otherwise):
+            return any(map(can_fail, (*then, *otherwise)))
+        case _:
+            return True
+
+
+def _is_costly(expr: plan.Expr) -> bool:
+    """Whether keeping the value is worth a column: calls of user functions, and queries."""
+    return any(
+        isinstance(node, plan.Subquery) or (isinstance(node, plan.Call) and not node.function.builtin)
+        for node in walk(expr)
+    )
+
+
+def _inside(node: object) -> set[int]:
+    """The numbers of the sources that a node brings along itself."""
+    return {part.id for part in walk(node) if isinstance(part, (plan.TableSource, plan.ValueSource, plan.QuerySource))}

@@ -1,0 +1,59 @@
+"""`lookup`: what a step of a search must equal lest it leaves no trace is looked up, not found by going through all.
+
+    SELECT name FROM staff START WITH boss = 1 CONNECT BY boss = id STOP WITH manager != boss
+    SELECT name FROM staff WHERE manager == boss AND pay > 5 ... STOP WITH manager != boss OR level == 3
+
+STOP WITH holds the negation of an equality. Without a WHERE, or where WHERE demands the equality, a step that does
+not meet it stops without being a goal. So the equality becomes a condition of the join, for which SQLite uses
+an index: a hierarchy of a million rows then costs its size, not its square.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ss2sql import plan
+from ss2sql.lowering.expressions import can_fail
+
+
+def lookups(query: plan.Query) -> list[plan.Expr]:
+    """The equalities of a search that every step must meet; none of them can fail, nor what is asked before them."""
+    search = query.search
+    if search is None or search.stop is None:
+        return []
+    if search.repeats != "allowed" and any(can_fail(output.expr) for output in query.columns):
+        return []  # the row of a step that is never made would have failed
+    wanted = None if query.where is None else _certain_parts(query.where, plan.And)
+    found: list[plan.Expr] = []
+    for part in _certain_parts(search.stop, plan.Or):
+        equality = _opposite(part)
+        if equality is not None and (wanted is None or any(equality == other for other in wanted)):
+            found.append(equality)
+    return found
+
+
+def without(stop: plan.Expr, known: list[plan.Expr]) -> plan.Expr | None:
+    """STOP WITH of a step that meets these equalities; None where nothing is left of it."""
+    parts = stop.parts if isinstance(stop, plan.Or) else (stop,)
+    left = tuple(part for part in parts if not any(_opposite(part) == equality for equality in known))
+    if len(left) == len(parts):
+        return stop
+    return plan.Or(left, span=stop.span) if len(left) > 1 else left[0] if left else None
+
+
+def _certain_parts(clause: plan.Expr, kind: type[plan.And] | type[plan.Or]) -> list[plan.Expr]:
+    """The parts of a clause that are asked before anything that can fail."""
+    parts = clause.parts if isinstance(clause, kind) else (clause,)
+    fails = next((index for index, part in enumerate(parts) if can_fail(part)), len(parts))
+    return list(parts[:fails])
+
+
+def _opposite(part: plan.Expr) -> plan.Expr | None:
+    """The equality that a part of STOP WITH denies."""
+    match part:
+        case plan.Call(function=plan.Function(name="ne", builtin=True) as function):
+            return replace(part, function=replace(function, name="eq"))
+        case plan.Not(operand=plan.Call(function=plan.Function(name="eq", builtin=True)) as equality):
+            return equality
+        case _:
+            return None
