@@ -76,7 +76,8 @@ class Type:
     """A set of kinds; `low` and `high` bound the numbers among the values (None: not known, or no numbers).
 
     `item` is the type of the elements of a list, `columns` the names and types of the keys that its
-    elements have (of a dict: of its own keys). Both are None where nothing is known.
+    elements have (of a dict: of its own keys). `positions` are the types of the elements one by one, where
+    all lists are of one length; `item` then covers them. Each is None where nothing is known.
     """
 
     kinds: Kind = Kind.ANY
@@ -84,6 +85,7 @@ class Type:
     high: float | int | None = None
     item: Type | None = None
     columns: tuple[tuple[str, Type], ...] | None = None
+    positions: tuple[Type, ...] | None = None
 
     def only(self, kinds: Kind) -> bool:
         """Whether every value is of one of `kinds`."""
@@ -98,6 +100,8 @@ class Type:
         return self.low is not None and self.high is not None and self.low >= -limit and self.high <= limit
 
 
+SCALAR = Kind.NONE | Kind.NUMBER | Kind.STR
+
 ANY = Type()
 NONE = Type(Kind.NONE)
 BOOL = Type(Kind.BOOL, 0, 1)
@@ -110,6 +114,9 @@ UNENCODABLE = Type(Kind.STR | Kind.OBJECT)
 
 # Types look this far into nested lists and dicts; what lies deeper is not described.
 _DETAIL = 8
+# Lists up to this length are described element by element if they hold nothing but scalars: a point, a move with
+# its cost, an edge. Others are as a rule collections, whose length changes.
+_POSITIONS = 16
 
 
 def union(types: Iterable[Type]) -> Type:
@@ -128,13 +135,24 @@ def _union(a: Type, b: Type) -> Type:
         high = None if a.high is None or b.high is None else max(a.high, b.high)
     else:
         low, high = (a.low, a.high) if numeric_a else (b.low, b.high)
-    return Type(a.kinds | b.kinds, low, high, _item(a, b), _columns(a, b))
+    return Type(a.kinds | b.kinds, low, high, _item(a, b), _columns(a, b), _positions(a, b))
 
 
 def _item(a: Type, b: Type) -> Type | None:
     lists = [t.item for t in (a, b) if t.may(Kind.LIST)]
     known = [item for item in lists if item is not None]
     return union(known) if lists and len(known) == len(lists) else None
+
+
+def _positions(a: Type, b: Type) -> tuple[Type, ...] | None:
+    lists = [t.positions for t in (a, b) if t.may(Kind.LIST)]
+    match lists:
+        case [one]:
+            return one
+        case [tuple() as one, tuple() as other] if len(one) == len(other):
+            return tuple(map(_union, one, other))
+        case _:
+            return None
 
 
 def _columns(a: Type, b: Type) -> tuple[tuple[str, Type], ...] | None:
@@ -153,6 +171,25 @@ def _columns(a: Type, b: Type) -> tuple[tuple[str, Type], ...] | None:
 def _is_empty(t: Type) -> bool:
     """Whether the type says that all its lists are empty, and that there are no dicts or objects."""
     return t.item == NOTHING and not t.may(Kind.DICT | Kind.OBJECT)
+
+
+def list_of(types: Sequence[Type]) -> Type:
+    """The type of a list whose elements have these types, one by one."""
+    item = union(types)
+    columns = item.columns if item.may(Kind.DICT | Kind.OBJECT) else ()
+    return Type(Kind.LIST, item=item, columns=columns, positions=_described(types, item))
+
+
+def _described(types: Sequence[Type], item: Type) -> tuple[Type, ...] | None:
+    return tuple(types) if 0 < len(types) <= _POSITIONS and item.only(SCALAR) else None
+
+
+def without_bounds(t: Type) -> Type:
+    """The type without what it says of the size of numbers, those inside lists and dicts included."""
+    item = None if t.item is None else without_bounds(t.item)
+    columns = None if t.columns is None else tuple((name, without_bounds(column)) for name, column in t.columns)
+    positions = None if t.positions is None else tuple(map(without_bounds, t.positions))
+    return Type(t.kinds, None, None, item, columns, positions)
 
 
 def covers(wide: Type, narrow: Type) -> bool:
@@ -178,7 +215,9 @@ def _type_of(value: Any, detail: int) -> Type:
         case str():
             return STR if _encodable(value) else UNENCODABLE
         case list() if detail:
-            return Type(Kind.LIST, item=_type_of_items(value, detail - 1), columns=_columns_of_items(value, detail - 1))
+            item = _type_of_items(value, detail - 1)
+            positions = _described([_type_of(part, 0) for part in value[: _POSITIONS + 1]], item)
+            return Type(Kind.LIST, None, None, item, _columns_of_items(value, detail - 1), positions)
         case list():
             return LIST
         case dict() if detail:
@@ -206,7 +245,9 @@ def _type_of_items(items: Sequence[Any], detail: int) -> Type:
     if classes == {list} and detail:
         inner = list(chain.from_iterable(items))
         if set(map(type, inner)) <= _SCALARS.keys():
-            return Type(Kind.LIST, item=_type_of_items(inner, detail - 1), columns=())
+            types = _types_by_position(items, inner, detail - 1)
+            item = union(types) if types else _type_of_items(inner, detail - 1)
+            return Type(Kind.LIST, item=item, columns=(), positions=_described(types, item))
     if classes == {dict} and detail:
         return Type(Kind.DICT, columns=_columns_of_items(items, detail - 1))
     if not classes <= _SCALARS.keys():
@@ -220,6 +261,18 @@ def _type_of_items(items: Sequence[Any], detail: int) -> Type:
     if not numbers:
         return Type(kinds)
     return Type(kinds, +min(numbers), +max(numbers))  # + makes 0 and 1 of bools
+
+
+def _types_by_position(items: Sequence[list[Any]], inner: list[Any], detail: int) -> list[Type]:
+    """The types of the elements of short lists, one by one; nothing where the lists differ in length.
+
+    `inner` are the elements of all lists in a row. Slices of it take a third of the time of `zip`
+    over the lists, 0.06 s for 200,000 pairs.
+    """
+    width = len(items[0])
+    if width > _POSITIONS or set(map(len, items)) != {width}:
+        return []
+    return [_type_of_items(inner[position::width], detail) for position in range(width)]
 
 
 def _encodable(text: str) -> bool:

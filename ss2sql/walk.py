@@ -115,3 +115,24 @@ def is_volatile(node: Node) -> bool:
         or (isinstance(part, plan.Call) and part.function.volatility == "volatile")
         for part in walk(node)
     )
+
+
+def can_fail(node: Node) -> bool:
+    """Whether evaluating the expression can raise, or be noticed: then its place in the order matters."""
+    return is_volatile(node) or any(
+        (isinstance(part, plan.Call) and part.function.raises)
+        or isinstance(part, plan.Subquery)
+        or (isinstance(part, plan.Column) and not part.declared)
+        for part in walk(node)
+    )
+
+
+def choices(call: plan.Call) -> tuple[plan.Expr, ...]:
+    """What `min` or `max` chooses from: its arguments or the items of a list literal; nothing where it is a list."""
+    match call.arguments:
+        case (plan.MakeList(items=items),):
+            return items
+        case (_,):
+            return ()
+        case several:
+            return several

@@ -12,7 +12,8 @@ from ss2sql.frontend.groups import with_groups
 from ss2sql.frontend.options import search_options
 from ss2sql.frontend.scope import Scope, column_of, element_of, is_settled
 from ss2sql.frontend.sources import open_sources
-from ss2sql.kinds import ANY, NONE, Kind, Type, covers, union
+from ss2sql.frontend.states import settle_states
+from ss2sql.kinds import ANY, NONE, Kind, Type, list_of, union
 from ss2sql.runtime.rows import free_name
 
 if TYPE_CHECKING:
@@ -71,7 +72,7 @@ def _search(resolver: Resolver, tree: ast.Query, scope: Scope, outer: Scope | No
         return None
     start = _start(resolver, tree, scope)
     _check_assigned(resolver, tree)
-    _settle_state_types(resolver, tree, scope, dict(start))
+    settle_states(resolver, tree, scope, dict(start))
     open_sources(resolver, tree, scope)
     connect = tuple((a.name, resolver.guarded(resolver.expression, a.value, scope)) for a in tree.connect)
     stop = _optional(resolver, tree.stop, scope)
@@ -102,64 +103,6 @@ def _check_assigned(resolver: Resolver, tree: ast.Query) -> None:
             hints = did_you_mean(assign.name, known) or (f"add START WITH {assign.name} = ...",)
             message = f"CONNECT BY sets '{assign.name}', which START WITH does not"
             resolver.errors.append(ResolveError("R001", message, assign.name_span, hints))
-
-
-def _settle_state_types(resolver: Resolver, tree: ast.Query, scope: Scope, start: dict[str, plan.Expr]) -> None:
-    """Widens the types of the START WITH variables until CONNECT BY keeps within them.
-
-    Each round resolves FROM and CONNECT BY on trial. Three rounds decide it for everything but growing
-    numbers, whose bounds are dropped first, and growing lists; what is still moving is taken as unknown.
-    """
-    counters = {name: _counter_type(resolver, tree, name, value) for name, value in start.items()}
-    for name, kind in counters.items():
-        if kind is not None:
-            scope.states[name] = kind
-    for attempt in range(4):
-        grown = _connect_types(resolver, tree, scope) if scope.depth <= 2 and attempt < 3 else None
-        settled = True
-        for name in scope.states:
-            if counters.get(name) is not None:
-                continue
-            if grown is None:
-                scope.states[name] = ANY
-            elif name in grown and not covers(scope.states[name], grown[name]):
-                wide = union((scope.states[name], grown[name]))
-                scope.states[name] = replace(wide, low=None, high=None)
-                settled = False
-        if settled:
-            return
-
-
-def _connect_types(resolver: Resolver, tree: ast.Query, scope: Scope) -> dict[str, Type]:
-    """The types that CONNECT BY gives with the present types of the variables; nothing of the trial is kept."""
-    errors = len(resolver.errors)
-    kept = (dict(resolver.parameters), dict(resolver.tables), resolver.tentative, resolver.numbers)
-    trial = scope.copy()
-    open_sources(resolver, tree, trial)
-    types: dict[str, Type] = {}
-    for assign in tree.connect:
-        value = resolver.guarded(resolver.expression, assign.value, trial)
-        types[assign.name] = value.type
-    del resolver.errors[errors:]
-    resolver.parameters, resolver.tables, resolver.tentative, resolver.numbers = kept
-    return types
-
-
-def _counter_type(resolver: Resolver, tree: ast.Query, name: str, start: plan.Expr) -> Type | None:
-    """The type of a variable that only counts, `level = level + 1`, else None.
-
-    No search makes 2^31 steps on one path, so a small stride from a small start stays within 64 bits.
-    """
-    match [assign.value for assign in tree.connect if assign.name == name]:
-        case [ast.Operator(function=operator, operands=(ast.Name(name=same), ast.Literal(value=int(stride))))]:
-            if operator not in ("add", "sub") or not resolver.catalog.functions[operator].builtin:
-                return None
-        case _:
-            return None
-    small = start.type.only(Kind.INT) and start.type.bounded(2**61)
-    if same != name or isinstance(stride, bool) or not 0 <= stride <= 2**30 or not small:
-        return None
-    return Type(Kind.INT, -(2**62), 2**62)
 
 
 # --- columns and keys ----------------------------------------------------------------------------------
@@ -261,7 +204,7 @@ def _value_type(query: plan.Query) -> Type:
             item = union(kinds)
             rows = Type(Kind.LIST, item=item, columns=item.columns if item.may(Kind.DICT | Kind.OBJECT) else ())
         case "rows":
-            rows = Type(Kind.LIST, item=Type(Kind.LIST, item=union(kinds)), columns=())
+            rows = Type(Kind.LIST, item=list_of(kinds), columns=())
         case "value":
             rows = union((kinds[0], NONE)) if kinds else NONE
         case "void":

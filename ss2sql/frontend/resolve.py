@@ -24,7 +24,7 @@ from ss2sql.frontend.scope import (
     open_source,
     source_named,
 )
-from ss2sql.kinds import ANY, NONE, Kind, Type, type_of, union
+from ss2sql.kinds import ANY, NONE, Kind, Type, list_of, type_of, union
 from ss2sql.runtime.builtins import AGGREGATES, BUILTINS
 
 AGGREGATE_HINT = "it works on a list: {name}(SELECT ... AS list), or on the groups of a GROUP BY"
@@ -216,9 +216,7 @@ class Resolver:
         if all(isinstance(item, plan.Constant) for item in items):
             value = [item.value for item in items if isinstance(item, plan.Constant)]
             return plan.Constant(value, type_of(value), span=tree.span)
-        item = union(part.type for part in items)
-        columns = item.columns if item.may(Kind.DICT | Kind.OBJECT) else ()
-        return plan.MakeList(items, Type(Kind.LIST, item=item, columns=columns), span=tree.span)
+        return plan.MakeList(items, list_of([item.type for item in items]), span=tree.span)
 
     def conditional(self, tree: ast.If, scope: Scope | None) -> plan.Expr:
         condition = self.guarded(self.expression, tree.condition, scope)

@@ -89,7 +89,7 @@ class Levels:
     def _has_elements(self, source: plan.Source) -> bool:
         match source:
             case plan.ValueSource(value=plan.Constant(value=value)):
-                return value != []
+                return bool(value != [])
             case plan.ValueSource(value=plan.MakeList(items=items)):
                 return bool(items)
             case plan.ValueSource(value=value):

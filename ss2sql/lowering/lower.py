@@ -42,7 +42,7 @@ def lower(
     needs = Needs(function_names, careful=careful or is_volatile(query), disabled=disabled)
     selects = Selects(needs)
     selects.copies = {} if query.search is None else None
-    is_sorted = is_limited = ahead = False
+    is_sorted = is_limited = ahead = by_turns = False
     counts: Counts = "steps"
     if query.search is not None:
         cut = cut or query.search.maximum is not None or query.limit is not None
@@ -52,6 +52,7 @@ def lower(
             ahead = not careful
         else:
             search = WhenTaken(selects, query, cut)
+            by_turns = True
         select, counts = search.statement(), search.counts
         keys, orders = query.group, query.order
     elif query.aggregated:
@@ -86,6 +87,7 @@ def lower(
         ahead,
         plain_rows=all(output.expr.type.only(Kind.INT | Kind.FLOAT | Kind.STR | Kind.NONE) for output in query.columns),
         counts=counts,
+        by_turns=by_turns,
     )
 
 

@@ -117,7 +117,7 @@ class SqlQuery:
     that SQL leaves to the finishing in Python are named in `finish`. `plain` are the parameters whose handles
     stand for all values that equal theirs, as long as no other form of such a value turns up. `ahead` says that something may be evaluated that the language would not
     evaluate, so that what fails may be no error; `plain_rows` that the rows consist of numbers, strings and None.
-    `counts` says how it is known how many steps a search has generated.
+    `counts` says how it is known how many steps a search has generated, `by_turns` that they are evaluated when taken.
     """
 
     query: plan.Query
@@ -134,3 +134,4 @@ class SqlQuery:
     ahead: bool = False
     plain_rows: bool = False
     counts: Counts = "steps"
+    by_turns: bool = False

@@ -170,7 +170,7 @@ class Product:
         later = [condition.expr for condition in conditions if condition.level > level]
         later += [part for value in hoisted if value.level > level for part in parts(value.expr)]
         later += [output.expr for output in self.query.columns]
-        return later + [*self.query.group, *(key.expr for key in self.query.order)]
+        return [*later, *self.query.group, *(key.expr for key in self.query.order)]
 
     # --- sources that have elements --------------------------------------------------------------------
 

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import apsw
 
 from ss2sql import plan
-from ss2sql.errors import ExecutionError, ResolveError, UnsupportedError
+from ss2sql.errors import Error, ExecutionError, ResolveError, UnsupportedError
 from ss2sql.frontend import ast
-from ss2sql.kinds import ANY, NOTHING, Type, covers, type_of
+from ss2sql.kinds import ANY, NOTHING, Kind, Type, covers, type_of
 from ss2sql.lowering.lower import lower
 from ss2sql.lowering.parameters import Parameter, SqlQuery
 from ss2sql.lowering.rewrites import optimise
 from ss2sql.runtime.native import NativeQuery, compile_statement
+from ss2sql.runtime.paths import Paths
 from ss2sql.runtime.result import Answer, Result, Sql, Status
 from ss2sql.runtime.rows import Rows
 from ss2sql.runtime.run import Run
@@ -26,6 +28,7 @@ if TYPE_CHECKING:
     from ss2sql.runtime.host import SessionHost
 
 Engine: TypeAlias = Literal["auto", "database", "native"]
+PLAIN = Kind.NONE | Kind.NUMBER | Kind.STR
 ENGINES = ("auto", "database", "native")
 
 
@@ -79,6 +82,17 @@ class CompiledQuery:
 
     def value(self, run: Run) -> Any:
         """Runs the query; its answer becomes the run's last one, its value is one of the language."""
+        return self.host.shapes.language_value(self.query.representation.name, self.answer(run).value)
+
+    def located_answer(self, run: Run) -> Answer:
+        """`answer`, with errors that know no other place at the query's."""
+        try:
+            return self.answer(run)
+        except Error as error:
+            raise error.located(self.query.span) from error.__cause__
+
+    def answer(self, run: Run) -> Answer:
+        """Runs the query; its answer becomes the run's last one. The value of a search is made when it is read."""
         if not self.world.holds(run.variable):
             self._make(run.variable)
         if self.refusal is not None:
@@ -86,15 +100,19 @@ class CompiledQuery:
         query = self.query
         columns = tuple(output.name for output in query.columns)
         paths = query.search is not None and not query.aggregated
-        sink = Rows(columns, rows=None if paths else [], paths=[] if paths else None)
+        plain = all(output.expr.type.only(PLAIN) for output in query.columns)
+        sink = Rows(columns, rows=None if paths else [], paths=[] if paths else None, plain=plain)
         run.sink = (sink, self.engine)
         rows = with_stars(query, self._database_rows(run, sink) if self.lowered else self._native_rows(run, sink))
         arguments = tuple(argument(run) for argument in self.arguments)
         named = {name: argument(run) for name, argument in self.named.items()}
-        raw = self.host.shapes.represent(self.query.representation, rows, arguments, named)
+        form, shapes = query.representation, self.host.shapes
         status: Status = "maximum" if self._ended_by_maximum(run, rows) else "complete"
-        run.answer = Answer(rows, raw, self.engine, status)
-        return self.host.shapes.language_value(self.query.representation.name, raw)
+        make = partial(shapes.represent, form, rows, arguments, named)
+        answer = run.answer = Answer(rows, make, self.engine, status)
+        if not (shapes.is_built_in(form) and rows.plain and rows.paths is not None):
+            answer.value  # noqa: B018 - it may fail, which has to be now
+        return answer
 
     def _native_rows(self, run: Run, sink: Rows) -> Rows:
         assert self.native is not None
@@ -182,15 +200,15 @@ _TOO_MUCH = (apsw.SQLError, apsw.TooBigError)
 def finished(lowered: SqlQuery, sink: Rows, extras: Sequence[tuple[Any, Any]], limit: int | None) -> Rows:
     """Sorting, cutting and partitioning that SQL left over."""
     query = lowered.query
-    order = list(range(len(extras)))
+    order: Sequence[int] = range(len(extras))
     if lowered.orders:
         descending = tuple(key.descending for key in query.order)
         try:
-            order = sort_rows(order, [extras[index][1] for index in order], descending)
+            order = sort_rows(list(order), [extras[index][1] for index in order], descending)
         except ExecutionError as error:
             raise error.located(query.order[0].expr.span) from None
     if limit is not None and not lowered.limited:
-        order = order[:limit]
+        order = list(order[:limit])
     groups = None
     if query.group and not query.aggregated:
         members: dict[Any, list[int]] = {}
@@ -202,9 +220,11 @@ def finished(lowered: SqlQuery, sink: Rows, extras: Sequence[tuple[Any, Any]], l
             members.setdefault(key, []).append(position)
         groups = [(group_value(shown[key]), positions) for key, positions in members.items()]
     if sink.paths is not None:
-        return Rows(sink.columns, paths=[sink.paths[index] for index in order], groups=groups)
+        chosen = sink.paths.chosen(order) if isinstance(sink.paths, Paths) else []
+        return Rows(sink.columns, paths=chosen, groups=groups, plain=sink.plain)
     assert sink.rows is not None
-    return Rows(sink.columns, rows=[sink.rows[index] for index in order], groups=groups)
+    rows = sink.rows if isinstance(order, range) else [sink.rows[index] for index in order]
+    return Rows(sink.columns, rows=rows, groups=groups, plain=sink.plain)
 
 
 def group_value(value: Any) -> Any:
@@ -239,12 +259,18 @@ class CompiledStatement:
         self.generation = generation
         self.variable = variable
         self.queries: list[CompiledQuery] = []
-        self.function = compile_statement(statement.expr, self._dispatch)
+        if isinstance(statement.expr, plan.Subquery):
+            self.function: Callable[[Run], Any] = self._compiled(statement.expr.query).located_answer
+        else:
+            self.function = compile_statement(statement.expr, self._dispatch)
 
     def _dispatch(self, query: plan.Query) -> Callable[[Run], Any]:
+        return self._compiled(query).value
+
+    def _compiled(self, query: plan.Query) -> CompiledQuery:
         compiled = CompiledQuery(self.host, query, self.engine, self.variable)
         self.queries.append(compiled)
-        return compiled.value
+        return compiled
 
     @property
     def is_query(self) -> bool:

@@ -22,6 +22,7 @@ from ss2sql.lowering.sources import sql_names
 from ss2sql.runtime.calls import Members, Parts, builtin_function, sql_function
 from ss2sql.runtime.functions import Memo, UserFunction
 from ss2sql.runtime.native.options import cost, heuristic, probability
+from ss2sql.runtime.paths import Paths
 from ss2sql.runtime.pool import FALSE, TRUE, OtherFormError, Pool
 from ss2sql.runtime.result import Sql
 from ss2sql.runtime.rows import Row, Rows
@@ -257,7 +258,7 @@ class Database:
             self._module(name, columns)
         pool = execution.pool
         execution.counts = lowered.counts
-        self.search.begin(pool.frozen, most, lowered.plain_rows)
+        self.search.begin(pool.frozen, most, lowered.plain_rows, lowered.by_turns)
         values = {parameter.name: _encoded(pool, parameter, evaluate) for parameter in lowered.parameters}
         pool.watched = frozenset(values[name] for name in lowered.plain)
         cursor = self.connection.cursor()
@@ -292,21 +293,19 @@ class Database:
                 _room(execution.run, sink.rows, row[:width])
                 yield row[width:keys], row[keys:]
             return
-        # Rows of the steps before a result are decoded once and shared by all paths through them.
-        parent_row, boxed = self.search.parent_row, _decoder(pool, [Shown(False)] * width)
-        decoded: dict[int, tuple[int, Row]] = {}
+        boxed: Callable[[Row], Row] = tuple if lowered.plain_rows else _decoder(pool, [Shown(False)] * width)
+        paths = sink.paths = Paths(self.search.kept_row(), boxed)
+        most = execution.run.max_rows
+        if lowered.plain_rows and len(shown) == width:
+            for raw in cursor:
+                paths.add(raw[1], raw[2:])
+                _check_room(len(paths), most)
+                yield ((), ())
+            return
         for raw in cursor:
             row = decode(raw[2:])
-            path, parent = [row[:width]], raw[1]
-            while parent:
-                known = decoded.get(parent)
-                if known is None:
-                    before, raw_row = parent_row(parent)
-                    known = decoded[parent] = (before, boxed(raw_row))
-                parent, shared = known
-                path.append(shared)
-            path.reverse()
-            _room(execution.run, sink.paths, path)
+            paths.add(raw[1], row[:width])
+            _check_room(len(paths), most)
             yield row[width:keys], row[keys:]
 
 
@@ -326,9 +325,13 @@ def _located(aggregate: Any, execution: Execution) -> Callable[[], Any]:
 def _room(run: Run, results: list[Any] | None, result: Any) -> None:
     assert results is not None
     results.append(result)
-    if run.max_rows is not None and len(results) > run.max_rows:
+    _check_room(len(results), run.max_rows)
+
+
+def _check_room(number: int, most: int | None) -> None:
+    if most is not None and number > most:
         hint = "add LIMIT or MAXIMUM to the query, or raise max_rows"
-        raise ExecutionError("X010", f"the query has more than max_rows={run.max_rows} results", hints=(hint,))
+        raise ExecutionError("X010", f"the query has more than max_rows={most} results", hints=(hint,))
 
 
 def _encoded(pool: Pool, parameter: Parameter, evaluate: Callable[[Parameter], Any]) -> Any:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias
 
@@ -47,12 +47,20 @@ class Sql(str):
 
 @dataclass(slots=True)
 class Answer:
-    """What one query of a script gave: rows as the executor left them, the value that AS made of them, the engine."""
+    """What one query of a script gave: rows as the executor left them, what AS makes of them, the engine."""
 
     rows: Rows
-    value: Any
+    make: Callable[[], Any] | None
     engine: str
     status: Status = "complete"
+    made: Any = None
+
+    @property
+    def value(self) -> Any:
+        """What AS makes of the rows, made when it is first asked for."""
+        if self.make is not None:
+            self.made, self.make = self.make(), None
+        return self.made
 
 
 @dataclass(repr=False)
@@ -65,12 +73,16 @@ class Result:
     `database` or `native`. `sql` is the text that ran, `stats` what was counted (see Stats).
     """
 
-    value: Any
+    given: Any = field(repr=False)
     engine: str
     status: Status
     stats: Stats
     sql: Sql
     answer: Answer | None = field(default=None)
+
+    @property
+    def value(self) -> Any:
+        return self.given if self.answer is None else self.answer.value
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -84,7 +96,9 @@ class Result:
         """Of a search: the paths, each a list of rows; of anything else an empty list."""
         if self.answer is None or self.answer.rows.paths is None:
             return []
-        return [[_fresh_row(row) for row in path] for path in self.answer.rows.paths]
+        rows = self.answer.rows
+        assert rows.paths is not None
+        return list(rows.paths) if rows.plain else [[_fresh_row(row) for row in path] for path in rows.paths]
 
     def __iter__(self) -> Iterator[Row]:
         if self.answer is None:

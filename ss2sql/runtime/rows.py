@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from typing import Any, TypeAlias
@@ -16,19 +16,22 @@ class Rows:
 
     `rows` holds the rows of a flat query, `paths` those of a search (one list of rows per path), the other
     is None. With a GROUP BY that partitions, `groups` lists each group's value and the positions of its
-    members in `rows` or `paths`, in order of first appearance.
+    members in `rows` or `paths`, in order of first appearance. `plain` says that the rows consist of numbers,
+    strings, bools and None, so that nobody can change them.
     """
 
     columns: tuple[str, ...]
     rows: list[Row] | None = None
-    paths: list[list[Row]] | None = None
+    paths: Sequence[list[Row]] | None = None
     groups: list[tuple[Any, list[int]]] | None = None
+    plain: bool = False
 
     def clear(self) -> None:
         """Forgets all rows and paths."""
-        for found in (self.rows, self.paths):
-            if found is not None:
-                found.clear()
+        if self.rows is not None:
+            self.rows.clear()
+        if self.paths is not None:
+            self.paths = []
 
     def all_rows(self) -> Iterator[Row]:
         """The rows, or the rows of all paths."""
@@ -56,7 +59,7 @@ class Rows:
 
         rows = None if self.rows is None else [wide(row) for row in self.rows]
         paths = None if self.paths is None else [[wide(row) for row in path] for path in self.paths]
-        return Rows(tuple(names), rows, paths, self.groups)
+        return Rows(tuple(names), rows, paths, self.groups, self.plain)
 
 
 def free_name(name: str, taken: Collection[str]) -> str:

@@ -67,20 +67,20 @@ class SearchState:
     def __init__(self) -> None:
         self._reset(lambda value: value, None, True)
 
-    def begin(self, key: Callable[[Any], Hashable], most: int | None, plain: bool) -> dict[str, Any]:
+    def begin(self, key: Callable[[Any], Hashable], most: int | None, plain: bool, by_turns: bool = False) -> dict[str, Any]:
         """Starts afresh and gives what has to be handed to `end`.
 
         `key` gives equal SQL values one hashable value; rows that are `plain` need none. `most` is the number of
-        results after which the search ends.
+        results after which the search ends. `by_turns` says that steps are evaluated when they are taken.
         """
         outer = dict(self.__dict__)
-        self._reset(key, most, plain)
+        self._reset(key, most, plain, by_turns)
         return outer
 
     def end(self, outer: dict[str, Any]) -> None:
         self.__dict__.update(outer)
 
-    def _reset(self, key: Callable[[Any], Hashable], most: int | None, plain: bool) -> None:
+    def _reset(self, key: Callable[[Any], Hashable], most: int | None, plain: bool, by_turns: bool = False) -> None:
         self.key = key
         self.plain = plain
         self.asked: tuple[Any, ...] = ()  # the row that a guard was asked about, and let pass
@@ -99,6 +99,7 @@ class SearchState:
         self.way = Way(self.rows, self._key_of)
         self.kept_way = Way(self.kept, self._key_of)
         self.last_dropped = 0
+        self.by_turns = by_turns
         self.walks: list[int] = []  # the lengths of the lists that were walked
 
     def count(self, stats: Stats, counts: Counts) -> None:
@@ -121,9 +122,9 @@ class SearchState:
             return row
         return self.key(row[0]) if len(row) == 1 else tuple(map(self.key, row))
 
-    def parent_row(self, step: int) -> Kept:
-        """The parent's number and the row of a step that others come from."""
-        return self.kept[step] if self.kept else self.rows[step]
+    def kept_row(self) -> Callable[[int], Kept]:
+        """Gives of a step that others come from its parent's number and its row."""
+        return self.kept.__getitem__ if self.by_turns else self.rows.__getitem__
 
     # --- steps that are evaluated on entering ----------------------------------------------------------
 

@@ -287,7 +287,7 @@ class Session:
         engines = [compiled.engine for statement in statements for compiled in statement.queries]
         used = answer.engine if answer is not None else (engines[-1] if engines else "native")
         return Result(
-            answer.value if answer is not None else fresh(value),
+            None if answer is not None else fresh(value),
             used,
             answer.status if answer is not None else "complete",
             run.stats,

@@ -35,8 +35,8 @@ class Shapes:
             results: Sequence[Any] = rows.rows if rows.paths is None else rows.paths  # type: ignore[assignment]
             chosen = results if positions is None else [results[index] for index in positions]
             if rows.paths is None:
-                return self._shaped(form, rows.columns, chosen, arguments, named)
-            return [self._shaped(form, rows.columns, path, arguments, named) for path in chosen]
+                return self._shaped(form, rows, chosen, arguments, named)
+            return [self._shaped(form, rows, path, arguments, named) for path in chosen]
 
         if rows.groups is None:
             return whole(None)
@@ -45,12 +45,15 @@ class Shapes:
     def _shaped(
         self,
         form: plan.Representation,
-        columns: tuple[str, ...],
+        answer: Rows,
         rows: Sequence[Row],
         arguments: Sequence[Any],
         named: Mapping[str, Any],
     ) -> Any:
-        table = representations.Table(columns, [tuple(map(fresh, row)) for row in rows])
+        own = list(rows) if answer.plain else [tuple(map(fresh, row)) for row in rows]
+        table = representations.Table(answer.columns, own)
+        if not arguments and not named and self.is_built_in(form):
+            return representations.ALL[form.name](table)
         given = {name: fresh(value) for name, value in named.items()}
         try:
             return self.functions[form.name](table, *map(fresh, arguments), **given)
@@ -61,6 +64,10 @@ class Shapes:
                 raise  # it was raised inside the function, not by the call of it
             message = f"AS {form.name} cannot take these arguments: {error}"
             raise RepresentationError("V001", message, form.span, ("leave them out or correct them",)) from error
+
+    def is_built_in(self, form: plan.Representation) -> bool:
+        """Whether the representation is one of the language, not replaced by the user."""
+        return self.functions.get(form.name) is representations.ALL.get(form.name)
 
     def language_value(self, name: str, value: Any) -> Any:
         """A representation's value as scripts go on with it; what the user's own made stays the object that it is."""

@@ -51,7 +51,7 @@ class _Table:
             if not index.get_aConstraint_usable(number):
                 return False  # the table that the argument comes from stands further to the right in this plan
             index.set_aConstraintUsage_argvIndex(number, 1)
-            index.set_aConstraintUsage_omit(number, True)
+            index.set_aConstraintUsage_omit(number, True)  # SQLite ignores this behind sixteen other conditions
             index.estimatedCost = 10.0
             index.estimatedRows = 10
             index.idxStr = "each element"
@@ -73,11 +73,13 @@ class _Cursor:
     def __init__(self, module: Elements) -> None:
         self.module = module
         self.columns: Sequence[Sequence[SqlValue]] = ()
+        self.argument: SqlValue = None
         self.position = 0
         self.length = 0
 
     def Filter(self, number: int, name: str, arguments: Sequence[SqlValue]) -> None:  # noqa: N802
-        self.columns = self.module.walk(arguments[0], self.module.columns)
+        self.argument = arguments[0]
+        self.columns = self.module.walk(self.argument, self.module.columns)
         self.length = len(self.columns[0])
         self.position = 0
 
@@ -87,7 +89,7 @@ class _Cursor:
     def Column(self, number: int) -> SqlValue:  # noqa: N802
         if number < 0:
             return self.position
-        return self.columns[number][self.position] if number < len(self.columns) else None
+        return self.columns[number][self.position] if number < len(self.columns) else self.argument
 
     def Rowid(self) -> int:  # noqa: N802
         return self.position

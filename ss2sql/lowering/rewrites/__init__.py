@@ -1,22 +1,42 @@
 """Rewrites of the plan, one per file, each with a name by which `connect(disable=[...])` switches it off.
 
 A rewrite takes a query and gives one with the same rows, the same errors and the same effects. `optimise`
-applies all of them, for both executors.
+applies all of them, for both executors; what it may know of the session is in world.py. Three are about SQL
+alone, and lowering applies them (levels.py, product.py, lookup.py); the native executor always does the same in
+its way.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
+from typing import TypeAlias
 
 from ss2sql import plan
-from ss2sql.lowering.rewrites import unnest
+from ss2sql.lowering.rewrites import fold, split, unnest
+from ss2sql.lowering.rewrites.world import World
 
-REWRITES: dict[str, Callable[[plan.Query], plan.Query]] = {"unnest": unnest.rewrite}
+Rewrite: TypeAlias = Callable[[plan.Query, World], plan.Query]
 
 
-def optimise(query: plan.Query, disabled: Collection[str] = ()) -> plan.Query:
-    """The query after all rewrites that are not disabled."""
+def by_lowering(query: plan.Query, world: World) -> plan.Query:
+    """The plan stays as it is: lowering reads the switch."""
+    return query
+
+
+REWRITES: dict[str, Rewrite] = {
+    "fold": fold.rewrite,
+    "unnest": unnest.rewrite,
+    "split": split.rewrite,
+    "early": by_lowering,
+    "hoist": by_lowering,
+    "lookup": by_lowering,
+}
+
+
+def optimise(query: plan.Query, disabled: Collection[str] = (), world: World | None = None) -> plan.Query:
+    """The query after all rewrites that are not disabled, in the order of the registry."""
+    world = world or World()
     for name, rewrite in REWRITES.items():
         if name not in disabled:
-            query = rewrite(query)
+            query = rewrite(query, world)
     return query

@@ -1,132 +1,241 @@
-"""`unnest`: a nested query that only asks whether some element of a list literal passes becomes a condition.
+"""`unnest`: a nested query over a known list, which only asks something of its elements, becomes conditions.
 
     [] == (SELECT this FROM [[a.this, b.this], [b.this, c.this]] WHERE this[0] == this[1] AS list)
 
-asks the same as `a.this != b.this AND b.this != c.this`, which SQLite can ask as soon as the sources are
-bound. The four-colour map over eight countries takes 8.7 s nested and 0.03 s so. The rewrite needs
-conditions that cannot fail, because the nested query asks all of them and a conjunction stops early.
+asks the same as `a.this != b.this AND b.this != c.this`, which both executors can ask as soon as the sources
+are bound: the four-colour map over eight countries takes 8.7 s nested and 0.01 s so. The list may be a
+literal, a constant, or a variable's value; in the last case the query relies on the value, and is made anew
+when it has changed. A text for `eval` that is constant by then is read, too. The conditions must not fail,
+because the nested query asks all of them and a conjunction stops early.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Collection
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeAlias
 
 from ss2sql import plan
-from ss2sql.kinds import type_of
+from ss2sql.errors import Span
+from ss2sql.kinds import Kind, union
 from ss2sql.lowering.expressions import can_fail
-from ss2sql.runtime.builtins import BUILTINS
-from ss2sql.walk import rebuild, walk
+from ss2sql.lowering.rewrites.fold import folded
+from ss2sql.lowering.rewrites.nodes import (
+    COMPARISONS,
+    OPPOSITE,
+    all_of,
+    any_of,
+    as_bool,
+    bottom_up,
+    call,
+    constant,
+    is_true,
+    negated,
+)
+from ss2sql.lowering.rewrites.texts import read
+from ss2sql.lowering.rewrites.unroll import Row, rows_of
+from ss2sql.lowering.rewrites.world import World
+from ss2sql.walk import walk
 
-MOST_ELEMENTS = 1_000
-OPPOSITE = {"eq": "ne", "ne": "eq"}
+MIRRORED = {"eq": "eq", "ne": "ne", "lt": "gt", "le": "ge", "gt": "lt", "ge": "le"}
+MOST_COUNTED = 50  # elements that are counted one by one
+Test: TypeAlias = Callable[[plan.Expr], plan.Expr]
 
 
-def rewrite(query: plan.Query) -> plan.Query:
+def rewrite(query: plan.Query, world: World) -> plan.Query:
     """The query with every such nested query in it turned into conditions."""
-    if not any(isinstance(node, plan.Subquery) for node in walk(query)):
+    asks = any(isinstance(node, (plan.Subquery, plan.Eval)) for node in walk(query))
+    if not asks or not COMPARISONS.isdisjoint(world.replaced):
         return query
-    rewritten: plan.Query = _rewritten(query)
+    rewritten = Unnest(world).query(query)
+    if _may_change(rewritten, {*world.lists, *world.types}):
+        world.forget()
+        return Unnest(world).query(query)
     return rewritten
 
 
-def _rewritten(node: Any) -> Any:
-    node = rebuild(node, _rewritten)
-    if isinstance(node, plan.Call) and node.function.builtin and node.function.name in OPPOSITE:
-        return _emptiness(node) or node
-    return _flat(node) if isinstance(node, plan.And) else node
+def _may_change(query: plan.Query, names: Collection[str]) -> bool:
+    """Whether the query itself may change one of the variables while it runs."""
+    return bool(names) and any(
+        isinstance(node, (plan.Eval, plan.AssignLate))
+        or (isinstance(node, (plan.Assign, plan.TemporalAssign)) and node.name in names)
+        for node in walk(query)
+    )
 
 
-def _flat(node: plan.And) -> plan.And:
-    """A conjunction without conjunctions right inside."""
-    parts: list[plan.Expr] = []
-    for part in node.parts:
-        parts.extend(part.parts if isinstance(part, plan.And) else (part,))
-    return replace(node, parts=tuple(parts)) if len(parts) > len(node.parts) else node
+class Unnest:
+    """The rewrite in one world."""
 
+    def __init__(self, world: World) -> None:
+        self.world = world
 
-def _emptiness(call: plan.Call) -> plan.Expr | None:
-    """`[] == query`, `len(query) == 0` and their negations as conditions; None for anything else."""
-    for one, other in (call.arguments, call.arguments[::-1]):
-        if not isinstance(one, plan.Constant):
-            continue
-        match other:
-            case plan.Subquery(query=query) if one.value == []:
-                pass
-            case plan.Call(function=plan.Function(name="len", builtin=True), arguments=(plan.Subquery(query=query),)):
-                if one.value != 0 or type(one.value) is not int:
-                    continue
+    def query(self, query: plan.Query) -> plan.Query:
+        return bottom_up(query, self.changed)
+
+    def changed(self, node: Any) -> Any:
+        """The node, whose parts are rewritten already, rewritten."""
+        match node:
+            case plan.Call(function=plan.Function(builtin=True)):
+                known = folded(node)  # a text that was read has told more of its type
+                return self.call(known) if isinstance(known, plan.Call) else known
+            case plan.And(parts=parts) | plan.Or(parts=parts):
+                tested = tuple(map(self.tested, parts))
+                return node if _same(tested, parts) else folded(replace(node, parts=tested))
+            case plan.Not(operand=operand):
+                test = self.tested(operand)
+                return node if test is operand else folded(replace(node, operand=test))
+            case plan.If(condition=condition):
+                test = self.tested(condition)
+                return node if test is condition else folded(replace(node, condition=test))
+            case plan.Query(where=where) if where is not None:
+                test = self.tested(where)
+                return node if test is where else folded(replace(node, where=test))
+            case plan.Search(stop=stop) if stop is not None:
+                return replace(node, stop=self.tested(stop))
+            case plan.Eval():
+                return read(node, self.world) or node
             case _:
-                continue
-        conditions = _conditions(query)
-        return None if conditions is None else _joined(conditions, call)
-    return None
+                return node
 
+    def rows(self, expr: plan.Expr) -> list[Row] | None:
+        return rows_of(expr.query, self.world) if isinstance(expr, plan.Subquery) else None
 
-def _joined(conditions: list[plan.Expr], call: plan.Call) -> plan.Expr:
-    if call.function.name == "ne":
-        return conditions[0] if len(conditions) == 1 else plan.Or(tuple(conditions), span=call.span)
-    refusals = tuple(_negated(condition) for condition in conditions)
-    return refusals[0] if len(refusals) == 1 else plan.And(refusals, span=call.span)
+    def tested(self, expr: plan.Expr) -> plan.Expr:
+        """An expression of which only the truth counts: a list is true if it has elements."""
+        rows = self.rows(_counted(expr) or expr)
+        return expr if rows is None else _some(rows, expr.span)
 
+    # --- comparisons -----------------------------------------------------------------------------------
 
-def _negated(condition: plan.Expr) -> plan.Expr:
-    if isinstance(condition, plan.Call) and condition.function.builtin and condition.function.name in OPPOSITE:
-        return replace(condition, function=replace(condition.function, name=OPPOSITE[condition.function.name]))
-    return plan.Not(condition, span=condition.span)
+    def call(self, call: plan.Call) -> plan.Expr:
+        """A comparison or membership with a nested query on one side, as conditions."""
+        name = call.function.name
+        new: plan.Expr | None = None
+        if name in ("in", "not_in"):
+            new = self.membership(call)
+        elif name in MIRRORED:
+            one, other = call.arguments
+            if isinstance(other, plan.Constant):
+                new = self.comparison(name, one, other, call.span)
+            elif isinstance(one, plan.Constant):
+                new = self.comparison(MIRRORED[name], other, one, call.span)
+        return new or call
 
+    def comparison(self, name: str, value: plan.Expr, known: plan.Constant, span: Span) -> plan.Expr | None:
+        """`query == []`, `len(query) > 2`, `max(query) == 3` and their kin."""
+        if known.value == [] and name in ("eq", "ne"):
+            rows = self.rows(value)
+            return None if rows is None else _some(rows, span) if name == "ne" else _none(rows, span)
+        counted = _counted(value)
+        if counted is not None and type(known.value) is int:
+            rows = self.rows(counted)
+            width = len(counted.query.columns) if counted.query.representation.name == "list" else 1
+            return None if rows is None else self.count(name, rows, width, known.value, span)
+        match value:
+            case plan.Call(function=plan.Function(name="max" | "min" as extreme, builtin=True), arguments=(query,)):
+                return self.extreme(name, extreme, query, known, span)
+            case _:
+                return None
 
-def _conditions(query: plan.Query) -> list[plan.Expr] | None:
-    """For each element of the query's list literal the condition that it passes; None where that is not the same."""
-    shaped = query.search or query.group or query.order or query.limit or query.representation.arguments
-    if shaped or query.where is None or query.representation.name not in ("list", "rows", "dict"):
-        return None
-    items = _items(query)
-    if not items or len(items) > MOST_ELEMENTS or any(can_fail(item) for item in items):
-        return None
-    source = query.sources[0].id
-    conditions: list[plan.Expr] = []
-    for item in items:
-        parts = [_with_element(part, source, item) for part in (query.where, *(o.expr for o in query.columns))]
-        if any(part is None or can_fail(part) for part in parts):
+    def count(self, name: str, rows: list[Row], width: int, number: int, span: Span) -> plan.Expr | None:
+        """The number of rows, of `width` elements each, compared with a constant."""
+        match name:
+            case "eq" | "ne":
+                least, rest = divmod(number, width)
+                if rest or least < 0:
+                    return constant(name == "ne", span)
+                if least:
+                    return self.total(name, rows, least, span)
+                return _none(rows, span) if name == "eq" else _some(rows, span)
+            case "lt" | "ge":
+                least = -(-number // width)
+            case _:
+                least = number // width + 1
+        enough = name in ("ge", "gt")
+        if least <= 0 or least > len(rows):
+            return constant(enough is (least <= 0), span)
+        if least == 1:
+            return _some(rows, span) if enough else _none(rows, span)
+        return self.total("ge" if enough else "lt", rows, least, span)
+
+    def total(self, name: str, rows: list[Row], number: int, span: Span) -> plan.Expr | None:
+        """The number of rows that pass, as a sum, compared with a number."""
+        if len(rows) > MOST_COUNTED or "add" in self.world.replaced:
             return None
-        conditions.append(parts[0])
-    return conditions
+        one, zero = constant(1, span), constant(0, span)
+        kind = union((one.type, zero.type))
+        total: plan.Expr = zero
+        for row in rows:
+            counts = folded(plan.If(row.passes, (one,), (zero,), kind, span=span))
+            total = counts if total is zero else folded(call("add", total, counts, span=span))
+        return _bool(folded(call(name, total, constant(number, span), span=span)))
+
+    def extreme(self, name: str, extreme: str, query: plan.Expr, known: plan.Constant, span: Span) -> plan.Expr | None:
+        """The greatest or least value compared with a constant. Of no rows it is None, which has no order."""
+        rows = self.rows(query)
+        if not rows or not isinstance(query, plan.Subquery) or query.query.representation.name != "list":
+            return None
+        compared = (known, *(value for row in rows for value in row.columns))
+        if not any(all(value.type.only(kind) for value in compared) for kind in (Kind.NUMBER, Kind.STR)):
+            return None
+
+        def against(operator: str) -> Test:
+            return lambda value: folded(call(operator, value, known, span=span))
+
+        beyond = "gt" if extreme == "max" else "lt"
+        if name in ("eq", "ne"):
+            reached, exceeded = _some(rows, span, against("eq")), _some(rows, span, against(beyond))
+            equal = _bool(folded(plan.And((reached, _bool(folded(negated(exceeded)))), span=span)))
+            return equal if name == "eq" else _bool(folded(negated(equal)))
+        if not all(isinstance(row.passes, plan.Constant) and is_true(row.passes) for row in rows):
+            return None
+        if name[0] == beyond[0]:
+            return _some(rows, span, against(name))
+        return _bool(folded(negated(_some(rows, span, against(OPPOSITE[name])))))
+
+    def membership(self, test: plan.Call) -> plan.Expr | None:
+        """`x IN query`: some row passes and has x among its columns."""
+        item, query = test.arguments
+        if can_fail(item) or not isinstance(query, plan.Subquery) or query.query.representation.name != "list":
+            return None
+        rows = self.rows(query)
+        if rows is None:
+            return None
+        found = _some(rows, test.span, lambda value: folded(call("eq", item, value, span=test.span)))
+        return found if test.function.name == "in" else _bool(folded(negated(found)))
 
 
-def _items(query: plan.Query) -> tuple[plan.Expr, ...]:
-    match query.sources:
-        case (plan.ValueSource(value=plan.MakeList(items=items)),):
-            return items
+def _same(one: tuple[Any, ...], other: tuple[Any, ...]) -> bool:
+    return all(a is b for a, b in zip(one, other, strict=True))
+
+
+def _counted(expr: plan.Expr) -> plan.Subquery | None:
+    """The query whose rows a call of `len` or `count` counts."""
+    match expr:
+        case plan.Call(
+            function=plan.Function(name="len" | "count", builtin=True), arguments=(plan.Subquery() as query,)
+        ):
+            return query
         case _:
-            return ()
+            return None
 
 
-def _with_element(expr: Any, source: int, item: plan.Expr) -> Any:
-    """The expression with `item` in place of the element, and what that makes known; None where it reads columns."""
-    if any(isinstance(node, (plan.Column, plan.Subquery)) and _reads(node, source) for node in walk(expr)):
-        return None
-
-    def put(node: Any) -> Any:
-        if isinstance(node, plan.Element) and node.source == source:
-            return item
-        node = rebuild(node, put)
-        return _known(node) if isinstance(node, plan.Call) and node.function.builtin else node
-
-    return put(expr)
+def _some(rows: list[Row], span: Span, test: Test | None = None) -> plan.Expr:
+    """Whether some row passes, and a value of it passes the test."""
+    parts: list[plan.Expr] = []
+    for row in rows:
+        passed = row.passes
+        if test is not None:
+            hit = folded(any_of([test(value) for value in row.columns], span))
+            passed = folded(plan.And((passed, hit), span=span))
+        parts.append(passed)
+    return _bool(folded(any_of(parts, span)))
 
 
-def _reads(node: Any, source: int) -> bool:
-    return any(isinstance(part, (plan.Column, plan.Element)) and part.source == source for part in walk(node))
+def _none(rows: list[Row], span: Span) -> plan.Expr:
+    """Whether no row passes."""
+    return _bool(folded(all_of([negated(row.passes) for row in rows], span)))
 
 
-def _known(call: plan.Call) -> plan.Expr:
-    """The call with the type of its present arguments; an index into a list literal is the item itself."""
-    match call.function.name, call.arguments:
-        case "item", (plan.MakeList(items=items), plan.Constant(value=int(index))) if index in range(len(items)):
-            return items[index]
-        case "item", (plan.Constant(value=list(known)), plan.Constant(value=int(index))) if index in range(len(known)):
-            return plan.Constant(known[index], type_of(known[index]), span=call.span)
-    types = tuple(argument.type for argument in call.arguments)
-    entry = BUILTINS[call.function.name]
-    return replace(call, type=entry.result(types), function=replace(call.function, raises=entry.raises(types)))
+def _bool(expr: Any) -> plan.Expr:
+    return as_bool(expr) if not isinstance(expr, plan.Constant) else constant(is_true(expr), expr.span)

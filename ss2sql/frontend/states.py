@@ -1,0 +1,243 @@
+"""The types of START WITH variables: what holds in the first state and in every one that CONNECT BY makes.
+
+A type is found by trial: CONNECT BY is resolved with assumed types and has to keep within them. Numbers that
+change a little with every step are proved in drift.py. What has been proved is then narrowed: a state is the
+first one, or was made by a step that STOP WITH has let pass.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, TypeAlias
+
+from ss2sql import plan
+from ss2sql.frontend import ast
+from ss2sql.frontend.drift import NUMBER, Slot, is_slot, reach, slots_of, with_slots
+from ss2sql.frontend.scope import Scope
+from ss2sql.frontend.sources import open_sources
+from ss2sql.kinds import ANY, NOTHING, Kind, Type, covers, list_of, union, without_bounds
+from ss2sql.runtime.operator_types import INTEGER
+from ss2sql.walk import is_volatile, states_read
+
+if TYPE_CHECKING:
+    from ss2sql.frontend.resolve import Resolver
+
+Types: TypeAlias = Mapping[str, Type]
+
+# A round resolves FROM and CONNECT BY once more, and in nested queries the rounds multiply.
+_ROUNDS = {1: 6, 2: 3}
+
+
+def settle_states(resolver: Resolver, tree: ast.Query, scope: Scope, start: Mapping[str, plan.Expr]) -> None:
+    """Gives the START WITH variables in `scope` the types that they keep throughout the search."""
+    first = {name: value.type for name, value in start.items()}
+    if scope.depth not in _ROUNDS:
+        scope.states.update(dict.fromkeys(first, ANY))
+        return
+    types, bounds = _proved(resolver, tree, scope, first)
+    scope.states.update(_narrowed(resolver, tree, scope, first, types))
+    for slot, bound in bounds:
+        # Only where the narrowing kept the shape of the variable.
+        narrowed = scope.states[slot.name]
+        part = slot.part(narrowed)
+        if part is not None:
+            scope.states[slot.name] = with_slots(narrowed, [(slot, _within(part, bound.low, bound.high))])
+
+
+# --- trials --------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class _Trial:
+    """CONNECT BY as it is where the variables have the types in `scope`."""
+
+    scope: Scope
+    connect: tuple[tuple[str, plan.Expr], ...]
+
+    def following(self, name: str) -> list[plan.Expr]:
+        """What is assigned to a variable."""
+        return [value for assigned, value in self.connect if assigned == name]
+
+
+@contextmanager
+def _on_trial(resolver: Resolver) -> Iterator[None]:
+    """Keeps nothing of what is resolved: neither errors, nor names, nor numbers of sources."""
+    errors = len(resolver.errors)
+    kept = (dict(resolver.parameters), dict(resolver.tables), resolver.tentative, resolver.numbers)
+    yield
+    del resolver.errors[errors:]
+    resolver.parameters, resolver.tables, resolver.tentative, resolver.numbers = kept
+
+
+def _try(resolver: Resolver, tree: ast.Query, scope: Scope, types: Types) -> _Trial:
+    trial = scope.copy()
+    trial.states.update(types)
+    with _on_trial(resolver):
+        open_sources(resolver, tree, trial)
+        connect = tuple((a.name, resolver.guarded(resolver.expression, a.value, trial)) for a in tree.connect)
+    return _Trial(trial, connect)
+
+
+# --- proving -------------------------------------------------------------------------------------------
+
+
+def _proved(
+    resolver: Resolver, tree: ast.Query, scope: Scope, first: Types
+) -> tuple[dict[str, Type], list[tuple[Slot, Type]]]:
+    """Types that CONNECT BY keeps within, and closer bounds for numbers.
+
+    A type that grows loses its bounds first; what is still moving after the last round is taken as unknown.
+    """
+    assigned = [assign.name for assign in tree.connect]
+    slots = [s for name, kind in first.items() if assigned.count(name) == 1 for s in slots_of(scope.query, name, kind)]
+    types = dict(first)
+    for _ in range(_ROUNDS[scope.depth]):
+        assumed = {name: with_slots(kind, _assumed(slots, name)) for name, kind in types.items()}
+        trial = _try(resolver, tree, scope, assumed)
+        kept, bounds = _followed(slots, first, trial)
+        settled = kept == slots
+        for name, kind in assumed.items():
+            for value in trial.following(name):
+                # The numbers in slots have a proof of their own.
+                grown = with_slots(value.type, _assumed(slots, name))
+                if not covers(kind, grown):
+                    types[name] = without_bounds(union((types[name], value.type)))
+                    settled = False
+        if settled:
+            return assumed, bounds
+        slots = [slot for slot in kept if slot.part(types[slot.name]) is not None]
+    return dict.fromkeys(first, ANY), []
+
+
+def _assumed(slots: Sequence[Slot], name: str) -> list[tuple[Slot, Type]]:
+    return [(slot, slot.assumed) for slot in slots if slot.name == name]
+
+
+def _followed(slots: Sequence[Slot], first: Types, trial: _Trial) -> tuple[list[Slot], list[tuple[Slot, Type]]]:
+    """The numbers that stay numbers, with all kinds that they take; of those that a proof bounds, the types."""
+    kept: list[Slot] = []
+    bounds: list[tuple[Slot, Type]] = []
+    for slot in slots:
+        (value,) = trial.following(slot.name)
+        before, after = slot.part(first[slot.name]), slot.part(value.type)
+        if before is None or after is None:
+            continue
+        if not after.only(slot.kinds):
+            kept.append(replace(slot, kinds=slot.kinds | after.kinds))
+        elif (bound := reach(slot, before, value)) is not None:
+            kept.append(slot)
+            bounds.append((slot, bound))
+    return kept, bounds
+
+
+# --- narrowing -----------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class _Fact:
+    """`left sign right` holds in every step that goes on; the sign is that of an order."""
+
+    sign: str
+    left: plan.Expr
+    right: plan.Expr
+
+
+def _narrowed(resolver: Resolver, tree: ast.Query, scope: Scope, first: Types, types: Types) -> dict[str, Type]:
+    """The types of the states that there are: of the first one, and of those that follow a step that goes on."""
+    trial = _try(resolver, tree, scope, types)
+    facts: list[_Fact] = []
+    if tree.stop is not None:
+        with _on_trial(resolver):
+            facts = list(_facts(resolver.guarded(resolver.expression, tree.stop, trial.scope), False))
+    before = {name: _clamped_state(scope.query, name, kind, facts) for name, kind in types.items()}
+    closer = trial if before == dict(types) else _try(resolver, tree, scope, before)
+    found = dict(first)
+    assigned: set[str] = set()
+    for (name, value), (_, close) in zip(trial.connect, closer.connect, strict=True):
+        # The facts are about the state before the step; an earlier assignment has changed what a name means.
+        changed = any(read == (scope.query, other) for read in states_read(value) for other in assigned)
+        kind = value.type if changed else _meet(_clamped(value, facts), close.type)
+        found[name] = union((found.get(name, NOTHING), kind))
+        assigned.add(name)
+    return {name: found[name] for name in first}  # an unknown name is an error elsewhere
+
+
+_OPPOSITE = {"lt": "ge", "le": "gt", "gt": "le", "ge": "lt"}
+_MIRRORED = {"lt": "gt", "le": "ge", "gt": "lt", "ge": "le"}
+
+
+def _facts(condition: plan.Expr, truth: bool) -> Iterator[_Fact]:
+    """The comparisons that hold where the condition has this truth."""
+    match condition:
+        case plan.Not(operand=operand):
+            yield from _facts(operand, not truth)
+        case plan.Or(parts=parts) if not truth:
+            for part in parts:
+                yield from _facts(part, False)
+        case plan.And(parts=parts) if truth:
+            for part in parts:
+                yield from _facts(part, True)
+        case plan.Call(function=plan.Function(name=name, builtin=True), arguments=(left, right)) if name in _OPPOSITE:
+            sign = name if truth else _OPPOSITE[name]
+            yield _Fact(sign, left, right)
+            yield _Fact(_MIRRORED[sign], right, left)
+
+
+def _clamped(value: plan.Expr, facts: Sequence[_Fact]) -> Type:
+    """The type of a value that CONNECT BY computes, with what the facts say of the same expression."""
+    if is_volatile(value):
+        return value.type
+    if isinstance(value, plan.MakeList) and value.type.positions is not None:
+        return list_of([_clamped(item, facts) for item in value.items])
+    kind = value.type
+    for fact in facts:
+        if fact.left == value:
+            kind = _compared(kind, fact.sign, fact.right.type)
+    return kind
+
+
+def _clamped_state(query: int, name: str, kind: Type, facts: Sequence[_Fact]) -> Type:
+    """The type of a variable in the steps that go on."""
+    for slot in slots_of(query, name, kind):
+        for fact in facts:
+            if is_slot(fact.left, slot):
+                part = slot.part(kind)
+                assert part is not None
+                kind = with_slots(kind, [(slot, _compared(part, fact.sign, fact.right.type))])
+    return kind
+
+
+def _compared(kind: Type, sign: str, other: Type) -> Type:
+    """The values of a type that have this order to one of the other type."""
+    whole = kind.only(INTEGER)
+    match sign:
+        case "ge":
+            return _within(kind, other.low, None)
+        case "gt":
+            return _within(kind, math.floor(other.low) + 1 if whole and other.low is not None else other.low, None)
+        case "le":
+            return _within(kind, None, other.high)
+        case _:
+            return _within(kind, None, math.ceil(other.high) - 1 if whole and other.high is not None else other.high)
+
+
+def _within(kind: Type, low: float | None, high: float | None) -> Type:
+    """The numbers of a type between two bounds; its other values stay."""
+    if not kind.may(Kind.NUMBER):
+        return kind
+    lows = [bound for bound in (kind.low, low) if bound is not None]
+    highs = [bound for bound in (kind.high, high) if bound is not None]
+    closer = replace(kind, low=max(lows, default=None), high=min(highs, default=None))
+    if closer.low is not None and closer.high is not None and closer.low > closer.high:
+        return NOTHING if kind.only(Kind.NUMBER) else kind
+    return closer
+
+
+def _meet(a: Type, b: Type) -> Type:
+    """The closer bounds of two types of the same values, those of short lists one by one."""
+    if a.positions is not None and b.positions is not None:
+        return list_of([_meet(one, other) for one, other in zip(a.positions, b.positions, strict=True)])
+    return _within(a, b.low, b.high) if a.only(NUMBER) and b.only(NUMBER) else a

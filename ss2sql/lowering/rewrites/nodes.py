@@ -1,0 +1,101 @@
+"""Going through a plan and making new nodes: what the rewrites share.
+
+A rewrite makes calls of built-in operators. Where the user has replaced one, its name belongs to the user's
+function, so none is made then.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, TypeVar
+
+from ss2sql import plan
+from ss2sql.errors import Span
+from ss2sql.kinds import BOOL, Kind, type_of
+from ss2sql.lowering.expressions import is_flag
+from ss2sql.runtime.builtins import BUILTINS
+from ss2sql.runtime.values import truth
+from ss2sql.walk import rebuild
+
+Node = TypeVar("Node")
+
+OPPOSITE = {"eq": "ne", "ne": "eq", "in": "not_in", "not_in": "in", "lt": "ge", "ge": "lt", "gt": "le", "le": "gt"}
+COMPARISONS = frozenset(OPPOSITE)
+
+
+def bottom_up(node: Node, change: Callable[[Any], Any]) -> Node:
+    """The node with `change` applied to every node below it, innermost first, and then to itself.
+
+    Columns and group values keep to a type that is bool alone, or is not: those who read them go by their type,
+    and a bool travels in another form through SQL.
+    """
+    new: Any = rebuild(node, lambda part: bottom_up(part, change))
+    match node, new:
+        case plan.Output(expr=before), plan.Output(expr=after) if is_flag(before.type) != is_flag(after.type):
+            new = replace(new, expr=before)
+        case plan.Query(group=before_all), plan.Query(group=after_all) if any(
+            is_flag(one.type) != is_flag(other.type) for one, other in zip(before_all, after_all, strict=True)
+        ):
+            new = replace(new, group=before_all)
+    changed: Node = change(new)
+    return changed
+
+
+def constant(value: Any, span: Span) -> plan.Constant:
+    return plan.Constant(value, type_of(value), span=span)
+
+
+def is_true(node: plan.Constant) -> bool:
+    return truth(node.value)
+
+
+def as_bool(expr: plan.Expr) -> plan.Expr:
+    """The truth of an expression as a bool."""
+    if expr.type.only(Kind.BOOL):
+        return expr
+    return plan.Not(plan.Not(expr, BOOL, span=expr.span), BOOL, span=expr.span)
+
+
+def all_of(parts: list[plan.Expr], span: Span) -> plan.Expr:
+    """The conjunction of expressions; of none: True."""
+    if not parts:
+        return constant(True, span)
+    return as_bool(parts[0]) if len(parts) == 1 else plan.And(tuple(parts), span=span)
+
+
+def any_of(parts: list[plan.Expr], span: Span) -> plan.Expr:
+    """The disjunction of expressions; of none: False."""
+    if not parts:
+        return constant(False, span)
+    return as_bool(parts[0]) if len(parts) == 1 else plan.Or(tuple(parts), span=span)
+
+
+def call(name: str, *arguments: plan.Expr, span: Span) -> plan.Call:
+    """A call of a built-in function."""
+    entry = BUILTINS[name]
+    types = tuple(argument.type for argument in arguments)
+    function = plan.Function(
+        name, entry.minimum, entry.maximum, entry.volatility, raises=entry.raises(types), reason="built in"
+    )
+    return plan.Call(function, arguments, entry.result(types), span=span, place=span)
+
+
+def negated(expr: plan.Expr) -> plan.Expr:
+    """An expression that is true where the other is false; whatever fails in the one fails in the other.
+
+    The caller makes sure that the comparisons are not replaced.
+    """
+    match expr:
+        case plan.Constant():
+            return constant(not is_true(expr), expr.span)
+        case plan.Not(operand=operand):
+            return operand
+        case plan.And(parts=parts):
+            return plan.Or(tuple(map(negated, parts)), span=expr.span)
+        case plan.Or(parts=parts):
+            return plan.And(tuple(map(negated, parts)), span=expr.span)
+        case plan.Call(function=function) if function.builtin and function.name in OPPOSITE and not function.raises:
+            return replace(expr, function=replace(function, name=OPPOSITE[function.name]))
+        case _:
+            return plan.Not(expr, span=expr.span)

@@ -1,0 +1,172 @@
+"""`split`: WHERE, STOP WITH and every other condition as flat conjunctions and disjunctions of simple parts.
+
+    WHERE NOT (a.this == b.this OR a.this == c.this)    becomes    a.this != b.this AND a.this != c.this
+
+so that later stages see parts: each is asked as soon as its sources are bound, looked up, or compared with a
+part of another clause. Parts keep their order. A part that stands there a second time goes, for it was true
+(in a conjunction) or false when it was asked first; so does a part that every branch of OR begins with, of
+which only the first is kept. Comparisons of one value with several constants become IN.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from ss2sql import plan
+from ss2sql.kinds import Kind, Type
+from ss2sql.lowering.expressions import can_fail
+from ss2sql.lowering.rewrites.nodes import COMPARISONS, all_of, any_of, as_bool, bottom_up, call, constant, negated
+from ss2sql.lowering.rewrites.world import World, is_plain
+from ss2sql.walk import is_volatile
+
+FEWEST = 3  # comparisons that are worth an IN
+
+
+def rewrite(query: plan.Query, world: World) -> plan.Query:
+    """The query with all conditions in it split."""
+    return query if not COMPARISONS.isdisjoint(world.replaced) else bottom_up(query, _changed)
+
+
+def _changed(node: Any) -> Any:
+    match node:
+        case plan.And() | plan.Or():
+            return _connected(node)
+        case plan.Not(operand=operand):
+            return _not(node, operand)
+        case plan.If(condition=condition):
+            return _with(node, "condition", condition)
+        case plan.Query(where=where, having=having):
+            node = node if where is None else _with(node, "where", where)
+            return node if having is None else _with(node, "having", having)
+        case plan.Search(stop=stop) if stop is not None:
+            return _with(node, "stop", stop)
+        case _:
+            return node
+
+
+def _with(node: Any, name: str, condition: plan.Expr) -> Any:
+    bare = _bare(condition)
+    return node if bare is condition else replace(node, **{name: bare})
+
+
+def _bare(expr: plan.Expr) -> plan.Expr:
+    """The expression of whose value only the truth counts, without what only makes a bool of it."""
+    while isinstance(expr, plan.Not) and isinstance(expr.operand, plan.Not):
+        expr = expr.operand.operand
+    return expr
+
+
+def _not(node: plan.Not, operand: plan.Expr) -> plan.Expr:
+    turned: plan.Expr
+    match operand:
+        case plan.Not(operand=inner):
+            return inner if inner.type.only(Kind.BOOL) else node
+        case plan.And() | plan.Or():
+            turned = _connected(negated(operand))
+            return turned
+        case plan.Call():
+            turned = negated(operand)
+            return node if isinstance(turned, plan.Not) else turned
+        case _:
+            return node
+
+
+def _connected(node: Any) -> Any:
+    """A conjunction or disjunction, whose parts are split already."""
+    if not isinstance(node, (plan.And, plan.Or)):
+        return node
+    steady = not is_volatile(node)  # else a part may be another one when it is asked again
+    parts: list[plan.Expr] = []
+    for part in map(_bare, node.parts):
+        for one in part.parts if type(part) is type(node) else (part,):
+            if one not in parts or not steady:
+                parts.append(one)
+    parts = _memberships(parts, isinstance(node, plan.Or))
+    if len(parts) == 1:
+        return as_bool(parts[0])
+    if isinstance(node, plan.Or) and steady:
+        common = _common(parts)
+        if common:
+            return _factored(parts, common, node)
+    same = len(parts) == len(node.parts) and all(a is b for a, b in zip(parts, node.parts, strict=True))
+    return node if same else replace(node, parts=tuple(parts))
+
+
+def _common(parts: list[plan.Expr]) -> int:
+    """How many parts all branches of a disjunction begin with."""
+    branches = [_branch(part) for part in parts]
+    shortest = min(map(len, branches))
+    number = 0
+    while number < shortest and all(branch[number] == branches[0][number] for branch in branches):
+        number += 1
+    return number
+
+
+def _branch(expr: plan.Expr) -> tuple[plan.Expr, ...]:
+    return expr.parts if isinstance(expr, plan.And) else (expr,)
+
+
+def _factored(parts: list[plan.Expr], common: int, node: plan.Or) -> plan.Expr:
+    """`(a AND b) OR (a AND c)` as `a AND (b OR c)`; a branch that is `a` alone makes the rest of no account."""
+    first = list(_branch(parts[0])[:common])
+    rests = [list(_branch(part)[common:]) for part in parts]
+    kept: list[plan.Expr] = []
+    for rest in rests:
+        if not rest:
+            break
+        kept.append(all_of(rest, node.span) if len(rest) > 1 else rest[0])
+    else:
+        first.append(any_of(kept, node.span))
+        return all_of(first, node.span)
+    if any(map(can_fail, kept)):
+        return node  # what may fail is asked before the branch that decides
+    return all_of(first, node.span)
+
+
+def _memberships(parts: list[plan.Expr], is_or: bool) -> list[plan.Expr]:
+    """`x == 1 OR x == 2 OR x == 3` as `x IN [1, 2, 3]`, and `!=` in a conjunction as NOT IN; the rest as it is."""
+    result: list[plan.Expr] = []
+    run: list[plan.Expr] = []
+    values: list[Any] = []
+    item: plan.Expr | None = None
+
+    def close() -> None:
+        if item is not None and len(run) >= FEWEST:
+            span = run[0].span
+            known = constant(list(values), span)
+            result.append(call("in" if is_or else "not_in", item, known, span=span))
+        else:
+            result.extend(run)
+        run.clear()
+        values.clear()
+
+    for part in parts:
+        found = _compared(part, "eq" if is_or else "ne")
+        if found is None or (run and found[0] != item):
+            close()
+        if found is None:
+            result.append(part)
+            continue
+        item = found[0]
+        run.append(part)
+        values.append(found[1])
+    close()
+    return result
+
+
+def _compared(expr: plan.Expr, operator: str) -> tuple[plan.Expr, Any] | None:
+    """What a comparison compares with which constant."""
+    match expr:
+        case plan.Call(function=plan.Function(name=name, builtin=True), arguments=(one, other)) if name == operator:
+            for item, known in ((one, other), (other, one)):
+                if isinstance(known, plan.Constant) and is_plain(known.value) and not can_fail(item):
+                    return (item, known.value) if _are_alike(item.type, known.type) else None
+    return None
+
+
+def _are_alike(item: Type, known: Type) -> bool:
+    """Whether IN compares them no slower than == does: of one class for SQLite, or not of one anyway."""
+    classes = (Kind.INT | Kind.FLOAT, Kind.STR)
+    plain = any(item.only(kind | Kind.NONE) for kind in classes)
+    return not plain or any(item.only(kind) and known.only(kind) for kind in classes)

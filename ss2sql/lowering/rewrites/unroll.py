@@ -1,0 +1,98 @@
+"""Nested queries over a list whose elements are known: what each element comes to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from ss2sql import plan
+from ss2sql.lowering.expressions import can_fail
+from ss2sql.lowering.rewrites.fold import folded
+from ss2sql.lowering.rewrites.nodes import constant
+from ss2sql.lowering.rewrites.texts import read
+from ss2sql.lowering.rewrites.world import MOST_ELEMENTS, World, is_plain
+from ss2sql.walk import rebuild, sources_read, states_read, walk
+
+MOST_NODES = 20_000  # of the conditions and columns of all elements together
+LISTS = ("list", "rows", "dict")
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """What one element of the list comes to: the condition that it passes, and the columns that it gives."""
+
+    passes: plan.Expr
+    columns: tuple[plan.Expr, ...]
+
+
+def rows_of(query: plan.Query, world: World) -> list[Row] | None:
+    """A row for each element of a nested query's list; None where the query cannot be taken apart unnoticed.
+
+    All elements and what is made of them must not fail: the query evaluates all, and what its rows are used
+    for may stop early. A query that mentions nothing of the queries around it is left alone, for it is
+    evaluated once.
+    """
+    if not _is_plain_query(query) or not isinstance(query.sources[0], plan.ValueSource):
+        return None
+    source = query.sources[0]
+    if not _is_correlated(query):
+        return None
+    items = _items(source.value, world)
+    parts = [query.where or constant(True, query.span), *(output.expr for output in query.columns)]
+    if items is None or len(items) * sum(1 for part in parts for _ in walk(part)) > MOST_NODES:
+        return None
+    rows: list[Row] = []
+    for item in items:
+        passes, *columns = (with_element(part, source.id, item, world) for part in parts)
+        if any(part is None or can_fail(part) for part in (item, passes, *columns)):
+            return None
+        rows.append(Row(passes, tuple(columns)))
+    return rows
+
+
+def _is_plain_query(query: plan.Query) -> bool:
+    """Whether the query gives a list of the rows that pass its WHERE, in the order of its one source."""
+    shaped = query.search or query.group or query.limit or query.representation.arguments or query.representation.named
+    keys = any(can_fail(key.expr) for key in query.order)
+    labelled = any(output.label is not None or output.star for output in query.columns)
+    alone = len(query.sources) == 1
+    return alone and not (shaped or keys or labelled) and query.representation.name in LISTS
+
+
+def _is_correlated(query: plan.Query) -> bool:
+    """Whether the query reads anything of the queries around it, or texts that may."""
+    if any(isinstance(node, plan.Eval) for node in walk(query)):
+        return True
+    return bool(sources_read(query) - {query.sources[0].id} or states_read(query))
+
+
+def _items(value: plan.Expr, world: World) -> list[plan.Expr] | None:
+    """The elements of a list literal, or of a variable's value, as expressions."""
+    match value:
+        case plan.MakeList(items=items):
+            known: list[plan.Expr] | None = list(items)
+        case plan.Constant(value=list(values)) if is_plain(values):
+            known = [constant(element, value.span) for element in values]
+        case plan.Variable(name=name):
+            given = world.list_of(name)
+            known = None if given is None else [constant(element, value.span) for element in given]
+        case _:
+            return None
+    return known if known is not None and len(known) <= MOST_ELEMENTS else None
+
+
+def with_element(expr: Any, source: int, item: plan.Expr, world: World) -> Any:
+    """The expression with `item` in place of the element, and what that makes known; None where it reads columns."""
+    if any(isinstance(node, (plan.Column, plan.Subquery)) and source in sources_read(node) for node in walk(expr)):
+        return None
+
+    def put(node: Any) -> Any:
+        if isinstance(node, plan.Element) and node.source == source:
+            return item
+        node = folded(rebuild(node, put))
+        if isinstance(node, plan.Eval):
+            meaning = read(node, world)
+            return node if meaning is None else put(meaning)
+        return node
+
+    return put(expr)

@@ -1,0 +1,86 @@
+"""What rewrites may ask of the session: values of script variables, and the meaning of texts for `eval`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, field
+from marshal import dumps
+from types import NoneType
+from typing import Any
+
+from ss2sql import plan
+from ss2sql.errors import Error
+from ss2sql.kinds import Type, covers, type_of
+
+MOST_ELEMENTS = 1_000
+_PLAIN = frozenset({NoneType, bool, int, float, str})
+
+
+def _unknown(name: str) -> Any:
+    raise KeyError(name)
+
+
+@dataclass(slots=True)
+class World:
+    """The session while one query is rewritten, and what the rewritten query relies on.
+
+    `variable` gives the value that a script variable has, or will have, when the query runs, and raises
+    KeyError or an Error where that is not known. `read` resolves a text in the scope of an `eval`, to None
+    where that fails. `replaced` are the names of functions of the user.
+
+    `lists` are the fingerprints of the variables whose values were asked for, `types` the types of those that
+    texts mention. A query that relies on something that no longer holds is made anew.
+    """
+
+    variable: Callable[[str], Any] = _unknown
+    read: Callable[[str, Any], plan.Expr | None] = lambda text, scope: None
+    replaced: Collection[str] = ()
+    fixed: bool = True
+    lists: dict[str, bytes | None] = field(default_factory=dict)
+    types: dict[str, Type] = field(default_factory=dict)
+
+    def list_of(self, name: str) -> list[Any] | None:
+        """The value of a variable if it is a short list of plain values; the query then relies on it."""
+        if not self.fixed:
+            return None
+        value = _value(self.variable, name)
+        known = self.lists[name] = fingerprint(value)
+        return None if known is None else list(value)
+
+    def forget(self) -> None:
+        """Relies on nothing any more: the query changes its variables itself."""
+        self.fixed = False
+        self.lists.clear()
+        self.types.clear()
+
+    def holds(self, variable: Callable[[str], Any]) -> bool:
+        """Whether all that the query relies on is so, with the values that `variable` gives."""
+        for name, known in self.lists.items():
+            if fingerprint(_value(variable, name)) != known:
+                return False
+        for name, kind in self.types.items():
+            try:
+                if not covers(kind, type_of(variable(name))):
+                    return False
+            except (Error, KeyError):
+                return False
+        return True
+
+
+def _value(variable: Callable[[str], Any], name: str) -> Any:
+    try:
+        return variable(name)
+    except (Error, KeyError):
+        return None
+
+
+def fingerprint(value: Any) -> bytes | None:
+    """What tells a short list of plain values from all others, 1 from 1.0 and True too; None for any other value."""
+    if type(value) is not list or len(value) > MOST_ELEMENTS or not is_plain(value):
+        return None
+    return dumps(value, 2)
+
+
+def is_plain(value: Any) -> bool:
+    """Whether the value is None, a bool, a number, a string, or a list of such values."""
+    return type(value) in _PLAIN or (type(value) is list and all(map(is_plain, value)))
