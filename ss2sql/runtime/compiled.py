@@ -20,7 +20,7 @@ from ss2sql.runtime.paths import Paths
 from ss2sql.runtime.result import Answer, Result, Sql, Status
 from ss2sql.runtime.rows import Rows
 from ss2sql.runtime.run import Run
-from ss2sql.runtime.shaping import with_stars
+from ss2sql.runtime.shaping import PATH_FORMS, with_stars
 from ss2sql.runtime.values import freeze, sort_rows
 from ss2sql.walk import walk
 
@@ -110,7 +110,7 @@ class CompiledQuery:
         status: Status = "maximum" if self._ended_by_maximum(run, rows) else "complete"
         make = partial(shapes.represent, form, rows, arguments, named)
         answer = run.answer = Answer(rows, make, self.engine, status)
-        if not (shapes.is_built_in(form) and rows.plain and rows.paths is not None):
+        if not (shapes.is_built_in(form) and form.name in PATH_FORMS and rows.plain and rows.paths is not None):
             answer.value  # noqa: B018 - it may fail, which has to be now
         return answer
 

@@ -7,7 +7,7 @@ query stacks a new one on top.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import islice
 from typing import Any, cast
@@ -264,6 +264,12 @@ class Database:
         cursor = self.connection.cursor()
         try:
             cursor.execute(lowered.text, values)
+            if _has_ends_only(lowered):
+                # The paths are made of what SQLite gives as it is.
+                sink.paths = paths = Paths(self.search.kept_row(), tuple)
+                rows = islice(cursor, most)
+                paths.extend(rows if execution.run.max_rows is None else _within(rows, execution.run.max_rows))
+                return [((), ())] * len(paths)
             return list(islice(self._results(lowered, execution, cursor, sink), most))
         finally:
             cursor.close(True)  # else an error that somebody keeps would keep the statement open, and the file locked
@@ -293,15 +299,8 @@ class Database:
                 _room(execution.run, sink.rows, row[:width])
                 yield row[width:keys], row[keys:]
             return
-        boxed: Callable[[Row], Row] = tuple if lowered.plain_rows else _decoder(pool, [Shown(False)] * width)
-        paths = sink.paths = Paths(self.search.kept_row(), boxed)
+        paths = sink.paths = Paths(self.search.kept_row(), _decoder(pool, [Shown(False)] * width))
         most = execution.run.max_rows
-        if lowered.plain_rows and len(shown) == width:
-            for raw in cursor:
-                paths.add(raw[1], raw[2:])
-                _check_room(len(paths), most)
-                yield ((), ())
-            return
         for raw in cursor:
             row = decode(raw[2:])
             paths.add(raw[1], row[:width])
@@ -326,6 +325,18 @@ def _room(run: Run, results: list[Any] | None, result: Any) -> None:
     assert results is not None
     results.append(result)
     _check_room(len(results), run.max_rows)
+
+
+def _has_ends_only(lowered: SqlQuery) -> bool:
+    """Whether the statement gives nothing but the last rows of paths, in values that need no decoding."""
+    return lowered.query.search is not None and lowered.plain_rows and not lowered.keys and not lowered.orders
+
+
+def _within(rows: Iterable[Row], most: int) -> Iterator[Row]:
+    """The rows; raises ExecutionError X010 at the first one beyond `most`."""
+    for number, row in enumerate(rows, 1):
+        _check_room(number, most)
+        yield row
 
 
 def _check_room(number: int, most: int | None) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TypeAlias, overload
 
 from ss2sql.runtime.rows import Row
@@ -30,6 +30,10 @@ class Paths(Sequence[list[Row]]):
     def add(self, parent: int, row: Row) -> None:
         """One more result."""
         self._ends.append((parent, row))
+
+    def extend(self, results: Iterable[Row]) -> None:
+        """More results, as a search gives them: the number of the step, its parent's, and the row."""
+        self._ends.extend((raw[1], raw[2:]) for raw in results)
 
     def chosen(self, positions: Sequence[int]) -> Paths:
         """The paths at these positions."""

@@ -11,6 +11,7 @@ from ss2sql.runtime import representations
 from ss2sql.runtime.rows import Row, Rows
 from ss2sql.runtime.values import Opaque, fresh, normalise
 
+PATH_FORMS = frozenset({"dict", "list", "rows", "value"})  # of plain rows they cannot fail
 PLAIN = (bool, int, float, str, list, dict, type(None))
 
 
@@ -36,6 +37,9 @@ class Shapes:
             chosen = results if positions is None else [results[index] for index in positions]
             if rows.paths is None:
                 return self._shaped(form, rows, chosen, arguments, named)
+            if rows.plain and not arguments and not named and self.is_built_in(form) and form.name in PATH_FORMS:
+                represent, columns = representations.ALL[form.name], rows.columns
+                return [represent(representations.Table(columns, path)) for path in chosen]
             return [self._shaped(form, rows, path, arguments, named) for path in chosen]
 
         if rows.groups is None:
@@ -52,8 +56,6 @@ class Shapes:
     ) -> Any:
         own = list(rows) if answer.plain else [tuple(map(fresh, row)) for row in rows]
         table = representations.Table(answer.columns, own)
-        if not arguments and not named and self.is_built_in(form):
-            return representations.ALL[form.name](table)
         given = {name: fresh(value) for name, value in named.items()}
         try:
             return self.functions[form.name](table, *map(fresh, arguments), **given)
