@@ -37,14 +37,11 @@ def settle_states(resolver: Resolver, tree: ast.Query, scope: Scope, start: Mapp
     if scope.depth not in _ROUNDS:
         scope.states.update(dict.fromkeys(first, ANY))
         return
-    types, bounds = _proved(resolver, tree, scope, first)
-    scope.states.update(_narrowed(resolver, tree, scope, first, types))
-    for slot, bound in bounds:
-        # Only where the narrowing kept the shape of the variable.
-        narrowed = scope.states[slot.name]
-        part = slot.part(narrowed)
-        if part is not None:
-            scope.states[slot.name] = with_slots(narrowed, [(slot, _within(part, bound.low, bound.high))])
+    types = _proved(resolver, tree, scope, first)
+    for _ in range(min(len(first), 2)):  # twice, for a variable may take the value of another
+        closer = _narrowed(resolver, tree, scope, first, types)
+        types = {name: _meet(closer[name], kind) for name, kind in types.items()}
+    scope.states.update(types)
 
 
 # --- trials --------------------------------------------------------------------------------------------
@@ -84,10 +81,8 @@ def _try(resolver: Resolver, tree: ast.Query, scope: Scope, types: Types) -> _Tr
 # --- proving -------------------------------------------------------------------------------------------
 
 
-def _proved(
-    resolver: Resolver, tree: ast.Query, scope: Scope, first: Types
-) -> tuple[dict[str, Type], list[tuple[Slot, Type]]]:
-    """Types that CONNECT BY keeps within, and closer bounds for numbers.
+def _proved(resolver: Resolver, tree: ast.Query, scope: Scope, first: Types) -> dict[str, Type]:
+    """Types that CONNECT BY keeps within.
 
     A type that grows loses its bounds first; what is still moving after the last round is taken as unknown.
     """
@@ -107,9 +102,9 @@ def _proved(
                     types[name] = without_bounds(union((types[name], value.type)))
                     settled = False
         if settled:
-            return assumed, bounds
+            return {name: with_slots(kind, [b for b in bounds if b[0].name == name]) for name, kind in assumed.items()}
         slots = [slot for slot in kept if slot.part(types[slot.name]) is not None]
-    return dict.fromkeys(first, ANY), []
+    return dict.fromkeys(first, ANY)
 
 
 def _assumed(slots: Sequence[Slot], name: str) -> list[tuple[Slot, Type]]:
@@ -238,6 +233,6 @@ def _within(kind: Type, low: float | None, high: float | None) -> Type:
 
 def _meet(a: Type, b: Type) -> Type:
     """The closer bounds of two types of the same values, those of short lists one by one."""
-    if a.positions is not None and b.positions is not None:
+    if a.positions is not None and b.positions is not None and len(a.positions) == len(b.positions):
         return list_of([_meet(one, other) for one, other in zip(a.positions, b.positions, strict=True)])
     return _within(a, b.low, b.high) if a.only(NUMBER) and b.only(NUMBER) else a

@@ -169,6 +169,12 @@ class EnteringStep:
         # Depth first, a row is marked when its step is taken.
         number = "enter" if guard.number == "enter_first" and self.of.depth is not None else guard.number
         rank = [self.of.ranked(self.total())] if self.best else []
+        if self.of.all_results:
+            entered = sql.call("next_number")
+            return sql.call("in_turn", *positions, entered) if positions else entered
+        if self.of.all_results:
+            entered = sql.call("next_number")
+            return sql.call("in_turn", *positions, entered) if positions else entered
         # The guard that was asked last knows the row: `enter_first` and `enter_best` take it from there.
         row = self.row() if number == "enter" else []
         entered = sql.call(number, self.parent.copy(), *rank, *row)

@@ -12,7 +12,7 @@ from ss2sql.kinds import Kind
 from ss2sql.lowering import sql
 from ss2sql.lowering.dialects import SQLITE, Dialect
 from ss2sql.lowering.expressions import Env, is_flag
-from ss2sql.lowering.parameters import Counts, Needs, Shown, SqlQuery
+from ss2sql.lowering.parameters import Bookkeeping, Needs, Shown, SqlQuery
 from ss2sql.lowering.product import copies_of
 from ss2sql.lowering.on_entering import OnEntering, applies
 from ss2sql.lowering.search import SearchLowering
@@ -42,8 +42,8 @@ def lower(
     needs = Needs(function_names, careful=careful or is_volatile(query), disabled=disabled)
     selects = Selects(needs)
     selects.copies = {} if query.search is None else None
-    is_sorted = is_limited = ahead = by_turns = False
-    counts: Counts = "steps"
+    is_sorted = is_limited = ahead = False
+    bookkeeping = Bookkeeping()
     if query.search is not None:
         cut = cut or query.search.maximum is not None or query.limit is not None
         weighted = query.search.weight is not None
@@ -52,8 +52,7 @@ def lower(
             ahead = not careful
         else:
             search = WhenTaken(selects, query, cut)
-            by_turns = True
-        select, counts = search.statement(), search.counts
+        select, bookkeeping = search.statement(), search.bookkeeping()
         keys, orders = query.group, query.order
     elif query.aggregated:
         is_sorted, is_limited = True, _cut_by_sql(query)
@@ -86,8 +85,7 @@ def lower(
         frozenset(needs.plain),
         ahead,
         plain_rows=all(output.expr.type.only(Kind.INT | Kind.FLOAT | Kind.STR | Kind.NONE) for output in query.columns),
-        counts=counts,
-        by_turns=by_turns,
+        bookkeeping=bookkeeping,
     )
 
 

@@ -22,7 +22,7 @@ from ss2sql.lowering import sql
 from ss2sql.lowering.entering_step import EnteringStep, certain, fallible
 from ss2sql.lowering.expressions import Env, can_fail, is_flag
 from ss2sql.lowering.lookup import lookups, without
-from ss2sql.lowering.parameters import Counts
+from ss2sql.lowering.parameters import Bookkeeping, Counts
 from ss2sql.lowering.search import SearchLowering, element_reads, free_name
 from ss2sql.lowering.select import Selects
 from ss2sql.lowering.sql import Node
@@ -98,6 +98,21 @@ class OnEntering(SearchLowering):
         if self.selects.needs.careful:
             return _any_fails([*clauses, *(output.expr for output in query.columns)])
         return any(not self._is_known_of(call) for clause in clauses for call in _user_calls(clause))
+
+    @property
+    def all_results(self) -> bool:
+        """Whether every step that enters is a result, so that the results hold the rows of all paths."""
+        plain = self.query.where is None and not self.ahead and self.order.total is None
+        return plain and self.search.repeats == "allowed"
+
+    @property
+    def all_go_on(self) -> bool:
+        """Whether every step that enters has children."""
+        flags = self.cut or self.waits is not None or self.live is not None or self.stop_later
+        return not flags and (self.search.repeats != "unique" or self.search.order == "breadth first")
+
+    def bookkeeping(self) -> Bookkeeping:
+        return Bookkeeping(self.counts, self.all_go_on, self.all_results)
 
     @property
     def counts(self) -> Counts:
@@ -213,10 +228,13 @@ class OnEntering(SearchLowering):
             asked.append(self.column(self.live))
         elif self.stop_later and self.search.stop is not None:
             asked.append(exp.Not(this=sql.operand(self.expressions.condition(self.search.stop, self.now()))))
+        still = self.still_counts()
+        if self.all_go_on:
+            return []
+        if self.total is not None and still:
+            return [*asked, *still]  # which counts the steps that go on
         counted: Node = sql.call("expand", self.column("step"))
-        for still in self.still_counts():
-            counted = sql.case([(exp.Not(this=still), sql.number(0))], counted)
-        return [*asked, counted]
+        return [*asked, sql.case([(exp.Not(this=still[0]), sql.number(0))], counted) if still else counted]
 
     def still_counts(self) -> list[Node]:
         """Whether the step that was taken still counts: another may have reached its row meanwhile."""

@@ -16,6 +16,22 @@ Counts: TypeAlias = Literal["steps", "product", "entered"]
 
 
 @dataclass(frozen=True, slots=True)
+class Bookkeeping:
+    """How the steps of a search are kept and counted.
+
+    `counts` says how it is known how many were generated: one by one, as the product of the sources for each step
+    that went on, or as those that entered the queue and those that a guard kept out. `all_go_on` says that
+    whatever enters goes on, `all_results` that it also comes out as a result, `by_turns` that steps are evaluated
+    when they are taken from the queue.
+    """
+
+    counts: Counts = "steps"
+    all_go_on: bool = False
+    all_results: bool = False
+    by_turns: bool = False
+
+
+@dataclass(frozen=True, slots=True)
 class Parameter:
     """A value that is bound as `:name`: the expression is evaluated once, before the statement runs.
 
@@ -117,7 +133,6 @@ class SqlQuery:
     that SQL leaves to the finishing in Python are named in `finish`. `plain` are the parameters whose handles
     stand for all values that equal theirs, as long as no other form of such a value turns up. `ahead` says that something may be evaluated that the language would not
     evaluate, so that what fails may be no error; `plain_rows` that the rows consist of numbers, strings and None.
-    `counts` says how it is known how many steps a search has generated, `by_turns` that they are evaluated when taken.
     """
 
     query: plan.Query
@@ -133,5 +148,4 @@ class SqlQuery:
     plain: frozenset[str] = frozenset()
     ahead: bool = False
     plain_rows: bool = False
-    counts: Counts = "steps"
-    by_turns: bool = False
+    bookkeeping: Bookkeeping = Bookkeeping()

@@ -22,7 +22,7 @@ from sqlglot import exp
 from ss2sql import plan
 from ss2sql.kinds import Kind
 from ss2sql.lowering import sql
-from ss2sql.lowering.expressions import Env, Reader
+from ss2sql.lowering.expressions import Env, Reader, can_fail
 from ss2sql.lowering.levels import Condition, Hoisted, Levels
 from ss2sql.lowering.sources import Opened
 from ss2sql.lowering.sql import Node
@@ -96,6 +96,7 @@ class Product:
             self._close(level, conditions, hoisted)
             bound = level
         self._bind(bound, len(opened), conditions)
+        self.terms = self._settled()
 
     def outward(self, node: Node) -> Node:
         """An expression in terms of the sources as it reads outside of all tables that have been made of them."""
@@ -137,8 +138,10 @@ class Product:
         return self._not_before(condition.level, self.levels.of(condition.expr), node)
 
     def _in_order(self, group: list[plan.Expr], level: int) -> Node:
-        """Parts of WHERE of which some can fail, as one CASE."""
+        """Parts of WHERE that come after one that may fail, as one CASE, which SQLite does not take apart."""
         node = self.selects.expressions.all_of(tuple(group), self.env)
+        if not any(map(can_fail, group)):
+            node = sql.case([(node, sql.number(1))], sql.number(0))
         if level == self._guarded_from:
             node = sql.case([(exp.Not(this=guard), sql.number(0)) for guard in self._guards(level)], node)
         # What can fail calls a function, so that SQLite never asks it before the first source is read.
@@ -151,9 +154,10 @@ class Product:
     def _close(self, level: int, conditions: list[Condition], hoisted: list[Hoisted]) -> None:
         """Makes a table of what is joined so far, with the values of its level."""
         if self._guarded_from == -level:
-            self.terms = [*self._guards(level), *self.terms]
+            silent = self.levels.silent_from
+            self.terms = [*(self._not_before(silent, 1, guard) for guard in self._guards(level)), *self.terms]
         labels = frozenset(item.alias_or_name for item in self.items)
-        select = sql.select([], self.items, sql.conjunction(self.terms), limit=sql.unlimited())
+        select = sql.select([], self.items, sql.conjunction(self._settled()), limit=sql.unlimited())
         label = self.selects.needs.label(f"to_{self.query.sources[level - 1].name}")
         table = Table(select, label, labels)
         values = [value.expr for value in hoisted if value.level == level]
@@ -171,6 +175,17 @@ class Product:
         later += [part for value in hoisted if value.level > level for part in parts(value.expr)]
         later += [output.expr for output in self.query.columns]
         return [*later, *self.query.group, *(key.expr for key in self.query.order)]
+
+    def _settled(self) -> list[Node]:
+        """The terms of WHERE, so written that SQLite does not put a constant in the place of a column.
+
+        It does so where the column is to be equal to it (`=`, not `IS`), and then asks what mentions the column
+        without waiting for its source. That matters where something must not be asked too early.
+        """
+        if all(isinstance(term, (exp.Binary, exp.Not, exp.In, exp.Paren)) for term in self.terms):
+            return self.terms
+        terms = [part for term in self.terms for part in (term.flatten() if isinstance(term, exp.And) else (term,))]
+        return [_as_is(term) if isinstance(term, exp.EQ) else term for term in terms]
 
     # --- sources that have elements --------------------------------------------------------------------
 
@@ -218,6 +233,13 @@ def copies_of(copies: dict[str, Node]) -> list[exp.CTE]:
         select = sql.select([sql.column("this")], [exp.Table(this=walked.copy())])
         tables.append(exp.CTE(this=select, alias=exp.TableAlias(this=sql.identifier(name)), materialized=True))
     return tables
+
+
+def _as_is(term: exp.EQ) -> Node:
+    """`column = constant` as `column IS constant`."""
+    sides = (term.this, term.expression)
+    constant = any(side.find(exp.Column, exp.Anonymous, exp.Query) is None for side in sides)
+    return exp.NullSafeEQ(this=sides[0], expression=sides[1]) if constant else term
 
 
 def _name_of(expr: plan.Expr) -> str:

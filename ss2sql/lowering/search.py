@@ -22,7 +22,7 @@ from sqlglot import exp
 from ss2sql import plan
 from ss2sql.lowering import sql
 from ss2sql.lowering.expressions import Env, is_flag
-from ss2sql.lowering.parameters import Counts
+from ss2sql.lowering.parameters import Bookkeeping
 from ss2sql.lowering.select import Selects
 from ss2sql.lowering.sources import open_sources, sql_names
 from ss2sql.lowering.sql import Node
@@ -72,9 +72,9 @@ class SearchLowering:
         self.positions: dict[str, str] = {}  # the column of each copied table that numbers its rows
         self.copied: dict[str, Node] = {}  # items of FROM that are read once
 
-    @property
-    def counts(self) -> Counts:
-        return "steps"
+    def bookkeeping(self) -> Bookkeeping:
+        """What the run has to know of the statement to keep its steps and to count them."""
+        raise NotImplementedError
 
     def statement(self) -> exp.Select:
         """The whole statement."""

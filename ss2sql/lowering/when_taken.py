@@ -14,6 +14,7 @@ from ss2sql import plan
 from ss2sql.lowering import sql
 from ss2sql.lowering.expressions import Env, can_fail
 from ss2sql.lowering.search import SearchLowering, element_reads, free_name
+from ss2sql.lowering.parameters import Bookkeeping
 from ss2sql.lowering.select import Selects
 from ss2sql.lowering.sql import Node
 
@@ -39,6 +40,9 @@ class WhenTaken(SearchLowering):
         others = self.recursive()
         names = ["step", "parent", "depth", *(name for name, _ in self.reads), *self.states.values()]
         return self.recursive_query(names, [first, others], self.results())
+
+    def bookkeeping(self) -> Bookkeeping:
+        return Bookkeeping(by_turns=True)
 
     def env(self) -> Env:
         """Reads elements and state from a row of the recursive table."""

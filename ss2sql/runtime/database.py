@@ -17,7 +17,7 @@ import apsw
 from ss2sql import plan
 from ss2sql.errors import Error, ExecutionError, Span, Stopped
 from ss2sql.lowering.expressions import PREDICATES, builtin_name
-from ss2sql.lowering.parameters import Counts, Parameter, Shown, SqlQuery
+from ss2sql.lowering.parameters import Bookkeeping, Parameter, Shown, SqlQuery
 from ss2sql.lowering.sources import sql_names
 from ss2sql.runtime.calls import Members, Parts, builtin_function, sql_function
 from ss2sql.runtime.functions import Memo, UserFunction
@@ -27,7 +27,7 @@ from ss2sql.runtime.pool import FALSE, TRUE, OtherFormError, Pool
 from ss2sql.runtime.result import Sql
 from ss2sql.runtime.rows import Row, Rows
 from ss2sql.runtime.run import Run
-from ss2sql.runtime.search_functions import FUNCTIONS, SearchState
+from ss2sql.runtime.search_functions import FUNCTIONS, SearchState, next_number
 from ss2sql.runtime.sources import column_of
 from ss2sql.runtime.sql_functions import AGGREGATE_FUNCTIONS, SCALAR_FUNCTIONS, element_columns
 from ss2sql.vtables.sequences import Elements
@@ -52,7 +52,8 @@ class Execution:
         self.pool = Pool()
         self.parts = Parts(self.pool)
         self.members = Members(self.pool)
-        self.counts: Counts = "steps"
+        self.book = Bookkeeping()
+        self.results: Callable[[], int] = int  # how many paths were found
         self.failed = False  # whether a function has raised
         self.elements: dict[Any, Sequence[Sequence[Any]]] = {}
 
@@ -87,6 +88,7 @@ class Database:
             connection.create_aggregate_function(name, self._factory(factory))
         for name, arguments in FUNCTIONS.items():
             connection.create_scalar_function(name, getattr(self.search, name), arguments)
+        connection.create_scalar_function("next_number", cast(Any, next_number), 0)
         for name, check in (("cost", cost), ("heuristic", heuristic), ("probability", probability)):
             connection.create_scalar_function(f"step_{name}", self._weight_function(check), 2)
         self.register_builtin("field", column_of)
@@ -226,7 +228,7 @@ class Database:
         """Makes the execution the innermost one, with empty memos, and adds up at its end what it has done."""
         run, memos = execution.run, {name: self.memos[name] for name in execution.calls}
         outer = {name: memo.begin() for name, memo in memos.items()}
-        search = self.search.begin(execution.pool.frozen, None, False)
+        search = self.search.begin(execution.pool.frozen, None, False, False)
         self.stack.append(execution)
         try:
             yield
@@ -243,7 +245,7 @@ class Database:
                 run.stats.calls[name] += calls
                 run.stats.remembered[name] += hits
             if execution.query is not None and execution.query.search is not None:
-                self.search.count(run.stats, execution.counts)
+                self.search.count(run.stats, execution.book, execution.results())
             self.search.end(search)
 
     def _attempt(
@@ -257,8 +259,8 @@ class Database:
         for name, columns in lowered.modules.items():
             self._module(name, columns)
         pool = execution.pool
-        execution.counts = lowered.counts
-        self.search.begin(pool.frozen, most, lowered.plain_rows, lowered.by_turns)
+        execution.book = lowered.bookkeeping
+        self.search.begin(pool.frozen, most, lowered.plain_rows, lowered.bookkeeping.by_turns)
         values = {parameter.name: _encoded(pool, parameter, evaluate) for parameter in lowered.parameters}
         pool.watched = frozenset(values[name] for name in lowered.plain)
         cursor = self.connection.cursor()
@@ -266,13 +268,20 @@ class Database:
             cursor.execute(lowered.text, values)
             if _has_ends_only(lowered):
                 # The paths are made of what SQLite gives as it is.
-                sink.paths = paths = Paths(self.search.kept_row(), tuple)
+                paths = self._paths(lowered, execution, sink, tuple)
                 rows = islice(cursor, most)
                 paths.extend(rows if execution.run.max_rows is None else _within(rows, execution.run.max_rows))
                 return [((), ())] * len(paths)
             return list(islice(self._results(lowered, execution, cursor, sink), most))
         finally:
             cursor.close(True)  # else an error that somebody keeps would keep the statement open, and the file locked
+
+    def _paths(
+        self, lowered: SqlQuery, execution: Execution, sink: Rows, decode: Callable[[Row], Row]
+    ) -> Paths:
+        paths = sink.paths = Paths(None if lowered.bookkeeping.all_results else self.search.kept_row(), decode)
+        execution.results = paths.__len__
+        return paths
 
     def paste(self, sql: Sql, run: Run) -> list[Row]:
         """Runs SQL as a result shows it, with the values beside it, and gives its rows as they come.
@@ -299,11 +308,11 @@ class Database:
                 _room(execution.run, sink.rows, row[:width])
                 yield row[width:keys], row[keys:]
             return
-        paths = sink.paths = Paths(self.search.kept_row(), _decoder(pool, [Shown(False)] * width))
+        paths = self._paths(lowered, execution, sink, _decoder(pool, [Shown(False)] * width))
         most = execution.run.max_rows
         for raw in cursor:
             row = decode(raw[2:])
-            paths.add(raw[1], row[:width])
+            paths.add((*raw[:2], *row[:width]))
             _check_room(len(paths), most)
             yield row[width:keys], row[keys:]
 

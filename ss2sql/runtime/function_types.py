@@ -94,6 +94,8 @@ def _extreme(types: Types, smallest: bool) -> Type:
     if len(types) == 1 and types[0].positions is None:
         return union((_element(types[0]), NONE))
     chosen = _candidates(types)
+    if len(chosen) == 1:
+        return chosen[0]
     lists = union(map(as_list, chosen)) if all(t.may(Kind.LIST) for t in chosen) else NOTHING
     return union((_extreme_number(chosen, smallest), as_text(chosen), lists))
 

@@ -3,46 +3,70 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import TypeAlias, overload
+from typing import Any, TypeAlias, overload
 
 from ss2sql.runtime.rows import Row
 
-# A result: the number of its parent, 0 for none, and its own row.
-End: TypeAlias = tuple[int, Row]
+# A result as the statement gives it: the number of the step, that of its parent (0: none), and its row.
+End: TypeAlias = tuple[Any, ...]
 
 
 class Paths(Sequence[list[Row]]):
     """A list of paths, each a list of rows.
 
-    `kept` holds for each step that others come from its parent's number and its row in SQL values; `decode`
-    makes a row of them. A path is walked back from its end until it meets the one that was read before: so
-    neighbours, which share their beginnings, cost their differences. A million paths of eight rows take 60 MB
-    like this, and 250 MB as lists.
+    `kept` gives for each step that others come from its parent's number and its row in SQL values, which `decode`
+    makes a row; it is None where every such step is a result itself. A path is walked back from its end until it
+    meets the one that was read before: so neighbours, which share their beginnings, cost their differences.
     """
 
     def __init__(
-        self, kept: Callable[[int], tuple[int, Row]], decode: Callable[[Row], Row], ends: Sequence[End] = ()
+        self,
+        kept: Callable[[int], tuple[int, Row]] | None,
+        decode: Callable[[Row], Row],
+        ends: Sequence[End] = (),
+        all_ends: Sequence[End] | None = None,
     ) -> None:
         self._kept = kept
         self._decode = decode
         self._ends: list[End] = list(ends)
+        self._all_ends = self._ends if all_ends is None else all_ends
+        self._places: dict[int, int] = {}  # of steps among all results, made when first needed
 
-    def add(self, parent: int, row: Row) -> None:
+    def add(self, end: End) -> None:
         """One more result."""
-        self._ends.append((parent, row))
+        self._ends.append(end)
 
-    def extend(self, results: Iterable[Row]) -> None:
-        """More results, as a search gives them: the number of the step, its parent's, and the row."""
-        self._ends.extend((raw[1], raw[2:]) for raw in results)
+    def extend(self, ends: Iterable[End]) -> None:
+        """More results; those that came before an error are kept."""
+        self._ends.extend(ends)
 
     def chosen(self, positions: Sequence[int]) -> Paths:
         """The paths at these positions."""
         if isinstance(positions, range) and positions == range(len(self)):
             return self
-        return Paths(self._kept, self._decode, [self._ends[position] for position in positions])
+        ends = [self._ends[position] for position in positions]
+        return Paths(self._kept, self._decode, ends, self._all_ends)
 
-    def clear(self) -> None:
-        self._ends.clear()
+    def cells(self) -> Iterator[list[Any]]:
+        """The paths, each as one flat list of values, row after row; nobody may change one before the last is made."""
+        if self._kept is not None:
+            for path, row in self._read(self._ends, flat=True):
+                yield [*path, *row]
+            return
+        steps: list[int] = []  # on the path that was made last; depth first, the next one grows from one of them
+        made: list[list[Any]] = []
+        for end in self._ends:
+            parent = end[1]
+            while steps and steps[-1] != parent:
+                steps.pop()
+                made.pop()
+            if steps or not parent:
+                cells = [*made[-1], *end[2:]] if steps else [*end[2:]]
+            else:
+                cells = next([*path, *row] for path, row in self._read([end], flat=True))
+            yield cells
+            steps.append(end[0])
+            made.append(cells)
 
     def __len__(self) -> int:
         return len(self._ends)
@@ -52,33 +76,58 @@ class Paths(Sequence[list[Row]]):
     @overload
     def __getitem__(self, position: slice) -> list[list[Row]]: ...
     def __getitem__(self, position: int | slice) -> list[Row] | list[list[Row]]:
-        if isinstance(position, slice):
-            return list(self._read(self._ends[position]))
-        return next(self._read([self._ends[position]]))
+        chosen = self._ends[position] if isinstance(position, slice) else [self._ends[position]]
+        paths = [[*path, row] for path, row in self._read(chosen, flat=False)]
+        return paths if isinstance(position, slice) else paths[0]
 
     def __iter__(self) -> Iterator[list[Row]]:
-        return self._read(self._ends)
+        for path, row in self._read(self._ends, flat=False):
+            yield [*path, row]
 
-    def _read(self, ends: Sequence[End]) -> Iterator[list[Row]]:
-        kept, decode = self._kept, self._decode
-        steps: list[int] = []  # the steps of the path that was read last, without its end, and their rows
-        rows: list[Row] = []
+    def _read(self, ends: Sequence[End], flat: bool) -> Iterator[tuple[list[Any], Row]]:
+        """For each result the rows before its own, as one list that changes from result to result, and its own."""
+        shared: list[Any] = []  # the rows, or their cells, of the steps
+        steps: list[int] = []  # on the path that was read last
         places: dict[int, int] = {}
-        for parent, row in ends:
+        known = self._kept is None  # then the last result may be the parent of the next one
+        width = len(ends[0]) - 2 if ends and flat else 1
+        for end in ends:
+            parent = end[1]
             if not steps or parent != steps[-1]:
                 new: list[tuple[int, Row]] = []
                 step = parent
                 while step and step not in places:
-                    before, raw = kept(step)
-                    new.append((step, raw))
+                    before, row = self._step(step)
+                    new.append((step, row))
                     step = before
-                shared = places[step] + 1 if step else 0
-                for gone in steps[shared:]:
+                left = places[step] + 1 if step else 0
+                for gone in steps[left:]:
                     del places[gone]
-                del steps[shared:], rows[shared:]
-                for step, raw in reversed(new):
-                    places[step] = len(steps)
-                    steps.append(step)
-                    rows.append(decode(raw))
-            yield [*rows, row]
+                del steps[left:], shared[left * width :]
+                for step, row in reversed(new):
+                    self._follow(step, row, steps, places, shared, flat)
+            row = end[2:]
+            yield shared, row
+            if known:
+                self._follow(end[0], row, steps, places, shared, flat)
 
+    @staticmethod
+    def _follow(
+        step: int, row: Row, steps: list[int], places: dict[int, int], shared: list[Any], flat: bool
+    ) -> None:
+        places[step] = len(steps)
+        steps.append(step)
+        if flat:
+            shared.extend(row)
+        else:
+            shared.append(row)
+
+    def _step(self, step: int) -> tuple[int, Row]:
+        """The parent's number and the row of a step on the way to a result."""
+        if self._kept is not None:
+            parent, row = self._kept(step)
+            return parent, self._decode(row)
+        if not self._places:
+            self._places = {end[0]: place for place, end in enumerate(self._all_ends)}
+        end = self._all_ends[self._places[step]]
+        return end[1], end[2:]

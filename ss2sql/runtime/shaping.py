@@ -8,6 +8,7 @@ from typing import Any
 from ss2sql import plan
 from ss2sql.errors import Error, RepresentationError
 from ss2sql.runtime import representations
+from ss2sql.runtime.paths import Paths
 from ss2sql.runtime.rows import Row, Rows
 from ss2sql.runtime.values import Opaque, fresh, normalise
 
@@ -38,6 +39,8 @@ class Shapes:
             if rows.paths is None:
                 return self._shaped(form, rows, chosen, arguments, named)
             if rows.plain and not arguments and not named and self.is_built_in(form) and form.name in PATH_FORMS:
+                if form.name == "list" and isinstance(chosen, Paths):
+                    return list(chosen.cells())
                 represent, columns = representations.ALL[form.name], rows.columns
                 return [represent(representations.Table(columns, path)) for path in chosen]
             return [self._shaped(form, rows, path, arguments, named) for path in chosen]

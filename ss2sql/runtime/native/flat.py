@@ -69,9 +69,10 @@ def placed_conditions(
         if part is None:
             continue
         facts = builder.unit.analysis.of(part)
-        if certain and loops.look_up(lookup(part, builder.unit.analysis)):
-            continue
         level = max((number[source] for source in facts.sources if source in number), default=0)
+        if certain and loops.look_up(lookup(part, builder.unit.analysis)):
+            reached = max(reached, level)
+            continue
         level = max(level, loops.silent_from)
         if not (certain and facts.total):
             level = max(level, reached, loops.once_from)
