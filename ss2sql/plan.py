@@ -40,13 +40,24 @@ class Function:
 # --- expressions ---------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Constant:
-    """A value known from the text: None, bool, int, float, str, or a list of such values."""
+    """A value known from the text: None, bool, int, float, str, or a list of such values.
+
+    [1, 2.0] and [1.0, 2] are equal, but not the same constant.
+    """
 
     value: Any
     type: Type
     span: Span = _span()
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Constant):
+            return NotImplemented
+        return self.type == other.type and repr(self.value) == repr(other.value)
+
+    def __hash__(self) -> int:
+        return hash(repr(self.value))
 
 
 @dataclass(frozen=True, slots=True)

@@ -140,7 +140,9 @@ class EnteringStep:
         if of.live is not None:
             # Whatever enters goes on, unless it is a goal: only then STOP WITH is asked once more.
             both = self.query.where is not None and not self._asks_python([self.goal()])
-            carried[of.live] = sql.case([(self.goal(), _not(self.stop()))], sql.number(1)) if both else _not(self.stop())
+            carried[of.live] = (
+                sql.case([(self.goal(), _not(self.stop()))], sql.number(1)) if both else _not(self.stop())
+            )
         if of.waits is not None:
             carried[of.waits] = self._waits()
         if of.total is not None:

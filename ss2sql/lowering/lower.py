@@ -19,7 +19,7 @@ from ss2sql.lowering.search import SearchLowering
 from ss2sql.lowering.select import Selects
 from ss2sql.lowering.unsupported import check
 from ss2sql.lowering.when_taken import WhenTaken
-from ss2sql.walk import is_volatile
+from ss2sql.walk import is_volatile, walk
 
 
 def lower(
@@ -52,7 +52,13 @@ def lower(
             ahead = not careful
         else:
             search = WhenTaken(selects, query, cut)
-        select, bookkeeping = search.statement(), search.bookkeeping()
+        select = search.statement()
+        # Of tables' BLOBs, and of bools that SQL makes, the pool hears nothing.
+        quiet = any(isinstance(node, plan.TableSource) for node in walk(query))
+        quiet = quiet or any(
+            isinstance(p.expr, plan.Constant) and p.expr.value is True for p in needs.parameters.values()
+        )
+        bookkeeping = replace(search.bookkeeping(), trusts=not (quiet or careful))
         keys, orders = query.group, query.order
     elif query.aggregated:
         is_sorted, is_limited = True, _cut_by_sql(query)

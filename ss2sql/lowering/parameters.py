@@ -22,13 +22,15 @@ class Bookkeeping:
     `counts` says how it is known how many were generated: one by one, as the product of the sources for each step
     that went on, or as those that entered the queue and those that a guard kept out. `all_go_on` says that
     whatever enters goes on, `all_results` that it also comes out as a result, `by_turns` that steps are evaluated
-    when they are taken from the queue.
+    when they are taken from the queue. `trusts` says that rows may be compared as they are until the pool has met
+    values that have several forms.
     """
 
     counts: Counts = "steps"
     all_go_on: bool = False
     all_results: bool = False
     by_turns: bool = False
+    trusts: bool = False
 
 
 @dataclass(frozen=True, slots=True)

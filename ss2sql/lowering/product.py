@@ -31,6 +31,8 @@ from ss2sql.walk import parts, sources_read, states_read
 if TYPE_CHECKING:
     from ss2sql.lowering.select import Selects
 
+MOST_TERMS = 14
+
 
 @dataclass(slots=True)
 class Table:
@@ -182,10 +184,15 @@ class Product:
         It does so where the column is to be equal to it (`=`, not `IS`), and then asks what mentions the column
         without waiting for its source. That matters where something must not be asked too early.
         """
-        if all(isinstance(term, (exp.Binary, exp.Not, exp.In, exp.Paren)) for term in self.terms):
-            return self.terms
         terms = [part for term in self.terms for part in (term.flatten() if isinstance(term, exp.And) else (term,))]
-        return [_as_is(term) if isinstance(term, exp.EQ) else term for term in terms]
+        if not all(isinstance(term, (exp.Binary, exp.Not, exp.In, exp.Paren)) for term in terms):
+            terms = [_as_is(term) if isinstance(term, exp.EQ) else term for term in terms]
+        if len(terms) > MOST_TERMS and any(map(_may_be_none, self.query.sources)):
+            # Behind so many conditions SQLite asks `elements` again whether NULL equals its argument.
+            rest = sql.conjunction(terms[MOST_TERMS:])
+            assert rest is not None
+            terms[MOST_TERMS:] = [sql.case([(rest, sql.number(1))], sql.number(0))]
+        return terms
 
     # --- sources that have elements --------------------------------------------------------------------
 
@@ -233,6 +240,17 @@ def copies_of(copies: dict[str, Node]) -> list[exp.CTE]:
         select = sql.select([sql.column("this")], [exp.Table(this=walked.copy())])
         tables.append(exp.CTE(this=select, alias=exp.TableAlias(this=sql.identifier(name)), materialized=True))
     return tables
+
+
+def _may_be_none(source: plan.Source) -> bool:
+    """Whether a source that `elements` walks may be None instead of a list."""
+    match source:
+        case plan.ValueSource(value=value):
+            return value.type.may(Kind.NONE)
+        case plan.QuerySource(query=query):
+            return query.representation.name not in ("dict", "list", "rows")
+        case plan.TableSource():
+            return False
 
 
 def _as_is(term: exp.EQ) -> Node:

@@ -170,7 +170,8 @@ class Selects:
     def subquery(self, query: plan.Query, env: Env) -> Node:
         """A query in an expression: the value that its representation gives."""
         name = query.representation.name
-        if name == "value" and not can_fail(replace(query, limit=None)):
+        flag = query.aggregated and is_flag(query.columns[0].expr.type)  # which would not be made a value again
+        if name == "value" and not flag and not can_fail(replace(query, limit=None)):
             select = self.rows(replace(query, columns=query.columns[:1]), env, [None], boxed=not query.aggregated)
             if select.args.get("limit") is None:
                 sql.sorted_query(select, (), sql.number(1))

@@ -16,7 +16,7 @@ from ss2sql.errors import Span, UnsupportedError
 from ss2sql.kinds import Kind
 from ss2sql.lowering.select import sortable_key, uniform
 from ss2sql.lowering.strategies import GUARDS
-from ss2sql.walk import is_volatile, walk, walk_own
+from ss2sql.walk import can_fail, is_volatile, walk, walk_own
 
 LANGUAGE_REPRESENTATIONS = ("dict", "list", "rows", "value", "set", "void")
 MOST_SOURCES = 60  # SQLite joins at most 64 tables
@@ -87,6 +87,15 @@ def _nested_order(query: plan.Query, nested: bool) -> Span | None:
     return next((key.expr.span for key in keys if not sortable_key(key.expr)), None)
 
 
+def _nested_limit(query: plan.Query, nested: bool) -> Span | None:
+    """SQLite takes a negative LIMIT for none; what it will be must be known before the statement runs."""
+    if not nested or query.limit is None:
+        return None
+    kind = query.limit.type
+    is_count = kind.only(Kind.INT) and kind.low is not None and kind.low >= 0 and not can_fail(query.limit)
+    return None if is_count else query.limit.span
+
+
 def _label(query: plan.Query, nested: bool) -> Span | None:
     return next((output.label.span for output in query.columns if output.label is not None), None)
 
@@ -142,6 +151,7 @@ RULES: tuple[Rule, ...] = (
     Rule("a representation of the user inside another query", "use AS list or AS dict", _nested_representation),
     Rule("a partition inside another query", "assign it to a variable before the query", _nested_partition),
     Rule("an inner ORDER BY over values of several kinds", "sort by numbers or strings alone", _nested_order),
+    Rule("an inner LIMIT that may be no count", "write a number", _nested_limit),
     Rule("SELECT * over columns that only the elements know", "name the columns", _nested_star),
     Rule("a column name that is computed", "write the name itself in to(expr, name)", _label),
     Rule("aggregates over the paths of a search", "leave the engine to ss2sql", _grouped_search),

@@ -39,9 +39,7 @@ class CompiledQuery:
     it was made for may rely on values of variables, which `variable` foretells; it is made anew when they differ.
     """
 
-    def __init__(
-        self, host: SessionHost, query: plan.Query, engine: Engine, variable: Callable[[str], Any]
-    ) -> None:
+    def __init__(self, host: SessionHost, query: plan.Query, engine: Engine, variable: Callable[[str], Any]) -> None:
         self.host = host
         self.written = query
         self.demanded = engine == "database"

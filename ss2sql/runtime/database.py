@@ -261,6 +261,9 @@ class Database:
         pool = execution.pool
         execution.book = lowered.bookkeeping
         self.search.begin(pool.frozen, most, lowered.plain_rows, lowered.bookkeeping.by_turns)
+        if lowered.bookkeeping.trusts and pool.pure:
+            self.search.trust()
+        pool.mixed = self.search.mixed
         values = {parameter.name: _encoded(pool, parameter, evaluate) for parameter in lowered.parameters}
         pool.watched = frozenset(values[name] for name in lowered.plain)
         cursor = self.connection.cursor()
@@ -276,9 +279,7 @@ class Database:
         finally:
             cursor.close(True)  # else an error that somebody keeps would keep the statement open, and the file locked
 
-    def _paths(
-        self, lowered: SqlQuery, execution: Execution, sink: Rows, decode: Callable[[Row], Row]
-    ) -> Paths:
+    def _paths(self, lowered: SqlQuery, execution: Execution, sink: Rows, decode: Callable[[Row], Row]) -> Paths:
         paths = sink.paths = Paths(None if lowered.bookkeeping.all_results else self.search.kept_row(), decode)
         execution.results = paths.__len__
         return paths

@@ -112,9 +112,7 @@ class Paths(Sequence[list[Row]]):
                 self._follow(end[0], row, steps, places, shared, flat)
 
     @staticmethod
-    def _follow(
-        step: int, row: Row, steps: list[int], places: dict[int, int], shared: list[Any], flat: bool
-    ) -> None:
+    def _follow(step: int, row: Row, steps: list[int], places: dict[int, int], shared: list[Any], flat: bool) -> None:
         places[step] = len(steps)
         steps.append(step)
         if flat:

@@ -6,7 +6,7 @@ they were put in. Equality is another matter: `key` gives equal values one SQL v
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Callable, Hashable
 from itertools import chain
 from marshal import dumps, loads
 from os import urandom
@@ -37,13 +37,16 @@ class Pool:
     others begin with six random bytes, so that no stored BLOB can be taken for one.
     """
 
-    __slots__ = ("_classes", "_handles", "_keys", "_made", "_tag", "_values", "marshalled", "watched")
+    __slots__ = ("_classes", "_handles", "_keys", "_made", "_tag", "_values", "marshalled", "mixed", "pure", "watched")
 
     def __init__(self) -> None:
         self._tag = urandom(6)
         self._made = 0
         # What tells values apart -> handle: marshal bytes; of objects, which have none, see _exact.
         self._handles: dict[Hashable, bytes] = {}
+        # Whether all values were such that equal ones are the same, apart from 1 and 1.0; `mixed` hears of the first other.
+        self.pure = True
+        self.mixed: Callable[[], None] = _nobody
         self.watched: frozenset[Any] = frozenset()  # handles that must stand for all values that equal theirs
         self.marshalled = {TRUE: dumps(True, 2), FALSE: dumps(False, 2)}
         self._values: dict[bytes, Any] = {TRUE: True, FALSE: False}
@@ -58,6 +61,8 @@ class Pool:
         if kind is str and (value.isascii() or _is_text(value)):
             return value
         if kind is bool:
+            if self.pure:
+                self._mix()
             return TRUE if value else FALSE
         try:
             marshalled = dumps(value, 2)
@@ -134,7 +139,7 @@ class Pool:
         self._made += 1
         handle = (_TRUTHY if truth(value) else _FALSY) + self._tag + self._made.to_bytes(5, "big")
         self._handles[exact] = handle
-        if self.watched and (marshalled is None or several_forms(marshalled)):
+        if (self.watched or self.pure) and (marshalled is None or several_forms(marshalled)):
             self._watch(handle, marshalled, value)
         if marshalled is not None:
             self.marshalled[handle] = marshalled
@@ -142,9 +147,17 @@ class Pool:
 
     def _watch(self, handle: bytes, marshalled: bytes | None, value: Any) -> None:
         """Raises OtherFormError if the value equals one whose handle stands for all that do."""
+        self._mix()
+        if not self.watched:
+            return
         key = freeze(value) if marshalled is None or several_forms(marshalled) else marshalled
         if type(key) is bytes and self._handles.get(key) in self.watched:
             raise OtherFormError
+
+    def _mix(self) -> None:
+        if self.pure:
+            self.pure = False
+            self.mixed()
 
     def _encode_objects(self, value: Any) -> bytes:
         """The handle of an object, or of a list or dict with objects inside, which the pool keeps alive."""
@@ -177,6 +190,10 @@ class Pool:
         if type(frozen) in SCALARS:
             return frozen
         return self._classes.setdefault(frozen, handle)
+
+
+def _nobody() -> None:
+    """Who hears nothing."""
 
 
 def _is_text(value: str) -> bool:

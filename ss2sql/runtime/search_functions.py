@@ -42,7 +42,7 @@ class Way:
         self.kept = kept
         self.key_of = key_of
         self.end = 0
-        self.keys: set[Hashable] = set()
+        self.keys: set[Any] = set()
 
     def lead_to(self, step: int) -> None:
         kept, old, new = self.kept, self.end, step
@@ -75,21 +75,25 @@ class SearchState:
     def begin(self, key: Callable[[Any], Hashable], most: int | None, plain: bool, by_turns: bool) -> dict[str, Any]:
         """Starts afresh and gives what has to be handed to `end`.
 
-        `key` gives equal SQL values one hashable value; rows that are `plain` need none. `most` is the number of
+        `key` gives equal SQL values one hashable value; rows that are `plain` need none, see also `trust`. `most` is the number of
         results after which the search ends. `by_turns` says that steps are evaluated when they are taken.
         """
         outer = dict(self.__dict__)
         self._reset(key, most, plain, by_turns)
         return outer
 
+    def trust(self) -> None:
+        """Lets rows stand for themselves until `mixed` is called."""
+        self.plain = True
+
     def end(self, outer: dict[str, Any]) -> None:
         self.__dict__.update(outer)
 
     def _reset(self, key: Callable[[Any], Hashable], most: int | None, plain: bool, by_turns: bool) -> None:
         self.key = key
-        self.plain = plain
+        self.always_plain = self.plain = plain
         self.asked: tuple[Any, ...] = ()  # the row that a guard was asked about, and let pass
-        self.asked_key: Hashable = ()
+        self.asked_key: Any = ()
         self.generated = 0
         self.expanded = 0
         self.pruned = 0
@@ -98,9 +102,9 @@ class SearchState:
         self.wanted = float("inf") if most is None else most
         self.rows: list[Kept] = [(0, ())]  # of the steps that entered, by number
         self.kept: dict[int, Kept] = {}  # of the steps that went on
-        self.met: dict[Hashable, Any] = {}  # row -> the step that reached it, or its best rank
-        self.taken: dict[Hashable, Any] = {}  # row -> the rank at which it was taken
-        self.given: set[Hashable] = set()
+        self.met: dict[Any, Any] = {}  # row -> the step that reached it, or its best rank
+        self.taken: dict[Any, Any] = {}  # row -> the rank at which it was taken
+        self.given: set[Any] = set()
         self.way = Way(self.rows, self._key_of)
         self.kept_way = Way(self.kept, self._key_of)
         self.last_dropped = 0
@@ -119,6 +123,18 @@ class SearchState:
         stats.generated += generated
         stats.expanded += expanded
         stats.pruned += self.pruned
+
+    def mixed(self) -> None:
+        """Goes over to keys for rows that have stood for themselves so far."""
+        if not self.plain or self.always_plain:
+            return
+        self.plain = False
+        self.met = {self._key_of(row): value for row, value in self.met.items()}
+        self.taken = {self._key_of(row): value for row, value in self.taken.items()}
+        self.given = {self._key_of(row) for row in self.given}
+        self.asked_key = self._key_of(self.asked)
+        for way in (self.way, self.kept_way):
+            way.keys = {self._key_of(row) for row in way.keys}
 
     def _key_of(self, row: tuple[Any, ...]) -> Hashable:
         if self.plain:

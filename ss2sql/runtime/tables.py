@@ -116,9 +116,7 @@ class Tables:
         indexes = () if kind == "view" else self._indexes(schema, name, order, keys)
         return plan.TableSource(0, name, schema, name, typed, order, collated, indexes, span=None)  # type: ignore[arg-type]
 
-    def _indexes(
-        self, schema: str, name: str, order: tuple[str, ...], keys: list[str]
-    ) -> tuple[tuple[str, str], ...]:
+    def _indexes(self, schema: str, name: str, order: tuple[str, ...], keys: list[str]) -> tuple[tuple[str, str], ...]:
         """What finds the rows with one value of a column and gives them in the order of the table, as (column, index).
 
         That is an index on this column alone, for its entries end with the rowid. The index "" stands for the table
