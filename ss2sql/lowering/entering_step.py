@@ -238,9 +238,11 @@ def fallible(expr: plan.Expr | None) -> list[plan.Expr]:
     """The parts of an expression that can fail by themselves."""
     found: list[plan.Expr] = []
     for node in walk(expr) if expr is not None else ():
-        if isinstance(node, plan.Subquery) or (isinstance(node, plan.Column) and not node.declared):
-            found.append(node)
-        elif isinstance(node, plan.Call) and can_fail(replace(node, arguments=())):
+        if (
+            isinstance(node, plan.Subquery)
+            or (isinstance(node, plan.Column) and not node.declared)
+            or (isinstance(node, plan.Call) and can_fail(replace(node, arguments=())))
+        ):
             found.append(node)
     return found
 

@@ -12,9 +12,9 @@ from ss2sql.kinds import Kind
 from ss2sql.lowering import sql
 from ss2sql.lowering.dialects import SQLITE, Dialect
 from ss2sql.lowering.expressions import Env, is_flag
+from ss2sql.lowering.on_entering import OnEntering, applies
 from ss2sql.lowering.parameters import Bookkeeping, Needs, Shown, SqlQuery
 from ss2sql.lowering.product import copies_of
-from ss2sql.lowering.on_entering import OnEntering, applies
 from ss2sql.lowering.search import SearchLowering
 from ss2sql.lowering.select import Selects
 from ss2sql.lowering.unsupported import check

@@ -11,7 +11,6 @@ from ss2sql.errors import Span
 from ss2sql.lowering import sql
 from ss2sql.lowering.sql import Node
 
-
 Counts: TypeAlias = Literal["steps", "product", "entered"]
 
 

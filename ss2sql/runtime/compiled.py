@@ -16,6 +16,7 @@ from ss2sql.lowering.lower import lower
 from ss2sql.lowering.parameters import Parameter, SqlQuery
 from ss2sql.lowering.rewrites import optimise
 from ss2sql.runtime.native import NativeQuery, compile_statement
+from ss2sql.runtime.native.deep import with_room
 from ss2sql.runtime.paths import Paths
 from ss2sql.runtime.result import Answer, Result, Sql, Status
 from ss2sql.runtime.rows import Rows
@@ -256,11 +257,16 @@ class CompiledStatement:
         self.statement = statement
         self.generation = generation
         self.variable = variable
+        self.function: Callable[[Run], Any]
+        with_room(self._make)
+
+    def _make(self) -> None:
+        expr = self.statement.expr
         self.queries: list[CompiledQuery] = []
-        if isinstance(statement.expr, plan.Subquery):
-            self.function: Callable[[Run], Any] = self._compiled(statement.expr.query).located_answer
+        if isinstance(expr, plan.Subquery):
+            self.function = self._compiled(expr.query).located_answer
         else:
-            self.function = compile_statement(statement.expr, self._dispatch)
+            self.function = compile_statement(expr, self._dispatch)
 
     def _dispatch(self, query: plan.Query) -> Callable[[Run], Any]:
         return self._compiled(query).value

@@ -20,6 +20,7 @@ from ss2sql.lowering.rewrites.world import World
 from ss2sql.runtime.builtins import BUILTINS
 from ss2sql.runtime.database import Database
 from ss2sql.runtime.functions import MEMO_LIMIT, UserFunction, builtin_functions, native_callable, sql_names
+from ss2sql.runtime.native.deep import with_room
 from ss2sql.runtime.rows import Rows
 from ss2sql.runtime.run import Run
 from ss2sql.runtime.session_functions import SessionFunctions
@@ -94,7 +95,7 @@ class SessionHost:
     def resolve_statement(self, tree: ast.Expr, run: Run) -> plan.Statement:
         """The plan of one statement, resolved against the values that stand now."""
         catalog = self.catalog(run.arguments, open_names=False)
-        return resolve(ast.Script((tree,), span=tree.span), catalog).statements[0]
+        return with_room(lambda: resolve(ast.Script((tree,), span=tree.span), catalog)).statements[0]
 
     def resolve_text(self, text: str, scope: Any) -> tuple[plan.Expr, ...]:
         """The statements of a text given to `eval`."""

@@ -29,6 +29,7 @@ from ss2sql.runtime.functions import (
     user_function,
 )
 from ss2sql.runtime.host import SessionHost
+from ss2sql.runtime.native.deep import with_room
 from ss2sql.runtime.result import Answer, Result
 from ss2sql.runtime.run import Run, Stats
 from ss2sql.runtime.temporal import TemporalFile
@@ -202,7 +203,12 @@ class Session:
         self._check_open()
         _check_engine(engine)
         tree = parse(source_of(script))
-        return Query(self.host, self.execute, tree, resolve(tree, self.host.catalog(values, open_names)), engine)
+        return Query(
+            self.host,
+            self.execute,
+            tree,
+            with_room(lambda: resolve(tree, self.host.catalog(values, open_names)), engine),
+        )
 
     def run(
         self,

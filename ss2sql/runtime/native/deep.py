@@ -8,11 +8,15 @@ as it is needed. Calls of Python functions from Python code take no C stack, so 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from threading import Lock
+from typing import TypeVar
+
+T = TypeVar("T")
 
 FRAMES_PER_LEVEL = 30
+DEEPEST = 300  # levels of expressions, more than any script may have
 SHALLOW = 16  # levels that fit into any stack
 
 _lock = Lock()
@@ -42,3 +46,12 @@ def deep(levels: int) -> Iterator[None]:
             _users -= 1
             if not _users:
                 sys.setrecursionlimit(_usual)
+
+
+def with_room(work: Callable[[], T]) -> T:
+    """What `work` gives; once more with room where Python's usual stack is too small. It must not keep what it began."""
+    try:
+        return work()
+    except RecursionError:
+        with deep(DEEPEST):
+            return work()
