@@ -236,15 +236,19 @@ def _plus(left: Node, right: Node) -> Node:
 
 def fallible(expr: plan.Expr | None) -> list[plan.Expr]:
     """The parts of an expression that can fail by themselves."""
-    found: list[plan.Expr] = []
-    for node in walk(expr) if expr is not None else ():
-        if (
-            isinstance(node, plan.Subquery)
-            or (isinstance(node, plan.Column) and not node.declared)
-            or (isinstance(node, plan.Call) and can_fail(replace(node, arguments=())))
-        ):
-            found.append(node)
-    return found
+    return [node for node in walk(expr) if _fails_itself(node)] if expr is not None else []
+
+
+def _fails_itself(node: object) -> bool:
+    match node:
+        case plan.Subquery():
+            return True
+        case plan.Column(declared=declared):
+            return not declared
+        case plan.Call():
+            return can_fail(replace(node, arguments=()))
+        case _:
+            return False
 
 
 def certain(clause: plan.Expr | None) -> list[plan.Expr]:

@@ -36,7 +36,9 @@ def lower(
     `function_names` maps registered functions to their names in SQL. `cut` says that a search may end before its
     steps are used up, whether its text says so or not. `careful` asks for a statement that takes nothing for
     granted, neither how values look nor that nothing fails: what to run when another has been found out.
-    `disabled` names rewrites that are switched off. Raises UnsupportedError with the reason where the query has to run natively.
+    `disabled` names rewrites that are switched off.
+
+    Raises UnsupportedError with the reason where the query has to run natively.
     """
     check(query)
     needs = Needs(function_names, careful=careful or is_volatile(query), disabled=disabled)

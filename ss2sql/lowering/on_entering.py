@@ -138,10 +138,9 @@ class OnEntering(SearchLowering):
         known: list[tuple[plan.Expr, str]] = []
         assigned: set[tuple[int, str]] = set()
         for name, expr in self.search.connect:
-            evaluated = self.carries_anyway(expr)
-            if isinstance(expr, plan.Call) and evaluated and not states_read(expr) & assigned:
-                if is_flag(expr.type) == self.flags[name]:
-                    known.append((expr, self.states[name]))
+            usable = isinstance(expr, plan.Call) and self.carries_anyway(expr) and not states_read(expr) & assigned
+            if usable and is_flag(expr.type) == self.flags[name]:
+                known.append((expr, self.states[name]))
             assigned.add((self.query.id, name))
         return known
 

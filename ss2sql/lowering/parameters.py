@@ -130,10 +130,11 @@ class SqlQuery:
     """A lowered query.
 
     The statement's columns are, in this order: for a search the step's and its parent's number; the
-    `outputs`; `keys` group values; `orders` sort keys that SQL does not sort by itself. `limit` and `order`
-    that SQL leaves to the finishing in Python are named in `finish`. `plain` are the parameters whose handles
-    stand for all values that equal theirs, as long as no other form of such a value turns up. `ahead` says that something may be evaluated that the language would not
-    evaluate, so that what fails may be no error; `plain_rows` that the rows consist of numbers, strings and None.
+    `outputs`; `keys` group values; `orders` sort keys that SQL does not sort by itself. `sorted` and `limited`
+    say what SQL has done of ORDER BY and LIMIT. `plain` are the parameters whose handles stand for all values
+    that equal theirs, as long as no other form of such a value turns up. `ahead` says that something may be
+    evaluated that the language would not evaluate, so that what fails may be no error; `plain_rows` that the
+    rows consist of numbers, strings and None.
     """
 
     query: plan.Query

@@ -44,7 +44,7 @@ class Pool:
         self._made = 0
         # What tells values apart -> handle: marshal bytes; of objects, which have none, see _exact.
         self._handles: dict[Hashable, bytes] = {}
-        # Whether all values were such that equal ones are the same, apart from 1 and 1.0; `mixed` hears of the first other.
+        # Whether all values were such that equal ones are the same, numbers apart; `mixed` hears of the first other.
         self.pure = True
         self.mixed: Callable[[], None] = _nobody
         self.watched: frozenset[Any] = frozenset()  # handles that must stand for all values that equal theirs

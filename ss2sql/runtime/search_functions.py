@@ -75,8 +75,8 @@ class SearchState:
     def begin(self, key: Callable[[Any], Hashable], most: int | None, plain: bool, by_turns: bool) -> dict[str, Any]:
         """Starts afresh and gives what has to be handed to `end`.
 
-        `key` gives equal SQL values one hashable value; rows that are `plain` need none, see also `trust`. `most` is the number of
-        results after which the search ends. `by_turns` says that steps are evaluated when they are taken.
+        `key` gives equal SQL values one hashable value; rows that are `plain` need none, see also `trust`. `most`
+        is the number of results after which the search ends. `by_turns` says that steps are evaluated when taken.
         """
         outer = dict(self.__dict__)
         self._reset(key, most, plain, by_turns)

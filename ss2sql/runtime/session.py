@@ -203,12 +203,8 @@ class Session:
         self._check_open()
         _check_engine(engine)
         tree = parse(source_of(script))
-        return Query(
-            self.host,
-            self.execute,
-            tree,
-            with_room(lambda: resolve(tree, self.host.catalog(values, open_names)), engine),
-        )
+        program = with_room(lambda: resolve(tree, self.host.catalog(values, open_names)))
+        return Query(self.host, self.execute, tree, program, engine)
 
     def run(
         self,

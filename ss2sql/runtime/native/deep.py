@@ -49,7 +49,7 @@ def deep(levels: int) -> Iterator[None]:
 
 
 def with_room(work: Callable[[], T]) -> T:
-    """What `work` gives; once more with room where Python's usual stack is too small. It must not keep what it began."""
+    """What `work` gives, begun afresh with room where Python's usual stack is too small; it must allow that."""
     try:
         return work()
     except RecursionError:
