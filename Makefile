@@ -29,8 +29,9 @@ golden: $(VENV)/dev.stamp    ## writes the expectations of tests/cases and the o
 	$(PY) docs/generate.py
 	$(PY) tests/pages.py --write
 
-bench: $(VENV)/dev.stamp     ## measures; prints a table, writes out/bench.json
+bench: $(VENV)/bench.stamp   ## measures beside Python, SQL and graph libraries; a table, out/bench.json and out/bench.png
 	$(PY) benchmarks/run.py
+	$(PY) benchmarks/compare.py
 
 docs: $(VENV)/docs.stamp     ## builds the documentation in docs/_build; a warning is an error
 	$(PY) -m sphinx -W --keep-going -q -b html docs docs/_build/html
@@ -50,6 +51,10 @@ $(VENV)/package.stamp: pyproject.toml
 
 $(VENV)/dev.stamp: $(VENV)/package.stamp
 	$(PY) -m pip install --quiet --disable-pip-version-check --editable ".[dev]"
+	@touch $@
+
+$(VENV)/bench.stamp: $(VENV)/package.stamp
+	$(PY) -m pip install --quiet --disable-pip-version-check --editable ".[bench]"
 	@touch $@
 
 $(VENV)/docs.stamp: $(VENV)/package.stamp

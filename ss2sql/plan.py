@@ -24,7 +24,7 @@ def _span() -> Any:
 class Function:
     """What the plan knows of a function; the callable stays in the session.
 
-    `raises` is False only if the call cannot fail. `reason` says how the volatility was found.
+    `raises` is False only if the call cannot fail. `reason` is that of the volatility, `body` see frontend/inline.py.
     """
 
     name: str
@@ -35,6 +35,7 @@ class Function:
     raises: bool = True
     reason: str = field(default="", compare=False)
     parameters: tuple[str, ...] = field(default=(), compare=False)
+    body: Any = field(default=None, compare=False, repr=False)
 
 
 # --- expressions ---------------------------------------------------------------------------------------
@@ -392,9 +393,8 @@ Expr: TypeAlias = (
 class Statement:
     """One statement with what its plan relies on.
 
-    `reads` are the script variables and parameters that it reads, with the types that were assumed; `tables`
-    the tables of the database. `tentative` says that columns were unknown, so that the statement is resolved
-    again when the ones before it have run.
+    `reads` are the script variables and parameters that it reads, with the types that were assumed; `tables` those of
+    the database. `tentative`: columns were unknown, so it is resolved again when the statements before it have run.
     """
 
     expr: Expr

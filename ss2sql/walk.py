@@ -12,17 +12,25 @@ from ss2sql.kinds import Type
 Node: TypeAlias = Any  # an expression, or any plan dataclass that holds expressions
 E = TypeVar("E")
 
+_fields: dict[type, tuple[str, ...]] = {}
+
 # Fields that never hold expressions.
 _PLAIN = frozenset({"span", "place", "type", "scope", "literal", "name", "element"})
 
 
 def parts(node: Node) -> Iterator[Node]:
     """The plan nodes directly inside a node, in the order of its fields; nested queries are nodes, too."""
-    if isinstance(node, plan.Constant):
-        return
-    for field in fields(node):
-        if field.name not in _PLAIN:
-            yield from _nodes(getattr(node, field.name))
+    for name in _names(type(node)):
+        yield from _nodes(getattr(node, name))
+
+
+def _names(kind: Any) -> tuple[str, ...]:
+    """The fields of a class that may hold nodes; kept by class, for plans are walked all the time."""
+    names = _fields.get(kind)
+    if names is None:
+        names = () if kind is plan.Constant else tuple(f.name for f in fields(kind) if f.name not in _PLAIN)
+        _fields[kind] = names
+    return names
 
 
 def _nodes(value: Any) -> Iterator[Node]:
@@ -57,16 +65,12 @@ def walk_own(node: Node) -> Iterator[Node]:
 
 def rebuild(expr: E, change: Callable[[Node], Node]) -> E:
     """The same node with `change` applied to every node directly inside it."""
-    if isinstance(expr, plan.Constant):
-        return expr
     changed = {}
-    for field in fields(expr):  # type: ignore[arg-type]
-        if field.name in _PLAIN:
-            continue
-        before = getattr(expr, field.name)
+    for name in _names(type(expr)):
+        before = getattr(expr, name)
         after = _mapped(before, change)
         if after is not before:
-            changed[field.name] = after
+            changed[name] = after
     return replace(expr, **changed) if changed else expr  # type: ignore[type-var]
 
 

@@ -12,13 +12,16 @@ from hypothesis import strategies as st
 from random_values import FLOATS, INTEGERS, NUMBERS, SCALARS, TEXTS, VALUES, lists, same
 
 from ss2sql.errors import ExecutionError
-from ss2sql.kinds import ANY, INT, INT_MIN, Kind, Type, covers, type_of, union
+from ss2sql.kinds import ANY, INT, INT_MIN, Kind, Type, covers, list_of, type_of, union
 from ss2sql.runtime.builtins import BUILTINS
 from ss2sql.runtime.values import normalise
 
 
 def bounded(low: float, high: float, kinds: Kind = Kind.INT) -> Type:
     return Type(kinds, low, high)
+
+
+POINT = list_of([bounded(-2, 0), bounded(1, 5)])
 
 
 def test_bounds_are_computed() -> None:
@@ -35,7 +38,12 @@ def test_bounds_are_computed() -> None:
         ("mod", (INT, bounded(10, 10)), bounded(0, 9)),
         ("mod", (small, bounded(10, 10)), small),
         ("mod", (INT, bounded(-3, 4)), bounded(-2, 3)),
-        ("pow", (bounded(-3, 2), bounded(2, 2)), bounded(-9, 9)),
+        ("pow", (bounded(-3, 2), bounded(2, 2)), bounded(0, 9)),
+        ("pow", (bounded(-3, -2), bounded(2, 2)), bounded(4, 9)),
+        ("pow", (bounded(-3, 2), bounded(3, 3)), bounded(-27, 8)),
+        ("pow", (bounded(-3, 2), bounded(0, 0)), bounded(1, 1)),
+        ("pow", (bounded(-3, 2), bounded(1, 2)), bounded(-9, 9)),
+        ("pow", (INT, bounded(2, 2)), Type(Kind.INT, 0)),
         ("pow", (bounded(2, 3), bounded(1, 2)), bounded(1, 9)),
         ("neg", (small,), bounded(-5, 0)),
         ("abs", (bounded(-7, 5),), bounded(0, 7)),
@@ -45,6 +53,21 @@ def test_bounds_are_computed() -> None:
         ("float", (small,), bounded(0, 5, Kind.FLOAT)),
         ("min", (small, bounded(2, 3)), bounded(0, 3)),
         ("max", (small, bounded(2, 3)), bounded(2, 5)),
+        ("max", (POINT,), bounded(1, 5)),
+        ("min", (POINT,), bounded(-2, 0)),
+        ("min", (list_of([bounded(3, 4)]),), bounded(3, 4)),
+        ("sum", (POINT,), bounded(-1, 5)),
+        ("len", (POINT,), bounded(2, 2)),
+        ("item", (POINT, bounded(0, 0)), bounded(-2, 0)),
+        ("item", (POINT, bounded(-1, -1)), bounded(1, 5)),
+        ("item", (POINT, bounded(0, 1)), bounded(-2, 5)),
+        ("item", (POINT, bounded(1, 7)), bounded(1, 5)),
+        ("item", (list_of([Type(Kind.STR), one]), bounded(0, 1, Kind.BOOL)), bounded(1, 1, Kind.STR | Kind.INT)),
+        (
+            "zip",
+            (POINT, list_of([Type(Kind.STR)])),
+            Type(Kind.LIST, item=list_of([bounded(-2, 5), Type(Kind.STR)]), columns=()),
+        ),
         ("range", (bounded(0, 9),), Type(Kind.LIST, item=bounded(0, 8), columns=())),
         ("range", (bounded(1, 3), bounded(5, 9)), Type(Kind.LIST, item=bounded(1, 8), columns=())),
         ("range", (bounded(7, 9), bounded(1, 3), INT), Type(Kind.LIST, item=bounded(2, 9), columns=())),
@@ -54,7 +77,7 @@ def test_bounds_are_computed() -> None:
 
 
 def test_what_cannot_fail_and_what_can() -> None:
-    text, floats = Type(Kind.STR), Type(Kind.FLOAT)
+    text, floats, one = Type(Kind.STR), Type(Kind.FLOAT), bounded(1, 1)
     numbers = Type(Kind.LIST, item=Type(Kind.INT))
     safe = [
         ("lt", (INT, floats)),
@@ -81,6 +104,14 @@ def test_what_cannot_fail_and_what_can() -> None:
         ("distance", (INT, bounded(-5, 5, Kind.FLOAT))),
         ("pow", (bounded(0, 10), bounded(0, 18))),
         ("round", (floats, bounded(0, 3))),
+        ("item", (POINT, bounded(-2, 1))),
+        ("item", (POINT, bounded(0, 1, Kind.BOOL))),
+        ("min", (POINT,)),
+        ("max", (list_of([text, text]),)),
+        ("max", (list_of([Type(Kind.NONE)]),)),
+        ("sum", (POINT,)),
+        ("norm", (POINT,)),
+        ("distance", (POINT, POINT)),
     ]
     unsafe = [
         ("lt", (INT, Type(Kind.INT | Kind.NONE))),
@@ -117,6 +148,15 @@ def test_what_cannot_fail_and_what_can() -> None:
         ("pow", (bounded(0, 10), bounded(0, 19))),
         ("pow", (bounded(0, 10), bounded(-1, 2))),
         ("pow", (floats, bounded(0, 2))),
+        ("item", (POINT, bounded(0, 2))),
+        ("item", (POINT, bounded(-3, 0))),
+        ("item", (POINT, Type(Kind.INT | Kind.STR, 0, 1))),
+        ("item", (union([POINT, text]), bounded(0, 1))),
+        ("max", (list_of([one, text]),)),
+        ("max", (union([POINT, Type(Kind.NONE)]),)),
+        ("sum", (list_of([INT, INT]),)),
+        ("distance", (POINT, list_of([INT]))),
+        ("norm", (list_of([floats]),)),
     ]
     for name, types in safe:
         assert BUILTINS[name].raises(types) is False, (name, types)
@@ -133,7 +173,7 @@ def typed(draw: st.DrawFn, values: st.SearchStrategy[Any]) -> tuple[Any, Type]:
     if draw(st.booleans()):
         low = kind.low if draw(st.booleans()) else None
         high = kind.high if draw(st.booleans()) else None
-        kind = Type(kind.kinds, low, high, kind.item, kind.columns)
+        kind = Type(kind.kinds, low, high, kind.item, kind.columns, kind.positions)
     if draw(st.integers(0, 9)) == 0:
         kind = Type(kind.kinds | draw(st.sampled_from(list(Kind))), columns=None)
     return value, kind
@@ -152,6 +192,7 @@ OPERANDS = st.one_of(
     typed(st.lists(NUMBERS, max_size=3)),
     typed(st.lists(PARTS, max_size=3)),
     typed(st.lists(TEXTS, max_size=3)),
+    typed(st.lists(PARTS, min_size=2, max_size=2)),
     typed(lists(SCALARS)),
     typed(VALUES),
 )

@@ -24,8 +24,10 @@ from ss2sql.kinds import (
     Kind,
     Type,
     covers,
+    list_of,
     type_of,
     union,
+    without_bounds,
 )
 from ss2sql.runtime.values import normalise
 
@@ -51,6 +53,13 @@ def plain_list(item: Type) -> Type:
     return Type(Kind.LIST, item=item, columns=())
 
 
+def short_list(*positions: Type) -> Type:
+    return Type(Kind.LIST, item=union(positions), columns=(), positions=positions)
+
+
+HALF = number(2.5, 2.5, Kind.FLOAT)
+
+
 @pytest.mark.parametrize(
     ("value", "expected"),
     [
@@ -61,10 +70,19 @@ def plain_list(item: Type) -> Type:
         ("a", STR),
         ("\ud800", UNENCODABLE),
         ([], EMPTY),
-        ([1, 3, 2], plain_list(number(1, 3))),
-        ([1, 2.5, None, True], plain_list(number(1, 2.5, Kind.INT | Kind.FLOAT | Kind.NONE | Kind.BOOL))),
-        (["a", "b"], plain_list(STR)),
-        (["a", 1], plain_list(number(1, 1, Kind.STR | Kind.INT))),
+        ([1, 3, 2], short_list(number(1, 1), number(3, 3), number(2, 2))),
+        ([1, 2.5, None, True], short_list(number(1, 1), HALF, NONE, number(1, 1, Kind.BOOL))),
+        (["a", "b"], short_list(STR, STR)),
+        (["a", 1], short_list(STR, number(1, 1))),
+        ([[1, "a"], [3, None]], plain_list(short_list(number(1, 3), Type(Kind.STR | Kind.NONE)))),
+        ([1] * 16, short_list(*[number(1, 1)] * 16)),
+        ([1] * 17, plain_list(number(1, 1))),
+        ([[1] * 17, [2] * 17], plain_list(plain_list(number(1, 2)))),
+        ([[1, 2], [3]], plain_list(plain_list(number(1, 3)))),
+        (
+            [1, [2]],
+            Type(Kind.LIST, item=Type(Kind.INT | Kind.LIST, 1, 1, number(2, 2), (), (number(2, 2),)), columns=()),
+        ),
         (["a", "\ud800"], plain_list(UNENCODABLE)),
         ([[1], [], [2.0]], plain_list(plain_list(number(1, 2, Kind.INT | Kind.FLOAT)))),
         ([[], []], plain_list(EMPTY)),
@@ -128,10 +146,19 @@ def test_a_union_covers_its_members(a: Any, b: Any, c: Any) -> None:
 def test_the_type_of_a_list_covers_its_elements(values: list[Any]) -> None:
     kind = type_of(values)
     assert kind.item is not None
+    longer = Type(kind.kinds, item=kind.item, columns=kind.columns)  # of a list of any length
     for value in values:
         assert covers(kind.item, type_of(value))
-        assert covers(kind, type_of([value])) or kind.columns != type_of([value]).columns
-    assert covers(kind, EMPTY)
+        assert covers(longer, type_of([value])) or kind.columns != type_of([value]).columns
+    assert covers(longer, EMPTY)
+    assert covers(longer, kind)
+    assert covers(kind, kind)
+    if kind.positions is not None:
+        assert not covers(kind, longer)
+        assert not covers(kind, EMPTY)
+        assert all(covers(*pair) for pair in zip(kind.positions, map(type_of, values), strict=True))
+        assert union(kind.positions) == kind.item
+        assert kind == list_of(kind.positions)
 
 
 def test_types_that_do_not_cover() -> None:
@@ -145,6 +172,9 @@ def test_types_that_do_not_cover() -> None:
         (INT, NONE),
         (plain_list(INT), plain_list(STR)),
         (plain_list(INT), LIST),
+        (type_of([1, "a"]), type_of(["a", 1])),
+        (type_of([1, 2]), type_of([1, 2, 2])),
+        (type_of([1, 2]), plain_list(number(1, 2))),
         (type_of([{"a": 1}]), type_of([{"b": 1}])),
         (type_of([{"a": 1}]), type_of([{"a": 1, "b": 1}])),
         (type_of([{"a": 1, "b": 1}]), type_of([{"a": 1}])),
@@ -170,6 +200,25 @@ def test_unions_forget_what_one_side_does_not_know() -> None:
     assert union([]) == NOTHING
 
 
+def test_short_lists_are_described_one_by_one_as_long_as_all_have_one_length() -> None:
+    pair, other = short_list(number(1, 1), STR), short_list(number(5, 5), NONE)
+    assert union([pair, other]) == short_list(number(1, 5), Type(Kind.STR | Kind.NONE))
+    assert union([pair, NONE]).positions == pair.positions
+    assert union([pair, short_list(STR)]).positions is None
+    assert union([pair, EMPTY]).positions is None
+    assert union([pair, LIST]) == LIST
+    assert list_of([INT, ANY]).positions is None  # an element may be a list itself
+    assert list_of([]).positions is None
+
+
+def test_types_without_bounds() -> None:
+    rows = type_of([{"a": 1, "b": [2, 2.5]}])
+    free = without_bounds(rows)
+    assert covers(free, rows)
+    assert covers(free, type_of([{"a": -5, "b": [7, 0.0]}, {"a": 3, "b": [-7, 1e300]}]))
+    assert not covers(free, type_of([{"a": 1, "b": [2.5, 2]}]))
+
+
 def test_what_types_say() -> None:
     assert INT.only(Kind.NUMBER)
     assert not ANY.only(Kind.NUMBER)
@@ -186,6 +235,6 @@ def test_large_lists_are_read_quickly() -> None:
     pairs = [[i, i + 1] for i in range(200_000)]
     rows = [{"a": i, "b": "x"} for i in range(50_000)]
     start = time.perf_counter()
-    assert type_of(pairs) == plain_list(plain_list(number(0, 200_000)))
+    assert type_of(pairs) == plain_list(short_list(number(0, 199_999), number(1, 200_000)))
     assert type_of(rows).columns == (("a", number(0, 49_999)), ("b", STR))
     assert time.perf_counter() - start < 1  # at 3 us for each inner list or dict it would be more

@@ -466,7 +466,8 @@ def states(ss: ss2sql.Session, search: str) -> dict[str, Type]:
 
 def test_types_of_states_cover_what_connect_by_gives(ss: ss2sql.Session) -> None:
     ss.attach("moves", MOVES)
-    ss.function("f", lambda x: x)
+    ss.function("f", lambda x: x, volatility="stable")
+    ss.function("g", lambda x: -x)
     found = states(ss, "START WITH n = 1 CONNECT BY n = n + 1")
     assert found["n"].kinds == Kind.INT
     assert found["n"].bounded(2**62)  # a counter stays within 64 bits on any path that fits into memory
@@ -475,6 +476,7 @@ def test_types_of_states_cover_what_connect_by_gives(ss: ss2sql.Session) -> None
     assert states(ss, "START WITH n = 'a' CONNECT BY n = n + 'b'")["n"].kinds == Kind.STR
     assert states(ss, "START WITH n = None CONNECT BY n = this")["n"].kinds == Kind.NONE | Kind.LIST
     assert states(ss, "START WITH n = 1 CONNECT BY n = f(n)")["n"] == ANY
+    assert states(ss, "START WITH n = 1 CONNECT BY n = g(n)")["n"].kinds == Kind.INT  # its body says so
     assert states(ss, "START WITH n = 1, m = 1.5 CONNECT BY n = m, m = n")["n"].kinds == Kind.INT | Kind.FLOAT
     assert states(ss, "START WITH a = 1, b = 'x', c = None CONNECT BY a = b, b = c, c = a")["a"].may(Kind.NONE)
     flag = states(ss, "START WITH n = True CONNECT BY n = NOT n")["n"]
@@ -533,13 +535,14 @@ def test_types_of_expressions(ss: ss2sql.Session) -> None:
         "a / b": "float 0.25..1.5",
         "a == b": "bool", "NOT a": "bool", "a AND b": "bool", "IF(a; 1; 'x')": "int or str 1..1",
         "IF(a; 1)": "bool or int 0..1",
-        "[1, 2][0]": "int 1..2", "len('ab')": "int 0..9007199254740992", "f(a)": "any", "this": "dict", "str(a)": "str",
+        "[1, 2][0]": "int 1..1", "len('ab')": "int 0..9007199254740992", "f(a)": "any", "g(a)": "int 2..4", "this": "dict", "str(a)": "str",
         "SELECT a FROM t AS list": "list of int 1..3", "SELECT a FROM t AS value": "none or int 1..3",
         "SELECT a FROM t": "list of dict", "SELECT a FROM t GROUP BY b": "dict", "SELECT a FROM t AS void": "none",
         "SELECT a FROM t AS rows": "list of list of int 1..3", "(x = a)": "int 1..3", "a XOR b": "bool",
         "SELECT a FROM t START WITH n = 1 CONNECT BY n = n AS list": "list of list of int 1..3", "eval('1')": "any",
     }  # fmt: skip
-    ss.function("f", lambda x: x)
+    ss.function("f", lambda x: x, volatility="stable")
+    ss.function("g", lambda x: x + 1)
     for text, expected in kinds.items():
         column = query_of(ss, f"SELECT ({text}) FROM t;").columns[0].expr
         assert type_text(column.type) == expected, text
@@ -588,14 +591,14 @@ def test_what_a_plan_says(ss: ss2sql.Session) -> None:
         "    sources: source 2 t [dict]",
         "      value: variable t [list of dict]",
         "    columns: column f",
-        "      expr: group value 1 [any]",
+        "      expr: group value 1 [int 1..3]",
         "    columns: column max",
         "      expr: aggregate max [none or int 2..4]",
         "        argument: column b of source 2 [int 2..4]",
         "    where: eq() [bool]",
         "      arguments: column a of source 2 [int 1..3]",
         "      arguments: variable wanted [any]",
-        "    group: f() immutable [any]",
+        "    group: f() immutable [int 1..3]",
         "      arguments: column a of source 2 [int 1..3]",
         "    order: descending",
         "      expr: aggregate max [none or int 2..4]",

@@ -1,11 +1,11 @@
-"""The problems that run.py measures: scripts with the same work written by hand. One file per problem."""
+"""The problems that run.py measures, one file per subject."""
 
 from __future__ import annotations
 
-from problems import chain, compiling, hanoi
-from problems.base import Compiling, Problem
+from problems import chain, compiling, grid, hanoi, hierarchy, jugs, map, nested, particles, plans, puzzle, reach
+from problems.base import Problem
 
-RUNS: tuple[Problem, ...] = (*hanoi.PROBLEMS, *chain.PROBLEMS)
-COMPILES: tuple[Compiling, ...] = compiling.PROBLEMS
+SUBJECTS = (plans, hanoi, nested, map, puzzle, jugs, grid, reach, hierarchy, particles, chain, compiling)
+PROBLEMS: dict[str, Problem] = {problem.name: problem for subject in SUBJECTS for problem in subject.PROBLEMS}
 
-__all__ = ["COMPILES", "RUNS", "Compiling", "Problem"]
+__all__ = ["PROBLEMS", "SUBJECTS", "Problem"]

@@ -2,36 +2,50 @@
 
 from __future__ import annotations
 
-from functools import partial
+from collections.abc import Callable
 
-from problems.base import Problem
+from problems.base import Problem, Script, Work, lengths
 
-LENGTHS = (10_000, 20_000)
-OPTIONS = ("", "BREADTH FIRST", "UNIQUE")
+OPTIONS = {"chain": "", "chain-breadth": "BREADTH FIRST", "chain-unique": "UNIQUE"}
 
 
-def walk(length: int) -> list[int]:
-    """The chain by hand: a path that grows, and a set of what was met."""
-    path: list[int] = []
-    met: set[int] = set()
-    number = 1
-    while True:
-        if number in met:
-            return []
-        met.add(number)
-        path.append(number)
-        if number == length:
-            return [len(path)]
-        number += 1
+def script(option: str) -> Callable[[int], Script]:
+    return lambda length: Script(
+        f"""SELECT n FROM [0] WHERE n == {length}
+            START WITH n = 1 CONNECT BY {option} n = n + 1 STOP WITH n == {length} AS list;"""
+    )
+
+
+def by_hand(length: int) -> Work:
+    """A path that grows, and a set of what was met."""
+
+    def run() -> list[list[int]]:
+        path: list[int] = []
+        met: set[int] = set()
+        number = 1
+        while number not in met:
+            met.add(number)
+            path.append(number)
+            if number == length:
+                return [path]
+            number += 1
+        return []
+
+    return Work(run)
 
 
 PROBLEMS = tuple(
     Problem(
-        f"chain of {length:,}, {option or 'no option'}",
-        f"""SELECT n FROM [0] WHERE n == {length}
-            START WITH n = 1 CONNECT BY {option} n = n + 1 STOP WITH n == {length};""",
-        partial(walk, length),
+        name,
+        f"one path without branches, {option or 'no option'}",
+        "steps",
+        (10_000, 20_000),
+        50,
+        script(option),
+        {"python": by_hand},
+        "the length of the path",
+        lengths,
+        full=(100_000,),
     )
-    for option in OPTIONS
-    for length in LENGTHS
+    for name, option in OPTIONS.items()
 )

@@ -1,17 +1,21 @@
-"""Towers of Hanoi: every path of at most seven moves with three disks, and UNIQUE with eight disks."""
+"""Towers of Hanoi: the shortest plan, as a search of 3^n states."""
 
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable, Sequence
+from itertools import product
 from typing import Any
 
-from problems.base import Problem
+from problems.base import Problem, Script, Target, Work, lengths
+from problems.graphs import Graph, libraries
+from problems.levels import duck, sql_levels
 
 MOVES = [[0, 1], [0, 2], [1, 0], [1, 2], [2, 0], [2, 1]]
 
 
 def move(step: list[int], towers: list[list[int]]) -> list[list[int]]:
-    """The towers after a move, or [] where it is not allowed; changes its argument."""
+    """The paper's: the towers after a move, or [] where it is not allowed; changes its argument."""
     if not towers or not towers[step[0]]:
         pass
     elif not towers[step[1]] or towers[step[1]][-1] > towers[step[0]][-1]:
@@ -20,67 +24,125 @@ def move(step: list[int], towers: list[list[int]]) -> list[list[int]]:
     return []
 
 
-def moved(step: list[int], towers: list[list[int]]) -> list[list[int]]:
-    return move(step, [tower[:] for tower in towers])
+def start_of(disks: int) -> list[list[int]]:
+    return [list(range(disks, 0, -1)), [], []]
 
 
-def every_path(disks: int, most: int) -> list[int]:
-    """The lengths of all paths to the goal, depth first."""
-    goal = [[], [], list(range(disks, 0, -1))]
-    found: list[int] = []
-
-    def go(towers: list[list[int]], level: int) -> None:
-        for step in MOVES:
-            after = moved(step, towers)
-            if after == goal:
-                found.append(level)
-            if after and level < most:
-                go(after, level + 1)
-
-    go(goal[::-1], 1)
-    return found
+def goal_of(disks: int) -> list[list[int]]:
+    return [[], [], list(range(disks, 0, -1))]
 
 
-def unique(disks: int) -> list[int]:
-    """The lengths of the paths to the goal, each row (a move, the towers before it) taken once, breadth first."""
-    goal = [[], [], list(range(disks, 0, -1))]
-    seen: set[Any] = set()
-    queue = deque([(goal[::-1], 1)])
-    found: list[int] = []
-    while queue:
-        towers, level = queue.popleft()
-        before = tuple(map(tuple, towers))
-        for number, step in enumerate(MOVES):
-            if (number, before) in seen:
-                continue
-            seen.add((number, before))
-            after = moved(step, towers)
-            if after == goal:
-                found.append(level)
-            elif after:
-                queue.append((after, level + 1))
-    return found
+def unique_script(disks: int) -> Script:
+    return Script(
+        """SELECT move(this, tower) FROM moves WHERE goal == move(this, tower)
+           START WITH tower = start
+           CONNECT BY UNIQUE MAXIMUM 1 tower = move(this, tower)
+           STOP WITH  [] == move(this, tower);""",
+        (move,),
+        {"moves": MOVES, "start": start_of(disks), "goal": goal_of(disks)},
+    )
+
+
+def unique_by_hand(disks: int) -> Work:
+    goal = goal_of(disks)
+
+    def run() -> list[list[dict[str, Any]]]:
+        parents: dict[Any, tuple[Any, list[list[int]]]] = {}
+        queue: deque[tuple[Any, list[list[int]]]] = deque([(None, start_of(disks))])
+        while queue:
+            key, towers = queue.popleft()
+            for step in MOVES:
+                after = move(step, [tower[:] for tower in towers])
+                if not after:
+                    continue
+                state = tuple(map(tuple, after))
+                if state in parents:
+                    continue
+                parents[state] = (key, after)
+                if after == goal:
+                    path = []
+                    while state is not None:
+                        state, towers = parents[state]
+                        path.append({"move": towers})
+                    return [path[::-1]]
+                queue.append((state, after))
+        return []
+
+    return Work(run)
+
+
+# In SQL the towers are a text: one letter per disk, the smallest first, that names its tower.
+ALLOWED = "instr(s, a) > 0 AND (instr(s, b) = 0 OR instr(s, b) > instr(s, a))"
+AFTER = "substr(s, 1, instr(s, a) - 1) || b || substr(s, instr(s, a) + 1)"
+NUMBERED = "(0, 'a', 'b'), (1, 'a', 'c'), (2, 'b', 'a'), (3, 'b', 'c'), (4, 'c', 'a'), (5, 'c', 'b')"
+LETTERS = "('a', 'b'), ('a', 'c'), ('b', 'a'), ('b', 'c'), ('c', 'a'), ('c', 'b')"
+
+
+def unique_in_sql(disks: int) -> Work:
+    return sql_levels(
+        f"CREATE TABLE moves (a TEXT, b TEXT); INSERT INTO moves VALUES {LETTERS}",
+        "s",
+        ("a" * disks,),
+        f"SELECT {AFTER} FROM seen CROSS JOIN moves WHERE seen.rowid > :last AND {ALLOWED}",
+        f"s = '{'c' * disks}'",
+    )
+
+
+def unique_in_duckdb(disks: int) -> Work:
+    connection, goal = duck(), "c" * disks
+    text = f"""WITH RECURSIVE moves(a, b) AS (VALUES {LETTERS}),
+        seen(s, depth) USING KEY (s) AS (
+            SELECT ?::TEXT, 0
+            UNION
+            SELECT next.s, next.depth
+            FROM (SELECT DISTINCT {AFTER} AS s, depth + 1 AS depth FROM seen, moves WHERE {ALLOWED}) AS next
+            LEFT JOIN recurring.seen AS old ON old.s = next.s
+            WHERE old.s IS NULL
+        )
+        SELECT depth FROM seen WHERE s = ?"""
+    return Work(lambda: connection.execute(text, ("a" * disks, goal)).fetchone(), list)
+
+
+def graph_of(disks: int) -> Callable[[], Graph]:
+    """Towers as numbers in base 3, the place of the largest disk first."""
+
+    def make() -> Graph:
+        edges = []
+        weights = [3**disk for disk in range(disks)]
+        for number, pegs in enumerate(product(range(3), repeat=disks)):
+            free = {0, 1, 2}  # towers on which no smaller disk lies
+            for peg, weight in zip(reversed(pegs), weights, strict=True):
+                if peg in free:
+                    free.discard(peg)
+                    edges += [(number, number + (other - peg) * weight) for other in free]
+                if not free:
+                    break
+        return Graph(3**disks, edges, 0, 3**disks - 1)
+
+    return make
+
+
+def moves_of(path: Sequence[int], size: int) -> list[int]:
+    return [len(path) - 1]
 
 
 PROBLEMS = (
     Problem(
-        "hanoi, 3 disks, every path",
-        """SELECT this FROM moves WHERE [[],[],[3,2,1]] == move(this, tower)
-           START WITH tower = [[3,2,1],[],[]], level = 1
-           CONNECT BY tower = move(this, tower), level = level + 1
-           STOP WITH level == 7 OR [] == move(this, tower);""",
-        lambda: every_path(3, 7),
-        (move,),
-        {"moves": MOVES},
-    ),
-    Problem(
-        "hanoi, 8 disks, UNIQUE",
-        """SELECT this, tower FROM moves WHERE goal == move(this, tower)
-           START WITH tower = start
-           CONNECT BY UNIQUE tower = move(this, tower)
-           STOP WITH [] == move(this, tower) OR goal == move(this, tower);""",
-        lambda: unique(8),
-        (move,),
-        {"moves": MOVES, "start": [[8, 7, 6, 5, 4, 3, 2, 1], [], []], "goal": [[], [], [8, 7, 6, 5, 4, 3, 2, 1]]},
+        "hanoi-unique",
+        "the shortest plan, UNIQUE over the next towers, `move` in Python",
+        "disks",
+        (4, 6, 8),
+        3,
+        unique_script,
+        {
+            "python": unique_by_hand,
+            "sql": unique_in_sql,
+            "duckdb-key": unique_in_duckdb,
+            **libraries(graph_of, moves_of),
+        },
+        "the number of moves",
+        lengths,
+        full=(9, 10),
+        targets=(Target(1.3, since=8),),
     ),
 )

@@ -21,14 +21,14 @@ def with_groups(resolver: Resolver, query: plan.Query) -> plan.Query:
     A query whose columns are made of these alone gives one row per group. Of a search the columns are also
     the rows of its paths, as long as they do not aggregate.
     """
-    columns = tuple(replace(output, expr=_lifted(output.expr, query)) for output in query.columns)
+    columns = tuple(replace(output, expr=_lifted(resolver, output.expr, query)) for output in query.columns)
     aggregates = any(isinstance(node, plan.Aggregate) for output in columns for node in walk_own(output.expr))
     aggregated = not any(_sees_rows(output.expr, query) for output in columns)
     if query.search is not None and aggregates and query.search.repeats != "allowed":
         _refuse(resolver, query, "SELECT makes the rows that this search compares, so it cannot aggregate")
     if aggregates and not aggregated:
         _refuse_mixture(resolver, query, columns)
-    having = None if query.having is None else _lifted(query.having, query)
+    having = None if query.having is None else _lifted(resolver, query.having, query)
     if having is not None and _sees_rows(having, query):
         message = "HAVING sees group values and aggregates only"
         resolver.errors.append(
@@ -37,7 +37,7 @@ def with_groups(resolver: Resolver, query: plan.Query) -> plan.Query:
     query = replace(query, having=having)
     if not aggregated:
         return query
-    order = tuple(replace(key, expr=_lifted(key.expr, query)) for key in query.order)
+    order = tuple(replace(key, expr=_lifted(resolver, key.expr, query)) for key in query.order)
     for key in order:
         if _sees_rows(key.expr, query):
             message = "ORDER BY sorts groups here, so it sees group values and aggregates only"
@@ -47,7 +47,7 @@ def with_groups(resolver: Resolver, query: plan.Query) -> plan.Query:
     return replace(query, columns=columns, order=order, aggregated=True, rows=rows)
 
 
-def _lifted(expr: plan.Expr, query: plan.Query, inside: bool = False) -> plan.Expr:
+def _lifted(resolver: Resolver, expr: plan.Expr, query: plan.Query, inside: bool = False) -> plan.Expr:
     """The expression with GroupKey and Aggregate where it means a group value or an aggregate.
 
     `inside` another query the group values are in sight, but its calls of `sum` and its kin are its own.
@@ -62,7 +62,10 @@ def _lifted(expr: plan.Expr, query: plan.Query, inside: bool = False) -> plan.Ex
             kind = _aggregate_type(name, argument.type)
             return plan.Aggregate(name, argument, kind, span=expr.span)
     inside = inside or isinstance(expr, plan.Query)
-    return rebuild(expr, lambda part: _lifted(part, query, inside))
+    lifted = rebuild(expr, lambda part: _lifted(resolver, part, query, inside))
+    if isinstance(lifted, plan.Call) and lifted is not expr:
+        return resolver.inliner.typed(lifted)  # of an aggregate other things are known than of a list
+    return lifted
 
 
 def _sees_rows(node: object, query: plan.Query, inside: bool = False) -> bool:

@@ -14,6 +14,7 @@ from ss2sql import plan
 from ss2sql.errors import ResolveError, Span, did_you_mean, several
 from ss2sql.frontend import ast
 from ss2sql.frontend.catalog import Catalog
+from ss2sql.frontend.inliner import Inliner
 from ss2sql.frontend.scope import (
     Scope,
     bound_name,
@@ -62,6 +63,7 @@ class Resolver:
         self.tables: dict[int, plan.TableSource] = {}
         self.tentative = False
         self.numbers = base
+        self.inliner = Inliner()
 
     def number(self) -> int:
         """A new number for a source or query. Texts of `eval` count from a million, apart from their script."""
@@ -273,7 +275,9 @@ class Resolver:
         if is_aggregate(function) and len(arguments) == 1 and not grouped and not arguments[0].type.may(Kind.LIST):
             hint = AGGREGATE_HINT.format(name=name)
             raise ResolveError("R008", f"{name} needs a list, and this is not one", span, (hint,))
-        return self.call(name, arguments, span, span)
+        levels = scope.outwards() if scope else ()
+        self.inliner.sources.update((source.id, source) for level in levels for source in level.sources)
+        return self.inliner.typed(self.call(name, arguments, span, span))
 
     def call(self, name: str, arguments: tuple[plan.Expr, ...], span: Span, place: Span) -> plan.Call:
         """The call of a function that exists, with the type of its result."""

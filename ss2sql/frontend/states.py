@@ -74,7 +74,9 @@ def _try(resolver: Resolver, tree: ast.Query, scope: Scope, types: Types) -> _Tr
     trial.states.update(types)
     with _on_trial(resolver):
         open_sources(resolver, tree, trial)
-        connect = tuple((a.name, resolver.guarded(resolver.expression, a.value, trial)) for a in tree.connect)
+        values = ((a.name, resolver.guarded(resolver.expression, a.value, trial)) for a in tree.connect)
+        # A proof sees what the functions of the user compute.
+        connect = tuple((name, resolver.inliner.expr(value)) for name, value in values)
     return _Trial(trial, connect)
 
 
@@ -146,7 +148,8 @@ def _narrowed(resolver: Resolver, tree: ast.Query, scope: Scope, first: Types, t
     facts: list[_Fact] = []
     if tree.stop is not None:
         with _on_trial(resolver):
-            facts = list(_facts(resolver.guarded(resolver.expression, tree.stop, trial.scope), False))
+            stop = resolver.guarded(resolver.expression, tree.stop, trial.scope)
+            facts = list(_facts(resolver.inliner.expr(stop), False))
     before = {name: _clamped_state(scope.query, name, kind, facts) for name, kind in types.items()}
     closer = trial if before == dict(types) else _try(resolver, tree, scope, before)
     found = dict(first)
@@ -233,6 +236,9 @@ def _within(kind: Type, low: float | None, high: float | None) -> Type:
 
 def _meet(a: Type, b: Type) -> Type:
     """The closer bounds of two types of the same values, those of short lists one by one."""
-    if a.positions is not None and b.positions is not None and len(a.positions) == len(b.positions):
-        return list_of([_meet(one, other) for one, other in zip(a.positions, b.positions, strict=True)])
-    return _within(a, b.low, b.high) if a.only(NUMBER) and b.only(NUMBER) else a
+    if a.only(NUMBER) and b.only(NUMBER):
+        return _within(a, b.low, b.high)
+    one, other = a.positions or (), b.positions or ()
+    if not one or len(one) != len(other) or not a.only(Kind.LIST) or not b.only(Kind.LIST):
+        return a
+    return list_of([_meet(left, right) for left, right in zip(one, other, strict=True)])

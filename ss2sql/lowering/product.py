@@ -133,17 +133,22 @@ class Product:
         for step in range(first, level + 1):
             group = [c.expr for c in conditions if not c.free and c.level == step]
             if group:
-                self.terms.append(self._in_order(group, step))
+                free = [c.expr for c in conditions if c.free and c.level == step]
+                self.terms.append(self._in_order(group, step, free))
 
     def _free(self, condition: Condition) -> Node:
         node = self.selects.expressions.condition(condition.expr, self.env)
         return self._not_before(condition.level, self.levels.of(condition.expr), node)
 
-    def _in_order(self, group: list[plan.Expr], level: int) -> Node:
+    def _in_order(self, group: list[plan.Expr], level: int, free: list[plan.Expr]) -> Node:
         """Parts of WHERE that come after one that may fail, as one CASE, which SQLite does not take apart."""
         node = self.selects.expressions.all_of(tuple(group), self.env)
         if not any(map(can_fail, group)):
             node = sql.case([(node, sql.number(1))], sql.number(0))
+        elif isinstance(self.query.sources[level - 1], plan.TableSource):
+            # SQLite asks first what an index of the table answers, whatever stands before it.
+            before = [self.selects.expressions.condition(part, self.env) for part in free]
+            node = sql.case([(exp.Not(this=sql.operand(part)), sql.number(0)) for part in before], node)
         if level == self._guarded_from:
             node = sql.case([(exp.Not(this=guard), sql.number(0)) for guard in self._guards(level)], node)
         # What can fail calls a function, so that SQLite never asks it before the first source is read.

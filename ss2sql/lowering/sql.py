@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import TypeAlias
 
 import apsw
@@ -11,6 +11,7 @@ from sqlglot import exp
 
 Node: TypeAlias = exp.Expr
 
+MOST_IN_ROW = 250  # parts joined by AND or OR without parentheses
 _PLAIN_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
 _WORDS = frozenset(apsw.keywords) | {"TRUE", "FALSE"}
 
@@ -66,13 +67,23 @@ def conjunction(parts: Sequence[Node]) -> Node | None:
     """`a AND b AND ...`, None where there are no parts."""
     if not parts:
         return None
+    parts = _in_groups(parts, conjunction)
     result = grouped(parts[0], exp.Or)
     for part in parts[1:]:
         result = exp.And(this=result, expression=grouped(part, exp.Or))
     return result
 
 
+def _in_groups(parts: Sequence[Node], join: Callable[[Sequence[Node]], Node | None]) -> Sequence[Node]:
+    """Many parts in groups of parentheses, because SQLite takes no expression deeper than 1,000."""
+    if len(parts) <= MOST_IN_ROW:
+        return parts
+    groups = [join(parts[start : start + MOST_IN_ROW]) for start in range(0, len(parts), MOST_IN_ROW)]
+    return [exp.Paren(this=group) for group in groups if group is not None]
+
+
 def disjunction(parts: Sequence[Node]) -> Node:
+    parts = _in_groups(parts, disjunction)
     result = parts[0]
     for part in parts[1:]:
         result = exp.Or(this=result, expression=part)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors import Error, note_place
 from ss2sql.runtime.functions import Memo, UserFunction, kinds_of
-from ss2sql.runtime.pool import Pool
+from ss2sql.runtime.pool import OtherFormError, Pool
 
 if TYPE_CHECKING:
     from ss2sql.runtime.database import Execution
@@ -55,16 +55,26 @@ def sql_function(function: UserFunction, memo: Memo, stack: list[Execution]) -> 
             if remember:
                 memo.failures[arguments, kinds_of(arguments)] = error
             raise
+        other: OtherFormError | None = None
         try:
-            result = pool.encode_foreign(result, giver)
+            try:
+                encoded = pool.encode_foreign(result, giver)
+            except OtherFormError as error:  # the statement is run again, but this call is not made again
+                other, pool.watched = error, frozenset()
+                encoded = pool.encode_foreign(result, giver)
         except Error as error:
             execution.failed = True
             spans = execution.calls.get(name, ())
-            raise error.located(spans[0] if spans else None) from None
+            located = error.located(spans[0] if spans else None)
+            if remember:
+                memo.failures[arguments, kinds_of(arguments)] = located
+            raise located from None
         # What was proved of plain data says nothing of other objects.
         if remember and (whole or not function.inferred):
-            memo.keep(arguments, result, has_numbers)
-        return result
+            memo.keep(arguments, encoded, has_numbers)
+        if other is not None:
+            raise other
+        return encoded
 
     def call_of_memo(*arguments: Any) -> Any:
         result = memo.plain.get(arguments)

@@ -15,14 +15,14 @@ from ss2sql.kinds import ANY, NOTHING, Kind, Type, covers, type_of
 from ss2sql.lowering.lower import lower
 from ss2sql.lowering.parameters import Parameter, SqlQuery
 from ss2sql.lowering.rewrites import optimise
+from ss2sql.runtime.explain import explain, outline
+from ss2sql.runtime.finishing import finished
 from ss2sql.runtime.native import NativeQuery, compile_statement
 from ss2sql.runtime.native.deep import with_room
-from ss2sql.runtime.paths import Paths
 from ss2sql.runtime.result import Answer, Result, Sql, Status
 from ss2sql.runtime.rows import Rows
 from ss2sql.runtime.run import Run
 from ss2sql.runtime.shaping import PATH_FORMS, with_stars
-from ss2sql.runtime.values import freeze, sort_rows
 from ss2sql.walk import walk
 
 if TYPE_CHECKING:
@@ -54,7 +54,8 @@ class CompiledQuery:
         """Rewrites and lowers the query, or compiles it to Python."""
         host = self.host
         self.world = host.world(variable)
-        query = self.query = optimise(self.written, host.disabled, self.world)
+        query, self.rewrites = optimise(self.written, host.disabled, self.world)
+        self.query = query
         self.lowered: SqlQuery | None = None
         self.reason = "engine='native' was asked for"
         self.refusal = None
@@ -194,43 +195,6 @@ class CompiledQuery:
 
 
 _TOO_MUCH = (apsw.SQLError, apsw.TooBigError)
-
-
-def finished(lowered: SqlQuery, sink: Rows, extras: Sequence[tuple[Any, Any]], limit: int | None) -> Rows:
-    """Sorting, cutting and partitioning that SQL left over."""
-    query = lowered.query
-    order: Sequence[int] = range(len(extras))
-    if lowered.orders:
-        descending = tuple(key.descending for key in query.order)
-        try:
-            order = sort_rows(list(order), [extras[index][1] for index in order], descending)
-        except ExecutionError as error:
-            raise error.located(query.order[0].expr.span) from None
-    if limit is not None and not lowered.limited:
-        order = list(order[:limit])
-    groups = None
-    if query.group and not query.aggregated:
-        members: dict[Any, list[int]] = {}
-        shown: dict[Any, Any] = {}
-        for position, index in enumerate(order):
-            keys = extras[index][0]
-            key = tuple(map(freeze, keys))
-            shown.setdefault(key, keys[0] if len(keys) == 1 else keys)
-            members.setdefault(key, []).append(position)
-        groups = [(group_value(shown[key]), positions) for key, positions in members.items()]
-    if sink.paths is not None:
-        chosen = sink.paths.chosen(order) if isinstance(sink.paths, Paths) else []
-        return Rows(sink.columns, paths=chosen, groups=groups, plain=sink.plain)
-    assert sink.rows is not None
-    rows = sink.rows if isinstance(order, range) else [sink.rows[index] for index in order]
-    return Rows(sink.columns, rows=rows, groups=groups, plain=sink.plain)
-
-
-def group_value(value: Any) -> Any:
-    """A group's value as the key of a dict: lists become tuples, dicts tuples of pairs."""
-    if isinstance(value, dict):
-        return group_value(list(value.items()))
-    return tuple(map(group_value, value)) if isinstance(value, (list, tuple)) else value
 
 
 class CompiledStatement:
@@ -393,6 +357,10 @@ class Query:
     @property
     def sql(self) -> Sql:
         return script_sql(self.statements())
+
+    def explain(self) -> str:
+        """What becomes of the script: engines, rewrites, which functions are inlined or called and why, the SQL."""
+        return explain(outline(self.statements()))
 
     def run(self, engine: Engine | None = None, timeout: float | None = None, maximum: int | None = None,
             max_rows: int | None = None, **variables: Any) -> Result:  # fmt: skip

@@ -15,6 +15,7 @@ from typing import Any
 
 from ss2sql import plan
 from ss2sql.errors import SessionError
+from ss2sql.frontend.inline import Body, body_of
 from ss2sql.frontend.purity import arity, infer
 from ss2sql.frontend.text import RESERVED as RESERVED_WORDS
 from ss2sql.lowering.sql import SQLITE_FUNCTIONS
@@ -37,7 +38,11 @@ RESERVED = SQLITE_FUNCTIONS | {
 
 @dataclass(frozen=True, slots=True)
 class UserFunction:
-    """A registered function. `inferred` says that the volatility was found in its source, not declared."""
+    """A registered function.
+
+    `inferred` says that the volatility was found in its source, not declared; `body` is what the function computes
+    where queries may compute it themselves, else the reason why not.
+    """
 
     name: str
     function: Callable[..., Any]
@@ -49,6 +54,7 @@ class UserFunction:
     parameters: tuple[str, ...] = ()
     inverse: Callable[..., Any] | None = None
     vectorized: bool = False
+    body: Body | str = ""
 
     @property
     def plan(self) -> plan.Function:
@@ -60,6 +66,7 @@ class UserFunction:
             builtin=False,
             reason=self.reason,
             parameters=self.parameters,
+            body=self.body if isinstance(self.body, Body) else None,
         )
 
 
@@ -87,7 +94,21 @@ def user_function(
         purity = infer(function)
         volatility, reason = purity.volatility, purity.reason
     size = (takes.minimum, takes.maximum, takes.names)
-    return UserFunction(name, function, volatility, inferred, reason, *size, inverse, vectorized)
+    body = _body(name, function, volatility, inverse is not None, vectorized)
+    return UserFunction(name, function, volatility, inferred, reason, *size, inverse, vectorized, body)
+
+
+def _body(
+    name: str, function: Callable[..., Any], volatility: plan.Volatility, has_inverse: bool, vectorized: bool
+) -> Body | str:
+    """What queries may compute in place of a call, or the reason why they must call."""
+    if volatility != "immutable":
+        return f"is {volatility}"
+    if name in BUILTINS:
+        return "stands in for a built-in function"
+    if has_inverse or vectorized:
+        return "has an inverse" if has_inverse else "takes arrays"
+    return body_of(function)
 
 
 def check_name(name: str) -> None:

@@ -80,7 +80,7 @@ class SessionHost:
             return type_of(snapshots[name])
 
         functions = builtin_functions()
-        functions.update((name, entry.plan) for name, entry in self.functions.items())
+        functions.update((name, self._planned(entry)) for name, entry in self.functions.items())
         return Catalog(
             functions,
             tuple(self.shapes.functions),
@@ -91,6 +91,12 @@ class SessionHost:
             dict(self.names.late),
             open_names,
         )
+
+    def _planned(self, entry: UserFunction) -> plan.Function:
+        """The function as the plan knows it; its body counts only while the operators in it are the built-in ones."""
+        function = entry.plan
+        known = function.body is not None and "inline" not in self.disabled
+        return function if known and not function.body.uses & self.functions.keys() else replace(function, body=None)
 
     def resolve_statement(self, tree: ast.Expr, run: Run) -> plan.Statement:
         """The plan of one statement, resolved against the values that stand now."""

@@ -203,7 +203,8 @@ def power(types: Types) -> Type:
         if times[0] < 0:
             parts.append(Type(Kind.FLOAT, -1 if least is None else 0, 1))
     if all(t.may(Kind.NUMBER) for t in types) and any(t.may(Kind.FLOAT) for t in types):
-        parts.append(Type(Kind.FLOAT, least))
+        bounds = _float_powers(types)
+        parts.append(numbers(Kind.FLOAT, bounds) if bounds else Type(Kind.FLOAT, least))
     return union(parts)
 
 
@@ -227,11 +228,36 @@ def _powers(types: Types) -> list[int] | None:
     return [base[0] ** max(exponent[0], 0), base[0] ** highest, base[1] ** highest, 1]
 
 
+def _float_powers(types: Types) -> list[float] | None:
+    """Bounds of floats raised to a known power: a whole one, or a root of what is not negative; else None.
+
+    Python leaves powers to the C library, which rounds them nearly, not exactly.
+    """
+    base, exponent = types
+    if not _are_numbers(types) or exponent.low is None or exponent.low != exponent.high:
+        return None
+    times, (low, high) = exponent.low, floats(base)
+    is_whole = exponent.only(INTEGER) and times >= 0
+    if not is_whole and not (low >= 0 and 0 <= times <= 1):
+        return None
+    try:
+        size = max(abs(low), abs(high), 1.0) ** times * (1 + 2**-40)
+    except OverflowError:
+        return None
+    return [0 if low >= 0 or _is_even(exponent) else -size, size]
+
+
 def power_raises(types: Types) -> bool:
-    if not all(t.only(INTEGER) for t in types) or not is_nonnegative(types[1]):
+    if not _are_numbers(types):
         return True
-    corners = _powers(types)
-    return not corners or not fits(Kind.INT, corners)
+    if all(t.may(INTEGER) for t in types):
+        corners = _powers(types) if is_nonnegative(types[1]) else None
+        if not corners or not fits(Kind.INT, corners):
+            return True
+    if any(t.may(Kind.FLOAT) for t in types):
+        bounds = _float_powers(types)
+        return not bounds or not fits(Kind.FLOAT, bounds)
+    return False
 
 
 def neg(types: Types) -> Type:

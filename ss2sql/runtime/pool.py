@@ -136,16 +136,16 @@ class Pool:
 
     def _add(self, exact: Hashable, marshalled: bytes | None, value: Any) -> bytes:
         """A new handle for what `exact` tells from all other values."""
+        if (self.watched or self.pure) and (marshalled is None or several_forms(marshalled)):
+            self._watch(marshalled, value)  # it may raise, so nothing of the value is kept yet
         self._made += 1
         handle = (_TRUTHY if truth(value) else _FALSY) + self._tag + self._made.to_bytes(5, "big")
         self._handles[exact] = handle
-        if (self.watched or self.pure) and (marshalled is None or several_forms(marshalled)):
-            self._watch(handle, marshalled, value)
         if marshalled is not None:
             self.marshalled[handle] = marshalled
         return handle
 
-    def _watch(self, handle: bytes, marshalled: bytes | None, value: Any) -> None:
+    def _watch(self, marshalled: bytes | None, value: Any) -> None:
         """Raises OtherFormError if the value equals one whose handle stands for all that do."""
         self._mix()
         if not self.watched:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from rich.console import Console
 from rich.table import Table as RichTable
@@ -14,6 +14,9 @@ from rich.text import Text
 from ss2sql.runtime.rows import Row, Rows
 from ss2sql.runtime.run import Stats
 from ss2sql.runtime.values import fresh, show
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.compiled import CompiledQuery
 
 MOST_TEXT = 200  # characters of a string in a table
 
@@ -79,6 +82,7 @@ class Result:
     stats: Stats
     sql: Sql
     answer: Answer | None = field(default=None)
+    outline: list[tuple[str, list[CompiledQuery]]] = field(default_factory=list)
 
     @property
     def value(self) -> Any:
@@ -115,6 +119,12 @@ class Result:
             return 1
         rows = self.answer.rows
         return len(rows.rows or ()) if rows.paths is None else sum(map(len, rows.paths))
+
+    def explain(self) -> str:
+        """What became of the script: see `Query.explain`; functions are shown with the number of their calls."""
+        from ss2sql.runtime.explain import explain  # it knows compiled scripts, which know results
+
+        return explain(self.outline, self.stats)
 
     def show(self, max_rows: int = 20, console: Console | None = None) -> None:
         """Prints the rows as a table, at most `max_rows` of them, and says how many there are."""

@@ -23,6 +23,7 @@ from ss2sql.frontend.parser import parse
 from ss2sql.frontend.resolve import resolve
 from ss2sql.lowering.rewrites import REWRITES
 from ss2sql.runtime.compiled import ENGINES, Engine, Query, script_sql
+from ss2sql.runtime.explain import outline
 from ss2sql.runtime.functions import (
     UserFunction,
     check_name,
@@ -54,7 +55,7 @@ def connect(
         timeout: seconds after which a run is broken off; None for no limit.
         progress: "auto", True or False: whether long runs show a line of progress on a terminal.
         read_only: opens the file without the right to change it.
-        disable: names of optimisations to switch off: "memo", "unnest".
+        disable: names of optimisations to switch off: "memo", "inline", "unnest" and others.
 
     Raises:
         SessionError: the file cannot be opened, or a name in `disable` is unknown.
@@ -295,6 +296,7 @@ class Session:
             run.stats,
             script_sql(statements, run),
             answer,
+            outline(statements),
         )
 
     def _deadline(self, seconds: float | None) -> float | None:

@@ -12,7 +12,7 @@ from collections.abc import Callable, Collection
 from typing import TypeAlias
 
 from ss2sql import plan
-from ss2sql.lowering.rewrites import fold, split, unnest
+from ss2sql.lowering.rewrites import fold, inline, split, unnest
 from ss2sql.lowering.rewrites.world import World
 
 Rewrite: TypeAlias = Callable[[plan.Query, World], plan.Query]
@@ -24,6 +24,7 @@ def by_lowering(query: plan.Query, world: World) -> plan.Query:
 
 
 REWRITES: dict[str, Rewrite] = {
+    "inline": inline.rewrite,
     "fold": fold.rewrite,
     "unnest": unnest.rewrite,
     "split": split.rewrite,
@@ -33,10 +34,15 @@ REWRITES: dict[str, Rewrite] = {
 }
 
 
-def optimise(query: plan.Query, disabled: Collection[str] = (), world: World | None = None) -> plan.Query:
-    """The query after all rewrites that are not disabled, in the order of the registry."""
+def optimise(
+    query: plan.Query, disabled: Collection[str] = (), world: World | None = None
+) -> tuple[plan.Query, tuple[str, ...]]:
+    """The query after all rewrites that are not disabled, in the order of the registry, and their names."""
     world = world or World()
+    changed: list[str] = []
     for name, rewrite in REWRITES.items():
         if name not in disabled:
-            query = rewrite(query, world)
-    return query
+            before, query = query, rewrite(query, world)
+            if query is not before:
+                changed.append(name)
+    return query, tuple(changed)

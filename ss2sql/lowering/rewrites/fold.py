@@ -14,6 +14,7 @@ from typing import Any
 
 from ss2sql import plan
 from ss2sql.errors import Error
+from ss2sql.kinds import covers
 from ss2sql.lowering.expressions import can_fail
 from ss2sql.lowering.rewrites.nodes import as_bool, bottom_up, constant, is_true
 from ss2sql.lowering.rewrites.world import MOST_ELEMENTS, World, is_plain
@@ -65,8 +66,9 @@ def _call(call: plan.Call) -> plan.Expr:
             except Error:
                 return call
     types = tuple(argument.type for argument in call.arguments)
-    kind, raises = entry.result(types), entry.raises(types)
-    if kind == call.type and raises == call.function.raises:
+    # What cannot fail where it stands, behind a condition perhaps, never can.
+    kind, raises = entry.result(types), call.function.raises and entry.raises(types)
+    if raises == call.function.raises and covers(kind, call.type):
         return call
     return replace(call, type=kind, function=replace(call.function, raises=raises))
 

@@ -27,19 +27,23 @@ COMPARISONS = frozenset(OPPOSITE)
 def bottom_up(node: Node, change: Callable[[Any], Any]) -> Node:
     """The node with `change` applied to every node below it, innermost first, and then to itself.
 
-    Columns and group values keep to a type that is bool alone, or is not: those who read them go by their type,
-    and a bool travels in another form through SQL.
+    Columns of queries in FROM, and group values, keep to a type that is bool alone, or is not: those who read them
+    go by their type, and a bool travels in another form through SQL.
     """
     new: Any = rebuild(node, lambda part: bottom_up(part, change))
-    match node, new:
-        case plan.Output(expr=before), plan.Output(expr=after) if is_flag(before.type) != is_flag(after.type):
-            new = replace(new, expr=before)
-        case plan.Query(group=before_all), plan.Query(group=after_all) if any(
-            is_flag(one.type) != is_flag(other.type) for one, other in zip(before_all, after_all, strict=True)
-        ):
-            new = replace(new, group=before_all)
+    if new is not node and isinstance(new, plan.QuerySource) and isinstance(node, plan.QuerySource):
+        pairs = zip(node.query.columns, new.query.columns, strict=True)
+        columns = tuple(after if _same_form(before.expr, after.expr) else before for before, after in pairs)
+        new = replace(new, query=replace(new.query, columns=columns))
+    if new is not node and isinstance(new, plan.Query) and isinstance(node, plan.Query):
+        if not all(_same_form(before, after) for before, after in zip(node.group, new.group, strict=True)):
+            new = replace(new, group=node.group)
     changed: Node = change(new)
     return changed
+
+
+def _same_form(one: plan.Expr, other: plan.Expr) -> bool:
+    return is_flag(one.type) == is_flag(other.type)
 
 
 def constant(value: Any, span: Span) -> plan.Constant:

@@ -77,11 +77,8 @@ def _connected(node: Any) -> Any:
     if not isinstance(node, (plan.And, plan.Or)):
         return node
     steady = not is_volatile(node)  # else a part may be another one when it is asked again
-    parts: list[plan.Expr] = []
-    for part in map(_bare, node.parts):
-        for one in part.parts if type(part) is type(node) else (part,):
-            if one not in parts or not steady:
-                parts.append(one)
+    flat = [one for part in map(_bare, node.parts) for one in (part.parts if type(part) is type(node) else (part,))]
+    parts = list(dict.fromkeys(flat)) if steady else flat
     parts = _memberships(parts, isinstance(node, plan.Or))
     if len(parts) == 1:
         return as_bool(parts[0])

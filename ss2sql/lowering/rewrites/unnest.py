@@ -33,7 +33,7 @@ from ss2sql.lowering.rewrites.nodes import (
     negated,
 )
 from ss2sql.lowering.rewrites.texts import read
-from ss2sql.lowering.rewrites.unroll import Row, rows_of
+from ss2sql.lowering.rewrites.unroll import Row, looked_for, rows_of
 from ss2sql.lowering.rewrites.world import World
 from ss2sql.walk import walk
 
@@ -91,7 +91,8 @@ class Unnest:
                 test = self.tested(where)
                 return node if test is where else folded(replace(node, where=test))
             case plan.Search(stop=stop) if stop is not None:
-                return replace(node, stop=self.tested(stop))
+                test = self.tested(stop)
+                return node if test is stop else replace(node, stop=test)
             case plan.Eval():
                 return read(node, self.world) or node
             case _:
@@ -102,8 +103,19 @@ class Unnest:
 
     def tested(self, expr: plan.Expr) -> plan.Expr:
         """An expression of which only the truth counts: a list is true if it has elements."""
-        rows = self.rows(_counted(expr) or expr)
-        return expr if rows is None else _some(rows, expr.span)
+        found = self.has_rows(_counted(expr) or expr, True, expr.span)
+        return expr if found is None else found
+
+    def has_rows(self, expr: plan.Expr, wanted: bool, span: Span) -> plan.Expr | None:
+        """Whether a query has rows, or, if that is wanted, none."""
+        if not isinstance(expr, plan.Subquery):
+            return None
+        found = looked_for(expr.query, self.world)
+        if found is not None:
+            item, values = found
+            return call("in" if wanted else "not_in", item, values, span=span)
+        rows = self.rows(expr)
+        return None if rows is None else _some(rows, span) if wanted else _none(rows, span)
 
     # --- comparisons -----------------------------------------------------------------------------------
 
@@ -124,10 +136,11 @@ class Unnest:
     def comparison(self, name: str, value: plan.Expr, known: plan.Constant, span: Span) -> plan.Expr | None:
         """`query == []`, `len(query) > 2`, `max(query) == 3` and their kin."""
         if known.value == [] and name in ("eq", "ne"):
-            rows = self.rows(value)
-            return None if rows is None else _some(rows, span) if name == "ne" else _none(rows, span)
+            return self.has_rows(value, name == "ne", span)
         counted = _counted(value)
         if counted is not None and type(known.value) is int:
+            if (name, known.value) in (("eq", 0), ("lt", 1), ("le", 0), ("ne", 0), ("gt", 0), ("ge", 1)):
+                return self.has_rows(counted, name in ("ne", "gt", "ge"), span)
             rows = self.rows(counted)
             width = len(counted.query.columns) if counted.query.representation.name == "list" else 1
             return None if rows is None else self.count(name, rows, width, known.value, span)

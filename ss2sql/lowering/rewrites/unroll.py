@@ -50,6 +50,26 @@ def rows_of(query: plan.Query, world: World) -> list[Row] | None:
     return rows
 
 
+def looked_for(query: plan.Query, world: World) -> tuple[plan.Expr, plan.Constant] | None:
+    """What a query looks for in which list, if its WHERE asks for nothing but `this == x`; else None."""
+    match query.where:
+        case plan.Call(function=plan.Function(name="eq", builtin=True), arguments=arguments):
+            pass
+        case _:
+            return None
+    if not _is_plain_query(query) or not isinstance(query.sources[0], plan.ValueSource):
+        return None
+    source = query.sources[0]
+    for one, item in (arguments, arguments[::-1]):
+        if isinstance(one, plan.Element) and one.source == source.id and source.id not in sources_read(item):
+            shown = [item, *(output.expr for output in query.columns)]
+            items = None if any(map(can_fail, shown)) or not _is_correlated(query) else _items(source.value, world)
+            if items and all(isinstance(known, plan.Constant) for known in items):
+                values = [known.value for known in items if isinstance(known, plan.Constant)]
+                return item, constant(values, source.value.span)
+    return None
+
+
 def _is_plain_query(query: plan.Query) -> bool:
     """Whether the query gives a list of the rows that pass its WHERE, in the order of its one source."""
     shaped = query.search or query.group or query.limit or query.representation.arguments or query.representation.named

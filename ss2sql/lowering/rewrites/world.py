@@ -48,9 +48,12 @@ class World:
         return None if known is None else list(value)
 
     def forget(self) -> None:
-        """Relies on nothing any more: the query changes its variables itself."""
+        """Relies on no values: the query may change its variables itself.
+
+        That a list is not known is still relied on: with its value, texts could be read that may change variables.
+        """
         self.fixed = False
-        self.lists.clear()
+        self.lists = {name: None for name, known in self.lists.items() if known is None}
         self.types.clear()
 
     def holds(self, variable: Callable[[str], Any]) -> bool:

@@ -1,0 +1,358 @@
+"""The body of a Python function as an expression of the plan, where it is one expression of its arguments.
+
+`body_of` reads `return <expression>`, a lambda, and chains of `if` that return. It knows the operators and the few
+functions that do in the language what they do in Python; everything else it refuses, with the reason. Whether
+they also fail alike depends on the arguments and is decided call by call, see instances.py.
+
+In the expression a `plan.Variable` stands for a parameter, a call of a function that is not built in for a
+helper, whose own body it carries, and `And` and `Or` for Python's, which give one of their operands. Nothing in it
+has a place in a script.
+"""
+
+from __future__ import annotations
+
+import ast
+import builtins
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import FunctionType
+from typing import Any
+
+from ss2sql import plan
+from ss2sql.errors import Source, Span
+from ss2sql.frontend.purity.names import UNKNOWN, Findings, Frame, Unproven
+from ss2sql.frontend.purity.source import FunctionNode, locate
+from ss2sql.kinds import INT_MAX, INT_MIN, Kind, type_of
+from ss2sql.runtime.builtins import BUILTINS
+from ss2sql.walk import functions
+
+NOWHERE = Span(Source(""), 0, 0)
+MOST_NODES = 200
+MOST_HELPERS = 4  # functions inside functions
+
+_ARITHMETIC: dict[type[ast.operator], str] = {
+    ast.Add: "add",
+    ast.Sub: "sub",
+    ast.Mult: "mul",
+    ast.Div: "div",
+    ast.Mod: "mod",
+    ast.Pow: "pow",
+}
+_COMPARISONS: dict[type[ast.cmpop], str] = {
+    ast.Lt: "lt",
+    ast.LtE: "le",
+    ast.Eq: "eq",
+    ast.NotEq: "ne",
+    ast.GtE: "ge",
+    ast.Gt: "gt",
+    ast.In: "in",
+    ast.NotIn: "not_in",
+}
+# Python's functions with the least and greatest number of arguments for which a built-in one does the same.
+_FUNCTIONS: tuple[tuple[Callable[..., Any], str, int, int], ...] = (
+    (builtins.abs, "abs", 1, 1),
+    (builtins.min, "min", 2, 99),
+    (builtins.max, "max", 2, 99),
+    (builtins.len, "len", 1, 1),
+    (builtins.sum, "sum", 1, 1),
+    (builtins.round, "round", 1, 2),
+    (builtins.int, "int", 1, 1),
+    (builtins.float, "float", 1, 1),
+    (builtins.str, "str", 1, 1),
+    (builtins.pow, "pow", 2, 2),
+    (math.sqrt, "sqrt", 1, 1),
+    (math.dist, "distance", 2, 2),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Body:
+    """A function as an expression of its parameters.
+
+    `defaults` are the values of parameters that a call may leave out, `text` is the expression as Python writes it,
+    `uses` are the built-in functions in it; `gives_tuple` says that a result may be a tuple, which is a list only
+    once it has left Python.
+    """
+
+    parameters: tuple[str, ...]
+    defaults: Mapping[str, plan.Constant]
+    expr: plan.Expr
+    text: str
+    uses: frozenset[str]
+    gives_tuple: bool
+
+
+class Refused(Exception):  # noqa: N818 - it is a finding, not an error
+    """A function is not one expression that the language knows; the reason has the function as its subject."""
+
+
+def body_of(function: Callable[..., Any]) -> Body | str:
+    """The function's body, or the reason why it cannot become part of a query. Nothing is called."""
+    try:
+        return _read(function, ())
+    except (Refused, Unproven) as refused:
+        return str(refused)
+    except RecursionError:
+        return "is nested too deeply to be followed"
+
+
+def builtin(name: str) -> plan.Function:
+    """A built-in function as the plan knows it."""
+    entry = BUILTINS[name]
+    return plan.Function(name, entry.minimum, entry.maximum, entry.volatility, reason="built in")
+
+
+def _read(function: Any, around: tuple[FunctionType, ...]) -> Body:
+    if type(function) is not FunctionType:
+        raise Refused("is not a function written in Python")
+    if function in around or len(around) > MOST_HELPERS:
+        raise Refused("calls functions inside functions too deeply")
+    located = locate(function)
+    if located is None:
+        raise Refused("has no source that can be read")
+    node, arguments = located.node, located.node.args
+    if arguments.vararg or arguments.kwarg:
+        raise Refused("takes any number of arguments")
+    names = tuple(parameter.arg for parameter in (*arguments.posonlyargs, *arguments.args))
+    given = dict(zip(reversed(names), reversed(function.__defaults__ or ()), strict=False))
+    given.update(function.__kwdefaults__ or {})
+    expression = _as_expression(node)
+    reader = _Reader(Frame(function, located, _unfollowed, Findings()), (*around, function))
+    expr = reader.read(expression, result=True)
+    defaults = {name: _constant(value) for name, value in given.items()}
+    return Body(names, defaults, expr, ast.unparse(expression), frozenset(_used(expr)), reader.gives_tuple)
+
+
+def _used(expr: plan.Expr) -> Iterator[str]:
+    """The built-in functions in a body, and in the bodies that it calls."""
+    for function in functions(expr):
+        if function.builtin:
+            yield function.name
+        else:
+            yield from function.body.uses
+
+
+def _unfollowed(function: FunctionType) -> Frame:
+    raise Unproven("calls a function that is not followed")
+
+
+def _as_expression(node: FunctionNode) -> ast.expr:
+    """The function's body as one expression."""
+    if isinstance(node, ast.Lambda):
+        return node.body
+    statements = node.body
+    match statements[0]:
+        case ast.Expr(value=ast.Constant(value=str())):
+            statements = statements[1:]
+    return _chain(statements, [MOST_NODES])
+
+
+def _chain(statements: Sequence[ast.stmt], left: list[int]) -> ast.expr:
+    """Statements that do nothing but choose what to return; `left` counts how many may still be looked at."""
+    left[0] -= 1
+    if left[0] < 0:
+        raise Refused("is too long")
+    match statements:
+        case []:
+            return ast.Constant(None)
+        case [ast.Return(value=value), *_]:
+            return ast.Constant(None) if value is None else value
+        case [ast.If(test=test, body=then, orelse=otherwise), *rest]:
+            return ast.IfExp(test, _chain([*then, *rest], left), _chain([*otherwise, *rest], left))
+        case [ast.Pass(), *rest]:
+            return _chain(rest, left)
+        case _:
+            raise Refused("is more than one expression")
+
+
+def _constant(value: Any) -> plan.Constant:
+    """A value that Python and the language have in common."""
+    fits = value is None or type(value) in (bool, str)
+    fits |= type(value) is int and INT_MIN <= value <= INT_MAX
+    fits |= type(value) is float and math.isfinite(value)
+    if not fits or type_of(value).may(Kind.OBJECT):
+        raise Refused(f"uses a {type(value).__name__}, which the language does not have as a constant")
+    return plan.Constant(value, type_of(value), span=NOWHERE)
+
+
+class _Reader:
+    """Reads one function's expression. `around` are the functions that lead to it, itself included."""
+
+    def __init__(self, frame: Frame, around: tuple[FunctionType, ...]) -> None:
+        self.frame = frame
+        self.around = around
+        self.gives_tuple = False
+        self.size = 0
+
+    def read(self, node: ast.expr, result: bool = False) -> plan.Expr:
+        """The expression in the language's words; where it is the function's `result`, a tuple will do for a list."""
+        self.size += 1
+        if self.size > MOST_NODES:
+            raise Refused("is too long")
+        match node:
+            case ast.Constant(value=value):
+                return _constant(value)
+            case ast.UnaryOp(op=ast.USub(), operand=ast.Constant(value=int() | float() as value)):
+                return _constant(-value)
+            case ast.Name() | ast.Attribute():
+                return self._named(node)
+            case ast.BinOp(left=left, op=op, right=right) if type(op) in _ARITHMETIC:
+                return self._call(_ARITHMETIC[type(op)], left, right)
+            case ast.UnaryOp(op=ast.USub(), operand=operand):
+                return self._call("neg", operand)
+            case ast.UnaryOp(op=ast.Not(), operand=operand):
+                return plan.Not(self.read(operand), span=NOWHERE)
+            case ast.BoolOp(op=op, values=values):
+                parts = tuple(map(self.read, values))
+                return (plan.And if isinstance(op, ast.And) else plan.Or)(parts, span=NOWHERE)
+            case ast.Compare():
+                return self._compare(node)
+            case ast.IfExp(test=test, body=body, orelse=orelse):
+                then, otherwise = self.read(body, result), self.read(orelse, result)
+                return plan.If(self.read(test), (then,), (otherwise,), span=NOWHERE)
+            case ast.List(elts=items):
+                return self._list(items, result)
+            case ast.Tuple(elts=items) if result:
+                self.gives_tuple = True
+                return self._list(items, result)
+            case ast.Subscript(value=value, slice=index):
+                return self._subscript(value, index, result)
+            case ast.Call():
+                return self._called(node, result)
+            case _:
+                raise Refused(f"uses {_word(node)}, which the language does not have")
+
+    def _call(self, name: str, *arguments: ast.expr) -> plan.Call:
+        return _builtin_call(name, *map(self.read, arguments))
+
+    def _named(self, node: ast.Name | ast.Attribute) -> plan.Expr:
+        if self._is_local(node):
+            return plan.Variable(ast.unparse(node), span=NOWHERE)
+        value = self.frame.static(node, self.frame.root)
+        if value is UNKNOWN:
+            raise Refused(f"reads '{ast.unparse(node)[:40]}'")
+        return _constant(value)
+
+    def _is_local(self, node: ast.expr) -> bool:
+        found = self.frame.root.find(node.id) if isinstance(node, ast.Name) else None
+        if found is not None and any(place.how != "parameter" for place in found[0]):
+            raise Refused("is more than one expression")
+        return found is not None
+
+    def _compare(self, node: ast.Compare) -> plan.Expr:
+        operands = (node.left, *node.comparators)
+        links = [self._link(left, op, right) for left, op, right in zip(operands, node.ops, operands[1:], strict=False)]
+        return links[0] if len(links) == 1 else plan.And(tuple(links), span=NOWHERE)
+
+    def _link(self, left: ast.expr, op: ast.cmpop, right: ast.expr) -> plan.Expr:
+        if isinstance(op, ast.Is | ast.IsNot):
+            if not any(isinstance(side, ast.Constant) and side.value is None for side in (left, right)):
+                raise Refused(f"compares identities in '{ast.unparse(right)[:40]}'")
+            return self._call("eq" if isinstance(op, ast.Is) else "ne", left, right)
+        if isinstance(op, ast.In | ast.NotIn):
+            return _builtin_call(_COMPARISONS[type(op)], self.read(left), self._sequence(right))
+        return self._call(_COMPARISONS[type(op)], left, right)
+
+    def _list(self, items: Sequence[ast.expr], result: bool) -> plan.Expr:
+        return _list_of(tuple(self.read(item, result) for item in items))
+
+    def _sequence(self, node: ast.expr, result: bool = False) -> plan.Expr:
+        """A list, or a tuple where it is only searched or indexed, so that a list does the same."""
+        if isinstance(node, ast.Tuple):
+            return self._list(node.elts, result)
+        if isinstance(node, ast.Name | ast.Attribute) and not self._is_local(node):
+            value = self.frame.static(node, self.frame.root)
+            if type(value) is tuple:
+                return _list_of(tuple(map(_constant, value)))
+        return self.read(node, result)
+
+    def _subscript(self, value: ast.expr, index: ast.expr, result: bool) -> plan.Expr:
+        if not isinstance(index, ast.Slice):
+            return _builtin_call("item", self._sequence(value, result), self.read(index))
+        if index.step is not None:
+            raise Refused("uses a slice with a step, which the language does not have")
+        bounds = (ast.Constant(None) if bound is None else bound for bound in (index.lower, index.upper))
+        return self._call("slice", value, *bounds)
+
+    def _called(self, node: ast.Call, result: bool) -> plan.Expr:
+        target = self.frame.static(node.func, self.frame.root)
+        text = ast.unparse(node.func)[:40]
+        if type(target) is FunctionType:
+            return self._helper(node, target, text, result)
+        if node.keywords or any(isinstance(argument, ast.Starred) for argument in node.args):
+            raise Refused(f"calls {text} with arguments by name or in a list")
+        for function, name, least, most in _FUNCTIONS:
+            if target is function and least <= len(node.args) <= most:
+                return self._call(name, *node.args)
+        if target is builtins.bool and len(node.args) == 1:
+            return plan.Not(plan.Not(self.read(node.args[0]), span=NOWHERE), span=NOWHERE)
+        raise Refused(f"calls {text}, which the language does not have")
+
+    def _helper(self, node: ast.Call, target: FunctionType, text: str, result: bool) -> plan.Expr:
+        """A call of another function of Python, whose body comes along."""
+        try:
+            body = _read(target, self.around)
+        except (Refused, Unproven) as refused:
+            raise Refused(f"calls {text}, which {refused}") from None
+        if body.gives_tuple and not result:
+            raise Refused(f"calls {text}, which gives a tuple")
+        self.gives_tuple |= body.gives_tuple
+        given = dict(zip(body.parameters, node.args, strict=False))
+        named = {keyword.arg: keyword.value for keyword in node.keywords if keyword.arg is not None}
+        plain = len(node.args) <= len(body.parameters) and len(named) == len(node.keywords)
+        if not plain or given.keys() & named.keys() or any(isinstance(one, ast.Starred) for one in node.args):
+            raise Refused(f"calls {text} with arguments that cannot be told apart")
+        # Arguments are evaluated in written order; a body that is inlined cannot fail, so their order is free.
+        given.update(named)
+        known = {*body.parameters, *body.defaults}
+        if not given.keys() <= known or not set(body.parameters) - body.defaults.keys() <= given.keys():
+            raise Refused(f"calls {text} with the wrong arguments")
+        names = (*body.parameters, *(name for name in body.defaults if name not in body.parameters))
+        arguments = tuple(self.read(given[name]) if name in given else body.defaults[name] for name in names)
+        whole = replace(body, parameters=names, defaults={})
+        function = plan.Function(text, len(names), len(names), "immutable", builtin=False, body=whole)
+        return plan.Call(function, arguments, span=NOWHERE, place=NOWHERE)
+
+
+def _list_of(items: tuple[plan.Expr, ...]) -> plan.Expr:
+    if all(isinstance(item, plan.Constant) for item in items):
+        value = [item.value for item in items if isinstance(item, plan.Constant)]
+        return plan.Constant(value, type_of(value), span=NOWHERE)
+    return plan.MakeList(items, span=NOWHERE)
+
+
+def _builtin_call(name: str, *arguments: plan.Expr) -> plan.Call:
+    return plan.Call(builtin(name), arguments, span=NOWHERE, place=NOWHERE)
+
+
+def _word(node: ast.expr) -> str:
+    """What an expression is called."""
+    match node:
+        case ast.BinOp(op=op) | ast.UnaryOp(op=op):
+            return f"the operator {_SIGNS.get(type(op), type(op).__name__)}"
+        case ast.Tuple():
+            return "a tuple inside an expression"
+        case _:
+            return _WORDS.get(type(node), f"'{type(node).__name__.lower()}'")
+
+
+_SIGNS: dict[type[ast.AST], str] = {
+    ast.FloorDiv: "//",
+    ast.MatMult: "@",
+    ast.LShift: "<<",
+    ast.RShift: ">>",
+    ast.BitOr: "|",
+    ast.BitXor: "^",
+    ast.BitAnd: "&",
+    ast.Invert: "~",
+    ast.UAdd: "unary +",
+}
+_WORDS: dict[type[ast.AST], str] = {
+    ast.Dict: "a dict",
+    ast.Set: "a set",
+    ast.JoinedStr: "a format string",
+    ast.Lambda: "a function inside the function",
+    ast.NamedExpr: "an assignment",
+    ast.Starred: "a starred expression",
+}

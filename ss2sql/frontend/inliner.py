@@ -1,0 +1,141 @@
+"""Calls of functions whose bodies are known: what they compute, and so the types of their results.
+
+The resolver asks for the types, so that what it proves of the variables of a search holds for `x = move(x)` as for
+`x = x + 1`; the rewrite `inline` puts the expressions in place of the calls.
+
+Where only large numbers stand in the way, because integers beyond 64 bits and infinite floats are errors of the
+function, the call stays for those:
+
+    IF(x <= limit AND x >= -limit; x + 1; inc(x))
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+from ss2sql import plan
+from ss2sql.frontend.inline import NOWHERE, builtin
+from ss2sql.frontend.instances import Instance, Refused, may_repeat
+from ss2sql.kinds import ANY, BOOL, Kind, Type, type_of, union, without_bounds
+from ss2sql.walk import rebuild
+
+# Sums, products of two and of more stay within 64 bits where their parts stay within these.
+LIMITS = (10**15, 10**9, 10**6, 10**4)
+
+
+@dataclass(frozen=True, slots=True)
+class Site:
+    """What became of one call: `limit` is the size of numbers up to which it is inlined, `reason` why it is not."""
+
+    function: plan.Function
+    limit: int | None = None
+    reason: str | None = None
+
+
+class Inliner:
+    """Puts bodies in place of calls. `sources` are those that elements belong to, by their numbers.
+
+    `sites` tells what became of each call, by its place in the script.
+    """
+
+    def __init__(self) -> None:
+        self.sources: dict[int, plan.Source] = {}
+        self.sites: dict[tuple[int, int, str], Site] = {}
+        self._known: dict[int, tuple[Any, Any]] = {}
+        self._read: dict[tuple[int, str, Type], plan.Column] = {}
+
+    def expr(self, node: Any) -> Any:
+        """The node with every call in it inlined that can be."""
+        known = self._known.get(id(node))
+        if known is not None:
+            return known[1]
+        changed = rebuild(node, self.expr)
+        if isinstance(changed, plan.Call) and changed.function.body is not None:
+            changed = self.call(changed)
+        return self._note(node, changed)
+
+    def _note(self, node: Any, changed: Any) -> Any:
+        """Remembers what became of a node, which has to live on for that: it is known by its identity."""
+        self._known[id(node)] = (node, changed)
+        return changed
+
+    def typed(self, call: plan.Call) -> plan.Call:
+        """A call with the type of what it computes, where that is known."""
+        if call.function.body is None:
+            return call
+        changed = self.expr(replace(call, type=ANY))
+        call = replace(call, type=changed.type)
+        self._note(call, changed)
+        return call
+
+    def call(self, call: plan.Call) -> plan.Expr:
+        """What becomes of a call, in whose arguments all is done."""
+        limit: int | None = None
+        reason: str | None = None
+        result: plan.Expr | None = None
+        try:
+            result = Instance(call, self._column).expr
+        except Refused as refused:
+            reason = str(refused)
+            if refused.fallible:
+                limit, result = self._limited(call)
+        place = (id(call.span.source), call.span.start, call.function.name)
+        self.sites[place] = Site(call.function, limit, reason if result is None else None)
+        return call if result is None else result
+
+    def _limited(self, call: plan.Call) -> tuple[int | None, plan.Expr | None]:
+        """The call inlined for numbers within a limit, and the limit; None where no limit helps."""
+        if not all(map(may_repeat, call.arguments)):
+            return None, None
+        for limit in LIMITS:
+            instance = self._attempt(call, limit, frozenset())
+            if instance is not None:
+                return limit, _guarded(call, self._least(call, instance, limit), limit)
+        return None, None
+
+    def _attempt(self, call: plan.Call, limit: int, spared: frozenset[int]) -> Instance | None:
+        try:
+            return Instance(call, self._column, limit, spared)
+        except Refused:
+            return None
+
+    def _least(self, call: plan.Call, instance: Instance, limit: int) -> Instance:
+        """The instance with the limit on no more numbers than it takes."""
+        for key in list(instance.limited):
+            instance = self._attempt(call, limit, instance.spared | {key}) or instance
+        return instance
+
+    def _column(self, element: plan.Element, name: str) -> plan.Column | None:
+        """The column of a row that is sure to have it; always the same node, because limits go by identity."""
+        source = self.sources.get(element.source)
+        kind = dict(source.columns or ()).get(name) if source is not None else None
+        if source is None or kind is None or not kind.kinds or kind.may(Kind.OBJECT):
+            return None
+        if not isinstance(source, plan.TableSource):
+            made = isinstance(source, plan.QuerySource) and source.query.representation.name == "dict"
+            # A key that some elements lack counts as None where it lacks.
+            if not source.element.only(Kind.DICT) or (kind.may(Kind.NONE) and not made):
+                return None
+        return self._read.setdefault((source.id, name, kind), plan.Column(source.id, name, kind, span=element.span))
+
+
+def _guarded(call: plan.Call, instance: Instance, limit: int) -> plan.Expr:
+    """The instance for numbers within the limit, the call for all others."""
+    bounds = {
+        "le": plan.Constant(limit, type_of(limit), span=NOWHERE),
+        "ge": plan.Constant(-limit, type_of(-limit), span=NOWHERE),
+    }
+    conditions: list[plan.Expr] = []
+    for number in instance.limited.values():
+        low, high = number.type.low, number.type.high
+        needed = {"le": high is None or high > limit, "ge": low is None or low < -limit}
+        for name in (name for name, counts in needed.items() if counts):
+            function = replace(builtin(name), raises=False)
+            conditions.append(plan.Call(function, (number, bounds[name]), BOOL, span=call.span, place=call.place))
+    # Beyond the limit the function gives the same kinds of values, or an error.
+    kind = instance.expr.type
+    kind = kind if kind.only(Kind.BOOL) else without_bounds(kind)
+    rest = replace(call, function=replace(call.function, body=None), type=kind)
+    condition = plan.And(tuple(conditions), span=call.span) if len(conditions) > 1 else conditions[0]
+    return plan.If(condition, (instance.expr,), (rest,), union((instance.expr.type, kind)), span=call.span)

@@ -1,0 +1,296 @@
+"""A function's body with the arguments of one call in the place of its parameters.
+
+The expression is made only if it provably does what the call does: no operator in it can fail with the types of
+these arguments, for it would fail with another error than Python's and in another place; every argument that can
+fail or be noticed is evaluated exactly once and in the written order; and no argument that is costly is
+evaluated twice. The types of the result are those that the resolver would have found.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import replace
+from typing import Any
+
+from ss2sql import plan
+from ss2sql.errors import Span
+from ss2sql.frontend.inline import NOWHERE, Body, builtin
+from ss2sql.kinds import Kind, Type, list_of, type_of, union
+from ss2sql.plan_tree import type_text
+from ss2sql.runtime.builtins import BUILTINS
+from ss2sql.walk import can_fail, is_volatile, parts, walk
+
+MOST_NODES = 300
+NUMBER = Kind.INT | Kind.FLOAT
+# What may be evaluated twice: it is no more than a few machine instructions, in SQL too.
+_CHEAP = frozenset({"add", "sub", "mul", "div", "mod", "neg", "lt", "le", "eq", "ne", "ge", "gt", "item"})
+
+Env = Mapping[str, plan.Expr]
+Reader = Callable[[plan.Element, str], plan.Column | None]
+
+
+class Refused(Exception):  # noqa: N818 - it is a finding, not an error
+    """The call stays a call; the reason is a clause. `fallible`: because an operator can fail."""
+
+    def __init__(self, reason: str, fallible: bool = False) -> None:
+        super().__init__(reason)
+        self.fallible = fallible
+
+
+class Instance:
+    """The expression for one call.
+
+    `column` reads the column of an element that has one of the name for certain. With a `limit`, numbers from
+    outside the body count as if they lay within -limit..limit; `limited` are those for which that mattered, those
+    in `spared` apart. The caller guarantees that the arguments fit the parameters.
+    """
+
+    def __init__(
+        self, call: plan.Call, column: Reader, limit: int | None = None, spared: frozenset[int] = frozenset()
+    ) -> None:
+        body: Body = call.function.body
+        self.span: Span = call.span
+        self.place: Span = call.place
+        self.column = column
+        self.limit = limit
+        self.spared = spared
+        self.limited: dict[int, plan.Expr] = {}
+        self._own: dict[int, plan.Expr] = {}  # what the body has made, kept alive because it goes by identity
+        names = (*body.parameters, *(name for name in body.defaults if name not in body.parameters))
+        env: dict[str, plan.Expr] = {**body.defaults, **dict(zip(names, call.arguments, strict=False))}
+        for name, argument in env.items():
+            if argument.type.may(Kind.OBJECT) or not argument.type.kinds:
+                raise Refused(f"nothing is known of the argument '{name}'")
+        built = self._build(body.expr, env)
+        # What was written in Python has no place in the script: the whole has that of the call.
+        self.expr = replace(built, span=call.span) if isinstance(built, plan.Constant) else built
+        _check_size(self.expr)
+        _check_uses(call.arguments, self.expr)
+
+    def type(self, expr: plan.Expr) -> Type:
+        """The type of an expression as far as the limit goes."""
+        kind = expr.type
+        if self.limit is None or id(expr) in self._own or id(expr) in self.spared or kind.bounded(self.limit):
+            return kind
+        if isinstance(expr, plan.Constant) or not kind.only(NUMBER):
+            return kind
+        self.limited[id(expr)] = expr
+        low = -self.limit if kind.low is None else max(kind.low, -self.limit)
+        high = self.limit if kind.high is None else min(kind.high, self.limit)
+        return replace(kind, low=low, high=high)
+
+    # --- building --------------------------------------------------------------------------------------
+
+    def _made(self, expr: plan.Expr) -> plan.Expr:
+        self._own[id(expr)] = expr
+        return expr
+
+    def _build(self, node: plan.Expr, env: Env, asked: bool = False) -> plan.Expr:
+        """The instance of a part of the body; `asked` says that only its truth matters."""
+        match node:
+            case plan.Constant():
+                return self._made(node)
+            case plan.Variable(name=name):
+                return env[name]
+            case plan.Call(function=function, arguments=arguments):
+                built = tuple(self._build(argument, env) for argument in arguments)
+                if function.builtin:
+                    return self._call(function.name, built)
+                body: Body = function.body
+                return self._build(body.expr, dict(zip(body.parameters, built, strict=True)), asked)
+            case plan.And(parts=tested) | plan.Or(parts=tested):
+                built = tuple(self._build(part, env, asked) for part in tested)
+                return self._joined(isinstance(node, plan.And), built, asked)
+            case plan.Not(operand=operand):
+                denied = self._truth(operand, env)
+                if isinstance(denied, plan.Constant):
+                    return self._constant(not denied.value)
+                return self._made(plan.Not(denied, span=self.span))
+            case plan.If(condition=condition, then=(then,), otherwise=(otherwise,)):
+                return self._choice(self._truth(condition, env), then, otherwise, env, asked)
+            case plan.MakeList(items=items):
+                return self._list(tuple(self._build(item, env) for item in items))
+            case _:
+                raise AssertionError(f"no part of a body: {node}")
+
+    def _truth(self, node: plan.Expr, env: Env) -> plan.Expr:
+        return self._build(node, env, asked=True)
+
+    def _joined(self, both: bool, tested: tuple[plan.Expr, ...], asked: bool) -> plan.Expr:
+        """Python's `and` or `or`: the operand that decides."""
+        if asked or all(part.type.only(Kind.BOOL) for part in tested):
+            return self._tested(both, tested)
+        result = tested[-1]
+        for part in reversed(tested[:-1]):
+            result = self._if(part, result, part) if both else self._if(part, part, result)
+        return result
+
+    def _tested(self, both: bool, tested: tuple[plan.Expr, ...]) -> plan.Expr:
+        """Whether both, or one, of several conditions hold; what is known beforehand is left out."""
+        known = [bool(part.value) for part in tested if isinstance(part, plan.Constant)]
+        if (not both) in known:
+            return self._constant(not both)
+        open_parts = tuple(part for part in tested if not isinstance(part, plan.Constant))
+        if not open_parts:
+            return self._constant(both)
+        if len(open_parts) == 1:
+            return open_parts[0]
+        return self._made((plan.And if both else plan.Or)(open_parts, span=self.span))
+
+    def _if(self, condition: plan.Expr, then: plan.Expr, otherwise: plan.Expr) -> plan.Expr:
+        if isinstance(condition, plan.Constant):
+            return then if condition.value else otherwise
+        kind = union((self.type(then), self.type(otherwise)))
+        return self._made(plan.If(condition, (then,), (otherwise,), kind, span=self.span))
+
+    def _choice(self, condition: plan.Expr, then: plan.Expr, otherwise: plan.Expr, env: Env, asked: bool) -> plan.Expr:
+        if isinstance(condition, plan.Constant):  # a default, mostly; what is not chosen need not work
+            return self._build(then if condition.value else otherwise, env, asked)
+        return self._if(condition, self._build(then, env, asked), self._build(otherwise, env, asked))
+
+    def _list(self, items: tuple[plan.Expr, ...]) -> plan.Expr:
+        types = [self.type(item) for item in items]
+        if not all(map(_is_plain, types)):
+            raise Refused("it puts a value into a list that may be nested too deeply or hold objects")
+        if all(isinstance(item, plan.Constant) for item in items):
+            return self._constant([item.value for item in items if isinstance(item, plan.Constant)])
+        return self._made(plan.MakeList(items, list_of(types), span=self.span))
+
+    def _constant(self, value: Any) -> plan.Expr:
+        return self._made(plan.Constant(value, type_of(value), span=NOWHERE))
+
+    def _call(self, name: str, arguments: tuple[plan.Expr, ...]) -> plan.Expr:
+        picked = self._picked(*arguments) if name == "item" else None
+        if picked is not None:
+            return picked
+        types = tuple(map(self.type, arguments))
+        if name in ("eq", "ne", "in", "not_in") and not _compares_plainly(name, arguments, types):
+            raise Refused(f"it compares {' and '.join(map(type_text, types))}, where objects may be inside")
+        entry = BUILTINS[name]
+        if name == "distance" and not all(kind.only(Kind.LIST) for kind in types):
+            raise Refused("it measures the distance of what may be no lists")
+        if entry.raises(types):
+            raise Refused(f"'{name}' can fail on {' and '.join(map(type_text, types))}", fallible=True)
+        if all(isinstance(argument, plan.Constant) for argument in arguments):
+            assert entry.python is not None
+            values = (argument.value for argument in arguments if isinstance(argument, plan.Constant))
+            return self._constant(entry.python(*values))
+        if name == "pow" and _is_square(arguments[1], types[0]) and _is_cheap(arguments[0]):
+            # The same for integers, and SQLite can do it.
+            name, arguments = "mul", (arguments[0], arguments[0])
+        function = replace(builtin(name), raises=False)
+        return self._made(plan.Call(function, arguments, entry.result(types), span=self.span, place=self.place))
+
+    def _picked(self, container: plan.Expr, index: plan.Expr) -> plan.Expr | None:
+        """An element that is known by its place: of a list literal, or a column of a row."""
+        match container, index:
+            case plan.MakeList(items=items), plan.Constant(value=int(place)) if -len(items) <= place < len(items):
+                return items[place]
+            case plan.Constant(value=list() | str() as known), plan.Constant(value=int(place)) if (
+                -len(known) <= place < len(known)
+            ):
+                return self._constant(known[place])
+            case plan.Element(), plan.Constant(value=str(name)):
+                return self.column(container, name)
+            case _:
+                return None
+
+
+def _is_square(exponent: plan.Expr, base: Type) -> bool:
+    """Whether it is the square of an integer."""
+    return isinstance(exponent, plan.Constant) and repr(exponent.value) == "2" and base.only(Kind.INT)
+
+
+def _is_plain(kind: Type) -> bool:
+    """Whether the values are scalars, or lists of such to a depth that the type tells."""
+    if kind.may(Kind.OBJECT | Kind.DICT):
+        return False
+    return not kind.may(Kind.LIST) or (kind.item is not None and _is_plain(kind.item))
+
+
+def _compares_plainly(name: str, arguments: tuple[plan.Expr, ...], types: tuple[Type, ...]) -> bool:
+    """Whether `==` or `in` asks no object what it thinks, and no dict for a key that Python refuses."""
+    if name in ("eq", "ne") and any(isinstance(one, plan.Constant) and one.value is None for one in arguments):
+        return not any(kind.may(Kind.OBJECT) for kind in types)
+    return all(map(_is_plain, types))
+
+
+# --- how often arguments are evaluated -----------------------------------------------------------------
+
+
+def may_repeat(argument: plan.Expr) -> bool:
+    """Whether nobody would notice that the argument is evaluated more than once."""
+    return all(_is_cheap(atom) and not _is_delicate(atom) for atom in _atoms(argument))
+
+
+def _check_size(expr: plan.Expr) -> None:
+    """Raises Refused for an expression that is too long once it is written out; in memory its parts are shared."""
+    sizes: dict[int, int] = {}
+
+    def size(node: Any) -> int:
+        if id(node) not in sizes:
+            sizes[id(node)] = 1 + sum(map(size, parts(node)))
+        return sizes[id(node)]
+
+    if size(expr) > MOST_NODES:
+        raise Refused("it would become too long an expression")
+
+
+def _check_uses(arguments: tuple[plan.Expr, ...], expr: plan.Expr) -> None:
+    """Raises Refused unless `expr` evaluates the arguments as a call would, as far as that can be noticed."""
+    atoms: dict[int, plan.Expr] = {}
+    lists: dict[int, plan.Expr] = {}
+    for argument in arguments:
+        atoms.update((id(atom), atom) for atom in _atoms(argument))
+        lists.update((id(node), node) for node in walk(argument) if isinstance(node, plan.MakeList))
+    volatile = any(map(is_volatile, arguments))
+    exact = {key for key, atom in atoms.items() if volatile or _is_delicate(atom)}
+    uses = list(_uses(expr, atoms.keys() | lists.keys(), False))
+    if [key for key, _ in uses if key in exact] != [key for key in atoms if key in exact]:
+        raise Refused("an argument that can fail, or be noticed, would not be evaluated once and in its place")
+    if any(conditional for key, conditional in uses if key in exact):
+        raise Refused("an argument that can fail, or be noticed, would be evaluated under a condition only")
+    counts = Counter(key for key, _ in uses)
+    if any(count > 1 and (key in lists or not _is_cheap(atoms[key])) for key, count in counts.items()):
+        raise Refused("a costly argument would be evaluated more than once")
+
+
+def _atoms(argument: plan.Expr) -> Iterator[plan.Expr]:
+    """What an argument consists of when list literals are taken apart; constants do not count."""
+    if isinstance(argument, plan.MakeList):
+        for item in argument.items:
+            yield from _atoms(item)
+    elif not isinstance(argument, plan.Constant):
+        yield argument
+
+
+def _uses(node: Any, counted: Collection[int], conditional: bool) -> Iterator[tuple[int, bool]]:
+    """The nodes to be counted in the order of evaluation, each with whether a condition stands before it."""
+    if id(node) in counted:
+        yield id(node), conditional
+        if not isinstance(node, plan.MakeList):
+            return
+    for number, part in enumerate(parts(node)):
+        later = number > 0 and isinstance(node, (plan.And, plan.Or, plan.If))
+        yield from _uses(part, counted, conditional or later)
+
+
+def _is_delicate(atom: plan.Expr) -> bool:
+    """Whether it matters where and how often the expression is evaluated."""
+    noticed = (plan.Aggregate, plan.Temporal, plan.Subquery, plan.Eval)
+    return can_fail(atom) or any(isinstance(part, noticed) for part in walk(atom))
+
+
+def _is_cheap(atom: plan.Expr) -> bool:
+    for part in walk(atom):
+        match part:
+            case plan.Call(function=function):
+                if not function.builtin or function.name not in _CHEAP:
+                    return False
+            case plan.Element(type=kind):
+                if kind.may(Kind.DICT):  # the row of a table is put together for each reading
+                    return False
+            case plan.MakeList():
+                return False
+    return True

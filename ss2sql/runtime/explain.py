@@ -1,0 +1,84 @@
+"""What became of a script, as text for people: engines, rewrites, what is inlined, what is called, and the SQL."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING
+
+from ss2sql.frontend.inline import Body
+from ss2sql.frontend.inliner import Site
+from ss2sql.lowering.rewrites.inline import sites
+from ss2sql.runtime.functions import UserFunction
+from ss2sql.runtime.native.deep import with_room
+from ss2sql.runtime.run import Stats
+from ss2sql.walk import functions
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.compiled import CompiledQuery, CompiledStatement
+
+MOST_TEXT = 70  # characters of a statement in its heading
+
+
+def outline(statements: Iterable[CompiledStatement]) -> list[tuple[str, list[CompiledQuery]]]:
+    """The text of each statement with its queries as they are compiled now."""
+    return [(statement.tree.span.text, list(statement.queries)) for statement in statements]
+
+
+def explain(outlined: Sequence[tuple[str, Sequence[CompiledQuery]]], stats: Stats | None = None) -> str:
+    """For every statement and query: which engine runs it and why, what was rewritten, its functions, its SQL.
+
+    With the `stats` of a run it also says how often each function was called.
+    """
+    lines: list[str] = []
+    for number, (text, queries) in enumerate(outlined, 1):
+        heading = " ".join(text.split())
+        lines.append(f"{number}. {heading if len(heading) <= MOST_TEXT else heading[: MOST_TEXT - 3] + '...'}")
+        if not queries:
+            lines.append("   no query: runs in Python as it is written")
+        for query in queries:
+            lines.extend(f"   {line}".rstrip() for line in _query(query, stats))
+    return "\n".join(lines)
+
+
+def _query(query: CompiledQuery, stats: Stats | None) -> Iterator[str]:
+    yield "engine: database" if query.lowered else f"engine: native: {query.reason}"
+    if query.rewrites:
+        yield f"rewrites: {', '.join(query.rewrites)}"
+    found = with_room(lambda: sites(query.written)) if "inline" not in query.host.disabled else []
+    names = dict.fromkeys(function.name for function in functions(query.written) if not function.builtin)
+    for name in names:
+        entry = query.host.functions.get(name)
+        if entry is not None:
+            yield from _function(entry, [site for site in found if site.function.name == name], query, stats)
+    if query.lowered:
+        yield "SQL:"
+        yield from (f"  {line}" for line in query.sql().splitlines())
+
+
+def _function(entry: UserFunction, found: list[Site], query: CompiledQuery, stats: Stats | None) -> Iterator[str]:
+    """What became of the calls of one function."""
+    body = entry.body
+    for limit in dict.fromkeys(site.limit for site in found if site.reason is None):
+        assert isinstance(body, Body)
+        beyond = "" if limit is None else f"; called for numbers beyond {limit:,}"
+        yield f"{entry.name}({', '.join(body.parameters)}) is inlined: {body.text}{beyond}"
+    reasons = dict.fromkeys(site.reason for site in found if site.reason is not None)
+    if not found:
+        reasons = {f"it {body}" if isinstance(body, str) else _switched_off(query): None}
+    for reason in reasons:
+        yield f"{entry.name} is called: {reason}{_counts(entry.name, stats)}"
+    yield f"  {entry.name} is {entry.volatility}: {'it ' if entry.inferred else ''}{entry.reason}"
+
+
+def _switched_off(query: CompiledQuery) -> str:
+    if "inline" in query.host.disabled:
+        return "the rewrite inline is switched off"
+    return "a built-in function or operator that it uses is replaced"
+
+
+def _counts(name: str, stats: Stats | None) -> str:
+    if stats is None:
+        return ""
+    called, remembered = stats.calls[name], stats.remembered[name]
+    times = "1 call" if called == 1 else f"{called:,} calls"
+    return f" ({times}, {remembered:,} remembered)" if remembered else f" ({times})"

@@ -1,0 +1,49 @@
+"""Sorting, cutting and partitioning that a lowered query leaves over."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from ss2sql.errors import ExecutionError
+from ss2sql.lowering.parameters import SqlQuery
+from ss2sql.runtime.paths import Paths
+from ss2sql.runtime.rows import Rows
+from ss2sql.runtime.values import freeze, sort_rows
+
+
+def finished(lowered: SqlQuery, sink: Rows, extras: Sequence[tuple[Any, Any]], limit: int | None) -> Rows:
+    """Sorting, cutting and partitioning that SQL left over."""
+    query = lowered.query
+    order: Sequence[int] = range(len(extras))
+    if lowered.orders:
+        descending = tuple(key.descending for key in query.order)
+        try:
+            order = sort_rows(list(order), [extras[index][1] for index in order], descending)
+        except ExecutionError as error:
+            raise error.located(query.order[0].expr.span) from None
+    if limit is not None and not lowered.limited:
+        order = list(order[:limit])
+    groups = None
+    if query.group and not query.aggregated:
+        members: dict[Any, list[int]] = {}
+        shown: dict[Any, Any] = {}
+        for position, index in enumerate(order):
+            keys = extras[index][0]
+            key = tuple(map(freeze, keys))
+            shown.setdefault(key, keys[0] if len(keys) == 1 else keys)
+            members.setdefault(key, []).append(position)
+        groups = [(group_value(shown[key]), positions) for key, positions in members.items()]
+    if sink.paths is not None:
+        chosen = sink.paths.chosen(order) if isinstance(sink.paths, Paths) else []
+        return Rows(sink.columns, paths=chosen, groups=groups, plain=sink.plain)
+    assert sink.rows is not None
+    rows = sink.rows if isinstance(order, range) else [sink.rows[index] for index in order]
+    return Rows(sink.columns, rows=rows, groups=groups, plain=sink.plain)
+
+
+def group_value(value: Any) -> Any:
+    """A group's value as the key of a dict: lists become tuples, dicts tuples of pairs."""
+    if isinstance(value, dict):
+        return group_value(list(value.items()))
+    return tuple(map(group_value, value)) if isinstance(value, (list, tuple)) else value

@@ -1,0 +1,128 @@
+"""The problems of benchmarks/: all contenders agree, targets name what is measured, the table leaves nothing out."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
+
+import compare
+import run
+import worker
+from problems import PROBLEMS, tables
+from problems.base import BASE, COMPILING, CONTENDERS
+
+BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
+
+# Rows with a promise: a change of the suite must not lose them.
+PROMISED = ("hanoi-default", "hanoi-nocycle", "hanoi-unique", "grid-cost", "grid-astar", "grid-cost-function",
+            "grid-astar-function", "reach", "hierarchy", "map-1", "map-2", "map-3", "map-4", "nested-moves",
+            "compile-robot")  # fmt: skip
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _tables_of_its_own(tmp_path_factory):
+    before, tables.FOLDER = tables.FOLDER, tmp_path_factory.mktemp("tables")
+    yield
+    tables.FOLDER = before
+
+
+def answers(problem):
+    """What each contender that can run here makes of the smallest size."""
+    found = {}
+    for contender in problem.contenders:
+        try:
+            work = worker.prepare(problem, problem.tiny, contender)
+        except (worker.MissingError, worker.RefusedError):
+            continue
+        found[contender] = worker.short(work.answer(work.run()))
+    return found
+
+
+@pytest.mark.parametrize("problem", PROBLEMS.values(), ids=lambda problem: problem.name)
+def test_all_contenders_give_the_same_answer(problem):
+    found = answers(problem)
+    assert len(set(found.values())) == 1, found
+    assert "native" in found or COMPILING in found
+
+
+@pytest.mark.parametrize("problem", PROBLEMS.values(), ids=lambda problem: problem.name)
+def test_a_problem_is_complete(problem):
+    assert BASE in problem.others or COMPILING in problem.others
+    assert set(problem.others) <= {*CONTENDERS, COMPILING}
+    assert list(problem.sizes) == sorted(problem.sizes)
+    assert problem.tiny <= problem.sizes[0]
+    for target in problem.targets:
+        assert target.contender in problem.contenders
+        assert target.against is None or target.against in {*problem.contenders, *PROBLEMS}
+        assert target.since <= problem.sizes[-1]
+
+
+def test_promises_are_kept_in_the_table():
+    assert [name for name in PROMISED if not PROBLEMS[name].targets] == []
+
+
+def record(contender, seconds=None, answer="1", status="ok", problem="reach", size=100_000):
+    made = {"problem": problem, "size": size, "contender": contender, "status": status, "reason": "because"}
+    return made if seconds is None else made | {"seconds": seconds, "cpu": seconds, "answer": answer}
+
+
+def test_another_answer_is_marked():
+    records = [record("database", 1.0, "2"), record("python", 2.0), record("sql", 4.0)]
+    run.judge(records)
+    assert [r["status"] for r in records] == ["differs", "ok", "ok"]
+
+
+def test_the_table_shows_ratios_words_and_targets():
+    records = [record("database", 3.0), record("native", status="refused"), record("python", 2.0), record("sql", 4.0),
+               record("igraph", status="missing")]  # fmt: skip
+    heads, rows = compare.ratio_rows(records)
+    shown = dict(zip(heads, rows[0], strict=True))
+    assert shown["Python, ms"] == "2,000"
+    assert (shown["database"], shown["native"], shown["SQL"], shown["igraph"]) == ("1.5", "refused", "2", "missing")
+    assert shown["networkx"] == "not run"
+    assert shown["target"] == "0.5 missed, 1.5 x SQL met"
+    assert len(compare.reasons(records)) == 2
+
+
+def test_a_target_counts_from_its_size_on():
+    small = [record("database", 3.0, size=10), record("python", 2.0, size=10)]
+    assert compare.ratio_rows(small)[1][0][-1] == ""
+
+
+def test_new_records_take_the_place_of_old_ones():
+    old = [record("database", 1.0), record("python", 2.0), record("python", 3.0, problem="jugs", size=5)]
+    new = [record("sql", 4.0), record("database", 5.0)]
+    found = [(r["problem"], r["contender"], r["seconds"]) for r in run.merged(old, new)]
+    assert found == [
+        ("jugs", "python", 3.0),
+        ("reach", "database", 5.0),
+        ("reach", "python", 2.0),
+        ("reach", "sql", 4.0),
+    ]
+
+
+def test_a_size_without_hope_is_not_tried():
+    slow = record("database", 5.0, size=100) | {"first": 5.0}
+    assert run.hopeless([slow], 200, 9.0, 40.0) == "not tried: 5.0 s at 100"
+    assert run.hopeless([slow], 200, 7.0, 40.0) is None
+    assert run.hopeless([record("database", status="timeout", size=100)], 200, 1.0, 40.0)
+    assert run.hopeless([], 200, 1.0, 40.0) is None
+
+
+def test_the_page_keeps_its_text():
+    page = f"before\n{compare.BEGIN}\nold\n{compare.END}\nafter\n"
+    assert compare.with_figures(page, "new") == f"before\n{compare.BEGIN}\n\nnew\n\n{compare.END}\nafter\n"
+    assert compare.PAGE.read_text("utf-8").count(compare.BEGIN) == 1
+
+
+def test_one_measurement_runs_in_a_process():
+    command = [sys.executable, str(BENCHMARKS / "worker.py"), "jugs", "5", "python", "1", "0.01"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60)
+    found = json.loads(done.stdout)
+    assert found["status"] == "ok"
+    assert found["seconds"] > 0
+    assert found["answer"] == "[6]"
