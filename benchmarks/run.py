@@ -6,8 +6,9 @@
     python benchmarks/run.py --list
 
 Every (problem, size, contender) runs in a process of its own: preparations, one run to warm up, then the median of
-several. The answers of all contenders of a problem have to agree. Whatever gave no time says why: its library is
-missing, the engine refuses the script, it ran out of time, it failed, or its answer is another one.
+`--repeat` runs, of fewer (one, if need be) where they take longer than `--budget` seconds. The answers of all
+contenders of a problem have to agree. Whatever gave no time says why: its library is missing, the engine refuses the
+script, it ran out of time, it failed, or its answer is another one.
 """
 
 from __future__ import annotations

@@ -12,30 +12,12 @@ from typing import Any, Literal, TypeAlias
 
 from ss2sql.errors import Span
 from ss2sql.kinds import ANY, BOOL, Type
-
-Volatility: TypeAlias = Literal["immutable", "stable", "volatile"]
+from ss2sql.plan_function import Function as Function
+from ss2sql.plan_function import Volatility as Volatility
 
 
 def _span() -> Any:
     return field(compare=False, repr=False, kw_only=True)
-
-
-@dataclass(frozen=True, slots=True)
-class Function:
-    """What the plan knows of a function; the callable stays in the session.
-
-    `raises` is False only if the call cannot fail. `reason` is that of the volatility, `body` see frontend/inline.py.
-    """
-
-    name: str
-    minimum: int
-    maximum: int | None
-    volatility: Volatility
-    builtin: bool = True
-    raises: bool = True
-    reason: str = field(default="", compare=False)
-    parameters: tuple[str, ...] = field(default=(), compare=False)
-    body: Any = field(default=None, compare=False, repr=False)
 
 
 # --- expressions ---------------------------------------------------------------------------------------

@@ -18,7 +18,7 @@ Calls = list[tuple[Any, ...]]
 
 @dataclass(frozen=True)
 class NotedCase:
-    """A script with its variables and tables; `calls` holds the calls of the evaluator that asked last for functions."""
+    """A script with its variables and tables; `calls` are those of the evaluator that asked last for functions."""
 
     script: str
     variables: dict[str, Any] = field(default_factory=dict)
@@ -106,7 +106,9 @@ class Asking:
             case "lateral" if self.names:
                 text = c.pick(("around({v})", "[{v}, 1]", "range({v})")).format(v=c.pick(self.names))
             case "query":
-                text = c.pick(("(SELECT this FROM [1, 2, 3] WHERE this > 1 AS list)", "(SELECT to(this + 1, k) FROM [1, 2])"))
+                text = c.pick(
+                    ("(SELECT this FROM [1, 2, 3] WHERE this > 1 AS list)", "(SELECT to(this + 1, k) FROM [1, 2])")
+                )
                 self.names.append(f"{name}.this" if text.endswith("list)") else f"{name}.k")
                 return f"{name} = {text}"
             case _:

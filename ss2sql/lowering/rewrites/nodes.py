@@ -35,9 +35,9 @@ def bottom_up(node: Node, change: Callable[[Any], Any]) -> Node:
         pairs = zip(node.query.columns, new.query.columns, strict=True)
         columns = tuple(after if _same_form(before.expr, after.expr) else before for before, after in pairs)
         new = replace(new, query=replace(new.query, columns=columns))
-    if new is not node and isinstance(new, plan.Query) and isinstance(node, plan.Query):
-        if not all(_same_form(before, after) for before, after in zip(node.group, new.group, strict=True)):
-            new = replace(new, group=node.group)
+    if new is not node and isinstance(new, plan.Query) and isinstance(node, plan.Query) and new.group:
+        groups = zip(node.group, new.group, strict=True)
+        new = replace(new, group=tuple(after if _same_form(before, after) else before for before, after in groups))
     changed: Node = change(new)
     return changed
 

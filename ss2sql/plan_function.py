@@ -1,0 +1,26 @@
+"""Functions in the plan: what is known of them before they are called."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Literal, TypeAlias
+
+Volatility: TypeAlias = Literal["immutable", "stable", "volatile"]
+
+
+@dataclass(frozen=True, slots=True)
+class Function:
+    """What the plan knows of a function; the callable stays in the session.
+
+    `raises` is False only if the call cannot fail. `reason` is that of the volatility, `body` see frontend/inline.py.
+    """
+
+    name: str
+    minimum: int
+    maximum: int | None
+    volatility: Volatility
+    builtin: bool = True
+    raises: bool = True
+    reason: str = field(default="", compare=False)
+    parameters: tuple[str, ...] = field(default=(), compare=False)
+    body: Any = field(default=None, compare=False, repr=False)

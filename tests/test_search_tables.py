@@ -1,0 +1,203 @@
+"""Searches over tables of the database: which index finds the rows, and that they come in the order of the table."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterator
+from typing import Any
+
+import apsw
+import pytest
+
+import ss2sql
+
+both = pytest.mark.parametrize("engine", ["database", "native"])
+EDGES = [(rng.randrange(12), rng.randrange(12)) for rng in [random.Random(3)] for _ in range(40)]
+
+# How the table is made, what indexes it, and what its own order is: the rowid, or the key in its words.
+ROWID = "CREATE TABLE edge(src, dst)"
+TABLES = {
+    "no index": ([ROWID], None),
+    "index": ([ROWID, "CREATE INDEX i ON edge(src)"], None),
+    "descending": ([ROWID, "CREATE INDEX i ON edge(src DESC)"], None),
+    "with the other": ([ROWID, "CREATE INDEX i ON edge(src, dst DESC)"], None),
+    "the other first": ([ROWID, "CREATE INDEX i ON edge(dst DESC, src)"], None),
+    "partial": ([ROWID, "CREATE INDEX i ON edge(src) WHERE src > 5"], None),
+    "expression": ([ROWID, "CREATE INDEX i ON edge(src + 0, dst DESC)"], None),
+    "several": (
+        [ROWID, "CREATE INDEX a ON edge(src, dst DESC)", "CREATE INDEX b ON edge(dst)", "CREATE INDEX c ON edge(src)"],
+        None,
+    ),
+    "whole numbers": (["CREATE TABLE edge(src INTEGER, dst INTEGER)", "CREATE INDEX i ON edge(src)"], None),
+    "text": (["CREATE TABLE edge(src TEXT, dst TEXT)", "CREATE INDEX i ON edge(src)"], None),
+    "nocase": (["CREATE TABLE edge(src TEXT COLLATE NOCASE, dst)", "CREATE INDEX i ON edge(src)"], None),
+    "nocase index": ([ROWID, "CREATE INDEX i ON edge(src COLLATE NOCASE)"], None),
+    "key": (["CREATE TABLE edge(src, dst, PRIMARY KEY (src, dst))"], None),
+    "key of one": (["CREATE TABLE edge(src, dst UNIQUE, n INTEGER PRIMARY KEY)"], "unique"),
+    "without rowid": (["CREATE TABLE edge(src, dst, PRIMARY KEY (src, dst)) WITHOUT ROWID"], "src, dst"),
+    "descending key": (["CREATE TABLE edge(src, dst, PRIMARY KEY (src, dst DESC)) WITHOUT ROWID"], "src, dst"),
+    "other key": (
+        ["CREATE TABLE edge(src, dst, PRIMARY KEY (dst, src)) WITHOUT ROWID", "CREATE INDEX i ON edge(src)"],
+        "dst, src",
+    ),
+}
+tables = pytest.mark.parametrize("table", list(TABLES))
+SEARCHES = {
+    "stop": "SELECT src, dst FROM edge START WITH node = {start} CONNECT BY {option} node = dst, level = level + 1 "
+    "STOP WITH src != node OR level == 4;",
+    "where": "SELECT src, dst FROM edge WHERE src == node START WITH node = {start} CONNECT BY {option} node = dst, "
+    "level = level + 1 STOP WITH src != node OR level == 4;",
+    "query": "SELECT src, dst FROM (SELECT * FROM edge WHERE src == node) START WITH node = {start} "
+    "CONNECT BY {option} node = dst, level = level + 1 STOP WITH level == 4;",
+    "other side": "SELECT src, dst FROM edge START WITH node = {start} CONNECT BY {option} node = src, "
+    "level = level + 1 STOP WITH level == 4 OR NOT node == dst;",
+}
+SEARCHES = {name: text.replace("= {start}", "= {start}, level = 1") for name, text in SEARCHES.items()}
+
+
+def filled(table: str, **options: Any) -> tuple[ss2sql.Session, list[tuple[Any, Any]]]:
+    """A session with the table, and the rows in the order of the table."""
+    statements, order = TABLES[table]
+    session = ss2sql.connect(**options)
+    connection = session.host.connection
+    for statement in statements:
+        connection.execute(statement)
+    # Numbers among them are equal in two forms; NOCASE takes words for equal that are not.
+    rows: list[tuple[Any, Any]] = [(src, float(dst) if dst == 3 else dst) for src, dst in EDGES]
+    rows += [(None, 1), (1, None), ("a", "A"), ("A", "b"), (2, "a"), ("b", 2), ("A", "a"), ("0", "1"), (0, "0")]
+    if table == "whole numbers":
+        rows = [row for row in rows if all(type(cell) is int for cell in row)]
+    if table == "text":
+        rows = [(str(src), str(dst)) for src, dst in rows]
+    if table == "nocase":
+        rows = [(str(src), dst if dst is None else str(dst)) for src, dst in rows]
+    rows = [row for row in rows if None not in row] if order else rows
+    rows = list(dict.fromkeys(rows)) if order or table == "key" else rows
+    if order == "unique":
+        rows = list({dst: (src, dst) for src, dst in rows}.values())
+    connection.executemany("INSERT INTO edge(src, dst) VALUES (?, ?)", rows)
+    if order and order != "unique":
+        # Numbers before words, as SQLite sorts them.
+        places = (0, 1) if order == "src, dst" else (1, 0)
+        rows.sort(key=lambda row: [(type(row[place]) is str, row[place]) for place in places])
+    return session, rows
+
+
+def walked(rows: list[tuple[Any, Any]], start: Any, backwards: bool = False) -> Iterator[list[tuple[Any, Any]]]:
+    """All paths of one to three edges from the start, depth first, rows in their order."""
+
+    def below(node: Any, path: list[tuple[Any, Any]]) -> Iterator[list[tuple[Any, Any]]]:
+        for row in rows:
+            if len(path) < 3 and row[backwards] == node:
+                yield [*path, row]
+                yield from below(row[not backwards], [*path, row])
+
+    return below(start, [])
+
+
+@tables
+@pytest.mark.parametrize("search", list(SEARCHES))
+def test_rows_come_in_the_order_of_the_table_whatever_its_indexes(table: str, search: str) -> None:
+    found = 0
+    for options in ({}, {"disable": ["lookup"]}):
+        session, rows = filled(table, **options)
+        starts: list[Any] = ["1", "0", "None", "a"] if table in ("text", "nocase") else [0, 1, 2.0, "A", True]
+        for start in starts:
+            wanted = list(walked(rows, start, search == "other side"))
+            found += len(wanted)
+            for option in ("", "BREADTH FIRST"):
+                session.set("here", start)
+                script = SEARCHES[search].format(option=option, start="here")
+                if option:
+                    wanted.sort(key=len)
+                for engine in ("database", "native"):
+                    result = session.run(script, engine=engine)  # type: ignore[arg-type]
+                    assert repr(result.paths) == repr(wanted), (options, start, option, engine)
+    assert found > 20
+
+
+def plan_of(session: ss2sql.Session, result: ss2sql.Result) -> str:
+    rows = session.host.connection.execute(f"EXPLAIN QUERY PLAN {result.sql}", result.sql.parameters)
+    return "\n".join(row[3] for row in rows)
+
+
+@pytest.mark.parametrize("search", ["stop", "where", "query"])
+@pytest.mark.parametrize(
+    ("table", "wanted"),
+    [("index", "USING INDEX i (src=?)"), ("descending", "USING INDEX i (src=?)"), ("several", "USING INDEX c (src=?)")],
+)
+def test_an_index_of_the_user_finds_the_rows(table: str, wanted: str, search: str) -> None:
+    session, _ = filled(table)
+    result = session.run(SEARCHES[search].format(option="", start=0), engine="database")
+    assert wanted in plan_of(session, result).replace("COVERING ", "")
+    session, _ = filled("without rowid")
+    result = session.run(SEARCHES[search].format(option="", start=0), engine="database")
+    assert "USING PRIMARY KEY (src=?)" in plan_of(session, result)
+
+
+@both
+def test_indexes_that_come_and_go_between_runs(engine: Any) -> None:
+    session, rows = filled("no index")
+    connection = session.host.connection
+    query = session.compile(SEARCHES["stop"].format(option="", start=0))
+    wanted = list(walked(rows, 0))
+    for change in (
+        "SELECT 1",
+        "CREATE INDEX i ON edge(src)",
+        "DROP INDEX i",
+        "CREATE INDEX i ON edge(src DESC, dst)",
+        "CREATE INDEX j ON edge(src)",
+        "DROP INDEX i",
+        "DROP INDEX j",
+        "CREATE UNIQUE INDEX j ON edge(rowid_copy)",
+    ):
+        if "rowid_copy" in change:
+            connection.execute("ALTER TABLE edge ADD COLUMN rowid_copy")
+        connection.execute(change)
+        result = query.run(engine=engine)
+        assert repr(result.paths) == repr(wanted), change
+        if engine == "database":
+            used = "USING INDEX j (src=?)" in plan_of(session, result) or "USING INDEX i (src=?)" in plan_of(
+                session, result
+            )
+            assert used == (change in ("CREATE INDEX i ON edge(src)", "CREATE INDEX j ON edge(src)") or used)
+
+
+def machine_steps(session: ss2sql.Session, script: str) -> tuple[int, int]:
+    """The instructions that SQLite runs for a search, and the number of its paths."""
+    steps: list[int] = []
+
+    def note(event: dict[str, Any]) -> None:
+        if "RECURSIVE" in event["sql"]:
+            steps.append(event["stmt_status"]["SQLITE_STMTSTATUS_VM_STEP"])
+
+    session.host.connection.trace_v2(apsw.SQLITE_TRACE_PROFILE, note)
+    paths = session.run(script, engine="database").paths
+    session.host.connection.trace_v2(0, None)
+    return sum(steps), len(paths)
+
+
+STAFF = "SELECT name FROM staff {} START WITH boss = 0 CONNECT BY {} boss = id STOP WITH manager != boss;"
+
+
+@pytest.mark.parametrize("where", ["", "WHERE manager == boss AND id > 0"])
+@pytest.mark.parametrize("option", ["", "BREADTH FIRST", "NO CYCLE", "UNIQUE", "COST 1"])
+@pytest.mark.parametrize("index", [False, True])
+def test_a_hierarchy_costs_its_size(index: bool, option: str, where: str) -> None:
+    """Each of the staff leads three others, so depths differ little between 1,000 and 2,000 of them."""
+
+    def cost(size: int) -> int:
+        session = ss2sql.connect()
+        connection = session.host.connection
+        connection.execute("CREATE TABLE staff(id INTEGER, manager INTEGER, name TEXT)")
+        if index:
+            connection.execute("CREATE INDEX by_manager ON staff(manager)")
+        rows = [(number, (number + 1) // 3, f"n{number}") for number in range(1, size + 1)]
+        connection.executemany("INSERT INTO staff VALUES (?, ?, ?)", rows)
+        steps, paths = machine_steps(session, STAFF.format(where, option))
+        assert paths == size
+        return steps
+
+    small, large = cost(1_000), cost(2_000)
+    assert small > 1_000
+    assert large < 2.3 * small
