@@ -241,7 +241,7 @@ def test_what_a_script_prints_goes_beside_its_result() -> None:
 def test_the_engine_is_chosen() -> None:
     assert good("run", "-e", "SELECT this FROM [1];", "--engine", "native").splitlines()[-1] == "1 row, native"
     assert good("run", "-e", "SELECT this FROM [1];", "--engine", "database").splitlines()[-1] == "1 row, database"
-    assert "error[U001]" in bad(1, "run", "-e", "SELECT eval('1') FROM [1];", "--engine", "database")
+    assert "error[U001]" in bad(1, "run", "-e", "SELECT eval(this) FROM ['1'];", "--engine", "database")
 
 
 # --- how a run ends ------------------------------------------------------------------------------------

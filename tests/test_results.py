@@ -302,7 +302,7 @@ def test_showing_the_sql_evaluates_nothing(ss: ss2sql.Session) -> None:
 
 
 def test_sql_says_why_there_is_none(ss: ss2sql.Session) -> None:
-    result = ss.run("x = 1; SELECT this FROM [1]; SELECT eval('this') FROM [1];")
+    result = ss.run("x = 1; SELECT this FROM [1]; SELECT eval(this) FROM ['1'];")
     assert [str(text) for text in result.sql.statements[::2]] == [
         "-- no query: x = 1",
         "-- no SQL: eval reads its text when it runs, so it runs natively",
@@ -343,7 +343,7 @@ def test_a_table_is_never_longer_than_twenty_rows(ss: ss2sql.Session) -> None:
     ("script", "caption"),
     [("SELECT this FROM [1];", "1 row, database"), ("SELECT this FROM [];", "0 rows, database"),
      ("7;", "1 row, native"),
-     (TREE + ";", "2 paths, 2 rows, database"), ("SELECT eval('this') FROM [1, 2];", "2 rows, native")],
+     (TREE + ";", "2 paths, 2 rows, database"), ("SELECT eval(this) FROM ['1', '2'];", "2 rows, native")],
 )  # fmt: skip
 def test_captions(ss: ss2sql.Session, script: str, caption: str) -> None:
     assert repr(ss.run(script)).splitlines()[-1] == caption

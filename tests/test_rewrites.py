@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from typing import Any
 
 import pytest
@@ -15,6 +16,7 @@ import ss2sql
 from ss2sql.lowering.rewrites import REWRITES
 
 SWITCHES = ["nothing", *REWRITES]
+PROGRAMS = max(80, int(os.environ.get("SS2SQL_PROGRAMS", "0")) // 20)  # of each kind for each switch
 ENGINES = ("database", "native")
 NAMES = "a b c d e f g h".split()  # noqa: SIM905
 BORDERS = "ab ac ad ae af bc bd bf bg cd cg ch de dh ef eh fg gh".split()  # noqa: SIM905
@@ -60,8 +62,8 @@ def options(switch: str) -> dict[str, Any]:
 def test_random_programs_do_not_notice_a_rewrite(switch: str) -> None:
     tried = 0
 
-    @seed(7)
-    @settings(max_examples=150, deadline=None, database=None, suppress_health_check=list(HealthCheck))
+    @seed(SWITCHES.index(switch))
+    @settings(max_examples=PROGRAMS, deadline=None, database=None, suppress_health_check=list(HealthCheck))
     @given(programs())
     def run(case: ProgramCase) -> None:
         nonlocal tried
@@ -72,7 +74,7 @@ def test_random_programs_do_not_notice_a_rewrite(switch: str) -> None:
             assert outcome is None or outcome == expected or outcome.error == "R008"
 
     run()
-    assert tried >= 150
+    assert tried >= PROGRAMS
 
 
 @pytest.mark.parametrize("switch", SWITCHES)
@@ -80,8 +82,8 @@ def test_random_programs_call_their_functions_as_the_written_order_does(switch: 
     """Programs made for rewrites: the same answer or error, the same calls of functions, in the same order."""
     tried = 0
 
-    @seed(7)
-    @settings(max_examples=150, deadline=None, database=None, suppress_health_check=list(HealthCheck))
+    @seed(SWITCHES.index(switch))
+    @settings(max_examples=PROGRAMS, deadline=None, database=None, suppress_health_check=list(HealthCheck))
     @given(st.binary(min_size=DECISIONS, max_size=DECISIONS))
     def run(data: bytes) -> None:
         nonlocal tried
@@ -95,4 +97,4 @@ def test_random_programs_call_their_functions_as_the_written_order_does(switch: 
                 assert (outcome, case.different_calls) == (expected, calls), engine
 
     run()
-    assert tried >= 150
+    assert tried >= PROGRAMS

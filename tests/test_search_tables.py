@@ -41,6 +41,7 @@ TABLES = {
         "dst, src",
     ),
 }
+LETTERS = ("text", "nocase")
 tables = pytest.mark.parametrize("table", list(TABLES))
 SEARCHES = {
     "stop": "SELECT src, dst FROM edge START WITH node = {start} CONNECT BY {option} node = dst, level = level + 1 "
@@ -52,27 +53,34 @@ SEARCHES = {
     "other side": "SELECT src, dst FROM edge START WITH node = {start} CONNECT BY {option} node = src, "
     "level = level + 1 STOP WITH level == 4 OR NOT node == dst;",
 }
-SEARCHES = {name: text.replace("= {start}", "= {start}, level = 1") for name, text in SEARCHES.items()}
+SEARCHES = {
+    name: text.replace("= {start}", "= {start}, level = 1").replace(
+        "level == 4", "level == 3" if name == "where" else "level == 4"
+    )
+    for name, text in SEARCHES.items()
+}
 
 
-def filled(table: str, **options: Any) -> tuple[ss2sql.Session, list[tuple[Any, Any]]]:
+def filled(table: str, mixed: bool = False, **options: Any) -> tuple[ss2sql.Session, list[tuple[Any, Any]]]:
     """A session with the table, and the rows in the order of the table."""
     statements, order = TABLES[table]
     session = ss2sql.connect(**options)
     connection = session.host.connection
     for statement in statements:
         connection.execute(statement)
-    # Numbers among them are equal in two forms; NOCASE takes words for equal that are not.
-    rows: list[tuple[Any, Any]] = [(src, float(dst) if dst == 3 else dst) for src, dst in EDGES]
-    rows += [(None, 1), (1, None), ("a", "A"), ("A", "b"), (2, "a"), ("b", 2), ("A", "a"), ("0", "1"), (0, "0")]
+    rows: list[tuple[Any, Any]] = [*EDGES]
+    if mixed:  # numbers in two forms, and words that NOCASE takes for equal
+        rows = [(src, float(dst) if dst == 3 else dst) for src, dst in EDGES]
+        rows += [(None, 1), (1, None), ("a", "A"), ("A", "b"), (2, "a"), ("b", 2), ("A", "a"), ("0", "1"), (0, "0")]
     if table == "whole numbers":
         rows = [row for row in rows if all(type(cell) is int for cell in row)]
-    if table == "text":
-        rows = [(str(src), str(dst)) for src, dst in rows]
-    if table == "nocase":
-        rows = [(str(src), dst if dst is None else str(dst)) for src, dst in rows]
+    if table in LETTERS:
+        # Letters that NOCASE takes for equal; the words of the mixed ones stay.
+        rows = [("abAB"[src % 4], "abAB"[dst % 4]) for src, dst in EDGES] + [
+            (str(src), str(dst)) for src, dst in rows[len(EDGES) :]
+        ]
     rows = [row for row in rows if None not in row] if order else rows
-    rows = list(dict.fromkeys(rows)) if order or table == "key" else rows
+    rows = list(dict.fromkeys(rows)) if order or table.endswith("key") else rows
     if order == "unique":
         rows = list({dst: (src, dst) for src, dst in rows}.values())
     connection.executemany("INSERT INTO edge(src, dst) VALUES (?, ?)", rows)
@@ -96,12 +104,14 @@ def walked(rows: list[tuple[Any, Any]], start: Any, backwards: bool = False) -> 
 
 
 @tables
+@pytest.mark.parametrize("mixed", [False, True])
 @pytest.mark.parametrize("search", list(SEARCHES))
-def test_rows_come_in_the_order_of_the_table_whatever_its_indexes(table: str, search: str) -> None:
+def test_rows_come_in_the_order_of_the_table_whatever_its_indexes(table: str, search: str, mixed: bool) -> None:
     found = 0
-    for options in ({}, {"disable": ["lookup"]}):
-        session, rows = filled(table, **options)
-        starts: list[Any] = ["1", "0", "None", "a"] if table in ("text", "nocase") else [0, 1, 2.0, "A", True]
+    switches: list[dict[str, Any]] = [{}, {"disable": ["lookup"]}]
+    for options in switches:
+        session, rows = filled(table, mixed, **options)
+        starts: list[Any] = ["a", "A", "b", "None"] if table in LETTERS else [0, 2.0, "A"]
         for start in starts:
             wanted = list(walked(rows, start, search == "other side"))
             found += len(wanted)
@@ -113,7 +123,7 @@ def test_rows_come_in_the_order_of_the_table_whatever_its_indexes(table: str, se
                 for engine in ("database", "native"):
                     result = session.run(script, engine=engine)  # type: ignore[arg-type]
                     assert repr(result.paths) == repr(wanted), (options, start, option, engine)
-    assert found > 20
+    assert found > 5 if table == "key of one" else found > 50
 
 
 def plan_of(session: ss2sql.Session, result: ss2sql.Result) -> str:
@@ -141,26 +151,22 @@ def test_indexes_that_come_and_go_between_runs(engine: Any) -> None:
     connection = session.host.connection
     query = session.compile(SEARCHES["stop"].format(option="", start=0))
     wanted = list(walked(rows, 0))
-    for change in (
-        "SELECT 1",
-        "CREATE INDEX i ON edge(src)",
-        "DROP INDEX i",
-        "CREATE INDEX i ON edge(src DESC, dst)",
-        "CREATE INDEX j ON edge(src)",
-        "DROP INDEX i",
-        "DROP INDEX j",
-        "CREATE UNIQUE INDEX j ON edge(rowid_copy)",
+    for change, used in (
+        ("SELECT 1", None),
+        ("CREATE INDEX i ON edge(src)", "i"),
+        ("DROP INDEX i", None),
+        ("CREATE INDEX i ON edge(src DESC, dst)", None),  # which has the rows in another order
+        ("CREATE INDEX j ON edge(src)", "j"),
+        ("DROP INDEX i", "j"),
+        ("DROP INDEX j", None),
+        ("CREATE INDEX j ON edge(src) WHERE src > 3", None),
     ):
-        if "rowid_copy" in change:
-            connection.execute("ALTER TABLE edge ADD COLUMN rowid_copy")
         connection.execute(change)
         result = query.run(engine=engine)
         assert repr(result.paths) == repr(wanted), change
         if engine == "database":
-            used = "USING INDEX j (src=?)" in plan_of(session, result) or "USING INDEX i (src=?)" in plan_of(
-                session, result
-            )
-            assert used == (change in ("CREATE INDEX i ON edge(src)", "CREATE INDEX j ON edge(src)") or used)
+            found = [name for name in "ij" if f"USING INDEX {name} (src=?)" in plan_of(session, result)]
+            assert set(found) == ({used} if used else set()), change
 
 
 def machine_steps(session: ss2sql.Session, script: str) -> tuple[int, int]:

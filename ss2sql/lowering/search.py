@@ -244,7 +244,9 @@ def _looked_up(conditions: list[Node]) -> set[tuple[str, str]]:
     for condition in conditions:
         if not isinstance(condition, (exp.EQ, exp.Is, exp.NullSafeEQ)):
             continue
-        for side, other in ((condition.this, condition.expression), (condition.expression, condition.this)):
+        for left, other in ((condition.this, condition.expression), (condition.expression, condition.this)):
+            bare = left.unnest()
+            side = bare.this if isinstance(bare, exp.Collate) else bare
             if isinstance(side, exp.Column) and all(c.table != side.table for c in other.find_all(exp.Column)):
                 found.add((side.table, side.name))
     return found

@@ -136,7 +136,12 @@ class Selects:
         select = sql.select(self.outputs(query, env, names), items, where)
         select.set("group", exp.Group(expressions=[sql.key(key.copy()) for key in keys]))
         if query.having is not None:
-            select.set("having", exp.Having(this=self.expressions.condition(query.having, env)))
+            having = self.expressions.condition(query.having, env)
+            before = (*query.sources, *(() if query.where is None else (query.where,)))
+            if any(map(can_fail, before)):
+                # SQLite makes WHERE of what mentions no aggregate, and then evaluates less than it should.
+                having = sql.case([(exp.Count(this=exp.Star()), having)], sql.number(0))
+            select.set("having", exp.Having(this=having))
         order = [(self.expressions.lower(key.expr, env), key.descending) for key in query.order]
         return sql.sorted_query(select, [*order, (exp.Min(this=first), False)])
 

@@ -123,7 +123,7 @@ class Tables:
         itself, which is sorted by its key.
         """
         if keys and order == tuple(keys):
-            return ((keys[0], ""),)
+            return ((keys[0], ""),) if self._sorted_by_key(schema, name) else ()
         names: list[tuple[Any, ...]] = self.connection.execute(
             "SELECT name, origin FROM pragma_index_list(?, ?) WHERE NOT partial ORDER BY name", (name, schema)
         ).fetchall()
@@ -136,6 +136,18 @@ class Tables:
             if len(parts) == 1 and parts[0][0] is not None and parts[0][1] == "BINARY" and origin == "c":
                 found.setdefault(parts[0][0], index)
         return tuple(found.items())
+
+    def _sorted_by_key(self, schema: str, name: str) -> bool:
+        """Whether the rows with one value of the first key of a table without rowid ascend in its other keys."""
+        parts = self._fetch(
+            "SELECT part.name, part.desc, part.coll FROM pragma_index_list(?1, ?2) AS list,"
+            " pragma_index_xinfo(list.name, ?2) AS part WHERE list.origin = 'pk' AND part.key ORDER BY part.seqno",
+            (name, schema),
+        )
+        (_, _, first), *others = parts
+        return first == "BINARY" and all(
+            not descending and collation == self._collation(schema, name, key) for key, descending, collation in others
+        )
 
     def _collation(self, schema: str, name: str, column: str) -> str:
         return self.connection.column_metadata(schema, name, column)[1]
