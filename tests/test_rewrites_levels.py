@@ -78,12 +78,12 @@ def test_what_the_sql_looks_like() -> None:
     ss.attach("xs", [1, 2])
     text = str(ss.compile("SELECT f(a.this), a.this + b.this FROM a = [1, 2], b = xs").sql)
     assert text == (
-        "WITH all_a AS MATERIALIZED (\n  SELECT\n    this\n  FROM elements(:p1 /* [1, 2] */)\n"
-        "), all_xs AS MATERIALIZED (\n  SELECT\n    this\n  FROM elements(:xs)\n)\n"
+        "WITH a_once AS MATERIALIZED (\n  SELECT\n    this\n  FROM elements(:p1 /* [1, 2] */)\n"
+        "), xs_once AS MATERIALIZED (\n  SELECT\n    this\n  FROM elements(:xs)\n)\n"
         "SELECT\n  to_a.f,\n  to_a.a + b.this\n"
-        "FROM (\n  SELECT\n    a.this AS a,\n    f(a.this) AS f\n  FROM all_a AS a\n"
-        "  WHERE\n    EXISTS(\n      SELECT\n        1\n      FROM all_xs\n    )\n  LIMIT -1\n) AS to_a\n"
-        "CROSS JOIN all_xs AS b"
+        "FROM (\n  SELECT\n    a.this AS a,\n    f(a.this) AS f\n  FROM a_once AS a\n"
+        "  WHERE\n    EXISTS(\n      SELECT\n        1\n      FROM xs_once\n    )\n  LIMIT -1\n) AS to_a\n"
+        "CROSS JOIN xs_once AS b"
     )  # fmt: skip
     ss, _ = session("hoist")
     ss.attach("xs", [1, 2])

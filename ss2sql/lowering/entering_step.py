@@ -174,9 +174,6 @@ class EnteringStep:
         if self.of.all_results:
             entered = sql.call("next_number")
             return sql.call("in_turn", *positions, entered) if positions else entered
-        if self.of.all_results:
-            entered = sql.call("next_number")
-            return sql.call("in_turn", *positions, entered) if positions else entered
         # The guard that was asked last knows the row: `enter_first` and `enter_best` take it from there.
         row = self.row() if number == "enter" else []
         entered = sql.call(number, self.parent.copy(), *rank, *row)

@@ -233,7 +233,7 @@ class Product:
         for name, known in copies.items():
             if known == walked:
                 return sql.table(name, item.alias_or_name)
-        name = self.selects.needs.label(f"all_{value.name if isinstance(value, plan.Variable) else source.name}")
+        name = self.selects.needs.label(f"{value.name if isinstance(value, plan.Variable) else source.name}_once")
         copies[name] = walked
         return sql.table(name, item.alias_or_name)
 
