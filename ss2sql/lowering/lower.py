@@ -94,6 +94,7 @@ def lower(
         ahead,
         plain_rows=all(output.expr.type.only(Kind.INT | Kind.FLOAT | Kind.STR | Kind.NONE) for output in query.columns),
         bookkeeping=bookkeeping,
+        applied=tuple(needs.applied),
     )
 
 

@@ -61,6 +61,8 @@ class OnEntering(SearchLowering):
         self.names: list[str] = ["step", "parent"]
         self.strict = self._is_strict()
         self.looked_up = [] if "lookup" in selects.needs.disabled else lookups(query)
+        if self.looked_up:
+            selects.needs.applied["lookup"] = None
         # A goal that comes out before its turn to be expanded waits as a result first.
         self.ahead = (search.order == "breadth first" and cut) or search.heuristic is not None
         ends_early = search.order == "breadth first" and cut and bool(_user_calls(query))

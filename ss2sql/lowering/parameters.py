@@ -50,7 +50,7 @@ class Needs:
 
     `function_names` maps the functions of the language to their names in SQL. `plain` are parameters with which
     values are compared by their handles; where a statement is to be `careful`, nothing is. `disabled` are the
-    rewrites that are switched off.
+    rewrites that are switched off, `applied` those that lowering has applied.
     """
 
     function_names: Mapping[str, str]
@@ -61,6 +61,7 @@ class Needs:
     careful: bool = False
     plain: set[str] = field(default_factory=set)
     disabled: Collection[str] = ()
+    applied: dict[str, None] = field(default_factory=dict)
 
     def label(self, name: str) -> str:
         """A name for a source that no other source of the statement has; the user's own for the first."""
@@ -134,7 +135,7 @@ class SqlQuery:
     say what SQL has done of ORDER BY and LIMIT. `plain` are the parameters whose handles stand for all values
     that equal theirs, as long as no other form of such a value turns up. `ahead` says that something may be
     evaluated that the language would not evaluate, so that what fails may be no error; `plain_rows` that the
-    rows consist of numbers, strings and None.
+    rows consist of numbers, strings and None. `applied` names the rewrites that lowering has applied.
     """
 
     query: plan.Query
@@ -151,3 +152,4 @@ class SqlQuery:
     ahead: bool = False
     plain_rows: bool = False
     bookkeeping: Bookkeeping = Bookkeeping()
+    applied: tuple[str, ...] = ()

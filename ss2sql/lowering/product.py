@@ -91,6 +91,10 @@ class Product:
         outputs = () if query.aggregated else tuple(output.expr for output in query.columns)
         hoisted = levels.hoisted(conditions, outputs)
         self.keeps = bool(hoisted)
+        if any(not condition.free and condition.level < len(opened) for condition in conditions):
+            selects.needs.applied["early"] = None
+        if hoisted:
+            selects.needs.applied["hoist"] = None
         self._guarded_from = self._needs_guards(conditions, hoisted)
         bound = 0
         for level in sorted({value.level for value in hoisted}):

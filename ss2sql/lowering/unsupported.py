@@ -16,7 +16,7 @@ from ss2sql.errors import Span, UnsupportedError
 from ss2sql.kinds import Kind
 from ss2sql.lowering.select import sortable_key, uniform
 from ss2sql.lowering.strategies import GUARDS
-from ss2sql.walk import can_fail, is_volatile, walk, walk_own
+from ss2sql.walk import can_fail, is_volatile, sources_read, states_read, walk, walk_own
 
 LANGUAGE_REPRESENTATIONS = ("dict", "list", "rows", "value", "set", "void")
 MOST_SOURCES = 60  # SQLite joins at most 64 tables
@@ -88,12 +88,13 @@ def _nested_order(query: plan.Query, nested: bool) -> Span | None:
 
 
 def _nested_limit(query: plan.Query, nested: bool) -> Span | None:
-    """SQLite takes a negative LIMIT for none; what it will be must be known before the statement runs."""
-    if not nested or query.limit is None:
+    """A LIMIT is bound before the statement runs, and SQLite takes a negative one for none."""
+    limit = query.limit
+    if not nested or limit is None:
         return None
-    kind = query.limit.type
-    is_count = kind.only(Kind.INT) and kind.low is not None and kind.low >= 0 and not can_fail(query.limit)
-    return None if is_count else query.limit.span
+    is_count = limit.type.only(Kind.INT) and limit.type.low is not None and limit.type.low >= 0
+    fixed = not (can_fail(limit) or sources_read(limit) or states_read(limit))
+    return None if is_count and fixed else limit.span
 
 
 def _label(query: plan.Query, nested: bool) -> Span | None:
@@ -151,7 +152,7 @@ RULES: tuple[Rule, ...] = (
     Rule("a representation of the user inside another query", "use AS list or AS dict", _nested_representation),
     Rule("a partition inside another query", "assign it to a variable before the query", _nested_partition),
     Rule("an inner ORDER BY over values of several kinds", "sort by numbers or strings alone", _nested_order),
-    Rule("an inner LIMIT that may be no count", "write a number", _nested_limit),
+    Rule("an inner LIMIT that is not known beforehand to be a count", "write a number", _nested_limit),
     Rule("SELECT * over columns that only the elements know", "name the columns", _nested_star),
     Rule("a column name that is computed", "write the name itself in to(expr, name)", _label),
     Rule("aggregates over the paths of a search", "leave the engine to ss2sql", _grouped_search),

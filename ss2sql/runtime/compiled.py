@@ -62,6 +62,7 @@ class CompiledQuery:
         if self.wanted != "native":
             try:
                 self.lowered = lower(query, host.sql_names, disabled=host.disabled)
+                self.rewrites = (*self.rewrites, *self.lowered.applied)
             except UnsupportedError as error:
                 self.reason = error.message
                 self.refusal = error if self.demanded else None
