@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import ss2sql
 from ss2sql.frontend.drift import STEPS
-from ss2sql.kinds import Type, covers, type_of
+from ss2sql.kinds import Kind, Type, covers, type_of
 from ss2sql.plan_tree import type_text
 
 MOVES = [[-1, 0, 1.5], [1, 0, 1], [2, -3, 0.5]]
@@ -35,7 +35,9 @@ def states_of(ss: ss2sql.Session, script: str) -> dict[str, Type]:
 
 def shown(kind: Type) -> str:
     """A type in words, of a short list one by one."""
-    return type_text(kind) if kind.positions is None else f"[{', '.join(map(shown, kind.positions))}]"
+    if kind.positions is None or kind.kinds != Kind.LIST:
+        return type_text(kind)
+    return f"[{', '.join(map(shown, kind.positions))}]"
 
 
 LARGE = f"int {-(2**62)}..{2**62}"  # what is assumed of numbers that take each other's values
@@ -69,6 +71,7 @@ FAR = STEPS  # how far a number gets that changes by 1 with every step
         # What replaces a value gives its own type.
         ("edges", "x = 7", "x = this[1]", "", "x: int 1..7"),
         ("edges", "x = None", "x = this[0]", "", "x: none or int 0..2"),
+        ("edges", "x = None", "x = this", "", "x: none or list"),
         ("names", "x = 'a'", "x = this[1]", "", "x: str"),
         ("links", "x = 1", "x = dst", "", "x: int"),
         ("moves", "x = 0", "x = (x + this[0]) % 10", "", "x: int 0..9"),
@@ -148,8 +151,9 @@ def test_every_state_keeps_to_its_type(data: st.DataObject) -> None:
     if data.draw(st.integers(0, 4)) == 0:
         parts.append(f"x = {data.draw(NUMBER)}")
     first = data.draw(st.sampled_from(["x = 0, y = 0", "x = 0.5, y = 3", "x = -1, y = 2.5", "x = 2, y = True"]))
+    point = data.draw(st.sampled_from(["[1, 0]", "[1, 2.5]", "[1, 0, 5]", "None", "[]"]))
     script = (
-        f"SELECT x, y, p FROM moves START WITH {first}, p = [1, {data.draw(st.sampled_from(['0', '2.5']))}] "
+        f"SELECT x, y, p FROM moves START WITH {first}, p = {point} "
         f"CONNECT BY BREADTH FIRST MAXIMUM 50 {', '.join(parts)} STOP WITH {data.draw(CONDITION)};"
     )
     ss = session()

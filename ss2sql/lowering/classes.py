@@ -1,8 +1,14 @@
-"""Which classes of SQL values a type stands for: SQLite's own operators are right within one class only."""
+"""What lowering asks of operands: the class of their SQL values, and whether they may be written twice.
+
+SQLite's own operators are right within one class only.
+"""
 
 from __future__ import annotations
 
+from sqlglot import exp
+
 from ss2sql.kinds import Kind, Type
+from ss2sql.lowering.sql import Node
 
 REAL_NUMBER = Kind.INT | Kind.FLOAT
 EXACT = 2**53  # integers up to here are exact as floats
@@ -28,3 +34,14 @@ def is_number(kind: Type) -> bool:
 def same_class(left: Type, right: Type, none: bool = False) -> bool:
     known = class_of(left, none)
     return known is not None and known == class_of(right, none)
+
+
+MOST_NODES = 12  # what is written twice must not be longer: two columns and a literal with operators between them
+
+_PLAIN = (exp.Column, exp.Identifier, exp.Literal, exp.Placeholder, exp.Paren, exp.Neg, exp.Add, exp.Sub, exp.Mul)
+
+
+def may_repeat(node: Node) -> bool:
+    """Whether an operand is so short that it may stand several times in the text, and so quick to compute."""
+    parts = list(node.walk())
+    return len(parts) <= MOST_NODES and all(isinstance(part, _PLAIN) for part in parts)

@@ -79,7 +79,7 @@ class EnteringStep:
         return [_not(drop) for drop in drops]
 
     def _asks_python(self, drops: list[Node]) -> bool:
-        return any(True for drop in drops for _ in drop.find_all(exp.Anonymous))
+        return any(map(sql.calls_python, drops))
 
     def _guard(self) -> list[Node]:
         """Whether the row was met."""

@@ -16,6 +16,7 @@ from typing import TypeAlias, assert_never
 from sqlglot import exp
 
 from ss2sql import plan
+from ss2sql.bounds import Fact, facts_of
 from ss2sql.errors import Source, Span
 from ss2sql.kinds import BOOL, Kind, Type
 from ss2sql.lowering import sql
@@ -42,13 +43,17 @@ class Env:
     """How sources and START WITH variables are read in the SQL scope at hand.
 
     A reader, state or group value gives what stands in a column: a flag where the type is bool alone. `known`
-    are expressions that stand in a column already.
+    are expressions that stand in a column already, `facts` comparisons that hold wherever an expression is evaluated.
     """
 
     sources: Mapping[int, Reader] = field(default_factory=dict)
     states: Mapping[tuple[int, str], Node] = field(default_factory=dict)
     groups: Mapping[tuple[int, int], Node] = field(default_factory=dict)
     known: tuple[tuple[plan.Expr, Node], ...] = ()
+    facts: tuple[Fact, ...] = ()
+
+    def with_facts(self, condition: plan.Expr, truth: bool) -> Env:
+        return replace(self, facts=(*self.facts, *facts_of(condition, truth)))
 
     def with_source(self, source: int, reader: Reader) -> Env:
         return replace(self, sources={**self.sources, source: reader})
@@ -180,7 +185,7 @@ class Expressions:
         return sql.string(f"{span.line}:{span.column}")
 
     def all_of(self, parts: tuple[plan.Expr, ...], env: Env) -> Node:
-        conditions = [self.condition(part, env) for part in parts]
+        conditions = self.in_order(parts, env, True)
         if not any(can_fail(part) for part in parts):
             joined = sql.conjunction(conditions)
             assert joined is not None
@@ -189,16 +194,25 @@ class Expressions:
         return sql.case(stops, conditions[-1])
 
     def any_of(self, parts: tuple[plan.Expr, ...], env: Env) -> Node:
-        conditions = [self.condition(part, env) for part in parts]
+        conditions = self.in_order(parts, env, False)
         if not any(can_fail(part) for part in parts):
             return sql.disjunction(conditions)
         return sql.case([(condition, sql.number(1)) for condition in conditions[:-1]], conditions[-1])
 
+    def in_order(self, parts: tuple[plan.Expr, ...], env: Env, truth: bool) -> list[Node]:
+        """The truth of expressions, each where those before it have this truth."""
+        conditions: list[Node] = []
+        for part in parts:
+            conditions.append(self.condition(part, env))
+            env = env.with_facts(part, truth)
+        return conditions
+
     def conditional(self, expr: plan.If, env: Env) -> Node:
         branches = []
-        for branch in (expr.then, expr.otherwise):
-            last = self.lower(branch[-1], env) if is_flag(expr.type) else self.value(branch[-1], env)
-            before = [self.value(part, env) for part in branch[:-1] if can_fail(part)]
+        for branch, truth in ((expr.then, True), (expr.otherwise, False)):
+            here = env.with_facts(expr.condition, truth)
+            last = self.lower(branch[-1], here) if is_flag(expr.type) else self.value(branch[-1], here)
+            before = [self.value(part, here) for part in branch[:-1] if can_fail(part)]
             branches.append(sql.call("in_turn", *before, last) if before else last)
         return sql.case([(self.condition(expr.condition, env), branches[0])], branches[1])
 

@@ -16,12 +16,15 @@ from sqlglot import exp
 from ss2sql import plan
 from ss2sql.kinds import Kind, Type
 from ss2sql.lowering import sql
+from ss2sql.lowering.cells import element, membership
 from ss2sql.lowering.classes import EXACT, is_number, same_class
 from ss2sql.lowering.scalars import FUNCTIONS
 from ss2sql.lowering.sql import Node
 
 if TYPE_CHECKING:
     from ss2sql.lowering.expressions import Env, Expressions
+
+MOST_MEMBERS = 30  # of a list that is written into the text
 
 Native: TypeAlias = "Callable[[Expressions, plan.Call, Env], Node | None]"
 
@@ -111,14 +114,21 @@ def _division(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
 
 
 def _membership(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
-    """`x IN [1, 2, 3]` with a list of plain literals of the class of x."""
+    """`x IN [1, 2, 3]`, a list of the class of x: written out where it is short, else walked once by SQLite."""
     item, items = call.arguments
-    if not isinstance(items, plan.Constant) or not isinstance(items.value, list) or not items.value:
+    known = items.type.item if items.type.kinds == Kind.LIST else None
+    if known is None or not same_class(item.type, known) or known.may(Kind.BOOL):
+        return membership(lowering, call, env)
+    this = sql.operand(lowering.lower(item, env))
+    if isinstance(items, plan.Constant) and len(items.value) <= MOST_MEMBERS:
+        members = [lowering.constant(plan.Constant(value, known, span=items.span)) for value in items.value]
+        test = exp.In(this=this, expressions=members)
+    elif isinstance(items, (plan.Constant, plan.Variable)):
+        label = lowering.needs.label("members")
+        walked = sql.table_function(lowering.needs.elements(()), [lowering.lower(items, env)], label)
+        test = exp.In(this=this, query=sql.scalar(sql.select([sql.column("this", label)], [walked])))
+    else:
         return None
-    if items.type.item is None or not same_class(item.type, items.type.item) or Kind.BOOL in items.type.item.kinds:
-        return None
-    members = [lowering.constant(plan.Constant(value, items.type.item, span=items.span)) for value in items.value]
-    test = exp.In(this=sql.operand(lowering.lower(item, env)), expressions=members)
     return test if call.function.name == "in" else exp.Not(this=exp.Paren(this=test))
 
 
@@ -133,6 +143,7 @@ NATIVE: dict[str, Native] = {
     "sub": _arithmetic(exp.Sub),
     "mul": _arithmetic(exp.Mul),
     "div": _division,
+    "item": element,
     "in": _membership,
     "not_in": _membership,
     **FUNCTIONS,

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 from ss2sql import plan
 from ss2sql.errors import Span
 from ss2sql.lowering import sql
+from ss2sql.lowering.packing import Packing
 from ss2sql.lowering.sql import Node
 
 Counts: TypeAlias = Literal["steps", "product", "entered"]
@@ -36,12 +37,17 @@ class Bookkeeping:
 class Parameter:
     """A value that is bound as `:name`: the expression is evaluated once, before the statement runs.
 
-    With `flag` set the value is a bool that travels as 0 or 1.
+    With `flag` set the value is a bool that travels as 0 or 1, with `packing` a list that is packed.
     """
 
     name: str
     expr: plan.Expr
     flag: bool = False
+    packing: Packing | None = None
+
+    def bound(self, value: Any) -> Any:
+        """What is bound for a value of the expression."""
+        return value if self.packing is None else self.packing.pack(value)
 
 
 @dataclass(slots=True)
@@ -72,17 +78,24 @@ class Needs:
         self.labels.add(label.lower())
         return label
 
-    def bind(self, expr: plan.Expr, name: str | None = None, flag: bool = False) -> Node:
+    def packed(self, expr: plan.Expr, packing: Packing) -> Node:
+        """The placeholder for a list that is packed."""
+        return self.bind(expr, f"{expr.name if isinstance(expr, plan.Variable) else 'list'}_cells", False, packing)
+
+    def bind(
+        self, expr: plan.Expr, name: str | None = None, flag: bool = False, packing: Packing | None = None
+    ) -> Node:
         """The placeholder for the value of an expression; equal expressions share one."""
         for known in self.parameters.values():
-            if known.expr == expr and known.flag == flag and type(known.expr) is type(expr):
+            alike = known.flag == flag and known.packing == packing
+            if alike and known.expr == expr and type(known.expr) is type(expr):
                 return self._placeholder(known)
         base = name or "p1"
         label, count = base, 1
         while label in self.parameters:
             count += 1
             label = f"p{count}" if name is None else f"{base}_{count}"
-        bound = self.parameters[label] = Parameter(label, expr, flag)
+        bound = self.parameters[label] = Parameter(label, expr, flag, packing)
         return self._placeholder(bound)
 
     def plain_parameter(self, expr: plan.Expr) -> Node:

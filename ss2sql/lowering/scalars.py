@@ -14,7 +14,7 @@ from sqlglot import exp
 from ss2sql import plan
 from ss2sql.kinds import Kind, Type, union
 from ss2sql.lowering import sql
-from ss2sql.lowering.classes import class_of, is_number
+from ss2sql.lowering.classes import class_of, is_number, may_repeat
 from ss2sql.lowering.sql import Node
 from ss2sql.walk import can_fail, choices
 
@@ -24,15 +24,6 @@ if TYPE_CHECKING:
 
 WHOLE = Kind.BOOL | Kind.INT
 MOST_FACTORS = 4
-MOST_NODES = 8  # what is written twice must not be longer: a column and a literal with an operator between them
-
-_PLAIN = (exp.Column, exp.Identifier, exp.Literal, exp.Placeholder, exp.Paren, exp.Neg, exp.Add, exp.Sub, exp.Mul)
-
-
-def may_repeat(node: Node) -> bool:
-    """Whether an operand is so short that it may stand several times in the text, and so quick to compute."""
-    parts = list(node.walk())
-    return len(parts) <= MOST_NODES and all(isinstance(part, _PLAIN) for part in parts)
 
 
 def _number(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:

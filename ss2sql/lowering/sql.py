@@ -100,17 +100,28 @@ def operand(node: Node) -> Node:
     return grouped(node, exp.Binary, exp.Connector, exp.Not, exp.Neg, exp.In)
 
 
-_ARITHMETIC = (exp.Add, exp.Sub, exp.Mul, exp.Div, exp.Mod, exp.DPipe)
+_SUMS: tuple[type[Node], ...] = (exp.Add, exp.Sub)
+_PRODUCTS: tuple[type[Node], ...] = (exp.Mul, exp.Div, exp.Mod)
 
 
 def binary(kind: type[exp.Binary], left: Node, right: Node) -> Node:
-    if issubclass(kind, exp.Predicate):  # comparisons, which bind less than arithmetic
-        return kind(this=_compared(left), expression=_compared(right))
-    return kind(this=operand(left), expression=operand(right))
+    """`left kind right`, with parentheses where they are needed."""
+    if issubclass(kind, exp.Predicate):  # comparisons
+        loose = _SUMS + _PRODUCTS + (exp.DPipe,)
+        return kind(this=_operand_but(loose, left), expression=_operand_but(loose, right))
+    if issubclass(kind, _SUMS):
+        return kind(this=_operand_but(_SUMS + _PRODUCTS, left), expression=_operand_but(_PRODUCTS, right))
+    return kind(this=_operand_but(_PRODUCTS if issubclass(kind, _PRODUCTS) else (), left), expression=operand(right))
 
 
-def _compared(node: Node) -> Node:
-    return node if isinstance(node, _ARITHMETIC) else operand(node)
+def _operand_but(loose: tuple[type[Node], ...], node: Node) -> Node:
+    """The operand, as it is if it is one of these."""
+    return node if isinstance(node, loose) else operand(node)
+
+
+def calls_python(node: Node) -> bool:
+    """Whether the SQL has a call in it that is not one of SQLite's own functions."""
+    return any(call.name.lower() not in SQLITE_FUNCTIONS for call in node.find_all(exp.Anonymous))
 
 
 def alias(node: Node, name: str) -> Node:

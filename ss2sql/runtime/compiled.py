@@ -129,7 +129,7 @@ class CompiledQuery:
         bound = run.bound[self] = {}
 
         def evaluate(parameter: Parameter) -> Any:
-            value = bound[parameter.name] = compile_statement(parameter.expr)(run)
+            value = bound[parameter.name] = parameter.bound(compile_statement(parameter.expr)(run))
             return value
 
         lowered = self.lowered_for(run)
@@ -189,7 +189,7 @@ class CompiledQuery:
         if self.lowered is None:
             return Sql(f"-- no SQL: {self.reason}")
         parameters = self.lowered.parameters
-        values = {p.name: p.expr.value for p in parameters if isinstance(p.expr, plan.Constant)}
+        values = {p.name: p.bound(p.expr.value) for p in parameters if isinstance(p.expr, plan.Constant)}
         if run is not None:
             values.update(run.bound.get(self, ()))
         return Sql(self.lowered.text, values, modules=self.lowered.modules)

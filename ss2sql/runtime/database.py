@@ -17,6 +17,7 @@ import apsw
 from ss2sql import plan
 from ss2sql.errors import Error, ExecutionError, Span, Stopped
 from ss2sql.lowering.expressions import PREDICATES, builtin_name
+from ss2sql.lowering.packing import Packed
 from ss2sql.lowering.parameters import Bookkeeping, Parameter, Shown, SqlQuery
 from ss2sql.lowering.sources import sql_names
 from ss2sql.runtime.calls import Members, Parts, builtin_function, sql_function
@@ -293,7 +294,7 @@ class Database:
             self._module(name, columns)
         execution = Execution(run, calls=dict.fromkeys(self.memos, ()))
         with self._running(execution):
-            values = {name: execution.pool.encode(value) for name, value in sql.parameters.items()}
+            values = {name: _as_bound(execution.pool, value) for name, value in sql.parameters.items()}
             return [tuple(map(execution.pool.decode, row)) for row in self.connection.execute(sql, values)]
 
     def _results(
@@ -359,9 +360,13 @@ def _encoded(pool: Pool, parameter: Parameter, evaluate: Callable[[Parameter], A
     value = evaluate(parameter)
     if parameter.flag:
         return int(value)
+    return _as_bound(pool, value)
+
+
+def _as_bound(pool: Pool, value: Any) -> Any:
     if value is True or value is False:
         return TRUE if value else FALSE
-    return pool.encode(value)
+    return value if type(value) is Packed else pool.encode(value)
 
 
 def _decoder(pool: Pool, shown: Sequence[Shown]) -> Callable[[Sequence[Any]], Row]:

@@ -27,8 +27,8 @@ LENGTH = 2**53  # no list and no string is longer: no machine's memory would hol
 
 
 def length(types: Types) -> Type:
-    known = types[0].positions if types[0].only(Kind.LIST) else None
-    return Type(Kind.INT, 0, LENGTH) if known is None else Type(Kind.INT, len(known), len(known))
+    known = types[0].size if types[0].only(Kind.LIST) else None
+    return Type(Kind.INT, 0, LENGTH) if known is None else Type(Kind.INT, known, known)
 
 
 def length_raises(types: Types) -> bool:

@@ -336,9 +336,9 @@ def _elements_at(container: Type, index: Type) -> Type:
 def item_raises(types: Types) -> bool:
     container, index = types
     places = integers(index)
-    if not container.only(Kind.LIST) or container.positions is None or not index.only(INTEGER) or places is None:
+    if not container.only(Kind.LIST) or container.size is None or not index.only(INTEGER) or places is None:
         return True
-    return places[0] < -len(container.positions) or places[1] >= len(container.positions)
+    return places[0] < -container.size or places[1] >= container.size
 
 
 def slice_of(types: Types) -> Type:

@@ -1,0 +1,77 @@
+"""What a condition says of the numbers that it compares: where `x + dx < 0` is false, `x + dx` is at least 0."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+
+from ss2sql import plan
+from ss2sql.kinds import NOTHING, Kind, Type
+from ss2sql.walk import is_volatile
+
+_OPPOSITE = {"lt": "ge", "le": "gt", "gt": "le", "ge": "lt"}
+_MIRRORED = {"lt": "gt", "le": "ge", "gt": "lt", "ge": "le"}
+
+
+@dataclass(frozen=True, slots=True)
+class Fact:
+    """`left sign right` holds; the sign is that of an order."""
+
+    sign: str
+    left: plan.Expr
+    right: plan.Expr
+
+
+def facts_of(condition: plan.Expr, truth: bool) -> Iterator[Fact]:
+    """The comparisons that hold where the condition has this truth, each from both of its sides."""
+    match condition:
+        case plan.Not(operand=operand):
+            yield from facts_of(operand, not truth)
+        case plan.Or(parts=parts) if not truth:
+            for part in parts:
+                yield from facts_of(part, False)
+        case plan.And(parts=parts) if truth:
+            for part in parts:
+                yield from facts_of(part, True)
+        case plan.Call(function=plan.Function(name=name, builtin=True), arguments=(left, right)) if name in _OPPOSITE:
+            if not is_volatile(condition):
+                sign = name if truth else _OPPOSITE[name]
+                yield Fact(sign, left, right)
+                yield Fact(_MIRRORED[sign], right, left)
+
+
+def narrowed(expr: plan.Expr, facts: Iterable[Fact]) -> Type:
+    """The type of an expression where the facts hold."""
+    kind = expr.type
+    for fact in facts:
+        if fact.left == expr:
+            kind = compared(kind, fact.sign, fact.right.type)
+    return kind
+
+
+def compared(kind: Type, sign: str, other: Type) -> Type:
+    """The values of a type that have this order to one of the other type."""
+    whole = kind.only(Kind.BOOL | Kind.INT)
+    low, high = other.low, other.high
+    match sign:
+        case "ge":
+            return within(kind, low, None)
+        case "gt":
+            return within(kind, math.floor(low) + 1 if whole and low is not None else low, None)
+        case "le":
+            return within(kind, None, high)
+        case _:
+            return within(kind, None, math.ceil(high) - 1 if whole and high is not None else high)
+
+
+def within(kind: Type, low: float | None, high: float | None) -> Type:
+    """The numbers of a type between two bounds; its other values stay."""
+    if not kind.may(Kind.NUMBER):
+        return kind
+    lows = [bound for bound in (kind.low, low) if bound is not None]
+    highs = [bound for bound in (kind.high, high) if bound is not None]
+    closer = replace(kind, low=max(lows, default=None), high=min(highs, default=None))
+    if closer.low is not None and closer.high is not None and closer.low > closer.high:
+        return NOTHING if kind.only(Kind.NUMBER) else kind
+    return closer

@@ -1,0 +1,58 @@
+"""Lists as one BLOB each, a byte for every element, so that SQLite finds an element by its place.
+
+A Python call for each index takes 0.3 us, `substr` of a BLOB 0.05 us whatever its length.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import chain
+from typing import Any, TypeAlias
+
+
+class Packed(bytes):
+    """A BLOB that is handed to SQLite as it is; no value of the language."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cells:
+    """The integers or bools of a list, or of a list of lists, row after row: each as a byte, `least` as 0."""
+
+    nested: bool
+    least: int
+
+    def pack(self, value: Any) -> Packed:
+        elements: Iterable[int] = chain.from_iterable(value) if self.nested else value
+        least = self.least
+        # bytes() alone takes 2 ms for 100,000 elements, the subtraction 5 ms more.
+        return Packed(elements) if least == 0 else Packed(element - least for element in elements)
+
+
+@dataclass(frozen=True, slots=True)
+class Members:
+    """Which points of a box are elements of a list: the byte 1 for those that are, 0 for the others.
+
+    `box` has the least and the greatest integer in each position; the last position varies fastest.
+    """
+
+    box: tuple[tuple[int, int], ...]
+
+    @property
+    def size(self) -> int:
+        size = 1
+        for low, high in self.box:
+            size *= high - low + 1
+        return size
+
+    def pack(self, value: Any) -> Packed:
+        cells = bytearray(self.size)
+        for point in value:
+            place = 0
+            for (low, high), coordinate in zip(self.box, point, strict=True):
+                place = place * (high - low + 1) + int(coordinate) - low
+            cells[place] = 1
+        return Packed(cells)
+
+
+Packing: TypeAlias = Cells | Members

@@ -1,0 +1,255 @@
+"""Indexes into lists, and membership in them, that SQLite answers from a BLOB."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from agreement import differences, executor_outcome
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from programs import ProgramCase
+from test_operators_sql import python_calls
+
+import ss2sql
+from ss2sql.lowering.packing import Cells, Members
+
+GRID = [[0, 1, 0], [5, 0, 2]]
+LONG = [[(7 * x + y) % 3 for x in range(40)] for y in range(30)]
+BOOLS = [[True, False], [False, True], [True, True]]
+
+
+def case_of(query: str, **variables: Any) -> ProgramCase:
+    return ProgramCase(query, variables)
+
+
+def text_of(case: ProgramCase, **options: Any) -> str:
+    with ss2sql.connect(**options) as ss:
+        for name, value in case.variables.items():
+            ss.attach(name, value)
+        return str(ss.compile(case.script, engine="database").sql)
+
+
+def numbers_between(least: int, greatest: int) -> list[int]:
+    return [least, least + 1, (least + greatest) // 2, greatest - 1, greatest]
+
+
+IN_RANGE = "a.this >= 0 AND a.this < {} AND b.this >= 0 AND b.this < {}"
+
+
+@pytest.mark.parametrize(
+    ("grid", "height", "width"),
+    [(GRID, 2, 3), (LONG, 30, 40), (BOOLS, 3, 2), ([[3]], 1, 1), ([[-5, 250]], 1, 2),
+     ([numbers_between(-(2**53), -(2**53) + 255)], 1, 5), ([numbers_between(2**53 - 255, 2**53)], 1, 5)],
+)  # fmt: skip
+def test_an_index_that_is_tested_before_needs_no_python(grid: list[list[int]], height: int, width: int) -> None:
+    places = [-2, -1, 0, 1, 2, 3, 29, 30, 39, 40]
+    outside = f"a.this < 0 OR a.this >= {height} OR b.this < 0 OR {width} <= b.this"
+    for query in (
+        f"SELECT IF({IN_RANGE.format(height, width)}; grid[a.this][b.this]; None) FROM a = places, b = places AS list;",
+        f"SELECT IF({outside}; 'out'; grid[a.this][b.this]) FROM a = places, b = places AS list;",
+        f"SELECT ({outside} OR grid[a.this][b.this] == 1) FROM a = places, b = places AS list;",
+        f"SELECT ({IN_RANGE.format(height, width)} AND grid[a.this][b.this] > 0) FROM a = places, b = places AS list;",
+        f"SELECT NOT ({outside}) AND grid[a.this, b.this] != 1 FROM a = places, b = places AS list;",
+    ):
+        case = case_of(query, grid=grid, places=places)
+        assert python_calls(text_of(case)) == set()
+        assert differences(case) == []
+
+
+def test_the_type_of_an_index_may_say_that_it_is_in_range() -> None:
+    case = case_of("SELECT grid[a.this][b.this % 3] FROM a = [0, 1], b = [0, 1, 2, 3, 4, -5] AS list;", grid=GRID)
+    assert python_calls(text_of(case)) == set()
+    assert differences(case) == []
+
+
+@pytest.mark.parametrize(
+    "places", [[0, 1], [0, 1, -1, -2], [0, 5], [-7], [True, False], [0.0], [0, True], ["a"], [None]]
+)
+@pytest.mark.parametrize(
+    "grid",
+    [
+        GRID,
+        BOOLS,
+        [[1, 2], [3]],
+        [],
+        [[]],
+        [[1.5]],
+        [["a", "b"]],
+        [[0, 2000]],
+        [[1, None]],
+        [[-(2**63), -(2**63) + 1]],
+        [[2**63 - 1, 2**63 - 2]],
+    ],
+)
+def test_whatever_the_index_and_the_list_are(grid: list[Any], places: list[Any]) -> None:
+    for query in (
+        "SELECT grid[a.this][b.this] FROM a = places, b = places AS list;",
+        "SELECT grid[a.this] FROM a = places AS list;",
+        "SELECT grid[0][a.this] FROM a = places AS list;",
+        "SELECT IF(a.this >= 0 AND a.this < 2; grid[a.this][a.this]; 0) FROM a = places AS list;",
+    ):
+        assert differences(case_of(query, grid=grid, places=places)) == []
+
+
+@pytest.mark.parametrize(
+    "values", [[5, 7, 9], [5, 700, 9], [True, False, True], [5, 7.5], ["a", "b"], list(range(100))]
+)
+def test_an_index_into_a_plain_list(values: list[Any]) -> None:
+    for places in ([0, 1], [-1, 0], [99], [0, 1, 2, 3]):
+        assert (
+            differences(case_of("SELECT values[a.this] FROM a = places AS list;", values=values, places=places)) == []
+        )
+    case = case_of("SELECT values[a.this] FROM a = [0, 1] AS list;", values=[5, 7, 9])
+    assert python_calls(text_of(case)) == set()
+
+
+def test_what_is_true_of_other_expressions_says_nothing_of_the_index() -> None:
+    places = [-1, 0, 1, 2]
+    for condition in (
+        "a.this >= 0 OR a.this < 2", "b.this >= 0 AND b.this < 2", "NOT (a.this >= 0 AND a.this < 2)",
+        "a.this + 1 >= 0 AND a.this < 2", "a.this > -1 AND a.this < 3", "a.this >= 0.5 AND a.this <= 1.5",
+    ):  # fmt: skip
+        query = f"SELECT IF({condition}; values[a.this]; 0) FROM a = places, b = places AS list;"
+        assert differences(case_of(query, values=[5, 7], places=places)) == []
+
+
+def test_a_search_over_a_grid() -> None:
+    """The whole of STOP WITH is asked in SQL; what is left of Python keeps the rows and the paths."""
+    query = """SELECT to(x + dx, x), to(y + dy, y) FROM moves WHERE x + dx == 4 AND y + dy == 3
+        START WITH x = 0, y = 0 CONNECT BY BREADTH FIRST UNIQUE x = x + dx, y = y + dy
+        STOP WITH x + dx < 0 OR x + dx > 4 OR y + dy < 0 OR y + dy >= 4 OR grid[y + dy][x + dx] == 1;"""
+    grid = [[0, 0, 1, 0, 0], [1, 0, 1, 0, 1], [0, 0, 0, 0, 1], [0, 1, 1, 0, 0]]
+    moves = [{"dx": dx, "dy": dy} for dx, dy in ((1, 0), (0, 1), (-1, 0), (0, -1))]
+    case = case_of(query, grid=grid, moves=moves)
+    assert not python_calls(text_of(case)) & {"item", "add", "lt", "gt", "eq", "truth"}
+    assert differences(case) == []
+    assert executor_outcome(case, "database") is not None
+
+
+def test_points_of_a_list() -> None:
+    points = [[0, 0], [2, 1], [2, 1], [-3, 4], [5, 5]]
+    places = [-4, -3, 0, 1, 2, 4, 5, 6, 2**62]
+    for word in ("IN", "NOT IN"):
+        case = case_of(f"SELECT [a.this, b.this] {word} points FROM a = places, b = places AS list;",
+                       points=points, places=places)  # fmt: skip
+        assert python_calls(text_of(case)) == set()
+        assert differences(case) == []
+
+
+@pytest.mark.parametrize(
+    "points",
+    [[[1]], [[0, 1], [1, 0]], [[1, 2, 3]], [], [[]], [[1], [2, 3]], [[0, 10**9], [10**9, 0]], [[0.0, 1.0]], [[1, 0.0]],
+     [["a", "b"]], [[True, False]], [[0, True], [1, 1]], [[None, 1]], [1, 0], [[[0, 1]]], [["a", 1]]],
+)  # fmt: skip
+@pytest.mark.parametrize("places", [[0, 1], [0.0, 1], [True, False], [0, None], ["a", 1], [0, True]])
+def test_whatever_the_points_are(points: list[Any], places: list[Any]) -> None:
+    for item in ("[a.this, b.this]", "[a.this]", "a.this", "[a.this, 1]", "[a.this, b.this, 3]"):
+        query = f"SELECT {item} IN points FROM a = places, b = places AS list;"
+        assert differences(case_of(query, points=points, places=places)) == []
+
+
+@pytest.mark.parametrize(
+    ("values", "places"),
+    [([1, 3, 5], [0, 1, 3.0, 2**53 + 1]), (["a", "b\0", "ä"], ["a", "b", "b\0", "ä", ""]),
+     ([1, 2.5, 2**53], [1.0, 2.5, 2.0**53]),
+     ([1, 3], [True, False]), (list(range(0, 200, 2)), [0, 1, 198, 200]), ([0.0], [-0.0, 0, 1])],
+)  # fmt: skip
+def test_membership_in_a_list_of_numbers_or_strings(values: list[Any], places: list[Any]) -> None:
+    for query in (
+        "SELECT a.this IN known FROM a = places AS list;",
+        "SELECT a.this FROM a = places WHERE a.this NOT IN known;",
+        "SELECT IF(a.this IN known; 1; 2), a.this IN other FROM a = places AS list;",
+        f"SELECT a.this IN {values!r} FROM a = places AS list;",
+    ):
+        case = case_of(query, known=values, places=places, other=values[:1])
+        assert python_calls(text_of(case)) == set()
+        assert differences(case) == []
+
+
+@pytest.mark.parametrize("values", [[True], [1, None], [1, "a"], [[1]], [], {"a": 1}, "abc", 5, [1, True]])
+def test_membership_in_anything_else(values: Any) -> None:
+    for places in ([1, 2], ["a", "b"], [True, None], [1.0, "b"]):
+        assert (
+            differences(case_of("SELECT a.this IN known FROM a = places AS list;", known=values, places=places)) == []
+        )
+
+
+def test_literals_are_packed_too() -> None:
+    case = case_of("SELECT [a.this, 1] IN [[0, 1], [1, 2]], [[4, 7], [9, 2]][a.this][1] FROM a = [0, 1] AS list;")
+    assert python_calls(text_of(case)) == set()
+    assert differences(case) == []
+
+
+def test_the_packed_list_is_shown_beside_the_text_and_can_be_pasted() -> None:
+    with ss2sql.connect() as ss:
+        ss.attach("grid", GRID)
+        result = ss.run("SELECT grid[a.this][0] FROM a = [0, 1] AS list;", engine="database")
+        assert result.sql.parameters["grid_cells"] == bytes([0, 1, 0, 5, 0, 2])
+        assert [row[0] for row in ss.host.database.paste(result.sql, ss2sql.runtime.run.Run(ss.host))] == [0, 5]
+
+
+@pytest.mark.parametrize("encoding", ["UTF-8", "UTF-16le", "UTF-16be"])
+def test_in_a_database_of_any_encoding(tmp_path: Any, encoding: str) -> None:
+    import apsw
+
+    path = tmp_path / "file.db"
+    apsw.Connection(str(path)).execute(f"PRAGMA encoding = '{encoding}'; CREATE TABLE t(a)")
+    with ss2sql.connect(path) as ss:
+        ss.attach("grid", [[0, 100], [7, 1]])
+        ss.attach("far", [[0, 1000], [7, 1]])
+        columns = "grid[a.this][b.this], far[a.this][b.this], [a.this, b.this] IN grid"
+        script = f"SELECT {columns} FROM a = [0, 1], b = [0, 1] AS list;"
+        expected = ss.run(script, engine="native").value
+        assert ss.run(script, engine="database").value == expected == [
+            0, 0, False, 100, 1000, False, 7, 7, False, 1, 1, False,
+        ]  # fmt: skip
+
+
+def test_the_list_may_change_between_runs() -> None:
+    with ss2sql.connect() as ss:
+        ss.attach("grid", GRID)
+        query = ss.compile("SELECT grid[a.this][1] FROM a = [0, 1] AS list;", engine="database")
+        assert query.run().value == [1, 0]
+        for grid, expected in (
+            ([[4, 5], [6, 7]], [5, 7]),
+            ([[4, 500], [6, 7]], [500, 7]),
+            ([[1, 2.5], [0, "a"]], [2.5, "a"]),
+        ):
+            ss.attach("grid", grid)
+            assert query.run().value == expected
+        ss.attach("grid", [[1, 2]])
+        with pytest.raises(ss2sql.ExecutionError, match="out of range"):
+            query.run()
+
+
+INTS = st.one_of(st.integers(0, 3), st.integers(-5, 200), st.integers(-3000, 3000))
+ROWS = st.integers(1, 4).flatmap(
+    lambda width: st.lists(st.lists(INTS, min_size=width, max_size=width), min_size=1, max_size=4)
+)
+
+
+@settings(max_examples=150, deadline=None)
+@given(ROWS, st.lists(st.integers(-5, 5), min_size=1, max_size=5), st.data())
+def test_random_grids_and_indexes(rows: list[list[int]], places: list[int], data: st.DataObject) -> None:
+    low, high = data.draw(st.integers(-1, 2)), data.draw(st.integers(-1, 5))
+    condition = f"a.this >= {low} AND a.this {data.draw(st.sampled_from(['<', '<=']))} {high}"
+    point = (
+        "["
+        + ", ".join(
+            data.draw(st.lists(st.sampled_from(["a.this", "a.this - 1", "1", "b.this"]), min_size=1, max_size=4))
+        )
+        + "]"
+    )
+    for expression in (
+        f"IF({condition}; rows[a.this][0]; None)", f"{condition} AND rows[a.this][a.this] > 1", f"{point} IN rows",
+        f"NOT ({condition}) OR b.this < 0 OR rows[a.this, b.this]", f"{point} NOT IN rows AND {condition}",
+    ):  # fmt: skip
+        query = f"SELECT {expression} FROM a = places, b = places AS list;"
+        assert differences(case_of(query, rows=rows, places=places)) == []
+
+
+def test_packing() -> None:
+    assert Cells(True, 0).pack([[0, 255], [True, False]]) == bytes([0, 255, 1, 0])
+    assert Cells(False, -3).pack([-3, 252]) == bytes([0, 255])
+    assert Members(((0, 1), (5, 7))).pack([[1, 5], [0, 7], [True, 5]]) == bytes([0, 0, 1, 1, 0, 0])
