@@ -85,7 +85,12 @@ HALF = number(2.5, 2.5, Kind.FLOAT)
         ([[1, 2], [3]], long_list(plain_list(number(1, 3)), 2)),
         (
             [1, [2]],
-            Type(Kind.LIST, item=Type(Kind.INT | Kind.LIST, 1, 1, number(2, 2), (), (number(2, 2),)), columns=(), length=2),
+            Type(
+                Kind.LIST,
+                item=Type(Kind.INT | Kind.LIST, 1, 1, number(2, 2), (), (number(2, 2),)),
+                columns=(),
+                length=2,
+            ),
         ),
         (["a", "\ud800"], long_list(UNENCODABLE, None)),
         ([[1], [], [2.0]], long_list(plain_list(number(1, 2, Kind.INT | Kind.FLOAT)), 3)),

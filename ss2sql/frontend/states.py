@@ -7,20 +7,19 @@ first one, or was made by a step that STOP WITH has let pass.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeAlias
 
 from ss2sql import plan
+from ss2sql.bounds import Fact, compared, facts_of, narrowed, within
 from ss2sql.frontend import ast
 from ss2sql.frontend.drift import NUMBER, Slot, is_slot, reach, slots_of, with_slots
 from ss2sql.frontend.scope import Scope
 from ss2sql.frontend.sources import open_sources
 from ss2sql.kinds import ANY, NOTHING, Kind, Type, covers, list_of, union, without_bounds
-from ss2sql.runtime.operator_types import INTEGER
-from ss2sql.walk import is_volatile, states_read
+from ss2sql.walk import states_read
 
 if TYPE_CHECKING:
     from ss2sql.frontend.resolve import Resolver
@@ -133,23 +132,14 @@ def _followed(slots: Sequence[Slot], first: Types, trial: _Trial) -> tuple[list[
 # --- narrowing -----------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class _Fact:
-    """`left sign right` holds in every step that goes on; the sign is that of an order."""
-
-    sign: str
-    left: plan.Expr
-    right: plan.Expr
-
-
 def _narrowed(resolver: Resolver, tree: ast.Query, scope: Scope, first: Types, types: Types) -> dict[str, Type]:
     """The types of the states that there are: of the first one, and of those that follow a step that goes on."""
     trial = _try(resolver, tree, scope, types)
-    facts: list[_Fact] = []
+    facts: list[Fact] = []
     if tree.stop is not None:
         with _on_trial(resolver):
             stop = resolver.guarded(resolver.expression, tree.stop, trial.scope)
-            facts = list(_facts(resolver.inliner.expr(stop), False))
+            facts = list(facts_of(resolver.inliner.expr(stop), False))
     before = {name: _clamped_state(scope.query, name, kind, facts) for name, kind in types.items()}
     closer = trial if before == dict(types) else _try(resolver, tree, scope, before)
     found = dict(first)
@@ -163,81 +153,28 @@ def _narrowed(resolver: Resolver, tree: ast.Query, scope: Scope, first: Types, t
     return {name: found[name] for name in first}  # an unknown name is an error elsewhere
 
 
-_OPPOSITE = {"lt": "ge", "le": "gt", "gt": "le", "ge": "lt"}
-_MIRRORED = {"lt": "gt", "le": "ge", "gt": "lt", "ge": "le"}
-
-
-def _facts(condition: plan.Expr, truth: bool) -> Iterator[_Fact]:
-    """The comparisons that hold where the condition has this truth."""
-    match condition:
-        case plan.Not(operand=operand):
-            yield from _facts(operand, not truth)
-        case plan.Or(parts=parts) if not truth:
-            for part in parts:
-                yield from _facts(part, False)
-        case plan.And(parts=parts) if truth:
-            for part in parts:
-                yield from _facts(part, True)
-        case plan.Call(function=plan.Function(name=name, builtin=True), arguments=(left, right)) if name in _OPPOSITE:
-            sign = name if truth else _OPPOSITE[name]
-            yield _Fact(sign, left, right)
-            yield _Fact(_MIRRORED[sign], right, left)
-
-
-def _clamped(value: plan.Expr, facts: Sequence[_Fact]) -> Type:
+def _clamped(value: plan.Expr, facts: Sequence[Fact]) -> Type:
     """The type of a value that CONNECT BY computes, with what the facts say of the same expression."""
-    if is_volatile(value):
-        return value.type
     if isinstance(value, plan.MakeList) and value.type.positions is not None:
         return list_of([_clamped(item, facts) for item in value.items])
-    kind = value.type
-    for fact in facts:
-        if fact.left == value:
-            kind = _compared(kind, fact.sign, fact.right.type)
-    return kind
+    return narrowed(value, facts)
 
 
-def _clamped_state(query: int, name: str, kind: Type, facts: Sequence[_Fact]) -> Type:
+def _clamped_state(query: int, name: str, kind: Type, facts: Sequence[Fact]) -> Type:
     """The type of a variable in the steps that go on."""
     for slot in slots_of(query, name, kind):
         for fact in facts:
             if is_slot(fact.left, slot):
                 part = slot.part(kind)
                 assert part is not None
-                kind = with_slots(kind, [(slot, _compared(part, fact.sign, fact.right.type))])
+                kind = with_slots(kind, [(slot, compared(part, fact.sign, fact.right.type))])
     return kind
-
-
-def _compared(kind: Type, sign: str, other: Type) -> Type:
-    """The values of a type that have this order to one of the other type."""
-    whole = kind.only(INTEGER)
-    match sign:
-        case "ge":
-            return _within(kind, other.low, None)
-        case "gt":
-            return _within(kind, math.floor(other.low) + 1 if whole and other.low is not None else other.low, None)
-        case "le":
-            return _within(kind, None, other.high)
-        case _:
-            return _within(kind, None, math.ceil(other.high) - 1 if whole and other.high is not None else other.high)
-
-
-def _within(kind: Type, low: float | None, high: float | None) -> Type:
-    """The numbers of a type between two bounds; its other values stay."""
-    if not kind.may(Kind.NUMBER):
-        return kind
-    lows = [bound for bound in (kind.low, low) if bound is not None]
-    highs = [bound for bound in (kind.high, high) if bound is not None]
-    closer = replace(kind, low=max(lows, default=None), high=min(highs, default=None))
-    if closer.low is not None and closer.high is not None and closer.low > closer.high:
-        return NOTHING if kind.only(Kind.NUMBER) else kind
-    return closer
 
 
 def _meet(a: Type, b: Type) -> Type:
     """The closer bounds of two types of the same values, those of short lists one by one."""
     if a.only(NUMBER) and b.only(NUMBER):
-        return _within(a, b.low, b.high)
+        return within(a, b.low, b.high)
     one, other = a.positions or (), b.positions or ()
     if not one or len(one) != len(other) or not a.only(Kind.LIST) or not b.only(Kind.LIST):
         return a
