@@ -152,3 +152,48 @@ def test_whatever_the_types_say_all_agree(data: st.DataObject) -> None:
     kinds = st.one_of(KINDS, KINDS, OTHER_KINDS)
     lists = [data.draw(st.lists(data.draw(kinds), min_size=1, max_size=4)) for _ in range(2)]
     assert differences(case_of(data.draw(st.sampled_from(OPERATORS)), *lists)) == []
+
+
+# Of columns of tables the types know neither the size of numbers nor whether None is compared.
+GUARDED = [
+    "a + b", "a - b", "a * b", "-a", "a + b - a", "(a + b) * 2 - b", "a * b * a", "-(a - b) - a", "a + 1",
+    "a * 0.5 + b", "a / b", "a % b", "sqrt(a)", "abs(a)", "int(a)", "a < b", "a >= b", "NOT a <= b", "IF(a > 0; a + b; b - a)",
+    "abs(a + b)", "sqrt(a * a + b * b)", "max([a + b, a])", "a + b == b + a", "(a + b) % 7", "int(a / 2)",
+]  # fmt: skip
+HARD_INTS = st.one_of(st.integers(-3, 3), st.sampled_from(LEAST_INTS), st.integers(-(2**63), 2**63 - 1))
+HARD_FLOATS = st.one_of(st.sampled_from(LARGE_FLOATS), ANY_FLOATS, st.sampled_from([1e154, -1e154, 9.3e18, 4.7e18]))
+COLUMNS = st.sampled_from(
+    [HARD_INTS, HARD_FLOATS, st.integers(-9, 9), st.one_of(HARD_INTS, HARD_FLOATS), st.one_of(st.none(), HARD_INTS),
+     st.one_of(st.none(), HARD_FLOATS), st.one_of(st.none(), st.sampled_from(["a", "b", "ä"]))]
+)  # fmt: skip
+
+
+@settings(max_examples=500, deadline=None)
+@given(st.data())
+def test_columns_of_tables(data: st.DataObject) -> None:
+    kinds = [data.draw(COLUMNS) for _ in "ab"]
+    rows = [dict(zip("ab", map(data.draw, kinds), strict=True)) for _ in range(data.draw(st.integers(1, 3)))]
+    expression = data.draw(st.sampled_from(GUARDED))
+    assert differences(ProgramCase(f"SELECT {expression} FROM t AS list;", tables={"t": rows})) == []
+
+
+@pytest.mark.parametrize("expression", GUARDED)
+@pytest.mark.parametrize(
+    "values", [[3, 5, -2], [0.5, 2.25, -4.0], [None, 3, 4], [2**62, 2**62, 1], [1e308, 1e308, 1.0]]
+)
+def test_columns_of_tables_are_left_to_python_where_it_matters(expression: str, values: list[Any]) -> None:
+    rows = [{"a": values[i], "b": values[j]} for i in range(3) for j in range(3)]
+    for row in rows:
+        case = ProgramCase(f"SELECT {expression} FROM t AS list;", tables={"t": [row]})
+        assert differences(case) == []
+
+
+@pytest.mark.parametrize("expression", ["a + b", "a * b - a", "a / b", "a % b", "sqrt(a)", "abs(a)", "a < b", "-a"])
+def test_columns_of_tables_cost_no_call_as_a_rule(expression: str) -> None:
+    with ss2sql.connect() as ss:
+        ss.host.connection.execute("CREATE TABLE t(a, b); INSERT INTO t VALUES (5, 3), (7, 2)")
+        calls: list[str] = []
+        for name in ("add", "mul", "sub", "div", "mod_of", "sqrt_of", "abs_of", "lt", "neg"):
+            ss.host.connection.create_scalar_function(name, lambda *arguments, name=name: calls.append(name))
+        ss.run(f"SELECT {expression} FROM t;", engine="database")
+        assert calls == []

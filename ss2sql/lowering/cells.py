@@ -1,4 +1,4 @@
-"""An index into a list that is the same for the whole statement, and membership in one, without a Python call.
+"""`cells`: an index into a list that is the same for the whole statement, and membership in one, without a Python call.
 
     grid[y][x] == 1              instr(x'0001', substr(:grid_cells, y * 300 + x + 1, 1)) - 1 = 1
     [x, y] IN free               CASE WHEN x BETWEEN 0 AND 299 AND y BETWEEN 0 AND 299
@@ -40,7 +40,7 @@ LARGEST_BOX = 2**22  # 4 MB; a list of a few points that lie far apart is left t
 def element(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
     """`values[i]` and `rows[i][j]`, where the elements are integers in a narrow range, or bools."""
     container, indexes = _taken_apart(call)
-    packing = _cells(container.type, len(indexes))
+    packing = None if "cells" in lowering.needs.disabled else _cells(container.type, len(indexes))
     if packing is None or not isinstance(container, (plan.Constant, plan.Variable)):
         return None
     if not all(index.type.only(WHOLE) and is_number(index.type) for index in indexes):
@@ -131,7 +131,7 @@ def _between(node: Node, low: int, high: int) -> Node:
 def membership(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
     """`[x, y] IN points` for lists of integers that lie close together."""
     item, container = call.arguments
-    packing = _members(container.type)
+    packing = None if "cells" in lowering.needs.disabled else _members(container.type)
     if packing is None or not isinstance(container, (plan.Constant, plan.Variable)):
         return None
     if not isinstance(item, plan.MakeList) or len(item.items) != len(packing.box):

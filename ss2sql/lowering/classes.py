@@ -41,7 +41,7 @@ MOST_NODES = 12  # what is written twice must not be longer: two columns and a l
 _PLAIN = (exp.Column, exp.Identifier, exp.Literal, exp.Placeholder, exp.Paren, exp.Neg, exp.Add, exp.Sub, exp.Mul)
 
 
-def may_repeat(node: Node) -> bool:
+def may_repeat(node: Node, most: int = MOST_NODES) -> bool:
     """Whether an operand is so short that it may stand several times in the text, and so quick to compute."""
     parts = list(node.walk())
-    return len(parts) <= MOST_NODES and all(isinstance(part, _PLAIN) for part in parts)
+    return len(parts) <= most and all(isinstance(part, _PLAIN) for part in parts)

@@ -20,6 +20,7 @@ from ss2sql.bounds import Fact, facts_of
 from ss2sql.errors import Source, Span
 from ss2sql.kinds import BOOL, Kind, Type
 from ss2sql.lowering import sql
+from ss2sql.lowering.guarded import guarded
 from ss2sql.lowering.operators import NATIVE
 from ss2sql.lowering.parameters import Needs
 from ss2sql.lowering.sql import Node
@@ -174,6 +175,9 @@ class Expressions:
             return node
         if not can_fail(expr) and _is_fixed(expr):
             return self.needs.bind(expr, None, is_flag(expr.type))
+        node = guarded(self, expr, env)
+        if node is not None:
+            return node
         return self.python(expr, [self.value(argument, env) for argument in expr.arguments])
 
     def python(self, expr: plan.Call, arguments: Sequence[Node]) -> Node:

@@ -14,6 +14,7 @@ from ss2sql.lowering.dialects import SQLITE, Dialect
 from ss2sql.lowering.expressions import Env, is_flag
 from ss2sql.lowering.on_entering import OnEntering, applies
 from ss2sql.lowering.parameters import Bookkeeping, Needs, Shown, SqlQuery
+from ss2sql.lowering.positions import by_position
 from ss2sql.lowering.product import copies_of
 from ss2sql.lowering.search import SearchLowering
 from ss2sql.lowering.select import Selects
@@ -42,6 +43,10 @@ def lower(
     """
     check(query)
     needs = Needs(function_names, careful=careful or is_volatile(query), disabled=disabled)
+    written = query
+    query = query if "positions" in disabled else by_position(query)
+    if query is not written:
+        needs.applied["positions"] = None
     selects = Selects(needs)
     selects.copies = {} if query.search is None else None
     is_sorted = is_limited = ahead = False

@@ -80,6 +80,7 @@ class Needs:
 
     def packed(self, expr: plan.Expr, packing: Packing) -> Node:
         """The placeholder for a list that is packed."""
+        self.applied["cells"] = None
         return self.bind(expr, f"{expr.name if isinstance(expr, plan.Variable) else 'list'}_cells", False, packing)
 
     def bind(

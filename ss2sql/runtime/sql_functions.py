@@ -44,7 +44,14 @@ def element_columns(pool: Pool, value: Any, columns: tuple[str, ...]) -> list[li
     """The elements of a source's value as columns of SQL values: the elements themselves, then their `columns`."""
     items = elements(pool.decode(value))
     encode = pool.encode
-    return [list(map(encode, items)), *([encode(column_of(item, name, None)) for item in items] for name in columns)]
+    return [list(map(encode, items)), *([encode(_part_of(item, name)) for item in items] for name in columns)]
+
+
+def _part_of(element: Any, name: str) -> Any:
+    """The column of an element; that of a list is one of its own elements, see lowering/positions.py."""
+    if type(element) is list:
+        return element[int(name.removeprefix("this_"))]
+    return column_of(element, name, None)
 
 
 class Collect:

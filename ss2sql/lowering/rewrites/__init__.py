@@ -1,9 +1,9 @@
 """Rewrites of the plan, one per file, each with a name by which `connect(disable=[...])` switches it off.
 
 A rewrite takes a query and gives one with the same rows, the same errors and the same effects. `optimise`
-applies all of them, for both executors; what it may know of the session is in world.py. Three are about SQL
-alone, and lowering applies them (levels.py, product.py, lookup.py); the native executor always does the same in
-its way.
+applies all of them, for both executors; what it may know of the session is in world.py. Some are about SQL
+alone, and lowering applies them (levels.py, product.py, lookup.py, positions.py, cells.py); the native executor
+always does the same in its way.
 """
 
 from __future__ import annotations
@@ -31,6 +31,8 @@ REWRITES: dict[str, Rewrite] = {
     "early": by_lowering,
     "hoist": by_lowering,
     "lookup": by_lowering,
+    "positions": by_lowering,
+    "cells": by_lowering,
 }
 
 

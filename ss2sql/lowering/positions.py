@@ -1,0 +1,66 @@
+"""`positions`: what is read of short lists that a source gives becomes columns of the source.
+
+    SELECT this[1] FROM edges WHERE this[0] == 3        as if it were        SELECT dst FROM edges WHERE src == 3
+
+So `this[0]` costs no call of a function (0.2 us), and SQLite can look rows up by it. It is done where the lists are
+known to have one length, for sources of searches and for those that stand alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from ss2sql import plan
+from ss2sql.kinds import Kind
+from ss2sql.walk import rebuild, walk
+
+_Listed = plan.ValueSource | plan.QuerySource
+
+
+def by_position(query: plan.Query) -> plan.Query:
+    """The query with `this[0]` as the column `this_0`; the same query where there is nothing to change."""
+    sources = {
+        source.id: source
+        for node in walk(query)
+        if isinstance(node, plan.Query) and (node.search is not None or len(node.sources) == 1)
+        for source in node.sources
+        if isinstance(source, _Listed) and source.element.kinds == Kind.LIST and source.columns == ()
+    }
+    used: dict[int, set[int]] = {}
+    for node in walk(query):
+        place = _place(node, sources)
+        if place is not None:
+            used.setdefault(place[0], set()).add(place[1])
+    if not used:
+        return query
+
+    def change(node: Any) -> Any:
+        place = _place(node, sources)
+        if place is not None:
+            return plan.Column(place[0], column_name(place[1]), node.type, span=node.span)
+        node = rebuild(node, change)
+        if isinstance(node, _Listed) and node.id in used:
+            positions = node.element.positions or ()
+            return replace(node, columns=tuple((column_name(at), positions[at]) for at in sorted(used[node.id])))
+        return node
+
+    changed: plan.Query = rebuild(query, change)
+    return changed
+
+
+def column_name(position: int) -> str:
+    return f"this_{position}"
+
+
+def _place(node: Any, sources: dict[int, _Listed]) -> tuple[int, int] | None:
+    """The source and the position of an element of one of its lists, where the node reads one."""
+    match node:
+        case plan.Call(
+            function=plan.Function(name="item", builtin=True),
+            arguments=(plan.Element(source=source), plan.Constant(value=int(index))),
+        ) if source in sources:
+            size = len(sources[source].element.positions or ())
+            return (source, index % size) if -size <= index < size else None
+        case _:
+            return None
