@@ -157,7 +157,8 @@ def test_whatever_the_types_say_all_agree(data: st.DataObject) -> None:
 # Of columns of tables the types know neither the size of numbers nor whether None is compared.
 GUARDED = [
     "a + b", "a - b", "a * b", "-a", "a + b - a", "(a + b) * 2 - b", "a * b * a", "-(a - b) - a", "a + 1",
-    "a * 0.5 + b", "a / b", "a % b", "sqrt(a)", "abs(a)", "int(a)", "a < b", "a >= b", "NOT a <= b", "IF(a > 0; a + b; b - a)",
+    "a * 0.5 + b", "a / b", "a % b", "sqrt(a)", "abs(a)", "int(a)", "a < b", "a >= b", "NOT a <= b",
+    "IF(a > 0; a + b; b - a)",
     "abs(a + b)", "sqrt(a * a + b * b)", "max([a + b, a])", "a + b == b + a", "(a + b) % 7", "int(a / 2)",
 ]  # fmt: skip
 HARD_INTS = st.one_of(st.integers(-3, 3), st.sampled_from(LEAST_INTS), st.integers(-(2**63), 2**63 - 1))
