@@ -317,6 +317,41 @@ def test_what_a_function_does_to_its_arguments_is_seen_by_nobody(ss: ss2sql.Sess
 
 
 @both
+def test_a_value_that_was_not_copied_is_safe_from_others(ss: ss2sql.Session, engine: Any) -> None:
+    """`same` is proven to change nothing, so it gets the value itself and gives it back."""
+
+    @ss.function
+    def same(x):
+        return x
+
+    @ss.function
+    def grow(x):
+        x[0].append(1)
+        return x
+
+    assert (ss.host.functions["same"].changes, ss.host.functions["grow"].changes) == (False, True)
+    result = ss.run("SELECT grow(same(this)), same(this), this FROM [[[]], [[2]]] AS rows;", engine=engine)
+    assert result.value == [([[1]], [[]], [[]]), ([[2, 1]], [[2]], [[2]])]
+
+
+@both
+def test_objects_are_unwrapped_for_a_function_that_changes_nothing(ss: ss2sql.Session, engine: Any) -> None:
+    class Thing:
+        __hash__ = None  # type: ignore[assignment]
+        size = 3
+
+        def __len__(self) -> int:
+            return self.size
+
+    @ss.function
+    def length(x):
+        return len(x)
+
+    ss.attach("things", [[Thing()], Thing()])
+    assert ss.run("SELECT length(this) FROM things AS list;", engine=engine).value == [1, 3]
+
+
+@both
 def test_a_function_may_keep_what_it_got_and_gave(ss: ss2sql.Session, engine: Any) -> None:
     kept: list[Any] = []
 

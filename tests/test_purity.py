@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
+import copy
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 from purity_samples import Load, load
@@ -305,3 +308,48 @@ def test_immutable(load: Load, text: str, tmp_path: Path) -> None:
         if str(tmp_path) in sys.path:
             sys.path.remove(str(tmp_path))
             sys.modules.pop("purity_sample_constants", None)
+
+
+TRIED: list[tuple[Any, ...]] = [
+    ([0, 1], [[3, 2, 1], [], []]), ([2, 1], [1, 2]), (5, 3), ("ab", 2), ({"a": [1]}, [{"a": 1}]), ([3, 1, 2],),
+    (4,), ("a b",), ({"a": [2]},), ([[1], [2]],), (1.5, 2.0, 3), ([1], [2], [3]), (),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("text", IMMUTABLE.values(), ids=IMMUTABLE.keys())
+def test_what_changes_nothing_leaves_its_arguments_alone(load: Load, text: str) -> None:
+    if "purity_sample_constants" in text:
+        return
+    function = load(text).f
+    if infer(function).changes:
+        return
+    for arguments in TRIED:
+        given = copy.deepcopy(arguments)
+        with contextlib.suppress(Exception):  # most functions do not take most of these
+            function(*given)
+        assert given == arguments
+
+
+@pytest.mark.parametrize(
+    ("text", "changes"),
+    [
+        ("def f(step, towers): return towers[step[0]] + [1]", False),
+        ("def f(x): return sorted(x, key=lambda y: -y)", False),
+        ("def f(x): y = x[:]; y[0] = 1; return y", True),  # its own copy, but nobody looks so closely
+        ("def f(x): x[0] += 1; return x", True),
+        ("def f(x):\n    for x[0] in [1, 2]: pass\n    return x", True),
+        ("def f(x): del x[0]; return x", True),
+        ("def f(x): [x[0]] = [3]; return x", True),
+        ("def f(x): return [x.append(1), x]", True),
+        ("def f(x): return [y.pop() for y in x]", True),
+        ("def f(x):\n    def g(y): y.sort()\n    g(x)\n    return x", True),
+        ("def g(y): y.sort()\ndef f(x): g(x); return x", True),
+        ("def g(y): return y\ndef f(x): return g(x)", False),
+        ("import heapq\ndef f(x): heapq.heapify(x); return x", True),
+        ("def f(x): return list(map(list.pop, x))", True),
+    ],
+)
+def test_whether_a_function_may_change_its_arguments(load: Load, text: str, changes: bool) -> None:
+    found = infer(load(text).f)
+    assert found.changes is changes
+    assert found.volatility == "immutable" or changes

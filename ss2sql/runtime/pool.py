@@ -23,6 +23,9 @@ _TRUTHY, _FALSY = b"1\0~", b"0\0~"
 
 TRUE = _TRUTHY + b"ss2sql-true"
 FALSE = _FALSY + b"ss2sql-false"
+_EMPTY = dumps([], 2)
+
+VALUES_LIMIT = 100_000  # decoded values that are kept beside their bytes
 
 
 class OtherFormError(Exception):
@@ -37,7 +40,10 @@ class Pool:
     others begin with six random bytes, so that no stored BLOB can be taken for one.
     """
 
-    __slots__ = ("_classes", "_handles", "_keys", "_made", "_tag", "_values", "marshalled", "mixed", "pure", "watched")
+    __slots__ = (
+        *("_classes", "_handles", "_keys", "_made", "_objects", "_tag", "_values"),
+        *("marshalled", "mixed", "pure", "watched"),
+    )
 
     def __init__(self) -> None:
         self._tag = urandom(6)
@@ -49,7 +55,8 @@ class Pool:
         self.mixed: Callable[[], None] = _nobody
         self.watched: frozenset[Any] = frozenset()  # handles that must stand for all values that equal theirs
         self.marshalled = {TRUE: dumps(True, 2), FALSE: dumps(False, 2)}
-        self._values: dict[bytes, Any] = {TRUE: True, FALSE: False}
+        self._values: dict[bytes, Any] = {}  # of plain data, as long as there is room
+        self._objects: dict[bytes, Any] = {}
         self._keys: dict[bytes, int | float | str | bytes] = {TRUE: 1, FALSE: 0}
         self._classes: dict[Hashable, bytes] = {}
 
@@ -83,7 +90,12 @@ class Pool:
         kind = type(value)
         if kind is int and INT_MIN <= value <= INT_MAX:
             return value
-        if (kind is not list and kind is not tuple) or not is_shallow(value):
+        if kind is list:
+            if not value:  # what functions of moves say most often
+                return self._handles.get(_EMPTY) or self.encode(value)
+        elif kind is not tuple:
+            return self.encode(normalise(value, giver))
+        if not is_shallow(value):
             return self.encode(normalise(value, giver))
         marshalled = dumps(value, 2)
         handle = self._handles.get(marshalled)
@@ -98,12 +110,20 @@ class Pool:
         if type(value) is not bytes:
             return value
         try:
-            return self._values[value]
+            return self.plain(value)
         except KeyError:
-            marshalled = self.marshalled.get(value)
-        if marshalled is None:
-            return value
-        return self._values.setdefault(value, loads(marshalled))
+            return self._objects.get(value, value)
+
+    def plain(self, handle: bytes) -> Any:
+        """The value behind a handle of plain data, for who does not change it. KeyError for all other BLOBs."""
+        try:
+            return self._values[handle]
+        except KeyError:
+            value = loads(self.marshalled[handle])
+        if len(self._values) >= VALUES_LIMIT:
+            self._values.clear()
+        self._values[handle] = value
+        return value
 
     def fresh(self, value: Any) -> Any:
         """A copy of the value for Python code, which may change it; opaque objects are the same objects."""
@@ -168,7 +188,7 @@ class Pool:
         handle = self._handles.get(exact)
         if handle is None:
             handle = self._add(exact, None, value)
-            self._values[handle] = value
+            self._objects[handle] = value
         return handle
 
     def _key(self, handle: bytes) -> Any:

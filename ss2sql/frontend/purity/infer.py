@@ -49,12 +49,14 @@ class Purity:
     """What a function was taken for and why.
 
     `reason` is a clause with the function as its subject, such as "calls print"; `line` is the line in the function's
-    own source file that the reason is about, where there is one.
+    own source file that the reason is about, where there is one. `changes` is false where it is proven that the
+    function changes nothing at all, its arguments included.
     """
 
     volatility: Volatility
     reason: str
     line: int | None = None
+    changes: bool = field(default=True, compare=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,27 +139,29 @@ def infer(function: Callable[..., object]) -> Purity:
     `function` is any callable. Nothing is called, nothing is raised.
     """
     try:
-        return Purity("immutable", _proven(function))
+        reason, changes = _proven(function)
+        return Purity("immutable", reason, changes=changes)
     except Unproven as unproven:
         return Purity("volatile", unproven.reason, unproven.line)
     except RecursionError:
         return Purity("volatile", "is nested too deeply to be followed")
 
 
-def _proven(function: Any) -> str:
-    """The reason why a callable is immutable; raises `Unproven` where it is not proven."""
+def _proven(function: Any) -> tuple[str, bool]:
+    """Why a callable is immutable, and whether it may change its arguments; `Unproven` where it is not proven."""
     entry = known(function)
     if entry is not None:
         if entry.gives & ~(VALUE | SET):
             raise Unproven("gives an iterator or a function, which is not a value")
         if entry.function is not None:
             raise Unproven("calls its arguments")
-        return "is known to be pure"
+        return "is known to be pure", entry.changes
     if type(function) is functools.partial:
         if not _constant_arguments(function):
             raise Unproven("is a partial with an argument that may change")
         try:
-            return f"is a partial of a function that is immutable: it {_proven(function.func)}"
+            reason, changes = _proven(function.func)
+            return f"is a partial of a function that is immutable: it {reason}", changes
         except Unproven as unproven:
             raise Unproven(f"is a partial of a function that {unproven.reason}", unproven.line) from None
     if type(function) is CACHED:
@@ -166,9 +170,10 @@ def _proven(function: Any) -> str:
         proof = Proof()
         proof.prove(function)
         if not proof.findings.constants:
-            return "has a source that uses only its arguments"
+            return "has a source that uses only its arguments", proof.findings.changes
         names = ", ".join(f"'{name}'" for name in proof.findings.constants)
-        return f"has a source that uses only its arguments and the constants {names}"
+        reason = f"has a source that uses only its arguments and the constants {names}"
+        return reason, proof.findings.changes
     raise Unproven(_obstacle(function))
 
 
