@@ -221,7 +221,7 @@ def in_duckdb(size: int) -> Work:
 
 # --- the scripts ------------------------------------------------------------------------------------------------
 
-HEURISTIC = "HEURISTIC sqrt((goal - {x}) ^ 2 + (goal - {y}) ^ 2)"
+HEURISTIC = "HEURISTIC sqrt((goal - ({x})) ^ 2 + (goal - ({y})) ^ 2)"
 
 
 def search(moves: str, x: str, y: str, cost: str, astar: bool, condition: str) -> str:

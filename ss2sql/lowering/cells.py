@@ -21,14 +21,13 @@ from ss2sql.bounds import Fact, narrowed
 from ss2sql.errors import Source, Span
 from ss2sql.kinds import ANY, BOOL, Kind, Type, type_of
 from ss2sql.lowering import sql
-from ss2sql.lowering.classes import EXACT, is_number, may_repeat
+from ss2sql.lowering.classes import EXACT, WHOLE, is_number, may_repeat
 from ss2sql.lowering.packing import Cells, Members
 from ss2sql.lowering.sql import Node
 
 if TYPE_CHECKING:
     from ss2sql.lowering.expressions import Env, Expressions
 
-WHOLE = Kind.BOOL | Kind.INT
 MOST_SHOWN = 16  # bytes that are written into the text
 NOWHERE = Span(Source(""), 0, 0)
 LARGEST_BOX = 2**22  # 4 MB; a list of a few points that lie far apart is left to Python
@@ -54,7 +53,7 @@ def element(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
     if not all(map(may_repeat, nodes)):
         return None
     inside = [_between(node, 0, size - 1) for node, size in zip(nodes, sizes, strict=False) if size is not None]
-    otherwise = lowering.python(call, [lowering.value(argument, env) for argument in call.arguments])
+    otherwise = sql.rare(lowering.python(call, [lowering.value(argument, env) for argument in call.arguments]))
     condition = sql.conjunction(inside)
     assert condition is not None
     return sql.case([(condition, found)], otherwise)

@@ -36,6 +36,8 @@ def same_class(left: Type, right: Type, none: bool = False) -> bool:
     return known is not None and known == class_of(right, none)
 
 
+WHOLE = Kind.BOOL | Kind.INT
+MOST_FACTORS = 4  # of a product that stands for a power
 MOST_NODES = 12  # what is written twice must not be longer: two columns and a literal with operators between them
 
 _PLAIN = (exp.Column, exp.Identifier, exp.Literal, exp.Placeholder, exp.Paren, exp.Neg, exp.Add, exp.Sub, exp.Mul)

@@ -3,8 +3,35 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Any
 
+import sqlglot
 from sqlglot import exp
+from sqlglot.generator import Generator
+
+if TYPE_CHECKING:
+    _Base = Generator
+else:
+    _Base = object
+
+SHORT = 60  # characters in parentheses that stay on their line
+
+
+class _ShortParentheses(_Base):
+    """Printing as sqlglot does it, but for parentheses: it would give each of them a line of its own."""
+
+    def paren_sql(self, expression: exp.Paren) -> str:
+        inside = self.sql(expression, "this")
+        if len(inside) <= SHORT and "\n" not in inside:
+            return f"({inside})"
+        return super().paren_sql(expression)
+
+
+@cache
+def _printer(name: str) -> type[Generator]:
+    """The class that prints a dialect of sqlglot."""
+    return type("Printer", (_ShortParentheses, sqlglot.Dialect.get_or_raise(name).generator_class), {})
 
 
 @dataclass(frozen=True, slots=True)
@@ -14,7 +41,8 @@ class Dialect:
     name: str
 
     def print(self, tree: exp.Expr) -> str:
-        return tree.sql(self.name, pretty=True, normalize_functions=False)
+        options: dict[str, Any] = {"pretty": True, "normalize_functions": False}
+        return _printer(self.name)(dialect=self.name, **options).generate(tree)
 
 
 SQLITE = Dialect("sqlite")

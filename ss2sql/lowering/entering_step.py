@@ -147,15 +147,14 @@ class EnteringStep:
             carried[of.waits] = self._waits()
         if of.total is not None:
             carried[of.total] = self.total()
-        if of.estimate is not None:
-            # Only a goal waits twice, and needs the estimate when it has come out.
-            estimate = self._if_it_goes_on(self.search.heuristic, self.estimate(), sql.number(0))
+        if of.rank is not None:
             later = _plus(self.total(), self.estimate())
-            if self.query.where is None:
-                carried[of.estimate], carried[of.rank] = estimate, self.total()
-            else:
-                carried[of.estimate] = sql.case([(self.goal(), estimate)], sql.null())
-                carried[of.rank] = sql.case([(self.goal(), self.total())], later)
+            goal = None if self.query.where is None else self.goal()
+            carried[of.rank] = self.total() if goal is None else sql.case([(goal, self.total())], later)
+            if of.estimate is not None:
+                # Only a goal waits twice, and needs the estimate when it has come out.
+                estimate = self._if_it_goes_on(self.search.heuristic, self.estimate(), sql.number(0))
+                carried[of.estimate] = estimate if goal is None else sql.case([(goal, estimate)], sql.null())
         assigned = dict(self.search.connect)
         for (name, _), node in zip(self.search.start, self._after(), strict=True):
             carried[of.states[name]] = self._if_it_goes_on(assigned.get(name), node, sql.null())
@@ -181,7 +180,9 @@ class EnteringStep:
 
     def _waits(self) -> Node:
         """0 for a goal; `note_result` counts it too, and ends the evaluation with the last one that is asked for."""
-        noted = sql.call("note_result") if self.of.total is None else sql.number(0)
+        if self.of.total is not None:
+            return sql.number(0) if self.query.where is None else _not(self.goal())
+        noted = sql.call("note_result")
         return noted if self.query.where is None else sql.case([(self.goal(), noted)], sql.number(1))
 
     def _after(self) -> list[Node]:

@@ -11,6 +11,7 @@ tables, and in sums that grow. A sum of a million rows takes 0.06 s so and 0.5 s
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import reduce
 from typing import TYPE_CHECKING, TypeAlias
 
 from sqlglot import exp
@@ -18,7 +19,7 @@ from sqlglot import exp
 from ss2sql import plan
 from ss2sql.kinds import Kind, Type
 from ss2sql.lowering import sql
-from ss2sql.lowering.classes import EXACT, class_of, may_repeat
+from ss2sql.lowering.classes import EXACT, MOST_FACTORS, WHOLE, class_of, may_repeat
 from ss2sql.lowering.sql import Node
 from ss2sql.walk import is_volatile
 
@@ -29,7 +30,7 @@ Guarded: TypeAlias = "Callable[[Expressions, plan.Call, Env], Node | None]"
 
 SAFE = 2**62  # an operation on integers that leaves 64 bits gives a float beyond
 SAFE_FLOAT = 1e308
-MOST_NODES = 30  # of an expression that is written twice
+MOST_NODES = 60  # of an expression that is written twice: the distance of two points takes 45
 
 _SIGNS: dict[str, type[exp.Binary]] = {"add": exp.Add, "sub": exp.Sub, "mul": exp.Mul}
 _COMPARISONS: dict[str, type[exp.Binary]] = {"lt": exp.LT, "le": exp.LTE, "gt": exp.GT, "ge": exp.GTE}
@@ -54,7 +55,7 @@ def _operands(lowering: Expressions, call: plan.Call, env: Env) -> list[Node] | 
 
 
 def _python(lowering: Expressions, call: plan.Call, env: Env) -> Node:
-    return lowering.python(call, [lowering.value(argument, env) for argument in call.arguments])
+    return sql.rare(lowering.python(call, [lowering.value(argument, env) for argument in call.arguments]))
 
 
 def _between(node: Node, low: float, high: float) -> Node:
@@ -72,7 +73,7 @@ def _arithmetic(lowering: Expressions, call: plan.Call, env: Env) -> Node | None
     node = _tree(lowering, call, env, call.type.kinds)
     if node is None or not may_repeat(node, MOST_NODES):
         return None
-    otherwise = _python(lowering, call, env)
+    otherwise = sql.rare(_calls(lowering, call, env))
     if not whole:
         return sql.case([(_between(node, -SAFE_FLOAT, SAFE_FLOAT), node)], otherwise)
     if not any(_is_inner(argument, Kind.INT) for argument in call.arguments):
@@ -83,19 +84,35 @@ def _arithmetic(lowering: Expressions, call: plan.Call, env: Env) -> Node | None
 
 def _is_inner(expr: plan.Expr, kinds: Kind) -> bool:
     """Whether an operand is computed under the guard of the whole expression."""
-    return (
-        isinstance(expr, plan.Call)
-        and expr.function.builtin
-        and expr.function.raises
-        and (expr.function.name in _SIGNS or expr.function.name == "neg")
-        and expr.type.kinds == kinds
-    )
+    if not isinstance(expr, plan.Call) or not expr.function.builtin or not expr.function.raises:
+        return False
+    name = expr.function.name
+    return expr.type.kinds == kinds and (name in _SIGNS or name == "neg" or (name == "pow" and _factors(expr) > 0))
+
+
+def _factors(power: plan.Call) -> int:
+    """How many factors stand for a power of integers; 0 where its exponent is no small constant."""
+    base, exponent = power.arguments
+    times = exponent.value if isinstance(exponent, plan.Constant) else None
+    return times if type(times) is int and 1 <= times <= MOST_FACTORS and base.type.only(WHOLE | Kind.NONE) else 0
+
+
+def _calls(lowering: Expressions, expr: plan.Expr, env: Env) -> Node:
+    """The same with a Python call for every operator."""
+    if not isinstance(expr, plan.Call) or not _is_inner(expr, expr.type.kinds):
+        return lowering.value(expr, env)
+    return lowering.python(expr, [_calls(lowering, argument, env) for argument in expr.arguments])
 
 
 def _tree(lowering: Expressions, expr: plan.Expr, env: Env, kinds: Kind) -> Node | None:
     stands_in_column = any(known == expr for known, _ in env.known)
     if not isinstance(expr, plan.Call) or not _is_inner(expr, kinds) or stands_in_column:
         return lowering.lower(expr, env) if _is_number(expr.type) else None
+    if expr.function.name == "pow":
+        base = _tree(lowering, expr.arguments[0], env, kinds)
+        if base is None or not may_repeat(base):
+            return None
+        return reduce(lambda product, _: sql.binary(exp.Mul, product, base.copy()), range(_factors(expr) - 1), base)
     operands = [_tree(lowering, argument, env, kinds) for argument in expr.arguments]
     match operands:
         case [exp.Expr() as left, exp.Expr() as right]:
@@ -127,14 +144,16 @@ def _division(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
     if nodes is None:
         return None
     left, right = nodes
-    quotient = sql.binary(exp.Div, exp.Cast(this=left, to=exp.DataType.build("REAL", dialect="sqlite")), right)
+    quotient = sql.binary(exp.Div, sql.real(left), right)
+    python = _python(lowering, call, env)
+    exact = [argument.type.bounded(EXACT) or not argument.type.may(Kind.INT) for argument in call.arguments]
+    if all(exact) and not call.arguments[1].type.may(Kind.FLOAT):
+        return sql.call("coalesce", quotient, python)  # what is divided by 1 or more stays finite
     tests = [_between(quotient, -SAFE_FLOAT, SAFE_FLOAT)]
-    for argument, node in zip(call.arguments, nodes, strict=True):
-        if argument.type.may(Kind.INT) and not argument.type.bounded(EXACT):
-            tests.append(_between(node, -EXACT, EXACT))
+    tests += [_between(node, -EXACT, EXACT) for node, is_exact in zip(nodes, exact, strict=True) if not is_exact]
     condition = sql.conjunction(tests)
     assert condition is not None
-    return sql.case([(condition, quotient)], _python(lowering, call, env))
+    return sql.case([(condition, quotient)], python)
 
 
 def _modulo(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
@@ -182,6 +201,7 @@ GUARDED: dict[str, Guarded] = {
     "sub": _arithmetic,
     "mul": _arithmetic,
     "neg": _arithmetic,
+    "pow": _arithmetic,
     **dict.fromkeys(_COMPARISONS, _comparison),
     "div": _division,
     "mod": _modulo,

@@ -63,6 +63,8 @@ class OnEntering(SearchLowering):
         self.looked_up = [] if "lookup" in selects.needs.disabled else lookups(query)
         if self.looked_up:
             selects.needs.applied["lookup"] = None
+        # Then no goal is ever expanded, for the first one that comes out is the last step that is taken.
+        self.one_result = isinstance(search.maximum, plan.Constant) and search.maximum.value == 1
         # A goal that comes out before its turn to be expanded waits as a result first.
         self.ahead = (search.order == "breadth first" and cut) or search.heuristic is not None
         ends_early = search.order == "breadth first" and cut and bool(_user_calls(query))
@@ -71,13 +73,13 @@ class OnEntering(SearchLowering):
         self.states = {name: self._named(name) for name, _ in search.start}
         self.known = self._known_calls()
         self.goal_later = not self.ahead and self._waits_for_its_turn(query.where)
-        self.stop_later = self._waits_for_its_turn(search.stop)
-        both = query.where is not None and search.stop is not None
+        self.stop_later = not self.one_result and self._waits_for_its_turn(search.stop)
+        both = query.where is not None and search.stop is not None and not self.one_result
         flag = query.where is not None and not self.goal_later and not self.ahead
         self.goal = self._named("goal") if flag else None
         self.live = self._named("goes_on") if both and not self.stop_later else None
         self.total = None if self.order.total is None else self._named(self.order.total)
-        self.estimate = None if search.heuristic is None else self._named("estimate")
+        self.estimate = None if search.heuristic is None or self.one_result else self._named("estimate")
         self.waits = self._named("waits") if self.ahead else None
         self.rank = self._named("rank") if search.heuristic is not None else None
         self.before: dict[str, str] = {}
@@ -191,7 +193,7 @@ class OnEntering(SearchLowering):
         self.selects.needs.labels = labels
         after = {(query.id, name): self.column(short) for name, short in self.states.items()}
         others = [self.steps(Env().with_states(after), False)]
-        if self.ahead:
+        if self.ahead and not self.one_result:
             others.append(self.again())
         return self.recursive_query(self.all_names, [first, *others], self.results())
 

@@ -14,7 +14,7 @@ from sqlglot import exp
 from ss2sql import plan
 from ss2sql.kinds import Kind, Type, union
 from ss2sql.lowering import sql
-from ss2sql.lowering.classes import class_of, is_number, may_repeat
+from ss2sql.lowering.classes import MOST_FACTORS, WHOLE, class_of, is_number, may_repeat
 from ss2sql.lowering.sql import Node
 from ss2sql.walk import can_fail, choices
 
@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from ss2sql.lowering.expressions import Env, Expressions
     from ss2sql.lowering.operators import Native
 
-WHOLE = Kind.BOOL | Kind.INT
-MOST_FACTORS = 4
 
 
 def _number(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:

@@ -119,9 +119,26 @@ def _operand_but(loose: tuple[type[Node], ...], node: Node) -> Node:
     return node if isinstance(node, loose) else operand(node)
 
 
+def real(node: Node) -> Node:
+    """An operand as a float: SQLite divides integers without a remainder."""
+    if isinstance(node, exp.Literal) and node.this.isdigit():
+        return exp.Literal.number(f"{node.this}.0")
+    return exp.Cast(this=node, to=exp.DataType.build("REAL", dialect="sqlite"))
+
+
+def rare(node: Node) -> Node:
+    """The node, marked as what is evaluated hardly ever."""
+    node.meta["rare"] = True
+    return node
+
+
 def calls_python(node: Node) -> bool:
-    """Whether the SQL has a call in it that is not one of SQLite's own functions."""
-    return any(call.name.lower() not in SQLITE_FUNCTIONS for call in node.find_all(exp.Anonymous))
+    """Whether the SQL has a call in it that is not one of SQLite's own functions, and not a rare one."""
+    parts = node.walk(prune=lambda part: part.meta.get("rare", False))
+    return any(
+        isinstance(part, exp.Anonymous) and part.name.lower() not in SQLITE_FUNCTIONS and not part.meta.get("rare")
+        for part in parts
+    )
 
 
 def alias(node: Node, name: str) -> Node:
