@@ -7,15 +7,18 @@ What happens per call decides the speed of a search, so the way of a remembered 
 from __future__ import annotations
 
 from collections.abc import Callable
-from marshal import loads
+from marshal import dumps, loads
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors import Error, note_place
-from ss2sql.runtime.functions import Memo, UserFunction, kinds_of
+from ss2sql.runtime.functions import Memo, UserFunction
 from ss2sql.runtime.pool import OtherFormError, Pool
 
 if TYPE_CHECKING:
     from ss2sql.runtime.database import Execution
+
+
+_MISSING = object()
 
 
 def sql_function(function: UserFunction, memo: Memo, stack: list[Execution]) -> Callable[..., Any]:
@@ -48,7 +51,7 @@ def sql_function(function: UserFunction, memo: Memo, stack: list[Execution]) -> 
             execution.failed = True
             note_place(error, name, execution.calls.get(name, ()))
             if remember:
-                memo.failures[arguments, kinds_of(arguments)] = error
+                memo.failures[dumps(arguments, 2)] = error
             raise
         other: OtherFormError | None = None
         try:
@@ -62,7 +65,7 @@ def sql_function(function: UserFunction, memo: Memo, stack: list[Execution]) -> 
             spans = execution.calls.get(name, ())
             located = error.located(spans[0] if spans else None)
             if remember:
-                memo.failures[arguments, kinds_of(arguments)] = located
+                memo.failures[dumps(arguments, 2)] = located
             raise located from None
         # What was proved of plain data says nothing of other objects.
         if remember and (whole or not function.inferred):
@@ -76,13 +79,13 @@ def sql_function(function: UserFunction, memo: Memo, stack: list[Execution]) -> 
         if result is not None:
             memo.hits += 1
             return result
-        if memo.entries:
-            found = memo.find(arguments)
-            if found is not None:
+        if memo.exact or memo.failures:
+            key = dumps(arguments, 2)
+            result = memo.exact.get(key, _MISSING)
+            if result is not _MISSING:
                 memo.hits += 1
-                return found[0]
-        if memo.failures:
-            error = memo.failures.get((arguments, kinds_of(arguments)))
+                return result
+            error = memo.failures.get(key)
             if error is not None:
                 stack[-1].failed = True
                 raise error
