@@ -2,10 +2,14 @@
 
 `connect()` opens a session; `Session.run` runs a script and gives a `Result`. The folders, in the order in
 which a script passes through them: `frontend` (text to plan), `lowering` (plan to SQL), `runtime` (the
-session and the executors), `vtables` (Python objects as tables).
+session and the executors), `vtables` (Python objects as tables); `scenes` holds simulations to try it on.
 """
 
 from __future__ import annotations
+
+import sys
+from importlib import import_module
+from typing import TYPE_CHECKING
 
 from ss2sql.errors import (
     Cancelled,
@@ -21,6 +25,9 @@ from ss2sql.errors import (
 from ss2sql.runtime.compiled import Query
 from ss2sql.runtime.result import Result
 from ss2sql.runtime.session import Session, connect
+from ss2sql.runtime.triggers import Trigger
+from ss2sql.vtables.base import World
+from ss2sql.vtables.conformance import BrokenRuleError, check_world
 
 __version__ = "0.1.0"
 
@@ -30,7 +37,19 @@ def compile(script: str) -> Query:
     return connect().compile(script)
 
 
+if TYPE_CHECKING:
+    from ss2sql import scenes as scenes
+else:
+
+    def __getattr__(name):
+        """`ss2sql.scenes`, which is imported when it is first asked for."""
+        if name == "scenes":
+            return import_module("ss2sql.scenes")
+        raise AttributeError(f"module 'ss2sql' has no attribute '{name}'", name=name, obj=sys.modules[__name__])
+
+
 __all__ = [
+    "BrokenRuleError",
     "Cancelled",
     "Error",
     "ExecutionError",
@@ -42,7 +61,10 @@ __all__ = [
     "Session",
     "SessionError",
     "Timeout",
+    "Trigger",
     "UnsupportedError",
+    "World",
+    "check_world",
     "compile",
     "connect",
 ]

@@ -137,11 +137,14 @@ CODES: dict[str, Code] = _table(
     ("X008", "missing column", "A row lacks a column that the query reads."),
     ("X009", "database error", "SQLite refused or broke off a statement."),
     ("X010", "row limit", "The query has more rows than max_rows allows."),
+    ("X011", "world cannot be read", "A simulator refused, an element is gone, or a table breaks its declarations."),
+    ("X012", "wrong block", "A function that takes arrays has to return one element for each row."),
     ("V001", "representation failed", "The rows do not fit the representation, or its arguments are wrong."),
     ("T001", "timeout", "The run took longer than its timeout."),
     ("T002", "cancelled", "The run was interrupted."),
     ("S001", "session is closed", "A closed session cannot run scripts."),
     ("S002", "wrong registration", "A function, variable, table or representation cannot be registered like this."),
+    ("S003", "missing package", "It needs a package that is not installed; the error shows how to install it."),
 )
 
 

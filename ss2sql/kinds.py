@@ -107,6 +107,15 @@ class Type:
         return self.low is not None and self.high is not None and self.low >= -limit and self.high <= limit
 
 
+class Typed:
+    """What stands in FROM and knows the type of its value without a look at its values: a data frame."""
+
+    __slots__ = ("type",)
+
+    def __init__(self, known: Type) -> None:
+        self.type = known
+
+
 SCALAR = Kind.NONE | Kind.NUMBER | Kind.STR
 
 ANY = Type()
@@ -244,6 +253,8 @@ def _type_of(value: Any, detail: int) -> Type:
             return Type(Kind.DICT, columns=_columns_of_items([value], detail - 1))
         case dict():
             return Type(Kind.DICT)
+        case Typed(type=known):
+            return known
         case Opaque(object=given):
             return Type(Kind.OBJECT, columns=_fields_of(type(given)))
         case _:

@@ -8,12 +8,14 @@ left to the executors. An expression carries its `Type`, a promise about its val
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 from ss2sql.errors import Span
 from ss2sql.kinds import ANY, BOOL, Type
 from ss2sql.plan_function import Function as Function
 from ss2sql.plan_function import Volatility as Volatility
+from ss2sql.plan_program import Program as Program
+from ss2sql.plan_program import Statement as Statement
 
 
 def _span() -> Any:
@@ -45,10 +47,11 @@ class Constant:
 
 @dataclass(frozen=True, slots=True)
 class Variable:
-    """A script variable or parameter, read when the expression is evaluated."""
+    """A script variable or parameter, read when the expression is evaluated; in FROM a `frame` stays a data frame."""
 
     name: str
     type: Type = ANY
+    frame: bool = False
     span: Span = _span()
 
 
@@ -236,7 +239,7 @@ class Subquery:
 class TableSource:
     """A table or view of the database. `order` names what sorts it: `rowid`, primary key columns, or nothing (a view).
 
-    `collated`: columns that SQLite would not compare byte by byte. `indexes`: (column, index), "" for the primary key.
+    `collated`: columns that SQLite would not compare byte by byte. `indexes`: (columns, index), "" for the primary key.
     """
 
     id: int
@@ -246,7 +249,7 @@ class TableSource:
     columns: tuple[tuple[str, Type], ...]
     order: tuple[str, ...]
     collated: tuple[str, ...] = ()
-    indexes: tuple[tuple[str, str], ...] = ()
+    indexes: tuple[tuple[tuple[str, ...], str], ...] = ()
     span: Span = _span()
 
 
@@ -277,7 +280,24 @@ class QuerySource:
     span: Span = _span()
 
 
-Source: TypeAlias = TableSource | ValueSource | QuerySource
+@dataclass(frozen=True, slots=True)
+class WorldSource:
+    """A table of an attached world; the `arguments` of a table function may mention earlier sources and the state.
+
+    `table` is the session's, see vtables/attached.py.
+    """
+
+    id: int
+    name: str
+    table: Any
+    arguments: tuple[Expr, ...]
+    element: Type
+    columns: tuple[tuple[str, Type], ...]
+    span: Span = _span()
+
+
+Source: TypeAlias = TableSource | ValueSource | QuerySource | WorldSource
+SOURCES = (TableSource, ValueSource, QuerySource, WorldSource)
 
 
 @dataclass(frozen=True, slots=True)
@@ -296,14 +316,32 @@ class OrderKey:
     descending: bool
 
 
+class Fact(NamedTuple):
+    """A column of SELECT as a fact. It holds no expressions, so it is no node of the plan.
+
+    `name` is empty where the column's own is meant, `places` are those of the arguments among the hidden columns, and
+    `valued` says whether the column's value stands behind them.
+    """
+
+    name: str
+    places: tuple[int, ...]
+    valued: bool = True
+
+
 @dataclass(frozen=True, slots=True)
 class Representation:
-    """`AS name(arguments)`; the arguments may mention script variables and outer queries only."""
+    """`AS name(arguments)`; the arguments may mention script variables and outer queries only.
+
+    The last `hidden` columns of the query are for the representation alone, see frontend/hidden.py. `facts` says of
+    each other column what it is called in facts, and which of the hidden columns it is told of.
+    """
 
     name: str
     arguments: tuple[Expr, ...] = ()
     named: tuple[tuple[str, Expr], ...] = ()
     span: Span | None = field(default=None, compare=False, repr=False)
+    hidden: int = 0
+    facts: tuple[Fact, ...] = ()
 
 
 Order: TypeAlias = Literal["depth first", "breadth first", "cost", "probability"]
@@ -366,29 +404,3 @@ Expr: TypeAlias = (
     Constant | Variable | Temporal | Element | Column | State | Call | And | Or | Xor | Not | If | MakeList | Assign
     | TemporalAssign | AssignLate | Eval | GroupKey | Aggregate | Subquery
 )  # fmt: skip
-
-
-# --- programs ------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, slots=True)
-class Statement:
-    """One statement with what its plan relies on.
-
-    `reads` are the script variables and parameters that it reads, with the types that were assumed; `tables` those of
-    the database. `tentative`: columns were unknown, so it is resolved again when the statements before it have run.
-    """
-
-    expr: Expr
-    reads: tuple[tuple[str, Type], ...] = ()
-    tables: tuple[TableSource, ...] = ()
-    tentative: bool = False
-    span: Span = _span()
-
-
-@dataclass(frozen=True, slots=True)
-class Program:
-    """A resolved script. `parameters` are names that nobody knew: they need a value when the program runs."""
-
-    statements: tuple[Statement, ...]
-    parameters: tuple[str, ...] = ()

@@ -13,6 +13,7 @@ class Function:
     """What the plan knows of a function; the callable stays in the session.
 
     `raises` is False only if the call cannot fail. `reason` is that of the volatility, `body` see frontend/inline.py.
+    `vectorized` functions take arrays.
     """
 
     name: str
@@ -24,3 +25,4 @@ class Function:
     reason: str = field(default="", compare=False)
     parameters: tuple[str, ...] = field(default=(), compare=False)
     body: Any = field(default=None, compare=False, repr=False)
+    vectorized: bool = field(default=False, compare=False)

@@ -63,7 +63,11 @@ def _head(node: Any) -> str:
             return f"state {name}{shown}"
         case plan.Call(function=function):
             return f"{function.name}(){'' if function.builtin else ' ' + function.volatility}{shown}"
-        case plan.TableSource(id=number, name=name) | plan.QuerySource(id=number, name=name):
+        case (
+            plan.TableSource(id=number, name=name)
+            | plan.QuerySource(id=number, name=name)
+            | plan.WorldSource(id=number, name=name)
+        ):
             return f"{_word(node)} {number} {name}"
         case plan.ValueSource(id=number, name=name, element=element):
             return f"{_word(node)} {number} {name} [{type_text(element)}]"
@@ -84,10 +88,18 @@ def _head(node: Any) -> str:
             return f"{_word(node)}{' ' + name if name else ''}{shown}"
 
 
+_WORDS = {
+    "ValueSource": "source",
+    "TableSource": "table",
+    "WorldSource": "world",
+    "QuerySource": "query source",
+    "MakeList": "list",
+}
+
+
 def _word(node: Any) -> str:
-    words = {"ValueSource": "source", "TableSource": "table", "QuerySource": "query source", "MakeList": "list"}
     name = type(node).__name__
-    return words.get(name, name.lower())
+    return _WORDS.get(name, name.lower())
 
 
 def _parts(node: Any) -> Iterator[tuple[str, Any]]:

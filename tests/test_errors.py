@@ -11,6 +11,7 @@ import pytest
 
 import ss2sql
 from ss2sql import Error, Session
+from ss2sql.scenes.bullet import package
 
 ENDLESS = "SELECT n FROM [1] WHERE n % 1000 == 0 START WITH n = 1 CONNECT BY n = n + 1"
 SLOW = "SELECT a.this FROM a = range(1000), b = range(1000), c = range(1000) WHERE a.this + b.this + c.this < 0"
@@ -43,16 +44,23 @@ def run_when_closed(session: Session) -> None:
     other.run("1;")
 
 
+def wrong_block(session: Session) -> None:
+    session.function("first", lambda numbers: numbers[:1], vectorized=True)
+    session.run("SELECT first(this) FROM [1, 2, 3];")
+
+
 FROM_PYTHON: dict[str, Callable[[Session], object]] = {
     "P004": lambda session: session.run("x = 1;" * 100_000),
     "P005": lambda session: session.run("(" * 10_000 + "1" + ")" * 10_000),
     "R009": lambda session: session.compile("SELECT this * factor FROM [1]").run(),
     "U001": lambda session: session.run("n = 0; SELECT (n = n + 1) FROM [1]", engine="database"),
     "X010": lambda session: session.run("SELECT this FROM [1, 2, 3]", max_rows=2),
+    "X012": lambda session: wrong_block(session),
     "T001": lambda session: session.run(ENDLESS, timeout=0.05),
     "T002": lambda session: session.run(interrupting(session)),
     "S001": run_when_closed,
     "S002": lambda session: session.function("two words", len),
+    "S003": lambda session: package("a_package_that_is_missing"),
 }
 
 

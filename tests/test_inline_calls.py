@@ -195,10 +195,12 @@ def test_large_numbers_are_left_to_the_function(table: ss2sql.Session, engine: A
     table.function("f", lambda n: n * 3 + 1)
     script = "SELECT f(id) FROM t AS list;"
     assert table.run(script, engine=engine).stats.calls["f"] == 0
-    table.host.connection.execute(f"INSERT INTO t (id) VALUES ({LIMITS[0] + 1}), ({LIMITS[0]}), ({-LIMITS[0] - 1})")
+    # Three times the last one fits into 64 bits, but not three times the power of two above it, its bound.
+    numbers = [LIMITS[0] + 1, LIMITS[0], -LIMITS[0] - 1, 2**61 + 1]
+    table.host.connection.executemany("INSERT INTO t (id) VALUES (?)", [(number,) for number in numbers])
     result = table.run(script, engine=engine)
-    assert result.value == [4, 7, 10, 3 * LIMITS[0] + 4, 3 * LIMITS[0] + 1, -3 * LIMITS[0] - 2]
-    assert result.stats.calls["f"] == 2
+    assert result.value == [4, 7, 10, *(3 * number + 1 for number in numbers)]
+    assert result.stats.calls["f"] == 3
     table.host.connection.execute("INSERT INTO t (id) VALUES (9223372036854775807)")
     with pytest.raises(ss2sql.ExecutionError, match="the function 'f' returned 27670116110564327422"):
         table.run(script, engine=engine)
@@ -208,7 +210,9 @@ def test_large_numbers_are_left_to_the_function(table: ss2sql.Session, engine: A
 def test_the_limit_falls_with_the_power_of_the_numbers(table: ss2sql.Session, engine: Any) -> None:
     table.function("f", lambda a, b: a * b)
     table.function("g", lambda a, b: a * b * a * b)
-    result = table.run("SELECT f(id, id), g(id, id), f(price, price) FROM t AS list;", engine=engine)
+    table.host.connection.execute(f"INSERT INTO t VALUES ({2**62}, 'large', 1e300, NULL)")
+    script = "SELECT f(id, id), g(id, id), f(price, price) FROM t WHERE name != 'large' AS list;"
+    result = table.run(script, engine=engine)
     assert result.value == [1, 1, 2.25, 4, 16, 6.25, 9, 81, 0.0]
     assert not any(result.stats.calls.values())
     assert all(f"beyond {limit:,}" in result.explain() for limit in LIMITS[1::2])

@@ -160,6 +160,8 @@ GUARDED = [
     "a * 0.5 + b", "a / b", "a % b", "sqrt(a)", "abs(a)", "int(a)", "a < b", "a >= b", "NOT a <= b",
     "IF(a > 0; a + b; b - a)",
     "abs(a + b)", "sqrt(a * a + b * b)", "max([a + b, a])", "a + b == b + a", "(a + b) % 7", "int(a / 2)",
+    "a ^ 2", "(a - b) ^ 2 + (b + 1) ^ 2", "sqrt((a - b) ^ 2 + b ^ 2)", "a ^ 3 - b", "a ^ 4 * b",
+    "(a + b) ^ 1", "a ^ 2 / b",
 ]  # fmt: skip
 HARD_INTS = st.one_of(st.integers(-3, 3), st.sampled_from(LEAST_INTS), st.integers(-(2**63), 2**63 - 1))
 HARD_FLOATS = st.one_of(st.sampled_from(LARGE_FLOATS), ANY_FLOATS, st.sampled_from([1e154, -1e154, 9.3e18, 4.7e18]))
@@ -189,12 +191,14 @@ def test_columns_of_tables_are_left_to_python_where_it_matters(expression: str, 
         assert differences(case) == []
 
 
-@pytest.mark.parametrize("expression", ["a + b", "a * b - a", "a / b", "a % b", "sqrt(a)", "abs(a)", "a < b", "-a"])
+@pytest.mark.parametrize(
+    "expression", ["a + b", "a * b - a", "a / b", "a % b", "sqrt(a)", "abs(a)", "a < b", "-a", "a ^ 2 - b"]
+)
 def test_columns_of_tables_cost_no_call_as_a_rule(expression: str) -> None:
     with ss2sql.connect() as ss:
         ss.host.connection.execute("CREATE TABLE t(a, b); INSERT INTO t VALUES (5, 3), (7, 2)")
         calls: list[str] = []
-        for name in ("add", "mul", "sub", "div", "mod_of", "sqrt_of", "abs_of", "lt", "neg"):
+        for name in ("add", "mul", "sub", "div", "mod_of", "sqrt_of", "abs_of", "lt", "neg", "pow_of"):
             ss.host.connection.create_scalar_function(name, lambda *arguments, name=name: calls.append(name))
         ss.run(f"SELECT {expression} FROM t;", engine="database")
         assert calls == []

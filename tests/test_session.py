@@ -301,9 +301,10 @@ def test_an_object_that_cannot_be_hashed_comes_back_from_a_variable(ss: ss2sql.S
     ss.set("sensor", sensor)
     assert ss.get("sensor") is sensor
     assert ss.eval("sensor;") is sensor
-    ss.attach("other", sensor)
-    assert ss.get("other") is sensor
-    assert ss.eval("SELECT this FROM other AS value;") is sensor
+    assert ss.eval("SELECT this FROM sensor AS value;") is sensor
+    ss.attach("others", [sensor])
+    assert ss.get("others") == [sensor]
+    assert ss.eval("SELECT this FROM others AS value;") is sensor
 
 
 # --- running -------------------------------------------------------------------------------------------

@@ -42,9 +42,9 @@ class This:
 
 @dataclass(frozen=True, slots=True)
 class Attribute:
-    """`source.column`; in FROM also `world.table`."""
+    """`source.column`, or `this.column` (source is None); in FROM also `world.table`."""
 
-    source: str
+    source: str | None
     name: str
     span: Span = _span()
 
@@ -57,12 +57,13 @@ class ListLiteral:
 
 @dataclass(frozen=True, slots=True)
 class Call:
-    """`name(arguments)`. An argument `name = expr` is an `Assign`; `count(*)` has `star` set."""
+    """`name(arguments)`. An argument `name = expr` is an `Assign`; `count(*)` has `star` set, `world.f()` an owner."""
 
     function: str
     arguments: tuple[Expr, ...]
     span: Span = _span()
     star: bool = False
+    owner: str | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -131,6 +131,9 @@ class ExpressionBuilder:
     def attribute(self, span: Span, source: Token, name: Token) -> Expr:
         return Part(ast.Attribute(source.text, name.text, span=span))
 
+    def attribute_of_this(self, span: Span, name: Token) -> Expr:
+        return Part(ast.Attribute(None, name.text, span=span))
+
     def integer(self, span: Span, number: Token) -> Expr:
         digits = number.text.lstrip("0") or "0"
         value = int(digits) if len(digits) < 20 else 2**64  # int() refuses texts of thousands of digits
@@ -178,6 +181,10 @@ class ExpressionBuilder:
     def call(self, span: Span, function: Token, *arguments: Expr) -> Expr:
         node = ast.Call(function.text, tuple(argument.node for argument in arguments), span=span)
         return self._part(node, *arguments)
+
+    def call_of(self, span: Span, owner: Token, function: Token, *arguments: Expr) -> Expr:
+        nodes = tuple(argument.node for argument in arguments)
+        return self._part(ast.Call(function.text, nodes, owner=owner.text, span=span), *arguments)
 
     def call_star(self, span: Span, function: Token) -> Expr:
         return Part(ast.Call(function.text, (), span=span, star=True))

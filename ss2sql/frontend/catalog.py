@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from ss2sql import plan
 from ss2sql.frontend import ast
@@ -18,7 +19,10 @@ class Catalog:
     same name. `variable_type` gives the type of a script variable's current value (it is asked only for
     names in `variables`). `table` finds a table or view by schema (None: any) and name. `late` are variables
     bound to list literals that are resolved where they are used. With `open_names` an unknown name becomes a
-    parameter, without it is an error.
+    parameter, without it is an error. `worlds` are those attached, with the names of their tables; `world_functions`
+    their columns and methods, which are meant where an argument may be an element. `frames` are the variables that are
+    data frames, `files` the names of attached SQLite files. `asked` says what representations ask for beside the
+    columns: "elements" or "calls".
     """
 
     functions: Mapping[str, plan.Function]
@@ -29,3 +33,8 @@ class Catalog:
     tables: Iterable[str] = ()
     late: Mapping[str, ast.ListLiteral] = field(default_factory=dict)
     open_names: bool = False
+    worlds: Mapping[str, Any] = field(default_factory=dict)
+    world_functions: Mapping[str, plan.Function] = field(default_factory=dict)
+    frames: Collection[str] = ()
+    files: Collection[str] = ()
+    asked: Mapping[str, str] = field(default_factory=dict)

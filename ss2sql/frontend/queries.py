@@ -9,10 +9,12 @@ from ss2sql import plan
 from ss2sql.errors import ResolveError, Span, did_you_mean
 from ss2sql.frontend import ast
 from ss2sql.frontend.groups import with_groups
+from ss2sql.frontend.hidden import with_hidden_columns
 from ss2sql.frontend.options import search_options
 from ss2sql.frontend.scope import Scope, column_of, element_of, is_settled
 from ss2sql.frontend.sources import open_sources
 from ss2sql.frontend.states import settle_states
+from ss2sql.frontend.worlds import is_function_of_this
 from ss2sql.kinds import ANY, NONE, Kind, Type, list_of, union
 from ss2sql.runtime.rows import free_name
 
@@ -49,6 +51,7 @@ def resolve_query(resolver: Resolver, tree: ast.Query, outer: Scope | None) -> p
     )
     if group:
         query = with_groups(resolver, query)
+    query = with_hidden_columns(resolver, query)
     return plan.Subquery(query, _value_type(query), span=tree.span)
 
 
@@ -162,7 +165,7 @@ def _column_name(tree: ast.Expr) -> str:
 
 def _key(resolver: Resolver, tree: ast.Expr, scope: Scope) -> plan.Expr:
     """A SELECT column, GROUP BY or ORDER BY key: a bare function name is applied to `this`."""
-    if isinstance(tree, ast.Name) and tree.name in resolver.catalog.functions and scope.sources:
+    if isinstance(tree, ast.Name) and is_function_of_this(resolver, tree.name, scope):
         try:
             found = resolver.bound(tree.name, scope, tree.span) or resolver.variable(tree.name, tree.span)
         except ResolveError as error:

@@ -20,11 +20,13 @@ from ss2sql.frontend.scope import (
     bound_name,
     column_of,
     element_of,
+    first_source,
     is_settled,
     names_in_sight,
     open_source,
     source_named,
 )
+from ss2sql.frontend.worlds import keys_of, world_call
 from ss2sql.kinds import ANY, NONE, Kind, Type, list_of, type_of, union
 from ss2sql.runtime.builtins import AGGREGATES, BUILTINS
 
@@ -60,7 +62,7 @@ class Resolver:
         self.assigned: dict[str, Type] = {}  # variables that earlier statements assign
         self.late = dict(catalog.late)
         self.reads: dict[str, Type] = {}
-        self.tables: dict[int, plan.TableSource] = {}
+        self.tables: dict[int, plan.TableSource | plan.WorldSource] = {}
         self.tentative = False
         self.numbers = base
         self.inliner = Inliner()
@@ -113,7 +115,8 @@ class Resolver:
             case ast.This():
                 return self.this(tree, scope)
             case ast.Attribute(source=source, name=name):
-                return column_of(source_named(scope, source, span), name, span)
+                owner = first_source(scope, span) if source is None else source_named(scope, source, span)
+                return self.element_call(name, owner, scope, span) or column_of(owner, name, span)
             case ast.ListLiteral():
                 return self.list_literal(tree, scope)
             case ast.Call():
@@ -124,7 +127,9 @@ class Resolver:
                 bounds = (bound or ast.Literal(None, span=span) for bound in (lower, upper))
                 return self.call("slice", self.all((value, *bounds), scope), span, span)
             case ast.Operator(function=function, operands=operands, place=place):
-                return self.call(function, self.all(operands, scope), span, place)
+                arguments = self.all(operands, scope)
+                compared = function in ("eq", "ne") and self.catalog.functions[function].builtin
+                return self.call(function, keys_of(arguments, scope) if compared else arguments, span, place)
             case ast.And(parts=parts):
                 return plan.And(self.all(parts, scope), span=span)
             case ast.Or(parts=parts):
@@ -206,12 +211,7 @@ class Resolver:
     def this(self, tree: ast.This, scope: Scope | None) -> plan.Expr:
         if tree.source is not None:
             return element_of(source_named(scope, tree.source, tree.span), tree.span)
-        for level in scope.outwards() if scope else ():
-            if level.sources:
-                return element_of(level.sources[0], tree.span)
-        raise ResolveError(
-            "R014", "'this' has a meaning inside a query only", tree.span, ("write SELECT ... FROM ...",)
-        )
+        return element_of(first_source(scope, tree.span), tree.span)
 
     def list_literal(self, tree: ast.ListLiteral, scope: Scope | None) -> plan.Expr:
         items = self.all(tree.items, scope)
@@ -254,7 +254,13 @@ class Resolver:
 
     def call_tree(self, tree: ast.Call, scope: Scope | None) -> plan.Expr:
         name, span = tree.function, tree.span
+        if tree.owner is not None:
+            return self.call_of_world(tree, scope)
         function = self.catalog.functions.get(name)
+        if name in self.catalog.world_functions and (function is None or function.builtin):
+            arguments = self.all(tree.arguments, scope)
+            if function is None or any(argument.type.may(Kind.OBJECT) for argument in arguments):
+                return world_call(self, name, arguments, scope, span)
         if function is None:
             visible = (known for known in self.catalog.functions if known not in ("item", "slice"))
             hints = did_you_mean(name, visible) or ("register it with session.function; help() lists the known ones",)
@@ -278,6 +284,27 @@ class Resolver:
         levels = scope.outwards() if scope else ()
         self.inliner.sources.update((source.id, source) for level in levels for source in level.sources)
         return self.inliner.typed(self.call(name, arguments, span, span))
+
+    def element_call(self, name: str, source: plan.Source, scope: Scope | None, span: Span) -> plan.Expr | None:
+        """`source.name`, where the elements are objects without columns, perhaps those of a world."""
+        if source.columns or source.columns is None or name not in self.catalog.world_functions:
+            return None
+        element = element_of(source, span)
+        return world_call(self, name, (element,), scope, span) if element.type.may(Kind.OBJECT) else None
+
+    def call_of_world(self, tree: ast.Call, scope: Scope | None) -> plan.Expr:
+        """`world.function(arguments)`."""
+        world = self.catalog.worlds.get(tree.owner or "")
+        if world is None or not world.offers(tree.function):
+            known = world.functions if world is not None else self.catalog.worlds
+            message = f"the world '{tree.owner}' has no function '{tree.function}'"
+            if world is None:
+                message = f"there is no world '{tree.owner}' with a function '{tree.function}'"
+            hints = did_you_mean(tree.function if world is not None else tree.owner or "", known)
+            raise ResolveError("R002", message, tree.span, hints)
+        own = f"{tree.owner}.{tree.function}"
+        name = own if own in self.catalog.world_functions else tree.function
+        return world_call(self, name, self.all(tree.arguments, scope), scope, tree.span)
 
     def call(self, name: str, arguments: tuple[plan.Expr, ...], span: Span, place: Span) -> plan.Call:
         """The call of a function that exists, with the type of its result."""

@@ -49,6 +49,14 @@ def element_of(source: plan.Source, span: Span) -> plan.Element:
     return plan.Element(source.id, source.element, span=span)
 
 
+def first_source(scope: Scope | None, span: Span) -> plan.Source:
+    """The source that `this` belongs to: the first one of the innermost query that has any."""
+    for level in scope.outwards() if scope else ():
+        if level.sources:
+            return level.sources[0]
+    raise ResolveError("R014", "'this' has a meaning inside a query only", span, ("write SELECT ... FROM ...",))
+
+
 def source_named(scope: Scope | None, name: str, span: Span) -> plan.Source:
     """The innermost source with this name."""
     known: list[str] = []

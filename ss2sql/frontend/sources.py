@@ -9,6 +9,7 @@ from ss2sql import plan
 from ss2sql.errors import Error, ResolveError, Span, did_you_mean
 from ss2sql.frontend import ast
 from ss2sql.frontend.scope import Scope
+from ss2sql.frontend.worlds import function_source, table_of_world, world_named, world_source
 from ss2sql.kinds import ANY, Kind, Type
 
 if TYPE_CHECKING:
@@ -40,9 +41,11 @@ def open_sources(resolver: Resolver, tree: ast.Query, scope: Scope) -> None:
 def _source(resolver: Resolver, tree: ast.From, scope: Scope) -> plan.Source:
     name = tree.name or _name_of(tree.expr)
     match tree.expr:
+        case ast.Call(owner=str()):
+            return function_source(resolver, tree.expr, name, scope)
         case ast.Call(arguments=arguments) if any(isinstance(argument, ast.Assign) for argument in arguments):
             call = replace(tree.expr, arguments=_by_position(resolver, tree.expr))
-            return _value_source(resolver, name, resolver.expression(call, scope), tree.span)
+            return value_source(resolver, name, resolver.expression(call, scope), tree.span)
         case ast.Query():
             from ss2sql.frontend.queries import resolve_query
 
@@ -51,20 +54,26 @@ def _source(resolver: Resolver, tree: ast.From, scope: Scope) -> plan.Source:
             return plan.QuerySource(resolver.number(), name, inner.query, element, columns, span=tree.span)
         case ast.Name(name=word):
             return _named_source(resolver, name, word, scope, tree.expr.span)
-        case ast.Attribute(source=schema, name=word):
+        case ast.Index(value=ast.Name(name=schema), index=ast.Literal(value=str(word))) if _is_file(resolver, schema):
+            return _table_source(resolver, tree.name or word, schema, word, tree.expr.span)
+        case ast.Attribute(source=str(schema), name=word):
             if all(schema != source.name for level in scope.outwards() for source in level.sources):
                 return _table_source(resolver, name, schema, word, tree.expr.span)
-    return _value_source(resolver, name, resolver.expression(tree.expr, scope), tree.span)
+    return value_source(resolver, name, resolver.expression(tree.expr, scope), tree.span)
 
 
 def _by_position(resolver: Resolver, tree: ast.Call) -> tuple[ast.Expr, ...]:
-    """The arguments of a table function in the order of its parameters; `name = expr` names one here."""
     function = resolver.catalog.functions.get(tree.function)
-    known = function.parameters if function is not None else ()
+    return by_position(tree, None if function is None else function.parameters)
+
+
+def by_position(tree: ast.Call, parameters: tuple[str, ...] | None) -> tuple[ast.Expr, ...]:
+    """The arguments of a table function in the order of its parameters; `name = expr` names one here."""
+    known = parameters or ()
     given: list[ast.Expr] = [argument for argument in tree.arguments if not isinstance(argument, ast.Assign)]
     named = {argument.name: argument for argument in tree.arguments if isinstance(argument, ast.Assign)}
     for name, argument in named.items():
-        if function is not None and name not in known[len(given) :]:
+        if parameters is not None and name not in known[len(given) :]:
             message = f"'{tree.function}' has no argument '{name}'"
             if name in known:
                 message = f"'{tree.function}' gets the argument '{name}' twice"
@@ -80,20 +89,40 @@ def _by_position(resolver: Resolver, tree: ast.Call) -> tuple[ast.Expr, ...]:
 
 def _named_source(resolver: Resolver, name: str, word: str, scope: Scope, span: Span) -> plan.Source:
     if word in resolver.late:
-        return _value_source(resolver, name, _late_list(resolver, word, scope, span), span)
-    value = resolver.bound(word, scope, span) or resolver.variable(word, span)
+        return value_source(resolver, name, _late_list(resolver, word, scope, span), span)
+    bound = resolver.bound(word, scope, span)
+    world = world_named(resolver, word) if bound is None else None
+    if world is not None:
+        return world_source(resolver, world.principal, name, (), span)
+    value = bound or _variable(resolver, word, span)
     if value is not None:
-        return _value_source(resolver, name, value, span)
+        return value_source(resolver, name, value, span)
     table = _table(resolver, None, word, span)
     if table is not None:
         return _use_table(resolver, table, name, span)
     if resolver.catalog.open_names:
-        return _value_source(resolver, name, resolver.name(word, None, span), span)
+        return value_source(resolver, name, resolver.name(word, None, span), span)
     known = [*resolver.assigned, *resolver.catalog.variables, *resolver.catalog.tables, *resolver.late]
     hints = did_you_mean(word, known) or ("assign a list to it, or attach one from Python: session.attach(name, list)",)
     if word in resolver.catalog.functions:
         hints = (f"'{word}' is a function: call it, {word}(...)",)
+    if word in resolver.catalog.files:
+        hints = (f"'{word}' is a file: name one of its tables, FROM {word}.table",)
     raise ResolveError("R003", f"unknown source '{word}'", span, hints)
+
+
+def _is_file(resolver: Resolver, name: str) -> bool:
+    """Whether a name is that of an attached SQLite file, and nothing else."""
+    others = (resolver.assigned, resolver.catalog.variables, resolver.late)
+    return name in resolver.catalog.files and not any(name in known for known in others)
+
+
+def _variable(resolver: Resolver, word: str, span: Span) -> plan.Variable | None:
+    """The script variable of this name; a data frame stays one, and is not read whole."""
+    value = resolver.variable(word, span)
+    if value is None or word in resolver.assigned or word not in resolver.catalog.frames:
+        return value
+    return replace(value, frame=True)
 
 
 def _late_list(resolver: Resolver, word: str, scope: Scope, span: Span) -> plan.Expr:
@@ -113,6 +142,9 @@ def _late_list(resolver: Resolver, word: str, scope: Scope, span: Span) -> plan.
 
 
 def _table_source(resolver: Resolver, name: str, schema: str, word: str, span: Span) -> plan.Source:
+    world = world_named(resolver, schema)
+    if world is not None:
+        return table_of_world(resolver, world, word, name, span)
     table = _table(resolver, schema, word, span)
     if table is None:
         hints = did_you_mean(word, resolver.catalog.tables) or (f"'{schema}' is no source here, and has no such table",)
@@ -134,7 +166,7 @@ def _use_table(resolver: Resolver, table: plan.TableSource, name: str, span: Spa
     return source
 
 
-def _value_source(resolver: Resolver, name: str, value: plan.Expr, span: Span) -> plan.Source:
+def value_source(resolver: Resolver, name: str, value: plan.Expr, span: Span) -> plan.Source:
     element, columns = _elements(value.type)
     return plan.ValueSource(resolver.number(), name, value, element, columns, span=span)
 

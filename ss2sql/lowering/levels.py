@@ -70,21 +70,21 @@ class Levels:
 
     # --- sources ---------------------------------------------------------------------------------------
 
-    def _value(self, source: plan.Source) -> plan.Expr | plan.Query | None:
+    def _values(self, source: plan.Source) -> tuple[plan.Expr | plan.Query, ...]:
         match source:
             case plan.ValueSource(value=value):
-                return value
+                return (value,)
             case plan.QuerySource(query=query):
-                return query
+                return (query,)
+            case plan.WorldSource(arguments=arguments):
+                return arguments
             case plan.TableSource():
-                return None
+                return ()
 
     def _is_loud(self, source: plan.Source, position: int) -> bool:
         """Whether reading the source could be noticed; what is bound before the statement runs is read anyway."""
-        value = self._value(source)
-        if value is None or not can_fail(value):
-            return False
-        return position == 1 or bool(sources_read(value) - _inside(value))
+        values = [value for value in self._values(source) if can_fail(value)]
+        return any(position == 1 or bool(sources_read(value) - _inside(value)) for value in values)
 
     def _has_elements(self, source: plan.Source) -> bool:
         match source:
@@ -234,4 +234,4 @@ def _is_costly(expr: plan.Expr) -> bool:
 
 def _inside(node: object) -> set[int]:
     """The numbers of the sources that a node brings along itself."""
-    return {part.id for part in walk(node) if isinstance(part, (plan.TableSource, plan.ValueSource, plan.QuerySource))}
+    return {part.id for part in walk(node) if isinstance(part, plan.SOURCES)}

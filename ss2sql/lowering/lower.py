@@ -20,6 +20,7 @@ from ss2sql.lowering.search import SearchLowering
 from ss2sql.lowering.select import Selects
 from ss2sql.lowering.unsupported import check
 from ss2sql.lowering.when_taken import WhenTaken
+from ss2sql.vtables.copies import NO_COPIES, copies_for
 from ss2sql.walk import is_volatile, walk
 
 
@@ -61,7 +62,7 @@ def lower(
             search = WhenTaken(selects, query, cut)
         select = search.statement()
         # Of tables' BLOBs, and of bools that SQL makes, the pool hears nothing.
-        quiet = any(isinstance(node, plan.TableSource) for node in walk(query))
+        quiet = any(isinstance(node, (plan.TableSource, plan.WorldSource)) for node in walk(query))
         quiet = quiet or any(
             isinstance(p.expr, plan.Constant) and p.expr.value is True for p in needs.parameters.values()
         )
@@ -99,6 +100,7 @@ def lower(
         ahead,
         plain_rows=all(output.expr.type.only(Kind.INT | Kind.FLOAT | Kind.STR | Kind.NONE) for output in query.columns),
         bookkeeping=bookkeeping,
+        copies=copies_for((query,)) if needs.worlds else NO_COPIES,
         applied=tuple(needs.applied),
     )
 

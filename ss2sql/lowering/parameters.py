@@ -11,6 +11,7 @@ from ss2sql.errors import Span
 from ss2sql.lowering import sql
 from ss2sql.lowering.packing import Packing
 from ss2sql.lowering.sql import Node
+from ss2sql.vtables.copies import NO_COPIES, Copies
 
 Counts: TypeAlias = Literal["steps", "product", "entered"]
 
@@ -54,15 +55,17 @@ class Parameter:
 class Needs:
     """Collects what one statement needs while it is lowered.
 
-    `function_names` maps the functions of the language to their names in SQL. `plain` are parameters with which
-    values are compared by their handles; where a statement is to be `careful`, nothing is. `disabled` are the
-    rewrites that are switched off, `applied` those that lowering has applied.
+    `function_names` maps the functions of the language to their names in SQL. `worlds` are the tables of worlds by the
+    labels of their sources. `plain` are parameters with which values are compared by their handles; where a statement
+    is to be `careful`, nothing is. `disabled` are the rewrites that are switched off, `applied` those that lowering
+    has applied.
     """
 
     function_names: Mapping[str, str]
     parameters: dict[str, Parameter] = field(default_factory=dict)
     calls: dict[str, list[Span]] = field(default_factory=dict)
     modules: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    worlds: dict[str, Any] = field(default_factory=dict)
     labels: set[str] = field(default_factory=set)
     careful: bool = False
     plain: set[str] = field(default_factory=set)
@@ -126,6 +129,11 @@ class Needs:
         self.calls.setdefault(name, []).append(span)
         return self.function_names.get(name, name)
 
+    @property
+    def modules_of_worlds(self) -> set[str]:
+        """The names of the virtual tables of worlds that the statement reads."""
+        return {table.module for table in self.worlds.values()}
+
     def elements(self, columns: tuple[str, ...]) -> str:
         """The name of the virtual table that walks a list whose elements have these columns."""
         name = "elements" if not columns else "elements_" + "_".join(columns)
@@ -149,7 +157,8 @@ class SqlQuery:
     say what SQL has done of ORDER BY and LIMIT. `plain` are the parameters whose handles stand for all values
     that equal theirs, as long as no other form of such a value turns up. `ahead` says that something may be
     evaluated that the language would not evaluate, so that what fails may be no error; `plain_rows` that the
-    rows consist of numbers, strings and None. `applied` names the rewrites that lowering has applied.
+    rows consist of numbers, strings and None. `copies` are those of worlds, `applied` names the rewrites that lowering
+    has applied.
     """
 
     query: plan.Query
@@ -166,4 +175,5 @@ class SqlQuery:
     ahead: bool = False
     plain_rows: bool = False
     bookkeeping: Bookkeeping = Bookkeeping()
+    copies: Copies = NO_COPIES
     applied: tuple[str, ...] = ()

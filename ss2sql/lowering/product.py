@@ -204,6 +204,8 @@ class Product:
         terms = [part for term in self.terms for part in (term.flatten() if isinstance(term, exp.And) else (term,))]
         if not all(isinstance(term, (exp.Binary, exp.Not, exp.In, exp.Paren)) for term in terms):
             terms = [_as_is(term) if isinstance(term, exp.EQ) else term for term in terms]
+        if self.selects.needs.worlds:
+            terms = [_as_one(term) if isinstance(term.unnest(), exp.Or) else term for term in terms]
         if len(terms) > MOST_TERMS and any(map(_may_be_none, self.query.sources)):
             # Behind so many conditions SQLite asks `elements` again whether NULL equals its argument.
             rest = sql.conjunction(terms[MOST_TERMS:])
@@ -266,6 +268,8 @@ def _may_be_none(source: plan.Source) -> bool:
             return value.type.may(Kind.NONE)
         case plan.QuerySource(query=query):
             return query.representation.name not in ("dict", "list", "rows")
+        case plan.WorldSource(arguments=arguments):
+            return any(argument.type.may(Kind.NONE) for argument in arguments)
         case plan.TableSource():
             return False
 
@@ -275,6 +279,11 @@ def _as_is(term: exp.EQ) -> Node:
     sides = (term.this, term.expression)
     constant = any(side.find(exp.Column, exp.Anonymous, exp.Query) is None for side in sides)
     return exp.NullSafeEQ(this=sides[0], expression=sides[1]) if constant else term
+
+
+def _as_one(term: Node) -> Node:
+    """`(a OR b) IS TRUE`: SQLite would walk a world's table once for each part, and put its rows out of order."""
+    return exp.Is(this=sql.grouped(term, exp.Or), expression=exp.true())
 
 
 def _name_of(expr: plan.Expr) -> str:

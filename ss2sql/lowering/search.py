@@ -27,6 +27,7 @@ from ss2sql.lowering.select import Selects
 from ss2sql.lowering.sources import open_sources, sql_names
 from ss2sql.lowering.sql import Node
 from ss2sql.lowering.strategies import guard_of, order_of
+from ss2sql.vtables.names import PLACE
 from ss2sql.walk import rebuild, sources_read, states_read, walk
 
 TABLE = "search"
@@ -162,21 +163,23 @@ class SearchLowering:
 
     def arranged(self, items: list[Node], conditions: list[Node]) -> list[Node]:
         """The items of FROM, read so that their rows come in order under these conditions."""
-        return [self._in_order(item, conditions) for item in items]
+        labels = [item.alias_or_name for item in items]
+        return [self._in_order(item, conditions, labels[index:]) for index, item in enumerate(items)]
 
     def positions_of(self, items: list[Node], conditions: list[Node]) -> list[Node]:
         """The positions of rows that SQLite may look up: it indexes copies that a condition asks for equality."""
-        asked = {table for table, _ in _looked_up(conditions)}
+        asked = {table for table, _, _ in _looked_up(conditions)}
         return [
             sql.column(self.positions[item.name], item.alias_or_name)
             for item in items
             if isinstance(item, exp.Table) and item.name in self.positions and item.alias_or_name in asked
         ]
 
-    def _in_order(self, item: Node, conditions: list[Node]) -> Node:
+    def _in_order(self, item: Node, conditions: list[Node], unknown: list[str]) -> Node:
         """An item of FROM; a table, and a list that is the same for all states, is read from a copy in its own order.
 
-        A table needs no copy where a condition asks for a column with an index that gives its rows in their order.
+        A table needs no copy where conditions ask for all columns of an index that gives its rows in their order,
+        and the items from this one on, which are `unknown` as yet, have no say in it.
         Steps are numbered as they are walked, so the walk must be in order. SQLite keeps a materialised copy
         in the order of its making. Where a condition asks for equality it builds an index on the copy, so that
         a step costs its neighbours, not the table. That index holds the key and then the columns that are
@@ -186,23 +189,30 @@ class SearchLowering:
         """
         if not isinstance(item, exp.Table):
             return item
+        if item.alias_or_name in self.selects.needs.worlds:
+            return self._world_copied(item)
         if isinstance(item.this, exp.Anonymous):
             return self._list_copied(item)
         source = self.selects.tables[item.alias_or_name]
-        for column, index in source.indexes:
-            if (item.alias_or_name, column) in _looked_up(conditions):
+        asked = {
+            column
+            for table, column, others in _looked_up(conditions)
+            if table == item.alias_or_name and others.isdisjoint(unknown)
+        }
+        for columns, index in source.indexes:
+            if asked.issuperset(columns):
                 item.set("indexed", index or False)
                 return item
         name = f"{item.alias_or_name}_in_order"
         if name not in self.positions:
             self.positions[name] = free_name("position", {column.lower() for column, _ in source.columns})
-            columns: list[Node] = [sql.column(column) for column, _ in source.columns]
+            shown: list[Node] = [sql.column(column) for column, _ in source.columns]
             order = [(sql.column(key), False) for key in source.order]
             keys = [exp.Ordered(this=key, desc=False, nulls_first=True) for key, _ in order]
             number = exp.Window(this=exp.RowNumber(), order=exp.Order(expressions=keys) if keys else None)
             position: Node = sql.column("rowid") if source.order == ("rowid",) else number
             copied = sql.table(source.table, source.table, source.schema)
-            select = sql.select([sql.alias(position, self.positions[name]), *columns], [copied], order=order)
+            select = sql.select([sql.alias(position, self.positions[name]), *shown], [copied], order=order)
             self._copy(name, select)
         return sql.table(name, item.alias_or_name)
 
@@ -219,6 +229,20 @@ class SearchLowering:
             walked = sql.table_function(item.this.name, [node.copy() for node in item.this.expressions], label)
             select = sql.select([sql.alias(sql.column("rowid"), self.positions[name]), *columns], [walked])
             self._copy(name, select)
+        return sql.table(name, label)
+
+    def _world_copied(self, item: exp.Table) -> Node:
+        """A table of a world is read once, unless it is a table function of what changes with the steps."""
+        label = item.alias_or_name
+        if any(True for _ in item.find_all(exp.Column)):
+            return item
+        name = f"{label}_once"
+        if name not in self.positions:
+            names = ["this", *sql_names(tuple(name for name, _ in self.selects.needs.worlds[label].columns)).values()]
+            self.positions[name] = free_name("position", {column.lower() for column in names})
+            columns: list[Node] = [sql.column(column) for column in names]
+            place = sql.alias(sql.column(PLACE), self.positions[name])
+            self._copy(name, sql.select([place, *columns], [item.copy()]))
         return sql.table(name, label)
 
     def _copy(self, name: str, select: exp.Select) -> None:
@@ -238,17 +262,18 @@ class SearchLowering:
         return not sources_read(source.value) and not states_read(source.value)
 
 
-def _looked_up(conditions: list[Node]) -> set[tuple[str, str]]:
-    """The columns, as (label, name), whose values conditions ask for by equality with something of other tables."""
-    found: set[tuple[str, str]] = set()
+def _looked_up(conditions: list[Node]) -> set[tuple[str, str, frozenset[str]]]:
+    """The columns whose values conditions ask for by equality, as (label, name, the labels of what they must equal)."""
+    found: set[tuple[str, str, frozenset[str]]] = set()
     for condition in conditions:
         if not isinstance(condition, (exp.EQ, exp.Is, exp.NullSafeEQ)):
             continue
         for left, other in ((condition.this, condition.expression), (condition.expression, condition.this)):
             bare = left.unnest()
             side = bare.this if isinstance(bare, exp.Collate) else bare
-            if isinstance(side, exp.Column) and all(c.table != side.table for c in other.find_all(exp.Column)):
-                found.add((side.table, side.name))
+            others = frozenset(column.table for column in other.find_all(exp.Column))
+            if isinstance(side, exp.Column) and side.table not in others:
+                found.add((side.table, side.name, others))
     return found
 
 

@@ -73,7 +73,7 @@ class Selects:
             kinds = {isinstance(source, plan.TableSource) for source in _all_sources(query)}
             if kinds == {True}:
                 return [(key, False) for key in flat.natural or ()]
-            _walk_in_order(flat.items, self.copies or {})
+            _walk_in_order(flat.items, {*(self.copies or {}), *self.needs.modules_of_worlds})
             return []
         natural = flat.natural if all(sortable_key(key.expr) for key in query.order) else None
         if natural is None:

@@ -17,6 +17,7 @@ from ss2sql import plan
 from ss2sql.lowering import sql
 from ss2sql.lowering.expressions import Env, Reader, can_fail, is_flag
 from ss2sql.lowering.sql import Node
+from ss2sql.vtables.names import PLACE
 from ss2sql.walk import sources_read, states_read, walk
 
 if TYPE_CHECKING:
@@ -40,7 +41,8 @@ class Opened:
 
 def sql_names(columns: tuple[str, ...]) -> dict[str, str]:
     """Names of columns as SQL can tell them apart, for SQL does not see upper and lower case."""
-    taken, names = {"this", "true", "false"}, {}  # SQLite calls a column otherwise that is to be called true
+    # SQLite calls a column otherwise that is to be called true; one that is called rowid hides the real one.
+    taken, names = {"this", "true", "false", "rowid"}, {}
     for name in columns:
         candidate, count = name, 1
         while candidate.lower() in taken:
@@ -87,13 +89,15 @@ def open_source(selects: Selects, source: plan.Source, env: Env, siblings: set[i
             if not lateral and query.representation.name == "dict" and (not query.group or query.aggregated):
                 return _derived(selects, source, env)
             return _elements(selects, source, selects.subquery(query, env))
+        case plan.WorldSource():
+            return _world(selects, source, env, bool(siblings))
         case _:
             assert_never(source)
 
 
 def _inside(query: plan.Query) -> set[int]:
     """The numbers of the sources that a query and the queries in it bring along."""
-    return {node.id for node in walk(query) if isinstance(node, (plan.TableSource, plan.ValueSource, plan.QuerySource))}
+    return {node.id for node in walk(query) if isinstance(node, plan.SOURCES)}
 
 
 def _table(selects: Selects, source: plan.TableSource) -> Opened:
@@ -128,7 +132,30 @@ def _elements(selects: Selects, source: plan.ValueSource | plan.QuerySource, val
         return sql.call("field", this, sql.string(expr.name), selects.expressions.place(expr.span))
 
     item = sql.table_function(module, [value], label)
-    return Opened((item,), read, (sql.column("rowid", label),), sql.column("this", label))
+    # The elements of a data frame are made when they are read; its row numbers cost nothing.
+    framed = isinstance(source, plan.ValueSource) and isinstance(source.value, plan.Variable) and source.value.frame
+    witness = sql.column("rowid" if framed else "this", label)
+    return Opened((item,), read, (sql.column("rowid", label),), witness)
+
+
+def _world(selects: Selects, source: plan.WorldSource, env: Env, inner: bool) -> Opened:
+    """A table of a world, or one of its table functions; it is walked in its own order."""
+    label = selects.needs.label(source.name)
+    names = sql_names(tuple(name for name, _ in source.columns))
+    selects.needs.worlds[label] = source.table
+
+    def read(expr: plan.Element | plan.Column) -> Node:
+        return sql.column("this" if isinstance(expr, plan.Element) else names[expr.name], label)
+
+    item = sql.table(source.table.module, label)
+    if source.table.schema.parameters:
+        early = [inner and can_fail(a) and not sources_read(a) and not states_read(a) for a in source.arguments]
+        arguments = [
+            selects.needs.bind(argument) if bound else selects.expressions.value(argument, env)
+            for argument, bound in zip(source.arguments, early, strict=True)
+        ]
+        item = sql.table_function(source.table.module, arguments, label)
+    return Opened((item,), read, (sql.column(PLACE, label),), sql.column(PLACE, label))
 
 
 def record(columns: dict[str, Node]) -> Node:

@@ -62,7 +62,8 @@ def _volatile(query: plan.Query, nested: bool) -> Span | None:
 
 
 def _volatile_source(query: plan.Query, nested: bool) -> Span | None:
-    values = (source.value for source in query.sources if isinstance(source, plan.ValueSource))
+    values = [source.value for source in query.sources if isinstance(source, plan.ValueSource)]
+    values += [e for source in query.sources if isinstance(source, plan.WorldSource) for e in source.arguments]
     return next((value.span for value in values if is_volatile(value)), None)
 
 

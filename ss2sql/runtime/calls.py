@@ -115,6 +115,19 @@ def builtin_function(
     return function if quick is None else quick(function, stack)
 
 
+def located_final(aggregate: Any, execution: Execution) -> Callable[[], Any]:
+    """The aggregate's `final`, whose errors get the place of its call."""
+    final = aggregate.final
+
+    def located() -> Any:
+        try:
+            return final()
+        except Error as error:
+            raise error.located(execution.span(aggregate.place)) from None
+
+    return located
+
+
 def _quick_item(general: Callable[..., Any], stack: list[Execution]) -> Callable[..., Any]:
     """`item`: the elements of a list are made SQL values once. 0.1 us, where the general way takes 1 us and more."""
 

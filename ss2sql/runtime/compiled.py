@@ -114,7 +114,7 @@ class CompiledQuery:
         form, shapes = query.representation, self.host.shapes
         status: Status = "maximum" if self._ended_by_maximum(run, rows) else "complete"
         make = partial(shapes.represent, form, rows, arguments, named)
-        answer = run.answer = Answer(rows, make, self.engine, status)
+        answer = run.answer = Answer(rows.without(form.hidden), make, self.engine, status)
         if not (shapes.is_built_in(form) and form.name in PATH_FORMS and rows.plain and rows.paths is not None):
             answer.value  # noqa: B018 - it may fail, which has to be now
         return answer
@@ -171,7 +171,6 @@ class CompiledQuery:
         return lower(self.query, host.sql_names, cut=True, careful=True, disabled=host.disabled)
 
     def _scout(self, query: plan.Query) -> SqlQuery:
-        """The statement of a scout, which runs beside that of the query."""
         return lower(query, self.host.sql_names, careful=True, disabled=self.host.disabled)
 
     def _most(self, run: Run) -> int | None:

@@ -20,7 +20,8 @@ from ss2sql.lowering.expressions import PREDICATES, builtin_name
 from ss2sql.lowering.packing import Packed
 from ss2sql.lowering.parameters import Bookkeeping, Parameter, Shown, SqlQuery
 from ss2sql.lowering.sources import sql_names
-from ss2sql.runtime.calls import Members, Parts, builtin_function, sql_function
+from ss2sql.runtime.ahead import ROOM, Ahead
+from ss2sql.runtime.calls import Members, Parts, builtin_function, located_final, sql_function
 from ss2sql.runtime.functions import Memo, UserFunction
 from ss2sql.runtime.native.options import cost, heuristic, probability
 from ss2sql.runtime.paths import Paths
@@ -28,10 +29,15 @@ from ss2sql.runtime.pool import FALSE, TRUE, OtherFormError, Pool
 from ss2sql.runtime.result import Sql
 from ss2sql.runtime.rows import Row, Rows
 from ss2sql.runtime.run import Run
+from ss2sql.runtime.scouts import Scouts, looking_ahead
 from ss2sql.runtime.search_functions import FUNCTIONS, SearchState, next_number
 from ss2sql.runtime.sources import column_of
 from ss2sql.runtime.sql_functions import AGGREGATE_FUNCTIONS, SCALAR_FUNCTIONS, element_columns
-from ss2sql.vtables.sequences import Elements
+from ss2sql.runtime.vectorized import SqlCaller
+from ss2sql.vtables.copies import NO_COPIES, Copies
+from ss2sql.vtables.frames.frame import Frame
+from ss2sql.vtables.module import WorldModules
+from ss2sql.vtables.sequences import Elements, Walked
 from ss2sql.walk import walk
 
 WHOLE = 2**40
@@ -45,7 +51,11 @@ class Execution:
     """What the functions of one running statement share."""
 
     def __init__(
-        self, run: Run, query: plan.Query | None = None, calls: Mapping[str, Sequence[Span]] = NO_CALLS
+        self,
+        run: Run,
+        query: plan.Query | None = None,
+        calls: Mapping[str, Sequence[Span]] = NO_CALLS,
+        copies: Copies = NO_COPIES,
     ) -> None:
         self.run = run
         self.query = query
@@ -56,7 +66,9 @@ class Execution:
         self.book = Bookkeeping()
         self.results: Callable[[], int] = int  # how many paths were found
         self.failed = False  # whether a function has raised
-        self.elements: dict[Any, Sequence[Sequence[Any]]] = {}
+        self.ahead: Ahead | None = None  # for functions that take arrays
+        self.elements: dict[Any, Walked] = {}
+        self.readings = copies.begin()  # of worlds
 
     def value_source(self) -> Span | None:
         """The place of the first source that is a value; a bad one is most likely this."""
@@ -80,6 +92,7 @@ class Database:
         self.connection = connection
         self.stack: list[Execution] = []
         self.modules: set[str] = set()
+        self.worlds = WorldModules(connection, lambda: self.current)
         self.search = SearchState()
         self.memos: dict[str, Memo] = {}  # of each function of the user, for the execution that runs
         self.memo_limit = memo_limit
@@ -89,6 +102,7 @@ class Database:
             connection.create_aggregate_function(name, self._factory(factory))
         for name, arguments in FUNCTIONS.items():
             connection.create_scalar_function(name, getattr(self.search, name), arguments)
+        connection.create_scalar_function("reached", cast(Any, self.search.reached_value), 1)
         connection.create_scalar_function("next_number", cast(Any, next_number), 0)
         for name, check in (("cost", cost), ("heuristic", heuristic), ("probability", probability)):
             connection.create_scalar_function(f"step_{name}", self._weight_function(check), 2)
@@ -116,7 +130,7 @@ class Database:
             execution = self.current
             aggregate = factory(execution.pool)
             if hasattr(aggregate, "place"):
-                aggregate.final = _located(aggregate, execution)
+                aggregate.final = located_final(aggregate, execution)
             return aggregate
 
         return make
@@ -154,7 +168,9 @@ class Database:
     def register_user(self, function: UserFunction, sql_name: str) -> None:
         """A function of the user; see calls.py."""
         memo = self.memos.setdefault(function.name, Memo(self.memo_limit))
-        self.connection.create_scalar_function(sql_name, sql_function(function, memo, self.stack))
+        memo.limit = max(self.memo_limit, ROOM) if function.vectorized else self.memo_limit
+        called = (SqlCaller if function.vectorized else sql_function)(function, memo, self.stack)
+        self.connection.create_scalar_function(sql_name, called)
 
     def _module(self, name: str, columns: tuple[str, ...]) -> None:
         """Registers the virtual table for lists whose elements have these columns, once."""
@@ -166,7 +182,7 @@ class Database:
         )
         self.modules.add(name)
 
-    def _walk(self, value: Any, columns: tuple[str, ...]) -> Sequence[Sequence[Any]]:
+    def _walk(self, value: Any, columns: tuple[str, ...]) -> Walked:
         """The elements of a value as columns of SQL values; kept, for inner loops ask again and again."""
         execution = self.current
         key = (value, type(value), columns)
@@ -180,7 +196,7 @@ class Database:
             if len(execution.elements) >= 10_000:
                 execution.elements.clear()
             execution.elements[key] = found
-        self.search.walks.append(len(found[0]))
+        self.search.walks.append(found.length)
         return found
 
     def _progress(self) -> bool:
@@ -198,18 +214,20 @@ class Database:
         careful: Callable[[], SqlQuery],
         sink: Rows,
         most: int | None = None,
+        scouts: Scouts | None = None,
     ) -> list[tuple[Row, Row]]:
         """Runs the statement and fills `sink` with its rows, or with its paths.
 
         `evaluate` gives the value of a parameter; `careful` the statement to run where this one took something
-        for granted that is not so; `most` bounds the results of a search. Gives for each
+        for granted that is not so; `most` bounds the results of a search; `scouts` say what is coming. Gives for each
         result its group values and the sort keys that SQL left over. Raises what a user's function raised,
         ExecutionError X009 for an error of SQLite, X010 for more results than run.max_rows.
         """
-        execution = Execution(run, lowered.query, lowered.calls)
+        execution = Execution(run, lowered.query, lowered.calls, lowered.copies)
         with self._running(execution):
             try:
-                return self._attempt(lowered, execution, evaluate, sink, most)
+                with looking_ahead(scouts, self, execution):
+                    return self._attempt(lowered, execution, evaluate, sink, most)
             except OtherFormError:
                 pass
             except Stopped:
@@ -222,7 +240,18 @@ class Database:
             sink.clear()
             execution.pool.watched = frozenset()
             execution.failed = False
-            return self._attempt(careful(), execution, evaluate, sink, most)
+            with looking_ahead(scouts, self, execution):
+                return self._attempt(careful(), execution, evaluate, sink, most)
+
+    def cursor_of(self, lowered: SqlQuery, pool: Pool, evaluate: Callable[[Parameter], Any]) -> apsw.Cursor:
+        """The rows of a statement that runs beside another one; the caller closes them."""
+        return self.connection.cursor().execute(lowered.text, self._values(lowered, pool, evaluate))
+
+    def _values(self, lowered: SqlQuery, pool: Pool, evaluate: Callable[[Parameter], Any]) -> dict[str, Any]:
+        """The values to be bound, when the statement's virtual tables are there."""
+        for name, columns in lowered.modules.items():
+            self._module(name, columns)
+        return {parameter.name: _encoded(pool, parameter, evaluate) for parameter in lowered.parameters}
 
     @contextmanager
     def _running(self, execution: Execution) -> Iterator[None]:
@@ -257,24 +286,29 @@ class Database:
         sink: Rows,
         most: int | None,
     ) -> list[tuple[Row, Row]]:
-        for name, columns in lowered.modules.items():
-            self._module(name, columns)
         pool = execution.pool
         execution.book = lowered.bookkeeping
         self.search.begin(pool.frozen, most, lowered.plain_rows, lowered.bookkeeping.by_turns)
         if lowered.bookkeeping.trusts and pool.pure:
             self.search.trust()
         pool.mixed = self.search.mixed
-        values = {parameter.name: _encoded(pool, parameter, evaluate) for parameter in lowered.parameters}
+        values = self._values(lowered, pool, evaluate)
         pool.watched = frozenset(values[name] for name in lowered.plain)
+        if _has_other_form(pool, values):
+            raise OtherFormError
         cursor = self.connection.cursor()
         try:
             cursor.execute(lowered.text, values)
-            if _has_ends_only(lowered):
-                # The paths are made of what SQLite gives as it is.
+            if lowered.plain_rows and not lowered.keys and not lowered.orders:
+                # The rows, or the ends of the paths, are what SQLite gives as it is.
+                given = islice(cursor, most)
+                rows = given if execution.run.max_rows is None else _within(given, execution.run.max_rows)
+                if lowered.query.search is None:
+                    assert sink.rows is not None
+                    sink.rows.extend(rows)
+                    return [((), ())] * len(sink.rows)
                 paths = self._paths(lowered, execution, sink, tuple)
-                rows = islice(cursor, most)
-                paths.extend(rows if execution.run.max_rows is None else _within(rows, execution.run.max_rows))
+                paths.extend(rows)
                 return [((), ())] * len(paths)
             return list(islice(self._results(lowered, execution, cursor, sink), most))
         finally:
@@ -319,28 +353,10 @@ class Database:
             yield row[width:keys], row[keys:]
 
 
-def _located(aggregate: Any, execution: Execution) -> Callable[[], Any]:
-    """The aggregate's `final`, whose errors get the place of its call."""
-    final = aggregate.final
-
-    def located() -> Any:
-        try:
-            return final()
-        except Error as error:
-            raise error.located(execution.span(aggregate.place)) from None
-
-    return located
-
-
 def _room(run: Run, results: list[Any] | None, result: Any) -> None:
     assert results is not None
     results.append(result)
     _check_room(len(results), run.max_rows)
-
-
-def _has_ends_only(lowered: SqlQuery) -> bool:
-    """Whether the statement gives nothing but the last rows of paths, in values that need no decoding."""
-    return lowered.query.search is not None and lowered.plain_rows and not lowered.keys and not lowered.orders
 
 
 def _within(rows: Iterable[Row], most: int) -> Iterator[Row]:
@@ -356,6 +372,12 @@ def _check_room(number: int, most: int | None) -> None:
         raise ExecutionError("X010", f"the query has more than max_rows={most} results", hints=(hint,))
 
 
+def _has_other_form(pool: Pool, values: Mapping[str, Any]) -> bool:
+    """Whether a parameter equals one whose handle stands for all such values, in another form."""
+    others = [value for value in values.values() if type(value) is bytes and value not in pool.watched]
+    return any(pool.equal(value, watched) for value in others for watched in pool.watched)
+
+
 def _encoded(pool: Pool, parameter: Parameter, evaluate: Callable[[Parameter], Any]) -> Any:
     value = evaluate(parameter)
     if parameter.flag:
@@ -366,6 +388,8 @@ def _encoded(pool: Pool, parameter: Parameter, evaluate: Callable[[Parameter], A
 def _as_bound(pool: Pool, value: Any) -> Any:
     if value is True or value is False:
         return TRUE if value else FALSE
+    if type(value) is Frame:
+        return pool.keep(value)
     return value if type(value) is Packed else pool.encode(value)
 
 

@@ -81,4 +81,7 @@ def _counts(name: str, stats: Stats | None) -> str:
         return ""
     called, remembered = stats.calls[name], stats.remembered[name]
     times = "1 call" if called == 1 else f"{called:,} calls"
+    if name in stats.blocks:
+        rows, blocks = "1 row" if called == 1 else f"{called:,} rows", stats.blocks[name]
+        times = f"{rows} in {'1 call' if blocks == 1 else f'{blocks:,} calls'}"
     return f" ({times}, {remembered:,} remembered)" if remembered else f" ({times})"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -17,6 +17,7 @@ from ss2sql.frontend.parser import parse
 from ss2sql.frontend.resolve import resolve, resolve_text
 from ss2sql.kinds import type_of
 from ss2sql.lowering.rewrites.world import World
+from ss2sql.runtime import representations
 from ss2sql.runtime.builtins import BUILTINS
 from ss2sql.runtime.database import Database
 from ss2sql.runtime.functions import MEMO_LIMIT, UserFunction, builtin_functions, native_callable, sql_names
@@ -27,7 +28,11 @@ from ss2sql.runtime.session_functions import SessionFunctions
 from ss2sql.runtime.shaping import Shapes, with_stars
 from ss2sql.runtime.tables import Tables
 from ss2sql.runtime.temporal import TemporalFile, TemporalStore
+from ss2sql.runtime.triggers import Triggers
 from ss2sql.runtime.variables import Variables
+from ss2sql.runtime.vectorized import NativeCaller
+from ss2sql.vtables import base
+from ss2sql.vtables.attached import AttachedWorld, WorldFunctions
 
 
 class SessionHost:
@@ -47,14 +52,19 @@ class SessionHost:
         self.tables = Tables(connection)
         self.shapes = Shapes()
         self.functions: dict[str, UserFunction] = {}
+        self.world_functions: dict[str, UserFunction] = {}  # by the names that scripts use
         self.sql_names: dict[str, str] = {}
+        self.planned: dict[str, UserFunction] = {}  # by the names that plans use
         self.generation = 0
         self.runs: list[Run] = []
         temporals = TemporalStore(self._clock)
+        self.triggers = Triggers(self._clock)
+        self.listened: list[list[Callable[[], object]]] = []  # to whom scenes tell that they have stepped
         if file is not None:
             file.load(temporals)
         self.names = Variables(temporals, None if read_only else file)
-        self.own = SessionFunctions(self.names, self.functions)
+        self.names.let_go = self._detached
+        self.own = SessionFunctions(self.names, self.functions, self.world_functions)
         for name, builtin in BUILTINS.items():
             if name not in ("eq", "ne"):  # of these the database has its own
                 self.database.register_builtin(name, builtin.python or self.own.function(name))
@@ -62,11 +72,48 @@ class SessionHost:
     def register(self, entry: UserFunction) -> None:
         """Makes a function known to scripts and to SQL."""
         self.functions[entry.name] = entry
+        self._name_functions({entry.name})
+
+    def _name_functions(self, changed: Collection[str]) -> None:
+        """Gives functions their names in SQL, and tells the database of those that have changed."""
         self.generation += 1
-        before, self.sql_names = self.sql_names, sql_names(self.functions)
+        self.planned = {entry.name: entry for entry in self.world_functions.values()} | self.functions
+        before, self.sql_names = self.sql_names, sql_names(self.planned)
         for name, sql_name in self.sql_names.items():
-            if name == entry.name or before.get(name) != sql_name:
-                self.database.register_user(self.functions[name], sql_name)
+            if name in changed or before.get(name) != sql_name:
+                self.database.register_user(self.planned[name], sql_name)
+
+    def attach_world(self, name: str, world: base.World) -> None:
+        """Makes a world known: its tables, its functions, and its representations where there are none of the name.
+
+        Raises SessionError S002 where it declares what cannot be.
+        """
+        self.names.attach_world(name, AttachedWorld(name, world, self.database.worlds.name_for))
+        for word, method in world.representations.items():
+            if word.lower() not in representations.ALL:
+                self.shapes.functions[word.lower()] = getattr(world, method)
+        self._name_world_functions()
+        listeners = getattr(world.source, "listeners", None)
+        if isinstance(listeners, list) and self.triggers.poll not in listeners:
+            listeners.append(self.triggers.poll)
+            self.listened.append(listeners)
+
+    def silence(self) -> None:
+        """Ends the triggers: no scene looks after them any more."""
+        for listeners in self.listened:
+            if self.triggers.poll in listeners:
+                listeners.remove(self.triggers.poll)
+        self.listened.clear()
+        self.triggers.all.clear()
+
+    def _detached(self, world: AttachedWorld) -> None:
+        self.database.worlds.forget(world.tables.values())
+        self._name_world_functions()
+
+    def _name_world_functions(self) -> None:
+        self.world_functions.clear()
+        self.world_functions.update(WorldFunctions(self.names.worlds).all())
+        self._name_functions({entry.name for entry in self.world_functions.values()} - self.functions.keys())
 
     # --- what the compiler asks ------------------------------------------------------------------------
 
@@ -76,7 +123,7 @@ class SessionHost:
 
         def variable_type(name: str) -> Any:
             if name not in snapshots:
-                snapshots[name] = given[name] if name in given else self.names.value(name)
+                snapshots[name] = given[name] if name in given else self.names.source(name)
             return type_of(snapshots[name])
 
         functions = builtin_functions()
@@ -90,6 +137,11 @@ class SessionHost:
             self.tables.names(),
             dict(self.names.late),
             open_names,
+            {name: world for name, world in self.names.worlds.items() if name not in given},
+            {n: self._planned(f) for n, f in self.world_functions.items() if n not in self.functions},
+            frames=self.names.frames.keys() - given.keys(),
+            files=tuple(self.tables.files),
+            asked=self.shapes.asked(),
         )
 
     def _planned(self, entry: UserFunction) -> plan.Function:
@@ -116,7 +168,7 @@ class SessionHost:
                 meanings[text, id(scope)] = self._meaning(text, scope)
             return meanings[text, id(scope)]
 
-        return World(variable, read, frozenset(self.functions))
+        return World(variable, read, frozenset(self.functions))  # those that may stand in for built-in ones
 
     def _meaning(self, text: str, scope: Any) -> plan.Expr | None:
         """The one statement of a text given to `eval`; None where there are more, or where it has no meaning yet."""
@@ -129,8 +181,12 @@ class SessionHost:
     def _arguments(self) -> Mapping[str, Any]:
         return self.runs[-1].arguments if self.runs else {}
 
-    def table_changed(self, table: plan.TableSource) -> bool:
-        """Whether a table has other columns, or values of other kinds, than a plan was made for."""
+    def table_changed(self, table: plan.TableSource | plan.WorldSource, run: Run) -> bool:
+        """Whether a table has other columns, or values of other kinds, than a plan was made for, or is another one."""
+        if isinstance(table, plan.WorldSource):
+            name = table.table.world_name
+            world = None if name in run.arguments else self.names.worlds.get(name)
+            return world is None or table.table not in world.tables.values()
         try:
             now = self.tables.find(table.schema, table.table)
         except Error as error:
@@ -155,14 +211,19 @@ class SessionHost:
             return BUILTINS[function.name].python or self.own.function(function.name)
         known = run.callables.get(function.name)
         if known is None:
-            known = native_callable(self.functions[function.name], run, self.memo_limit)
+            entry = self.planned[function.name]
+            known = (NativeCaller if entry.vectorized else native_callable)(entry, run, self.memo_limit)
             run.callables[function.name] = known
         return known
 
     def _clock(self) -> float:
-        """The time of getTime(), which the user may have replaced."""
+        """The time of getTime(): the user's own, else that of the first world that has a clock, else the computer's."""
         entry = self.functions.get("getTime")
-        return float(entry.function()) if entry else time.time()
+        if entry:
+            return float(entry.function())
+        times = (attached.world.time for attached in self.names.worlds.values())
+        moment = next((moment for moment in times if moment is not None), None)
+        return time.time() if moment is None else float(moment)
 
     def temporal(self, name: str, when: Any) -> Any:
         return self.names.temporal(name, when)

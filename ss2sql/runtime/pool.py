@@ -77,6 +77,13 @@ class Pool:
             return self._encode_objects(value)
         return self._handles.get(marshalled) or self._add(marshalled, marshalled, value)
 
+    def keep(self, source: Any) -> bytes:
+        """A handle for a data frame, which is walked and never compared."""
+        self._made += 1
+        handle = _TRUTHY + self._tag + self._made.to_bytes(5, "big")
+        self._objects[handle] = source
+        return handle
+
     def encode_foreign(self, value: Any, giver: str) -> Any:
         """`encode(normalise(value, giver))`, without a look at the value where it is known already.
 

@@ -33,6 +33,12 @@ class Rows:
         if self.paths is not None:
             self.paths = []
 
+    def without(self, hidden: int) -> Rows:
+        """The rows without their last columns, those that only the representation sees."""
+        if not hidden or self.rows is None:
+            return self
+        return Rows(self.columns[:-hidden], [row[:-hidden] for row in self.rows], None, self.groups, self.plain)
+
     def all_rows(self) -> Iterator[Row]:
         """The rows, or the rows of all paths."""
         return iter(self.rows or ()) if self.paths is None else chain.from_iterable(self.paths)

@@ -11,6 +11,7 @@ from typing import Any, Protocol
 from ss2sql import plan
 from ss2sql.errors import Cancelled, Timeout
 from ss2sql.runtime.rows import Rows
+from ss2sql.vtables.frames.frame import Frame
 
 
 @dataclass(slots=True)
@@ -19,10 +20,12 @@ class Stats:
 
     `calls` counts real calls of user functions by name (a remembered value is no call), `remembered` those
     answered from the memo; `generated` counts steps that were evaluated, `expanded` those that went on,
-    `pruned` those dropped because their row was there before. `seconds` holds the time of each stage.
+    `pruned` those dropped because their row was there before. `seconds` holds the time of each stage. Of functions
+    that take arrays `calls` counts rows that were computed, `blocks` how often the function was called.
     """
 
     calls: Counter[str] = field(default_factory=Counter)
+    blocks: Counter[str] = field(default_factory=Counter)
     remembered: Counter[str] = field(default_factory=Counter)
     generated: int = 0
     expanded: int = 0
@@ -50,8 +53,8 @@ class Run:
 
     `host` answers what only the session knows, see Host:
 
-    - `variable(name, run)`: the value of a script variable; one that lives outside is read once per run and kept
-      in `snapshots`.
+    - `variable(name, run)`: the value of a script variable, or the data frame of that name; what lives outside is read
+      once per run and kept in `snapshots`.
     - `call(function, run)`: the callable behind a plan.Function, built in or the user's, on language values;
       the user's gets fresh values, is remembered where immutable, counted, and its result made a language
       value. The run's memos live in `callables`.
@@ -60,7 +63,8 @@ class Run:
     - `table_rows(source)`: all rows of a table of the database, in its order, values of its columns in order.
 
     `sink` holds the rows found so far by the query that runs, and its engine; `answer` what the last query gave,
-    `bound` the values that each lowered query was given for its parameters.
+    `bound` the values that each lowered query was given for its parameters. `ahead` holds for each native query
+    that runs, the innermost last, what is coming for functions that take arrays (ahead.py).
     """
 
     host: Host
@@ -74,6 +78,7 @@ class Run:
     answer: Any = None
     snapshots: dict[str, Any] = field(default_factory=dict)
     callables: dict[str, Callable[..., Any]] = field(default_factory=dict)
+    ahead: list[Any] = field(default_factory=list)
     bound: dict[object, dict[str, Any]] = field(default_factory=dict)
 
     @property
@@ -92,6 +97,11 @@ class Run:
 
     def variable(self, name: str) -> Any:
         """The value of a script variable or of a parameter of this run."""
+        value = self.source(name)
+        return value.value() if isinstance(value, Frame) else value
+
+    def source(self, name: str) -> Any:
+        """The same as it stands in FROM: a data frame stays one."""
         if name in self.arguments:
             return self.arguments[name]
         return self.host.variable(name, self)

@@ -69,6 +69,23 @@ class SearchState:
     cost as much as they do. `begin` makes it ready for one execution, `end` gives it back to the one before.
     """
 
+    # What stands in a slot is found faster than in a dict: a search over edges runs a quarter fewer instructions.
+    __slots__ = (
+        *(
+            "always_plain",
+            "asked",
+            "asked_key",
+            "by_turns",
+            "expanded",
+            "generated",
+            "given",
+            "kept",
+            "kept_way",
+            "key",
+        ),
+        *("last_dropped", "late", "met", "plain", "pruned", "rows", "steps", "taken", "walks", "wanted", "way"),
+    )
+
     def __init__(self) -> None:
         self._reset(lambda value: value, None, True, False)
 
@@ -78,7 +95,7 @@ class SearchState:
         `key` gives equal SQL values one hashable value; rows that are `plain` need none, see also `trust`. `most`
         is the number of results after which the search ends. `by_turns` says that steps are evaluated when taken.
         """
-        outer = dict(self.__dict__)
+        outer = {name: getattr(self, name) for name in self.__slots__}
         self._reset(key, most, plain, by_turns)
         return outer
 
@@ -87,7 +104,8 @@ class SearchState:
         self.plain = True
 
     def end(self, outer: dict[str, Any]) -> None:
-        self.__dict__.update(outer)
+        for name, value in outer.items():
+            setattr(self, name, value)
 
     def _reset(self, key: Callable[[Any], Hashable], most: int | None, plain: bool, by_turns: bool) -> None:
         self.key = key
@@ -129,17 +147,21 @@ class SearchState:
         if not self.plain or self.always_plain:
             return
         self.plain = False
-        self.met = {self._key_of(row): value for row, value in self.met.items()}
-        self.taken = {self._key_of(row): value for row, value in self.taken.items()}
-        self.given = {self._key_of(row) for row in self.given}
+        self.met = {self._mixed_key(key): value for key, value in self.met.items()}
+        self.taken = {self._mixed_key(key): value for key, value in self.taken.items()}
+        self.given = set(map(self._mixed_key, self.given))
         self.asked_key = self._key_of(self.asked)
         for way in (self.way, self.kept_way):
-            way.keys = {self._key_of(row) for row in way.keys}
+            way.keys = set(map(self._mixed_key, way.keys))
+
+    def _mixed_key(self, key: Any) -> Hashable:
+        """The key of a row that has stood for itself so far."""
+        return self._key_of(key if type(key) is tuple else (key,))
 
     def _key_of(self, row: tuple[Any, ...]) -> Hashable:
-        if self.plain:
-            return row
-        return self.key(row[0]) if len(row) == 1 else tuple(map(self.key, row))
+        if len(row) == 1:
+            return row[0] if self.plain else self.key(row[0])
+        return row if self.plain else tuple(map(self.key, row))
 
     def kept_row(self) -> Callable[[int], Kept]:
         """Gives of a step that others come from its parent's number and its row."""
@@ -183,11 +205,20 @@ class SearchState:
 
     def reached(self, *row: Any) -> int:
         """Whether a step has reached the row."""
-        key = row if self.plain else self._key_of(row)
+        key = row if self.plain and len(row) > 1 else self._key_of(row)
         if key in self.met:
             self.pruned += 1
             return 1
         self.asked, self.asked_key = row, key
+        return 0
+
+    def reached_value(self, value: Any) -> int:
+        """`reached` of a row of one column; SQLite picks it by the number of arguments."""
+        key = value if self.plain else self.key(value)
+        if key in self.met:
+            self.pruned += 1
+            return 1
+        self.asked, self.asked_key = (value,), key
         return 0
 
     def arrive(self, step: int) -> int:
@@ -209,7 +240,7 @@ class SearchState:
 
     def improves(self, rank: Any, *row: Any) -> int:
         """Whether the step is better than the best to the row so far."""
-        key = row if self.plain else self._key_of(row)
+        key = row if self.plain and len(row) > 1 else self._key_of(row)
         best = self.met.get(key)
         if best is None or rank < best:
             self.asked, self.asked_key = row, key
@@ -242,7 +273,7 @@ class SearchState:
         way = self.way
         if parent != way.end:
             way.lead_to(parent)
-        if (row if self.plain else self._key_of(row)) in way.keys:
+        if (row if self.plain and len(row) > 1 else self._key_of(row)) in way.keys:
             self.pruned += 1
             return 1
         return 0

@@ -9,35 +9,29 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, TypeVar, overload
 
-import apsw
-
 from ss2sql import plan
-from ss2sql.errors import (
-    Cancelled,
-    SessionError,
-    Source,
-    Stopped,
-    did_you_mean,
-)
+from ss2sql.errors import Cancelled, SessionError, Stopped, did_you_mean
 from ss2sql.frontend.parser import parse
 from ss2sql.frontend.resolve import resolve
 from ss2sql.lowering.rewrites import REWRITES
-from ss2sql.runtime.compiled import ENGINES, Engine, Query, script_sql
+from ss2sql.runtime.compiled import Engine, Query, script_sql
 from ss2sql.runtime.explain import outline
-from ss2sql.runtime.functions import (
-    UserFunction,
-    check_name,
-    user_function,
-)
+from ss2sql.runtime.functions import UserFunction, check_name, user_function
 from ss2sql.runtime.host import SessionHost
 from ss2sql.runtime.native.deep import with_room
+from ss2sql.runtime.opening import check_bound, check_engine, name_of, open_connection
+from ss2sql.runtime.opening import source_of as source_of
 from ss2sql.runtime.result import Answer, Result
 from ss2sql.runtime.run import Run, Stats
+from ss2sql.runtime.tables import path_of
 from ss2sql.runtime.temporal import TemporalFile
+from ss2sql.runtime.triggers import Trigger
 from ss2sql.runtime.values import fresh, normalise
+from ss2sql.vtables import adapter_of, refuse_unknown
+from ss2sql.vtables.describe import described, tables_in_sight
+from ss2sql.vtables.frames import reader_of
 
 F = TypeVar("F", bound=Callable[..., Any])
-BUSY_MILLISECONDS = 1000  # how long to wait for a file that somebody else is writing
 SWITCHES = ("memo", *REWRITES)
 
 
@@ -79,7 +73,7 @@ class Session:
             raise SessionError(
                 "S002", f"there is no optimisation '{unknown[0]}'", hints=did_you_mean(unknown[0], SWITCHES)
             )
-        connection = _open(path, read_only)
+        connection = open_connection(path, read_only)
         self.timeout = timeout
         self.progress = progress
         self._closed = False
@@ -114,7 +108,9 @@ class Session:
             function: the function; missing when used as a decorator.
             volatility: "immutable", "stable" or "volatile"; inferred from the source where it is missing.
             inverse: the inverse of the function, for searches from both ends.
-            vectorized: whether the function takes arrays.
+            vectorized: whether the function takes arrays: for a block of rows one NumPy array per argument, for
+                which it returns an array or a list with one element for each row. Such a function is never
+                volatile; it is stable where nothing is said and its source does not prove it immutable.
 
         Returns:
             The function itself, or a decorator.
@@ -123,10 +119,10 @@ class Session:
             SessionError: S002 for a name, signature or volatility that cannot be used.
         """
         if callable(name):
-            return self._register(user_function(_name_of(name), name))
+            return self._register(user_function(name_of(name), name))
 
         def register(body: F) -> F:
-            self._register(user_function(name or _name_of(body), body, volatility, inverse, vectorized))
+            self._register(user_function(name or name_of(body), body, volatility, inverse, vectorized))
             return body
 
         return register if function is None else register(function)
@@ -156,24 +152,53 @@ class Session:
 
         Args:
             name: the name in scripts.
-            source: a list (of values, dicts or dataclass objects), a dict of columns, any other value, or
-                the path of a SQLite file, whose tables are then `name.table`.
+            source: a world, or an object that there is an adapter for (`ss2sql.World` says what that is): its first
+                table is then `name`, its others `name.table`, its functions are known to scripts. A list (of
+                values, dicts or dataclass objects), a dict of columns, any other value of the language. A data frame
+                of pandas or Polars, an Arrow table or what gives Arrow data, a structured NumPy array. The path of a
+                SQLite file, or its text if that ends in .db, .sqlite or .sqlite3; its tables are then `name.table`.
+
+        Raises:
+            SessionError: S002 for anything else, and for a world that declares what cannot be.
         """
         self._check_name(name)
-        if isinstance(source, os.PathLike):
-            self._attach_file(name, Path(source))
-            return
-        self.host.names.attach(name, source)
-
-    def _attach_file(self, name: str, path: Path) -> None:
-        if not path.exists():
-            raise SessionError("S002", f"there is no file {path}", hints=("give the path of a SQLite file",))
-        if name.lower() in ("main", "temp"):
-            raise SessionError("S002", f"'{name}' is the session's own database", hints=("choose another name",))
-        try:
+        path = path_of(source)
+        if path is not None:
             self.host.tables.attach(name, path)
-        except apsw.Error as error:
-            raise SessionError("S002", f"{path} is not a SQLite file that can be read: {error}") from error
+            self.host.names.forget(name)
+            return
+        reader = reader_of(source, name)
+        world = adapter_of(source) if reader is None else None
+        if reader is None and world is None:
+            refuse_unknown(source)
+        self.host.tables.detach(name)
+        if reader is not None:
+            self.host.names.attach_frame(name, source, reader)
+        elif world is not None:
+            self.host.attach_world(name, world)
+        else:
+            self.host.names.attach(name, source)
+
+    def detach(self, name: str) -> None:
+        """Forgets what was attached under the name. Raises KeyError where nothing is."""
+        self._check_open()
+        if name not in self.host.names.attached and name not in self.host.tables.files:
+            raise KeyError(name)
+        self.host.tables.detach(name)
+        self.host.names.forget(name)
+
+    def tables(self) -> dict[str, tuple[str, ...]]:
+        """The columns of everything that FROM finds as a table: tables of the database, and those of worlds."""
+        self._check_open()
+        return tables_in_sight(self.host.tables, self.host.names.worlds)
+
+    def describe(self, name: str) -> str:
+        """The columns of a table; of a world those of all its tables, with units and texts, and its functions.
+
+        Raises SessionError S002 where there is none of the name.
+        """
+        self._check_open()
+        return described(name, self.host.tables, self.host.names.worlds)
 
     def set(self, name: str, value: Any) -> None:
         """Sets a script variable to a copy of the value. Raises ExecutionError X004 for NaN and its like."""
@@ -202,7 +227,7 @@ class Session:
 
     def _compile(self, script: str | Path, engine: Engine, values: Mapping[str, Any], open_names: bool) -> Query:
         self._check_open()
-        _check_engine(engine)
+        check_engine(engine)
         tree = parse(source_of(script))
         program = with_room(lambda: resolve(tree, self.host.catalog(values, open_names)))
         return Query(self.host, self.execute, tree, program, engine)
@@ -258,9 +283,9 @@ class Session:
         """Runs a compiled script; `Query.run` and `Session.run` end here."""
         self._check_open()
         if engine is not None:
-            _check_engine(engine)
-        _check_bound("maximum", maximum, 1)
-        _check_bound("max_rows", max_rows, 0)
+            check_engine(engine)
+        check_bound("maximum", maximum, 1)
+        check_bound("max_rows", max_rows, 0)
         run = Run(self.host, Stats(), self._deadline(self.timeout if timeout is None else timeout), max_rows=max_rows)
         run.arguments = {name: normalise(value, f"the variable '{name}'") for name, value in variables.items()}
         run.stats.seconds["compile"] = compile_seconds
@@ -312,6 +337,33 @@ class Session:
         answer = Answer(rows, None, engine, status)  # type: ignore[arg-type]
         return Result(None, engine, answer.status, run.stats, script_sql([]), answer)
 
+    # --- triggers --------------------------------------------------------------------------------------
+
+    def on_change(self, script: str | Path, every: float = 0.1, engine: Engine = "auto") -> Callable[..., Trigger]:
+        """Decorator: calls the function with the new value of a script whenever that has changed.
+
+        The script runs at once, which gives the first value without a call, and then every so often: by itself while
+        an attached scene steps, else when `poll` is called.
+
+        Args:
+            script: the script; what its last statement gives is its value.
+            every: seconds of `getTime()` from one look to the next.
+            engine: as for `run`.
+
+        Returns:
+            A decorator that gives a `Trigger`, which has `value`, `time`, `runs`, `changes` and `stop()`.
+
+        Raises:
+            Error: what `compile` and the first run raise. Later errors come out of `poll`, or of the scene's `step`.
+        """
+        query = self.compile(script, engine)
+        return lambda function: self.host.triggers.add(query, every, function)
+
+    def poll(self) -> int:
+        """Looks after the triggers that are due, and gives the number of those whose values had changed."""
+        self._check_open()
+        return self.host.triggers.poll()
+
     def interrupt(self) -> None:
         """Ends all runs of the session, from any thread; they raise Cancelled."""
         for run in self.host.runs:
@@ -319,6 +371,7 @@ class Session:
 
     def close(self) -> None:
         """Closes the connection; the session cannot run scripts any more. Closing twice does no harm."""
+        self.host.silence()
         self.host.connection.close()
         self._closed = True
 
@@ -337,43 +390,3 @@ class Session:
     def _check_name(self, name: str) -> None:
         self._check_open()
         check_name(name)
-
-
-def _name_of(function: Any) -> str:
-    name = getattr(function, "__name__", "")
-    if not name.isidentifier():
-        raise SessionError("S002", f"{function!r} has no name of its own", hints=('give one: function("name", f)',))
-    return str(name)
-
-
-def _check_engine(engine: str) -> None:
-    if engine not in ENGINES:
-        raise SessionError("S002", f"there is no engine {engine!r}", hints=did_you_mean(str(engine), ENGINES))
-
-
-def _check_bound(name: str, value: Any, least: int) -> None:
-    if value is not None and (isinstance(value, bool) or not isinstance(value, int) or value < least):
-        raise SessionError("S002", f"{name} is a whole number of at least {least}, not {value!r}")
-
-
-def _open(path: str | os.PathLike[str] | None, read_only: bool) -> apsw.Connection:
-    flags = apsw.SQLITE_OPEN_READONLY if read_only else apsw.SQLITE_OPEN_READWRITE | apsw.SQLITE_OPEN_CREATE
-    try:
-        connection = apsw.Connection(":memory:" if path is None else os.fspath(path), flags=flags)
-        connection.set_busy_timeout(BUSY_MILLISECONDS)
-        connection.execute("SELECT count(*) FROM sqlite_schema")
-    except apsw.Error as error:
-        raise SessionError("S002", f"{path} cannot be opened as a SQLite database: {error}") from error
-    return connection
-
-
-def source_of(script: str | Path) -> Source:
-    """The text of a script with its name. Raises SessionError S002 for a file that cannot be read."""
-    if isinstance(script, Path):
-        try:
-            return Source(script.read_text(encoding="utf-8"), str(script))
-        except (OSError, UnicodeDecodeError) as error:
-            raise SessionError("S002", f"the script {script} cannot be read: {error}") from error
-    if not isinstance(script, str):
-        raise SessionError("S002", f"a script is text or a pathlib.Path, not {type(script).__name__}")
-    return Source(script)

@@ -10,14 +10,18 @@ from ss2sql.runtime.builtins import BUILTINS
 from ss2sql.runtime.functions import UserFunction
 from ss2sql.runtime.values import fresh
 from ss2sql.runtime.variables import Variables
+from ss2sql.vtables.describe import description
 
 
 class SessionFunctions:
     """Methods named after the functions of the language."""
 
-    def __init__(self, names: Variables, functions: Mapping[str, UserFunction]) -> None:
+    def __init__(
+        self, names: Variables, functions: Mapping[str, UserFunction], world_functions: Mapping[str, UserFunction]
+    ) -> None:
         self.names = names
         self.functions = functions
+        self.world_functions = world_functions
 
     def function(self, name: str) -> Callable[..., Any]:
         """The Python form of a built-in function that the table leaves to the session."""
@@ -29,8 +33,11 @@ class SessionFunctions:
         print(*map(fresh, values))
         return values[-1] if values else None
 
-    def _help(self, name: str | None = None) -> str:
-        """The list of functions, or what one function does."""
+    def _help(self, name: Any = None) -> str:
+        """The list of functions, what one function does, or the tables of a world."""
+        world = next((known for known in self.names.worlds.values() if name in (known.world, known.name)), None)
+        if world is not None and name not in self.functions:
+            return description(world)
         if name is None:
             lines = [f"{known:<12} {text}" for known, text in sorted(self._texts().items())]
             return "\n".join(lines)
@@ -42,7 +49,7 @@ class SessionFunctions:
 
     def _texts(self) -> dict[str, str]:
         texts = {name: entry.text for name, entry in BUILTINS.items() if name not in ("item", "slice")}
-        for name, entry in self.functions.items():
+        for name, entry in {**self.world_functions, **self.functions}.items():
             lines = (entry.function.__doc__ or "").strip().splitlines() or ["registered"]
             texts[name] = f"{lines[0]} ({entry.volatility}: {entry.reason})"
         return texts

@@ -9,10 +9,12 @@ from ss2sql import plan
 from ss2sql.errors import Error, RepresentationError
 from ss2sql.runtime import representations
 from ss2sql.runtime.paths import Paths
+from ss2sql.runtime.representations.base import ASKS
 from ss2sql.runtime.rows import Row, Rows
 from ss2sql.runtime.values import Opaque, fresh, normalise
 
 PATH_FORMS = frozenset({"dict", "list", "rows", "value"})  # of plain rows they cannot fail
+FORMS = PATH_FORMS | {"set", "void"}  # of values of the language
 PLAIN = (bool, int, float, str, list, dict, type(None))
 
 
@@ -59,6 +61,10 @@ class Shapes:
     ) -> Any:
         own = list(rows) if answer.plain else [tuple(map(fresh, row)) for row in rows]
         table = representations.Table(answer.columns, own)
+        if form.hidden:
+            shown = -form.hidden
+            seen, told = [row[:shown] for row in own], [row[shown:] for row in own]
+            table = representations.Table(answer.columns[:shown], seen, told, form.facts)
         given = {name: fresh(value) for name, value in named.items()}
         try:
             return self.functions[form.name](table, *map(fresh, arguments), **given)
@@ -70,13 +76,18 @@ class Shapes:
             message = f"AS {form.name} cannot take these arguments: {error}"
             raise RepresentationError("V001", message, form.span, ("leave them out or correct them",)) from error
 
+    def asked(self) -> dict[str, str]:
+        """What representations ask for beside the columns, by name; see `asks`."""
+        found = {name: getattr(function, ASKS, "") for name, function in self.functions.items()}
+        return {name: wanted for name, wanted in found.items() if wanted}
+
     def is_built_in(self, form: plan.Representation) -> bool:
         """Whether the representation is one of the language, not replaced by the user."""
         return self.functions.get(form.name) is representations.ALL.get(form.name)
 
     def language_value(self, name: str, value: Any) -> Any:
         """A representation's value as scripts go on with it; what the user's own made stays the object that it is."""
-        if name in representations.ALL or isinstance(value, PLAIN):
+        if name in FORMS or isinstance(value, PLAIN):
             return normalise(value, f"AS {name}")
         try:
             hash(value)

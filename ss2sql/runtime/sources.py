@@ -8,6 +8,9 @@ from typing import Any
 from ss2sql.errors import ExecutionError, did_you_mean
 from ss2sql.kinds import Opaque
 from ss2sql.runtime.values import normalise, show
+from ss2sql.vtables.base import Element
+from ss2sql.vtables.frames.frame import Frame
+from ss2sql.vtables.schema import element_column, schema_of
 
 _MISSING = object()
 
@@ -23,6 +26,8 @@ def elements(value: Any) -> list[Any]:
     kind = type(value)
     if kind is list:
         return list(value)
+    if isinstance(value, Frame):
+        return value.elements()
     if kind is dict and value and set(map(type, value.values())) == {list}:
         return _rows_of_columns(value)
     return [value]
@@ -56,6 +61,13 @@ def column_of(element: Any, name: str, default: Any = _MISSING) -> Any:
             return found
         raise _missing(name, [key for key in element if isinstance(key, str)], "this row")
     owner = element.object if isinstance(element, Opaque) else element
+    if isinstance(owner, Element):
+        try:
+            return normalise(element_column(owner, name), f"the column '{name}'")
+        except KeyError:
+            if default is not _MISSING:
+                return default
+            raise _missing(name, list(schema_of(owner.table).kinds), repr(owner)) from None
     known = _fields(type(owner))
     if name in known:
         return normalise(getattr(owner, name), f"the field '{name}'")

@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from ss2sql.kinds import Kind
 from ss2sql.runtime.builtins import AGGREGATES
 from ss2sql.runtime.pool import Pool
 from ss2sql.runtime.representations import Table, sets
 from ss2sql.runtime.sources import column_of, elements
 from ss2sql.runtime.values import truth
+from ss2sql.vtables.frames.frame import Frame
+from ss2sql.vtables.sequences import Walked
 
 
 def make_list(pool: Pool, *items: Any) -> Any:
@@ -40,11 +43,30 @@ SCALAR_FUNCTIONS: dict[str, Callable[..., Any]] = {
 }
 
 
-def element_columns(pool: Pool, value: Any, columns: tuple[str, ...]) -> list[list[Any]]:
+def element_columns(pool: Pool, value: Any, columns: tuple[str, ...]) -> Walked:
     """The elements of a source's value as columns of SQL values: the elements themselves, then their `columns`."""
-    items = elements(pool.decode(value))
+    given = pool.decode(value)
     encode = pool.encode
-    return [list(map(encode, items)), *([encode(_part_of(item, name)) for item in items] for name in columns)]
+    if type(given) is Frame:
+        return _frame_columns(pool, value, given, columns)
+    items = elements(given)
+    known = [list(map(encode, items)), *([encode(_part_of(item, name)) for item in items] for name in columns)]
+    return Walked(value, len(items), len(known), known.__getitem__)
+
+
+def _frame_columns(pool: Pool, handle: Any, frame: Frame, columns: tuple[str, ...]) -> Walked:
+    """The columns of a data frame as they are read; numbers and texts are SQL values already."""
+
+    def make(number: int) -> list[Any]:
+        if number == 0:
+            return list(map(pool.encode, frame.elements()))
+        column = frame.columns[columns[number - 1]]
+        return column.values if column.type.only(_AS_IT_IS) else list(map(pool.encode, column.values))
+
+    return Walked(handle, frame.length, len(columns) + 1, make)
+
+
+_AS_IT_IS = Kind.NONE | Kind.INT | Kind.FLOAT | Kind.STR
 
 
 def _part_of(element: Any, name: str) -> Any:

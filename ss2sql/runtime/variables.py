@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from ss2sql.errors import ExecutionError
@@ -10,6 +10,8 @@ from ss2sql.frontend import ast
 from ss2sql.runtime.run import Run
 from ss2sql.runtime.temporal import TemporalFile, TemporalStore
 from ss2sql.runtime.values import fresh, normalise
+from ss2sql.vtables.attached import AttachedWorld
+from ss2sql.vtables.frames import Frame, Reader
 
 
 class Variables:
@@ -22,6 +24,9 @@ class Variables:
     def __init__(self, temporals: TemporalStore, file: TemporalFile | None = None) -> None:
         self.values: dict[str, Any] = {}
         self.attached: dict[str, Any] = {}
+        self.worlds: dict[str, AttachedWorld] = {}  # those among what is attached
+        self.frames: dict[str, Reader] = {}  # what reads the data frames among what is attached
+        self.let_go: Callable[[AttachedWorld], None] = lambda world: None  # hears of worlds that make room
         self.late: dict[str, ast.ListLiteral] = {}
         self.temporals = temporals
         self.file = file
@@ -36,18 +41,25 @@ class Variables:
 
     def value(self, name: str) -> Any:
         """The present value. Raises KeyError; ExecutionError X004 where an attached object holds no value."""
+        source = self.source(name)
+        return source.value() if isinstance(source, Frame) else source
+
+    def source(self, name: str) -> Any:
+        """The present value, or the data frame, as it stands in FROM. Raises what `value` raises."""
+        if name in self.frames:
+            return self.frames[name]()
         if name in self.attached:
             return normalise(self.attached[name], f"the variable '{name}'")
         return self.values[name]
 
     def read(self, name: str, run: Run) -> Any:
-        """The value as a run sees it; raises ExecutionError R001 where it has none yet."""
+        """The value, or the data frame, as a run sees it; raises ExecutionError R001 where it has none yet."""
         if name in run.snapshots:
             return run.snapshots[name]
         if name not in self:
             hints = ("assign it before it is read",)
             raise ExecutionError("R001", f"the variable '{name}' has no value yet", hints=hints)
-        value = self.value(name)
+        value = self.source(name)
         if name in self.attached:
             # A function that the run calls may lengthen the list; the run keeps what it has read.
             value = run.snapshots[name] = list(value) if type(value) is list else value
@@ -65,6 +77,14 @@ class Variables:
         self.forget(name)
         self.attached[name] = source
 
+    def attach_world(self, name: str, world: AttachedWorld) -> None:
+        self.attach(name, world.world)
+        self.worlds[name] = world
+
+    def attach_frame(self, name: str, source: Any, reader: Reader) -> None:
+        self.attach(name, source)
+        self.frames[name] = reader
+
     def bind_late(self, name: str, literal: ast.ListLiteral) -> None:
         self.forget(name)
         self.late[name] = literal
@@ -73,6 +93,10 @@ class Variables:
         """Makes room for a new meaning of a name."""
         self.values.pop(name, None)
         self.attached.pop(name, None)
+        self.frames.pop(name, None)
+        world = self.worlds.pop(name, None)
+        if world is not None:
+            self.let_go(world)
         self.late.pop(name, None)
         if name in self.temporals.histories:
             self.temporals.drop(name)

@@ -1,1 +1,115 @@
-"""Virtual tables: Python's lists as tables of SQLite (`sequences.py`)."""
+"""Python objects as virtual tables of SQLite: lists (`sequences.py`), and worlds.
+
+For worlds, in the order in which a reader meets them: `base.py` is what an adapter says of an object, `schema.py`
+checks it, `attached.py` is what a session makes of it, `reading.py` what one query reads, `module.py` how SQLite
+reads it, `conformance.py` the judge of adapters. `adapter_of` finds the adapter for an object by the object's type.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import is_dataclass
+from importlib import import_module
+from types import NoneType
+from typing import TYPE_CHECKING, Any
+
+from ss2sql.errors import ExecutionError, SessionError
+from ss2sql.vtables.base import Column as Column
+from ss2sql.vtables.base import Element as Element
+from ss2sql.vtables.base import Gone as Gone
+from ss2sql.vtables.base import Table as Table
+from ss2sql.vtables.base import TableFunction as TableFunction
+from ss2sql.vtables.base import Where as Where
+from ss2sql.vtables.base import World as World
+from ss2sql.vtables.base import function as function
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
+
+GROUP = "ss2sql.worlds"  # of entry points: the name is that of a type, "module.Class", the value its adapter
+
+# Adapters that ship with the package, by the type that they serve; nothing of them is imported before it is needed.
+SHIPPED: dict[str, str] = {
+    "pybullet_utils.bullet_client.BulletClient": "ss2sql.vtables.pybullet:PyBulletWorld",
+    "ss2sql.scenes.scene.Scene": "ss2sql.vtables.pybullet:PyBulletWorld",
+    "mujoco._structs.MjData": "ss2sql.vtables.mujoco:MuJoCoWorld",
+    "ode.SpaceBase": "ss2sql.vtables.ode:OdeWorld",
+    **dict.fromkeys(
+        ("openravepy.openravepy_int.Environment", "openravepy._openravepy_.openravepy_int.Environment",
+         "openravepy._openravepy_0_9.openravepy_int.Environment", "openravepy_int.Environment"),
+        "ss2sql.vtables.openrave:OpenRaveWorld",
+    ),
+}
+
+_registered: dict[str, type[World]] = {}
+
+
+def register_world(adapter: type[World]) -> type[World]:
+    """Makes an adapter known for the types that it `serves`; also a decorator of its class."""
+    for name in adapter.serves:
+        _registered[name] = adapter
+    return adapter
+
+
+def known_types() -> tuple[str, ...]:
+    """The names of the types that have adapters."""
+    return tuple(sorted({*_registered, *SHIPPED, *(point.name for point in _entry_points())}))
+
+
+def _entry_points() -> Iterable[EntryPoint]:
+    from importlib.metadata import entry_points  # 10 ms, which sessions without worlds need not pay
+
+    return entry_points(group=GROUP)
+
+
+def adapter_of(source: Any) -> World | None:
+    """The world for an object: itself, what its method `__world__` gives, or by the adapter for its type; else None."""
+    if isinstance(source, World):
+        return source
+    own = getattr(type(source), "__world__", None)
+    if own is not None:
+        world = own(source)
+        if not isinstance(world, World):
+            raise SessionError("S002", f"{type(source).__name__}.__world__ gives a {type(world).__name__}, not a World")
+        return world
+    names = [f"{kind.__module__}.{kind.__qualname__}" for kind in type(source).__mro__[:-1]]
+    for name in names:
+        if name in _registered:
+            return _registered[name](source)
+        if name in SHIPPED:
+            return _loaded(SHIPPED[name])(source)
+    if type(source).__module__ in ("builtins", "numpy"):
+        return None
+    for point in _entry_points():
+        if point.name in names:
+            adapter: type[World] = point.load()
+            return adapter(source)
+    return None
+
+
+def _loaded(place: str) -> type[World]:
+    module, _, name = place.partition(":")
+    adapter: type[World] = getattr(import_module(module), name)
+    return adapter
+
+
+def refuse_unknown(source: Any) -> None:
+    """Raises SessionError S002 for an object that is no value and has no columns: most likely it lacks an adapter."""
+    from ss2sql.runtime.border import normalise
+
+    kind = type(source)
+    if kind in (list, tuple, dict) or is_dataclass(source):
+        return
+    try:
+        plain = normalise(source, "the source")
+    except ExecutionError:
+        return  # whoever reads it hears of it
+    if isinstance(plain, (bool, int, float, str, list, dict, bytes, NoneType)):
+        return
+    known = ", ".join(known_types())
+    hints = (
+        "what can be attached: lists, dicts of columns, data frames, numbers, texts and other values, paths of SQLite files, worlds"
+        + (f", objects of the types {known}" if known else ""),
+        "write an adapter, a class derived from ss2sql.World; or make it a variable with session.set",
+    )
+    raise SessionError("S002", f"a {kind.__module__}.{kind.__qualname__} cannot be attached", hints=hints)

@@ -13,8 +13,36 @@ from typing import Any, TypeAlias
 import apsw
 
 SqlValue: TypeAlias = Any
-# Gives the elements of a value as columns of SQL values: `this` first, then the module's columns.
-Walk: TypeAlias = Callable[[SqlValue, tuple[str, ...]], Sequence[Sequence[SqlValue]]]
+
+
+class Walked(dict[int, Sequence[SqlValue]]):
+    """The elements of a value as columns of SQL values by number: `this` is 0, the module's columns follow.
+
+    After them stands the value itself, and -1 are the numbers of the rows. `make` gives a column when it is first
+    read, so one that nobody reads costs nothing.
+    """
+
+    __slots__ = ("length", "make", "value", "width")
+
+    def __init__(self, value: SqlValue, length: int, width: int, make: Callable[[int], Sequence[SqlValue]]) -> None:
+        super().__init__()
+        self.value = value
+        self.length = length
+        self.width = width
+        self.make = make
+
+    def __missing__(self, number: int) -> Sequence[SqlValue]:
+        if number < 0:
+            column: Sequence[SqlValue] = range(self.length)
+        else:
+            column = self.make(number) if number < self.width else [self.value] * self.length
+        self[number] = column
+        return column
+
+
+# Walks a value for a module with these columns.
+Walk: TypeAlias = Callable[[SqlValue, tuple[str, ...]], Walked]
+NOTHING = Walked(None, 0, 0, lambda number: ())
 
 ARGUMENT = "source value"  # the hidden column; the blank keeps it apart from the names of users
 
@@ -72,24 +100,20 @@ class _Cursor:
 
     def __init__(self, module: Elements) -> None:
         self.module = module
-        self.columns: Sequence[Sequence[SqlValue]] = ()
-        self.argument: SqlValue = None
+        self.columns = NOTHING
         self.position = 0
         self.length = 0
 
     def Filter(self, number: int, name: str, arguments: Sequence[SqlValue]) -> None:  # noqa: N802
-        self.argument = arguments[0]
-        self.columns = self.module.walk(self.argument, self.module.columns)
-        self.length = len(self.columns[0])
+        self.columns = self.module.walk(arguments[0], self.module.columns)
+        self.length = self.columns.length
         self.position = 0
 
     def Eof(self) -> bool:  # noqa: N802
         return self.position >= self.length
 
     def Column(self, number: int) -> SqlValue:  # noqa: N802
-        if number < 0:
-            return self.position
-        return self.columns[number][self.position] if number < len(self.columns) else self.argument
+        return self.columns[number][self.position]
 
     def Rowid(self) -> int:  # noqa: N802
         return self.position
@@ -98,4 +122,4 @@ class _Cursor:
         self.position += 1
 
     def Close(self) -> None:  # noqa: N802
-        self.columns = ()
+        self.columns = NOTHING

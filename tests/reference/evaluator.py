@@ -89,7 +89,7 @@ class Reference:
             case ast.This(source=source):
                 return sight.this(frame) if source is None else self.source(source, frame).element
             case ast.Attribute(source=source, name=name):
-                bound = self.source(source, frame)
+                bound = sight.first(frame) if source is None else self.source(source, frame)
                 if name not in bound.columns:
                     raise Failure("R001", f"{source}.{name}")
                 return bound.column(name)

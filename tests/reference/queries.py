@@ -182,7 +182,7 @@ class Sources:
                 if name in self.ref.tables:
                     return self.ref.tables[name]
                 raise Failure("R003", name)
-            case ast.Attribute(source=world, name=name):
+            case ast.Attribute(source=str(world), name=name):
                 if any(bound.name == world for level in frame.outwards() for bound in level.bound):
                     return self.ref.evaluate(expr, frame)
                 if name in self.ref.tables:

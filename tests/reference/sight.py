@@ -91,9 +91,14 @@ def source_named(frame: Frame | None, name: str) -> Bound | None:
 
 def this(frame: Frame | None) -> Any:
     """The current element of the first source of the innermost query that has one."""
+    return first(frame).element
+
+
+def first(frame: Frame | None) -> Bound:
+    """The first source of the innermost query that has one."""
     for level in frames(frame):
         if level.bound:
-            return level.bound[0].element
+            return level.bound[0]
     raise Failure("R014", "this outside of a query")
 
 
@@ -138,7 +143,7 @@ def mentions(node: Any, own: Own) -> bool:
     if own.free(node):
         return False
     match node:
-        case ast.This(source=None):
+        case ast.This(source=None) | ast.Attribute(source=None):
             return own.this
         case ast.This(source=source) | ast.Attribute(source=source):
             return source in own.sources

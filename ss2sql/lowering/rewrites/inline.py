@@ -19,8 +19,6 @@ from ss2sql.lowering.rewrites.nodes import bottom_up
 from ss2sql.lowering.rewrites.world import World
 from ss2sql.walk import functions, walk
 
-SOURCES = (plan.TableSource, plan.ValueSource, plan.QuerySource)
-
 
 def rewrite(query: plan.Query, world: World) -> plan.Query:
     """The query with calls of functions replaced by what they compute."""
@@ -37,7 +35,7 @@ def sites(query: plan.Query) -> list[Site]:
 def _inlined(query: plan.Query, inliner: Inliner) -> plan.Query:
     if all(function.body is None for function in functions(query)):
         return query
-    inliner.sources.update((node.id, node) for node in walk(query) if isinstance(node, SOURCES))
+    inliner.sources.update((node.id, node) for node in walk(query) if isinstance(node, plan.SOURCES))
 
     def change(node: Any) -> Any:
         return inliner.call(node) if isinstance(node, plan.Call) and node.function.body is not None else node

@@ -61,9 +61,10 @@ class Builder:
         unit.page.mark_eval(node.span)
         sources = tuple(source for source in node.sources if body.sees(source))
         states = tuple(state for state in node.states if body.sees_state(state))
+        kept = ((source, unit.tuples.get(source), unit.elements.get(source)) for source in sources)
         sight = Sight(
             node.scope,
-            tuple((source, unit.tuples.get(source), unit.elements.get(source)) for source in sources),
+            tuple((*known, unit.worlds.get(known[0])) for known in kept),
             states,
             self.dispatch,
         )
@@ -81,6 +82,14 @@ class Builder:
                 return replace(self.unit.analysis.of(query), key=None, total=False)
             case plan.TableSource():
                 return Facts(total=False)
+            case plan.WorldSource(arguments=arguments):
+                facts = [self.unit.analysis.of(argument) for argument in arguments]
+                return Facts(
+                    frozenset().union(*(one.sources for one in facts)),
+                    frozenset().union(*(one.states for one in facts)),
+                    steady=all(one.steady for one in facts),
+                    total=all(one.total for one in facts),
+                )
 
     def _outer_values(
         self, sources: Sequence[int], states: Sequence[tuple[int, str]], body: Body, pen: Pen

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Iterator
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 from ss2sql import plan
 from ss2sql.errors import Error
+from ss2sql.runtime.call_sites import takes_arrays
 from ss2sql.runtime.native.builder import Builder, Dispatch
 from ss2sql.runtime.native.deep import deep
 from ss2sql.runtime.native.expressions import expression
 from ss2sql.runtime.native.facts import Analysis
 from ss2sql.runtime.native.locate import placed
 from ss2sql.runtime.native.unit import Unit
-from ss2sql.runtime.rows import Rows
+from ss2sql.runtime.rows import Row, Rows
 from ss2sql.runtime.run import Run
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.scouts import Scouts
 
 
 class NativeQuery:
@@ -23,6 +28,7 @@ class NativeQuery:
 
     def __init__(self, query: plan.Query) -> None:
         self.query = query
+        self._takes_arrays = takes_arrays(query)
         analysis = Analysis((query,))
         self._levels = analysis.levels
         with deep(self._levels):
@@ -48,7 +54,8 @@ class NativeQuery:
         Raises:
             Error: with the place in the script. Exceptions of the user's functions pass with a note.
         """
-        return self._placed(lambda: self._bound(run).rows(sink=sink, outermost=True))  # type: ignore[no-any-return]
+        work = self._looking_ahead(run, lambda: self._bound(run).rows(sink=sink, outermost=True))
+        return self._placed(work)  # type: ignore[no-any-return]
 
     def value(self, run: Run) -> Any:
         """The value that the query's representation makes of its answer; raises what `rows` raises."""
@@ -57,7 +64,31 @@ class NativeQuery:
             task = self._bound(run)
             return task.shaped(task.rows(outermost=True))
 
-        return self._placed(value)
+        return self._placed(self._looking_ahead(run, value))
+
+    def stream(self, run: Run) -> Iterator[Row]:
+        """The rows of a query, one by one where that is possible; errors have no place."""
+        return self._bound(run).stream()  # type: ignore[no-any-return]
+
+    def _looking_ahead(self, run: Run, work: Callable[[], Any]) -> Callable[[], Any]:
+        """The work, for the time of which functions that take arrays know what is coming."""
+        if not self._takes_arrays:
+            return work
+
+        def with_scouts() -> Any:
+            run.ahead.append(self.scouts.of_run(run))
+            try:
+                return work()
+            finally:
+                run.ahead.pop().close()
+
+        return with_scouts
+
+    @cached_property
+    def scouts(self) -> Scouts:
+        from ss2sql.runtime.scouts import Scouts  # which run natively themselves
+
+        return Scouts(self.query)
 
     def _placed(self, work: Callable[[], Any]) -> Any:
         try:

@@ -16,6 +16,7 @@ from ss2sql.kinds import Kind
 from ss2sql.runtime.native.facts import OWN_GROUP
 from ss2sql.runtime.native.pen import Pen
 from ss2sql.runtime.native.unit import Body
+from ss2sql.runtime.native.worlds import column_reader, element_reader
 from ss2sql.runtime.run import Run
 from ss2sql.runtime.sources import column_of
 
@@ -45,8 +46,8 @@ def expression(builder: Builder, node: plan.Expr, body: Body) -> ast.expr:
     match node:
         case plan.Constant(value=value):
             return _constant(builder, value, pen)
-        case plan.Variable(name=name):
-            return unit.variable(name, pen)
+        case plan.Variable(name=name, frame=frame):
+            return unit.frame(name, pen) if frame else unit.variable(name, pen)
         case plan.Element(source=source):
             return element(body, source, pen)
         case plan.Column():
@@ -89,6 +90,8 @@ def element(body: Body, source: int, pen: Pen) -> ast.expr:
     """The current element of a source; that of rows kept as tuples is made a dict."""
     unit = body.unit
     name = unit.names[source]
+    if source in unit.worlds:
+        return pen.call(element_reader(unit, source, pen), pen.name(name))
     columns = unit.tuples.get(source)
     if columns is None:
         return pen.name(name)
@@ -107,6 +110,8 @@ def _constant(builder: Builder, value: Any, pen: Pen) -> ast.expr:
 def _column(body: Body, node: plan.Column, pen: Pen) -> ast.expr:
     unit = body.unit
     current = pen.name(unit.names[node.source])
+    if node.source in unit.worlds:
+        return pen.call(column_reader(unit, node.source, node.name, pen), current)
     columns = unit.tuples.get(node.source)
     if columns is not None:
         return pen.item(current, columns.index(node.name))

@@ -46,7 +46,7 @@ class Analysis:
     def __init__(self, roots: tuple[Any, ...], open_world: bool = False, inside: bool = True) -> None:
         self._facts: dict[int, Facts] = {}
         self._keys: dict[Hashable, int] = {}
-        self._roots = roots  # kept alive, for facts go by identity
+        self.roots = roots  # kept alive, for facts go by identity
         nodes: list[tuple[Any, list[Any]]] = []
         stack = list(roots)
         while stack:
@@ -66,7 +66,7 @@ class Analysis:
                 case plan.ValueSource(id=number, element=element) | plan.QuerySource(id=number, element=element):
                     if not element.may(Kind.OBJECT):
                         self._plain.add(number)
-                case plan.TableSource(id=number):
+                case plan.TableSource(id=number) | plan.WorldSource(id=number):
                     self._plain.add(number)
         depths: dict[int, int] = {}
         for node, below in reversed(nodes):
@@ -136,8 +136,8 @@ class Analysis:
         match node:
             case plan.Constant(value=value):
                 own = (repr(value),)
-            case plan.Variable(name=name):
-                own = (name,)
+            case plan.Variable(name=name, frame=frame):
+                own = (name, frame)
             case plan.Element(source=source):
                 own = (source,)
             case plan.Column(source=source, name=name, declared=declared):

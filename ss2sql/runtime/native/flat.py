@@ -14,7 +14,7 @@ from ss2sql import plan
 from ss2sql.kinds import INT
 from ss2sql.runtime.native.expressions import expression
 from ss2sql.runtime.native.lookups import lookup
-from ss2sql.runtime.native.loops import Loops
+from ss2sql.runtime.native.loops import Loops, read_by_sources
 from ss2sql.runtime.native.unit import Body
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ def finder(builder: Builder, query: plan.Query, body: Body, aggregates: Sequence
     loops = Loops(builder, query, body)
     keys = key_expressions(query, aggregates)
     outputs = () if query.aggregated else tuple(output.expr for output in query.columns)
-    inside = [source.value for source in query.sources if isinstance(source, plan.ValueSource)]
+    inside = read_by_sources(query)
     where = () if query.where is None else (query.where,)
     body.count([*inside, *where, *outputs, *keys])
 
@@ -73,6 +73,8 @@ def placed_conditions(
         if certain and loops.look_up(lookup(part, builder.unit.analysis)):
             reached = max(reached, level)
             continue
+        if certain:
+            loops.pass_on(part)
         level = max(level, loops.silent_from)
         if not (certain and facts.total):
             level = max(level, reached, loops.once_from)

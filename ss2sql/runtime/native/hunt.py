@@ -18,8 +18,8 @@ from ss2sql.kinds import Kind
 from ss2sql.runtime.native import options
 from ss2sql.runtime.native.expressions import expression
 from ss2sql.runtime.native.flat import key_expressions
-from ss2sql.runtime.native.lookups import lookup
-from ss2sql.runtime.native.loops import Loops
+from ss2sql.runtime.native.lookups import Lookup, lookup
+from ss2sql.runtime.native.loops import Loops, read_by_sources
 from ss2sql.runtime.native.unit import Body
 from ss2sql.runtime.values import freeze
 
@@ -96,7 +96,7 @@ class Steps:
         pen, search, body = self.pen, self.search, self.body
         body.states = {(self.query.id, name) for name, _ in search.start}
         clauses = [search.stop, self.query.where, search.weight, search.heuristic]
-        inside = [source.value for source in self.query.sources if isinstance(source, plan.ValueSource)]
+        inside = read_by_sources(self.query)
         connect = [expr for _, expr in search.connect]
         body.count([*inside, *self.outputs, *(clause for clause in clauses if clause), *connect])
         body.add(pen.increase(self.unit.counter("expanded", body)))
@@ -112,28 +112,33 @@ class Steps:
     def _look_up(self) -> None:
         """Leaves out elements that STOP WITH and WHERE drop at once: `STOP WITH a != b ...`, `WHERE a == b ...`.
 
-        With MEMORIZE they matter, for a step to a known row is not asked whether it stops.
+        Without a WHERE, STOP WITH drops them alone. With MEMORIZE they matter, for a step to a known row is not asked
+        whether it stops.
         """
-        stop, where = _first(self.search.stop, plan.Or), _first(self.query.where, plan.And)
-        if stop is None or where is None or self.search.repeats == "memorize":
+        stop, where = _parts(self.search.stop, plan.Or), _parts(self.query.where, plan.And)
+        rows = [self.unit.analysis.of(expr) for expr in self.outputs] if self.compares else []
+        if self.search.repeats == "memorize" or not all(facts.steady and facts.total for facts in rows):
             return
-        analysis = self.unit.analysis
-        dropped, wanted = lookup(stop, analysis, "ne"), lookup(where, analysis)
-        if dropped is None or wanted is None:
-            return
-        for one, other in ((dropped.column, wanted.column), (dropped.other, wanted.other)):
-            if analysis.of(one).key is None or analysis.of(one).key != analysis.of(other).key:
+        for part, other in zip(stop, where or stop, strict=False):
+            dropped = lookup(part, self.unit.analysis, "ne")
+            if dropped is None or (where and not self._is_same(dropped, lookup(other, self.unit.analysis))):
                 return
-        rows = [analysis.of(expr) for expr in self.outputs] if self.compares else []
-        if all(facts.steady and facts.total for facts in rows):
-            self.loops.look_up(wanted)
+            if not self.loops.look_up(dropped):
+                return
+
+    def _is_same(self, one: Lookup, other: Lookup | None) -> bool:
+        if other is None:
+            return False
+        pairs = ((one.column, other.column), (one.other, other.other))
+        keys = [(self.unit.analysis.of(a).key, self.unit.analysis.of(b).key) for a, b in pairs]
+        return all(a is not None and a == b for a, b in keys)
 
     def _freeze_elements(self) -> None:
         """Elements that stand in the row as they are, and are read once, are frozen once."""
         shown = {expr.source for expr in self.outputs if isinstance(expr, plan.Element)}
         for source in self.query.sources:
             usable = source.id in self.loops.items and source.id not in self.loops.lookups
-            if source.id not in shown or not usable or isinstance(source, plan.TableSource):
+            if source.id not in shown or not usable or isinstance(source, (plan.TableSource, plan.WorldSource)):
                 continue
             if source.id not in self.unit.tuples and not source.element.only(Kind.NUMBER | Kind.STR):
                 self.loops.freeze_items(source, self.unit.helper(with_frozen))
@@ -254,9 +259,9 @@ class Steps:
         return pen.run(pen.give(pen.pack(pen.name("row"), goal, following, key, weight, estimate, last)))
 
 
-def _first(clause: plan.Expr | None, kind: type[plan.And] | type[plan.Or]) -> plan.Expr | None:
-    """The part of a clause that is asked first."""
-    return clause.parts[0] if isinstance(clause, kind) else clause
+def _parts(clause: plan.Expr | None, kind: type[plan.And] | type[plan.Or]) -> tuple[plan.Expr, ...]:
+    """The parts of a clause in the order in which they are asked."""
+    return clause.parts if isinstance(clause, kind) else () if clause is None else (clause,)
 
 
 def with_frozen(items: list[Any]) -> list[tuple[Any, Any]]:

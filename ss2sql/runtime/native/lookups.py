@@ -2,14 +2,14 @@
 
 A condition `column == other`, where the source of the column is read once and `other` is known before its
 loop, needs no loop over all elements: an index gives those whose column equals the value. It is built when
-it is first needed. Conditions that may raise are not looked up, for they would no longer be asked of every
-element.
+it is first needed, for several columns of a source together. Conditions that may raise are not looked up, for
+they would no longer be asked of every element.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Hashable
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -40,20 +40,24 @@ def lookup(part: plan.Expr, analysis: Analysis, operator: str = "eq") -> Lookup 
     return None
 
 
-def index_of_tuples(rows: list[Any], position: int) -> dict[Hashable, list[Any]]:
-    """The rows by the value of a column."""
+def index_of_tuples(rows: list[Any], *positions: int) -> dict[Hashable, list[Any]]:
+    """The rows by the value of a column, or by the values of several."""
     index: dict[Hashable, list[Any]] = defaultdict(list)
     for row in rows:
-        index[freeze(row[position])].append(row)
+        index[_key([row[position] for position in positions])].append(row)
     return dict(index)
 
 
-def index_of_columns(items: list[Any], name: str) -> dict[Hashable, list[Any]]:
-    """The elements by the value of a column."""
+def index_of_columns(items: list[Any], *names: str) -> dict[Hashable, list[Any]]:
+    """The elements by the value of a column, or by the values of several."""
     index: dict[Hashable, list[Any]] = defaultdict(list)
     for item in items:
-        index[freeze(column_of(item, name, None))].append(item)
+        index[_key([column_of(item, name, None) for name in names])].append(item)
     return dict(index)
+
+
+def _key(values: Sequence[Any]) -> Hashable:
+    return freeze(values[0]) if len(values) == 1 else tuple(map(freeze, values))
 
 
 def index_of_elements(items: list[Any]) -> dict[Hashable, list[Any]]:
@@ -67,3 +71,8 @@ def index_of_elements(items: list[Any]) -> dict[Hashable, list[Any]]:
 def found_in(index: dict[Hashable, list[Any]], value: Any) -> list[Any]:
     """The elements whose column equals the value, in their order."""
     return index.get(freeze(value), [])
+
+
+def found_in_several(index: dict[Hashable, list[Any]], *values: Any) -> list[Any]:
+    """The elements whose columns equal the values, in their order."""
+    return index.get(_key(values), [])

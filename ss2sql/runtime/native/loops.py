@@ -9,15 +9,26 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Mapping, Sequence
+from itertools import chain
 from typing import TYPE_CHECKING, Any, assert_never
 
 from ss2sql import plan
 from ss2sql.runtime.native.expressions import expression
 from ss2sql.runtime.native.facts import Facts
-from ss2sql.runtime.native.lookups import Lookup, found_in, index_of_columns, index_of_elements, index_of_tuples
+from ss2sql.runtime.native.lookups import (
+    Lookup,
+    found_in,
+    found_in_several,
+    index_of_columns,
+    index_of_elements,
+    index_of_tuples,
+)
 from ss2sql.runtime.native.unit import MOST_LOOPS, Body
+from ss2sql.runtime.native.worlds import Demand, demand_of, world_items
 from ss2sql.runtime.run import Run
-from ss2sql.runtime.sources import elements
+from ss2sql.runtime.sources import column_of, elements
+from ss2sql.vtables.frames.frame import Frame
+from ss2sql.walk import walk
 
 if TYPE_CHECKING:
     from ss2sql.runtime.native.builder import Builder
@@ -34,11 +45,15 @@ class Loops:
         self.facts = [builder.source_facts(source) for source in query.sources]
         own = {source.id for source in query.sources}
         self.lateral = [
-            not own.isdisjoint(facts.sources) or any(number == query.id for number, _ in facts.states)
-            for facts in self.facts
+            # What is asked of a world depends on the conditions that it gets.
+            isinstance(source, plan.WorldSource)
+            or not own.isdisjoint(facts.sources)
+            or any(number == query.id for number, _ in facts.states)
+            for source, facts in zip(self.sources, self.facts, strict=True)
         ]
         self.items: dict[int, str] = {}
-        self.lookups: dict[int, Lookup] = {}  # by source: what its loop looks up
+        self.lookups: dict[int, list[Lookup]] = {}  # by source: what its loop looks up
+        self.demands: dict[int, list[Demand]] = {}  # by source: what a world is told of conditions
         self.frozen: dict[int, str] = {}  # sources whose elements come with their frozen form
 
     @property
@@ -84,17 +99,34 @@ class Loops:
         source, other = condition.column.source, self.builder.unit.analysis.of(condition.other)
         index = number[source]
         facts = self.facts[index]
-        if source in self.lookups or source in self.frozen or self.lateral[index] or not facts.steady:
+        if source in self.frozen or self.lateral[index] or not facts.steady:
             return False
-        if isinstance(condition.column, plan.Element) and source in self.builder.unit.tuples:
+        together = [*self.lookups.get(source, ()), condition]
+        of_element = any(isinstance(one.column, plan.Element) for one in together)
+        if of_element and (len(together) > 1 or source in self.builder.unit.tuples):
             return False
         if index + 1 < self.silent_from or any(number.get(known, -1) > index for known in other.sources):
             return False
         correlated = bool(other.sources or other.states) and self.owner.home(facts)[0] is not self.owner
         if index == 0 and self.query.search is None and not correlated:
             return False
-        self.lookups[source] = condition
+        self.lookups[source] = together
         return True
+
+    def pass_on(self, condition: plan.Expr) -> None:
+        """Tells a world of a condition, where what its column is compared with is known before the world is asked.
+
+        The condition is tested all the same, so it may be asked early only where nobody can notice.
+        """
+        facts = self.builder.unit.analysis.of(condition)
+        demand = demand_of(condition, self.sources) if facts.steady and facts.total else None
+        if demand is None:
+            return
+        number = {source.id: index for index, source in enumerate(self.sources)}
+        index = number[demand.source]
+        known = self.builder.unit.analysis.of(demand.value).sources
+        if index + 1 >= self.silent_from and all(number.get(other, -1) < index for other in known):
+            self.demands.setdefault(demand.source, []).append(demand)
 
     def open(self, body: Body, conditions: Mapping[int, Sequence[plan.Expr]], guarded: int | None = None) -> Body:
         """Opens all loops and gives the function where the innermost one is.
@@ -171,6 +203,11 @@ class Loops:
                 table = pen.name(unit.constant(source, "table"))
                 rows = pen.call(unit.helper(table_rows), pen.name("run"), table)
                 return body.kept(Facts(), rows, pen, source.name)
+            case plan.ValueSource(value=plan.Variable(frame=True) as value, columns=columns) if columns:
+                words = unit.tuples[source.id] = self._read_of(source.id, tuple(word for word, _ in columns))
+                read = expression(builder, value, body)
+                rows = pen.call(unit.helper(rows_of_frame), read, *map(pen.constant, words))
+                return self._kept(source, body, rows)
             case plan.ValueSource(value=value):
                 unit.elements[source.id] = source.element
                 if isinstance(value, plan.Constant):
@@ -185,24 +222,39 @@ class Loops:
                 unit.elements[source.id] = source.element
                 value_of_query = pen.call(nested.value, *nested.arguments)
                 return self._kept(source, body, pen.call(unit.helper(elements), value_of_query))
+            case plan.WorldSource():
+                return world_items(builder, source, self.demands.get(source.id, ()), body)
             case _:
                 assert_never(source)
 
+    def _read_of(self, source: int, columns: tuple[str, ...]) -> tuple[str, ...]:
+        """Those columns of a source that anything reads."""
+        read: set[str] = set()
+        for node in chain.from_iterable(map(walk, self.builder.unit.analysis.roots)):
+            if isinstance(node, plan.Eval) or (isinstance(node, plan.Element) and node.source == source):
+                return columns
+            if isinstance(node, plan.Column) and node.source == source:
+                read.add(node.name)
+        return tuple(name for name in columns if name in read)
+
     def _looked_up(self, source: plan.Source, items: ast.expr, body: Body) -> ast.expr:
         """The elements that the source's lookup finds; its index lives as long as the elements do."""
-        unit, condition = self.builder.unit, self.lookups[source.id]
-        pen = unit.pen_at(condition.column.span)
+        unit, conditions = self.builder.unit, self.lookups[source.id]
+        pen = unit.pen_at(conditions[0].column.span)
         columns = unit.tuples.get(source.id)
-        if isinstance(condition.column, plan.Element):
+        names = [one.column.name for one in conditions if isinstance(one.column, plan.Column)]
+        if not names:
             index = pen.call(unit.helper(index_of_elements), items)
         elif columns is None:
-            index = pen.call(unit.helper(index_of_columns), items, pen.constant(condition.column.name))
+            index = pen.call(unit.helper(index_of_columns), items, *map(pen.constant, names))
         else:
-            index = pen.call(unit.helper(index_of_tuples), items, pen.constant(columns.index(condition.column.name)))
+            places = (pen.constant(columns.index(name)) for name in names)
+            index = pen.call(unit.helper(index_of_tuples), items, *places)
         facts = self.builder.source_facts(source)
         kept = body.kept(facts, index, pen, "index")
-        pen = unit.pen_at(condition.other.span)
-        return pen.call(unit.helper(found_in), kept, expression(self.builder, condition.other, body))
+        pen = unit.pen_at(conditions[0].other.span)
+        find = unit.helper(found_in if len(conditions) == 1 else found_in_several)
+        return pen.call(find, kept, *(expression(self.builder, one.other, body) for one in conditions))
 
     def _kept(self, source: plan.Source, body: Body, items: ast.expr) -> ast.expr:
         facts = self.builder.source_facts(source)
@@ -215,6 +267,19 @@ def is_table(query: plan.Query) -> bool:
     plain = representation.name == "dict" and not representation.arguments and not representation.named
     shaped = query.search is not None or (query.group and not query.aggregated)
     return plain and not shaped and not any(output.label or output.star for output in query.columns)
+
+
+def read_by_sources(query: plan.Query) -> list[plan.Expr]:
+    """The expressions in the FROM of a query."""
+    values = [source.value for source in query.sources if isinstance(source, plan.ValueSource)]
+    return values + [e for source in query.sources if isinstance(source, plan.WorldSource) for e in source.arguments]
+
+
+def rows_of_frame(source: Any, *names: str) -> list[tuple[Any, ...]]:
+    """The rows of a data frame, or of what a function of the user has put in its place."""
+    if isinstance(source, Frame):
+        return source.rows(names)
+    return [tuple(column_of(element, name, None) for name in names) for element in elements(source)]
 
 
 def table_rows(run: Run, table: plan.TableSource) -> list[tuple[Any, ...]]:

@@ -77,6 +77,11 @@ class Task:
         assert rows is not None
         return rows
 
+    def stream(self) -> Iterator[Row]:
+        """The rows of a query whose results are rows, one by one where nothing follows after they were found."""
+        found, keyed = self._results(NO_SETTINGS, (), False)
+        return iter(self.tuples()) if keyed else found
+
     def rows(self, outer: tuple[Any, ...] = (), sink: Rows | None = None, outermost: bool = False) -> Rows:
         """The answer of the query, in `sink` where one is given. The run's limits hold for the `outermost` query."""
         form, query = self.form, self.form.query

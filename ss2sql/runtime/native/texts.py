@@ -20,12 +20,12 @@ from ss2sql.runtime.values import show
 class Sight:
     """What one `eval` sees.
 
-    `scope` belongs to the resolver. `sources` are numbers of sources with the columns of tuples, or the types
-    of elements (see Unit), `states` START WITH variables; a compiled text takes their values in this order.
+    `scope` belongs to the resolver. `sources` are numbers of sources with the columns of tuples, the types of elements
+    and the tables of worlds (see Unit), `states` START WITH variables; a compiled text takes their values in this order.
     """
 
     scope: Any
-    sources: tuple[tuple[int, tuple[str, ...] | None, Type | None], ...]
+    sources: tuple[tuple[int, tuple[str, ...] | None, Type | None, Any], ...]
     states: tuple[tuple[int, str], ...]
     dispatch: Callable[[plan.Query], Callable[[Run], Any]] | None
 
@@ -56,12 +56,14 @@ def compiled(statements: tuple[plan.Expr, ...], sight: Sight) -> Callable[[Run],
         unit = Unit(statements[0].span, analysis)
         builder = Builder(unit, sight.dispatch)
         body = Body(unit, unit.local("text"), [], unit.root)
-        for source, columns, kind in sight.sources:
+        for source, columns, kind, table in sight.sources:
             name = unit.names[source] = unit.local("element")
             body.parameters.append(name)
             body.levels[source] = 0
             if columns is not None:
                 unit.tuples[source] = columns
+            if table is not None:
+                unit.worlds[source] = table
             unit.elements[source] = kind or ANY
         for state in sight.states:
             name = unit.states[state] = unit.local(state[1])

@@ -147,7 +147,8 @@ class Unit:
     """One piece of generated code.
 
     `names` and `states` give the local names of sources and START WITH variables, `tuples` the columns of the
-    sources whose elements are tuples, `elements` the types of those whose elements are values.
+    sources whose elements are tuples, `elements` the types of those whose elements are values. `worlds` are the tables
+    of those that walk keys of a world.
     """
 
     def __init__(self, span: Span, analysis: Analysis, parameters: tuple[str, ...] = ()) -> None:
@@ -160,6 +161,7 @@ class Unit:
         self.states: dict[tuple[int, str], str] = {}
         self.tuples: dict[int, tuple[str, ...]] = {}
         self.elements: dict[int, Type] = {}
+        self.worlds: dict[int, Any] = {}
         self.bindings: list[ast.stmt] = []
         self.definitions: list[ast.stmt] = []
         self._bound: dict[Any, str] = {}
@@ -216,6 +218,10 @@ class Unit:
         value = pen.call(self.helper(value_if_any), run, text)
         return pen.name(self.bind(("variable", name), name, value, pen, "MissingValueError"))
 
+    def frame(self, name: str, pen: Pen) -> ast.expr:
+        """A data frame, as it was when the run first read it."""
+        return pen.call(self.helper(frame_of), pen.name("run"), pen.constant(name))
+
     def counter(self, name: str, body: Body) -> str:
         """A counter of the whole run, to be increased in `body`."""
         if name not in self._bound:
@@ -259,6 +265,10 @@ def callable_of(run: Run, function: plan.Function) -> Callable[..., Any]:
 
 def variable_of(run: Run, name: str) -> Any:
     return run.variable(name)
+
+
+def frame_of(run: Run, name: str) -> Any:
+    return run.source(name)
 
 
 def value_if_any(run: Run, name: str) -> Any:

@@ -2,17 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Any, Literal, TypeVar
+
+from ss2sql.plan import Fact
+
+F = TypeVar("F", bound=Callable[..., Any])
+ASKS = "__ss2sql_asks__"
+
+
+def asks(wanted: Literal["elements", "calls"]) -> Callable[[F], F]:
+    """Decorator of representations that ask for more than the columns: they find it in `Table.hidden`.
+
+    "elements": the element of the first source, one for each row. "calls": the arguments of the calls in SELECT.
+    Searches and groups with aggregates have rows that belong to no single element; of them nothing is hidden.
+    """
+
+    def note(function: F) -> F:
+        setattr(function, ASKS, wanted)
+        return function
+
+    return note
 
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Rows with names for their columns: `columns` a tuple of strings, `rows` a list of tuples."""
+    """Rows with names for their columns: `columns` a tuple of strings, `rows` a list of tuples.
+
+    `hidden` are tuples, one for each row, of what a representation has asked for; without any where there is nothing.
+    `facts` says how the columns are calls, see `ss2sql.plan.Fact`.
+    """
 
     columns: tuple[str, ...]
     rows: list[tuple[Any, ...]]
+    hidden: list[tuple[Any, ...]] = field(default_factory=list)
+    facts: tuple[Fact, ...] = ()
 
     def __iter__(self) -> Iterator[tuple[Any, ...]]:
         return iter(self.rows)

@@ -1,0 +1,74 @@
+"""Columns that a representation asks for although SELECT does not name them.
+
+`SELECT mass FROM space AS plane(...)` has to know where the bodies are, `SELECT mass FROM space AS prolog` whose mass it
+is. Such columns stand behind those of SELECT, and nobody but the representation sees them.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from ss2sql import plan
+from ss2sql.frontend.builder import OPERATORS
+from ss2sql.frontend.scope import element_of
+from ss2sql.kinds import Kind
+from ss2sql.walk import walk
+
+if TYPE_CHECKING:
+    from ss2sql.frontend.resolve import Resolver
+
+_SIGNS = {*OPERATORS.values(), "neg", "not_in", "item", "slice"}  # calls that are written as signs between their arguments
+
+
+def with_hidden_columns(resolver: Resolver, query: plan.Query) -> plan.Query:
+    """The query with what its representation asks for. Rows of searches and of groups belong to no single element."""
+    form = query.representation
+    wanted = resolver.catalog.asked.get(form.name)
+    if wanted is None or query.search is not None or query.aggregated or not query.sources:
+        return query
+    hidden: list[plan.Expr] = []
+    facts: tuple[plan.Fact, ...] = ()
+    if wanted == "elements":
+        hidden.extend(_elements(query.sources[:1]))
+    else:
+        facts = tuple(_fact(output, query.sources, hidden) for output in query.columns)
+    word = wanted.removesuffix("s").replace("call", "argument")
+    columns = (*query.columns, *(plan.Output(f"{word} {n}", expr) for n, expr in enumerate(hidden, 1)))
+    return replace(query, columns=columns, representation=replace(form, hidden=len(hidden), facts=facts))
+
+
+def _elements(sources: tuple[plan.Source, ...]) -> list[plan.Expr]:
+    """The elements of sources, where these are more than rows of columns."""
+    found = [element_of(source, source.span) for source in sources if not isinstance(source, plan.TableSource)]
+    return [element for element in found if element.type.kinds != Kind.DICT]
+
+
+def _fact(output: plan.Output, sources: tuple[plan.Source, ...], hidden: list[plan.Expr]) -> plan.Fact:
+    """How a column is told as a fact; what it is told of is added to the hidden columns, once for all facts."""
+    name, arguments, valued = "", _elements(sources), True
+    match output.expr:
+        case plan.Element() as element:
+            arguments, valued = [element], False
+        case plan.Column(source=number, name=word):
+            name, arguments = word, _elements(tuple(source for source in sources if source.id == number))
+        case plan.Call(function=function, arguments=given) if function.name not in _SIGNS and _steady(given):
+            word = function.name.removeprefix("world_").rpartition(".")[2]
+            name, arguments = word, list(given)
+    if not re.fullmatch(rf"{re.escape(name)}(_\d+)?", output.name):
+        name = ""  # `to` has given the column a name of its own
+    for argument in arguments:
+        if argument not in hidden:
+            hidden.append(argument)
+    return plan.Fact(name, tuple(map(hidden.index, arguments)), valued)
+
+
+def _steady(arguments: tuple[plan.Expr, ...]) -> bool:
+    """Whether arguments can be evaluated a second time without being noticed."""
+    nodes = [node for argument in arguments for node in walk(argument)]
+    return not any(
+        isinstance(node, plan.Assign | plan.TemporalAssign | plan.AssignLate | plan.Eval)
+        or (isinstance(node, plan.Call) and node.function.volatility == "volatile")
+        for node in nodes
+    )

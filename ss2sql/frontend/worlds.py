@@ -1,0 +1,124 @@
+"""Worlds in scripts: their tables in FROM, their columns and methods as functions of elements."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from ss2sql import plan
+from ss2sql.errors import ResolveError, Span, did_you_mean
+from ss2sql.frontend import ast
+from ss2sql.frontend.scope import Scope, column_of
+from ss2sql.kinds import ANY, Kind
+
+if TYPE_CHECKING:
+    from ss2sql.frontend.resolve import Resolver
+
+
+def world_named(resolver: Resolver, name: str) -> Any:
+    """The attached world of this name, unless the script has given the name another meaning."""
+    if name in resolver.assigned or name in resolver.late:
+        return None
+    return resolver.catalog.worlds.get(name)
+
+
+# --- sources -------------------------------------------------------------------------------------------
+
+
+def world_source(
+    resolver: Resolver, table: Any, name: str, arguments: tuple[plan.Expr, ...], span: Span
+) -> plan.WorldSource:
+    source = plan.WorldSource(resolver.number(), name, table, arguments, table.element, table.columns, span=span)
+    resolver.tables[source.id] = source
+    return source
+
+
+def table_of_world(resolver: Resolver, world: Any, word: str, name: str, span: Span) -> plan.WorldSource:
+    """`world.table` in FROM."""
+    table = _table(world, word, span)
+    if table.schema.required:
+        _refuse_call(table, (), span)
+    return world_source(resolver, table, name, (), span)
+
+
+def function_source(resolver: Resolver, tree: ast.Call, name: str, scope: Scope) -> plan.Source:
+    """`world.function(arguments)` in FROM: a table function, or a function whose value is walked."""
+    from ss2sql.frontend.sources import by_position, value_source
+
+    world = world_named(resolver, tree.owner or "")
+    if world is None or (tree.function not in world.tables and tree.function in world.functions):
+        return value_source(resolver, name, resolver.expression(tree, scope), tree.span)
+    table = _table(world, tree.function, tree.span)
+    arguments = by_position(tree, table.schema.parameters)
+    if not table.schema.required <= len(arguments) <= len(table.schema.parameters):
+        _refuse_call(table, arguments, tree.span)
+    return world_source(resolver, table, name, resolver.all(arguments, scope), tree.span)
+
+
+def _table(world: Any, word: str, span: Span) -> Any:
+    table = world.tables.get(word)
+    if table is None:
+        hints = did_you_mean(word, world.tables) or (f"its tables: {', '.join(world.tables)}",)
+        raise ResolveError("R003", f"the world '{world.name}' has no table '{word}'", span, hints)
+    return table
+
+
+def _refuse_call(table: Any, arguments: tuple[ast.Expr, ...], span: Span) -> None:
+    schema = table.schema
+    if not schema.parameters:
+        raise ResolveError("R005", f"'{table.title}' takes no arguments", span, (f"write FROM {table.title}",))
+    missing = schema.parameters[len(arguments) : schema.required]
+    what = f"lacks {' and '.join(missing)}" if missing else f"takes at most {len(schema.parameters)} arguments"
+    hint = f"it is called as {table.world_name}.{schema.signature}"
+    raise ResolveError("R005", f"'{table.title}' {what}", span, (hint,))
+
+
+# --- functions -----------------------------------------------------------------------------------------
+
+
+def world_call(
+    resolver: Resolver, name: str, arguments: tuple[plan.Expr, ...], scope: Scope | None, span: Span
+) -> plan.Expr:
+    """A call of a world's function; of an element that walks here the column itself."""
+    if len(arguments) == 1:
+        source = _walked(arguments[0], scope)
+        if source is not None and any(column == name for column, _ in source.columns):
+            return column_of(source, name, span)
+    function = resolver.catalog.world_functions[name]
+    resolver.check_arity(function, len(arguments), span)
+    return plan.Call(function, arguments, ANY, span=span, place=span)
+
+
+def _walked(expr: plan.Expr, scope: Scope | None) -> plan.WorldSource | None:
+    """The source whose current element the expression is, if that is one of a world."""
+    if isinstance(expr, plan.Element):
+        for level in scope.outwards() if scope else ():
+            for source in level.sources:
+                if source.id == expr.source:
+                    return source if isinstance(source, plan.WorldSource) else None
+    return None
+
+
+def keys_of(arguments: tuple[plan.Expr, ...], scope: Scope | None) -> tuple[plan.Expr, ...]:
+    """What `==` and `!=` compare: of two elements of one table, their keys where these are numbers or strings."""
+    sources = [_walked(argument, scope) for argument in arguments]
+    match sources:
+        case [plan.WorldSource(table=one) as first, plan.WorldSource(table=other) as second]:
+            alike = one.schema.keyed is not None and one.schema.keyed is other.schema.keyed
+            if alike and one.key and dict(first.columns)[one.key].kinds in (Kind.INT, Kind.STR):
+                pairs = zip((first, second), arguments, strict=True)
+                return tuple(column_of(source, one.key, argument.span) for source, argument in pairs)
+    return arguments
+
+
+def is_function_of_this(resolver: Resolver, name: str, scope: Scope) -> bool:
+    """Whether a bare name may be a function that is applied to `this`.
+
+    Where columns are known only when a source is read, a column of elements is read as one.
+    """
+    if not scope.sources:
+        return False
+    if name in resolver.catalog.functions:
+        return True
+    if name not in resolver.catalog.world_functions:
+        return False
+    return not any(source.columns is None for level in scope.outwards() for source in level.sources)

@@ -1,0 +1,59 @@
+"""What a session checks of its arguments, and how it opens files."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import apsw
+
+from ss2sql.errors import SessionError, Source, did_you_mean
+from ss2sql.runtime.compiled import ENGINES
+
+BUSY_MILLISECONDS = 1000  # how long to wait for a file that somebody else is writing
+# How SQLite uses memory. Pages of a file that were read are kept, up to 64 MB: a search over a million edges then takes
+# 1.8 s and not 2.6. Copies of tables, and what is sorted, stay in memory: without an index on the edges 1.9 s and not 3.4.
+MEMORY = ("PRAGMA cache_size = -65536", "PRAGMA temp_store = MEMORY")
+
+
+def name_of(function: Any) -> str:
+    name = getattr(function, "__name__", "")
+    if not name.isidentifier():
+        raise SessionError("S002", f"{function!r} has no name of its own", hints=('give one: function("name", f)',))
+    return str(name)
+
+
+def check_engine(engine: str) -> None:
+    if engine not in ENGINES:
+        raise SessionError("S002", f"there is no engine {engine!r}", hints=did_you_mean(str(engine), ENGINES))
+
+
+def check_bound(name: str, value: Any, least: int) -> None:
+    if value is not None and (isinstance(value, bool) or not isinstance(value, int) or value < least):
+        raise SessionError("S002", f"{name} is a whole number of at least {least}, not {value!r}")
+
+
+def open_connection(path: str | os.PathLike[str] | None, read_only: bool) -> apsw.Connection:
+    flags = apsw.SQLITE_OPEN_READONLY if read_only else apsw.SQLITE_OPEN_READWRITE | apsw.SQLITE_OPEN_CREATE
+    try:
+        connection = apsw.Connection(":memory:" if path is None else os.fspath(path), flags=flags)
+        connection.set_busy_timeout(BUSY_MILLISECONDS)
+        connection.execute("SELECT count(*) FROM sqlite_schema")
+        for pragma in MEMORY:
+            connection.execute(pragma)
+    except apsw.Error as error:
+        raise SessionError("S002", f"{path} cannot be opened as a SQLite database: {error}") from error
+    return connection
+
+
+def source_of(script: str | Path) -> Source:
+    """The text of a script with its name. Raises SessionError S002 for a file that cannot be read."""
+    if isinstance(script, Path):
+        try:
+            return Source(script.read_text(encoding="utf-8"), str(script))
+        except (OSError, UnicodeDecodeError) as error:
+            raise SessionError("S002", f"the script {script} cannot be read: {error}") from error
+    if not isinstance(script, str):
+        raise SessionError("S002", f"a script is text or a pathlib.Path, not {type(script).__name__}")
+    return Source(script)

@@ -1,0 +1,113 @@
+"""`AS plane("XY", [x, y], [width, height, resolution], blur)`: the values of the rows, added up where they are.
+
+The arguments are the paper's: the plane, the starting point (the lower corner, in metres), how many cells there are and
+the edge of a cell in metres, and optionally the blur, in cells.
+"""
+
+from __future__ import annotations
+
+from math import ceil
+from typing import Any
+
+import numpy as np
+
+from ss2sql.runtime.representations.base import Table, asks
+from ss2sql.runtime.representations.grid import Grid, check_cells, number, numbers, refuse
+from ss2sql.runtime.values import show
+from ss2sql.vtables.base import Element
+
+AXES = {"XY": (0, 1), "XZ": (0, 2), "YZ": (1, 2)}
+USAGE = 'write AS plane("XY", [-5, -5], [100, 100, 0.1]), which covers 10 m x 10 m'
+REACH = 3  # standard deviations at which the blur ends
+
+
+@asks("elements")
+def represent(table: Table, plane: Any, start: Any, size: Any, blur: Any = 0) -> Grid:
+    """A grid with the sum of the last column in each cell, rows along the second axis; what lies outside is left out.
+
+    Args:
+        table: the last column is what is added up, None counts nothing. The place is the first list of numbers or the
+            first element of a world before it; where there is none, it is that of the source's element.
+        plane: "XY", "XZ" or "YZ".
+        start: the lower corner of the grid in this plane, in metres.
+        size: the number of columns, the number of rows, and the edge of a cell in metres.
+        blur: the standard deviation of a Gaussian, in cells, that values are spread with. What is spread beyond the
+            border is lost.
+    """
+    axes = AXES.get(plane.upper()) if isinstance(plane, str) else None
+    if axes is None:
+        refuse("plane", f"needs a plane XY, XZ or YZ, not {show(plane)}", USAGE)
+    origin = numbers("plane", "the lower corner", start, 2)
+    width, height, edge = numbers("plane", "width, height and resolution", size, 3)
+    columns, rows = (_count(cells, edge) for cells in (width, height))
+    number("plane", "the edge of a cell", edge, above=0)
+    check_cells("plane", columns, rows)
+    spread = number("plane", "a blur in cells", blur)
+    if spread < 0:
+        refuse("plane", f"needs a blur of at least 0 cells, not {show(blur)}")
+    points, values = _points(table, axes)
+    with np.errstate(over="ignore"):
+        places = np.floor((points - origin) / edge)
+    inside = ((places >= 0) & (places < (columns, rows))).all(axis=1)
+    at = places[inside].astype(np.int64)
+    cells = np.bincount(at[:, 1] * columns + at[:, 0], values[inside], columns * rows).reshape(rows, columns)
+    return Grid(blurred(cells, spread), origin, edge)
+
+
+def _count(cells: float, edge: float) -> int:
+    if cells < 1 or cells != int(cells):
+        metres = f"[{cells / edge:.0f}, ...]" if edge > 0 else "[100, 100, 0.1]"
+        refuse("plane", f"needs width and height in cells, not {cells:g}", f"for {cells:g} m write {metres}", USAGE)
+    return int(cells)
+
+
+def _points(table: Table, axes: tuple[int, int]) -> tuple[Any, Any]:
+    """Where the rows are in the plane, and their values."""
+    points: list[tuple[float, float]] = []
+    values: list[float] = []
+    for number, row in enumerate(table.rows):
+        value = row[-1]
+        if value is None:
+            continue
+        if not isinstance(value, (bool, int, float)):
+            hint = "the last column of SELECT has to be a number, such as mass or linearVelocity(this, 2)"
+            refuse("plane", f"cannot add up {show(value)}, the '{table.columns[-1]}' of row {number + 1}", hint)
+        values.append(float(value))
+        points.append(_point(table, number, axes))
+    return np.array(points, dtype=float).reshape(-1, 2), np.array(values, dtype=float)
+
+
+def _point(table: Table, number: int, axes: tuple[int, int]) -> tuple[float, float]:
+    """Where a row is: its first list or element, else the element of its source."""
+    candidates = (*table.rows[number][:-1], *(table.hidden[number] if table.hidden else ()))
+    place = next((value for value in candidates if isinstance(value, (list, Element))), None)
+    if isinstance(place, Element):
+        place = getattr(place, "pos", None)
+    if not isinstance(place, (list, tuple)):
+        hints = ("select it before the value: SELECT pos, mass", "or select elements of a world")
+        refuse("plane", f"does not know where row {number + 1} is", *hints)
+    if len(place) not in (2, 3) or len(place) <= axes[1] or not all(type(part) in (int, float) for part in place):
+        wanted = "[x, y] or [x, y, z]" if axes == (0, 1) else "[x, y, z]"
+        refuse("plane", f"needs a place {wanted} in row {number + 1}, not {show(place)}")
+    return place[axes[0]], place[axes[1]]
+
+
+def blurred(cells: Any, spread: float) -> Any:
+    """The cells, each spread over its neighbours.
+
+    Row by row and then column by column, since a Gaussian is a product: 38 additions of the whole grid for a spread
+    of 3 cells, which take 0.3 ms for 100 x 100 cells.
+    """
+    reach = ceil(REACH * spread)
+    if reach == 0:
+        return cells
+    weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / spread) ** 2)
+    weights /= weights.sum()
+    for _ in range(2):  # turned over each time, so that both axes have their turn
+        total = np.zeros_like(cells)
+        for offset, weight in zip(range(-reach, reach + 1), weights, strict=True):
+            if abs(offset) < len(cells):
+                target = slice(max(offset, 0), len(cells) + min(offset, 0))
+                total[target] += weight * cells[max(-offset, 0) : len(cells) - max(offset, 0)]
+        cells = total.T
+    return np.ascontiguousarray(cells)

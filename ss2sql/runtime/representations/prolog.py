@@ -1,0 +1,135 @@
+"""`AS prolog`: every selected call as a fact, in a text that Prolog loads.
+
+`SELECT mass, isSphere FROM space AS prolog` gives `mass(sphere_1, 3.2).` and `isSphere(sphere_1).` True stands without a
+value; False and None are no facts. What is false in Prolog is what is not told.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from math import isfinite
+from typing import Any
+
+from ss2sql.runtime.representations.base import Table, asks
+from ss2sql.runtime.representations.grid import refuse
+from ss2sql.runtime.values import show
+from ss2sql.vtables.base import Element
+
+_PLAIN = re.compile(r"[a-z][a-zA-Z0-9_]*", re.ASCII)
+_ESCAPES = {"\\": "\\\\", "'": "\\'", "\n": "\\n", "\t": "\\t", "\r": "\\r"}
+
+# Predicates of the ISO standard, which Prolog lets nobody define anew unless it is told to.
+_STANDARD = frozenset(
+    """
+    abolish/1 arg/3 assert/1 asserta/1 assertz/1 at_end_of_stream/1 atom/1 atom_chars/2 atom_codes/2 atom_concat/3
+    atom_length/2 atomic/1 bagof/3 call/1 call/2 call/3 call/4 callable/1 catch/3 char_code/2 char_conversion/2 clause/2
+    close/1 close/2 compare/3 compound/1 copy_term/2 current_input/1 current_op/3 current_output/1 current_predicate/1
+    current_prolog_flag/2 discontiguous/1 dynamic/1 findall/3 float/1 flush_output/1 functor/3 get_byte/1 get_byte/2
+    get_char/1 get_char/2 get_code/1 get_code/2 ground/1 halt/1 initialization/1 integer/1 is/2 keysort/2 length/2
+    multifile/1 nl/1 nonvar/1 number/1 number_chars/2 number_codes/2 numbervars/3 once/1 op/3 open/3 open/4 peek_byte/1
+    peek_byte/2 peek_char/1 peek_char/2 peek_code/1 peek_code/2 phrase/2 phrase/3 put_byte/1 put_byte/2 put_char/1
+    put_char/2 put_code/1 put_code/2 read/1 read/2 read_term/2 read_term/3 retract/1 retractall/1 set_input/1
+    set_output/1 set_prolog_flag/2 set_stream_position/2 setof/3 sort/2 stream_property/2 sub_atom/5 subsumes_term/2
+    term_variables/2 throw/1 var/1 write/1 write/2 write_canonical/1 write_canonical/2 write_term/2 write_term/3
+    writeq/1 writeq/2
+    """.split()
+)
+
+
+@asks("calls")
+def represent(table: Table) -> str:
+    """The facts, those of one predicate together, in the order of the columns; each once. Without rows an empty text."""
+    names = _names_of_elements([*table.rows, *table.hidden])
+    predicates: dict[tuple[str, int], dict[str, None]] = {}
+    for number, row in enumerate(table.rows):
+        for column, value in enumerate(row):
+            fact = table.facts[column] if table.facts else None
+            if value is None or value is False:
+                continue
+            functor = fact.name if fact is not None and fact.name else table.columns[column]
+            arguments = [table.hidden[number][place] for place in fact.places] if fact is not None else []
+            if value is not True and (fact is None or fact.valued):
+                arguments.append(value)
+            terms = [term(argument, names) for argument in arguments]
+            line = f"{atom(functor)}({', '.join(terms)})." if terms else f"{atom(functor)}."
+            predicates.setdefault((functor, len(terms)), {})[line] = None
+    return "".join(_told(*key, facts) for key, facts in predicates.items())
+
+
+def _told(functor: str, count: int, facts: dict[str, None]) -> str:
+    directive = ""
+    if f"{functor}/{count}" in _STANDARD:
+        directive = f":- redefine_system_predicate({functor}({', '.join('_' * count)})).\n"
+    return directive + "".join(f"{fact}\n" for fact in facts)
+
+
+def _names_of_elements(rows: list[tuple[Any, ...]]) -> dict[Element, str]:
+    """What elements are called: by their own names, with their keys where several have one name."""
+    found: dict[Element, str] = {}
+    for value in _inside([list(row) for row in rows]):
+        if value not in found:
+            name = getattr(value, "name", None)
+            found[value] = name if isinstance(name, str) and name else _keyed(value.table.name, value)
+    often = Counter(found.values())
+    return {element: name if often[name] == 1 else _keyed(name, element) for element, name in found.items()}
+
+
+def _keyed(name: str, element: Element) -> str:
+    key = element.key
+    parts = key if isinstance(key, tuple) else (key,)
+    return "_".join([name, *map(str, parts)])
+
+
+def _inside(value: Any) -> list[Element]:
+    """The elements of worlds in a value."""
+    if isinstance(value, Element):
+        return [value]
+    parts = value if isinstance(value, list) else list(value.values()) if isinstance(value, dict) else []
+    return [element for part in parts for element in _inside(part)]
+
+
+def term(value: Any, names: dict[Element, str]) -> str:
+    """A value as Prolog writes it: texts as atoms, dicts as lists of pairs, what it does not know by how it is shown."""
+    match value:
+        case None:
+            return "none"
+        case bool():
+            return "true" if value else "false"
+        case int():
+            return str(value)
+        case float():
+            return _float(value)
+        case str():
+            return atom(value)
+        case list() | tuple():
+            return f"[{', '.join(term(part, names) for part in value)}]"
+        case dict():
+            return f"[{', '.join(f'{atom(str(key))}-({term(part, names)})' for key, part in value.items())}]"
+        case Element():
+            return atom(names[value])
+        case _:
+            return atom(show(value))
+
+
+def _float(value: float) -> str:
+    """Prolog's floats have digits on both sides of a point: 1.0e-7."""
+    if not isfinite(value):
+        refuse("prolog", f"cannot write {value}", "leave it out with WHERE")
+    digits, exponent, power = repr(value).partition("e")
+    return (digits if "." in digits else f"{digits}.0") + exponent + power
+
+
+def atom(text: str) -> str:
+    """A text as an atom, in quotes where it needs them."""
+    if _PLAIN.fullmatch(text):
+        return text
+    return "'" + "".join(_escaped(letter) for letter in text) + "'"
+
+
+def _escaped(letter: str) -> str:
+    if letter in _ESCAPES:
+        return _ESCAPES[letter]
+    if letter == "\0":
+        refuse("prolog", "cannot write a text that holds the letter \\0", "leave it out with WHERE")
+    return letter if letter.isprintable() else f"\\x{ord(letter):x}\\"

@@ -1,0 +1,146 @@
+"""The scene `hall`: a factory floor with rooms, doors and obstacles, and a mobile robot that stands in it."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from math import dist, hypot, pi
+from pathlib import Path
+from typing import Any, ClassVar
+
+from ss2sql.scenes import layout
+from ss2sql.scenes.bullet import package, pybullet
+from ss2sql.scenes.layout import Spot
+from ss2sql.scenes.scene import Scene, Sensor, View
+from ss2sql.scenes.solids import Box, Cylinder, Vector
+
+ROBOT = "YouBot"
+URDF = Path(__file__).with_name("youbot.urdf")
+CLEARANCE = 0.45  # between the ways that stay free and the nearest obstacle: half the diagonal of the robot is 0.35
+
+
+class Hall(Scene):
+    """A factory floor of 16 x 12 m; `places` names its points, `robot` is the id of the robot."""
+
+    bounds = ((0.0, 0.0, 0.0), (layout.WIDTH, layout.DEPTH, layout.HEIGHT))
+    views: ClassVar[dict[str, View]] = {
+        "south": View((8.0, -10.5, 24.0), (8.0, 5.5, 0.0), 28.4),
+        "top": View((8.0, 6.0, 23.0), (8.0, 6.0, 0.0), 32.0, (0.0, 1.0, 0.0)),
+        "start": View((0.6, -0.8, 5.2), (6.2, 5.4, 0.0), 55.0),
+    }
+
+    def __init__(self, seed: int, client: Any = None) -> None:
+        super().__init__(seed, client)
+        self.client.setGravity(0, 0, -9.81)
+        self.client.setAdditionalSearchPath(package("pybullet_data").getDataPath())
+        self.places |= layout.PLACES
+        self._taken: list[tuple[Spot, float, float]] = []  # middle, half width, half depth
+        self._building()
+        self._furniture()
+        self._things()
+        self._sensors()
+        self.robot = self._robot()
+
+    def _building(self) -> None:
+        self.add(
+            "floor", Box(layout.WIDTH, layout.DEPTH, 0.1), (layout.WIDTH / 2, layout.DEPTH / 2, -0.05), layout.FLOOR
+        )
+        self.outlines = [((x, 0.0, 0.0), (x, layout.DEPTH, 0.0)) for x in range(1, int(layout.WIDTH))]
+        self.outlines += [((0.0, y, 0.0), (layout.WIDTH, y, 0.0)) for y in range(1, int(layout.DEPTH))]
+        for (x1, y1), (x2, y2) in layout.WALLS:
+            # Walls along y end where those along x begin, so that no two surfaces lie in one place.
+            shape = (x2 - x1 + layout.THICKNESS, layout.THICKNESS) if y1 == y2 else (layout.THICKNESS, y2 - y1)
+            self._stand("wall", ((x1 + x2) / 2, (y1 + y2) / 2), (*shape, layout.HEIGHT), layout.WALL)
+        for spot in layout.COLUMNS:
+            self._round("column", spot, 0.2, layout.COLUMN_HEIGHT, layout.COLUMN)
+
+    def _furniture(self) -> None:
+        for spot in layout.SHELVES:
+            (shelf,) = self.client.loadSDF("kiva_shelf/model.sdf")
+            self._put(shelf, "shelf", spot, (0.46, 0.44))
+        for spot in layout.TABLES:
+            self._put(self.client.loadURDF("table/table.urdf", useFixedBase=True), "table", spot, (0.75, 0.5))
+        for spot, size in layout.MACHINES:
+            self._stand("machine", spot, size, layout.MACHINE)
+        for spot in layout.TANKS:
+            self._round("tank", spot, 0.5, 1.5, layout.TANK)
+
+    def _things(self) -> None:
+        """What has mass and could be moved: crates on the conveyor, then crates and barrels at random places."""
+        (x, y), (length, depth, height) = layout.CONVEYOR
+        self._stand("conveyor", (x, y), (length, depth, height), layout.BELT)
+        for number in range(3):
+            self._crate((x + (number - 1) * 0.85 + self.random.uniform(-0.1, 0.1), y), 0.35, height)
+        for _ in range(layout.CRATES - 3):
+            size = self.random.uniform(0.5, 0.9)
+            self._crate(self._spot(size * 0.71), size, 0.0)
+        for _ in range(layout.BARRELS):
+            self._round("barrel", self._spot(0.29), 0.29, 0.88, layout.BARREL, 30.0)
+
+    def _sensors(self) -> None:
+        for position, direction, far in layout.SENSORS:
+            body = self.add(self.next_name("sensor"), Box(0.14, 0.14, 0.14), position, layout.SENSOR)
+            length = hypot(*direction)
+            unit = (direction[0] / length, direction[1] / length, direction[2] / length)
+            self.sensors[body] = Sensor(position, unit, far, layout.SENSOR_ANGLE)
+
+    def _robot(self) -> int:
+        x, y = layout.TARGET
+        self.add("target", Cylinder(0.35, 0.02), (x, y, 0.01), layout.GOAL, touchable=False)
+        exact = pybullet().URDF_USE_IMPLICIT_CYLINDER  # otherwise Bullet turns cylinders into meshes
+        robot = self.client.loadURDF(str(URDF), (*layout.START, 0.0), flags=exact)
+        return self.adopt(robot, ROBOT)
+
+    def _crate(self, spot: Spot, size: float, height: float) -> None:
+        turned = (0.0, 0.0, self.random.uniform(-pi / 12, pi / 12))
+        colour = self.random.choice(layout.WOOD)
+        mass = 150.0 * size**3
+        self.add(self.next_name("crate"), Box(size, size, size), (*spot, height + size / 2), colour, mass, turned)
+
+    def _stand(self, kind: str, spot: Spot, size: Vector, colour: Vector) -> None:
+        """A box that stands on the floor and cannot be moved."""
+        self.add(self.next_name(kind), Box(*size), (*spot, size[2] / 2), colour)
+        self._taken.append((spot, size[0] / 2, size[1] / 2))
+
+    def _round(self, kind: str, spot: Spot, radius: float, height: float, colour: Vector, mass: float = 0.0) -> None:
+        self.add(self.next_name(kind), Cylinder(radius, height), (*spot, height / 2), colour, mass)
+        self._taken.append((spot, radius, radius))
+
+    def _put(self, body: int, kind: str, spot: Spot, half: Spot) -> None:
+        """Moves a body that was read from a file to its place."""
+        (_, _, z), turned = self.client.getBasePositionAndOrientation(body)
+        self.client.resetBasePositionAndOrientation(body, (*spot, z), turned)
+        self.adopt(body, self.next_name(kind))
+        self._taken.append((spot, *half))
+
+    def _spot(self, radius: float) -> Spot:
+        """A random place for something of this radius, off the ways that stay free and clear of everything else."""
+        while True:
+            x = self.random.uniform(radius + 0.2, layout.WIDTH - radius - 0.2)
+            y = self.random.uniform(radius + 0.2, layout.DEPTH - radius - 0.2)
+            if self._is_spare((x, y), radius):
+                self._taken.append(((x, y), radius, radius))
+                return x, y
+
+    def _is_spare(self, spot: Spot, radius: float) -> bool:
+        for (x, y), width, depth in self._taken:
+            if abs(spot[0] - x) < radius + width + 0.05 and abs(spot[1] - y) < radius + depth + 0.05:
+                return False
+        legs = [leg for way in layout.WAYS for leg in pairwise(way)]
+        return all(_distance(spot, *leg) > radius + CLEARANCE for leg in legs)
+
+
+def _distance(spot: Spot, start: Spot, end: Spot) -> float:
+    """From a point to a straight line between two others."""
+    (x, y), (x1, y1), (x2, y2) = spot, start, end
+    along = ((x - x1) * (x2 - x1) + (y - y1) * (y2 - y1)) / dist(start, end) ** 2
+    along = max(0.0, min(1.0, along))
+    return dist(spot, (x1 + along * (x2 - x1), y1 + along * (y2 - y1)))
+
+
+def hall(seed: int = 0, client: Any = None) -> Hall:
+    """A factory floor with four rooms, doors, obstacles, sensors and the robot `YouBot`.
+
+    The seed moves crates and barrels; a way from `places["start"]` to `places["target"]` always stays free. It builds
+    in a simulation of its own, or in `client`, which it empties.
+    """
+    return Hall(seed, client)

@@ -1,0 +1,184 @@
+"""The scene `chaos` in ODE, the simulator for which the paper shows it. It needs Debian's python3-pyode."""
+
+from __future__ import annotations
+
+from math import dist
+from typing import Any, ClassVar
+
+from ss2sql.scenes.drawn import Draws, Particle, quaternion, simulator
+from ss2sql.scenes.particles import (
+    BIRTH_EVERY,
+    BOUNCE,
+    EXPLODES,
+    FULL,
+    HALF,
+    PUSH_EVERY,
+    SPLINTER,
+    SPLINTER_STEPS,
+    WALLS,
+    WHITE,
+)  # fmt: skip
+from ss2sql.scenes.scene import TIME_STEP
+from ss2sql.scenes.solids import Box, Capsule, Cylinder, Solid, Sphere, Vector
+from ss2sql.vtables.ode import OdeWorld
+
+HARD = 5.0  # m/s, the speed of a contact at which a particle can explode
+
+
+class OdeChaos:
+    """A closed box of 10 x 10 x 10 m without gravity. Collisions can make a particle explode into white splinters.
+
+    - `world`, `space`: the `ode.World` and the `ode.HashSpace`; geoms have the attributes `name` and `colour`
+    - `particles`: all geoms that are no walls, in the order of their births
+    - `births`, `deaths`: how many particles were added and removed
+    """
+
+    bounds: ClassVar[tuple[Vector, Vector]] = ((-HALF, -HALF, -HALF), (HALF, HALF, HALF))
+
+    def __init__(self, seed: int, bodies: int) -> None:
+        self.ode = simulator("ode", "apt-get install python3-pyode, and use the Python of the same release of Debian")
+        self.seed = seed
+        self.steps = self.births = self.deaths = 0
+        self.world, self.space = self.ode.World(), self.ode.HashSpace()
+        self.walls = [self._wall(name, normal) for name, normal in WALLS.items()]
+        self.particles: list[Any] = []
+        self._forces: dict[Any, Vector] = {}
+        self._ends: dict[Any, int] = {}
+        self._hit: list[Any] = []
+        self._joints = self.ode.JointGroup()
+        self._draws = Draws(seed)
+        for particle in self._draws.particles(bodies):
+            self._forces[self._add(particle)] = self._draws.force(particle.mass)
+        self._full = FULL * bodies
+
+    @property
+    def time(self) -> float:
+        return self.steps * TIME_STEP
+
+    def step(self, n: int = 1) -> None:
+        """Lets `n` steps of the simulation pass, each of a 240th of a second."""
+        for _ in range(n):
+            if self.steps and self.steps % PUSH_EVERY == 0:
+                for geom in self._forces:
+                    self._forces[geom] = self._draws.force(geom.getBody().getMass().mass)
+            if self.steps and self.steps % BIRTH_EVERY == 0 and len(self.particles) < self._full:
+                self._bear()
+            for geom, force in self._forces.items():
+                geom.getBody().addForce(force)
+            self.space.collide(None, self._touch)
+            self.world.step(TIME_STEP)  # quickStep would draw from a source of random numbers of its own
+            self._joints.empty()
+            self.steps += 1
+            self._explode_some()
+            for geom in [geom for geom, end in self._ends.items() if end <= self.steps]:
+                self.remove(geom)
+
+    def _touch(self, _: object, one: Any, other: Any) -> None:
+        for contact in self.ode.collide(one, other):
+            contact.setBounce(BOUNCE)
+            contact.setBounceVel(0.05)
+            contact.setMu(0.5)
+            joint = self.ode.ContactJoint(self.world, self._joints, contact)
+            joint.attach(one.getBody(), other.getBody())
+            place, normal, _, _, _ = contact.getContactGeomParams()
+            if one in self._forces and other in self._forces and self._speed(one, other, place, normal) > HARD:
+                self._hit += [one, other]
+
+    @staticmethod
+    def _speed(one: Any, other: Any, place: Vector, normal: Vector) -> float:
+        """How fast two geoms come together at a point."""
+        first, second = one.getBody().getPointVel(place), other.getBody().getPointVel(place)
+        return float(sum((b - a) * n for a, b, n in zip(first, second, normal, strict=True)))
+
+    def _explode_some(self) -> None:
+        hit, self._hit = dict.fromkeys(self._hit), []
+        for geom in self.particles[:]:
+            if geom in hit and self._draws.random.random() < EXPLODES:
+                self.explode(geom)
+
+    def explode(self, geom: Any) -> None:
+        """Puts white splinters with its mass and its movement in the place of a particle."""
+        body, draws = geom.getBody(), self._draws
+        position, velocity, mass = body.getPosition(), body.getLinearVel(), body.getMass().mass
+        self.remove(geom)
+        count = draws.random.randint(6, 10)
+        for _ in range(count):
+            away, speed = draws.direction(), draws.random.uniform(1.5, 3.5)
+            x, y, z = (max(0.1 - HALF, min(HALF - 0.1, p + 0.1 * a)) for p, a in zip(position, away, strict=True))
+            vx, vy, vz = (v + speed * a for v, a in zip(velocity, away, strict=True))
+            still = (0.0, 0.0, 0.0)
+            splinter = Particle(
+                draws.name("particle"), SPLINTER, (x, y, z), still, (vx, vy, vz), still, mass / count, WHITE
+            )
+            self._ends[self._add(splinter)] = self.steps + draws.random.randint(*SPLINTER_STEPS)
+
+    def _bear(self) -> None:
+        taken = [(geom.getPosition(), _reach(geom)) for geom in self.particles]
+        particle = self._draws.particle(taken)
+        if particle is not None:
+            self._forces[self._add(particle)] = self._draws.force(particle.mass)
+
+    def remove(self, geom: Any) -> None:
+        """Takes a particle out of the simulation."""
+        self.space.remove(geom)
+        self.particles.remove(geom)
+        self._forces.pop(geom, None)
+        self._ends.pop(geom, None)
+        geom.setBody(None)
+        self.deaths += 1
+
+    def _wall(self, name: str, normal: Vector) -> Any:
+        wall = self.ode.GeomPlane(self.space, normal, -HALF)
+        wall.name = name
+        return wall
+
+    def _add(self, particle: Particle) -> Any:
+        body, mass = self.ode.Body(self.world), self.ode.Mass()
+        geom = self._shape(particle.solid, mass)
+        mass.adjust(particle.mass)
+        body.setMass(mass)
+        geom.setBody(body)
+        x, y, z, w = quaternion(particle.turned)
+        body.setPosition(particle.position)
+        body.setQuaternion((w, x, y, z))
+        body.setLinearVel(particle.velocity)
+        body.setAngularVel(particle.spin)
+        geom.name, geom.colour = particle.name, particle.colour
+        self.particles.append(geom)
+        self.births += 1
+        return geom
+
+    def _shape(self, solid: Solid, mass: Any) -> Any:
+        """A geom, and how its mass is spread."""
+        ode, upright = self.ode, 3
+        match solid:
+            case Sphere(radius):
+                mass.setSphere(1.0, radius)
+                return ode.GeomSphere(self.space, radius)
+            case Box(x, y, z):
+                mass.setBox(1.0, x, y, z)
+                return ode.GeomBox(self.space, (x, y, z))
+            case Capsule(radius, length):
+                mass.setCappedCylinder(1.0, upright, radius, length)
+                return ode.GeomCapsule(self.space, radius, length)
+            case Cylinder(radius, length):
+                mass.setCylinder(1.0, upright, radius, length)
+                return ode.GeomCylinder(self.space, radius, length)
+        raise ValueError(f"{solid} is no particle")
+
+    def __world__(self) -> OdeWorld:
+        return OdeWorld(self.space, clock=lambda: self.time)
+
+    def __repr__(self) -> str:
+        return f"<chaos in ODE of seed {self.seed}: {len(self.particles)} particles, {self.time:.2f} s>"
+
+
+def _reach(geom: Any) -> float:
+    """The radius of a sphere around a geom."""
+    low_x, high_x, low_y, high_y, low_z, high_z = geom.getAABB()
+    return dist((low_x, low_y, low_z), (high_x, high_y, high_z)) / 2
+
+
+def chaos(seed: int = 18, bodies: int = 150) -> OdeChaos:
+    """A closed box of particles without gravity, centred at the origin, with `bodies` of them at the beginning."""
+    return OdeChaos(seed, bodies)

@@ -1,0 +1,188 @@
+"""The scene `chaos`: a closed box full of particles that fly, collide, explode and are born."""
+
+from __future__ import annotations
+
+from colorsys import hsv_to_rgb
+from math import cos, dist, pi, sin, sqrt
+from typing import Any, ClassVar
+
+from ss2sql.errors import SessionError
+from ss2sql.scenes.bullet import pybullet
+from ss2sql.scenes.scene import Scene, View
+from ss2sql.scenes.solids import Box, Capsule, Cylinder, Plane, Solid, Sphere, Vector, reach
+
+HALF = 5.0  # half the edge of the box, whose middle is the origin
+INSIDE = HALF - 0.02  # where the middle of every particle stays
+BOUNCE = 0.3
+SPEED = 3.0  # of particles at their birth, at most, in m/s
+ACCELERATION = 4.0  # that forces give, at most
+PUSH_EVERY = 120  # steps; then every force has a new direction and strength
+BIRTH_EVERY = 90
+LOOK_EVERY = 4  # steps between looks at who touches whom
+HARD = 300.0  # a contact of this force, in N, can make a particle explode
+EXPLODES = 0.03  # how likely it does
+FULL = 4  # no births beyond this multiple of the bodies at the beginning
+SPLINTER = Sphere(0.07)
+SPLINTER_STEPS = (2 * 240, 10 * 240)  # that a splinter exists, at least and at most
+WHITE = (1.0, 1.0, 1.0)
+WALLS: dict[str, Vector] = {
+    "wall_left": (1, 0, 0), "wall_right": (-1, 0, 0), "wall_front": (0, 1, 0), "wall_back": (0, -1, 0),
+    "wall_floor": (0, 0, 1), "wall_ceiling": (0, 0, -1),
+}  # fmt: skip
+KINDS = ("sphere", "box", "capsule", "cylinder")
+
+
+class Chaos(Scene):
+    """A closed box of 10 x 10 x 10 m without gravity. Collisions can make a particle explode into white splinters."""
+
+    bounds = ((-HALF, -HALF, -HALF), (HALF, HALF, HALF))
+    views: ClassVar[dict[str, View]] = {
+        "corner": View((11.0, -22.0, 10.5), (0.0, 0.0, -0.7), 33.0),
+        "front": View((0.0, -24.0, 0.0), (0.0, 0.0, 0.0), 33.0),
+        "top": View((0.0, 0.0, 24.0), (0.0, 0.0, 0.0), 33.0, (0.0, 1.0, 0.0)),
+    }
+
+    def __init__(self, seed: int, bodies: int, client: Any = None) -> None:
+        super().__init__(seed, client)
+        self.full = FULL * bodies
+        self.ends: dict[int, int] = {}  # the step in which a splinter vanishes
+        corners = [(x, y, z) for x in (-HALF, HALF) for y in (-HALF, HALF) for z in (-HALF, HALF)]
+        self.outlines = [(a, b) for a in corners for b in corners if a < b and dist(a, b) == 2 * HALF]
+        self.client.setPhysicsEngineParameter(erp=0.8, contactERP=0.8)  # pushes what overlaps apart at once
+        for name, normal in WALLS.items():
+            colour = (0.84, 0.86, 0.9) if name == "wall_floor" else (1.0, 1.0, 1.0)
+            wall = self.add(name, Plane(normal, 2 * HALF), _scaled(normal, -HALF), colour)
+            self._bouncy(wall)
+        for _ in range(bodies):
+            self.bear()
+
+    def before_step(self) -> None:
+        if self.steps % PUSH_EVERY == 0 and self.steps:
+            for body in self.forces:
+                self.forces[body] = self._force(self.client.getDynamicsInfo(body, -1)[0])
+        if self.steps % BIRTH_EVERY == 0 and self.steps and len(self.names) < self.full:
+            self.bear()
+        if self.steps % LOOK_EVERY == 0:
+            self._explosions()
+            self._ends()
+
+    def after_step(self) -> None:
+        where, push = self.client.getBasePositionAndOrientation, self.client.applyExternalForce
+        in_world = pybullet().WORLD_FRAME
+        for body, force in self.forces.items():
+            position, _ = where(body)
+            if max(map(abs, position)) > INSIDE:
+                position = self._bring_back(body)
+            push(body, -1, force, position, in_world)
+        for body in self.ends:
+            if max(map(abs, where(body)[0])) > INSIDE:
+                self._bring_back(body)
+
+    def _bring_back(self, body: int) -> Vector:
+        """Mirrors at its wall what was hit so hard that its middle is about to leave the box."""
+        position, turned = self.client.getBasePositionAndOrientation(body)
+        velocity, spin = self.client.getBaseVelocity(body)
+        x, y, z = (max(-INSIDE, min(INSIDE, p)) for p in position)
+        back = [-BOUNCE * v if p * v > 0 and abs(p) > INSIDE else v for p, v in zip(position, velocity, strict=True)]
+        self.client.resetBasePositionAndOrientation(body, (x, y, z), turned)
+        self.client.resetBaseVelocity(body, back, spin)
+        return x, y, z
+
+    def bear(self) -> int | None:
+        """A new particle at a random place where there is room, if one is found."""
+        solid, kind = self._solid()
+        around = reach(solid)
+        for _ in range(100):
+            position = self._point(HALF - around)
+            if self.is_free(position, around):
+                break
+        else:
+            return None
+        mass = self.random.uniform(1.0, 100.0)
+        colour = hsv_to_rgb(self.random.random(), self.random.uniform(0.55, 0.95), self.random.uniform(0.7, 1.0))
+        turned = self._point(pi)
+        body = self.add(self.next_name(kind), solid, position, colour, mass, turned)
+        self._bouncy(body)
+        self.client.resetBaseVelocity(body, self._within(SPEED), self._within(2.0))
+        self.forces[body] = self._force(mass)
+        return body
+
+    def explode(self, body: int) -> None:
+        """Puts white splinters with its mass and its movement in the place of a particle."""
+        position, _ = self.client.getBasePositionAndOrientation(body)
+        velocity, _ = self.client.getBaseVelocity(body)
+        mass = self.client.getDynamicsInfo(body, -1)[0]
+        low, high = self.client.getAABB(body)
+        spread = min(b - a for a, b in zip(low, high, strict=True)) / 3
+        self.remove(body)
+        count = self.random.randint(6, 10)
+        for _ in range(count):
+            away = self._direction()
+            place = tuple(max(0.1 - HALF, min(HALF - 0.1, p + spread * a)) for p, a in zip(position, away, strict=True))
+            splinter = self.add(self.next_name("particle"), SPLINTER, place, WHITE, mass / count)
+            self._bouncy(splinter)
+            speed = self.random.uniform(1.5, 3.5)
+            self.client.resetBaseVelocity(splinter, [v + speed * a for v, a in zip(velocity, away, strict=True)])
+            self.ends[splinter] = self.steps + self.random.randint(*SPLINTER_STEPS)
+
+    def _explosions(self) -> None:
+        hard: set[int] = set()
+        for contact in self.client.getContactPoints():
+            one, other, strength = contact[1], contact[2], contact[9]
+            if strength > HARD and one in self.forces and other in self.forces:
+                hard |= {one, other}
+        for body in sorted(hard):
+            if self.random.random() < EXPLODES:
+                self.explode(body)
+
+    def _ends(self) -> None:
+        for body in [body for body, end in self.ends.items() if end <= self.steps]:
+            del self.ends[body]
+            self.remove(body)
+
+    def _bouncy(self, body: int) -> None:
+        # Bullet multiplies the values of the two bodies that meet, and slows bodies down unless told not to.
+        self.client.changeDynamics(body, -1, restitution=sqrt(BOUNCE), linearDamping=0.0, angularDamping=0.02)
+
+    def _solid(self) -> tuple[Solid, str]:
+        kind = self.random.choice(KINDS)
+        a, b, c = (self.random.uniform(0.1, 0.5) for _ in range(3))
+        match kind:
+            case "sphere":
+                return Sphere(a), kind
+            case "box":
+                return Box(2 * a, 2 * b, 2 * c), kind
+            case "capsule":
+                return Capsule(a / 1.5, 2 * b), kind
+            case _:
+                return Cylinder(a, 2 * b), kind
+
+    def _force(self, mass: float) -> Vector:
+        return self._within(mass * ACCELERATION)
+
+    def _point(self, half: float) -> Vector:
+        """A point in the cube with this half edge."""
+        return self.random.uniform(-half, half), self.random.uniform(-half, half), self.random.uniform(-half, half)
+
+    def _direction(self) -> Vector:
+        z, angle = self.random.uniform(-1.0, 1.0), self.random.uniform(0.0, 2 * pi)
+        across = sqrt(1 - z * z)
+        return across * cos(angle), across * sin(angle), z
+
+    def _within(self, length: float) -> Vector:
+        """A vector of random direction and of a random length up to this one."""
+        return _scaled(self._direction(), self.random.uniform(0.0, length))
+
+
+def _scaled(vector: Vector, factor: float) -> Vector:
+    return vector[0] * factor, vector[1] * factor, vector[2] * factor
+
+
+def chaos(seed: int = 18, bodies: int = 150, client: Any = None) -> Chaos:
+    """A closed box of particles without gravity, centred at the origin, with `bodies` of them at the beginning.
+
+    It builds in a simulation of its own, or in `client`, which it empties.
+    """
+    if bodies < 0:
+        raise SessionError("S002", f"a scene cannot have {bodies} bodies", hints=("give a number from 0 on",))
+    return Chaos(seed, bodies, client)

@@ -1,0 +1,128 @@
+"""The columns that worlds of bodies have in common: their names, their types, and how they follow from each other.
+
+The simulators differ in what they can tell. A name that two of them have means the same in both, so a query that runs
+over one of them runs over the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from math import atan2, copysign, pi, sqrt
+from typing import Any
+
+from ss2sql.vtables.base import Column, Gone
+
+VECTOR = (float, float, float)
+FAR = 1e30  # where the boxes of endless bodies end
+RANGE = "< <= > >="
+
+# The columns of groups that one call of a simulator gives, in the order of the functions below.
+POSITION = "x y z posX posY posZ pos"
+ROTATION = "qx qy qz qw quat"
+VELOCITY = "vx vy vz velocity linearVelocity"
+SPIN = "wx wy wz angularVelocity"
+SHAPE = "type isSphere isBox isCapsule isCylinder isPlane isMesh"
+
+Vector = tuple[float, float, float]
+
+_COLUMNS = (
+    Column("id", int, "", "the number of the body", "="),
+    Column("name", str, "", "its name", "="),
+    Column("obj", object, "", "the body itself, what `this` is"),
+    Column(
+        "type",
+        str,
+        "",
+        "sphere box capsule cylinder plane mesh terrain, compound of several, or ghost: without a shape",
+    ),
+    Column("x", float, "m", "the position", RANGE),
+    Column("y", float, "m", "the position", RANGE),
+    Column("z", float, "m", "the position", RANGE),
+    Column("posX", float, "m", "x"),
+    Column("posY", float, "m", "y"),
+    Column("posZ", float, "m", "z"),
+    Column("pos", VECTOR, "m", "the position, [x, y, z]"),
+    Column("qx", float, "", "the orientation as a quaternion"),
+    Column("qy", float, "", "the orientation as a quaternion"),
+    Column("qz", float, "", "the orientation as a quaternion"),
+    Column("qw", float, "", "the orientation as a quaternion, the real part"),
+    Column("quat", (float, float, float, float), "", "the orientation as a quaternion, [qx, qy, qz, qw]"),
+    Column("rot", VECTOR, "rad", "the orientation as roll, pitch and yaw"),
+    Column("pose", (*VECTOR, *VECTOR, float), "m", "pos and quat in one list of seven"),
+    Column("vx", float, "m/s", "the velocity"),
+    Column("vy", float, "m/s", "the velocity"),
+    Column("vz", float, "m/s", "the velocity"),
+    Column("velocity", VECTOR, "m/s", "the velocity, [vx, vy, vz]"),
+    Column("linearVelocity", VECTOR, "m/s", "the velocity, [vx, vy, vz]"),
+    Column("wx", float, "rad/s", "the angular velocity"),
+    Column("wy", float, "rad/s", "the angular velocity"),
+    Column("wz", float, "rad/s", "the angular velocity"),
+    Column("angularVelocity", VECTOR, "rad/s", "the angular velocity, [wx, wy, wz]"),
+    Column("force", VECTOR, "N", "the force that is applied from outside"),
+    Column("torque", VECTOR, "Nm", "the torque that is applied from outside"),
+    Column("mass", float, "kg", "the mass"),
+    Column("volume", float | None, "m3", "the volume of its shapes; None where it has no end or is not known"),
+    Column("aabb", (VECTOR, VECTOR), "m", "the box around it along the axes: two opposite corners"),
+    Column("isSphere", bool, "", "whether its shape is a sphere"),
+    Column("isBox", bool, "", "whether its shape is a box"),
+    Column("isCapsule", bool, "", "whether its shape is a capsule"),
+    Column("isCylinder", bool, "", "whether its shape is a cylinder"),
+    Column("isPlane", bool, "", "whether its shape is a plane"),
+    Column("isMesh", bool, "", "whether its shape is a mesh"),
+    Column("isRobot", bool, "", "whether it is a robot, or a part of one"),
+    Column("isSensor", bool, "", "whether a sensor is mounted on it"),
+    Column("isEnabled", bool, "", "whether anything can collide with it"),
+    Column("hasBody", bool, "", "whether it has mass and can move: walls and the like stand still"),
+)
+
+
+def body_columns(without: str = "") -> tuple[Column, ...]:
+    """The columns of bodies, but for those that a simulator knows nothing of."""
+    left_out = without.split()
+    return tuple(column for column in _COLUMNS if column.name not in left_out)
+
+
+def position_row(x: float, y: float, z: float) -> tuple[Any, ...]:
+    """The columns of POSITION."""
+    return x, y, z, x, y, z, (x, y, z)
+
+
+def rotation_row(x: float, y: float, z: float, w: float) -> tuple[Any, ...]:
+    """The columns of ROTATION."""
+    return x, y, z, w, (x, y, z, w)
+
+
+def velocity_row(vector: Sequence[float]) -> tuple[Any, ...]:
+    """The columns of VELOCITY."""
+    return (*vector, vector, vector)
+
+
+def spin_row(vector: Sequence[float]) -> tuple[Any, ...]:
+    """The columns of SPIN."""
+    return (*vector, vector)
+
+
+def shape_row(shape: str) -> tuple[Any, ...]:
+    """The columns of SHAPE."""
+    return shape, *(shape == known for known in ("sphere", "box", "capsule", "cylinder", "plane", "mesh"))
+
+
+def euler(x: float, y: float, z: float, w: float) -> Vector:
+    """Roll, pitch and yaw of a quaternion. Where the pitch is a right angle the roll is 0."""
+    sine = 2 * (w * y - z * x)
+    if abs(sine) > 1 - 1e-12:
+        return 0.0, copysign(pi / 2, sine), -copysign(2.0, sine) * atan2(x, w)
+    roll = atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+    yaw = atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+    return roll, atan2(sine, sqrt((1 - sine) * (1 + sine))), yaw
+
+
+def finite(values: Iterable[float]) -> Vector:
+    """A corner of a box, with ends."""
+    x, y, z = (max(-FAR, min(FAR, float(value))) for value in values)
+    return x, y, z
+
+
+def gone(what: str, key: Any) -> Gone:
+    """The error for a key that stands for nothing."""
+    return Gone(f"no {what} has the id {key!r}")

@@ -1,0 +1,305 @@
+"""The judge of adapters: `check_world` asks a world many things in many ways and compares the answers.
+
+First every table is read once by hand and the rules of base.py are tried one by one. Then random queries run over the
+world, on both engines, and over a plain copy of its tables: lists of dicts, which know nothing of filters and groups.
+"""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from ss2sql.errors import Error
+from ss2sql.kinds import Kind
+from ss2sql.vtables import adapter_of
+from ss2sql.vtables.attached import AttachedTable, AttachedWorld
+from ss2sql.vtables.base import Gone, Table, TableFunction, Where, World
+from ss2sql.vtables.questions import Copy, Questions
+from ss2sql.vtables.reading import Reading, own_key, where_of
+from ss2sql.vtables.schema import Schema, schema_of, tables_of
+
+Arguments = Mapping[str, Sequence[tuple[Any, ...]]]
+
+
+class BrokenRuleError(AssertionError):
+    """An adapter breaks a rule. `rule` is its name, `table` where it was seen, `query` the script that showed it."""
+
+    def __init__(self, rule: str, table: str, detail: str, query: str = "") -> None:
+        super().__init__(f"{rule}: {table}: {detail}" + (f"\n  {query}" if query else ""))
+        self.rule = rule
+        self.table = table
+        self.query = query
+
+
+@dataclass(slots=True)
+class Report:
+    """What was tried: the number of queries and of elements by table, and table functions that nobody could call."""
+
+    queries: int = 0
+    elements: dict[str, int] = field(default_factory=dict)
+    skipped: list[str] = field(default_factory=list)
+
+
+def check_world(
+    world: Any,
+    seed: int = 0,
+    queries: int = 200,
+    change: Callable[[random.Random], Any] | None = None,
+    arguments: Arguments | None = None,
+) -> Report:
+    """Judges an adapter.
+
+    Args:
+        world: a World, or an object that has an adapter. It should have some elements; up to 200 are enough.
+        seed: of the random choices.
+        queries: how many random queries to run, on each engine.
+        change: makes births, deaths and moves, now and then between two queries; it gets the source of random numbers.
+        arguments: for each table function some tuples of arguments. Functions that are missing here are called with
+            values of columns of the same names, or left out.
+
+    Returns:
+        What was tried.
+
+    Raises:
+        BrokenRuleError: for the first rule that is broken, with its name and what was seen.
+    """
+    judge = _Judge(world, random.Random(seed), arguments or {})
+    judge.rules()
+    rounds = 4 if change is not None else 1
+    for number in range(rounds):
+        judge.questions((queries + number) // rounds)
+        if change is not None:
+            judge.changed(change)
+    return judge.report
+
+
+def _refused(rule: str, table: str, error: Exception) -> BrokenRuleError:
+    text = error.message if isinstance(error, Error) else f"{type(error).__name__}: {error}"
+    return BrokenRuleError(rule, table, text)
+
+
+class _Judge:
+    def __init__(self, source: Any, dice: random.Random, arguments: Arguments) -> None:
+        self.dice = dice
+        self.arguments = arguments
+        self.report = Report()
+        world = adapter_of(source)
+        if world is None:
+            raise BrokenRuleError("there is an adapter", type(source).__name__, "no adapter serves this type")
+        self.world: World = world
+        try:
+            tables_of(world)
+            self.attached = AttachedWorld("world", world, lambda name, table: name)
+        except Exception as error:
+            raise _refused("declarations hold together", type(world).__name__, error) from error
+
+    # --- one rule after the other ----------------------------------------------------------------------
+
+    def rules(self) -> None:
+        """Everything that can be seen without a query."""
+        for table in self.attached.tables.values():
+            if isinstance(table.table, Table):
+                self._table(table.table, table.schema)
+        for table in self.attached.tables.values():
+            if isinstance(table.table, TableFunction):
+                self._function_of_rows(table.table, table.schema)
+        self._functions()
+
+    def _table(self, table: Table, schema: Schema) -> None:
+        keys = self._keys(table, Where())
+        for key in keys:
+            try:
+                hash(key)
+            except TypeError:
+                raise BrokenRuleError("keys are hashable", table.name, f"{key!r} is not") from None
+        if len(set(keys)) < len(keys):
+            twice = next(key for key in keys if keys.count(key) > 1)
+            raise BrokenRuleError("keys are unique", table.name, f"{twice!r} comes twice")
+        if self._keys(table, Where()) != keys:
+            raise BrokenRuleError("keys are the same each time", table.name, "a second call gives others")
+        rows = self._rows(table, schema, keys)
+        again = self._rows(table, schema, keys)
+        if rows != again:
+            place = next(index for index, pair in enumerate(zip(rows, again, strict=True)) if pair[0] != pair[1])
+            detail = f"{keys[place]!r} is first {rows[place]}, then {again[place]}"
+            raise BrokenRuleError("reading changes nothing", table.name, detail)
+        self._arrays(table, schema, keys, rows)
+        for _ in range(60):
+            self._filter(table, schema, keys, rows)
+        self.report.elements[table.name] = len(keys)
+
+    def _keys(self, table: Table, where: Where) -> list[Any]:
+        try:
+            self.world.memory = {}
+            return list(table.keys(where))
+        except Exception as error:
+            raise _refused("keys can be listed", table.name, error) from error
+
+    def _rows(self, table: Table, schema: Schema, keys: Sequence[Hashable]) -> list[dict[str, Any]]:
+        """All columns of the elements with these keys, read anew."""
+        reading = Reading(schema)
+        reading.expect(keys)
+        try:
+            readers = {name: reading.reader(name) for name in schema.kinds}
+            return [{name: read(key) for name, read in readers.items()} for key in keys]
+        except Exception as error:
+            raise _refused("values fit their columns", table.name, error) from error
+
+    def _arrays(self, table: Table, schema: Schema, keys: list[Any], rows: list[dict[str, Any]]) -> None:
+        """Groups of arrays give what belongs to the keys that were asked for, in their order."""
+        if not schema.arrays or not keys:
+            return
+        known = dict(zip(keys, rows, strict=True))
+        for _ in range(10):
+            some = self.dice.sample(keys, self.dice.randint(1, len(keys)))
+            for key, row in zip(some, self._rows(table, schema, some), strict=True):
+                if row != known[key]:
+                    detail = f"asked for {some}, {key!r} is {row} instead of {known[key]}"
+                    raise BrokenRuleError("arrays are in the order of their keys", table.name, detail)
+
+    def _filter(self, table: Table, schema: Schema, keys: list[Any], rows: list[dict[str, Any]]) -> None:
+        """`keys(where)` leaves out nothing that `where` allows, and keeps the order."""
+        usable = [(column.name, sorted(column.operators)) for column in schema.columns if column.operators]
+        if not usable or not rows:
+            return
+        demands = []
+        for name, operators in self.dice.choices(usable, k=self.dice.randint(1, 3)):
+            value = self.dice.choice(rows)[name]
+            if isinstance(value, float) and self.dice.random() < 0.3:
+                value += self.dice.choice((-1.0, 1.0)) * self.dice.random()
+            demands.append((name, self.dice.choice(operators), value))
+        where = where_of(demands, schema)
+        found = self._keys(table, where)
+        asked = ", ".join(f"{name} {operator} {value!r}" for name, operator, value in demands)
+        for key, row in zip(keys, rows, strict=True):
+            if key not in found and all(one.allows(row[name]) for name, one in where.items()):
+                detail = f"with {asked} the key {key!r} is missing, whose row is {row}"
+                raise BrokenRuleError("keys are never too few", table.name, detail)
+        if len(set(found)) < len(found):
+            raise BrokenRuleError("keys are unique", table.name, f"with {asked} one comes twice: {found}")
+        if found != [key for key in keys if key in set(found)]:
+            detail = f"with {asked} they come as {found}, without as {keys}"
+            raise BrokenRuleError("keys keep one order", table.name, detail)
+
+    # --- functions -------------------------------------------------------------------------------------
+
+    def _function_of_rows(self, table: TableFunction, schema: Schema) -> None:
+        calls = list(self.calls(table, schema))
+        if not calls:
+            self.report.skipped.append(table.name)
+        for arguments in calls:
+            shown = f"{table.name}({', '.join(map(repr, arguments))})"
+            try:
+                rows, again = (Reading(schema, self._shared(schema)).rows(arguments) for _ in range(2))
+            except Exception as error:
+                raise _refused("table functions give rows that fit", shown, error) from error
+            if rows != again:
+                raise BrokenRuleError("reading changes nothing", shown, f"it gives {rows}, then {again}")
+            if schema.walked is not None:
+                known = set(self._keys(schema.walked, Where()))
+                stranger = next((key for key in rows if key not in known), None)
+                if stranger is not None:
+                    detail = f"it gives {stranger!r}, which is no key of {schema.walked.name}"
+                    raise BrokenRuleError("table functions give keys of their table", shown, detail)
+                if len(set(rows)) < len(rows):
+                    raise BrokenRuleError("keys are unique", shown, f"one comes twice: {rows}")
+
+    @staticmethod
+    def _shared(schema: Schema) -> Reading | None:
+        return None if schema.walked is None else Reading(schema_of(schema.walked))
+
+    def calls(self, table: TableFunction, schema: Schema) -> Iterator[tuple[Any, ...]]:
+        """Arguments to call a table function with."""
+        if table.name in self.arguments:
+            yield from self.arguments[table.name]
+            return
+        principal = self.attached.principal
+        needed = schema.parameters[: schema.required]
+        if not all(name in principal.schema.kinds for name in needed):
+            return
+        assert isinstance(principal.table, Table)
+        rows = self._rows(principal.table, principal.schema, self._keys(principal.table, Where()))
+        for row in self.dice.sample(rows, min(5, len(rows))):
+            yield tuple(row[name] for name in needed)
+
+    def _functions(self) -> None:
+        """Functions that claim to be stable give the same twice."""
+        principal = self.attached.principal
+        assert isinstance(principal.table, Table)
+        for key in self._keys(principal.table, Where())[:5]:
+            element = principal.table.element(key)
+            for name, (method, volatility) in self.attached.functions.items():
+                if volatility == "volatile":
+                    continue
+                try:
+                    one, other = method(own_key(element, self.world)), method(own_key(element, self.world))
+                except TypeError:
+                    continue  # it takes something else than an element
+                if repr(one) != repr(other):
+                    detail = f"{name}({element!r}) is {one!r}, then {other!r}"
+                    raise BrokenRuleError("functions keep what they declare", principal.table.name, detail)
+
+    # --- queries ---------------------------------------------------------------------------------------
+
+    def copies(self) -> list[tuple[AttachedTable, Copy]]:
+        """The tables with keys as plain lists of dicts."""
+        found = []
+        for table in self.attached.tables.values():
+            if isinstance(table.table, Table):
+                rows = self._rows(table.table, table.schema, self._keys(table.table, Where()))
+                plain = [column for column in table.schema.columns if table.schema.kinds[column.name].only(_PLAIN)]
+                found.append((table, Copy(table.title, table.schema, plain, rows)))
+        return found
+
+    def questions(self, number: int) -> None:
+        """Runs random queries over the world and over its copy."""
+        copies = self.copies()
+        questions = Questions(self.dice, [copy for _, copy in copies], self.world)
+        for _ in range(number):
+            script = questions.script()
+            expected = questions.of_copy(script)
+            for engine in ("database", "native"):
+                found = questions.of_world(script, engine)
+                if found != expected:
+                    detail = f"on the {engine} engine it gives {_short(found)}, the copy {_short(expected)}"
+                    raise BrokenRuleError("queries see what is there", script.table, detail, script.text)
+            self.report.queries += 1
+        for table in self.attached.tables.values():
+            if table.schema.required:
+                missing = questions.missing_arguments(table)
+                if missing != "R005":
+                    raise BrokenRuleError("missing arguments are an error", table.title, f"the error is {missing}")
+
+    def changed(self, change: Callable[[random.Random], Any]) -> None:
+        """Lets the world change, and asks for the elements that are no more."""
+        tables = [t for t in tables_of(self.world) if isinstance(t, Table)]
+        before = [(table, self._keys(table, Where())) for table in tables]
+        change(self.dice)
+        for table, keys in before:
+            living = set(self._keys(table, Where()))
+            for key in keys:
+                if key not in living:
+                    self._dead(table, schema_of(table), key)
+
+    def _dead(self, table: Table, schema: Schema, key: Hashable) -> None:
+        for group in schema.groups:
+            if group in schema.arrays:
+                continue
+            try:
+                answer = getattr(table, group)(key)
+            except Gone:
+                continue
+            except Exception as error:
+                detail = f"{group}({key!r}) of a dead element raises {type(error).__name__} instead"
+                raise BrokenRuleError("the dead raise Gone", table.name, detail) from error
+            raise BrokenRuleError("the dead raise Gone", table.name, f"{group}({key!r}) still gives {answer!r}")
+
+
+_PLAIN = Kind.NONE | Kind.BOOL | Kind.INT | Kind.FLOAT | Kind.STR
+
+
+def _short(outcome: object) -> str:
+    text = repr(outcome)
+    return text if len(text) <= 600 else text[:597] + "..."

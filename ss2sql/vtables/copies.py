@@ -1,0 +1,64 @@
+"""Which tables a query has to copy when it begins, because it may move the world while it walks over it."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass
+from itertools import chain
+from typing import TYPE_CHECKING, Any
+
+from ss2sql import plan
+from ss2sql.errors import Span
+from ss2sql.vtables.reading import Readings
+from ss2sql.walk import walk
+
+if TYPE_CHECKING:
+    from ss2sql.vtables.attached import AttachedTable
+
+
+@dataclass(frozen=True, slots=True)
+class Copies:
+    """The columns that are copied, by table; none for a query that reads the world as it is."""
+
+    columns: tuple[tuple[AttachedTable, Span | None, tuple[str, ...]], ...] = ()
+
+    def begin(self) -> Readings:
+        """What a run of the query reads, with the copies made."""
+        readings = Readings()
+        for table, place, columns in self.columns:
+            readings.of(table.table, place).copy(columns)
+        return readings
+
+
+NO_COPIES = Copies()
+
+
+def copies_for(roots: Collection[Any]) -> Copies:
+    """What has to be copied for these parts of a plan, which run together.
+
+    Only functions of the user or of a world can move it. The text of an `eval` may call any, and read any column.
+    """
+    nodes = list(chain.from_iterable(map(walk, roots)))
+    sources = [node for node in nodes if isinstance(node, plan.WorldSource)]
+    texts = any(isinstance(node, plan.Eval) for node in nodes)
+    if not sources or not (texts or any(map(_may_move, nodes))):
+        return NO_COPIES
+    columns: dict[AttachedTable, dict[str, None]] = {}
+    for source in sources:
+        wanted = columns.setdefault(source.table, {})
+        if texts:
+            wanted.update(dict.fromkeys(name for name, _ in source.columns))
+        for node in nodes:
+            if isinstance(node, plan.Column) and node.source == source.id:
+                wanted[node.name] = None
+    return Copies(tuple((table, first_place(table, roots), tuple(wanted)) for table, wanted in columns.items()))
+
+
+def first_place(table: AttachedTable, roots: Iterable[Any]) -> Span | None:
+    """Where these parts of a plan first have the table in FROM."""
+    nodes = chain.from_iterable(walk(root) for root in roots if root is not None)
+    return next((node.span for node in nodes if isinstance(node, plan.WorldSource) and node.table is table), None)
+
+
+def _may_move(node: Any) -> bool:
+    return isinstance(node, plan.Call) and not node.function.builtin and node.function.volatility == "volatile"

@@ -1,0 +1,83 @@
+"""Worlds for people: tables of their columns and functions, made of the declarations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
+
+from ss2sql.errors import SessionError, did_you_mean
+from ss2sql.plan_tree import type_text
+from ss2sql.vtables.attached import AttachedTable, AttachedWorld
+from ss2sql.vtables.cleaning import type_name
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.tables import Tables
+
+
+def description(world: AttachedWorld) -> str:
+    """The tables of a world with columns, types, units, filters and texts, and its functions."""
+    about = world.world.text or type(world.world).__doc__ or type(world.world).__name__
+    lines = [f"{world.name}: {_first_line(about)}"]
+    for table in world.tables.values():
+        lines += ["", *table_lines(table)]
+    if world.functions:
+        lines += ["", "functions"]
+        width = max(map(len, world.functions))
+        for name, (method, volatility) in world.functions.items():
+            lines.append(f"  {name:<{width}}  {_first_line(method.__doc__ or '')} ({volatility})")
+    return "\n".join(line.rstrip() for line in lines)
+
+
+def table_lines(table: AttachedTable) -> Iterator[str]:
+    """The lines for one table."""
+    schema = table.schema
+    text = table.table.text or (f"elements of {schema.walked.name}" if schema.walked else "")
+    yield f"FROM {called(table)}" + (f": {text}" if text else "")
+    rows = list(column_rows(table))
+    widths = [max(len(row[place]) for row in rows) for place in range(4)]
+    for row in rows:
+        cells = [cell.ljust(width) for cell, width in zip(row, widths, strict=False)]
+        yield "  " + "  ".join([*cells, row[4]]).rstrip()
+
+
+def column_rows(table: AttachedTable) -> Iterator[tuple[str, str, str, str, str]]:
+    """The columns of a table: name, type, unit, the comparisons that the world can use, text."""
+    for column in table.schema.columns:
+        yield column.name, type_name(column.type), column.unit, column.filter, column.text
+
+
+def tables_in_sight(tables: Tables, worlds: Mapping[str, AttachedWorld]) -> dict[str, tuple[str, ...]]:
+    """The columns of the tables of a database and of worlds, by what they are called in FROM."""
+    found: dict[str, tuple[str, ...]] = {}
+    for name in tables.names():
+        source = tables.find(None, name)
+        if source is not None:
+            found[name] = tuple(column for column, _ in source.columns)
+    for world in worlds.values():
+        found.update((called(table), tuple(table.schema.kinds)) for table in world.tables.values())
+    return found
+
+
+def described(name: str, tables: Tables, worlds: Mapping[str, AttachedWorld]) -> str:
+    """What is known of a world or a table. Raises SessionError S002 where there is none of the name."""
+    owner, _, rest = name.partition(".")
+    if owner in worlds and not rest:
+        return description(worlds[owner])
+    if owner in worlds and rest in worlds[owner].tables:
+        return "\n".join(table_lines(worlds[owner].tables[rest]))
+    source = tables.find(owner, rest) if rest else tables.find(None, name)
+    if source is None:
+        known = [*worlds, *tables.names()]
+        known += [table.title for world in worlds.values() for table in world.tables.values()]
+        raise SessionError("S002", f"there is no world or table '{name}'", hints=did_you_mean(name, known))
+    width = max(len(column) for column, _ in source.columns)
+    return "\n".join([f"FROM {name}", *(f"  {column:<{width}}  {type_text(kind)}" for column, kind in source.columns)])
+
+
+def called(table: AttachedTable) -> str:
+    """What a table is called in FROM, with the parameters of a table function."""
+    return f"{table.world_name}.{table.schema.signature}" if table.schema.parameters else table.title
+
+
+def _first_line(text: str) -> str:
+    return (text.strip().splitlines() or [""])[0]

@@ -1,0 +1,69 @@
+"""Data frames as sources: pandas, Polars, Arrow, and structured arrays of NumPy.
+
+`frame.py` is what a frame is to the rest of the package: named columns of known types, whose values become those of
+Python when they are first read. `columns.py` makes such columns of arrays, `cells.py` values of single cells. The
+other files know one library each; one is imported when an object of its library is attached.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib import import_module
+from typing import Any, TypeAlias
+
+from ss2sql.errors import SessionError
+from ss2sql.vtables.frames.frame import Frame as Frame
+
+# Reads a frame as it stands now.
+Reader: TypeAlias = Callable[[], Frame]
+
+# By the package and the name of a type: the file here whose `reader(source, name)` gives a Reader.
+_FILES = {
+    ("pandas", "DataFrame"): "pandas",
+    ("polars", "DataFrame"): "polars",
+    ("pyarrow", "Table"): "arrow",
+    ("pyarrow", "RecordBatch"): "arrow",
+    ("numpy", "ndarray"): "numpy",
+}
+_CURES = {
+    ("polars", "LazyFrame"): "it has no rows yet: attach what its collect() gives",
+    ("polars", "Series"): "attach its to_frame(), or its to_list()",
+    ("pandas", "Series"): "attach its to_frame(), or its tolist()",
+    ("pyarrow", "Array"): "attach its to_pylist(), or a table that it is a column of",
+    ("pyarrow", "ChunkedArray"): "attach its to_pylist(), or a table that it is a column of",
+}
+
+
+def reader_of(source: Any, name: str) -> Reader | None:
+    """What reads an object as a data frame; None where it is none.
+
+    Args:
+        source: anything.
+        name: what scripts call it, for errors.
+
+    Raises:
+        SessionError: S002 for a part of a frame, a frame without rows, and where pyarrow is needed and missing.
+    """
+    for kind in type(source).__mro__:
+        own = (kind.__module__.partition(".")[0], kind.__name__)
+        if own in _CURES:
+            raise SessionError("S002", f"a {own[0]}.{own[1]} cannot be attached", hints=(_CURES[own],))
+        if own in _FILES:
+            return _file(_FILES[own]).reader(source, name)  # type: ignore[no-any-return]
+    if hasattr(type(source), "__arrow_c_stream__"):
+        return _file("arrow").reader(_table(source), name)  # type: ignore[no-any-return]
+    return None
+
+
+def _file(name: str) -> Any:
+    return import_module(f"ss2sql.vtables.frames.{name}")
+
+
+def _table(source: Any) -> Any:
+    """What gives Arrow data may give it only once, so it is read here and now."""
+    try:
+        pyarrow = import_module("pyarrow")
+    except ImportError:
+        message = f"to read a {type(source).__name__}, pyarrow is needed"
+        raise SessionError("S002", message, hints=("pip install 'ss2sql[df]'",)) from None
+    return pyarrow.RecordBatchReader.from_stream(source).read_all()

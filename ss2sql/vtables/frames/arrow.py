@@ -1,0 +1,68 @@
+"""Tables and record batches of Arrow, and whatever gives its data as such a table."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from ss2sql.kinds import INT_MIN
+from ss2sql.vtables.frames.columns import clock_times, column_of, nothing, objects, texts
+from ss2sql.vtables.frames.frame import Column, Frame, distinct_names
+
+if TYPE_CHECKING:
+    from ss2sql.vtables.frames import Reader
+
+pyarrow: Any = import_module("pyarrow")
+
+
+def reader(source: Any, name: str) -> Reader:
+    """What reads the table: once, for nobody can change it."""
+    known: list[Frame] = []
+
+    def read() -> Frame:
+        if not known:
+            known.append(_read(source, name))
+        return known[0]
+
+    return read
+
+
+def _read(table: Any, name: str) -> Frame:
+    names = distinct_names(table.schema.names, name)
+    parts = zip(names, table.columns, strict=True)
+    columns = {word: column_of_arrow(part, f"the column '{word}' of '{name}'") for word, part in parts}
+    return Frame(columns, table.num_rows)
+
+
+def column_of_arrow(given: Any, place: str) -> Column:
+    """The column for an array, in one piece or in several."""
+    types = pyarrow.types
+    kind, length = given.type, len(given)
+    if types.is_dictionary(kind):
+        given, kind = given.cast(kind.value_type), kind.value_type
+    array = given.combine_chunks() if isinstance(given, pyarrow.ChunkedArray) else given
+    missing = array.is_null().to_numpy(zero_copy_only=False) if array.null_count else None
+    if types.is_null(kind):
+        return nothing(length)
+    if types.is_string(kind) or types.is_large_string(kind):
+        return texts(missing, array.to_pylist)
+    if types.is_boolean(kind):
+        return column_of(array.fill_null(False).to_numpy(zero_copy_only=False), missing, place)
+    if types.is_integer(kind) or types.is_floating(kind):
+        return column_of(array.fill_null(0).to_numpy(zero_copy_only=False), missing, place)
+    if types.is_date(kind):
+        return column_of(_counted(array.cast(pyarrow.date32()), 32).view("M8[D]"), missing, place)
+    if types.is_timestamp(kind):
+        suffix = "" if kind.tz is None else "+00:00"
+        return column_of(_counted(array, 64).view(f"M8[{kind.unit}]"), missing, place, suffix)
+    if types.is_duration(kind):
+        return column_of(_counted(array, 64).view(f"m8[{kind.unit}]"), missing, place)
+    if types.is_time(kind):
+        return clock_times(_counted(array, 32 if types.is_time32(kind) else 64).view(f"M8[{kind.unit}]"), missing)
+    return objects(array.to_pylist(), place)
+
+
+def _counted(array: Any, bits: int) -> Any:
+    """What a time is counted by, as integers of 64 bits, which are NaT where they are missing."""
+    counted = array.cast(pyarrow.int32()).cast(pyarrow.int64()) if bits == 32 else array.cast(pyarrow.int64())
+    return counted.fill_null(INT_MIN).to_numpy(zero_copy_only=False)

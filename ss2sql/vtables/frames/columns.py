@@ -1,0 +1,134 @@
+"""Columns of data frames from arrays of NumPy: their types from the arrays, their values when they are read.
+
+Missing values are None: NaN, NaT, and what the library of the frame says is missing. Dates and times are texts in
+ISO 8601, which sort as the times do; durations are seconds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy
+
+from ss2sql.errors import ExecutionError
+from ss2sql.kinds import INT_MAX, INT_MIN, Kind, Type, type_of
+from ss2sql.runtime.border import normalise
+from ss2sql.runtime.tables import rounded
+from ss2sql.vtables.frames.cells import cells
+from ss2sql.vtables.frames.frame import Column
+
+Array = numpy.ndarray[Any, Any]
+_FRACTIONS = ("s", "ms", "us", "ns")
+
+
+def column_of(array: Array, missing: Array | None, place: str, suffix: str = "") -> Column:
+    """The column for an array.
+
+    Args:
+        array: the values, in one dimension.
+        missing: True where there is no value, whatever the array holds there; None where nothing is missing.
+        place: "the column 'x' of 't'", for errors.
+        suffix: what follows every time, that of a time zone.
+
+    Raises:
+        ExecutionError: X004 for infinities, complex numbers, and integers beyond 64 bits.
+    """
+    match array.dtype.kind:
+        case "b":
+            return _known(Kind.BOOL, array, missing)
+        case "i" | "u":
+            return _numbers(Kind.INT, array, missing, place)
+        case "f":
+            doubles = array.astype(numpy.float64) if array.dtype != numpy.float64 else array
+            return _numbers(Kind.FLOAT, doubles, _either(missing, numpy.isnan(doubles)), place)
+        case "M":
+            return texts(_either(missing, numpy.isnat(array)), lambda: _times(array, suffix))
+        case "m":
+            return _durations(array, missing, place)
+    return objects(array.tolist(), place)
+
+
+def objects(values: list[Any], place: str) -> Column:
+    """The column for values of any kinds."""
+    known = normalise(cells(values), place)
+    return Column(type_of(known).item or Type(), lambda: known)
+
+
+def texts(missing: Array | None, make: Callable[[], list[Any]]) -> Column:
+    """The column for texts that can be written as UTF-8. `make` gives them, with anything where they are missing."""
+    return Column(Type(Kind.STR | _gaps(missing)), lambda: _without(make(), missing))
+
+
+def nothing(length: int) -> Column:
+    """The column without any value."""
+    return Column(Type(Kind.NONE), lambda: [None] * length)
+
+
+def clock_times(array: Array, missing: Array | None) -> Column:
+    """The column for times of the day, which are given as times of the first day."""
+    return texts(missing, lambda: [text.partition("T")[2] for text in _times(array, "")])
+
+
+def _numbers(kind: Kind, array: Array, missing: Array | None, place: str) -> Column:
+    present = array if missing is None else array[~missing]
+    if not present.size:
+        return _known(kind, array, missing)
+    low, high = present.min().item(), present.max().item()
+    least, greatest = (INT_MIN, INT_MAX) if kind is Kind.INT else (-numpy.finfo(float).max, numpy.finfo(float).max)
+    if low < least or high > greatest:
+        wrong = (array < least) | (array > greatest) if kind is Kind.FLOAT else array > numpy.uint64(INT_MAX)
+        row = int(numpy.flatnonzero(wrong if missing is None else wrong & ~missing)[0])
+        values: list[Any] = [None] * row + [array[row].item()]
+        normalise(values, place)  # raises, with the row's number
+    return _known(kind, array, missing, rounded(kind | _gaps(missing), low, high))
+
+
+def _known(kind: Kind, array: Array, missing: Array | None, known: Type | None = None) -> Column:
+    if known is None:
+        known = Type(kind | _gaps(missing), 0, 1) if kind is Kind.BOOL else Type(kind | _gaps(missing))
+    return Column(known, lambda: _without(array.tolist(), missing))
+
+
+def _gaps(missing: Array | None) -> Kind:
+    return Kind.NONE if missing is not None and missing.any() else Kind(0)
+
+
+def _either(missing: Array | None, also: Array) -> Array | None:
+    both = also if missing is None else missing | also
+    return both if both.any() else None
+
+
+def _without(values: list[Any], missing: Array | None) -> list[Any]:
+    """The values, which nobody else has, with None where they are missing."""
+    if missing is not None:
+        for row in numpy.flatnonzero(missing).tolist():
+            values[row] = None
+    return values
+
+
+# --- times ---------------------------------------------------------------------------------------------
+
+
+def _times(array: Array, suffix: str) -> list[str]:
+    """Dates as 2024-02-01, times as 2024-02-01T12:30:00, with six or nine places of a second where it has any."""
+    unit = numpy.datetime_data(array.dtype)[0]
+    if unit in ("Y", "M", "W", "D", "generic"):
+        return numpy.datetime_as_string(array.astype("M8[D]")).tolist()  # type: ignore[no-any-return]
+    known = array if unit in _FRACTIONS else array.astype("M8[s]" if unit in ("h", "m") else "M8[ns]")
+    written = numpy.datetime_as_string(known).tolist()
+    return [_trimmed(text) + suffix for text in written] if known.dtype != "M8[s]" else [t + suffix for t in written]
+
+
+def _trimmed(text: str) -> str:
+    whole, _, digits = text.partition(".")
+    if not digits.strip("0"):
+        return whole
+    return f"{whole}.{digits[:6] if digits.endswith('000') and len(digits) == 9 else digits.ljust(6, '0')}"
+
+
+def _durations(array: Array, missing: Array | None, place: str) -> Column:
+    if numpy.datetime_data(array.dtype)[0] in ("Y", "M"):
+        hints = ("convert it to days or seconds",)
+        raise ExecutionError("X004", f"{place} holds durations in months, which have no length", hints=hints)
+    return column_of(array / numpy.timedelta64(1, "s"), _either(missing, numpy.isnat(array)), place)

@@ -1,0 +1,47 @@
+"""Data frames of pandas."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from ss2sql.vtables.frames.columns import column_of, objects
+from ss2sql.vtables.frames.frame import Column, Frame, distinct_names
+
+if TYPE_CHECKING:
+    from ss2sql.vtables.frames import Reader
+
+pandas: Any = import_module("pandas")
+
+
+def reader(source: Any, name: str) -> Reader:
+    """What reads the frame, anew every time, for anybody may change it in place."""
+    return lambda: _read(source, name)
+
+
+def _read(source: Any, name: str) -> Frame:
+    """The frame now. An index with a name is a column, one without is not."""
+    # Where pandas copies on write, a shallow copy stays what it is; it costs nothing.
+    frame = source.copy(deep=int(pandas.__version__.partition(".")[0]) < 3)
+    levels = [level for level in range(frame.index.nlevels) if frame.index.names[level] is not None]
+    parts = [frame.index.get_level_values(level).to_series() for level in levels]
+    parts += [frame.iloc[:, position] for position in range(frame.shape[1])]
+    names = distinct_names([*(frame.index.names[level] for level in levels), *frame.columns], name)
+    columns = {word: _column(part, f"the column '{word}' of '{name}'") for word, part in zip(names, parts, strict=True)}
+    return Frame(columns, len(frame))
+
+
+def _column(series: Any, place: str) -> Column:
+    kind = series.dtype
+    if isinstance(kind, pandas.DatetimeTZDtype):
+        return column_of(series.dt.tz_convert("UTC").dt.tz_localize(None).to_numpy(), None, place, "+00:00")
+    if isinstance(kind, pandas.ArrowDtype) or getattr(kind, "storage", "") == "pyarrow":
+        from ss2sql.vtables.frames.arrow import column_of_arrow
+
+        return column_of_arrow(series.array.__arrow_array__(), place)
+    if isinstance(kind, pandas.api.extensions.ExtensionDtype):
+        numbers = getattr(kind, "numpy_dtype", None)
+        if numbers is not None and numbers.kind in "biuf":  # Int64, boolean and their like
+            return column_of(series.to_numpy(dtype=numbers, na_value=0), series.isna().to_numpy(), place)
+        return objects(series.astype(object).tolist(), place)
+    return column_of(series.to_numpy(), None, place)

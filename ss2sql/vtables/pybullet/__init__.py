@@ -1,0 +1,125 @@
+"""PyBullet as a world: `ss.attach("space", client)`.
+
+`client.py` is how the simulator is called. The tables: `bodies.py`, `links.py`, `joints.py`, `shapes.py`, `cameras.py`
+and `pairs.py`; `places.py` finds bodies by their places. The functions of scripts: `functions.py`, `collision.py` and
+`parts.py` with `posture.py`; `frames.py` turns and moves points for them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from ss2sql.errors import did_you_mean
+from ss2sql.vtables.base import Element, Gone
+from ss2sql.vtables.pybullet.bodies import Bodies
+from ss2sql.vtables.pybullet.cameras import Cameras
+from ss2sql.vtables.pybullet.client import Calls, NumberedClient, client_number
+from ss2sql.vtables.pybullet.collision import Collisions
+from ss2sql.vtables.pybullet.joints import Joints
+from ss2sql.vtables.pybullet.links import Links
+from ss2sql.vtables.pybullet.pairs import Closest, Contacts, Near, Overlaps, Rays
+from ss2sql.vtables.pybullet.representations import Representations
+from ss2sql.vtables.pybullet.shapes import Shapes
+from ss2sql.vtables.schema import failure
+
+__all__ = ["PyBulletWorld"]
+
+
+class PyBulletWorld(Representations, Collisions):
+    """A PyBullet simulation. Lengths are in metres, masses in kilograms, angles in radians.
+
+    Args:
+        source: a `BulletClient`, a scene of `ss2sql.scenes`, or the number that `pybullet.connect` gave.
+        names: names of bodies by their ids; others have the names that their files give them.
+        sensors: what the bodies that are sensors see, by their ids: objects with `position`, `direction`, `range` and
+            `angle`, as `ss2sql.scenes.Sensor`.
+
+    A scene brings along names, sensors, forces, cameras and a clock.
+    """
+
+    tables = (Bodies, Links, Joints, Shapes, Contacts, Closest, Near, Overlaps, Rays, Cameras)
+    serves = ("pybullet_utils.bullet_client.BulletClient", "ss2sql.scenes.scene.Scene")
+
+    def __init__(
+        self, source: Any, names: Mapping[int, str] | None = None, sensors: Mapping[int, Any] | None = None
+    ) -> None:
+        self.scene = source if hasattr(source, "client") else None
+        client = NumberedClient(source) if isinstance(source, int) else getattr(source, "client", source)
+        super().__init__(source if isinstance(source, int) else client)
+        self.client = client
+        self.calls = Calls(client)
+        self._number = client_number(client)
+        self.names: Mapping[int, str] = names if names is not None else getattr(source, "names", {})
+        self.sensors: Mapping[int, Any] = sensors if sensors is not None else getattr(source, "sensors", {})
+        self._ids: dict[str, int] = {}  # by name, where they were found last
+
+    @property
+    def time(self) -> float | None:
+        """The clock of a scene; PyBullet itself has none that could be read."""
+        return None if self.scene is None else self.scene.time
+
+    def check(self) -> None:
+        """Raises where the client is disconnected, even if another one has its number now."""
+        if client_number(self.client) != self._number or not self.calls.isConnected():
+            raise failure("the PyBullet client is disconnected", "connect anew, and attach the new client")
+
+    # --- bodies ----------------------------------------------------------------------------------------
+
+    def has(self, body: Any) -> bool:
+        """Whether there is a body with this id."""
+        try:
+            self.calls.getBodyInfo(body)
+        except (self.calls.error, OverflowError, TypeError):
+            return False
+        return True
+
+    def present(self, body: int) -> None:
+        """Raises Gone where there is no such body: many of PyBullet's functions then answer as if it were empty."""
+        if not self.has(body):
+            self.check()
+            raise Gone("it was removed")
+
+    def name_of(self, body: int) -> str:
+        """The name that it was given, that of its file, or `body_7`."""
+        given = self.names.get(body)
+        if given is not None:
+            return given
+        return self.calls.getBodyInfo(body)[1].decode(errors="replace") or f"body_{body}"
+
+    def body(self, wanted: Any) -> int:
+        """The id of a body that a script means: by its element, its id or its name; of a link that of its body."""
+        match wanted:
+            case bool():
+                pass
+            case int():
+                if self.has(wanted):
+                    return wanted
+                raise failure(f"there is no body {wanted}", "ask for the bodies anew: SELECT id, name FROM the world")
+            case (int() as body, *_):
+                return self.body(body)
+            case str():
+                return self._named(wanted)
+        shown = f"{wanted!r} of another world" if isinstance(wanted, Element) else repr(wanted)
+        raise failure(f"{shown} is no body", "give an element of this world, the id of a body, or its name")
+
+    def _named(self, name: str) -> int:
+        """The id of the body with a name. A search over all bodies takes a microsecond for each: it is remembered."""
+        known = self._ids.get(name)
+        if known is not None and self.has(known) and self.name_of(known) == name:
+            return known
+        names = {body: self.name_of(body) for body in self.ids()}
+        found = [body for body, its in names.items() if its == name]
+        if len(found) > 1:
+            raise failure(f"{len(found)} bodies are called '{name}'", f"give the id of one: {found[0]}, {found[1]} ...")
+        if not found:
+            raise failure(f"no body is called '{name}'", *did_you_mean(name, names.values()))
+        self._ids[name] = found[0]
+        return found[0]
+
+    def element(self, body: int) -> Element | None:
+        """A body as scripts see it; None for the -1 that PyBullet writes where there is none."""
+        from ss2sql.vtables.schema import tables_of
+
+        principal: Any = tables_of(self)[0]
+        return principal.element(body) if body >= 0 else None

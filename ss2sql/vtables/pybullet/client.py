@@ -1,0 +1,46 @@
+"""How the simulator is called."""
+
+from __future__ import annotations
+
+from functools import partial
+from importlib import import_module
+from inspect import isbuiltin
+from typing import Any
+
+from ss2sql.errors import SessionError
+
+
+class NumberedClient:
+    """What `BulletClient` is, for a client that is known by its number alone. It ends nothing when it dies."""
+
+    def __init__(self, number: int) -> None:
+        self._client = number
+
+    def __getattr__(self, name: str) -> Any:
+        attribute = getattr(_pybullet(), name)
+        return partial(attribute, physicsClientId=self._client) if isbuiltin(attribute) else attribute
+
+
+def _pybullet() -> Any:
+    try:
+        return import_module("pybullet")
+    except ImportError as reason:
+        text = "this world needs the package pybullet, which is not installed"
+        raise SessionError("S003", text, hints=('pip install "ss2sql[sim]"',)) from reason
+
+
+def client_number(client: Any) -> int:
+    """The number by which PyBullet knows a client; -1 once it has been disconnected."""
+    return int(client._client)
+
+
+class Calls:
+    """The functions and constants of a client, each looked up once: `BulletClient` takes 3 us for every look-up."""
+
+    def __init__(self, client: Any) -> None:
+        self._client = client
+
+    def __getattr__(self, name: str) -> Any:
+        found = getattr(self._client, name)
+        setattr(self, name, found)
+        return found

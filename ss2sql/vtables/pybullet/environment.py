@@ -1,0 +1,192 @@
+"""`AS environment`: a new simulation with only the selected bodies.
+
+Each body is made anew from what PyBullet tells of it: shapes, colours, masses, friction, joints, where it is and how
+fast. Damping and motors, which it does not tell, are Bullet's own in the copy.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import Any
+
+from ss2sql.runtime.representations.grid import refuse
+from ss2sql.scenes.scene import Scene
+from ss2sql.scenes.solids import Sphere, visual_shape
+from ss2sql.vtables.pybullet.bodies import FIXED, KINDS, shapes_of
+from ss2sql.vtables.pybullet.copied import UNNAMED, Part, Shapes, part_of, solid_of
+from ss2sql.vtables.pybullet.frames import UPRIGHT, Frame, inside, seen_from
+
+NOWHERE: Frame = ((0.0, 0.0, 0.0), UPRIGHT)
+MARK = 0.05  # metres: the radius of balls that stand for what could only be seen
+
+
+class Environment(Scene):
+    """A copy of some bodies of a simulation, in a simulation of its own, which takes 29 MB.
+
+    It is a scene: it has the names of its bodies, and what the scene that they come from knows of them and of itself.
+    Bodies have other ids than before. It goes on from the time of the original when it is stepped. `close` ends it.
+    """
+
+    def __init__(self, world: Any, bodies: list[int]) -> None:
+        scene = world.scene
+        super().__init__(getattr(scene, "seed", 0))
+        self.ids: dict[int, int] = {}  # of the copies, by those of the originals
+        _settings(world.calls, self.client)
+        for name in ("bounds", "views", "places", "outlines", "steps"):
+            if hasattr(scene, name):
+                setattr(self, name, getattr(scene, name))
+        try:
+            for body in bodies:
+                copy = self.ids[body] = self.adopt(_Copy(world, body, self.client).make(), world.name_of(body))
+                if body in world.sensors:
+                    self.sensors[copy] = world.sensors[body]
+                if scene is not None and body in scene.forces:
+                    self.forces[copy] = scene.forces[body]
+        except BaseException:
+            self.close()
+            raise
+
+    def after_step(self) -> None:
+        for body, force in self.forces.items():
+            place, _ = self.client.getBasePositionAndOrientation(body)
+            self.client.applyExternalForce(body, -1, force, place, self.client.WORLD_FRAME)
+
+
+def _settings(calls: Any, client: Any) -> None:
+    parameters = calls.getPhysicsEngineParameters()
+    client.setGravity(*(parameters[f"gravityAcceleration{axis}"] for axis in "XYZ"))
+    client.setTimeStep(parameters["fixedTimeStep"])
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """A link as PyBullet wants to be told of it: shapes to collide with and to look at, its frame within its parent,
+    and its centre of mass within that frame."""
+
+    mass: float
+    shapes: tuple[int, int]
+    frame: Frame
+    local: Frame
+    parent: int
+    joint: int
+    axis: tuple[float, float, float] = (0.0, 0.0, 1.0)
+
+
+class _Copy:
+    """One body on its way from one simulation to another.
+
+    The frames of links are those of the original's files; `local` are the centres of mass within them. Bullet gives
+    collision shapes as seen from the centre of mass, and what can be seen as seen from the link.
+    """
+
+    def __init__(self, world: Any, body: int, client: Any) -> None:
+        self.world, self.body, self.client, self.calls = world, body, client, world.calls
+        self.links = range(-1, self.calls.getNumJoints(body))
+        self.matter = {link: self.calls.getDynamicsInfo(body, link) for link in self.links}
+        self.local: dict[int, Frame] = {link: (info[3], info[4]) for link, info in self.matter.items()}
+        self.seen = self.calls.getVisualShapeData(body)
+        self.shapes = Shapes(client)
+        self.more: list[Link] = []
+
+    def make(self) -> int:
+        """Makes the body; gives its new id."""
+        base, *links = [self._link(link) for link in self.links]
+        links += self.more
+        frame = inside(self.calls.getBasePositionAndOrientation(self.body), seen_from(base.local, NOWHERE))
+        made: int = self.client.createMultiBody(
+            baseMass=base.mass,
+            baseCollisionShapeIndex=base.shapes[0],
+            baseVisualShapeIndex=base.shapes[1],
+            basePosition=frame[0],
+            baseOrientation=frame[1],
+            baseInertialFramePosition=base.local[0],
+            baseInertialFrameOrientation=base.local[1],
+            linkMasses=[link.mass for link in links],
+            linkCollisionShapeIndices=[link.shapes[0] for link in links],
+            linkVisualShapeIndices=[link.shapes[1] for link in links],
+            linkPositions=[link.frame[0] for link in links],
+            linkOrientations=[link.frame[1] for link in links],
+            linkInertialFramePositions=[link.local[0] for link in links],
+            linkInertialFrameOrientations=[link.local[1] for link in links],
+            linkParentIndices=[link.parent + 1 for link in links],
+            linkJointTypes=[link.joint for link in links],
+            linkJointAxis=[link.axis for link in links],
+        )
+        if made < 0:
+            refuse("environment", f"cannot copy '{self.world.name_of(self.body)}'", "leave it out with WHERE")
+        self._move(made)
+        self._colours(made)
+        return made
+
+    def _link(self, link: int) -> Link:
+        """A link of the copy. Shapes of more parts than PyBullet takes at once go on in links without mass."""
+        shape, *more = self._collision(link) or [-1]
+        for other in more:
+            self.more.append(Link(0.0, (other, -1), NOWHERE, self.local[link], link, FIXED))
+        shapes = (shape, self._visual(link))
+        mass, local = self.matter[link][0], self.local[link]
+        if link < 0:
+            return Link(mass, shapes, NOWHERE, local, -1, FIXED)
+        info = self.calls.getJointInfo(self.body, link)
+        x, y, z, w = info[15]
+        turn = (-x, -y, -z, w)  # PyBullet gives how the parent is turned as seen from the link
+        parent = info[16]
+        return Link(mass, shapes, inside(self.local[parent], (info[14], turn)), local, parent, info[2], info[13])
+
+    def _move(self, made: int) -> None:
+        """Puts the copy to where the original is, as fast as it is, with its joints as they are."""
+        pose = self.calls.getBasePositionAndOrientation(self.body)
+        self.client.resetBasePositionAndOrientation(made, *pose)
+        self.client.resetBaseVelocity(made, *self.calls.getBaseVelocity(self.body))
+        for link in self.links:
+            mass, friction, inertia, _, _, bounce, rolling, spinning, *_ = self.matter[link]
+            self.client.changeDynamics(
+                made, link, lateralFriction=friction, restitution=bounce, rollingFriction=rolling,
+                spinningFriction=spinning, **({"localInertiaDiagonal": inertia} if mass else {}),
+            )  # fmt: skip
+        for joint in self.links[1:]:
+            place, speed, *_ = self.calls.getJointState(self.body, joint)
+            low, high = self.calls.getJointInfo(self.body, joint)[8:10]
+            self.client.resetJointState(made, joint, place, speed)
+            if low < high:
+                self.client.changeDynamics(made, joint, jointLowerLimit=low, jointUpperLimit=high)
+
+    def _collision(self, link: int) -> list[int]:
+        """What a link collides with."""
+        parts = [
+            (self._solid(link, number, data), inside(self.local[link], (data[5], data[6])))
+            for of, number, data in shapes_of(self.world, self.body)
+            if of == link
+        ]
+        return self.shapes.collision(parts)
+
+    def _solid(self, link: int, number: int, data: Any) -> Part:
+        corners = ()
+        if KINDS.get(data[2]) == "mesh" and data[4] in UNNAMED:
+            _, corners = self.calls.getMeshData(self.body, link, collisionShapeIndex=number)
+        part = part_of(data[2], data[3], data[4], corners)
+        if part is None:
+            name = self.world.name_of(self.body)
+            refuse("environment", f"cannot copy the shape of '{name}'", "leave it out with WHERE")
+        return part
+
+    def _visual(self, link: int) -> int:
+        """What can be seen of a link, as one shape of the copy; -1 for nothing.
+
+        Meshes that were built from points cannot be read. What scenes build of them looks like what is touched, so
+        that is made in their place, or a small ball where nothing can be touched.
+        """
+        seen = [shape for shape in self.seen if shape[1] == link]
+        if any(shape[2] == self.calls.GEOM_MESH and shape[4] in UNNAMED for shape in seen):
+            touched = [data for of, _, data in shapes_of(self.world, self.body) if of == link]
+            solid = solid_of(touched[0][2], touched[0][3]) if len(touched) == 1 else None
+            return visual_shape(self.client, solid or Sphere(MARK), seen[0][7][:3])
+        parts = [(part_of(shape[2], shape[3], shape[4], ()), (shape[5], shape[6])) for shape in seen]
+        return self.shapes.visual([(part, frame) for part, frame in parts if part is not None])
+
+    def _colours(self, made: int) -> None:
+        counts: Counter[int] = Counter()
+        for shape in self.seen:
+            self.client.changeVisualShape(made, shape[1], shapeIndex=counts[shape[1]], rgbaColor=shape[7])
+            counts[shape[1]] += 1

@@ -1,0 +1,57 @@
+"""Points and turns: a turn is a quaternion (x, y, z, w), a frame a point and a turn."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, TypeAlias
+
+Point: TypeAlias = tuple[float, float, float]
+Turn: TypeAlias = tuple[float, float, float, float]
+Frame: TypeAlias = tuple[Point, Turn]
+Box: TypeAlias = tuple[Point, Point]
+
+UPRIGHT: Turn = (0.0, 0.0, 0.0, 1.0)
+
+
+def turned(turn: Sequence[float], point: Sequence[float]) -> Point:
+    """A point, turned around the origin."""
+    x, y, z, w = turn
+    px, py, pz = point
+    tx, ty, tz = 2 * (y * pz - z * py), 2 * (z * px - x * pz), 2 * (x * py - y * px)
+    return px + w * tx + y * tz - z * ty, py + w * ty + z * tx - x * tz, pz + w * tz + x * ty - y * tx
+
+
+def product(first: Sequence[float], second: Sequence[float]) -> Turn:
+    """One turn after another: `second` first, as with matrices."""
+    ax, ay, az, aw = first
+    bx, by, bz, bw = second
+    return (
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+        aw * bw - ax * bx - ay * by - az * bz,
+    )
+
+
+def inside(frame: Frame, local: Frame) -> Frame:
+    """A frame that is given within another one, as one of the world."""
+    (x, y, z), turn = frame
+    dx, dy, dz = turned(turn, local[0])
+    return (x + dx, y + dy, z + dz), product(turn, local[1])
+
+
+def seen_from(frame: Frame, other: Frame) -> Frame:
+    """A frame of the world, as one within another: the reverse of `inside`."""
+    (x, y, z), (a, b, c, w) = frame
+    back = (-a, -b, -c, w)
+    (px, py, pz), turn = other
+    return turned(back, (px - x, py - y, pz - z)), product(back, turn)
+
+
+def union(boxes: Sequence[Any]) -> Box:
+    """The box around boxes, each of which is its lowest and its highest corner."""
+    if len(boxes) == 1:
+        return boxes[0]  # type: ignore[no-any-return]
+    lows, highs = zip(*boxes, strict=True)
+    (ax, ay, az), (bx, by, bz) = map(min, zip(*lows, strict=True)), map(max, zip(*highs, strict=True))
+    return (ax, ay, az), (bx, by, bz)

@@ -1,0 +1,122 @@
+"""The links of bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+from ss2sql.vtables.base import Column, Gone, Table, Where
+from ss2sql.vtables.bodies import VECTOR
+from ss2sql.vtables.pybullet.frames import Box, Frame
+
+Key = tuple[int, int]
+
+
+class OfBodies(Table):
+    """A table whose keys are a body and a number within it."""
+
+    first = 0  # the first number
+
+    def keys(self, where: Where) -> list[Key]:
+        return [
+            (body, number)
+            for body in bodies_of(self.world, where)
+            for number in range(self.first, self.world.calls.getNumJoints(body))
+            if where.allows("number", number)
+        ]
+
+    def alive(self, key: Key) -> None:
+        """Raises Gone for what is gone: the simulator often answers as if it were empty."""
+        self.world.present(key[0])
+        if key[1] >= self.world.calls.getNumJoints(key[0]):
+            raise Gone("its body has fewer links now")
+
+    def ask(self, function: Any, key: Key, *more: Any) -> Any:
+        """What the simulator answers."""
+        self.alive(key)
+        return function(key[0], key[1], *more)
+
+
+def bodies_of(world: Any, where: Where) -> list[int]:
+    """The bodies that a demand of the column `body` leaves."""
+    wanted = where.equal("body")
+    if wanted is None:
+        return world.ids()  # type: ignore[no-any-return]
+    return [int(wanted)] if wanted == int(wanted) and world.has(int(wanted)) else []
+
+
+class Links(OfBodies):
+    """One row for each link. The base is the link -1; a body without joints has no other.
+
+    After a step PyBullet shows all links but the base where they were before it.
+    """
+
+    name = "links"
+    text = "the links of all bodies; the base of a body is its link -1"
+    first = -1
+    columns = (
+        Column("body", int, text="the id of its body", filter="="),
+        Column("number", int, text="PyBullet's number of the link, -1 for the base", filter="="),
+        Column("name", str),
+        Column("parent", int | None, text="the number of the link that it hangs on; None for the base"),
+        Column("x", float, "m", "where its centre of mass is"),
+        Column("y", float, "m"),
+        Column("z", float, "m"),
+        Column("pos", VECTOR, "m", "x, y and z"),
+        Column("quat", (*VECTOR, float), text="how it is turned: a quaternion x, y, z, w"),
+        Column("velocity", VECTOR, "m/s"),
+        Column("angularVelocity", VECTOR, "rad/s"),
+        Column("mass", float, "kg"),
+        Column("friction", float, text="sideways"),
+        Column("aabb", (VECTOR, VECTOR), "m", "the box around it: lowest and highest corner"),
+        Column("colour", list | None, text="red, green, blue and opacity, from 0 to 1; None if it cannot be seen"),
+    )
+    groups: ClassVar[Mapping[str, str]] = {
+        "numbers": "body number",
+        "called": "name parent",
+        "place": "x y z pos quat",
+        "movement": "velocity angularVelocity",
+        "matter": "mass friction",
+        "around": "aabb",
+        "look": "colour",
+    }
+
+    def numbers(self, key: Key) -> Key:
+        self.alive(key)
+        return key
+
+    def called(self, key: Key) -> tuple[str, int | None]:
+        if key[1] < 0:
+            return self.ask(lambda body, _: self.world.calls.getBodyInfo(body), key)[0].decode(errors="replace"), None
+        info = self.ask(self.world.calls.getJointInfo, key)
+        return info[12].decode(errors="replace"), info[16]
+
+    def place(self, key: Key) -> tuple[Any, ...]:
+        self.alive(key)
+        pos, quat = frame_of(self.world, key)
+        return (*pos, pos, quat)
+
+    def movement(self, key: Key) -> Any:
+        if key[1] < 0:
+            return self.ask(lambda body, _: self.world.calls.getBaseVelocity(body), key)
+        return self.ask(self.world.calls.getLinkState, key, 1)[6:8]
+
+    def matter(self, key: Key) -> tuple[float, float]:
+        info = self.ask(self.world.calls.getDynamicsInfo, key)
+        return info[0], info[1]
+
+    def around(self, key: Key) -> Box:
+        return self.ask(self.world.calls.getAABB, key)  # type: ignore[no-any-return]
+
+    def look(self, key: Key) -> Any:
+        seen = self.ask(lambda body, _: self.world.calls.getVisualShapeData(body), key)
+        return next((list(shape[7]) for shape in seen if shape[1] == key[1]), None)
+
+
+def frame_of(world: Any, key: Key) -> Frame:
+    """Where the centre of mass of a link is, and how it is turned."""
+    body, link = key
+    if link < 0:
+        return world.calls.getBasePositionAndOrientation(body)  # type: ignore[no-any-return]
+    state = world.calls.getLinkState(body, link)
+    return state[0], state[1]

@@ -1,0 +1,99 @@
+"""`AS occupancygrid(z, cell, area)`: where the selected bodies stand.
+
+A cell is occupied where a body reaches into its square at the height z; what only touches its edge does not. So a wall
+that is thinner than the cells stays closed for whoever plans a way. It is the shape itself that is tried, not the box
+around it: a thin plate of the size of the cell is put to its place, and Bullet says whether it meets the body. Plates of
+the size of 2 x 2, 4 x 4 ... cells are tried first: where they meet nothing, their cells need no look.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ss2sql.runtime.representations import Table
+from ss2sql.runtime.representations.grid import Grid, number
+from ss2sql.vtables.pybullet.bodies import box_of
+from ss2sql.vtables.pybullet.frames import Box
+from ss2sql.vtables.pybullet.parts import Stock
+from ss2sql.vtables.pybullet.selected import area_of, bodies_in
+
+GAP = 1e-3  # parts of a cell by which plates are smaller than cells, so that what touches a cell is not in it
+THIN = 1e-3  # the thickness of plates, in parts of a cell
+LARGEST = 6  # the largest plate has 2^6 cells along its edges
+
+Meets = Callable[[int, int, int], bool]
+
+
+def occupancy(world: Any, table: Table, z: Any, cell: Any, area: Any) -> Grid:
+    bodies = bodies_in(world, "occupancygrid", table)
+    height = number("occupancygrid", "the height z", z)
+    origin, edge, columns, rows = area_of(world, "occupancygrid", cell, area)
+    cells = np.zeros((rows, columns), dtype=bool)
+    plates = _plates(world, edge) if bodies else []
+    for body in bodies:
+        low, high = box_of(world, body)
+        if low[2] - edge <= height <= high[2] + edge:
+            meets = _tester(world, plates, body, origin, edge, height)
+            _mark(cells, meets, _cells_of((low, high), origin, edge, columns, rows))
+    return Grid(cells, origin, edge)
+
+
+def _plates(world: Any, edge: float) -> list[int]:
+    """The shapes of plates of 1, 2, 4 ... cells along their edges, made once for each size of cells."""
+    stock: Stock = world.__dict__.setdefault("plates", Stock(world.calls))
+    stock.check()
+    sizes = [(2**level - GAP) * edge for level in range(LARGEST + 1)]
+    return [stock.shape(-1, -1, 0, (-1, -1, world.calls.GEOM_BOX, (size, size, THIN * edge), b"")) for size in sizes]
+
+
+def _tester(world: Any, plates: list[int], body: int, origin: list[float], edge: float, height: float) -> Meets:
+    """A function that says whether a plate, given by its level, column and row, meets a body. It takes 3 us."""
+    closest = world.calls.getClosestPoints
+    x, y = origin
+
+    def meets(level: int, column: int, row: int) -> bool:
+        half = 2**level / 2
+        middle = (x + (column + half) * edge, y + (row + half) * edge, height)
+        return bool(
+            closest(
+                bodyA=-1, bodyB=body, distance=0.0, collisionShapeA=plates[level], collisionShapePositionA=middle
+            )
+        )  # fmt: skip
+
+    return meets
+
+
+def _cells_of(box: Box, origin: list[float], edge: float, columns: int, rows: int) -> tuple[int, int, int, int]:
+    """The first and last columns and rows, these excluded, that the box around a body covers."""
+    (x1, y1, _), (x2, y2, _) = box
+    ranges = []
+    for low, high, start, count in ((x1, x2, origin[0], columns), (y1, y2, origin[1], rows)):
+        first, last = (low - start) / edge - GAP, (high - start) / edge + GAP
+        ranges.append((int(max(0.0, min(first, count))), int(max(0.0, min(last + 1, count)))))
+    (left, right), (lower, upper) = ranges
+    return left, right, lower, upper
+
+
+def _mark(cells: Any, meets: Meets, ranges: tuple[int, int, int, int]) -> None:
+    """Marks the cells in which a body is, from the largest plates to single cells."""
+    left, right, lower, upper = ranges
+    level = min(LARGEST, max(0, max(right - left, upper - lower) - 1).bit_length())
+    step = 2**level
+    waiting = [(level, x, y) for y in range(lower, upper, step) for x in range(left, right, step)]
+    while waiting:
+        level, column, row = waiting.pop()
+        if level == 0 and cells[row, column]:
+            continue
+        if not meets(level, column, row):
+            continue
+        if level == 0:
+            cells[row, column] = True
+            continue
+        half = 2 ** (level - 1)
+        for y in (row, row + half):
+            for x in (column, column + half):
+                if x < right and y < upper:
+                    waiting.append((level - 1, x, y))

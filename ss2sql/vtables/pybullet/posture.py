@@ -1,0 +1,47 @@
+"""Where the links of a robot are by the angles of its joints.
+
+After a step PyBullet shows links, and collides with them, where they were before it, until something is reset; asking
+it to compute them anew would move what other queries see. So this is computed here, to within 1e-14 m of Bullet's own.
+"""
+
+from __future__ import annotations
+
+from math import cos, sin
+from typing import Any
+
+from ss2sql.vtables.pybullet.frames import UPRIGHT, Frame, Turn, inside, turned
+
+
+def posture(calls: Any, body: int, base: Frame) -> dict[int, Frame]:
+    """The frames of the centres of mass of all links, by their numbers; the base is -1."""
+    frames: dict[int, Frame] = {-1: base}
+    for joint in range(calls.getNumJoints(body)):
+        state = calls.getLinkState(body, joint)
+        frames[joint] = _frame(calls, body, joint, frames, state)
+    return frames
+
+
+def _frame(calls: Any, body: int, joint: int, frames: dict[int, Frame], state: Any) -> Frame:
+    info = calls.getJointInfo(body, joint)
+    kind, axis, pivot, parent = info[2], info[13], info[14], info[16]
+    middle = turned(_back(state[3]), state[2])  # of the link, as seen from its joint
+    turn: Turn = UPRIGHT
+    match kind:
+        case 0:  # JOINT_REVOLUTE
+            half = calls.getJointState(body, joint)[0] / 2
+            turn = (axis[0] * sin(half), axis[1] * sin(half), axis[2] * sin(half), cos(half))
+        case 1:  # JOINT_PRISMATIC
+            way = calls.getJointState(body, joint)[0]
+            middle = (middle[0] + axis[0] * way, middle[1] + axis[1] * way, middle[2] + axis[2] * way)
+        case 2:  # JOINT_SPHERICAL
+            turn = calls.getJointStateMultiDof(body, joint)[0]
+        case 4:  # JOINT_FIXED
+            pass
+        case _:  # as PyBullet shows it
+            return state[0], state[1]
+    return inside(inside(frames[parent], (pivot, _back(info[15]))), (turned(turn, middle), turn))
+
+
+def _back(turn: Any) -> Turn:
+    x, y, z, w = turn
+    return -x, -y, -z, w

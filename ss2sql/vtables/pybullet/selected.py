@@ -1,0 +1,67 @@
+"""What the representations of a simulation have in common: which bodies are meant, and which area."""
+
+from __future__ import annotations
+
+from math import ceil, dist
+from typing import Any
+
+from ss2sql.runtime.representations import Table
+from ss2sql.runtime.representations.grid import check_cells, number, numbers, refuse
+from ss2sql.runtime.values import show
+from ss2sql.vtables.base import Element
+from ss2sql.vtables.pybullet.bodies import box_of
+from ss2sql.vtables.pybullet.frames import union
+
+FAR = 1000.0  # metres: bodies with larger boxes, such as endless planes, do not make an area larger
+
+
+def bodies_in(world: Any, form: str, table: Table) -> list[int]:
+    """The ids of the selected bodies, each once, in the order of the rows.
+
+    They are the elements in the columns of SELECT; where there are none, those of the first source.
+    """
+    chosen = [value for row in table.rows for value in row if isinstance(value, Element)]
+    chosen = chosen or [value for row in table.hidden for value in row if isinstance(value, Element)]
+    if table.rows and not chosen:
+        refuse(form, "finds no bodies in these rows", "select them: SELECT obj FROM the world")
+    for element in chosen:
+        if element.world.source is not world.source:
+            refuse(form, f"cannot mix worlds: {element!r} belongs to another one", "ask for the bodies of one world")
+    world.check()
+    found = dict.fromkeys(world.body(element.key) for element in chosen)
+    return list(found)
+
+
+def world_of(world: Any, table: Table) -> Any:
+    """The world that the selected elements belong to; `world` where there are none."""
+    values = (value for rows in (table.rows, table.hidden) for row in rows for value in row)
+    return next((value.world for value in values if isinstance(value, Element)), world)
+
+
+def area_of(world: Any, form: str, cell: Any, area: Any) -> tuple[list[float], float, int, int]:
+    """The lower corner of a grid, the edge of its cells, its columns and its rows.
+
+    Without an area it is that of the scene, else the box around all bodies of the world. Its upper end may lie up to
+    one cell farther away.
+    """
+    edge = number(form, "the edge of a cell", cell, above=0)
+    if area is None:
+        low, high = _bounds(world)
+    else:
+        if not isinstance(area, list) or len(area) != 2:
+            refuse(form, f"needs an area [[x, y], [x, y]], not {show(area)}")
+        low, high = (numbers(form, "an area [[x, y], [x, y]]", corner, 2) for corner in area)
+        if low[0] >= high[0] or low[1] >= high[1]:
+            refuse(form, f"needs the lower corner of the area first, unlike {show(area)}")
+    counts = [(high[axis] - low[axis]) / edge for axis in (0, 1)]
+    check_cells(form, *counts)
+    columns, rows = (ceil(count - 1e-9) for count in counts)
+    return list(low[:2]), edge, columns, rows
+
+
+def _bounds(world: Any) -> Any:
+    if world.scene is not None:
+        return world.scene.bounds
+    boxes = [box_of(world, body) for body in world.ids()]
+    boxes = [box for box in boxes if dist(*box) < FAR]
+    return union(boxes) if boxes else ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))

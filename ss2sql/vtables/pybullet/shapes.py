@@ -1,0 +1,68 @@
+"""The shapes that links collide with."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+from ss2sql.vtables.base import Column, Gone, Table, Where
+from ss2sql.vtables.bodies import VECTOR
+from ss2sql.vtables.pybullet.bodies import KINDS, shapes_of, volume_of
+from ss2sql.vtables.pybullet.frames import inside
+from ss2sql.vtables.pybullet.links import bodies_of, frame_of
+
+Key = tuple[int, int, int]
+
+
+class Shapes(Table):
+    """One row for each collision shape."""
+
+    name = "shapes"
+    text = "the collision shapes of all links; what can be seen may look otherwise"
+    columns = (
+        Column("body", int, text="the id of its body", filter="="),
+        Column("link", int, text="the number of its link, -1 for the base"),
+        Column("number", int, text="its number within the link"),
+        Column("type", str, text="sphere box capsule cylinder plane mesh"),
+        Column("radius", float | None, "m", "of spheres, capsules and cylinders"),
+        Column("length", float | None, "m", "of capsules without their ends, and of cylinders"),
+        Column("size", list | None, "m", "the edges of boxes along their own axes; of meshes the scale"),
+        Column("normal", list | None, text="of planes"),
+        Column("file", str | None, text="of meshes, where they were read from one"),
+        Column("volume", float | None, "m3", "None for meshes and planes"),
+        Column("pos", VECTOR, "m", "where it is"),
+        Column("quat", (*VECTOR, float), text="how it is turned: a quaternion x, y, z, w"),
+    )
+    groups: ClassVar[Mapping[str, str]] = {
+        "numbers": "body link number",
+        "form": "type radius length size normal file volume",
+        "place": "pos quat",
+    }
+
+    def keys(self, where: Where) -> list[Key]:
+        world = self.world
+        return [(body, link, n) for body in bodies_of(world, where) for link, n, _ in shapes_of(world, body)]
+
+    def numbers(self, key: Key) -> Key:
+        self._shape(key)
+        return key
+
+    def form(self, key: Key) -> tuple[Any, ...]:
+        shape = self._shape(key)
+        kind, (a, b, c), file = KINDS.get(shape[2], "mesh"), shape[3], shape[4].decode(errors="replace")
+        radius = a if kind == "sphere" else b if kind in ("capsule", "cylinder") else None
+        length = a if kind in ("capsule", "cylinder") else None
+        size = [a, b, c] if kind in ("box", "mesh") else None
+        normal = [a, b, c] if kind == "plane" else None
+        return kind, radius, length, size, normal, file if file not in ("", "unknown_file") else None, volume_of(shape)
+
+    def place(self, key: Key) -> Any:
+        shape = self._shape(key)
+        return inside(frame_of(self.world, key[:2]), (shape[5], shape[6]))
+
+    def _shape(self, key: Key) -> Any:
+        self.world.present(key[0])
+        found = self.world.calls.getCollisionShapeData(key[0], key[1])
+        if key[2] >= len(found):
+            raise Gone("its body has other shapes now")
+        return found[key[2]]

@@ -1,0 +1,257 @@
+"""What one query reads of worlds. Both executors read here, so both see the same.
+
+Within a query every key list and every group is asked for once and kept: the inner loops of joins come back for them
+again and again. A query that may move the world itself reads from a copy, which is made at its start.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Iterable, Sequence
+from typing import Any, NamedTuple
+
+from ss2sql.errors import Error, Span
+from ss2sql.kinds import INT_MAX, INT_MIN
+from ss2sql.runtime.values import freeze
+from ss2sql.vtables.base import Element, Filter, Table, TableFunction, Where, World
+from ss2sql.vtables.schema import Guarded, Schema, broken, schema_of
+
+Read = Callable[[Any], Any]
+MOST_KEPT = 10_000  # lists of keys, and of rows of table functions
+
+
+class Readings:
+    """The tables that one query reads."""
+
+    def __init__(self) -> None:
+        self._tables: dict[Table | TableFunction, Reading] = {}
+        self._memories: dict[World, dict[str, Any]] = {}  # what adapters remember for the time of the query
+
+    def of(self, table: Table | TableFunction, span: Span | None = None) -> Reading:
+        """The reading of a table; that of a table function which gives keys shares what its table has read.
+
+        Errors get `span`, the place where the table first stands in FROM.
+        """
+        known = self._tables.get(table)
+        if known is None:
+            schema = schema_of(table)
+            shared = self.of(schema.walked, span) if schema.walked is not None else None
+            memory = self._memories.setdefault(table.world, {})
+            known = self._tables[table] = Reading(schema, shared, memory, span)
+        return known
+
+
+class GroupReader(NamedTuple):
+    """What is known of a group by key, what asks the world for it, and the columns that it consists of."""
+
+    known: Callable[[Any], tuple[Any, ...] | None]
+    fetch: Callable[[Any], tuple[Any, ...]]
+    names: tuple[str, ...]
+
+
+class Reading:
+    """What one query reads of one table."""
+
+    def __init__(
+        self,
+        schema: Schema,
+        shared: Reading | None = None,
+        memory: dict[str, Any] | None = None,
+        span: Span | None = None,
+    ) -> None:
+        self.schema = schema
+        self.span = span
+        self.memory = {} if memory is None else memory
+        self.table = schema.table
+        self._lists: dict[Hashable, list[Any]] = {}  # keys, or rows, by what was asked for
+        self._rows: dict[str, dict[Hashable, tuple[Any, ...]]] = {name: {} for name in schema.groups}
+        self._elements: dict[Hashable, Element] = {}
+        self._numbers: dict[Hashable, int] = {}
+        self._last: Sequence[Hashable] = ()  # the keys that were given last: arrays are asked for all of them
+        self._copy: list[Any] | None = None
+        self._shared = shared
+
+    # --- keys and rows ---------------------------------------------------------------------------------
+
+    def keys(self, where: Where) -> list[Any]:
+        """The keys that `where` allows, and perhaps others, in the order of the table."""
+        if self._copy is not None:
+            return self._copy
+        asked = tuple([(name, one.equal, one.low, one.high) for name, one in where.items()]) if where else ()
+        found = self._lists.get(asked)
+        if found is None:
+            assert isinstance(self.table, Table)
+            with Guarded(self.schema, span=self.span):
+                self.table.world.check()
+                self.table.world.memory = self.memory
+                found = list(self.table.keys(where))
+            self._keep(asked, found)
+        self._last = found
+        return found
+
+    def expect(self, keys: Sequence[Hashable]) -> None:
+        """Takes these keys as given: arrays will be asked for all of them together."""
+        self._last = keys
+
+    def rows(self, arguments: Sequence[Any]) -> list[Any]:
+        """The rows of a table function for these arguments: keys of its table, or tuples of clean values."""
+        asked = (tuple(map(type, arguments)), tuple(map(freeze, arguments)))
+        found = self._lists.get(asked)
+        if found is None:
+            table, schema = self.table, self.schema
+            assert isinstance(table, TableFunction)
+            given = [own_key(argument, table.world) for argument in arguments]
+            with Guarded(schema, span=self.span):
+                table.world.check()
+                table.world.memory = self.memory
+                found = list(table.rows(*given))
+                if self._shared is None:
+                    names = tuple(schema.kinds)
+                    found = [schema.cleaned(names, row, "a row") for row in found]
+            self._keep(asked, found)
+        if self._shared is not None:
+            self._shared._last = found
+        return found
+
+    def _keep(self, asked: Hashable, found: list[Any]) -> None:
+        if len(self._lists) >= MOST_KEPT:
+            self._lists.clear()
+        self._lists[asked] = found
+
+    # --- elements and columns --------------------------------------------------------------------------
+
+    def element(self, key: Hashable) -> Element:
+        """The element with this key, the same object throughout the query."""
+        if self._shared is not None:
+            return self._shared.element(key)
+        found = self._elements.get(key)
+        if found is None:
+            assert isinstance(self.table, Table)
+            found = self._elements[key] = Element(self.table, key)
+        return found
+
+    def number(self, key: Hashable) -> int:
+        """A whole number for a key, the same throughout the query."""
+        if type(key) is int and INT_MIN <= key <= INT_MAX:
+            return key
+        numbers = self._numbers if self._shared is None else self._shared._numbers
+        return numbers.setdefault(key, len(numbers))
+
+    def reader(self, name: str) -> Read:
+        """A function from a key to the value of a column; of rows that are tuples, from the row."""
+        if self._shared is not None:
+            return self._shared.reader(name)
+        schema, table = self.schema, self.table
+        if not isinstance(table, Table):
+            place = list(schema.kinds).index(name)
+            return lambda row: row[place]
+        if name == table.key:
+            return schema.cleaners[name]
+        group = schema.group_of[name]
+        rows, place = self._rows[group], schema.groups[group].index(name)
+        fetch = self._fetcher(table, group)
+
+        def read(key: Hashable) -> Any:
+            row = rows.get(key)
+            return (fetch(key) if row is None else row)[place]
+
+        return read
+
+    def group_reader(self, name: str) -> GroupReader | None:
+        """How to read the group of a column; None for a column without one."""
+        if self._shared is not None:
+            return self._shared.group_reader(name)
+        schema, table = self.schema, self.table
+        if not isinstance(table, Table) or name == table.key:
+            return None
+        group = schema.group_of[name]
+        return GroupReader(self._rows[group].get, self._fetcher(table, group), schema.groups[group])
+
+    def _fetcher(self, table: Table, group: str) -> Callable[[Hashable], tuple[Any, ...]]:
+        """A function that asks the world for a group of the element with a key."""
+        schema, rows, method = self.schema, self._rows[group], getattr(table, group)
+        fits = schema.quick_test(group)
+
+        def fetch(key: Hashable) -> tuple[Any, ...]:
+            try:
+                row: tuple[Any, ...] = method(key)
+                if type(row) is not tuple or not fits(row):
+                    row = schema.row(group, row)
+                rows[key] = row
+            except Error as error:
+                raise error.located(self.span) from error.__cause__
+            except Exception as error:
+                raise broken(schema, error, key).located(self.span) from error
+            return row
+
+        def fetch_all(key: Hashable) -> tuple[Any, ...]:
+            wanted = [one for one in self._last if one not in rows]
+            if key not in wanted:
+                wanted = [key]
+            with Guarded(schema, span=self.span):
+                raw = method(wanted)
+                rows.update(zip(wanted, schema.rows_of_arrays(group, raw, wanted), strict=True))
+            return rows[key]
+
+        return fetch_all if group in schema.arrays else fetch
+
+    # --- the copy --------------------------------------------------------------------------------------
+
+    def copy(self, columns: Iterable[str]) -> None:
+        """Reads all keys and these columns now; later reads see them as they were."""
+        if self._shared is not None:
+            self._shared.copy(columns)
+            return
+        if not isinstance(self.table, Table):
+            return
+        keys = self.keys(Where())
+        for name in columns:
+            read = self.reader(name)
+            for key in keys:
+                read(key)
+        self._copy = keys
+
+
+def own_key(value: Any, world: Any) -> Any:
+    """An argument as the adapter gets it: the key in place of an element of its own."""
+    if isinstance(value, Element) and (value.world is world or value.world.source is world.source):
+        return value.key
+    return value
+
+
+# --- what a query demands ------------------------------------------------------------------------------
+
+NOTHING = Where()
+_NUMBERS = (int, float)
+
+
+def where_of(demands: Iterable[tuple[str, str, Any]], schema: Schema) -> Where:
+    """What comparisons (column, operator, value) demand together.
+
+    A value that the column could not be compared with restricts nothing, for the row is tested again.
+    """
+    where = Where()
+    for name, operator, value in demands:
+        expected: Any = str if schema.columns and _is_text(schema, name) else _NUMBERS
+        if isinstance(value, bool) or not isinstance(value, expected):
+            continue
+        known = where.get(name, _OPEN)
+        equal, low, high = known.equal, known.low, known.high
+        if operator == "=":
+            equal = low = high = value
+        elif equal is not None:
+            continue
+        elif operator in (">", ">="):
+            low = value if low is None else max(low, value)
+        else:
+            high = value if high is None else min(high, value)
+        where[name] = Filter(equal, low, high)
+    return where
+
+
+_OPEN = Filter()
+
+
+def _is_text(schema: Schema, name: str) -> bool:
+    from ss2sql.kinds import Kind
+
+    return schema.kinds[name].only(Kind.STR | Kind.NONE)

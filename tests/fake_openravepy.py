@@ -1,0 +1,254 @@
+"""A stand-in for the documented interface of openravepy, as far as the adapter uses it: boxes, spheres, and links.
+
+Bodies stand still, and boxes are not turned when collisions are looked for. It is no simulator, only as much of one
+as it takes to run the adapter where OpenRAVE cannot be installed.
+"""
+
+# ruff: noqa: N802 - the names are OpenRAVE's
+
+from __future__ import annotations
+
+from enum import Enum, IntFlag
+from math import dist
+from typing import Any
+
+import numpy as np
+
+
+class GeometryType(Enum):
+    Box = 1
+    Sphere = 2
+    Cylinder = 3
+    Trimesh = 4
+
+
+class JointType(Enum):
+    Revolute = 1
+    Spherical = 2
+
+
+class CollisionOptions(IntFlag):
+    Distance = 1
+    Contacts = 4
+
+
+class CollisionReport:
+    def __init__(self) -> None:
+        self.minDistance = 1e20
+
+
+class AABB:
+    def __init__(self, pos: Any, extents: Any) -> None:
+        self._pos, self._extents = np.array(pos, float), np.array(extents, float)
+
+    def pos(self) -> Any:
+        return self._pos
+
+    def extents(self) -> Any:
+        return self._extents
+
+
+def matrix(pose: Any) -> Any:
+    """A 4 x 4 matrix of a pose: itself, or [qw, qx, qy, qz, x, y, z]."""
+    values = np.array(pose, float)
+    if values.shape != (7,):
+        return values
+    w, x, y, z = values[:4] / np.linalg.norm(values[:4])
+    found = np.eye(4)
+    found[:3, :3] = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    found[:3, 3] = values[4:]
+    return found
+
+
+class Geometry:
+    def __init__(self, kind: GeometryType, *size: float) -> None:
+        self.kind, self.size = kind, size
+
+    def GetType(self) -> GeometryType:
+        return self.kind
+
+    def GetSphereRadius(self) -> float:
+        return self.size[0]
+
+    def GetBoxExtents(self) -> Any:
+        return np.array(self.size)
+
+    def GetCylinderRadius(self) -> float:
+        return self.size[0]
+
+    def GetCylinderHeight(self) -> float:
+        return self.size[1]
+
+
+class Link:
+    def __init__(self, name: str, mass: float, geometry: Geometry, offset: Any = (0, 0, 0)) -> None:
+        self.name, self.mass, self.geometry, self.offset = name, mass, geometry, np.array(offset, float)
+        self.velocity = np.zeros(6)
+        self.body: Any = None
+
+    def GetName(self) -> str:
+        return self.name
+
+    def GetMass(self) -> float:
+        return self.mass
+
+    def GetGeometries(self) -> list[Geometry]:
+        return [self.geometry]
+
+    def GetTransform(self) -> Any:
+        found = self.body.GetTransform()
+        found[:3, 3] += found[:3, :3] @ self.offset
+        return found
+
+    def GetVelocity(self) -> Any:
+        return self.velocity
+
+    def IsEnabled(self) -> bool:
+        return True
+
+    def ComputeAABB(self) -> AABB:
+        transform = self.GetTransform()
+        half = self.geometry.size * 3 if self.geometry.kind is GeometryType.Sphere else self.geometry.size
+        if self.geometry.kind is GeometryType.Box:
+            half = np.abs(transform[:3, :3]) @ half
+        return AABB(transform[:3, 3], half)
+
+
+class Joint:
+    def __init__(self, name: str, kind: JointType, values: list[float]) -> None:
+        self.name, self.kind, self.values = name, kind, values
+
+    def GetName(self) -> str:
+        return self.name
+
+    def GetType(self) -> JointType:
+        return self.kind
+
+    def GetValues(self) -> Any:
+        return np.array(self.values)
+
+    def GetVelocities(self) -> Any:
+        return np.zeros(len(self.values))
+
+    def GetLimits(self) -> Any:
+        return np.full(len(self.values), -1.0), np.full(len(self.values), 2.0)
+
+
+class KinBody:
+    def __init__(self, name: str, links: list[Link], joints: list[Joint] | None = None, robot: bool = False) -> None:
+        self.name, self.links, self.joints, self.robot = name, links, joints or [], robot
+        self.transform, self.number = np.eye(4), 0
+        self._saved: list[Any] = []
+        for link in links:
+            link.body = self
+
+    def GetEnvironmentId(self) -> int:
+        return self.number
+
+    def GetName(self) -> str:
+        return self.name
+
+    def GetTransform(self) -> Any:
+        return self.transform.copy()
+
+    def SetTransform(self, pose: Any) -> None:
+        self.transform = matrix(pose)
+
+    def GetLinks(self) -> list[Link]:
+        return list(self.links)
+
+    def GetJoints(self) -> list[Joint]:
+        return list(self.joints)
+
+    def GetLinkVelocities(self) -> Any:
+        return np.array([link.GetVelocity() for link in self.links])
+
+    def ComputeAABB(self) -> AABB:
+        boxes = [link.ComputeAABB() for link in self.links]
+        low = np.min([box.pos() - box.extents() for box in boxes], axis=0)
+        high = np.max([box.pos() + box.extents() for box in boxes], axis=0)
+        return AABB((low + high) / 2, (high - low) / 2)
+
+    def IsRobot(self) -> bool:
+        return self.robot
+
+    def GetAttachedSensors(self) -> list[str]:
+        return ["laser"] if self.robot else []
+
+    def IsEnabled(self) -> bool:
+        return True
+
+    def __enter__(self) -> None:
+        self._saved.append(self.GetTransform())
+
+    def __exit__(self, *error: object) -> None:
+        self.transform = self._saved.pop()
+
+
+def between(one: Link, other: Link) -> float:
+    """The distance of boxes along the axes, and of spheres."""
+    first, second = (link.GetTransform()[:3, 3] for link in (one, other))
+    half = np.zeros(3)
+    radius = 0.0
+    for link in (one, other):
+        if link.geometry.kind is GeometryType.Sphere:
+            radius += link.geometry.size[0]
+        else:
+            half += link.geometry.size
+    return dist(np.maximum(np.abs(first - second) - half, 0), (0, 0, 0)) - radius
+
+
+class CollisionChecker:
+    def __init__(self) -> None:
+        self.options = 0
+        self.measures = True
+
+    def GetCollisionOptions(self) -> int:
+        return self.options
+
+    def SetCollisionOptions(self, options: int) -> bool:
+        self.options = int(options)
+        return self.measures or not options & CollisionOptions.Distance
+
+
+class Environment:
+    def __init__(self) -> None:
+        self.bodies: list[KinBody] = []
+        self.births = self.microseconds = 0
+        self.checker = CollisionChecker()
+
+    def Add(self, body: KinBody) -> None:
+        self.births += 1
+        body.number = self.births
+        self.bodies.append(body)
+
+    def Remove(self, body: KinBody) -> None:
+        self.bodies.remove(body)
+
+    def GetBodies(self) -> list[KinBody]:
+        return list(reversed(self.bodies))
+
+    def GetBodyFromEnvironmentId(self, number: int) -> KinBody | None:
+        return next((body for body in self.bodies if body.number == number), None)
+
+    def GetSimulationTime(self) -> int:
+        return self.microseconds
+
+    def GetCollisionChecker(self) -> CollisionChecker:
+        return self.checker
+
+    def CheckCollision(
+        self, body: KinBody, other: KinBody | None = None, report: CollisionReport | None = None
+    ) -> bool:
+        others = [other] if other is not None else [one for one in self.bodies if one is not body]
+        least = min(between(a, b) for one in others for a in body.links for b in one.links)
+        if report is not None and self.checker.options & CollisionOptions.Distance:
+            report.minDistance = max(least, 0.0)
+        return least <= 0
+
+
+Environment.__module__ = "openravepy.openravepy_int"  # where the real one is

@@ -1,0 +1,490 @@
+"""Data frames as sources: whatever library they come from, they are the same rows as a list of dicts."""
+
+from __future__ import annotations
+
+import datetime
+import math
+from collections.abc import Iterator
+from decimal import Decimal
+from types import SimpleNamespace
+from typing import Any
+
+import numpy
+import pandas
+import polars
+import pyarrow
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import ss2sql
+from ss2sql.vtables.frames import frame
+
+both = pytest.mark.parametrize("engine", ["database", "native"])
+
+ROWS = [
+    {"x": 1, "y": 1.5, "name": "a", "ok": True},
+    {"x": 2, "y": None, "name": None, "ok": False},
+    {"x": -3, "y": 0.25, "name": "ü", "ok": True},
+]
+DTYPES = {"x": "int32", "y": "float64", "name": "object", "ok": "bool"}
+MAKERS = {
+    "pandas": lambda: pandas.DataFrame(ROWS),
+    "pandas of nullable types": lambda: pandas.DataFrame(ROWS).convert_dtypes(),
+    "pandas of Arrow's types": lambda: pandas.DataFrame(ROWS).convert_dtypes(dtype_backend="pyarrow"),
+    "Polars": lambda: polars.DataFrame(ROWS),
+    "Arrow table": lambda: pyarrow.Table.from_pylist(ROWS),
+    "Arrow table in pieces": lambda: pyarrow.concat_tables([pyarrow.Table.from_pylist([row], SCHEMA) for row in ROWS]),
+    "Arrow batch": lambda: pyarrow.RecordBatch.from_pylist(ROWS),
+    "Arrow stream": lambda: pyarrow.Table.from_pylist(ROWS).to_reader(),
+    "NumPy": lambda: numpy.array(
+        [(1, 1.5, "a", True), (2, math.nan, None, False), (-3, 0.25, "ü", True)], dtype=list(DTYPES.items())
+    ),
+}
+SCHEMA = pyarrow.Table.from_pylist(ROWS).schema
+every = pytest.mark.parametrize("make", MAKERS.values(), ids=MAKERS)
+
+
+@pytest.fixture
+def ss() -> Iterator[ss2sql.Session]:
+    with ss2sql.connect() as session:
+        yield session
+
+
+# --- the same rows -------------------------------------------------------------------------------------
+
+
+@both
+@every
+def test_a_frame_gives_its_rows(ss: ss2sql.Session, make: Any, engine: Any) -> None:
+    ss.attach("t", make())
+    assert repr(ss.run("SELECT * FROM t;", engine=engine).value) == repr(ROWS)
+    assert repr(ss.run("SELECT this FROM t AS list;", engine=engine).value) == repr(ROWS)
+    assert ss.run("SELECT t.x, name, ok FROM t WHERE ok AS rows;", engine=engine).value == [
+        (1, "a", True),
+        (-3, "ü", True),
+    ]
+    assert ss.run("SELECT m.x FROM n = t, m = t WHERE n.y == m.y AND n.x < m.x + 9 AS list;", engine=engine).value == [
+        1,
+        2,
+        -3,
+    ]
+
+
+@both
+@every
+def test_a_frame_is_a_dict_of_columns_elsewhere(ss: ss2sql.Session, make: Any, engine: Any) -> None:
+    ss.attach("t", make())
+    assert ss.run('sum(t["x"]);', engine=engine).value == 0
+    assert ss.run("t;", engine=engine).value == {name: [row[name] for row in ROWS] for name in ROWS[0]}
+    assert ss.run("copy = t; SELECT x FROM copy AS list;", engine=engine).value == [1, 2, -3]
+    assert ss.run("IF(len(t) == 4; SELECT x FROM t WHERE x IN t['x'] AS list);", engine=engine).value == [1, 2, -3]
+
+
+@every
+def test_columns_have_the_types_and_bounds_of_their_data(ss: ss2sql.Session, make: Any) -> None:
+    """So arithmetic and comparisons are SQLite's own."""
+    ss.attach("t", make())
+    sql = " ".join(str(ss.run("SELECT x + 1 FROM t WHERE x * 2 > 2 AND name == 'a';").sql).split())
+    assert sql == "SELECT t.x + 1 FROM elements_x_y_name_ok(:t) AS t WHERE t.x * 2 > 2 AND t.name IS 'a'"
+
+
+VALUES: dict[str, st.SearchStrategy[Any]] = {
+    "int": st.integers(-5, 5) | st.integers(-(2**63), 2**63 - 1),
+    "float": st.floats(allow_nan=False, allow_infinity=False) | st.sampled_from([0.0, 1.0, -2.5]),
+    "bool": st.booleans(),
+    "str": st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=3) | st.sampled_from(["a", "b"]),
+}
+PANDAS = {"int": "Int64", "float": "Float64", "bool": "boolean", "str": "string"}
+ARROW = {"int": pyarrow.int64(), "float": pyarrow.float64(), "bool": pyarrow.bool_(), "str": pyarrow.string()}
+POLARS = {"int": polars.Int64, "float": polars.Float64, "bool": polars.Boolean, "str": polars.String}
+QUERIES = (
+    "SELECT * FROM t;",
+    "SELECT a, this FROM t WHERE b == a OR a != None AS rows;",
+    "SELECT a + 1, b FROM t WHERE a != None AND b AS list;",
+    "SELECT a * a FROM t AS list;",
+    "SELECT a FROM t WHERE a > 0 AS list;",
+    "SELECT b, count(*), min(a) FROM t GROUP BY b;",
+    "SELECT a, b FROM t ORDER BY b DESC, a AS rows;",
+    "SELECT n.a, m.this FROM n = t, m = t WHERE n.a == m.b AS list;",
+    "SELECT b FROM t START WITH at = 1 CONNECT BY UNIQUE at = a STOP WITH a == None AS list;",
+)
+
+
+@st.composite
+def columns(draw: Any) -> tuple[dict[str, str], list[dict[str, Any]]]:
+    """Kinds of two columns, and rows with values of these kinds or None."""
+    kinds = {name: draw(st.sampled_from(sorted(VALUES))) for name in "ab"}
+    rows = st.fixed_dictionaries({name: VALUES[kind] | st.none() for name, kind in kinds.items()})
+    drawn = draw(st.lists(rows, min_size=1, max_size=5))
+    return kinds, [{name: row[name] for name in kinds} for row in drawn]
+
+
+def frames_of(kinds: dict[str, str], rows: list[dict[str, Any]]) -> dict[str, Any]:
+    lists = {name: [row[name] for row in rows] for name in kinds}
+    return {
+        "pandas": pandas.DataFrame({name: pandas.Series(lists[name], dtype=PANDAS[kinds[name]]) for name in kinds}),
+        "objects": pandas.DataFrame({name: pandas.Series(lists[name], dtype=object) for name in kinds}),
+        "polars": polars.DataFrame(lists, schema={name: POLARS[kind] for name, kind in kinds.items()}),
+        "arrow": pyarrow.table(lists, schema=pyarrow.schema([(name, ARROW[kind]) for name, kind in kinds.items()])),
+        "numpy": numpy.array([tuple(row.values()) for row in rows], dtype=[(name, object) for name in kinds]),
+    }
+
+
+def outcome(ss: ss2sql.Session, query: str, engine: Any) -> str:
+    try:
+        return repr(ss.run(query, engine=engine).value)
+    except ss2sql.Error as error:
+        return error.code
+
+
+@settings(max_examples=40, deadline=None)
+@given(columns(), st.sampled_from(QUERIES))
+def test_random_frames_are_the_same_as_lists_of_dicts(given: Any, query: str) -> None:
+    kinds, rows = given
+    with ss2sql.connect() as ss:
+        ss.attach("t", rows)
+        expected = outcome(ss, query, "native")
+        for library, source in frames_of(kinds, rows).items():
+            ss.attach("t", source)
+            for engine in ("auto", "native"):
+                assert outcome(ss, query, engine) == expected, (library, engine)
+
+
+@both
+@every
+def test_an_empty_frame_has_columns_and_no_rows(ss: ss2sql.Session, make: Any, engine: Any) -> None:
+    source = make()
+    if isinstance(source, pyarrow.RecordBatchReader):
+        source = source.read_all()
+    empty = source.iloc[:0] if isinstance(source, pandas.DataFrame) else source[:0]
+    ss.attach("t", empty)
+    assert ss.run("SELECT x + 1, name FROM t WHERE y > 0;", engine=engine).value == []
+    assert ss.run("SELECT * FROM t;", engine=engine).columns == ("x", "y", "name", "ok")
+
+
+@both
+def test_a_frame_without_columns(ss: ss2sql.Session, engine: Any) -> None:
+    ss.attach("nothing", pandas.DataFrame())
+    ss.attach("rows", pandas.DataFrame(index=range(2)))
+    assert ss.run("SELECT this FROM nothing AS list;", engine=engine).value == []
+    assert ss.run("SELECT this FROM rows AS list;", engine=engine).value == [{}, {}]
+
+
+@both
+def test_a_search_over_a_frame_of_edges(ss: ss2sql.Session, engine: Any) -> None:
+    edges = pandas.DataFrame({"src": ["a", "b", "b", "c"], "dst": ["b", "c", "d", "d"], "km": [1, 2, 5, 1]})
+    ss.attach("edges", edges)
+    cheapest = (
+        "SELECT dst FROM edges WHERE dst == 'd' START WITH at = 'a', way = 0"
+        " CONNECT BY COST km MAXIMUM 1 at = dst STOP WITH src != at OR dst == 'd' AS list;"
+    )
+    ss.attach("listed", edges.to_dict("records"))
+    expected = ss.run(cheapest.replace("FROM edges", "FROM listed"), engine=engine).value
+    assert ss.run(cheapest, engine=engine).value == expected
+    reached = (
+        "SELECT e.dst FROM e = (SELECT dst, src FROM edges WHERE src == at) START WITH at = 'a'"
+        " CONNECT BY UNIQUE at = e.dst AS list;"
+    )
+    assert ss.run(reached, engine=engine).value == [["b"], ["b", "c"], ["b", "d"]]
+
+
+@both
+def test_a_frame_in_nested_queries_and_texts(ss: ss2sql.Session, engine: Any) -> None:
+    ss.attach("t", pandas.DataFrame(ROWS))
+    ss.attach("u", polars.DataFrame({"k": [1, -3, 1]}))
+    nested = "SELECT k, (SELECT x FROM t WHERE x == k AS list) FROM u AS rows;"
+    assert ss.run(nested, engine=engine).value == [(1, [1]), (-3, [-3]), (1, [1])]
+    assert ss.run("SELECT eval('x + 1;') FROM t AS list;", engine="native").value == [2, 3, -2]
+
+
+# --- the values of cells -------------------------------------------------------------------------------
+
+
+def values(ss: ss2sql.Session, source: Any) -> dict[str, list[Any]]:
+    """The columns of a frame as both engines read them."""
+    ss.attach("t", source)
+    found = [ss.run("SELECT * FROM t;", engine=engine).value for engine in ("database", "native")]
+    assert repr(found[0]) == repr(found[1])
+    return {name: [row[name] for row in found[0]] for name in found[0][0]}
+
+
+TIMES = [
+    datetime.datetime(2024, 2, 1, 12, 30),
+    None,
+    datetime.datetime(1960, 1, 1, 0, 0, 0, 250_000),
+]
+WRITTEN = ["2024-02-01T12:30:00", None, "1960-01-01T00:00:00.250000"]
+
+
+@pytest.mark.parametrize("unit", ["ms", "us", "ns"])
+def test_times_are_texts_that_sort_as_they_do(ss: ss2sql.Session, unit: Any) -> None:
+    array = numpy.array(TIMES, dtype=f"M8[{unit}]")
+    assert values(ss, pandas.DataFrame({"t": array}))["t"] == WRITTEN
+    assert values(ss, polars.DataFrame({"t": polars.Series(TIMES).dt.cast_time_unit(unit)}))["t"] == WRITTEN
+    assert values(ss, pyarrow.table({"t": pyarrow.array(TIMES, pyarrow.timestamp(unit))}))["t"] == WRITTEN
+    assert values(ss, numpy.array(list(zip(array)), dtype=[("t", f"M8[{unit}]")]))["t"] == WRITTEN
+    assert values(ss, pandas.DataFrame({"t": pandas.Series(TIMES, dtype=object)}))["t"] == WRITTEN
+
+
+def test_times_with_a_zone_are_those_of_utc(ss: ss2sql.Session) -> None:
+    berlin = pandas.DatetimeIndex(["2024-07-01 12:00", None]).tz_localize("Europe/Berlin")
+    written = ["2024-07-01T10:00:00+00:00", None]
+    frame = pandas.DataFrame({"t": berlin})
+    assert values(ss, frame)["t"] == written
+    assert values(ss, frame.astype(object))["t"] == written
+    assert values(ss, polars.from_pandas(frame))["t"] == written
+    assert values(ss, pyarrow.Table.from_pandas(frame))["t"] == written
+
+
+def test_dates_times_of_the_day_and_durations(ss: ss2sql.Session) -> None:
+    day, clock = datetime.date(2024, 2, 29), datetime.time(23, 5, 0, 500_000)
+    given = {"day": [day, None], "clock": [clock, None], "took": [datetime.timedelta(seconds=90.5), None]}
+    written = {"day": ["2024-02-29", None], "clock": ["23:05:00.500000", None], "took": [90.5, None]}
+    assert values(ss, polars.DataFrame(given)) == written
+    assert values(ss, pyarrow.table(given)) == written
+    assert values(ss, pandas.DataFrame(given)) == written
+    assert values(ss, pandas.DataFrame(given, dtype=object)) == written
+
+
+def test_nanoseconds_are_kept(ss: ss2sql.Session) -> None:
+    array = numpy.array(["2024-01-01T00:00:00.000000001"], "M8[ns]")
+    written = ["2024-01-01T00:00:00.000000001"]
+    assert values(ss, pandas.DataFrame({"t": array}))["t"] == written
+    assert values(ss, polars.DataFrame({"t": array}))["t"] == written
+    assert values(ss, pyarrow.table({"t": array}))["t"] == written
+
+
+def test_categories_decimals_lists_and_structs(ss: ss2sql.Session) -> None:
+    nested = [{"k": [1.5, math.nan]}, None]
+    plain = [{"k": [1.5, None]}, None]
+    decimals, numbers = [Decimal("1.50"), None], [1.5, None]
+    table = pyarrow.table(
+        {
+            "nested": nested,
+            "decimal": decimals,
+            "whole": pyarrow.array([Decimal(7), None], pyarrow.decimal128(5, 0)),
+            "kind": pyarrow.array(["u", None]).dictionary_encode(),
+            "nothing": pyarrow.nulls(2),
+            "bytes": [b"\x00", None],
+        }
+    )
+    expected = {"nested": plain, "decimal": numbers, "whole": [7, None], "kind": ["u", None], "nothing": [None, None]}
+    assert values(ss, table) == {**expected, "bytes": [b"\x00", None]}
+    kinds = pandas.Series(["u", None]).astype("category")
+    counts = pandas.Series([7, None]).astype("Int64").astype("category")
+    frame = pandas.DataFrame({"nested": nested, "decimal": decimals, "kind": kinds, "count": counts})
+    assert values(ss, frame) == {"nested": plain, "decimal": numbers, "kind": ["u", None], "count": [7, None]}
+    lazy = {
+        "nested": [[1, None], None],
+        "decimal": decimals,
+        "kind": polars.Series(["u", None], dtype=polars.Categorical),
+    }
+    assert values(ss, polars.DataFrame(lazy)) == {"nested": [[1, None], None], "decimal": numbers, "kind": ["u", None]}
+
+
+def test_what_stands_for_missing_is_none(ss: ss2sql.Session) -> None:
+    missing = [math.nan, pandas.NA, pandas.NaT, None, numpy.float32("nan"), numpy.datetime64("NaT")]
+    assert values(ss, pandas.DataFrame({"x": pandas.Series(missing, dtype=object)}))["x"] == [None] * 6
+    assert values(ss, pandas.DataFrame({"x": numpy.array([1, math.nan], "f4")}))["x"] == [1.0, None]
+
+
+def test_small_numbers_of_numpy(ss: ss2sql.Session) -> None:
+    given = {kind: numpy.array([1, 2], kind) for kind in ("u1", "i2", "f2", "f4", "u8", "?")}
+    found = values(ss, pandas.DataFrame(given))
+    assert repr(found) == repr({kind: array.tolist() for kind, array in given.items()})
+
+
+def test_arrays_that_are_not_structured_are_lists(ss: ss2sql.Session) -> None:
+    ss.attach("grid", numpy.array([[1, 2], [3, 4]]))
+    assert ss.eval("SELECT this[1] FROM grid AS list;") == [2, 4]
+
+
+# --- what cannot be ------------------------------------------------------------------------------------
+
+
+@both
+@pytest.mark.parametrize(
+    ("column", "words"),
+    [
+        (numpy.array([1, 2**63], "u8"), "9223372036854775808 at [1]"),
+        (numpy.array([1.0, 2.0, math.inf]), "inf at [2]"),
+        (pandas.Series([1, -math.inf], dtype=object), "-inf at [1]"),
+        (numpy.array([1j]), "complex number"),
+    ],
+)
+def test_numbers_that_are_no_values(ss: ss2sql.Session, column: Any, words: str, engine: Any) -> None:
+    """Whether they are read or not, as in a list of dicts."""
+    ss.attach("t", pandas.DataFrame({"x": column, "y": 1}))
+    with pytest.raises(ss2sql.ExecutionError) as caught:
+        ss.run("SELECT y FROM t;", engine=engine)
+    assert caught.value.code == "X004"
+    assert "the column 'x' of 't' holds" in str(caught.value)
+    assert words in str(caught.value)
+
+
+def test_two_columns_of_one_name(ss: ss2sql.Session) -> None:
+    ss.attach("t", pandas.DataFrame([[1, 2]], columns=["x", "x"]))
+    with pytest.raises(ss2sql.ExecutionError, match="two columns called 'x'"):
+        ss.run("SELECT x FROM t;")
+
+
+@pytest.mark.parametrize(
+    ("source", "cure"),
+    [
+        (polars.LazyFrame({"x": [1]}), "collect()"),
+        (pandas.Series([1]), "to_frame()"),
+        (polars.Series([1]), "to_frame()"),
+        (pyarrow.chunked_array([[1]]), "to_pylist()"),
+    ],
+)
+def test_parts_of_frames_are_refused_with_the_cure(ss: ss2sql.Session, source: Any, cure: str) -> None:
+    with pytest.raises(ss2sql.Error) as caught:
+        ss.attach("t", source)
+    assert caught.value.code == "S002"
+    assert cure in str(caught.value)
+
+
+# --- names ---------------------------------------------------------------------------------------------
+
+
+@both
+def test_any_name_of_a_column_can_be_reached(ss: ss2sql.Session, engine: Any) -> None:
+    ss.attach(
+        "t", pandas.DataFrame({"odd name": [1], "from": [2], "X": [3], "x": [4], "this": [5], "rowid": [6], 7: [8]})
+    )
+    names = 'this["odd name"], this["from"], X, t.x, t.this["this"], rowid, this["7"]'
+    assert ss.run(f"SELECT {names} FROM t AS list;", engine=engine).value == [1, 2, 3, 4, 5, 6, 8]
+
+
+@both
+def test_a_column_called_rowid_does_not_change_the_order(ss: ss2sql.Session, engine: Any) -> None:
+    ss.attach("t", pandas.DataFrame({"rowid": [3, 1, 2], "k": ["b", "a", "b"]}))
+    assert ss.run("SELECT k, sum(rowid) FROM t GROUP BY k AS rows;", engine=engine).value == [("b", 5), ("a", 1)]
+    assert ss.run("SELECT rowid FROM t AS list;", engine=engine).value == [3, 1, 2]
+
+
+def test_an_index_with_a_name_is_a_column(ss: ss2sql.Session) -> None:
+    frame = pandas.DataFrame({"x": [1, 2]}, index=pandas.Index(["a", "b"], name="key"))
+    assert values(ss, frame) == {"key": ["a", "b"], "x": [1, 2]}
+    assert values(ss, frame.rename_axis(None)) == {"x": [1, 2]}
+    deep = frame.assign(k=[1, 2]).set_index("k", append=True)
+    assert values(ss, deep) == {"key": ["a", "b"], "k": [1, 2], "x": [1, 2]}
+
+
+def test_columns_of_several_levels(ss: ss2sql.Session) -> None:
+    frame = pandas.DataFrame([[1, 2]], columns=pandas.MultiIndex.from_tuples([("a", "min"), ("a", "max")]))
+    assert values(ss, frame) == {"a_min": [1], "a_max": [2]}
+
+
+# --- when a frame is read ------------------------------------------------------------------------------
+
+
+@both
+def test_every_run_sees_the_frame_as_it_is(ss: ss2sql.Session, engine: Any) -> None:
+    for source in (pandas.DataFrame({"x": [1, 2]}), numpy.array([(1,), (2,)], dtype=[("x", "i8")])):
+        ss.attach("t", source)
+        query = ss.compile("SELECT x + 1 FROM t AS list;", engine=engine)
+        assert query.run().value == [2, 3]
+        source["x"] = [2**40, -5]  # beyond the bounds that the plan was made for
+        assert query.run().value == [2**40 + 1, -4]
+    series = polars.DataFrame({"x": [1, 2]})
+    ss.attach("t", series)
+    series[0, "x"] = 9
+    assert ss.run("SELECT x FROM t AS list;", engine=engine).value == [9, 2]
+
+
+@both
+def test_new_columns_are_seen(ss: ss2sql.Session, engine: Any) -> None:
+    frame = pandas.DataFrame({"x": [1]})
+    ss.attach("t", frame)
+    query = ss.compile("SELECT * FROM t;", engine=engine)
+    assert query.run().value == [{"x": 1}]
+    frame["y"] = ["a"]
+    assert query.run().value == [{"x": 1, "y": "a"}]
+    frame["x"] = ["b"]
+    assert query.run().value == [{"x": "b", "y": "a"}]
+
+
+@both
+@pytest.mark.parametrize(
+    "make", [MAKERS["pandas"], MAKERS["NumPy"], MAKERS["Polars"]], ids=["pandas", "NumPy", "Polars"]
+)
+def test_a_run_keeps_what_it_has_read(ss: ss2sql.Session, make: Any, engine: Any) -> None:
+    source = make()
+
+    def spoil(x: int) -> int:
+        if isinstance(source, pandas.DataFrame):
+            source.loc[:, "x"] = 0
+        elif isinstance(source, polars.DataFrame):
+            for row in range(3):
+                source[row, "x"] = 0
+        else:
+            source["x"] = 0
+        return x
+
+    ss.attach("t", source)
+    ss.function("spoil", spoil, volatility="volatile")
+    assert ss.run("SELECT spoil(x) FROM t AS list;", engine=engine).value == [1, 2, -3]
+    assert ss.run("SELECT x FROM t AS list;", engine=engine).value == [0, 0, 0]
+
+
+@pytest.fixture
+def made(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
+    """Counts conversions of columns."""
+    count = SimpleNamespace(columns=0)
+    begin = frame.Column.__init__
+
+    def counting(self: Any, kind: Any, make: Any) -> None:
+        def counted() -> list[Any]:
+            count.columns += 1
+            return list(make())
+
+        begin(self, kind, counted)
+
+    monkeypatch.setattr(frame.Column, "__init__", counting)
+    return count
+
+
+@both
+@every
+def test_columns_that_are_read_are_converted_once_per_run(
+    ss: ss2sql.Session, make: Any, engine: Any, made: SimpleNamespace
+) -> None:
+    source = make()
+    ss.attach("t", source)
+    query = ss.compile("SELECT n.x, m.x, n.ok FROM n = t, m = t WHERE n.x == m.x AND n.ok;", engine=engine)
+    assert made.columns == 0  # types need no values
+    query.run()
+    assert made.columns == 2
+    query.run()
+    cannot_change = isinstance(source, (pyarrow.Table, pyarrow.RecordBatch, pyarrow.RecordBatchReader))
+    assert made.columns == (2 if cannot_change else 4)
+
+
+def test_a_frame_gives_way_to_whatever_takes_its_name(ss: ss2sql.Session) -> None:
+    source = pandas.DataFrame({"x": [1]})
+    ss.attach("t", source)
+    assert ss.get("t") is source
+    assert ss.eval("SELECT x FROM t AS list;") == [1]
+    assert ss.eval("t = [2]; SELECT this FROM t AS list;") == [2]
+    ss.attach("t", [{"x": 3}])
+    assert ss.eval("SELECT x FROM t AS list;") == [3]
+    ss.attach("t", source)
+    ss.detach("t")
+    with pytest.raises(ss2sql.ResolveError):
+        ss.eval("SELECT x FROM t AS list;")
+
+
+@both
+def test_functions_that_take_arrays(ss: ss2sql.Session, engine: Any) -> None:
+    ss.attach("t", pandas.DataFrame({"x": range(100)}))
+    blocks = []
+
+    def double(x: Any) -> Any:
+        blocks.append(len(x))
+        return x * 2
+
+    ss.function("double", double, vectorized=True)
+    assert ss.run("SELECT double(x) FROM t AS list;", engine=engine).value == [2 * x for x in range(100)]
+    assert len(blocks) < 20

@@ -1,0 +1,315 @@
+"""ODE as a world: every query beside a loop over ODE's own interface. It runs where python3-pyode is installed."""
+
+from __future__ import annotations
+
+import gc
+import re
+from collections.abc import Iterator
+from math import dist, pi, sqrt
+from pathlib import Path
+from random import Random
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+import pytest
+from body_queries import ARGUMENTS, ENGINES, Plain, agree, answer
+from pyode import load
+
+import ss2sql
+from ss2sql.scenes.ode_chaos import OdeChaos, chaos
+from ss2sql.vtables.ode import OdeWorld
+
+_folder = TemporaryDirectory()
+ode = load(Path(_folder.name))
+REASON = "ODE is not installed for this Python: apt-get install python3-pyode"
+pytestmark = pytest.mark.skipif(ode is None, reason=REASON)
+
+
+@pytest.fixture(params=ENGINES)
+def engine(request: Any) -> Any:
+    return request.param
+
+
+class Room:
+    """A floor and some bodies."""
+
+    def __init__(self) -> None:
+        self.world, self.space = ode.World(), ode.HashSpace()
+        self.floor = ode.GeomPlane(self.space, (0, 0, 1), 0)
+        self.floor.name = "floor"
+        self.ball = self.add(ode.GeomSphere(self.space, 0.5), 60.0, (0, 0, 0.75), "ball")
+        self.box = self.add(ode.GeomBox(self.space, (1, 1, 1)), 10.0, (2, 0, 0.5), "box")
+        self.post = ode.GeomCylinder(self.space, 0.25, 2)
+        self.post.setPosition((0, 3, 1))
+        self.inner = ode.SimpleSpace(self.space)
+        self.rod = self.add(ode.GeomCapsule(self.inner, 0.25, 1), 70.0, (3, 3, 1), "rod")
+        self.pearl = self.add(ode.GeomSphere(self.inner, 0.1), 51.0, (-1, 0, 1), None)
+
+    def add(self, geom: Any, mass: float, position: tuple[float, ...], name: str | None) -> Any:
+        body, weight = ode.Body(self.world), ode.Mass()
+        weight.setSphereTotal(mass, 1.0)
+        body.setMass(weight)
+        body.setPosition(position)
+        geom.setBody(body)
+        if name:
+            geom.name = name
+        return geom
+
+
+@pytest.fixture
+def room() -> Room:
+    return Room()
+
+
+@pytest.fixture
+def ss(room: Room) -> Iterator[ss2sql.Session]:
+    with ss2sql.connect() as session:
+        session.attach("space", room.space)
+        yield session
+
+
+KINDS = {"GeomSphere": "sphere", "GeomBox": "box", "GeomCapsule": "capsule", "GeomCylinder": "cylinder",
+         "GeomPlane": "plane"}  # fmt: skip
+
+
+def loop(scene: OdeChaos) -> list[Plain]:
+    """The geoms of a scene in the order of their births, by ODE's own interface."""
+    found = []
+    for number, geom in enumerate([*scene.walls, *scene.particles], 1):
+        body = geom.getBody()
+        normal, offset = geom.getParams() if body is None else ((0, 0, 0), 0)
+        place = tuple(part * offset for part in normal) if body is None else geom.getPosition()
+        mass = 0.0 if body is None else body.getMass().mass
+        found.append(Plain(number, geom.name, KINDS[type(geom).__name__], place, mass))
+    return found
+
+
+# --- the same as a loop --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_queries_give_what_loops_give(seed: int, engine: Any) -> None:
+    scene = chaos(seed, 10 + 10 * seed)
+    with ss2sql.connect() as ss:
+        ss.attach("space", scene)
+        agree(ss, loop(scene), engine)
+        scene.step(30)
+        agree(ss, loop(scene), engine)
+
+
+def test_births_and_deaths_are_seen(engine: Any) -> None:
+    scene = chaos(1, 10)
+    with ss2sql.connect() as ss:
+        ss.attach("space", scene)
+        before = answer(ss, "SELECT id, name FROM space AS rows;", engine)
+        victim = scene.particles[3].name
+        scene.explode(scene.particles[3])
+        scene.step(100)
+        after = answer(ss, "SELECT id, name FROM space AS rows;", engine)
+        assert [row for row in before if row[1] == victim and row in after] == []
+        assert [row for row in before if row[1] != victim] == after[: len(before) - 1]
+        names = [geom.name for geom in (*scene.walls, *scene.particles)]
+        assert sorted(name for _, name in after) == sorted(names)
+        assert [number for number, _ in after] == sorted({number for number, _ in after})
+
+
+def test_check_world_passes_for_chaos() -> None:
+    scene = chaos(3, 12)
+
+    def change(random: Random) -> None:
+        scene.step(random.randint(1, 10))
+        if random.random() < 0.3:
+            scene.remove(random.choice(scene.particles))
+        if random.random() < 0.3:
+            scene.explode(random.choice(scene.particles))
+
+    report = ss2sql.check_world(scene, queries=40, arguments=ARGUMENTS, change=change)
+    assert report.skipped == []
+
+
+def test_check_world_passes_for_spaces_in_spaces(room: Room) -> None:
+    report = ss2sql.check_world(room.space, queries=30, arguments=ARGUMENTS)
+    assert report.elements == {"bodies": 6}
+
+
+# --- columns -------------------------------------------------------------------------------------------
+
+
+def test_the_geoms_of_inner_spaces_belong_to_it(ss: ss2sql.Session, engine: Any) -> None:
+    rows = answer(ss, "SELECT name, type, mass, hasBody FROM space AS rows;", engine)
+    assert rows[:4] == [
+        ["floor", "plane", 0.0, False], ["ball", "sphere", 60.0, True], ["box", "box", 10.0, True],
+        ["cylinder_4", "cylinder", 0.0, False],
+    ]  # fmt: skip
+    assert sorted(rows[4:]) == [["rod", "capsule", 70.0, True], ["sphere_6", "sphere", 51.0, True]]
+
+
+def test_velocity_force_and_turn(room: Room, ss: ss2sql.Session, engine: Any) -> None:
+    body = room.ball.getBody()
+    body.setLinearVel((1, 2, 3))
+    body.setAngularVel((4, 5, 6))
+    body.addForce((7, 8, 9))
+    body.addTorque((1, 1, 2))
+    body.setQuaternion((0.5, 0.5, 0.5, 0.5))
+    names = "velocity, vx, linearVelocity(this, 2), angularVelocity, force, torque, quat, qw, pose"
+    assert answer(ss, f"SELECT {names} FROM space WHERE name == 'ball' AS rows;", engine) == [
+        [[1, 2, 3], 1, 3, [4, 5, 6], [7, 8, 9], [1, 1, 2], [0.5] * 4, 0.5, [0, 0, 0.75, 0.5, 0.5, 0.5, 0.5]]
+    ]
+    body.setQuaternion((sqrt(0.5), 0, 0, sqrt(0.5)))
+    assert answer(ss, "SELECT rot FROM space WHERE name == 'ball' AS list;", engine) == [pytest.approx([0, 0, pi / 2])]
+
+
+def test_volumes_and_boxes(ss: ss2sql.Session, engine: Any) -> None:
+    rows = answer(ss, "SELECT name, volume, aabb FROM space AS rows;", engine)
+    volumes = {name: volume for name, volume, _ in rows}
+    boxes = {name: box for name, _, box in rows}
+    assert volumes["floor"] is None
+    assert boxes["floor"] == [[-1e30, -1e30, -1e30], [1e30, 1e30, 0]]
+    assert volumes["ball"] == pytest.approx(4 / 3 * pi * 0.5**3)
+    assert volumes["box"] == 1.0
+    assert volumes["rod"] == pytest.approx(4 / 3 * pi * 0.25**3 + pi * 0.25**2)
+    assert volumes["cylinder_4"] == pytest.approx(pi * 0.25**2 * 2)
+    assert boxes["ball"] == [[-0.5, -0.5, 0.25], [0.5, 0.5, 1.25]]
+
+
+def test_geoms_that_are_switched_off_and_geoms_inside_of_others(room: Room, engine: Any) -> None:
+    wrapped = ode.GeomTransform(room.space)
+    wrapped.setGeom(ode.GeomSphere(None, 0.5))
+    wrapped.setPosition((9, 9, 9))
+    wrapped.name = "wrapped"
+    room.post.disable()
+    with ss2sql.connect() as ss:
+        ss.attach("space", room.space)
+        assert answer(ss, "SELECT name FROM space WHERE NOT isEnabled AS list;", engine) == ["cylinder_4"]
+        row = answer(ss, "SELECT type, volume, pos FROM space WHERE name == 'wrapped' AS rows;", engine)
+        assert row == [["sphere", pytest.approx(pi / 6), [9, 9, 9]]]
+        gap = "SELECT c.distance FROM a = space, c = space.closest(a.this, 1, 50) WHERE a.name == 'wrapped' AS list;"
+        assert answer(ss, gap, engine) == [pytest.approx(8.5)]
+
+
+# --- touching and distances ----------------------------------------------------------------------------
+
+
+def test_contacts_are_those_of_collide(room: Room, ss: ss2sql.Session, engine: Any) -> None:
+    room.ball.getBody().setPosition((0, 0, 0.25))
+    script = "SELECT idA, idB, pos, normal, distance FROM space.contacts AS rows;"
+    rows = answer(ss, script, engine)
+    known = [[1, 2, list(p), list(n), -d]
+             for p, n, d, _, _ in (c.getContactGeomParams() for c in ode.collide(room.floor, room.ball))]  # fmt: skip
+    assert [row for row in rows if row[1] == 2] == known
+    assert known[0][3:] == [[0, 0, -1], -0.25]
+    turned = "SELECT idA, normal FROM f = space, c = space.contacts(f.this) WHERE f.name == 'ball' AS rows;"
+    assert answer(ss, turned, engine) == [[2, [0, 0, 1]]]
+
+
+def test_distances_between_surfaces(ss: ss2sql.Session, engine: Any) -> None:
+    script = "SELECT a.name, b.name, c.distance FROM a = space, b = space, c = space.closest(a.this, b.this, 10)"
+    rows = answer(ss, f"{script} WHERE a.name == 'ball' AND a.id != b.id AS rows;", engine)
+    gaps = {name: gap for _, name, gap in rows}
+    assert gaps["floor"] == pytest.approx(0.25)
+    assert gaps["box"] == pytest.approx(1.0)
+    assert gaps["cylinder_4"] == pytest.approx(2.25)
+    assert gaps["sphere_6"] == pytest.approx(dist((0, 0, 0.75), (-1, 0, 1)) - 0.6)
+    assert gaps["rod"] == pytest.approx(dist((0, 0, 0.75), (3, 3, 0.75)) - 0.75)
+
+
+SIZES = {"sphere": 1, "box": 3, "capsule": 2, "cylinder": 2}
+
+
+def test_distances_agree_with_mujoco_for_random_solids() -> None:
+    """MuJoCo measures by itself what is computed here for ODE."""
+    mujoco = pytest.importorskip("mujoco")
+    random = np.random.default_rng(1)
+    space, model, geoms = ode.SimpleSpace(), [], []
+    for number in range(24):
+        kind = list(SIZES)[number % 4]
+        size, place, turn = random.uniform(0.1, 1, SIZES[kind]), random.uniform(-3, 3, 3), random.normal(size=4)
+        made = {"sphere": ode.GeomSphere, "capsule": ode.GeomCapsule, "cylinder": ode.GeomCylinder}
+        geom = ode.GeomBox(space, tuple(size)) if kind == "box" else made[kind](space, *size)
+        geom.setPosition(tuple(place))
+        geom.setQuaternion(tuple(turn / np.linalg.norm(turn)))
+        geoms.append(geom)
+        halves = size / 2 if kind == "box" else size * (1, 0.5)[: len(size)]
+        texts = [" ".join(map(repr, map(float, values))) for values in (place, turn, halves)]
+        model.append('<body pos="{}" quat="{}"><geom type="{}" size="{}"/></body>'.format(*texts[:2], kind, texts[2]))
+    made = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{''.join(model)}</worldbody></mujoco>")
+    made.opt.ccd_tolerance, made.opt.ccd_iterations = 1e-12, 500
+    data = mujoco.MjData(made)
+    mujoco.mj_forward(made, data)
+    world = OdeWorld(space)
+    world.found()
+    touching = 0
+    for one in range(24):
+        for other in range(one):
+            known = mujoco.mj_geomDistance(made, data, one, other, 100, None)
+            gap = world.gap(one + 1, other + 1)
+            touching += gap == 0
+            assert gap == pytest.approx(max(known, 0.0), abs=1e-6)
+    assert touching > 5
+
+
+def test_bodies_are_moved_and_tried_out(room: Room, ss: ss2sql.Session, engine: Any) -> None:
+    script = "[collision('ball', [1.5, 0, 0.5]), collision('ball', [-4, 0, 2]), collision('ball', 'box')];"
+    assert answer(ss, script, engine) == [True, False, False]
+    assert room.ball.getPosition() == (0, 0, 0.75)
+    assert answer(ss, "[move('ball', [1.5, 0]), checkCollision('ball'), position('ball')];", engine) == [
+        [1.5, 0], True, [1.5, 0],
+    ]  # fmt: skip
+    assert room.ball.getBody().getPosition() == (1.5, 0, 0.75)
+    with pytest.raises(ss2sql.Error, match="the plane floor cannot be moved"):
+        ss.run("move('floor', [1, 1]);", engine=engine)
+
+
+# --- lifetimes -----------------------------------------------------------------------------------------
+
+
+def test_nothing_is_kept_alive_and_the_dead_are_gone(room: Room, ss: ss2sql.Session, engine: Any) -> None:
+    assert answer(ss, "len(SELECT this FROM space AS list);", engine) == 6
+    (pearl,) = ss.eval("SELECT this FROM space WHERE name == 'sphere_6' AS list;")
+    assert pearl.mass == 51.0
+    room.pearl = None
+    gc.collect()
+    assert answer(ss, "len(SELECT this FROM space AS list);", engine) == 5
+    with pytest.raises(ss2sql.Error, match="no longer exists"):
+        pearl.mass  # noqa: B018
+    room.space.remove(room.box)
+    assert answer(ss, "SELECT name FROM space WHERE id == 3 AS list;", engine) == []
+    room.space.add(room.box)
+    assert answer(ss, "SELECT name FROM space WHERE id == 3 AS list;", engine) == ["box"]
+
+
+def test_two_sessions_see_the_same_numbers(room: Room, ss: ss2sql.Session) -> None:
+    (ball,) = ss.eval("SELECT this FROM space WHERE name == 'ball' AS list;")
+    with ss2sql.connect() as other:
+        other.attach("room", room.space)
+        assert other.eval("SELECT this FROM room WHERE id == 2 AS list;") == [ball]
+
+
+def test_the_clock_of_a_scene() -> None:
+    scene = chaos(1, 3)
+    scene.step(24)
+    with ss2sql.connect() as ss:
+        ss.attach("space", scene)
+        assert ss.eval("getTime();") == pytest.approx(0.1)
+
+
+def test_chaos_is_the_same_for_the_same_seed_and_stays_in_its_box() -> None:
+    one, other = chaos(7, 40), chaos(7, 40)
+    one.step(600)
+    for _ in range(600):
+        other.step()
+    places = [[geom.getPosition() for geom in scene.particles] for scene in (one, other)]
+    assert places[0] == places[1]
+    assert np.abs(np.array(places[0])).max() < 5.1
+    assert one.births > 40
+
+
+# --- the page ------------------------------------------------------------------------------------------
+
+
+def test_the_page_shows_what_its_code_gives(capsys: Any) -> None:
+    page = (Path(__file__).parent.parent / "docs" / "simulators.md").read_text("utf-8")
+    code, shown = re.findall(r"^## ODE\n.*?^```py\n(.*?)^```\n+```\w*\n(.*?)^```", page, re.DOTALL | re.MULTILINE)[0]
+    exec(compile(code, "simulators.md", "exec"), {})
+    assert capsys.readouterr().out == shown

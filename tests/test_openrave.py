@@ -1,0 +1,226 @@
+"""OpenRAVE as a world. Where OpenRAVE itself cannot be imported, a stand-in for its documented interface is used."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Iterator
+from math import pi, sqrt
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import fake_openravepy as fake
+import numpy as np
+import pytest
+from body_queries import ARGUMENTS, ENGINES, Plain, agree, answer
+
+import ss2sql
+from ss2sql.vtables.openrave import OpenRaveWorld, pose
+
+
+@pytest.fixture(params=ENGINES)
+def engine(request: Any) -> Any:
+    return request.param
+
+
+@pytest.fixture(autouse=True)
+def openravepy(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "openravepy", fake)
+
+
+def ball(name: str, radius: float, mass: float, position: Any) -> fake.KinBody:
+    body = fake.KinBody(name, [fake.Link("ball", mass, fake.Geometry(fake.GeometryType.Sphere, radius))])
+    body.SetTransform([1, 0, 0, 0, *position])
+    return body
+
+
+def crate(name: str, half: tuple[float, float, float], mass: float, position: Any) -> fake.KinBody:
+    body = fake.KinBody(name, [fake.Link("crate", mass, fake.Geometry(fake.GeometryType.Box, *half))])
+    body.SetTransform([1, 0, 0, 0, *position])
+    return body
+
+
+def scene(seed: int, count: int) -> fake.Environment:
+    """Random balls and crates."""
+    random, environment = Random(seed), fake.Environment()
+    for number in range(count):
+        place = [random.uniform(-4, 4) for _ in range(3)]
+        a, b, c = (random.uniform(0.1, 0.5) for _ in range(3))
+        mass = random.uniform(1, 100)
+        round_one = random.random() < 0.5
+        name = f"ball_{number}" if round_one else f"crate_{number}"
+        environment.Add(ball(name, a, mass, place) if round_one else crate(name, (a, b, c), mass, place))
+    return environment
+
+
+@pytest.fixture
+def room() -> fake.Environment:
+    environment = fake.Environment()
+    environment.Add(ball("ball", 0.5, 60, (0, 0, 1)))
+    environment.Add(crate("crate", (0.5, 0.5, 0.5), 10, (2, 0, 1)))
+    wheel = fake.Link("wheel", 1, fake.Geometry(fake.GeometryType.Sphere, 0.1), (0.5, 0, -0.3))
+    base = fake.Link("base", 20, fake.Geometry(fake.GeometryType.Box, 0.5, 0.3, 0.2))
+    axle = fake.Joint("axle", fake.JointType.Revolute, [0.25])
+    joints = [axle, fake.Joint("ball", fake.JointType.Spherical, [0, 0, 0])]
+    robot = fake.KinBody("YouBot", [base, wheel], joints, robot=True)
+    robot.SetTransform([sqrt(0.5), 0, 0, sqrt(0.5), -3, 0, 1])
+    base.velocity = np.arange(1.0, 7.0)
+    environment.Add(robot)
+    return environment
+
+
+@pytest.fixture
+def ss(room: fake.Environment) -> Iterator[ss2sql.Session]:
+    with ss2sql.connect() as session:
+        session.attach("space", room)
+        yield session
+
+
+def loop(environment: fake.Environment) -> list[Plain]:
+    found = []
+    for body in sorted(environment.GetBodies(), key=lambda body: body.GetEnvironmentId()):
+        (link,) = body.GetLinks()
+        (geometry,) = link.GetGeometries()
+        place = tuple(body.GetTransform()[:3, 3].tolist())
+        kind = geometry.GetType().name.lower()
+        found.append(Plain(body.GetEnvironmentId(), body.GetName(), kind, place, link.GetMass()))
+    return found
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_queries_give_what_loops_give(seed: int, engine: Any) -> None:
+    environment = scene(seed, 10 + 10 * seed)
+    with ss2sql.connect() as ss:
+        ss.attach("space", environment)
+        agree(ss, loop(environment), engine)
+        environment.Remove(environment.bodies[4])
+        environment.Add(ball("new", 0.3, 77, (1, 1, 1)))
+        environment.bodies[2].SetTransform([1, 0, 0, 0, 1, 1, 1])
+        agree(ss, loop(environment), engine)
+
+
+def test_check_world_passes(room: fake.Environment) -> None:
+    random_scene = scene(3, 12)
+
+    def change(random: Random) -> None:
+        random_scene.Remove(random.choice(random_scene.bodies))
+        random_scene.Add(ball("new", 0.3, 77, [random.uniform(-4, 4) for _ in range(3)]))
+
+    ss2sql.check_world(random_scene, queries=40, arguments=ARGUMENTS, change=change)
+    report = ss2sql.check_world(OpenRaveWorld(room), queries=30, arguments=ARGUMENTS)
+    assert report.elements == {"bodies": 3, "links": 4, "joints": 2}
+
+
+def test_a_robot_is_the_sum_of_its_links(ss: ss2sql.Session, engine: Any) -> None:
+    names = "type, mass, isRobot, isSensor, velocity, angularVelocity, volume, aabb"
+    ((kind, mass, robot, sensor, velocity, spin, volume, (low, high)),) = answer(
+        ss, f"SELECT {names} FROM space WHERE name == 'YouBot' AS rows;", engine
+    )
+    assert (kind, mass, robot, sensor, velocity, spin) == ("compound", 21, True, True, [1, 2, 3], [4, 5, 6])
+    assert volume == pytest.approx(1 * 0.6 * 0.4 + 4 / 3 * pi * 0.1**3)
+    # the robot is turned by a right angle: its front, where the wheel is, looks along y
+    assert low == pytest.approx([-3.3, -0.5, 0.6])
+    assert high == pytest.approx([-2.7, 0.6, 1.2])
+
+
+def test_links_and_joints(ss: ss2sql.Session, engine: Any) -> None:
+    rows = answer(ss, "SELECT body, number, name, type, mass FROM space.links WHERE body == 3 AS rows;", engine)
+    assert rows == [[3, 0, "base", "box", 20], [3, 1, "wheel", "sphere", 1]]
+    assert answer(ss, "SELECT pos FROM space.links WHERE name == 'wheel' AS list;", engine) == [
+        pytest.approx([-3, 0.5, 0.7])
+    ]
+    rows = answer(ss, "SELECT body, name, type, angle, speed, lower, upper FROM space.joints AS rows;", engine)
+    assert rows == [[3, "axle", "revolute", 0.25, 0, -1, 2], [3, "ball", "spherical", None, None, None, None]]
+
+
+def test_poses_as_matrices_and_as_quaternions() -> None:
+    random = np.random.default_rng(2)
+    for turn in [*random.normal(size=(50, 4)), (1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1)]:
+        known = np.asarray(turn) / np.linalg.norm(turn)
+        seven = (*known, 1, 2, 3)
+        assert np.allclose(pose(seven)[0], known)
+        found, place = pose(fake.matrix(seven))
+        assert place == (1, 2, 3)
+        assert np.allclose(found, known) or np.allclose(found, -known)
+
+
+def test_quaternions_have_their_real_part_last(ss: ss2sql.Session) -> None:
+    half = sqrt(0.5)
+    assert ss.eval("SELECT quat FROM space WHERE name == 'YouBot' AS list;") == [pytest.approx([0, 0, half, half])]
+    assert ss.eval("SELECT rot FROM space WHERE name == 'YouBot' AS list;") == [pytest.approx([0, 0, pi / 2])]
+
+
+def test_distances_are_those_of_the_collision_checker(room: fake.Environment, ss: ss2sql.Session, engine: Any) -> None:
+    script = "SELECT idB, distance FROM space.closest('ball', None, 9) AS rows;"
+    assert answer(ss, script, engine)[0] == [2, pytest.approx(1.0)]
+    assert room.checker.options == 0  # as it was
+    room.checker.measures = False
+    with pytest.raises(ss2sql.Error, match="measures no distances"):
+        ss.run(script, engine=engine)
+    assert room.checker.options == 0
+
+
+def test_the_listing_of_the_paper_moves_the_robot(room: fake.Environment, ss: ss2sql.Session, engine: Any) -> None:
+    script = """
+        robot = "YouBot";
+        [position(robot), move(robot, [2, 0]), checkCollision(robot), move(robot, [-3, 1]), checkCollision(robot)];"""
+    assert answer(ss, script, engine) == [[-3, 0], [2, 0], True, [-3, 1], False]
+    assert room.bodies[2].GetTransform()[:3, 3].tolist() == [-3, 1, 1]  # it keeps its height
+    assert np.allclose(room.bodies[2].GetTransform()[:2, :2], [[0, -1], [1, 0]])  # and how it is turned
+
+
+def test_collisions_are_tried_out_without_moving(room: fake.Environment, ss: ss2sql.Session, engine: Any) -> None:
+    before = [body.GetTransform().tolist() for body in room.bodies]
+    assert answer(ss, "[collision('YouBot', [2, 0]), collision('YouBot', [0, 5]), collision(1, 2)];", engine) == [
+        True, False, False,
+    ]  # fmt: skip
+    assert [body.GetTransform().tolist() for body in room.bodies] == before
+
+
+def test_the_clock_counts_microseconds(room: fake.Environment, ss: ss2sql.Session) -> None:
+    room.microseconds = 2_500_000
+    assert ss.eval("getTime();") == 2.5
+
+
+def test_the_dead_are_gone(room: fake.Environment, ss: ss2sql.Session) -> None:
+    (found,) = ss.eval("SELECT this FROM space WHERE name == 'ball' AS list;")
+    room.Remove(room.bodies[0])
+    with pytest.raises(ss2sql.Error, match="no longer exists"):
+        found.mass  # noqa: B018
+
+
+def test_the_page_shows_what_its_code_gives(
+    capsys: Any, room: fake.Environment, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def load(self: fake.Environment, file: str) -> None:
+        for body in room.bodies:
+            self.Add(body)
+
+    monkeypatch.setattr(fake.Environment, "Load", load, raising=False)
+    page = (Path(__file__).parent.parent / "docs" / "simulators.md").read_text("utf-8")
+    blocks = re.compile(r"^## OpenRAVE\n.*?^```py\n(.*?)^```\n+```\w*\n(.*?)^```", re.DOTALL | re.MULTILINE)
+    code, shown = blocks.findall(page)[0]
+    exec(compile(code, "simulators.md", "exec"), {})
+    assert capsys.readouterr().out == shown
+
+
+def test_openrave_itself_where_it_is_installed(monkeypatch: pytest.MonkeyPatch, engine: Any) -> None:
+    monkeypatch.delitem(sys.modules, "openravepy")
+    real = pytest.importorskip("openravepy", reason="OpenRAVE is not installed; it is built from its source")
+    environment = real.Environment()
+    try:
+        for number, (x, radius) in enumerate([(0.0, 0.5), (2.0, 0.25)]):
+            body = real.RaveCreateKinBody(environment, "")
+            body.SetName(f"ball_{number}")
+            body.InitFromSpheres(np.array([[0.0, 0.0, 0.0, radius]]), True)
+            environment.Add(body)
+            body.SetTransform([1, 0, 0, 0, x, 0, 1])
+        with ss2sql.connect() as ss:
+            ss.attach("space", environment)
+            rows = answer(ss, "SELECT name, pos, isSphere FROM space AS rows;", engine)
+            assert rows == [["ball_0", [0, 0, 1], True], ["ball_1", [2, 0, 1], True]]
+            assert answer(ss, "[move('ball_1', [0.6, 0]), checkCollision('ball_1')];", engine) == [[0.6, 0], True]
+        ss2sql.check_world(environment, queries=20)
+    finally:
+        environment.Destroy()

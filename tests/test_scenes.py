@@ -1,0 +1,393 @@
+"""Scenes: they are the same for the same seed, they hold what they promise, and their pictures show it."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from collections import Counter
+from collections.abc import Iterator
+from itertools import product
+from math import dist
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("pybullet")
+
+import pybullet
+from pybullet_utils.bullet_client import BulletClient
+
+import ss2sql
+from ss2sql import scenes
+from ss2sql.scenes import Scene, View, bullet
+from ss2sql.scenes.solids import Box, Sphere
+
+DIRECTIONS = [(x, y) for x, y in product((-1, 0, 1), repeat=2) if (x, y) != (0, 0)]
+SMALL = (160, 120)
+
+
+@pytest.fixture(scope="module")
+def client() -> Iterator[Any]:
+    """One simulation for all tests: each takes 29 MB that never come back."""
+    opened = bullet.connect()
+    yield opened
+    opened.disconnect()
+
+
+def state(scene: Scene) -> dict[int, Any]:
+    client = scene.client
+    return {
+        body: (name, client.getBasePositionAndOrientation(body), client.getBaseVelocity(body))
+        for body, name in scene.names.items()
+    }
+
+
+def moving(scene: Scene) -> list[int]:
+    return [body for body, name in scene.names.items() if not name.startswith("wall")]
+
+
+def mass(scene: Scene, body: int) -> float:
+    return float(scene.client.getDynamicsInfo(body, -1)[0])
+
+
+# --- chaos ---------------------------------------------------------------------------------------------
+
+
+def test_chaos_is_the_same_for_the_same_seed(client):
+    with scenes.chaos(seed=3, bodies=100) as other:
+        scene = scenes.chaos(seed=3, bodies=100, client=client)
+        assert state(other) == state(scene)
+        for _ in range(4):
+            other.step(240)
+            scene.step(240)
+            assert state(other) == state(scene)
+        assert (other.births, other.deaths, other.forces) == (scene.births, scene.deaths, scene.forces)
+    assert scene.deaths > 0
+    before = state(scene)
+    assert state(scenes.chaos(seed=4, bodies=100, client=client)) != before
+
+
+def test_chaos_has_what_it_promises(client):
+    scene = scenes.chaos(client=client)
+    assert scene.client is client
+    assert isinstance(client, BulletClient)
+    assert len(scene.names) == client.getNumBodies() == 150 + 6
+    kinds = Counter(name.rpartition("_")[0] for name in scene.names.values())
+    assert kinds.pop("wall") == 6
+    assert set(kinds) == {"sphere", "box", "capsule", "cylinder"}
+    assert min(kinds.values()) > 15
+    assert all(re.fullmatch(r"(sphere|box|capsule|cylinder)_\d+", scene.names[body]) for body in moving(scene))
+    assert [scene.body(name) for name in scene.names.values()] == list(scene.names)
+    for body in scene.names:
+        ((_, _, kind, size, *_),) = client.getCollisionShapeData(body, -1)
+        if kind == pybullet.GEOM_PLANE:
+            assert mass(scene, body) == 0
+            continue
+        assert 1 <= mass(scene, body) <= 100
+        assert 0.06 <= min(part for part in size if part) <= max(size) <= 1.0
+        assert dist(scene.forces[body], (0, 0, 0)) <= 4 * mass(scene, body)
+
+
+def test_bodies_stay_in_the_closed_box_while_they_are_born_and_explode(client):
+    scene = scenes.chaos(seed=18, bodies=150, client=client)
+    seen = dict(scene.names)
+    for _ in range(100):
+        scene.step(12)
+        for body in moving(scene):
+            assert max(map(abs, client.getBasePositionAndOrientation(body)[0])) < 5
+        seen |= scene.names
+        assert len(scene.names) == client.getNumBodies() == scene.births - scene.deaths
+    assert scene.time == pytest.approx(1200 / 240)
+    assert scene.births > 156
+    assert scene.deaths > 0
+    splinters = [body for body, name in scene.names.items() if name.startswith("particle_")]
+    assert splinters
+    assert {client.getVisualShapeData(body)[0][7] for body in splinters} == {(1.0, 1.0, 1.0, 1.0)}
+    assert len(set(scene.names.values())) == len(scene.names)
+
+
+def test_an_explosion_keeps_the_mass_and_the_splinters_vanish(client):
+    scene = scenes.chaos(seed=1, bodies=20, client=client)
+    victim = moving(scene)[0]
+    name, before = scene.names[victim], mass(scene, victim)
+    scene.explode(victim)
+    splinters = list(scene.ends)
+    assert name not in scene.names.values()
+    assert 6 <= len(splinters) <= 10
+    assert sum(mass(scene, body) for body in splinters) == pytest.approx(before)
+    names = {scene.names[body] for body in splinters}
+    scene.step(11 * 240)
+    assert not names & set(scene.names.values())
+
+
+def test_bodies_bounce_with_three_tenths_of_their_speed(client):
+    scene = scenes.chaos(bodies=0, client=client)
+    ball = scene.add("ball", Sphere(0.3), (0, 0, 0), (1, 0, 0), mass=5.0)
+    scene._bouncy(ball)
+    client.resetBaseVelocity(ball, (4, 0, 0))
+    scene.step(80 + 240)  # it has 4.7 m to go
+    velocity, _ = client.getBaseVelocity(ball)
+    assert velocity[0] == pytest.approx(-4 * 0.3, rel=0.05)
+
+
+# --- hall ----------------------------------------------------------------------------------------------
+
+
+def test_hall_has_what_it_promises(client):
+    scene = scenes.hall(client=client)
+    assert len(scene.names) == client.getNumBodies() == 55
+    assert scene.body("YouBot") == scene.robot
+    assert client.getBodyInfo(scene.robot)[1] == b"YouBot"
+    assert client.getNumJoints(scene.robot) == 10 - 1
+    position, _ = client.getBasePositionAndOrientation(scene.robot)
+    assert position[:2] == scene.places["start"]
+    assert client.getBasePositionAndOrientation(scene.body("target"))[0][:2] == scene.places["target"] == (10.0, 9.0)
+    assert {scene.names[body] for body in scene.sensors} == {f"sensor_{number}" for number in range(1, 7)}
+    for body, sensor in scene.sensors.items():
+        assert client.getBasePositionAndOrientation(body)[0] == pytest.approx(sensor.position)
+        assert dist(sensor.direction, (0, 0, 0)) == pytest.approx(1)
+        ahead = [p + sensor.range * d for p, d in zip(sensor.position, sensor.direction, strict=True)]
+        assert 0 < ahead[0] < 16
+        assert 0 < ahead[1] < 12
+    assert {"wall", "column", "crate", "barrel", "shelf", "table", "machine", "tank"} <= {
+        name.partition("_")[0] for name in scene.names.values()
+    }
+
+
+def test_things_in_the_hall_stand_still(client):
+    scene = scenes.hall(seed=2, client=client)
+    before = state(scene)
+    scene.step(240)
+    for body, (name, (position, _), _) in state(scene).items():
+        assert dist(position, before[body][1][0]) < 0.01, name
+
+
+def test_the_seed_moves_crates_and_barrels_only(client):
+    first, second = state(scenes.hall(seed=0, client=client)), state(scenes.hall(seed=1, client=client))
+    moved = {first[body][0].partition("_")[0] for body in first if first[body] != second[body]}
+    assert moved == {"crate", "barrel"}
+
+
+def robot_parts(scene: Any) -> list[tuple[int, tuple[float, float, float], Any]]:
+    """The shapes of the robot, and where they are beside its place on the floor."""
+    client, parts = scene.client, []
+    start = client.getBasePositionAndOrientation(scene.robot)[0]
+    for link in range(-1, client.getNumJoints(scene.robot)):
+        frame = client.getBasePositionAndOrientation(scene.robot)
+        if link >= 0:
+            frame = client.getLinkState(scene.robot, link)[:2]
+        ((_, _, kind, size, _, place, turned),) = client.getCollisionShapeData(scene.robot, link)
+        (x, y, z), turned = pybullet.multiplyTransforms(*frame, place, turned)
+        if kind == pybullet.GEOM_BOX:
+            shape = client.createCollisionShape(kind, halfExtents=[length / 2 for length in size])
+        else:
+            shape = client.createCollisionShape(kind, height=size[0], radius=size[1])
+        parts.append((shape, (x - start[0], y - start[1], z), turned))
+    return parts
+
+
+def free_poses(scene: Any, step: float) -> set[tuple[int, int]]:
+    """The points of a grid where no part of the robot touches anything."""
+    client, parts = scene.client, robot_parts(scene)
+    others = [(body, *client.getAABB(body)) for body in scene.names if body not in (scene.robot, scene.body("target"))]
+
+    def is_free(x: float, y: float) -> bool:
+        near = [
+            body for body, low, high in others
+            if low[0] - 0.4 < x < high[0] + 0.4 and low[1] - 0.4 < y < high[1] + 0.4
+        ]  # fmt: skip
+        return not any(
+            client.getClosestPoints(
+                bodyA=-1, bodyB=body, distance=0, collisionShapeA=shape, collisionShapeOrientationA=turned,
+                collisionShapePositionA=(x + place[0], y + place[1], place[2]),
+            )
+            for body in near for shape, place, turned in parts
+        )  # fmt: skip
+
+    columns, rows = int(16 / step) + 1, int(12 / step) + 1
+    return {(i, j) for i in range(columns) for j in range(rows) if is_free(i * step, j * step)}
+
+
+def steps_to(free: set[tuple[int, int]], start: tuple[int, int]) -> dict[tuple[int, int], int]:
+    """How many steps each point is away."""
+    found, wave = {start: 0}, [start]
+    while wave:
+        wave = list({(i + a, j + b) for i, j in wave for a, b in DIRECTIONS} & free - found.keys())
+        found |= dict.fromkeys(wave, max(found.values()) + 1)
+    return found
+
+
+@pytest.mark.parametrize("seed", [0, 1, 7])
+@pytest.mark.parametrize("step", [0.5, 1.0])
+def test_ways_through_the_hall_lead_through_doors_and_around_obstacles(client, seed, step):
+    scene = scenes.hall(seed, client=client)
+    free = free_poses(scene, step)
+    places = {name: (int(x / step), int(y / step)) for name, (x, y) in scene.places.items()}
+    away = steps_to(free, places["start"])
+    assert places.keys() == {name for name, place in places.items() if place in away}
+    start, target = places["start"], places["target"]
+    straight = max(abs(a - b) for a, b in zip(start, target, strict=True))
+    assert straight < away[target] <= 20
+    # The walls between the rooms can only be crossed at their doors; the robot is 0.58 m long and 0.39 m wide.
+    assert {x * step for x, y in away if y * step == 6} <= {5.5, 6.0, 6.5, 13.0}
+    assert {y * step for x, y in away if x * step == 8 and y * step > 6} <= {8.5, 9.0, 9.5}
+    # Walks of at most 20 steps that never return to the start: far more than the 1,000 that are asked for.
+    walks, found = Counter({start: 1}), 0
+    for _ in range(20):
+        after: Counter[tuple[int, int]] = Counter()
+        for (i, j), count in walks.items():
+            for a, b in DIRECTIONS:
+                if (i + a, j + b) in away:
+                    after[i + a, j + b] += count
+        found += after.pop(target, 0)
+        walks = after
+    assert found > 1000
+
+
+# --- pictures ------------------------------------------------------------------------------------------
+
+
+def colourfulness(pixels: Any) -> float:
+    return float((pixels.max(axis=-1).astype(int) - pixels.min(axis=-1)).mean())
+
+
+def test_a_picture_has_its_size_and_is_a_png(client, tmp_path):
+    image = pytest.importorskip("matplotlib.image")
+    scene = scenes.hall(client=client)
+    pixels = scenes.render(scene, tmp_path / "hall.png", size=(320, 200))
+    assert pixels.shape == (200, 320, 3)
+    assert len(np.unique(pixels.reshape(-1, 3), axis=0)) > 1000
+    assert (np.round(image.imread(tmp_path / "hall.png")[..., :3] * 255) == pixels).all()
+    above = scenes.render(scene, None, size=SMALL, view="top")
+    assert above.shape == (120, 160, 3)
+    assert (above != scenes.render(scene, None, size=SMALL)).any()
+
+
+def test_paths_are_red_and_visited_points_are_yellow(client):
+    scene = scenes.hall(client=client)
+    size = (320, 240)
+    plain = scenes.render(scene, None, size=size, view="top")
+    way = [(6.0, 4.0), (6.0, 8.0)]
+    visited = np.array([(9.0, 3.0, 0.1)])
+    pixels = scenes.render(scene, None, size=size, view="top", paths=[way], visited=visited)
+    changed = (pixels != plain).any(axis=-1)
+    red = (pixels[..., 0] > 150) & (pixels[..., 1] < 90) & changed
+    yellow = (pixels[..., 0] > 200) & (pixels[..., 1] > 150) & (pixels[..., 2] < 100) & changed
+    # The camera hangs over (8, 6), 23 m high, and sees 32 degrees: 240 pixels for 13.2 m of the floor.
+    scale = 240 / (2 * 23 * np.tan(np.radians(16)))
+    rows, columns = np.nonzero(red)
+    assert columns.mean() == pytest.approx(160 - 2 * scale, abs=2)
+    assert (rows.min(), rows.max()) == pytest.approx((120 - 2 * scale, 120 + 2 * scale), abs=2)
+    rows, columns = np.nonzero(yellow)
+    assert (columns.mean(), rows.mean()) == pytest.approx((160 + 1 * scale, 120 + 3 * scale), abs=2)
+    assert changed.sum() < 400
+
+
+def test_highlighted_bodies_keep_their_colours_and_the_others_fade(client):
+    scene = scenes.chaos(client=client)
+    spheres = [body for body in moving(scene) if scene.names[body].startswith("sphere")]
+    heaviest = max(spheres, key=lambda body: mass(scene, body))
+    looks = [client.getVisualShapeData(body) for body in scene.names]
+    plain = scenes.render(scene, None, size=SMALL)
+    faded = scenes.render(scene, None, size=SMALL, highlight=[])
+    marked = scenes.render(scene, None, size=SMALL, highlight=[heaviest])
+    assert colourfulness(faded) < 0.3 * colourfulness(plain)
+    changed = (faded != marked).any(axis=-1)
+    assert 10 < changed.sum() < 500
+    assert colourfulness(marked[changed]) > 2 * colourfulness(faded[changed])
+    assert [client.getVisualShapeData(body) for body in scene.names] == looks
+    assert (scenes.render(scene, None, size=SMALL) == plain).all()
+
+
+def test_bodies_of_a_plain_client_have_shadows_and_shine_through_when_highlighted(client):
+    client.resetSimulation()
+    grey, blue, red = (0.8, 0.8, 0.8, 1), (0.1, 0.2, 0.9, 1), (0.9, 0.1, 0.1, 1)
+
+    def stand(half: tuple[float, float, float], place: tuple[float, float, float], colour: Any) -> int:
+        shape = client.createVisualShape(pybullet.GEOM_BOX, halfExtents=half, rgbaColor=colour)
+        touch = client.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half)
+        return int(client.createMultiBody(0, touch, shape, place))
+
+    stand((4, 4, 0.1), (0, 0, -0.1), grey)
+    stand((0.5, 0.5, 0.5), (0, 0, 1.5), blue)
+    hidden = stand((0.3, 0.3, 0.1), (0, 0, 0.1), red)
+    above = View((0, 0, 12), (0, 0, 0), 40, (0, 1, 0))
+    pixels = scenes.render(client, None, size=(200, 200), view=above)
+    scale = 200 / (2 * 12 * np.tan(np.radians(20)))
+    # Light comes from (0.35, -0.5, 1.1): what is 1.5 m high has its shadow 0.48 m to the left and 0.68 m to the back.
+    shadow = pixels[int(100 - 1.0 * scale), int(100 - 0.7 * scale)].astype(int)
+    lit = pixels[int(100 + 1.5 * scale), int(100 + 1.5 * scale)].astype(int)
+    assert shadow.max() < 0.85 * lit.max()
+    assert pixels[100, 100].argmax() == 2
+    marked = scenes.render(client, None, size=(200, 200), view=above, highlight=[hidden])
+    assert marked[100, 100].argmax() == 0
+    assert scenes.render(client, None, size=SMALL).shape == (120, 160, 3)
+
+
+# --- wrong use -----------------------------------------------------------------------------------------
+
+
+def test_wrong_use_has_clear_errors(client, tmp_path):
+    scene = scenes.hall(client=client)
+    for action, text in (
+        (lambda: scenes.render(scene, tmp_path / "no folder" / "hall.png", size=SMALL), "cannot be written"),
+        (lambda: scenes.render(scene, None, view="tob"), "did you mean 'top'?"),
+        (lambda: scenes.render(client, None, view="top"), "only scenes have views with names"),
+        (lambda: scenes.render(scene, None, highlight=[77_777]), "no body 77777"),
+        (lambda: scenes.render(scene, None, size=(0, 10)), r"size \(0, 10\)"),
+        (lambda: scenes.render(scene, None, size=SMALL, paths=[[(1,)]]), r"\(1,\) is not a point"),
+        (lambda: scenes.render(scene, None, size=SMALL, visited=[(float("nan"), 1)]), "is not a point"),
+        (lambda: scenes.render(scene, None, view=View((0, 0, 9), (0, 0, 0))), "cannot look straight along its own up"),
+        (lambda: scenes.render(scene, None, view=View((0, 0, 9), (0, 0, 9))), "cannot look straight along its own up"),
+        (lambda: scenes.render([1, 2], None), "a list is no scene"),
+        (lambda: scene.body("YouBott"), "did you mean 'YouBot'?"),
+        (lambda: scenes.chaos(bodies=-1), "-1 bodies"),
+    ):
+        with pytest.raises(ss2sql.SessionError, match=text) as caught:
+            action()
+        assert caught.value.hints
+    scene.step(3)
+    assert scene.time == 3 / 240
+
+
+def test_a_closed_scene_says_so():
+    scene = scenes.chaos(bodies=1)
+    scene.close()
+    scene.close()
+    for action in (scene.step, lambda: scenes.render(scene, None)):
+        with pytest.raises(ss2sql.SessionError, match="the scene is closed"):
+            action()
+
+
+def test_a_scene_that_does_not_exist_is_an_error():
+    with pytest.raises(AttributeError, match="there is no scene 'hal'; did you mean 'hall'"):
+        _ = scenes.hal
+    assert not hasattr(ss2sql, "scenery")
+
+
+def test_without_pybullet_the_error_names_the_extra(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pybullet", None)
+    bullet.pybullet.cache_clear()
+    bullet._client_type.cache_clear()
+    with pytest.raises(ss2sql.SessionError, match=re.escape('pip install "ss2sql[sim]"')) as caught:
+        scenes.hall()
+    assert caught.value.code == "S003"
+
+
+def test_scenes_are_imported_when_they_are_asked_for_and_print_nothing():
+    code = (
+        "import sys, ss2sql; assert 'ss2sql.scenes' not in sys.modules; ss2sql.scenes.chaos;"
+        "assert 'pybullet' not in sys.modules; ss2sql.scenes.chaos(bodies=1).step()"
+    )
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    assert ran.stdout == ""
+
+
+def test_the_room_for_a_body_is_the_cube_around_it(client):
+    scene = scenes.chaos(bodies=0, client=client)
+    scene.add("block", Box(1, 1, 1), (0, 0, 0), (1, 1, 1))
+    assert scene.is_free((2, 0, 0), 1.4)
+    assert not scene.is_free((2, 0, 0), 1.6)
+    assert not scene.is_free((0, 0, 0), 0.1)

@@ -1,0 +1,216 @@
+"""Triggers: scripts that run every so often, and functions that hear of changes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+import ss2sql
+
+
+class Clock:
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+@pytest.fixture
+def clock():
+    return Clock()
+
+
+@pytest.fixture
+def ss(clock: Clock):
+    with ss2sql.connect() as session:
+        session.function("getTime", clock, volatility="volatile")
+        yield session
+
+
+def pass_time(ss: ss2sql.Session, clock: Clock, seconds: float, step: float = 0.05) -> None:
+    for _ in range(round(seconds / step)):
+        clock.now = round(clock.now + step, 6)
+        ss.poll()
+
+
+def test_the_function_hears_of_every_change_and_of_nothing_else(ss: ss2sql.Session, clock: Clock) -> None:
+    heard: list[tuple[float, Any]] = []
+    numbers = [1, 5]
+    ss.attach("numbers", numbers)
+
+    @ss.on_change("SELECT this FROM numbers WHERE this > 3 AS list;", every=0.1)
+    def changed(value: Any) -> None:
+        heard.append((clock.now, value))
+
+    assert changed.value == [5]
+    pass_time(ss, clock, 1)
+    assert (heard, changed.runs, changed.changes) == ([], 11, 0)
+    numbers.append(2)  # no change of the value
+    pass_time(ss, clock, 0.1)
+    numbers.append(7)
+    pass_time(ss, clock, 0.3)
+    assert heard == [(1.2, [5, 7])]
+    assert (changed.value, changed.changes) == ([5, 7], 1)
+    numbers.remove(7)
+    pass_time(ss, clock, 0.1)
+    assert heard[1:] == [(1.5, [5])]
+
+
+def test_it_looks_no_more_often_than_asked(ss: ss2sql.Session, clock: Clock) -> None:
+    calls: list[float] = []
+    ss.function("look", lambda: calls.append(clock.now) or 1, volatility="volatile")
+    ss.on_change("look();", every=0.5)(print)
+    pass_time(ss, clock, 2)
+    assert calls == [0, 0.5, 1.0, 1.5, 2.0]
+    clock.now = 10.0  # what was missed is not made up for
+    assert ss.poll() == 0
+    assert ss.poll() == 0
+    assert calls[5:] == [10.0]
+
+
+def test_a_clock_that_is_set_back_does_not_silence_it(ss: ss2sql.Session, clock: Clock) -> None:
+    clock.now = 100.0
+    ss.set("x", 1)
+    trigger = ss.on_change("x;", every=1)(lambda value: None)
+    clock.now = 0.0
+    ss.set("x", 2)
+    assert ss.poll() == 1
+    assert trigger.time == 0.0
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "changes"),
+    [(1, 1.0, 0), (True, 1, 0), ([1, 2], [1.0, 2], 0), ([1, 2], [2, 1], 1), (None, 0, 1), ({"a": 1}, {"a": 2}, 1),
+     ("a", "a", 0)],
+)  # fmt: skip
+def test_a_change_is_what_the_language_finds_different(
+    ss: ss2sql.Session, clock: Clock, before: Any, after: Any, changes: int
+) -> None:
+    ss.set("x", before)
+    ss.on_change("x;", every=1)(lambda value: None)
+    ss.set("x", after)
+    clock.now = 1.0
+    assert ss.poll() == changes
+
+
+def test_stopping(ss: ss2sql.Session, clock: Clock) -> None:
+    heard: list[Any] = []
+    ss.set("x", 1)
+    trigger = ss.on_change("x;")(heard.append)
+    trigger.stop()
+    trigger.stop()
+    ss.set("x", 2)
+    pass_time(ss, clock, 1)
+    assert (heard, trigger.runs, trigger.active) == ([], 1, False)
+    assert "stopped" in repr(trigger)
+
+
+def test_a_function_may_poll_stop_and_add_triggers(ss: ss2sql.Session, clock: Clock) -> None:
+    heard: list[Any] = []
+    ss.set("x", 1)
+
+    @ss.on_change("x;", every=1)
+    def first(value: Any) -> None:
+        heard.append(("first", value))
+        ss.poll()  # it is running, so it is not run inside of itself
+        first.stop()
+        ss.on_change("x;", every=1)(lambda value: heard.append(("later", value)))
+
+    ss.on_change("x;", every=1)(lambda value: heard.append(("second", value)))
+    ss.set("x", 2)
+    clock.now = 1.0
+    ss.poll()
+    ss.set("x", 3)
+    clock.now = 2.0
+    ss.poll()
+    assert heard == [("first", 2), ("second", 2), ("second", 3), ("later", 3)]
+
+
+def test_errors(ss: ss2sql.Session, clock: Clock) -> None:
+    with pytest.raises(ss2sql.ParseError):
+        ss.on_change("SELECT;")
+    with pytest.raises(ss2sql.ResolveError):
+        ss.on_change("nothing;")(print)
+    for every in (0, -1, float("nan"), float("inf"), "1", True):
+        with pytest.raises(ss2sql.Error) as error:
+            ss.on_change("1;", every=every)(print)
+        assert error.value.code == "S002"
+    with pytest.raises(ss2sql.Error, match="cannot be called"):
+        ss.on_change("1;")(5)  # type: ignore[arg-type]
+    ss.set("x", 1)
+    trigger = ss.on_change("1 / x;", every=1)(print)
+    ss.set("x", 0)
+    clock.now = 1.0
+    with pytest.raises(ss2sql.ExecutionError):
+        ss.poll()
+    ss.set("x", 1)
+    clock.now = 3.0
+    assert ss.poll() == 0  # it goes on, and the value is what it was before
+    assert trigger.active
+
+
+def test_an_exception_of_the_function_is_not_hidden(ss: ss2sql.Session, clock: Clock) -> None:
+    ss.set("x", 1)
+
+    @ss.on_change("x;", every=1)
+    def fails(value: Any) -> None:
+        raise ZeroDivisionError
+
+    ss.set("x", 2)
+    clock.now = 1.0
+    with pytest.raises(ZeroDivisionError):
+        ss.poll()
+    assert fails.value == 2
+
+
+class Stepper:
+    """A simulation with a clock, as a scene is."""
+
+    def __init__(self) -> None:
+        self.time = 0.0
+        self.listeners: list[Any] = []
+
+    def step(self, n: int) -> None:
+        for _ in range(n):
+            self.time = round(self.time + 0.01, 6)
+            for listener in list(self.listeners):
+                listener()
+
+
+class Ticks(ss2sql.World):
+    @property
+    def time(self) -> float:
+        return self.source.time
+
+
+class Tick(ss2sql.vtables.base.Table):
+    name, key = "ticks", "n"
+    columns = (ss2sql.vtables.base.Column("n", int),)
+
+    def keys(self, where: Any) -> Any:
+        return range(int(self.world.source.time * 10 + 1e-9))
+
+
+Ticks.tables = (Tick,)
+
+
+def test_a_scene_that_steps_looks_after_triggers_by_its_own_clock() -> None:
+    stepper = Stepper()
+    heard: list[Any] = []
+    with ss2sql.connect() as ss:
+        ss.attach("space", Ticks(stepper))
+        trigger = ss.on_change("len(SELECT n FROM space AS list);", every=0.1)(heard.append)
+        ss.run("since{0.2} = getTime();")
+        stepper.step(50)
+        assert heard == [1, 2, 3, 4, 5]
+        assert (trigger.time, trigger.runs) == (0.5, 6)
+        ss.run("since{0.2} = getTime();")
+        assert ss.eval("since{};") == [0.0, 0.5]  # 0.0 was in force until now
+        stepper.step(30)
+        ss.run("since{0.2} = getTime();")
+        assert ss.eval("since{};") == [0.5, 0.8]  # by the clock of the simulation 0.0 is too old
+    stepper.step(50)
+    assert heard == [1, 2, 3, 4, 5, 6, 7, 8]
+    assert stepper.listeners == []
