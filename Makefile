@@ -11,7 +11,7 @@ PY := $(VENV)/bin/python
 help:            ## this list
 	@sed -n 's/^\([a-z]*\): .*## \(.*\)/  make \1\t\2/p; s/^\(help\): *## \(.*\)/  make \1\t\2/p' Makefile
 
-demo: $(VENV)/package.stamp  ## runs the examples: scripts, the SQL they become, their rows
+demo: $(VENV)/demo.stamp     ## runs the examples: scripts, the SQL they become, their rows
 	$(PY) examples/demo.py
 
 test: $(VENV)/dev.stamp      ## runs all tests, those of the examples and the documentation included
@@ -47,6 +47,12 @@ $(VENV)/package.stamp: pyproject.toml
 	@test -n "$(PYTHON)" || { echo "ss2sql needs Python 3.11 or newer; name it with: make PYTHON=..."; exit 1; }
 	test -x $(PY) || $(PYTHON) -m venv $(VENV)
 	$(PY) -m pip install --quiet --disable-pip-version-check --editable .
+	@touch $@
+
+# PyBullet is made for some Pythons only, and takes long to compile: the demo does without it where need be.
+$(VENV)/demo.stamp: $(VENV)/package.stamp
+	$(PY) -m pip install --quiet --disable-pip-version-check --only-binary pybullet --editable ".[sim]" \
+		|| echo "PyBullet cannot be installed here; the demo does without a simulator"
 	@touch $@
 
 $(VENV)/dev.stamp: $(VENV)/package.stamp

@@ -1,11 +1,19 @@
-"""Writes errors.md, the index of all error codes, each with a golden case as its example. `make golden` runs it."""
+"""Writes what pages take from the code; `make golden` runs it.
+
+That is errors.md, the index of all error codes, each with a golden case as its example, and the tables of columns and
+functions in pybullet.md.
+"""
 
 from __future__ import annotations
 
 import re
+from inspect import signature
 from pathlib import Path
 
 from ss2sql.errors import CODES
+from ss2sql.vtables.attached import AttachedTable, AttachedWorld
+from ss2sql.vtables.describe import column_rows
+from ss2sql.vtables.pybullet import PyBulletWorld
 
 HERE = Path(__file__).parent
 CASES = HERE.parent / "tests" / "cases"
@@ -47,5 +55,49 @@ def example(code: str) -> tuple[str, str] | None:
     return min(found, key=lambda case: len("".join(case)), default=None)
 
 
+# --- worlds --------------------------------------------------------------------------------------------
+
+BEGIN, END = "<!-- written by docs/generate.py -->\n", "<!-- end of what is written -->\n"
+
+
+def world_page(text: str) -> str:
+    """The page of the PyBullet world, with its tables as they are declared now."""
+    before, rest = text.split(BEGIN)
+    world = AttachedWorld("space", PyBulletWorld(0), lambda name, table: name)
+    tables = "\n".join(map(_table, world.tables.values()))
+    return f"{before}{BEGIN}\n{tables}\n{_functions(world)}\n{END}{rest.split(END)[1]}"
+
+
+def _table(table: AttachedTable) -> str:
+    schema = table.schema
+    title = f"space.{schema.signature}" if schema.parameters else table.title
+    head = f"### `FROM {title}`\n\n{_sentence(table.table.text)}"
+    if schema.walked is not None:
+        return f"{head} The columns are those of `{schema.walked.name}`.\n"
+    lines = [head, "", "| column | type | unit | filter | |", "|---|---|---|---|---|"]
+    for name, kind, unit, used, text in column_rows(table):
+        cells = (f"`{name}`", kind.replace("|", "or"), unit, used and f"`{used}`", text)
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines) + "\n"
+
+
+def _functions(world: AttachedWorld) -> str:
+    lines = ["### Functions\n", "| function | | |\n|---|---|---|"]
+    for name, (method, volatility) in sorted(world.functions.items()):
+        text = " ".join((method.__doc__ or "").split())
+        parameters = ", ".join(
+            one.name if one.default is one.empty else f"{one.name}={one.default!r}"
+            for one in signature(method).parameters.values()
+        )
+        lines.append(f"| `{name}({parameters})` | {volatility} | {text} |")
+    return "\n".join(lines) + "\n"
+
+
+def _sentence(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:]}."
+
+
 if __name__ == "__main__":
     (HERE / "errors.md").write_text(error_index(), encoding="utf-8")
+    page = HERE / "pybullet.md"
+    page.write_text(world_page(page.read_text("utf-8")), encoding="utf-8")

@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -38,13 +39,17 @@ class Shown:
 
 @dataclass
 class Page:
-    """A page of an example. `lines` bounds the code that is shown at a time, `shown` collects what it has run."""
+    """A page of an example. `lines` bounds the code that is shown at a time; `shown` collects what it has run.
+
+    `pictures` are the files that it has written.
+    """
 
     title: str
     lead: str
     lines: int | None = None
     console: Console = field(default_factory=console)
     shown: list[Shown] = field(default_factory=list)
+    pictures: list[Path] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.console.print()
@@ -75,8 +80,20 @@ class Page:
         if len(lines) > most:
             self.console.print(f"  ... and {len(lines) - most} lines more", style="dim")
 
-    def run(self, session: Session, file: Path, rows: int = 8, sql: bool = True, **variables: Any) -> Result:
-        """Runs a script file and prints its lesson, its text, its SQL and at most `rows` of its rows."""
+    def file(self, name: str) -> Path:
+        """Where to write a picture: a file in the folder `out`, which is made if need be."""
+        folder = Path("out")
+        folder.mkdir(exist_ok=True)
+        self.pictures.append(folder / name)
+        return folder / name
+
+    def run(
+        self, session: Session, file: Path, rows: int = 8, drawn: Callable[[Any], str] | None = None, **variables: Any
+    ) -> Result:
+        """Runs a script file and prints its lesson, its text, its SQL and at most `rows` of its rows.
+
+        `drawn` makes a text of a value that is no table.
+        """
         heading, lesson, script = read(file)
         self.heading(heading)
         self.say(lesson)
@@ -84,10 +101,11 @@ class Page:
         started = time.perf_counter()
         result = session.run(file, **variables)
         seconds = time.perf_counter() - started
-        if sql:
-            self.code("SQL", queries(result), "sql")
+        self.code("SQL", queries(result), "sql")
         self.console.print("\n[cyan]rows")
-        if result.answer is None:
+        if drawn is not None:
+            self.picture(drawn(result.value))
+        elif result.answer is None:
             self.console.print(Padding(Text(repr(result.value)), (0, 2)))
         else:
             result.show(rows, self.console)

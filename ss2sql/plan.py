@@ -8,10 +8,11 @@ left to the executors. An expression carries its `Type`, a promise about its val
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, Literal, NamedTuple, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 from ss2sql.errors import Span
 from ss2sql.kinds import ANY, BOOL, Type
+from ss2sql.plan_facts import Fact as Fact
 from ss2sql.plan_function import Function as Function
 from ss2sql.plan_function import Volatility as Volatility
 from ss2sql.plan_program import Program as Program
@@ -314,18 +315,6 @@ class Output:
 class OrderKey:
     expr: Expr
     descending: bool
-
-
-class Fact(NamedTuple):
-    """A column of SELECT as a fact. It holds no expressions, so it is no node of the plan.
-
-    `name` is empty where the column's own is meant, `places` are those of the arguments among the hidden columns, and
-    `valued` says whether the column's value stands behind them.
-    """
-
-    name: str
-    places: tuple[int, ...]
-    valued: bool = True
 
 
 @dataclass(frozen=True, slots=True)

@@ -33,7 +33,9 @@ class Box:
     @classmethod
     def row(cls, count: int) -> Box:
         """Balls 1 to count at x = 1, 2, ..., of 20 kg, 40 kg, ..."""
-        return cls(*(Ball(n, f"ball{n}", float(n), 0.0, 0.0, 20.0 * n, None if n % 2 else "red") for n in range(1, count + 1)))
+        return cls(
+            *(Ball(n, f"ball{n}", float(n), 0.0, 0.0, 20.0 * n, None if n % 2 else "red") for n in range(1, count + 1))
+        )
 
     @classmethod
     def random(cls, seed: int, count: int) -> Box:
@@ -70,7 +72,7 @@ class Balls(Table):
         Column("heavy", bool),
         Column("pos", (float, float, float), "m"),
     )
-    groups = {"label": "name colour", "place": "x y z", "dynamics": "mass heavy", "pos": "pos"}
+    groups = {"label": "name colour", "place": "x y z", "dynamics": "mass heavy", "pos": "pos"}  # noqa: RUF012
 
     def keys(self, where: Any) -> list[int]:
         box = self.world.source
@@ -134,7 +136,7 @@ class BallWorld(World):
 
     tables = (Balls, Near, Gaps)
     serves = (f"{__name__}.Box",)
-    representations = {"weight": "weight"}
+    representations = {"weight": "weight"}  # noqa: RUF012
 
     @property
     def time(self) -> float | None:

@@ -8,11 +8,17 @@ from random import Random
 from typing import Any
 
 import pybullet
+import pytest
+
+import ss2sql
+
+ENGINES = ("database", "native")
 
 KINDS = {
     pybullet.GEOM_SPHERE: "sphere", pybullet.GEOM_BOX: "box", pybullet.GEOM_CYLINDER: "cylinder",
     pybullet.GEOM_CAPSULE: "capsule", pybullet.GEOM_PLANE: "plane", pybullet.GEOM_MESH: "mesh",
 }  # fmt: skip
+JOINTS = [pybullet.JOINT_REVOLUTE, pybullet.JOINT_PRISMATIC, pybullet.JOINT_FIXED]
 CORNERS = [(0, 0, 0), (0.4, 0, 0), (0, 0.5, 0), (0, 0, 0.6), (0.3, 0.3, 0.3)]
 
 
@@ -80,8 +86,8 @@ def jointed(client: Any, dice: Random, mass: float, place: Any, turn: Any, links
         linkMasses=[dice.uniform(1, 9) for _ in range(links)],
         linkCollisionShapeIndices=[shape(client, dice) for _ in range(links)], linkVisualShapeIndices=[-1] * links,
         linkPositions=[(0.5, 0.1, 0.2)] * links, linkOrientations=[(0, 0.6, 0, 0.8)] * links,
-        linkInertialFramePositions=[(0.1, 0, 0)] * links, linkInertialFrameOrientations=[(0, 0, 0, 1)] * links,
-        linkParentIndices=list(range(links)), linkJointTypes=[pybullet.JOINT_REVOLUTE] * links,
+        linkInertialFramePositions=[(0.1, 0, 0)] * links, linkInertialFrameOrientations=[(0.6, 0, 0, 0.8)] * links,
+        linkParentIndices=list(range(links)), linkJointTypes=(JOINTS * links)[:links],
         linkJointAxis=[(0, 0, 1)] * links,
     )  # fmt: skip
     for joint in range(links):
@@ -118,9 +124,31 @@ def mass_of(client: Any, body: int) -> float:
 
 
 def kind_of(client: Any, body: int) -> str:
-    if client.getNumJoints(body):
-        return "robot"
-    shapes = client.getCollisionShapeData(body, -1)
+    links = range(-1, client.getNumJoints(body))
+    shapes = [shape for link in links for shape in client.getCollisionShapeData(body, link)]
     if len(shapes) > 1:
         return "compound"
     return KINDS[shapes[0][2]] if shapes else "ghost"
+
+
+def ball(client: Any, radius: float = 0.5, position: Any = (0, 0, 0), mass: float = 1.0) -> int:
+    shape = client.createCollisionShape(pybullet.GEOM_SPHERE, radius=radius)
+    return int(client.createMultiBody(mass, shape, basePosition=position))
+
+
+def box(client: Any, edges: Any, position: Any = (0, 0, 0), mass: float = 0.0) -> int:
+    shape = client.createCollisionShape(pybullet.GEOM_BOX, halfExtents=[edge / 2 for edge in edges])
+    return int(client.createMultiBody(mass, shape, basePosition=position))
+
+
+def values(session: ss2sql.Session, script: str, **named: Any) -> Any:
+    """The value, which is the same on both engines."""
+    found = [session.run(script, engine=engine, **named).value for engine in ENGINES]
+    assert found[0] == found[1]
+    return found[0]
+
+
+def message(session: ss2sql.Session, script: str, **named: Any) -> str:
+    with pytest.raises(ss2sql.Error) as caught:
+        session.run(script, **named)
+    return f"{caught.value.code} {caught.value}"

@@ -23,6 +23,8 @@ MODULES = sorted(module.name for module in pkgutil.walk_packages(ss2sql.__path__
 def test_pages_show_what_their_code_gives(page):
     if "ss2sql.scenes" in page.read_text("utf-8"):
         pytest.importorskip("pybullet")
+    if "import mujoco" in page.read_text("utf-8"):
+        pytest.importorskip("mujoco")
     for found in differences(page):
         pytest.fail(
             f"{page.name}, line {found.line}: `make golden` would write\n{found.actual}\nand there is\n{found.shown}"

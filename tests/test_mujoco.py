@@ -309,7 +309,7 @@ def test_above_below_within_and_overlaps(ss: ss2sql.Session, engine: Any) -> Non
 
     assert names("within(this, [[-1, -1, -1], [2, 1, 2]])") == ["ball", "crate"]
     assert names("above(this, [[2, -1, -1], [4, 1, 0]])") == ["base", "arm"]
-    assert names("below(this, [[-1, -1, 1], [1, 1, 2]])") == ["world", "ball"]
+    assert names("below(this, [[-1, -1, 1], [1, 1, 2]])") == ["world", "ball", "crate"]
     assert names("hasBody", "space.overlaps([[0.5, -1, 0], [1.2, 1, 1]])") == ["crate"]
 
 
@@ -348,6 +348,7 @@ def test_a_scan_fetches_arrays_a_constant_number_of_times(count: int, engine: An
     script = "SELECT name, x, pos, quat, velocity, mass, volume, aabb FROM space WHERE isSphere(this) AS rows;"
     rows = answer(ss, script, engine)
     assert len(rows) == count
+    del counts["_pybind11_conduit_v1_"]  # of MuJoCo's functions for names, which never change and are kept
     assert max(counts.values()) <= 20
     assert counts["xpos"] <= 6
 

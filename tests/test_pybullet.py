@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib.util
+import os
 from collections import Counter
 from collections.abc import Iterator
 from math import dist, hypot, pi
@@ -15,14 +17,26 @@ import ss2sql
 pytest.importorskip("pybullet")
 
 import pybullet
-from bullet_rooms import Counting, furnish, jointed, kind_of, live, mass_of, stir
+from bullet_rooms import (
+    ENGINES,
+    Counting,
+    ball,
+    box,
+    furnish,
+    kind_of,
+    live,
+    mass_of,
+    message,
+    stir,
+    values,
+)
+from pages import ROOT
 
-from ss2sql.scenes import chaos
+from ss2sql.scenes import Sensor, chaos
 from ss2sql.scenes.bullet import connect
 from ss2sql.vtables.pybullet import PyBulletWorld
 
-ENGINES = ("database", "native")
-SHAPES = (pybullet.GEOM_SPHERE, pybullet.GEOM_BOX, pybullet.GEOM_CYLINDER, pybullet.GEOM_CAPSULE)
+SCENES = int(os.environ.get("SS2SQL_SCENES", "50"))  # more by night
 
 
 @pytest.fixture(scope="module")
@@ -43,29 +57,6 @@ def ss(client: Any) -> ss2sql.Session:
     session = ss2sql.connect()
     session.attach("space", client)
     return session
-
-
-def ball(client: Any, radius: float = 0.5, position: Any = (0, 0, 0), mass: float = 1.0) -> int:
-    shape = client.createCollisionShape(pybullet.GEOM_SPHERE, radius=radius)
-    return int(client.createMultiBody(mass, shape, basePosition=position))
-
-
-def box(client: Any, edges: Any, position: Any = (0, 0, 0), mass: float = 0.0) -> int:
-    shape = client.createCollisionShape(pybullet.GEOM_BOX, halfExtents=[edge / 2 for edge in edges])
-    return int(client.createMultiBody(mass, shape, basePosition=position))
-
-
-def values(session: ss2sql.Session, script: str, **named: Any) -> Any:
-    """The value, which is the same on both engines."""
-    found = [session.run(script, engine=engine, **named).value for engine in ENGINES]
-    assert found[0] == found[1]
-    return found[0]
-
-
-def message(session: ss2sql.Session, script: str, **named: Any) -> str:
-    with pytest.raises(ss2sql.Error) as caught:
-        session.run(script, **named)
-    return f"{caught.value.code} {caught.value}"
 
 
 # --- the paper's queries against plain loops -----------------------------------------------------------
@@ -108,7 +99,7 @@ def test_queries_equal_plain_loops_while_the_world_moves(client: Any) -> None:
     session = ss2sql.connect()
     session.attach("space", client)
     queries = {n: {e: session.compile(text, engine=e) for e in ENGINES} for n, text in PAPER.items()}
-    for seed in range(50):
+    for seed in range(SCENES):
         dice = Random(seed)
         client.resetSimulation()
         furnish(client, dice, 7)
@@ -194,7 +185,7 @@ def test_links_and_joints_of_a_robot(client: Any, ss: ss2sql.Session) -> None:
         linkJointTypes=[pybullet.JOINT_REVOLUTE], linkJointAxis=[(0, 0, 1)],
     )  # fmt: skip
     client.resetJointState(robot, 0, pi / 2)
-    assert values(ss, "SELECT type, mass, isRobot, isBox FROM space AS rows") == [("robot", 7.0, True, False)]
+    assert values(ss, "SELECT type, mass, isRobot, isBox FROM space AS rows") == [("compound", 7.0, True, False)]
     ((number, parent, base_at), (one, above, tip_at)) = values(
         ss, "SELECT number, parent, pos FROM space.links AS rows"
     )
@@ -230,6 +221,19 @@ def test_above_below_and_within_go_by_boxes(client: Any, ss: ss2sql.Session) -> 
     assert values(ss, script, table=table) == [(False, False, True), (True, True, True), (False, False, False)]
     assert values(ss, "within(cup, table)", cup=cup, table=table) is False
     assert values(ss, "above(far, cup)", far=far, cup=cup) is False
+
+
+def test_a_sensor_sees_what_is_in_its_cone_and_not_hidden(client: Any) -> None:
+    eye = box(client, (0.1, 0.1, 0.1))
+    seen, aside, far = ball(client, 0.2, (3, 0.5, 0)), ball(client, 0.2, (1, 3, 0)), ball(client, 0.2, (9, 0, 0))
+    wall, hidden = box(client, (0.2, 2, 2), (2, -1.2, 0)), ball(client, 0.2, (4, -1.5, 0))
+    session = ss2sql.connect()
+    session.attach("space", PyBulletWorld(client, sensors={eye: Sensor((0.0, 0.0, 0.0), (2.0, 0.0, 0.0), 5.0, 90.0)}))
+    assert values(session, "SELECT id FROM space WHERE isSensor(this) AS list") == [eye]
+    script = "SELECT id FROM space WHERE id != eye AND isSensing(eye, this) AS list"
+    assert values(session, script, eye=eye) == [seen, wall]
+    assert not {aside, far, hidden} & set(values(session, script, eye=eye))
+    assert "X007" in message(session, "isSensing(n, n)", n=wall)
 
 
 def test_contacts_and_closest_are_those_of_the_simulator(client: Any, ss: ss2sql.Session) -> None:
@@ -294,7 +298,7 @@ def test_only_what_is_read_is_asked_for(client: Any) -> None:
 
     for engine in ENGINES:
         assert "getBasePositionAndOrientation" not in calls("SELECT mass FROM space", engine)
-        found = calls("SELECT x, y, z, pos FROM space", engine)
+        found = calls("SELECT x, y, z, posX FROM space", engine)
         assert found["getBasePositionAndOrientation"] == 20
         assert calls("SELECT mass FROM space LIMIT 3", engine)["getDynamicsInfo"] == 3
         assert calls("SELECT mass FROM space WHERE id == 7", engine)["getDynamicsInfo"] == 1
@@ -382,117 +386,11 @@ def test_a_scene_brings_names_forces_and_its_clock(client: Any) -> None:
     assert max(values(session, "SELECT aabb[1][0] FROM space WHERE hasBody(this) AS list")) < 6
 
 
-# --- collisions ----------------------------------------------------------------------------------------
-
-
-def moved_collides(client: Any, robot: int, pose: list[float], margin: float = 0.0) -> bool:
-    """What moving the robot there, looking, and moving it back says."""
-    before = client.getBasePositionAndOrientation(robot)
-    client.resetBasePositionAndOrientation(robot, pose[:3], pose[3:] or before[1])
-    found = any(client.getClosestPoints(robot, other, margin) for other in live(client) if other != robot)
-    client.resetBasePositionAndOrientation(robot, *before)
-    return found
-
-
-def snapshot(client: Any) -> Any:
-    """Everything that a test of a collision might have changed."""
-    states = [(client.getBasePositionAndOrientation(b), client.getBaseVelocity(b)) for b in live(client)]
-    joints = [client.getLinkState(b, n)[:2] for b in live(client) for n in range(client.getNumJoints(b))]
-    return states, joints, client.getContactPoints()
-
-
-def test_collision_equals_moving_there_and_moves_nothing(client: Any) -> None:
-    session = ss2sql.connect()
-    session.attach("space", client)  # it outlives the resets, so its shapes have to be made anew
-    counts: Counter[bool] = Counter()
-    for seed in range(12):
-        dice = Random(seed)
-        client.resetSimulation()
-        furnish(client, dice, 5)
-        place = [dice.uniform(-2, 2) for _ in range(3)]
-        robot = jointed(client, dice, 3.0, place, client.getQuaternionFromEuler([0.3, 0.2, dice.uniform(-3, 3)]))
-        if seed % 2:
-            client.stepSimulation()
-        poses = []
-        for turned in (False, True) * 12:
-            pose = [dice.uniform(-2.5, 2.5) for _ in range(3)]
-            poses.append(pose + list(client.getQuaternionFromEuler([dice.uniform(-3, 3)] * 3)) * turned)
-        before = snapshot(client)
-        for margin in (0.0, 0.2, -0.05):
-            script = "SELECT collision(robot, this, margin) FROM poses AS list"
-            found = values(session, script, robot=robot, poses=poses, margin=margin)
-            assert snapshot(client) == before
-            expected = [moved_collides(client, robot, pose, margin) for pose in poses]
-            for body, (frame, speed) in zip(live(client), before[0], strict=True):
-                client.resetBasePositionAndOrientation(body, *frame)
-                client.resetBaseVelocity(body, *speed)
-            before = snapshot(client)
-            assert found == expected
-            counts.update(found)
-    assert min(counts.values()) > 50
-
-
-def test_collision_sees_what_the_last_step_has_moved(client: Any, ss: ss2sql.Session) -> None:
-    robot, quick = ball(client, 0.2, (0, 0, 5)), ball(client, 0.1, (0, 0, 0))
-    client.resetBaseVelocity(quick, (200, 0, 0))
-    client.stepSimulation()
-    place = list(client.getBasePositionAndOrientation(quick)[0])
-    assert values(ss, "[collision(r, p), collision(r, [0, 0, 0]), collision(r)]", r=robot, p=place) == [
-        True,
-        False,
-        False,
-    ]
-
-
-def test_collision_of_two_bodies_and_of_those_that_stand(client: Any, ss: ss2sql.Session) -> None:
-    ground, robot, other = box(client, (9, 9, 1)), ball(client, 0.5, (0, 0, 1)), ball(client, 0.5, (3, 0, 4))
-    script = """[collision(r, g), collision(r, o), collision(r), collision(o), collision(r, [2, 0]),
-                 collision(r, [2, 0], -0.001)]"""
-    assert values(ss, script, r=robot, g=ground, o=other) == [True, False, True, False, True, False]
-    assert "X007" in message(ss, "collision(r, [1])", r=robot)
-    assert "X007" in message(ss, "collision(r, [1, 2], 'near')", r=robot)
-
-
-def test_move_and_check_run_in_written_order(client: Any, ss: ss2sql.Session) -> None:
-    wall, robot = box(client, (1, 1, 1), (2, 0, 0)), ball(client, 0.2)
-    assert wall != robot
-    found = ss.run(
-        "SELECT checkCollision(r), move(r, this), checkCollision(r) FROM [[2, 0], [5, 5], [2, 0, 7]] AS rows", r=robot
-    )
-    assert found.value == [(False, [2, 0], True), (True, [5, 5], False), (False, [2, 0, 7], False)]
-    assert values(ss, "SELECT pos FROM space WHERE id == r AS value", r=robot) == [2, 0, 7]
-
-
-CORRIDOR = """
-start_pos = position(robot); target_pos = [4, 0];
-directions = [[1, 0], [0, 1], [0, -1], [-1, 0]];
-SELECT (this + cur_pos) FROM directions WHERE target_pos == {there}
-START WITH cur_pos = start_pos, level = 1
-CONNECT BY MEMORIZE 8 MAXIMUM 20 cur_pos = {there}, level = level + 1
-STOP WITH target_pos == {there} OR distance(target_pos, this + cur_pos) > 8 - level OR {hits}
-AS list
-"""
-
-
-def test_the_papers_search_finds_the_same_with_moving_and_with_pure_tests(client: Any) -> None:
-    robot = ball(client, 0.3)
-    box(client, (0.5, 1, 1), (2, 0, 0))
-    counted = Counting(client)
-    session = ss2sql.connect()
-    session.attach("space", PyBulletWorld(counted, names={robot: "robot"}))
-    session.function("add", lambda a, b: [x + y for x, y in zip(a, b, strict=True)] if isinstance(a, list) else a + b)
-    session.set("robot", "robot")
-    moving = CORRIDOR.format(there="move(robot, this + cur_pos)", hits="IF(checkCollision(robot))")
-    pure = CORRIDOR.format(there="(this + cur_pos)", hits="collision(robot, this + cur_pos)")
-    paths = session.run(moving).value
-    assert counted.calls["resetBasePositionAndOrientation"] > 100
-    client.resetBasePositionAndOrientation(robot, (0, 0, 0), (0, 0, 0, 1))
-    counted.calls.clear()
-    assert session.run(pure).value == paths
-    assert counted.calls["resetBasePositionAndOrientation"] == 0
-    assert len(paths) == 20
-    assert [len(path) for path in paths] == sorted(len(path) for path in paths)
-    assert len(paths[0]) == 6  # around the box
-    for path in paths:
-        assert path[-1] == [4, 0]
-        assert not any(moved_collides(client, robot, [*spot, 0.0]) for spot in path[:-1])
+def test_the_page_shows_what_is_declared() -> None:
+    spec = importlib.util.spec_from_file_location("generate", ROOT / "docs" / "generate.py")
+    assert spec is not None
+    assert spec.loader is not None
+    generate = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(generate)
+    page = (ROOT / "docs" / "pybullet.md").read_text("utf-8")
+    assert page == generate.world_page(page)

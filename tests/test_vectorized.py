@@ -352,7 +352,8 @@ SCRIPTS = [
     "SELECT f(x, y), f(y, x) FROM rows WHERE f(x, 1) != f(1, y) AS rows;",
     "SELECT f(a.this, b.this) FROM a = xs, b = ys AS list;",
     "SELECT x FROM rows WHERE x == y OR f(x, y) AS list;",
-    "SELECT f(n, this) FROM xs START WITH n = 0 CONNECT BY UNIQUE n = f(n, this);",
+    """SELECT f(n, this) FROM xs
+    START WITH n = 0, d = 0 CONNECT BY UNIQUE n = f(n, this), d = d + 1 STOP WITH d > 2;""",
     "SELECT n FROM xs WHERE f(n, this) START WITH n = 0, d = 0 CONNECT BY n = f(this, n), d = d + 1 STOP WITH d > 1;",
 ]
 

@@ -401,7 +401,7 @@ def test_another_schema_under_the_same_name(ss: ss2sql.Session, engine: Any) -> 
     class Things(Table):
         name, key = "balls", "id"
         columns = (Column("id", str), Column("size", int))
-        groups = {"size": "size"}
+        groups = {"size": "size"}  # noqa: RUF012
 
         def keys(self, where: Any) -> list[str]:
             return ["b", "a"]
@@ -464,9 +464,7 @@ def test_help_and_describe_come_from_the_declarations(ss: ss2sql.Session) -> Non
 
 def test_the_sql_reads_like_the_script(ss: ss2sql.Session) -> None:
     sql = " ".join(ss.compile("SELECT b.mass FROM b = space, n = space.near(b.x, 0, 0) WHERE b.x > 2;").sql.split())
-    assert sql == (
-        'SELECT b.mass FROM "space.balls" AS b CROSS JOIN "space.near"(b.x, 0, 0) AS n WHERE b.x > 2'
-    )
+    assert sql == ('SELECT b.mass FROM "space.balls" AS b CROSS JOIN "space.near"(b.x, 0, 0) AS n WHERE b.x > 2')
 
 
 def test_gone_is_an_exception_of_adapters() -> None:

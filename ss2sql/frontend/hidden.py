@@ -1,7 +1,7 @@
 """Columns that a representation asks for although SELECT does not name them.
 
-`SELECT mass FROM space AS plane(...)` has to know where the bodies are, `SELECT mass FROM space AS prolog` whose mass it
-is. Such columns stand behind those of SELECT, and nobody but the representation sees them.
+`SELECT mass FROM space AS plane(...)` has to know where the bodies are, `SELECT mass FROM space AS prolog` whose mass
+it is. Such columns stand behind those of SELECT, and nobody but the representation sees them.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from ss2sql.walk import walk
 if TYPE_CHECKING:
     from ss2sql.frontend.resolve import Resolver
 
-_SIGNS = {*OPERATORS.values(), "neg", "not_in", "item", "slice"}  # calls that are written as signs between their arguments
+_SIGNS = {*OPERATORS.values(), "neg", "not_in", "item", "slice"}  # calls that are not written as such
 
 
 def with_hidden_columns(resolver: Resolver, query: plan.Query) -> plan.Query:

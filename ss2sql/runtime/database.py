@@ -42,8 +42,6 @@ from ss2sql.walk import walk
 
 WHOLE = 2**40
 CHECK_EVERY = 10_000  # steps of SQLite's virtual machine between looks at the clock, about 0.2 ms
-
-
 NO_CALLS: Mapping[str, Sequence[Span]] = {}
 
 

@@ -93,7 +93,8 @@ class SessionHost:
             if word.lower() not in representations.ALL:
                 self.shapes.functions[word.lower()] = getattr(world, method)
         self._name_world_functions()
-        listeners = getattr(world.source, "listeners", None)
+        scene = getattr(world, "scene", None) or world.source  # an adapter may call the scene's simulator directly
+        listeners = getattr(scene, "listeners", None)
         if isinstance(listeners, list) and self.triggers.poll not in listeners:
             listeners.append(self.triggers.poll)
             self.listened.append(listeners)

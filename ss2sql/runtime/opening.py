@@ -12,8 +12,8 @@ from ss2sql.errors import SessionError, Source, did_you_mean
 from ss2sql.runtime.compiled import ENGINES
 
 BUSY_MILLISECONDS = 1000  # how long to wait for a file that somebody else is writing
-# How SQLite uses memory. Pages of a file that were read are kept, up to 64 MB: a search over a million edges then takes
-# 1.8 s and not 2.6. Copies of tables, and what is sorted, stay in memory: without an index on the edges 1.9 s and not 3.4.
+# How SQLite uses memory. Pages of a file that were read are kept, up to 64 MB: searching a million edges takes 1.8 s
+# in plain SQL then and not 2.6. Copies of tables stay in memory: 1.9 s and not 3.4 without an index on the edges.
 MEMORY = ("PRAGMA cache_size = -65536", "PRAGMA temp_store = MEMORY")
 
 

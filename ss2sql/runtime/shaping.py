@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from inspect import signature
 from typing import Any
 
 from ss2sql import plan
@@ -73,8 +74,14 @@ class Shapes:
         except TypeError as error:
             if error.__traceback__ is not None and error.__traceback__.tb_next is not None:
                 raise  # it was raised inside the function, not by the call of it
-            message = f"AS {form.name} cannot take these arguments: {error}"
-            raise RepresentationError("V001", message, form.span, ("leave them out or correct them",)) from error
+            message = f"AS {form.name} cannot take these arguments: {str(error).partition('() ')[2] or error}"
+            raise RepresentationError("V001", message, form.span, (self._usage(form.name),)) from error
+
+    def _usage(self, name: str) -> str:
+        """How the representation is called."""
+        _, *parameters = signature(self.functions[name]).parameters.values()
+        names = [p.name if p.default is p.empty else f"[{p.name}]" for p in parameters]
+        return f"it is called as AS {name}({', '.join(names)})" if names else "leave them out"
 
     def asked(self) -> dict[str, str]:
         """What representations ask for beside the columns, by name; see `asks`."""

@@ -35,8 +35,12 @@ SHIPPED: dict[str, str] = {
     "mujoco._structs.MjData": "ss2sql.vtables.mujoco:MuJoCoWorld",
     "ode.SpaceBase": "ss2sql.vtables.ode:OdeWorld",
     **dict.fromkeys(
-        ("openravepy.openravepy_int.Environment", "openravepy._openravepy_.openravepy_int.Environment",
-         "openravepy._openravepy_0_9.openravepy_int.Environment", "openravepy_int.Environment"),
+        (
+            "openravepy.openravepy_int.Environment",
+            "openravepy._openravepy_.openravepy_int.Environment",
+            "openravepy._openravepy_0_9.openravepy_int.Environment",
+            "openravepy_int.Environment",
+        ),
         "ss2sql.vtables.openrave:OpenRaveWorld",
     ),
 }
@@ -108,8 +112,8 @@ def refuse_unknown(source: Any) -> None:
         return
     known = ", ".join(known_types())
     hints = (
-        "what can be attached: lists, dicts of columns, data frames, numbers, texts and other values, paths of SQLite files, worlds"
-        + (f", objects of the types {known}" if known else ""),
+        "what can be attached: lists, dicts of columns, data frames, numbers, texts and other values, worlds, paths of"
+        " SQLite files" + (f", objects of the types {known}" if known else ""),
         "write an adapter, a class derived from ss2sql.World; or make it a variable with session.set",
     )
     raise SessionError("S002", f"a {kind.__module__}.{kind.__qualname__} cannot be attached", hints=hints)

@@ -242,8 +242,8 @@ class OdeWorld(BodyWorld):
         return self._holds(geom)
 
     def _holds(self, geom: Any) -> bool:
-        space = geom.getSpace()  # of spaces within a space this tells nothing
-        return space is self.source or any(space is inner for inner in _spaces(self.source))
+        # What getSpace says stays the same when a geom is removed, and of spaces within a space it is None.
+        return bool(self.source.query(geom) or any(space.query(geom) for space in _spaces(self.source)))
 
     # --- collisions ------------------------------------------------------------------------------------
 

@@ -17,7 +17,6 @@ from ss2sql.runtime.values import show
 from ss2sql.vtables.base import Element
 
 AXES = {"XY": (0, 1), "XZ": (0, 2), "YZ": (1, 2)}
-USAGE = 'write AS plane("XY", [-5, -5], [100, 100, 0.1]), which covers 10 m x 10 m'
 REACH = 3  # standard deviations at which the blur ends
 
 
@@ -36,11 +35,11 @@ def represent(table: Table, plane: Any, start: Any, size: Any, blur: Any = 0) ->
     """
     axes = AXES.get(plane.upper()) if isinstance(plane, str) else None
     if axes is None:
-        refuse("plane", f"needs a plane XY, XZ or YZ, not {show(plane)}", USAGE)
+        refuse("plane", f"needs a plane XY, XZ or YZ, not {show(plane)}")
     origin = numbers("plane", "the lower corner", start, 2)
     width, height, edge = numbers("plane", "width, height and resolution", size, 3)
-    columns, rows = (_count(cells, edge) for cells in (width, height))
     number("plane", "the edge of a cell", edge, above=0)
+    columns, rows = (_count(cells, edge) for cells in (width, height))
     check_cells("plane", columns, rows)
     spread = number("plane", "a blur in cells", blur)
     if spread < 0:
@@ -50,14 +49,16 @@ def represent(table: Table, plane: Any, start: Any, size: Any, blur: Any = 0) ->
         places = np.floor((points - origin) / edge)
     inside = ((places >= 0) & (places < (columns, rows))).all(axis=1)
     at = places[inside].astype(np.int64)
-    cells = np.bincount(at[:, 1] * columns + at[:, 0], values[inside], columns * rows).reshape(rows, columns)
+    cells = (
+        np.bincount(at[:, 1] * columns + at[:, 0], values[inside], columns * rows).astype(float).reshape(rows, columns)
+    )
     return Grid(blurred(cells, spread), origin, edge)
 
 
 def _count(cells: float, edge: float) -> int:
     if cells < 1 or cells != int(cells):
-        metres = f"[{cells / edge:.0f}, ...]" if edge > 0 else "[100, 100, 0.1]"
-        refuse("plane", f"needs width and height in cells, not {cells:g}", f"for {cells:g} m write {metres}", USAGE)
+        hint = f"{cells:g} m are {max(1, round(cells / edge))} cells of {edge:g} m"
+        refuse("plane", f"needs width and height as whole numbers of cells, not {cells:g}", hint)
     return int(cells)
 
 
@@ -65,30 +66,31 @@ def _points(table: Table, axes: tuple[int, int]) -> tuple[Any, Any]:
     """Where the rows are in the plane, and their values."""
     points: list[tuple[float, float]] = []
     values: list[float] = []
-    for number, row in enumerate(table.rows):
+    for index, row in enumerate(table.rows):
         value = row[-1]
         if value is None:
             continue
         if not isinstance(value, (bool, int, float)):
             hint = "the last column of SELECT has to be a number, such as mass or linearVelocity(this, 2)"
-            refuse("plane", f"cannot add up {show(value)}, the '{table.columns[-1]}' of row {number + 1}", hint)
+            refuse("plane", f"cannot add up {show(value)}, the '{table.columns[-1]}' of row {index + 1}", hint)
         values.append(float(value))
-        points.append(_point(table, number, axes))
+        points.append(_point(table, index, axes))
     return np.array(points, dtype=float).reshape(-1, 2), np.array(values, dtype=float)
 
 
-def _point(table: Table, number: int, axes: tuple[int, int]) -> tuple[float, float]:
+def _point(table: Table, index: int, axes: tuple[int, int]) -> tuple[float, float]:
     """Where a row is: its first list or element, else the element of its source."""
-    candidates = (*table.rows[number][:-1], *(table.hidden[number] if table.hidden else ()))
+    candidates = (*table.rows[index][:-1], *(table.hidden[index] if table.hidden else ()))
     place = next((value for value in candidates if isinstance(value, (list, Element))), None)
     if isinstance(place, Element):
         place = getattr(place, "pos", None)
     if not isinstance(place, (list, tuple)):
         hints = ("select it before the value: SELECT pos, mass", "or select elements of a world")
-        refuse("plane", f"does not know where row {number + 1} is", *hints)
+        refuse("plane", f"does not know where row {index + 1} is", *hints)
     if len(place) not in (2, 3) or len(place) <= axes[1] or not all(type(part) in (int, float) for part in place):
         wanted = "[x, y] or [x, y, z]" if axes == (0, 1) else "[x, y, z]"
-        refuse("plane", f"needs a place {wanted} in row {number + 1}, not {show(place)}")
+        hint = "the place is the first list in SELECT before the value: SELECT pos, mass"
+        refuse("plane", f"needs a place {wanted} in row {index + 1}, not {show(place)}", hint)
     return place[axes[0]], place[axes[1]]
 
 

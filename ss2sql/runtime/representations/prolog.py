@@ -1,7 +1,7 @@
 """`AS prolog`: every selected call as a fact, in a text that Prolog loads.
 
-`SELECT mass, isSphere FROM space AS prolog` gives `mass(sphere_1, 3.2).` and `isSphere(sphere_1).` True stands without a
-value; False and None are no facts. What is false in Prolog is what is not told.
+`SELECT mass, isSphere FROM space AS prolog` gives `mass(sphere_1, 3.2).` and `isSphere(sphere_1).` True stands without
+a value; False and None are no facts. What is false in Prolog is what is not told.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from collections import Counter
 from math import isfinite
 from typing import Any
 
+from ss2sql.plan import Fact
 from ss2sql.runtime.representations.base import Table, asks
 from ss2sql.runtime.representations.grid import refuse
 from ss2sql.runtime.values import show
@@ -20,8 +21,7 @@ _PLAIN = re.compile(r"[a-z][a-zA-Z0-9_]*", re.ASCII)
 _ESCAPES = {"\\": "\\\\", "'": "\\'", "\n": "\\n", "\t": "\\t", "\r": "\\r"}
 
 # Predicates of the ISO standard, which Prolog lets nobody define anew unless it is told to.
-_STANDARD = frozenset(
-    """
+_WORDS = """
     abolish/1 arg/3 assert/1 asserta/1 assertz/1 at_end_of_stream/1 atom/1 atom_chars/2 atom_codes/2 atom_concat/3
     atom_length/2 atomic/1 bagof/3 call/1 call/2 call/3 call/4 callable/1 catch/3 char_code/2 char_conversion/2 clause/2
     close/1 close/2 compare/3 compound/1 copy_term/2 current_input/1 current_op/3 current_output/1 current_predicate/1
@@ -33,23 +33,24 @@ _STANDARD = frozenset(
     set_output/1 set_prolog_flag/2 set_stream_position/2 setof/3 sort/2 stream_property/2 sub_atom/5 subsumes_term/2
     term_variables/2 throw/1 var/1 write/1 write/2 write_canonical/1 write_canonical/2 write_term/2 write_term/3
     writeq/1 writeq/2
-    """.split()
-)
+"""
+_STANDARD = frozenset(_WORDS.split())
 
 
 @asks("calls")
 def represent(table: Table) -> str:
-    """The facts, those of one predicate together, in the order of the columns; each once. Without rows an empty text."""
+    """The facts, each once, those of one predicate together in the order of their first. Without rows an empty text."""
     names = _names_of_elements([*table.rows, *table.hidden])
     predicates: dict[tuple[str, int], dict[str, None]] = {}
-    for number, row in enumerate(table.rows):
+    for index, row in enumerate(table.rows):
+        hidden = table.hidden[index] if table.hidden else ()
         for column, value in enumerate(row):
-            fact = table.facts[column] if table.facts else None
+            fact = table.facts[column] if table.facts else Fact("", ())
             if value is None or value is False:
                 continue
-            functor = fact.name if fact is not None and fact.name else table.columns[column]
-            arguments = [table.hidden[number][place] for place in fact.places] if fact is not None else []
-            if value is not True and (fact is None or fact.valued):
+            functor = fact.name or table.columns[column]
+            arguments = [hidden[place] for place in fact.places]
+            if value is not True and fact.valued:
                 arguments.append(value)
             terms = [term(argument, names) for argument in arguments]
             line = f"{atom(functor)}({', '.join(terms)})." if terms else f"{atom(functor)}."
@@ -90,7 +91,7 @@ def _inside(value: Any) -> list[Element]:
 
 
 def term(value: Any, names: dict[Element, str]) -> str:
-    """A value as Prolog writes it: texts as atoms, dicts as lists of pairs, what it does not know by how it is shown."""
+    """A value as Prolog writes it: texts as atoms, dicts as lists of pairs, objects by how they are shown."""
     match value:
         case None:
             return "none"

@@ -1,8 +1,8 @@
 """`AS sensorgrid(z, cell, area)`, also `sensormap`: how many of the selected sensors see each cell.
 
-A sensor sees a cell if the middle of the cell, at the height z, is within its range and its angle, and if nothing stands
-between the two: no body of the world, selected or not, but its own. The middle of a cell may lie on a surface, such as
-the floor: that is seen.
+A sensor sees a cell if the middle of the cell, at the height z, is within its range and its angle, and if nothing
+stands between the two: no body of the world, selected or not, but its own. The middle of a cell may lie on a surface,
+such as the floor: that is seen.
 """
 
 from __future__ import annotations
@@ -72,6 +72,6 @@ def _cast(world: Any, starts: Any, ends: Any) -> tuple[Any, Any]:
     fractions = np.ones(len(ends))
     for first in range(0, len(ends), MOST_RAYS):
         part = slice(first, first + MOST_RAYS)
-        for number, hit in enumerate(world.calls.rayTestBatch(starts[part].tolist(), ends[part].tolist()), first):
-            hits[number], fractions[number] = hit[0], hit[2]
+        for ray, hit in enumerate(world.calls.rayTestBatch(starts[part].tolist(), ends[part].tolist()), first):
+            hits[ray], fractions[ray] = hit[0], hit[2]
     return hits, fractions

@@ -2,8 +2,8 @@
 
 A cell is occupied where a body reaches into its square at the height z; what only touches its edge does not. So a wall
 that is thinner than the cells stays closed for whoever plans a way. It is the shape itself that is tried, not the box
-around it: a thin plate of the size of the cell is put to its place, and Bullet says whether it meets the body. Plates of
-the size of 2 x 2, 4 x 4 ... cells are tried first: where they meet nothing, their cells need no look.
+around it: a thin plate of the size of the cell is put to its place, and Bullet says whether it meets the body. Plates
+of the size of 2 x 2, 4 x 4 ... cells are tried first: where they meet nothing, their cells need no look.
 """
 
 from __future__ import annotations

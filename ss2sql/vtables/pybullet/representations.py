@@ -34,7 +34,7 @@ class Representations:
 
     @asks("elements")
     def sensorgrid(self, table: Table, z: Any, cell: Any, area: Any = None) -> Grid:
-        """How many of the selected sensors see each cell at the height `z`; the arguments are those of occupancygrid."""
+        """How many of the selected sensors see each cell at the height `z`; with the arguments of occupancygrid."""
         from ss2sql.vtables.pybullet.coverage import coverage
 
         return coverage(world_of(self, table), table, z, cell, area)

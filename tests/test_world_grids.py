@@ -1,0 +1,277 @@
+"""AS occupancygrid and AS sensorgrid, against what geometry says."""
+
+from __future__ import annotations
+
+from math import cos, hypot, pi, radians, sin, sqrt, tan
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("pybullet")
+
+from little_scenes import GREY, ask, refused
+from little_scenes import fixture_client as fixture_client
+from little_scenes import fixture_engine as fixture_engine
+from little_scenes import fixture_scene as fixture_scene
+
+import ss2sql
+from ss2sql.scenes.scene import Scene, Sensor
+from ss2sql.scenes.solids import Box, Capsule, Cylinder, Sphere
+
+# --- occupancygrid -------------------------------------------------------------------------------------
+
+AREA = "[[-2, -2], [2, 2]]"
+
+
+def cells_where(inside: Any, cell: float, low: float = -2.0, high: float = 2.0) -> Any:
+    """The cells whose square has a part inside of a convex set, given by the distance from a point to the set."""
+    count = round((high - low) / cell)
+    found = np.zeros((count, count), dtype=bool)
+    for row in range(count):
+        for column in range(count):
+            x, y = low + column * cell, low + row * cell
+            found[row, column] = inside(x, y, x + cell, y + cell)
+    return found
+
+
+def disc(x: float, y: float, radius: float) -> Any:
+    def inside(x1: float, y1: float, x2: float, y2: float) -> bool:
+        return hypot(max(x1 - x, 0, x - x2), max(y1 - y, 0, y - y2)) < radius - 2e-4
+
+    return inside
+
+
+def rectangle(a: float, b: float, angle: float) -> Any:
+    """Whether a square and a rectangle around the origin, turned by an angle, overlap: no axis separates them."""
+    u, v = (cos(angle), sin(angle)), (-sin(angle), cos(angle))
+    corners = [(i * a * u[0] + j * b * v[0], i * a * u[1] + j * b * v[1]) for i in (-0.5, 0.5) for j in (-0.5, 0.5)]
+
+    def inside(x1: float, y1: float, x2: float, y2: float) -> bool:
+        square = [(x, y) for x in (x1, x2) for y in (y1, y2)]
+        for axis in ((1.0, 0.0), (0.0, 1.0), u, v):
+            mine, its = ([p[0] * axis[0] + p[1] * axis[1] for p in points] for points in (square, corners))
+            if max(mine) < min(its) + 2e-4 or max(its) < min(mine) + 2e-4:
+                return False
+        return True
+
+    return inside
+
+
+@pytest.mark.parametrize("z", [0.0, 0.3, -0.55, 0.79])
+@pytest.mark.parametrize("cell", [0.25, 0.1])
+def test_a_sphere_is_a_disc_at_each_height(scene: Scene, engine: Any, z: float, cell: float) -> None:
+    scene.add("ball", Sphere(0.8), (0.13, -0.21, 0.0), GREY)
+    grid = ask(scene, f"SELECT obj FROM space AS occupancygrid({z}, {cell}, {AREA});", engine)
+    assert grid.dtype == bool
+    assert (grid.origin, grid.cell) == ((-2.0, -2.0), cell)
+    # Bullet is exact to about a millimetre, which counts where a cell has no more than that of the disc.
+    sure, possible = (
+        cells_where(disc(0.13, -0.21, sqrt(0.64 - (abs(z) + error) ** 2) - error), cell) for error in (0.001, -0.001)
+    )
+    assert (sure <= grid).all()
+    assert (grid <= possible).all()
+    assert possible.sum() - sure.sum() <= 0.1 * possible.sum() + 3
+
+
+def test_a_sphere_is_nowhere_above_it(scene: Scene, engine: Any) -> None:
+    scene.add("ball", Sphere(0.8), (0.13, -0.21, 0.0), GREY)
+    assert not ask(scene, f"SELECT obj FROM space AS occupancygrid(0.81, 0.1, {AREA});", engine).any()
+
+
+@pytest.mark.parametrize("degrees", [0, 30, 45, 77])
+def test_a_box_is_a_rectangle(scene: Scene, engine: Any, degrees: float) -> None:
+    scene.add("crate", Box(2.13, 0.61, 1.0), (0.0, 0.0, 0.0), GREY, turned=(0.0, 0.0, radians(degrees)))
+    grid = ask(scene, f"SELECT obj FROM space AS occupancygrid(0.2, 0.1, {AREA});", engine)
+    assert np.array_equal(grid, cells_where(rectangle(2.13, 0.61, radians(degrees)), 0.1))
+
+
+def test_other_shapes(scene: Scene) -> None:
+    scene.add("barrel", Cylinder(0.7, 1.0), (0.1, 0.2, 0.0), GREY)
+    script = f"SELECT obj FROM space AS occupancygrid(z, 0.1, {AREA});"
+    assert np.array_equal(ask(scene, script, z=0.4), cells_where(disc(0.1, 0.2, 0.7), 0.1))
+    assert not ask(scene, script, z=0.6).any()
+    scene.remove(0)
+    scene.add("pill", Capsule(0.3, 1.0), (0.0, 0.0, 0.0), GREY, turned=(0.0, pi / 2, 0.0))
+
+    def stadium(x1: float, y1: float, x2: float, y2: float) -> bool:
+        return hypot(max(x1 - 0.5, 0, -0.5 - x2), max(y1, 0, -y2)) < 0.3 - 2e-4
+
+    assert np.array_equal(ask(scene, script, z=0.0), cells_where(stadium, 0.1))
+
+
+def test_what_touches_a_cell_only_is_not_in_it(scene: Scene) -> None:
+    scene.add("crate", Box(1.0, 1.0, 1.0), (0.0, 0.0, 0.5), GREY)
+    grid = ask(scene, f"SELECT obj FROM space AS occupancygrid(0.5, 0.25, {AREA});")
+    assert grid.sum() == 16
+    assert grid[6:10, 6:10].all()
+
+
+def test_a_wall_thinner_than_the_cells_stays_closed(scene: Scene) -> None:
+    scene.add("wall", Box(0.01, 9.0, 1.0), (0.13, 0.0, 0.5), GREY)
+    grid = ask(scene, f"SELECT obj FROM space AS occupancygrid(0.5, 0.25, {AREA});")
+    assert np.array_equal(np.flatnonzero(grid.any(axis=0)), [8])
+    assert grid[:, 8].all()
+
+
+def test_only_the_selected_bodies_stand_in_the_grid(scene: Scene, engine: Any) -> None:
+    scene.add("ball", Sphere(0.3), (-1.0, 0.0, 0.0), GREY)
+    scene.add("crate", Box(0.4, 0.4, 0.4), (1.0, 1.0, 0.0), GREY)
+    scene.add("paint", Box(3, 3, 3), (0.0, 0.0, 0.0), GREY, touchable=False)
+    for columns in ("obj", "this", "mass", "name, obj"):
+        grid = ask(scene, f"SELECT {columns} FROM space WHERE isSphere(this) AS occupancygrid(0, 0.1, {AREA});", engine)
+        assert np.array_equal(grid, cells_where(disc(-1.0, 0.0, 0.3), 0.1))
+    both = ask(scene, f"SELECT a.this, b.this FROM a = space, b = space AS occupancygrid(0, 0.1, {AREA});", engine)
+    assert np.array_equal(
+        both,
+        cells_where(disc(-1.0, 0.0, 0.3), 0.1) | np.roll(cells_where(rectangle(0.4, 0.4, 0), 0.1), (10, 10), (0, 1)),
+    )
+
+
+def test_the_area_is_that_of_the_scene_or_of_all_bodies(scene: Scene, engine: Any) -> None:
+    scene.add("ball", Sphere(0.5), (1.0, 2.0, 0.0), GREY)
+    scene.add("crate", Box(1.0, 1.0, 1.0), (-3.0, 0.0, 0.0), GREY)
+    grid = ask(scene.client, "SELECT obj FROM space WHERE isBox(this) AS occupancygrid(0, 0.5);", engine)
+    assert grid.extent == pytest.approx((-3.5, 1.5, -0.5, 2.5), abs=0.01)
+    scene.bounds = ((-4.0, -1.0, 0.0), (2.0, 3.0, 1.0))  # type: ignore[misc]
+    grid = ask(scene, "SELECT obj FROM space WHERE isBox(this) AS occupancygrid(0, 0.5);", engine)
+    assert grid.extent == (-4.0, 2.0, -1.0, 3.0)
+
+
+def test_nothing_selected_is_a_grid_of_false(scene: Scene, engine: Any) -> None:
+    scene.add("ball", Sphere(0.5), (1.0, 2.0, 0.0), GREY)
+    grid = ask(scene, f"SELECT obj FROM space WHERE isBox(this) AS occupancygrid(0, 0.5, {AREA});", engine)
+    assert grid.shape == (8, 8)
+    assert not grid.any()
+
+
+def test_an_empty_world_has_no_cells(scene: Scene, engine: Any) -> None:
+    assert ask(scene.client, "SELECT obj FROM space AS occupancygrid(0, 0.5);", engine).shape == (0, 0)
+
+
+def test_moved_bodies_are_found_where_they_are(scene: Scene) -> None:
+    ball = scene.add("ball", Sphere(0.5), (-1.0, 0.0, 0.0), GREY, 1.0)
+    scene.client.resetBasePositionAndOrientation(ball, (1.0, 1.0, 0.0), (0, 0, 0, 1))
+    grid = ask(scene, f"SELECT obj FROM space AS occupancygrid(0, 0.1, {AREA});")
+    assert np.array_equal(grid, cells_where(disc(1.0, 1.0, 0.5), 0.1))
+
+
+@pytest.mark.parametrize(
+    ("script", "words"),
+    [
+        ("SELECT obj FROM space AS occupancygrid('a', 0.1)", "the height z, a number, not 'a'"),
+        ("SELECT obj FROM space AS occupancygrid(0, 0)", "the edge of a cell, a number above 0, not 0"),
+        ("SELECT obj FROM space AS occupancygrid(0, 0.1, [1, 2])", "an area [[x, y], [x, y]], a list of 2 numbers"),
+        ("SELECT obj FROM space AS occupancygrid(0, 0.1, 3)", "needs an area [[x, y], [x, y]], not 3"),
+        ("SELECT obj FROM space AS occupancygrid(0, 0.1, [[1, 1], [0, 2]])", "the lower corner of the area first"),
+        ("SELECT obj FROM space AS occupancygrid(0, 1e-6, [[0, 0], [1, 1]])", "1000000 x 1000000 cells"),
+        ("SELECT obj FROM space AS occupancygrid(0)", "AS occupancygrid(z, cell, [area])"),
+        ("SELECT this FROM [1, 2] AS occupancygrid(0, 1)", "finds no bodies in these rows"),
+        ("SELECT obj FROM space AS sensorgrid(0, 0.1)", "'ball', which is no sensor"),
+        ("SELECT obj FROM space AS sensormap(0)", "AS sensormap(z, cell, [area])"),
+        ("SELECT this FROM [1, 2] AS environment", "finds no bodies in these rows"),
+        ("SELECT obj FROM space AS environment(7)", "takes"),
+    ],
+)
+def test_wrong_arguments(scene: Scene, script: str, words: str) -> None:
+    scene.add("ball", Sphere(0.5), (1.0, 2.0, 0.0), GREY)
+    assert words in refused(scene, f"{script};")
+
+
+def test_worlds_cannot_be_mixed(scene: Scene) -> None:
+    scene.add("ball", Sphere(0.5), (1.0, 2.0, 0.0), GREY)
+    with Scene(0) as other, ss2sql.connect() as ss:
+        other.add("ball", Sphere(0.5), (0.0, 0.0, 0.0), GREY)
+        ss.attach("space", scene)
+        ss.attach("there", other)
+        with pytest.raises(ss2sql.RepresentationError, match="cannot mix worlds"):
+            ss.run("SELECT a.this, b.this FROM a = space, b = there AS occupancygrid(0, 1, [[0, 0], [1, 1]]);")
+        grid = ss.run("SELECT obj FROM space AS occupancygrid(0, 1, [[0, 0], [2, 3]]);").value  # the last one attached
+        assert np.flatnonzero(grid.any(axis=1)).tolist() == [1, 2]  # the ball of `space`, whose y is 2
+
+
+def test_worlds_that_nobody_has_attached(engine: Any) -> None:
+    with ss2sql.connect() as ss, pytest.raises(ss2sql.ResolveError) as caught:
+        ss.run("SELECT this FROM [1] AS occupancygrid(0, 1);", engine=engine)
+    assert caught.value.code == "R006"
+
+
+# --- sensorgrid ----------------------------------------------------------------------------------------
+
+
+def with_sensor(scene: Scene, position: Any, direction: Any, far: float, angle: float) -> int:
+    body = scene.add(scene.next_name("sensor"), Box(0.1, 0.1, 0.1), position, GREY)
+    scene.sensors[body] = Sensor(position, direction, far, angle)
+    return body
+
+
+def middles(cell: float) -> Any:
+    line = -2 + cell / 2 + cell * np.arange(round(4 / cell))
+    return np.meshgrid(line, line)
+
+
+SEEN = f"SELECT obj FROM space WHERE isSensor(this) AS sensorgrid(0.5, 0.1, {AREA});"
+
+
+def test_a_sensor_sees_a_disc_below_it(scene: Scene, engine: Any) -> None:
+    with_sensor(scene, (0.3, 0.2, 2.0), (0.0, 0.0, -1.0), 9.0, 60.0)
+    grid = ask(scene, SEEN, engine)
+    x, y = middles(0.1)
+    assert grid.dtype.kind == "i"
+    assert np.array_equal(grid, np.hypot(x - 0.3, y - 0.2) <= 1.5 * tan(radians(30)))
+
+
+def test_a_sensor_sees_as_far_as_its_range(scene: Scene, engine: Any) -> None:
+    with_sensor(scene, (0.0, 0.0, 0.5), (0.0, 0.0, -1.0), 1.23, 360.0)
+    x, y = middles(0.1)
+    assert np.array_equal(ask(scene, SEEN, engine), np.hypot(x, y) <= 1.23)
+
+
+def test_a_wall_hides_what_is_behind_it(scene: Scene, engine: Any) -> None:
+    with_sensor(scene, (-1.5, 0.03, 0.5), (1.0, 0.0, 0.0), 10.0, 90.0)
+    scene.add("wall", Box(0.2, 1.0, 2.0), (0.0, 0.0, 0.5), GREY)
+    x, y = middles(0.1)
+    seen = np.abs(np.arctan2(y - 0.03, x + 1.5)) <= radians(45)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        at_front = 0.03 + (y - 0.03) * 1.4 / (x + 1.5)  # where the ray passes the front of the wall, at x = -0.1
+    hidden = (x > -0.1) & (np.abs(at_front) <= 0.5)
+    # Rays also enter the wall through its sides: those that pass its front but are inside of it.
+    in_wall = (np.abs(x) <= 0.1) & (np.abs(y) <= 0.5)
+    assert np.array_equal(ask(scene, SEEN, engine), seen & ~hidden & ~in_wall)
+    assert not (ask(scene, SEEN, engine) > 0)[:, 21:].all()
+    low = ask(scene, f"SELECT obj FROM space WHERE isSensor(this) AS sensormap(3.5, 0.5, {AREA});", engine)
+    assert low.shape == (8, 8)
+
+
+def test_sensors_are_counted(scene: Scene, engine: Any) -> None:
+    for x in (-1.0, 0.0, 1.0):
+        with_sensor(scene, (x, 0.0, 2.0), (0.0, 0.0, -1.0), 9.0, 90.0)
+    grid = ask(scene, SEEN, engine)
+    x, y = middles(0.1)
+    wanted = sum((np.hypot(x - at, y) <= 1.5).astype(int) for at in (-1.0, 0.0, 1.0))
+    assert np.array_equal(grid, wanted)
+    one = ask(scene, f"SELECT obj FROM space WHERE name == 'sensor_2' AS sensorgrid(0.5, 0.1, {AREA});", engine)
+    assert np.array_equal(one, np.hypot(x, y) <= 1.5)
+
+
+def test_the_ground_is_seen_and_its_own_body_does_not_hide(scene: Scene) -> None:
+    scene.add("floor", Box(4, 4, 0.1), (0.0, 0.0, -0.05), GREY)
+    body = with_sensor(scene, (0.0, 0.0, 1.2), (0.0, 0.0, -1.0), 9.0, 90.0)
+    script = f"SELECT obj FROM space WHERE isSensor(this) AS sensorgrid(0.0, 0.1, {AREA});"
+    x, y = middles(0.1)
+    assert np.array_equal(ask(scene, script), np.hypot(x, y) <= 1.2)
+    # The eye outside of the body, which hangs in front of it.
+    scene.sensors[body] = Sensor((0.0, 0.0, 1.3), (0.0, 0.0, -1.0), 9.0, 90.0)
+    assert np.array_equal(ask(scene, script), np.hypot(x, y) <= 1.3)
+
+
+def test_more_rays_than_pybullet_takes_at_once(scene: Scene) -> None:
+    with_sensor(scene, (0.0, 0.0, 0.5), (0.0, 0.0, -1.0), 99.0, 360.0)
+    script = "SELECT obj FROM space AS sensorgrid(0.5, 0.02, [[-2, -2], [2, 2]]);"
+    assert ask(scene, script).sum() == 200 * 200  # 40,000 rays
+
+
+def test_no_sensors_see_nothing(scene: Scene, engine: Any) -> None:
+    grid = ask(scene, SEEN, engine)
+    assert grid.shape == (40, 40)
+    assert not grid.any()
