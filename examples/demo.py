@@ -27,8 +27,8 @@ def main(names: Sequence[str]) -> None:
     screen = console()
     if find_spec("pybullet") is None:
         screen.print(
-            "The simulator PyBullet is not installed: it is made for CPython up to 3.11. Without it the robot drives on "
-            "a floor made of lists."
+            "PyBullet, a simulator, is not installed; it is made for CPython up to 3.11. Without it the robot drives "
+            "on a floor made of lists."
         )
     pages: list[Page] = [runpy.run_path(str(HERE / name / "run.py"))["main"](LINES) for name in names]
     screen.print()

@@ -132,7 +132,8 @@ def queries(result: Result) -> str:
 def size(result: Result) -> str:
     """What came out, in one phrase."""
     if result.answer is None:
-        return repr(result.value)
+        value = repr(result.value)
+        return value if len(value) < 40 else f"{type(result.value).__name__} of {len(result.value)}"
     paths = result.answer.rows.paths
     if paths is None:
         return f"{len(result)} row{'s' * (len(result) != 1)}"

@@ -1,6 +1,6 @@
 """The examples run, quickly, and what they find is right."""
 
-import io
+import heapq
 import itertools
 import os
 import re
@@ -8,55 +8,21 @@ import runpy
 import sqlite3
 import subprocess
 import sys
-import time
-from collections import Counter, deque
-from contextlib import closing, redirect_stdout
-from dataclasses import dataclass
-from pathlib import Path
+from collections import deque
+from contextlib import closing
+from importlib.util import find_spec
 from typing import Any
 
 import pytest
+from example_pages import EXAMPLES, play
 
-EXAMPLES = Path(__file__).parent.parent / "examples"
-NAMES = ("errors", "hanoi", "hierarchy", "map_colouring", "robot")
+SIMULATED = ("chaos", "facts", "navigation", "sensors")  # tested in test_examples_worlds.py
+NAMES = tuple(sorted(("converters", "errors", "hanoi", "hierarchy", "map_colouring", "robot", *SIMULATED)))
 SLOWEST = 60  # seconds of processor time for one example; nearly all of it is the map in its nested forms
-
-
-@dataclass
-class Played:
-    """An example that has run: its module, its page, what it printed, how long it took."""
-
-    module: dict[str, Any]
-    page: Any
-    text: str
-    seconds: float
-
-    def value(self, name: str) -> Any:
-        return self.result(name).value
-
-    def result(self, name: str) -> Any:
-        return next(shown.result for shown in self.page.shown if shown.name == name)
-
-    def lengths(self, name: str) -> dict[int, int]:
-        return dict(Counter(map(len, self.result(name).paths)))
 
 
 @pytest.fixture(scope="module")
 def played() -> Any:
-    """Runs an example once, when it is first asked for."""
-    known: dict[str, Played] = {}
-
-    def play(name: str) -> Played:
-        if name not in known:
-            printed, started = io.StringIO(), time.process_time()
-            path = sys.path[:]
-            with redirect_stdout(printed):
-                module = runpy.run_path(str(EXAMPLES / name / "run.py"))
-                page = module["main"]()
-            sys.path[:] = path
-            known[name] = Played(module, page, printed.getvalue(), time.process_time() - started)
-        return known[name]
-
     return play
 
 
@@ -69,6 +35,8 @@ def test_every_example_is_listed_and_has_a_test():
 
 @pytest.mark.parametrize("name", NAMES)
 def test_shows_its_scripts_with_sql_and_rows(played, name):
+    if name in SIMULATED:
+        pytest.importorskip("pybullet")
     example = played(name)
     scripts = sorted(path.stem for path in (EXAMPLES / name).glob("*.ss"))
     assert sorted(shown.name for shown in example.page.shown) == scripts
@@ -287,12 +255,91 @@ def test_every_mistake_names_line_column_reason_and_cure(played):
     assert "Ada" in example.text.split("The session works on")[1]
 
 
+# --- converters ----------------------------------------------------------------------------------------
+
+
+def cheapest(library: dict[str, Any], start: str, price: str | None) -> dict[str, tuple[float, list[str]]]:
+    """The least sum of prices from a format to every other, and the formats on the way; without prices each costs 1."""
+    found: dict[str, tuple[float, list[str]]] = {}
+    waiting: list[tuple[float, int, str, list[str]]] = [(0.0, 0, start, [])]
+    numbers = itertools.count(1)
+    while waiting:
+        cost, _, here, way = heapq.heappop(waiting)
+        if here in found:
+            continue
+        found[here] = cost, way
+        for entry in library.values():
+            if entry.takes == here:
+                step = getattr(entry, price) if price else 1.0
+                heapq.heappush(waiting, (cost + step, next(numbers), entry.gives, [*way, entry.gives]))
+    return found
+
+
+def test_converters_are_chained_by_their_number_and_by_their_price(played):
+    example = played("converters")
+    library = example.module["LIBRARY"]
+    (fewest,), (best,) = example.result("1_fewest").paths, example.result("2_cheapest").paths
+    for chain in (fewest, best):
+        ends = [(library[name].takes, library[name].gives) for name, _ in chain]
+        assert (ends[0][0], ends[-1][1]) == ("csv", "numpy")
+        assert all(left[1] == right[0] for left, right in itertools.pairwise(ends))
+        assert [price for _, price in chain] == [library[name].price for name, _ in chain]
+    assert len(fewest) == cheapest(library, "csv", None)["numpy"][0] < len(best)
+    assert sum(price for _, price in best) == pytest.approx(cheapest(library, "csv", "price")["numpy"][0])
+    values = [data for _, data in example.module["run_chain"]([name for name, _ in best], example.module["TEXT"])]
+    assert values[-1].tolist() == [[0.5, 1.25, 3.0], [2.0, 0.75, 1.5]]
+
+
+def test_converters_reach_every_format_by_the_cheapest_chain(played):
+    example = played("converters")
+    expected = cheapest(example.module["LIBRARY"], "csv", "price")
+    del expected["csv"]
+    chains = example.value("3_all")
+    assert {chain[-1]: chain for chain in chains} == {name: way for name, (_, way) in expected.items()}
+    assert [expected[chain[-1]][0] for chain in chains] == sorted(cost for cost, _ in expected.values())
+    assert all(" > ".join(["csv", *chain]) in example.text for chain in chains)
+
+
+def test_every_converter_does_what_it_says(played):
+    library = played("converters").module["LIBRARY"]
+    rows = [["x", "y"], ["1.0", "2.5"], ["3.0", "4.5"]]
+    columns = {"x": [1.0, 3.0], "y": [2.5, 4.5]}
+    dicts = [{"x": 1.0, "y": 2.5}, {"x": 3.0, "y": 4.5}]
+    values: dict[str, Any] = {
+        "csv": "x,y\n1.0,2.5\n3.0,4.5\n", "rows": rows, "columns": columns, "dicts": dicts,
+        "json": '[{"x": 1.0, "y": 2.5}, {"x": 3.0, "y": 4.5}]', "numpy": [[1.0, 2.5], [3.0, 4.5]],
+    }  # fmt: skip
+    if find_spec("pandas"):
+        values["frame"] = library["columns_to_frame"].function(columns)
+    for entry in library.values():
+        given = entry.function(values[entry.takes])
+        if entry.gives == "numpy":
+            given = given.tolist()
+        if entry.gives == "frame":
+            given, entry_value = given.to_dict("list"), columns
+        elif entry.name == "columns_to_rows":
+            entry_value = [["x", "y"], [1.0, 2.5], [3.0, 4.5]]
+        else:
+            entry_value = values[entry.gives]
+        assert given == entry_value, entry.name
+
+
 # --- the demonstration ---------------------------------------------------------------------------------
 
 
 def test_demo_shows_every_example_but_the_mistakes(monkeypatch):
     monkeypatch.syspath_prepend(str(EXAMPLES))
-    assert set(runpy.run_path(str(EXAMPLES / "demo.py"))["EXAMPLES"]) == set(NAMES) - {"errors"}
+    demo = runpy.run_path(str(EXAMPLES / "demo.py"))
+    assert {*demo["EXAMPLES"], *demo["SIMULATED"], *demo["INSTEAD"]} == set(NAMES) - {"errors"}
+    assert set(demo["SIMULATED"]) == set(SIMULATED)
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_demo_ends_with_the_navigation_or_with_the_floor_made_of_lists(monkeypatch, there):
+    monkeypatch.syspath_prepend(str(EXAMPLES))
+    demo = runpy.run_path(str(EXAMPLES / "demo.py"))
+    monkeypatch.setitem(demo["chosen"].__globals__, "find_spec", lambda name: there or None)
+    assert demo["chosen"]()[-1] == ("navigation" if there else "robot")
 
 
 def test_demo_runs_to_its_summary():

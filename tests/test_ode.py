@@ -31,11 +31,15 @@ def engine(request: Any) -> Any:
     return request.param
 
 
+_worlds: list[Any] = []  # kept to the end: pyode crashes where a failed test leaves world and bodies to the collector
+
+
 class Room:
     """A floor and some bodies."""
 
     def __init__(self) -> None:
         self.world, self.space = ode.World(), ode.HashSpace()
+        _worlds.append(self.world)
         self.floor = ode.GeomPlane(self.space, (0, 0, 1), 0)
         self.floor.name = "floor"
         self.ball = self.add(ode.GeomSphere(self.space, 0.5), 60.0, (0, 0, 0.75), "ball")

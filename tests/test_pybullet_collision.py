@@ -143,7 +143,8 @@ def test_the_papers_search_finds_the_same_with_moving_and_with_pure_tests(client
     assert counted.calls["resetBasePositionAndOrientation"] > 100
     client.resetBasePositionAndOrientation(robot, (0, 0, 0), (0, 0, 0, 1))
     counted.calls.clear()
-    assert session.run(pure).value == paths
+    result = session.run(pure)
+    assert result.value == paths
     assert counted.calls["resetBasePositionAndOrientation"] == 0
     assert len(paths) == 20
     assert [len(path) for path in paths] == sorted(len(path) for path in paths)

@@ -144,7 +144,7 @@ def _division(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
     if nodes is None:
         return None
     left, right = nodes
-    quotient = sql.binary(exp.Div, sql.real(left), right)
+    quotient = sql.quotient(left, right)
     python = _python(lowering, call, env)
     exact = [argument.type.bounded(EXACT) or not argument.type.may(Kind.INT) for argument in call.arguments]
     if all(exact) and not call.arguments[1].type.may(Kind.FLOAT):

@@ -110,7 +110,7 @@ def _division(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
     if any(kind.may(Kind.INT) and not kind.bounded(EXACT) for kind in kinds):
         return None
     left, right = _operands(lowering, call, env)
-    return sql.binary(exp.Div, sql.real(left), right)
+    return sql.quotient(left, right)
 
 
 def _membership(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:

@@ -119,11 +119,13 @@ def _operand_but(loose: tuple[type[Node], ...], node: Node) -> Node:
     return node if isinstance(node, loose) else operand(node)
 
 
-def real(node: Node) -> Node:
-    """An operand as a float: SQLite divides integers without a remainder."""
-    if isinstance(node, exp.Literal) and node.this.isdigit():
-        return exp.Literal.number(f"{node.this}.0")
-    return exp.Cast(this=node, to=exp.DataType.build("REAL", dialect="sqlite"))
+def quotient(left: Node, right: Node) -> Node:
+    """`left / right` as a float: SQLite would divide integers without a remainder."""
+    if isinstance(left, exp.Literal) and left.this.isdigit():
+        left = exp.Literal.number(f"{left.this}.0")
+    else:
+        left = exp.Cast(this=left, to=exp.DataType.build("REAL", dialect="sqlite"))
+    return exp.Div(this=operand(left), expression=operand(right), typed=True)  # typed: sqlglot adds no cast of its own
 
 
 def rare(node: Node) -> Node:

@@ -10,11 +10,11 @@ import apsw
 
 from ss2sql.errors import SessionError, Source, did_you_mean
 from ss2sql.runtime.compiled import ENGINES
+from ss2sql.runtime.tables import CACHE_SIZE
 
 BUSY_MILLISECONDS = 1000  # how long to wait for a file that somebody else is writing
-# How SQLite uses memory. Pages of a file that were read are kept, up to 64 MB: searching a million edges takes 1.8 s
-# in plain SQL then and not 2.6. Copies of tables stay in memory: 1.9 s and not 3.4 without an index on the edges.
-MEMORY = ("PRAGMA cache_size = -65536", "PRAGMA temp_store = MEMORY")
+# How SQLite uses memory. Copies of tables stay there: a search of a million edges without an index takes 1.9 s, not 3.4.
+MEMORY = (f"PRAGMA cache_size = {CACHE_SIZE}", "PRAGMA temp_store = MEMORY")
 
 
 def name_of(function: Any) -> str:

@@ -127,6 +127,11 @@ class OdeChaos:
         geom.setBody(None)
         self.deaths += 1
 
+    def __del__(self) -> None:
+        # Where world and bodies become garbage together, pyode may destroy the world first, and crashes on the bodies.
+        for geom in getattr(self, "particles", ()):
+            geom.setBody(None)
+
     def _wall(self, name: str, normal: Vector) -> Any:
         wall = self.ode.GeomPlane(self.space, normal, -HALF)
         wall.name = name

@@ -213,6 +213,7 @@ class OdeWorld(BodyWorld):
 
     def __init__(self, source: Any, clock: Callable[[], float] | None = None) -> None:
         super().__init__(source)
+        self.space = source
         self.clock = clock
         self.numbers = _numbers.setdefault(source, Numbers())
 
@@ -224,7 +225,7 @@ class OdeWorld(BodyWorld):
 
     def found(self) -> dict[int, Any]:
         """All geoms, by number. ODE changes their order in every step, so it is the numbers that order them."""
-        walked = list(_walk(self.source))
+        walked = list(_walk(self.space))
         return {self.numbers.of(geom): geom for geom in reversed(walked)}  # a space gives its youngest geom first
 
     def geom(self, key: Any) -> Any:
@@ -243,7 +244,7 @@ class OdeWorld(BodyWorld):
 
     def _holds(self, geom: Any) -> bool:
         # What getSpace says stays the same when a geom is removed, and of spaces within a space it is None.
-        return bool(self.source.query(geom) or any(space.query(geom) for space in _spaces(self.source)))
+        return bool(self.space.query(geom) or any(space.query(geom) for space in _spaces(self.space)))
 
     # --- collisions ------------------------------------------------------------------------------------
 
@@ -260,7 +261,7 @@ class OdeWorld(BodyWorld):
                 first, second = of(one), of(other)
                 pairs.add((min(first, second), max(first, second)))
 
-        for space in [self.source, *_spaces(self.source)]:
+        for space in [self.space, *_spaces(self.space)]:
             space.collide(None, note)
         return sorted(pairs)
 

@@ -27,13 +27,13 @@ class Joints(OfBodies):
         Column("axis", VECTOR, text="around which it turns or along which it slides"),
         Column("lower", float | None, "rad or m", "how far it can go down; None without an end"),
         Column("upper", float | None, "rad or m", "how far it can go up; None without an end"),
-        Column("maxForce", float, "N m or N", "of its motor, by its file"),
+        Column("maxForce", float, "Nm or N", "of its motor, by its file"),
         Column("maxVelocity", float, "rad/s or m/s", "by its file"),
         Column("damping", float),
         Column("friction", float),
         Column("angle", float, "rad or m", "how far it is turned, or slid"),
         Column("speed", float, "rad/s or m/s", "how fast it turns or slides"),
-        Column("motor", float, "N m or N", "what its motor did in the last step"),
+        Column("motor", float, "Nm or N", "what its motor did in the last step"),
     )
     groups: ClassVar[Mapping[str, str]] = {
         "numbers": "body number",
