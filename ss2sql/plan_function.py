@@ -13,7 +13,7 @@ class Function:
     """What the plan knows of a function; the callable stays in the session.
 
     `raises` is False only if the call cannot fail. `reason` is that of the volatility, `body` see frontend/inline.py.
-    `vectorized` functions take arrays.
+    `vectorized` functions take arrays. `of_world` is what scripts call a function that worlds bring along.
     """
 
     name: str
@@ -26,3 +26,4 @@ class Function:
     parameters: tuple[str, ...] = field(default=(), compare=False)
     body: Any = field(default=None, compare=False, repr=False)
     vectorized: bool = field(default=False, compare=False)
+    of_world: str = field(default="", compare=False)

@@ -18,6 +18,7 @@ from ss2sql.runtime.rows import Rows
 from ss2sql.runtime.run import Run
 from ss2sql.runtime.shaping import with_stars
 from ss2sql.runtime.values import fresh, normalise
+from ss2sql.vtables.memories import Memories
 
 
 class FakeHost:
@@ -40,6 +41,7 @@ class FakeHost:
         self.late: dict[str, Any] = {}
         self.kept: dict[str, list[Any]] = {}
         self.printed: list[tuple[Any, ...]] = []
+        self.memories = Memories()
         self.texts = 0  # how often a text was resolved
         self.reads = 0  # how often a table was read
 

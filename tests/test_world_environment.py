@@ -9,7 +9,7 @@ import pytest
 
 pytest.importorskip("pybullet")
 
-from little_scenes import GREY, ask
+from little_scenes import GREY, ask, refused
 from little_scenes import fixture_client as fixture_client
 from little_scenes import fixture_engine as fixture_engine
 from little_scenes import fixture_scene as fixture_scene
@@ -86,3 +86,20 @@ def test_an_empty_environment(scene: Scene, engine: Any) -> None:
     with ask(scene, "SELECT obj FROM space AS environment;", engine) as copy:
         assert ask(copy, "SELECT obj FROM space AS list;", engine) == []
         assert ask(copy, "SELECT count(this) FROM space GROUP BY 1 AS list;", engine) == []
+
+
+def test_an_environment_of_a_client_without_a_scene(scene: Scene) -> None:
+    scene.add("ball", Sphere(0.5), (1.0, 2.0, 3.0), GREY, 2.0)
+    with ask(scene.client, "SELECT obj FROM space AS environment;") as copy:
+        assert copy.bounds == (pytest.approx((0.5, 1.5, 2.5), abs=1e-6), pytest.approx((1.5, 2.5, 3.5), abs=1e-6))
+        assert scenes.render(copy, None, size=(64, 48)).shape == (48, 64, 3)
+
+
+def test_a_terrain_cannot_be_copied(scene: Scene, capfd: pytest.CaptureFixture[str]) -> None:
+    client = scene.client
+    shape = client.createCollisionShape(
+        client.GEOM_HEIGHTFIELD, meshScale=[1, 1, 1], heightfieldData=[0.0] * 16, numHeightfieldRows=4,
+        numHeightfieldColumns=4,
+    )  # fmt: skip
+    scene.adopt(client.createMultiBody(0, shape), "hills")
+    assert "cannot copy the shape of 'hills'" in refused(scene, "SELECT obj FROM space AS environment;")

@@ -16,8 +16,10 @@ from little_scenes import fixture_engine as fixture_engine
 from little_scenes import fixture_scene as fixture_scene
 
 import ss2sql
+from ss2sql import scenes
 from ss2sql.scenes.scene import Scene, Sensor
 from ss2sql.scenes.solids import Box, Capsule, Cylinder, Sphere
+from ss2sql.vtables.pybullet.occupancy import GAP, THIN
 
 # --- occupancygrid -------------------------------------------------------------------------------------
 
@@ -98,6 +100,26 @@ def test_other_shapes(scene: Scene) -> None:
         return hypot(max(x1 - 0.5, 0, -0.5 - x2), max(y1, 0, -y2)) < 0.3 - 2e-4
 
     assert np.array_equal(ask(scene, script, z=0.0), cells_where(stadium, 0.1))
+
+
+def test_large_plates_leave_nothing_out(client: Any) -> None:
+    """The same as trying a plate of one cell at every cell, for every body."""
+    world = scenes.chaos(seed=11, bodies=60, client=client)
+    half = (0.25 - GAP * 0.25) / 2
+    plate = client.createCollisionShape(client.GEOM_BOX, halfExtents=(half, half, THIN * 0.25 / 2))
+    for z in (0.0, -3.3):
+        grid = ask(world, f"SELECT obj FROM space AS occupancygrid({z}, 0.25);")
+        wanted = np.zeros((40, 40), dtype=bool)
+        for row, column in np.ndindex(40, 40):
+            middle = (-5 + 0.25 * (column + 0.5), -5 + 0.25 * (row + 0.5), z)
+            wanted[row, column] = any(
+                client.getClosestPoints(
+                    bodyA=-1, bodyB=body, distance=0.0, collisionShapeA=plate, collisionShapePositionA=middle
+                )
+                for body in world.names
+            )
+        assert np.array_equal(grid, wanted)
+        assert 0 < wanted.sum() < 800
 
 
 def test_what_touches_a_cell_only_is_not_in_it(scene: Scene) -> None:

@@ -186,3 +186,15 @@ def test_grids_can_be_pickled_and_lose_their_place_when_they_are_cut() -> None:
     assert not hasattr(grid[1:], "origin")
     assert not hasattr(grid * 2, "origin")
     assert grid.sum() == 15.0
+
+
+def test_the_columns_stay_hidden_when_a_run_is_cut_off(scene: Scene, engine: Any) -> None:
+    scene.add("ball", Sphere(0.1), (1.5, 2.5, 0.0), GREY, 7.0)
+    script = "SELECT a.mass FROM a = space, b = range(9999), c = range(9999) AS plane('XY', [0, 0], [4, 4, 1]);"
+    with ss2sql.connect() as ss:
+        ss.attach("space", scene)
+        with pytest.raises(ss2sql.Timeout) as caught:
+            ss.run(script, engine=engine, timeout=0.2)
+    assert caught.value.partial is not None
+    assert caught.value.partial.columns == ("mass",)
+    assert set(caught.value.partial) <= {(7.0,)}

@@ -17,7 +17,8 @@ from ss2sql import plan
 from ss2sql.kinds import Kind, Type
 from ss2sql.lowering import sql
 from ss2sql.lowering.cells import element, membership
-from ss2sql.lowering.classes import EXACT, is_number, same_class
+from ss2sql.lowering.classes import EXACT, REAL_NUMBER, is_number, same_class
+from ss2sql.lowering.packing import Alike
 from ss2sql.lowering.scalars import FUNCTIONS
 from ss2sql.lowering.sql import Node
 
@@ -60,6 +61,22 @@ def _by_handle(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
     return sql.binary(exp.NullSafeEQ if call.function.name == "eq" else exp.NullSafeNEQ, *nodes)
 
 
+def _as_alike(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
+    """A number or a string that is compared with a variable of unknown kind: with the one that this equals.
+
+    Then SQLite compares by itself, uses indexes, and passes the comparison on to worlds.
+    """
+    first, second = call.arguments
+    for known, other in ((first, second), (second, first)):
+        if isinstance(other, plan.Variable) and not isinstance(known, plan.Variable):
+            if known.type.only(REAL_NUMBER) or known.type.kinds == Kind.STR:
+                form = Alike(text=known.type.kinds == Kind.STR)
+                bound = lowering.needs.bind(other, other.name, False, form)
+                kind = exp.NullSafeEQ if call.function.name == "eq" else exp.NullSafeNEQ
+                return sql.binary(kind, lowering.lower(known, env), bound)
+    return None
+
+
 def _equality(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
     left, right = (argument.type for argument in call.arguments)
     equal = call.function.name == "eq"
@@ -70,7 +87,7 @@ def _equality(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
             none = sql.null()
             return exp.Is(this=other, expression=none if equal else exp.Not(this=none))
     if not same_class(left, right, none=True):
-        return _by_handle(lowering, call, env)
+        return _as_alike(lowering, call, env) or _by_handle(lowering, call, env)
     a, b = _operands(lowering, call, env)
     if left.may(Kind.NONE) or right.may(Kind.NONE):
         return sql.binary(exp.NullSafeEQ if equal else exp.NullSafeNEQ, a, b)

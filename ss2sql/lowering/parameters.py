@@ -38,7 +38,7 @@ class Bookkeeping:
 class Parameter:
     """A value that is bound as `:name`: the expression is evaluated once, before the statement runs.
 
-    With `flag` set the value is a bool that travels as 0 or 1, with `packing` a list that is packed.
+    With `flag` set the value is a bool that travels as 0 or 1, with `packing` it is put into another form.
     """
 
     name: str

@@ -211,7 +211,8 @@ class Product:
             rest = sql.conjunction(terms[MOST_TERMS:])
             assert rest is not None
             terms[MOST_TERMS:] = [sql.case([(rest, sql.number(1))], sql.number(0))]
-        return terms
+        walked = {label for label, table in self.selects.needs.worlds.items() if not table.schema.parameters}
+        return sql.ranges(terms, walked) if walked else terms
 
     # --- sources that have elements --------------------------------------------------------------------
 

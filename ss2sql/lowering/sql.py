@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from typing import TypeAlias
 
 import apsw
@@ -72,6 +72,35 @@ def conjunction(parts: Sequence[Node]) -> Node | None:
     for part in parts[1:]:
         result = exp.And(this=result, expression=grouped(part, exp.Or))
     return result
+
+
+def ranges(parts: Sequence[Node], labels: Collection[str]) -> list[Node]:
+    """`x >= a`, `x <= b` as `x BETWEEN a AND b`, for columns of these tables.
+
+    Both ends have to be known at the same time, for SQLite asks the two together.
+    """
+    result: list[Node] = []
+    for part in parts:
+        before = result[-1] if result else None
+        match before, part:
+            case exp.GTE(this=exp.Column() as column), exp.LTE(this=exp.Column() as same) if (
+                column == same and column.table in labels and _read(before) == _read(part)
+            ):
+                low, high = (_end_of_range(side) for side in (before.expression, part.expression))
+                result[-1] = exp.Between(this=column, low=low, high=high)
+            case _:
+                result.append(part)
+    return result
+
+
+def _read(node: Node) -> set[str]:
+    """The tables of whose columns a node reads."""
+    return {column.table for column in node.find_all(exp.Column)}
+
+
+def _end_of_range(node: Node) -> Node:
+    """The node, in parentheses where BETWEEN could tear it apart."""
+    return node if isinstance(node, _SUMS + _PRODUCTS) else operand(node)
 
 
 def _in_groups(parts: Sequence[Node], join: Callable[[Sequence[Node]], Node | None]) -> Sequence[Node]:

@@ -25,6 +25,7 @@ from ss2sql.runtime.rows import Rows
 from ss2sql.runtime.run import Run
 from ss2sql.runtime.scouts import Scouts
 from ss2sql.runtime.shaping import PATH_FORMS, with_stars
+from ss2sql.vtables.copies import may_move
 from ss2sql.walk import walk
 
 if TYPE_CHECKING:
@@ -75,9 +76,9 @@ class CompiledQuery:
         self.bindings: dict[int, tuple[plan.Expr, Callable[[Run], Any]]] = {}  # by the identities of the expressions
         self.maximum = self._constant(query.search.maximum if query.search else None)
         self.limit = self._constant(query.limit)
-        representation = query.representation
-        self.arguments = [compile_statement(expr) for expr in representation.arguments]
-        self.named = {name: compile_statement(expr) for name, expr in representation.named}
+        self.arguments = [compile_statement(expr) for expr in query.representation.arguments]
+        self.named = {name: compile_statement(expr) for name, expr in query.representation.named}
+        self.moves = may_move(query)
 
     def _constant(self, expr: plan.Expr | None) -> Callable[[Run], Any] | None:
         return None if expr is None else compile_statement(expr)
@@ -106,15 +107,16 @@ class CompiledQuery:
         query = self.query
         columns = tuple(output.name for output in query.columns)
         paths = query.search is not None and not query.aggregated
-        sink = Rows(columns, rows=None if paths else [], paths=[] if paths else None, plain=self.plain)
+        form, shapes = query.representation, self.host.shapes
+        sink = Rows(columns, None if paths else [], [] if paths else None, plain=self.plain, hidden=form.hidden)
         run.sink = (sink, self.engine)
-        rows = with_stars(query, self._database_rows(run, sink) if self.lowered else self._native_rows(run, sink))
+        with self.host.memories.query(self.moves):
+            rows = with_stars(query, self._database_rows(run, sink) if self.lowered else self._native_rows(run, sink))
         arguments = tuple(argument(run) for argument in self.arguments)
         named = {name: argument(run) for name, argument in self.named.items()}
-        form, shapes = query.representation, self.host.shapes
         status: Status = "maximum" if self._ended_by_maximum(run, rows) else "complete"
         make = partial(shapes.represent, form, rows, arguments, named)
-        answer = run.answer = Answer(rows.without(form.hidden), make, self.engine, status)
+        answer = run.answer = Answer(rows.shown(), make, self.engine, status, query.columns)
         if not (shapes.is_built_in(form) and form.name in PATH_FORMS and rows.plain and rows.paths is not None):
             answer.value  # noqa: B018 - it may fail, which has to be now
         return answer
@@ -129,7 +131,6 @@ class CompiledQuery:
         maximum = self._most(run)
         cut_early = limit is not None and not self.query.order and not self.query.group
         most = min((n for n in (maximum, limit if cut_early else None) if n is not None), default=None)
-
         bound = run.bound[self] = {}
 
         def evaluate(parameter: Parameter) -> Any:
@@ -167,8 +168,7 @@ class CompiledQuery:
 
     def careful(self) -> SqlQuery:
         """The statement that takes nothing for granted."""
-        host = self.host
-        return lower(self.query, host.sql_names, cut=True, careful=True, disabled=host.disabled)
+        return lower(self.query, self.host.sql_names, cut=True, careful=True, disabled=self.host.disabled)
 
     def _scout(self, query: plan.Query) -> SqlQuery:
         return lower(query, self.host.sql_names, careful=True, disabled=self.host.disabled)

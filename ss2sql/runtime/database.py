@@ -66,7 +66,7 @@ class Execution:
         self.failed = False  # whether a function has raised
         self.ahead: Ahead | None = None  # for functions that take arrays
         self.elements: dict[Any, Walked] = {}
-        self.readings = copies.begin()  # of worlds
+        self.readings = copies.begin(run.host.memories.now)  # of worlds
 
     def value_source(self) -> Span | None:
         """The place of the first source that is a value; a bad one is most likely this."""

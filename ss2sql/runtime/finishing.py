@@ -39,7 +39,7 @@ def finished(lowered: SqlQuery, sink: Rows, extras: Sequence[tuple[Any, Any]], l
         return Rows(sink.columns, paths=chosen, groups=groups, plain=sink.plain)
     assert sink.rows is not None
     rows = sink.rows if isinstance(order, range) else [sink.rows[index] for index in order]
-    return Rows(sink.columns, rows=rows, groups=groups, plain=sink.plain)
+    return Rows(sink.columns, rows=rows, groups=groups, plain=sink.plain, hidden=sink.hidden)
 
 
 def group_value(value: Any) -> Any:

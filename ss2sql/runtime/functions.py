@@ -43,7 +43,7 @@ class UserFunction:
 
     `inferred` says that the volatility was found in its source, not declared; `body` is what the function computes
     where queries may compute it themselves, else the reason why not. A function that is proven to change nothing
-    (`changes` is false) gets its arguments without a copy.
+    (`changes` is false) gets its arguments without a copy. `of_world` is what scripts call a function of worlds.
     """
 
     name: str
@@ -58,6 +58,7 @@ class UserFunction:
     vectorized: bool = False
     body: Body | str = ""
     changes: bool = True
+    of_world: str = ""
 
     @property
     def plan(self) -> plan.Function:
@@ -71,6 +72,7 @@ class UserFunction:
             parameters=self.parameters,
             body=self.body if isinstance(self.body, Body) else None,
             vectorized=self.vectorized,
+            of_world=self.of_world,
         )
 
 

@@ -33,6 +33,7 @@ from ss2sql.runtime.variables import Variables
 from ss2sql.runtime.vectorized import NativeCaller
 from ss2sql.vtables import base
 from ss2sql.vtables.attached import AttachedWorld, WorldFunctions
+from ss2sql.vtables.memories import Memories
 
 
 class SessionHost:
@@ -49,6 +50,7 @@ class SessionHost:
         self.disabled = disabled
         self.memo_limit = 0 if "memo" in disabled else MEMO_LIMIT
         self.database = Database(connection, self.memo_limit)
+        self.memories = Memories()
         self.tables = Tables(connection)
         self.shapes = Shapes()
         self.functions: dict[str, UserFunction] = {}
@@ -113,7 +115,7 @@ class SessionHost:
 
     def _name_world_functions(self) -> None:
         self.world_functions.clear()
-        self.world_functions.update(WorldFunctions(self.names.worlds).all())
+        self.world_functions.update(WorldFunctions(self.names.worlds, self.memories).all())
         self._name_functions({entry.name for entry in self.world_functions.values()} - self.functions.keys())
 
     # --- what the compiler asks ------------------------------------------------------------------------

@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
-from rich.console import Console
-from rich.table import Table as RichTable
-from rich.text import Text
-
-from ss2sql.runtime.rows import Row, Rows
+from ss2sql import plan
+from ss2sql.kinds import Type
+from ss2sql.results import files, frames, graphs, show
+from ss2sql.runtime.rows import Row, Rows, free_name
 from ss2sql.runtime.run import Stats
-from ss2sql.runtime.values import fresh, show
+from ss2sql.runtime.values import fresh
 
 if TYPE_CHECKING:
-    from ss2sql.runtime.compiled import CompiledQuery
+    from rich.console import Console
 
-MOST_TEXT = 200  # characters of a string in a table
+    from ss2sql.runtime.compiled import CompiledQuery
 
 Status: TypeAlias = Literal["complete", "maximum", "timeout", "cancelled"]
 
@@ -50,13 +49,22 @@ class Sql(str):
 
 @dataclass(slots=True)
 class Answer:
-    """What one query of a script gave: rows as the executor left them, what AS makes of them, the engine."""
+    """What one query of a script gave: rows as the executor left them, what AS makes of them, the engine.
+
+    `outputs` are the columns of the query in the plan, as far as it is known.
+    """
 
     rows: Rows
     make: Callable[[], Any] | None
     engine: str
     status: Status = "complete"
+    outputs: tuple[plan.Output, ...] = ()
     made: Any = None
+
+    @property
+    def types(self) -> dict[str, Type]:
+        """What the plan promises of columns, by name; nothing of those that SELECT * found at run time."""
+        return {output.name: output.expr.type for output in self.outputs if not output.star}
 
     @property
     def value(self) -> Any:
@@ -93,7 +101,12 @@ class Result:
         if self.answer is None:
             return ("value",)
         own = self.answer.rows.columns
-        return own if self.answer.rows.paths is None else ("path", "step", *own)
+        if self.answer.rows.paths is None:
+            return own
+        names = ["path", "step"]
+        for name in own:
+            names.append(free_name(name, names))
+        return tuple(names)
 
     @property
     def paths(self) -> list[list[Row]]:
@@ -112,7 +125,8 @@ class Result:
                 for step, row in enumerate(path, 1):
                     yield (number, step, *_fresh_row(row))
         else:
-            yield from map(_fresh_row, self.answer.rows.rows or ())
+            rows = self.answer.rows.rows or ()
+            yield from rows if self.answer.rows.plain else map(_fresh_row, rows)
 
     def __len__(self) -> int:
         if self.answer is None:
@@ -126,47 +140,101 @@ class Result:
 
         return explain(self.outline, self.stats)
 
-    def show(self, max_rows: int = 20, console: Console | None = None) -> None:
-        """Prints the rows as a table, at most `max_rows` of them, and says how many there are."""
-        console = console or Console()
-        console.print(self._table(max_rows))
-        console.print(_caption(len(self), max_rows, self), markup=False, highlight=False)
+    # --- what it can become ----------------------------------------------------------------------------
 
-    def _table(self, max_rows: int) -> RichTable:
-        table = RichTable()
-        for name in self.columns:
-            table.add_column(Text(_cell(name)))
-        for row, _ in zip(self, range(max_rows), strict=False):
-            table.add_row(*(Text(_cell(value)) for value in row))
-        return table
+    def show(self, max_rows: int = 20, console: Console | None = None) -> None:
+        """Prints at most `max_rows` rows as a table, or so many paths of a search, and says how many there are.
+
+        Every row is one line, at most 120 characters wide; what is too long ends with `...` or `…`. A path is a line,
+        its steps joined by arrows, unless all steps fit only as rows of their own.
+        """
+        from rich.console import Console
+
+        show.show(self, max_rows, console or Console())
 
     def __repr__(self) -> str:
-        console = Console(width=100, color_system=None, record=True, file=io.StringIO())
-        self.show(20, console)
-        return console.export_text().rstrip()
+        return show.text(self)
 
+    def _repr_html_(self) -> str:
+        return show.html(self)
 
-def _cell(value: Any) -> str:
-    """A value as text of one line; what a terminal would take for more than text is shown as in a script."""
-    if not isinstance(value, str):
-        return show(value)
-    if not value.isprintable():
-        return show(value, MOST_TEXT)
-    return value if len(value) <= MOST_TEXT else value[: MOST_TEXT - 3] + "..."
+    def df(self) -> Any:
+        """The rows as a pandas DataFrame with the columns of `columns`.
 
+        Whole numbers are int64, beside None Int64; bools are bool and boolean. None is NaN among floats and in text.
+        Whole numbers with floats are float64, unless they are beyond 2^53. All else is of dtype object: lists, dicts,
+        objects, and columns with values of several kinds. Where all values are None, or there are no rows, the dtype
+        is what the script promises of the column. Raises SessionError S003 without pandas.
+        """
+        return frames.to_pandas(self)
 
-def _caption(total: int, shown: int, result: Result) -> str:
-    """One line under the table: how many rows and paths, and where they came from."""
-    parts = [f"{total} row{'' if total == 1 else 's'}"]
-    if result.answer is not None and result.answer.rows.paths is not None:
-        count = len(result.answer.rows.paths)
-        parts.insert(0, f"{count} path{'' if count == 1 else 's'}")
-    if total > shown:
-        parts.append(f"the first {shown} shown")
-    parts.append(result.engine)
-    if result.status != "complete":
-        parts.append(result.status)
-    return ", ".join(parts)
+    def pl(self) -> Any:
+        """The rows as a Polars DataFrame; None is null, lists are List, dicts Struct, with null for a missing key.
+
+        Objects, and columns with values of several kinds, are of Polars' type Object. Raises SessionError S003 without
+        Polars.
+        """
+        return frames.to_polars(self)
+
+    def arrow(self) -> Any:
+        """The rows as a table of pyarrow, with the types of `pl`.
+
+        Raises RepresentationError V001 for a column of objects or with values of several kinds, SessionError S003
+        without pyarrow.
+        """
+        return frames.to_arrow(self)
+
+    def __arrow_c_stream__(self, requested_schema: object = None) -> Any:
+        """The rows for libraries that take Arrow data from any object."""
+        return self.arrow().__arrow_c_stream__(requested_schema)
+
+    def csv(self, path: str | Path | None = None) -> str | None:
+        """The rows as CSV, with a line of names, written to a file or given as text.
+
+        None is an empty field, lists, dicts and bools are written as in JSON.
+        """
+        return files.write(files.csv_text(self), path)
+
+    def json(self, path: str | Path | None = None) -> str | None:
+        """The value as JSON, written to a file or given as text; sets and arrays are lists, objects their repr."""
+        return files.write(files.json_text(self.value), path)
+
+    def parquet(self, path: str | Path) -> None:
+        """Writes the rows to a Parquet file. Raises what `arrow` raises."""
+        files.write_parquet(self, path)
+
+    def graph(self) -> Any:
+        """The paths of a search as a networkx.DiGraph: rows are nodes, an edge leads from a step to the next one.
+
+        A node is the value of the row where that has one column, else the tuple of its values, lists as tuples. It
+        has the attributes `row`, the row itself, `step`, the least number of a step with this row, `start` and `goal`:
+        whether a path begins or ends there. An edge has `step`, the least number of the step that it leads to, and
+        `paths`: how often paths take it. Raises RepresentationError V001 where there is no search, SessionError S003
+        without networkx.
+        """
+        return graphs.graph(self)
+
+    def plot(self, ax: Any = None, kind: str = "auto", most: int | None = None, title: str | None = None) -> Any:
+        """Draws the result with matplotlib.
+
+        Args:
+            ax: the Axes to draw on; without it a new figure. On Axes in space, paths in space are drawn as such.
+            kind: "auto" chooses. Of a search: "paths" over a plane, "graph" of its rows by step, "lengths", a count of
+                paths. Of an array of two dimensions, as AS plane gives it: "heat". Of other rows: "bars" for a label
+                and a number, "line", "points".
+            most: how many paths or bars are drawn; else 1000 paths, 40 bars, a graph of up to 150 rows.
+            title: in place of what was counted.
+
+        Returns:
+            The Axes.
+
+        Raises:
+            RepresentationError: V001 where there is nothing that could be drawn like this.
+            SessionError: S003 without matplotlib, or networkx for a graph.
+        """
+        from ss2sql.results.plots import plot  # it imports NumPy at once
+
+        return plot(self, ax, kind, most, title)
 
 
 def _fresh_row(row: Row) -> Row:

@@ -17,7 +17,8 @@ class Rows:
     `rows` holds the rows of a flat query, `paths` those of a search (one list of rows per path), the other
     is None. With a GROUP BY that partitions, `groups` lists each group's value and the positions of its
     members in `rows` or `paths`, in order of first appearance. `plain` says that the rows consist of numbers,
-    strings, bools and None, so that nobody can change them.
+    strings, bools and None, so that nobody can change them. The last `hidden` columns are for the representation
+    alone.
     """
 
     columns: tuple[str, ...]
@@ -25,6 +26,7 @@ class Rows:
     paths: Sequence[list[Row]] | None = None
     groups: list[tuple[Any, list[int]]] | None = None
     plain: bool = False
+    hidden: int = 0
 
     def clear(self) -> None:
         """Forgets all rows and paths."""
@@ -33,8 +35,9 @@ class Rows:
         if self.paths is not None:
             self.paths = []
 
-    def without(self, hidden: int) -> Rows:
-        """The rows without their last columns, those that only the representation sees."""
+    def shown(self) -> Rows:
+        """The rows as SELECT names them."""
+        hidden = self.hidden
         if not hidden or self.rows is None:
             return self
         return Rows(self.columns[:-hidden], [row[:-hidden] for row in self.rows], None, self.groups, self.plain)
@@ -65,7 +68,7 @@ class Rows:
 
         rows = None if self.rows is None else [wide(row) for row in self.rows]
         paths = None if self.paths is None else [[wide(row) for row in path] for path in self.paths]
-        return Rows(tuple(names), rows, paths, self.groups, self.plain)
+        return Rows(tuple(names), rows, paths, self.groups, self.plain, self.hidden)
 
 
 def free_name(name: str, taken: Collection[str]) -> str:

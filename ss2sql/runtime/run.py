@@ -12,6 +12,7 @@ from ss2sql import plan
 from ss2sql.errors import Cancelled, Timeout
 from ss2sql.runtime.rows import Rows
 from ss2sql.vtables.frames.frame import Frame
+from ss2sql.vtables.memories import Memories
 
 
 @dataclass(slots=True)
@@ -34,7 +35,9 @@ class Stats:
 
 
 class Host(Protocol):
-    """The session, as a run sees it."""
+    """The session, as a run sees it. `memories` is what worlds remember."""
+
+    memories: Memories
 
     def variable(self, name: str, run: Run) -> Any: ...
     def assign(self, name: str, value: Any) -> None: ...

@@ -334,7 +334,7 @@ class Session:
         if run.sink is None:
             return None
         rows, engine = run.sink
-        answer = Answer(rows, None, engine, status)  # type: ignore[arg-type]
+        answer = Answer(rows.shown(), None, engine, status)  # type: ignore[arg-type]
         return Result(None, engine, answer.status, run.stats, script_sql([]), answer)
 
     # --- triggers --------------------------------------------------------------------------------------

@@ -11,6 +11,7 @@ from ss2sql.kinds import Kind, Type
 from ss2sql.runtime.builtins import BUILTINS
 from ss2sql.runtime.functions import UserFunction, check_name
 from ss2sql.vtables.base import Element, Table, TableFunction, Volatility, World, WorldFunction
+from ss2sql.vtables.memories import Memories, Remembering
 from ss2sql.vtables.reading import own_key
 from ss2sql.vtables.schema import Schema, broken, schema_of, tables_of
 
@@ -85,8 +86,9 @@ _WEAKNESS: tuple[Volatility, ...] = ("immutable", "stable", "volatile")
 class WorldFunctions:
     """The functions that the attached worlds bring along: a column or method of each name, found by its element."""
 
-    def __init__(self, worlds: Mapping[str, AttachedWorld]) -> None:
+    def __init__(self, worlds: Mapping[str, AttachedWorld], memories: Memories) -> None:
         self.worlds = worlds
+        self.memories = memories
 
     def all(self) -> dict[str, UserFunction]:
         """By the name that scripts use; a name that is built in has another one in plans and SQL."""
@@ -118,7 +120,8 @@ class WorldFunctions:
             planned = f"{owners[0]}.{name}"
         reason = f"of the world {', '.join(owners)}"
         called = self._dispatcher(name, worlds)
-        return UserFunction(planned, called, weakest, False, reason, least, most, body="belongs to a world")
+        body = "belongs to a world"
+        return UserFunction(planned, called, weakest, False, reason, least, most, body=body, of_world=name)
 
     def _dispatcher(self, name: str, worlds: Collection[AttachedWorld]) -> Callable[..., Any]:
         def call(*arguments: Any) -> Any:
@@ -143,10 +146,11 @@ class WorldFunctions:
         owner = self._owner(name, element, worlds)
         if owner is None:
             return self._without_world(name, arguments, element)
-        method = owner.functions[name][0]
+        method, world = owner.functions[name][0], owner.world
         try:
-            owner.world.check()
-            return method(*(own_key(argument, owner.world) for argument in arguments))
+            with Remembering(world, self.memories.of(world)):
+                world.check()
+                return method(*[own_key(argument, world) for argument in arguments])
         except Error:
             raise
         except Exception as error:

@@ -16,6 +16,8 @@ VECTOR = (float, float, float)
 FAR = 1e30  # where the boxes of endless bodies end
 RANGE = "< <= > >="
 
+PLACES = {"this": "x y z", "pos": "x y z"}  # for Table.places
+
 # The columns of groups that one call of a simulator gives, in the order of the functions below.
 POSITION = "x y z posX posY posZ pos"
 ROTATION = "qx qy qz qw quat"

@@ -86,11 +86,16 @@ class BodyWorld(World):
         """A column of a body, read now."""
         return schema_of(self.bodies).value(body, name)
 
+    def frame(self, body: int) -> tuple[Sequence[float], Sequence[float]]:
+        """Where a body is, and how it is turned."""
+        return self.column(body, "pos"), self.column(body, "quat")
+
     def within_ranges(self, where: Where) -> list[int]:
         """The bodies that conditions on x, y and z leave over. Positions are asked for once in a query."""
-        if "positions" not in self.memory:
-            self.memory["positions"] = self.positions()
-        ids, points = self.memory["positions"]
+        known = self.memory
+        if "positions" not in known:
+            known["positions"] = self.positions()
+        ids, points = known["positions"]
         inside = np.ones(len(ids), bool)
         for number, axis in enumerate(AXES):
             if axis in where:
@@ -139,11 +144,11 @@ class BodyWorld(World):
         given = numbers(value, 2, 3, 7)
         if given is None:
             raise wrong(name, "a place [x, y], [x, y, z] or [x, y, z, qx, qy, qz, qw]", value)
-        turn = given[3:] or self.column(body, "quat")
+        point, turn = self.frame(body) if len(given) < 7 else (given, given[3:])
         size = hypot(*turn)
         if size < 1e-6:
             raise wrong(name, "a turn whose four numbers are not all 0", value)
-        z = given[2] if len(given) > 2 else self.column(body, "z")
+        z = given[2] if len(given) > 2 else point[2]
         qx, qy, qz, qw = (part / size for part in turn)
         return (given[0], given[1], z), (qx, qy, qz, qw)
 

@@ -7,6 +7,7 @@ world, on both engines, and over a plain copy of its tables: lists of dicts, whi
 from __future__ import annotations
 
 import random
+from math import dist, isclose
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -16,6 +17,7 @@ from ss2sql.kinds import Kind
 from ss2sql.vtables import adapter_of
 from ss2sql.vtables.attached import AttachedTable, AttachedWorld
 from ss2sql.vtables.base import Gone, Table, TableFunction, Where, World
+from ss2sql.vtables.memories import Remembering
 from ss2sql.vtables.questions import Copy, Questions
 from ss2sql.vtables.reading import Reading, own_key, where_of
 from ss2sql.vtables.schema import Schema, schema_of, tables_of
@@ -128,12 +130,13 @@ class _Judge:
         self._arrays(table, schema, keys, rows)
         for _ in range(60):
             self._filter(table, schema, keys, rows)
+        self._places(table, schema, keys, rows)
         self.report.elements[table.name] = len(keys)
 
     def _keys(self, table: Table, where: Where) -> list[Any]:
         try:
-            self.world.memory = {}
-            return list(table.keys(where))
+            with Remembering(self.world, {}):
+                return list(table.keys(where))
         except Exception as error:
             raise _refused("keys can be listed", table.name, error) from error
 
@@ -182,6 +185,26 @@ class _Judge:
         if found != [key for key in keys if key in set(found)]:
             detail = f"with {asked} they come as {found}, without as {keys}"
             raise BrokenRuleError("keys keep one order", table.name, detail)
+
+    def _places(self, table: Table, schema: Schema, keys: list[Any], rows: list[dict[str, Any]]) -> None:
+        """Elements are where `places` says, and `distance` measures from there."""
+        points = {name: [[row[one] for one in columns] for row in rows] for name, columns in schema.places.items()}
+        for name in points.keys() - {"this"}:
+            for key, row, point in zip(keys, rows, points[name], strict=True):
+                if row[name] != point:
+                    raise BrokenRuleError("places are true", table.name, f"of {key!r} {name} is {row[name]}, not {point}")
+        measure: Any = getattr(self.world, "distance", None)
+        own = points.get("this") or []
+        for _ in range(20 if own else 0):
+            one, other = self.dice.randrange(len(keys)), self.dice.randrange(len(keys))
+            away = [value + self.dice.uniform(-2, 2) for value in own[other]]
+            asked = ((keys[one], keys[other], own[other]), (keys[one], away, away), (away[:2], keys[one], away[:2]))
+            for first, second, point in asked:
+                wanted = dist(own[one][: len(point)], point)
+                found = measure(first, second)
+                if not isclose(found, wanted, rel_tol=1e-7, abs_tol=1e-12):
+                    detail = f"distance({first!r}, {second!r}) is {found}, the straight way is {wanted}"
+                    raise BrokenRuleError("places are true", table.name, detail)
 
     # --- functions -------------------------------------------------------------------------------------
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ss2sql import plan
 from ss2sql.errors import Span
+from ss2sql.vtables.memories import Remembered
 from ss2sql.vtables.reading import Readings
 from ss2sql.walk import walk
 
@@ -22,9 +23,9 @@ class Copies:
 
     columns: tuple[tuple[AttachedTable, Span | None, tuple[str, ...]], ...] = ()
 
-    def begin(self) -> Readings:
-        """What a run of the query reads, with the copies made."""
-        readings = Readings()
+    def begin(self, remembered: Remembered | None = None) -> Readings:
+        """What a run of the query reads, with the copies made. Worlds put what they remember into `remembered`."""
+        readings = Readings(remembered)
         for table, place, columns in self.columns:
             readings.of(table.table, place).copy(columns)
         return readings
@@ -40,9 +41,9 @@ def copies_for(roots: Collection[Any]) -> Copies:
     """
     nodes = list(chain.from_iterable(map(walk, roots)))
     sources = [node for node in nodes if isinstance(node, plan.WorldSource)]
-    texts = any(isinstance(node, plan.Eval) for node in nodes)
-    if not sources or not (texts or any(map(_may_move, nodes))):
+    if not sources or not any(map(_may_move, nodes)):
         return NO_COPIES
+    texts = any(isinstance(node, plan.Eval) for node in nodes)
     columns: dict[AttachedTable, dict[str, None]] = {}
     for source in sources:
         wanted = columns.setdefault(source.table, {})
@@ -60,5 +61,12 @@ def first_place(table: AttachedTable, roots: Iterable[Any]) -> Span | None:
     return next((node.span for node in nodes if isinstance(node, plan.WorldSource) and node.table is table), None)
 
 
+def may_move(query: plan.Query) -> bool:
+    """Whether a query may move the world while it runs."""
+    return any(map(_may_move, walk(query)))
+
+
 def _may_move(node: Any) -> bool:
+    if isinstance(node, plan.Eval):
+        return True
     return isinstance(node, plan.Call) and not node.function.builtin and node.function.volatility == "volatile"

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from ss2sql.vtables.base import Column, Table, TableFunction, Where
 from ss2sql.vtables.bodies import (
+    PLACES,
     POSITION,
     ROTATION,
     SHAPE,
     SPIN,
     VECTOR,
-    VELOCITY,
     body_columns,
     euler,
     gone,
@@ -99,11 +99,16 @@ class Bodies(_Numbered):
     name, count, kind = "bodies", "nbody", "body"
     text = "the bodies of the model; the first is `world`, which all that stands still belongs to"
     columns = body_columns()
+    places = PLACES
     arrays: ClassVar[Mapping[str, str]] = {
-        "called": "name", "itself": "obj", "place": POSITION, "turn": ROTATION, "angles": "rot", "speed": VELOCITY,
+        "called": "name", "itself": "obj", "place": "x y z", "turn": ROTATION, "angles": "rot", "speed": "vx vy vz",
         "spin": SPIN, "pushed": "force", "turned": "torque", "weight": "mass", "shape": SHAPE, "size_of": "volume",
         "box": "aabb", "driven": "isRobot", "sensing": "isSensor", "touchable": "isEnabled",
         "movable": "hasBody", "pose": "pose",
+        "axes": "posX posY posZ",
+        "point": "pos",
+        "velocity": "velocity",
+        "moving": "linearVelocity",
     }  # fmt: skip
 
     def keys(self, where: Where) -> Iterable[int]:
@@ -116,8 +121,16 @@ class Bodies(_Numbered):
     def itself(self, keys: Keys) -> list[Any]:
         return [self.element(int(key)) for key in self.checked(keys)]
 
+    # Columns that say the same are groups of their own: each that is made although nobody reads it costs as much.
+
+    def point(self, keys: Keys) -> Array:
+        found: Array = self.world.data.xpos[self.checked(keys)]
+        return found
+
     def place(self, keys: Keys) -> tuple[Array, ...]:
-        return _position(self.world.data.xpos[self.checked(keys)])
+        return tuple(self.point(keys).T)
+
+    axes = place
 
     def turn(self, keys: Keys) -> tuple[Array, ...]:
         return _rotation(self.world.data.xquat[self.checked(keys)])
@@ -125,12 +138,17 @@ class Bodies(_Numbered):
     def angles(self, keys: Keys) -> Array:
         return _euler(self.world.data.xquat[self.checked(keys)])
 
-    def speed(self, keys: Keys) -> tuple[Array, ...]:
+    def velocity(self, keys: Keys) -> Array:
         model, data, index = self.world.model, self.world.data, self.checked(keys)
         known = data.cvel[index]  # of the point that is now in the common centre of mass of all that hangs together
         lever = data.xpos[index] - data.subtree_com[model.body_rootid[index]]
-        linear = known[:, 3:] + np.cross(known[:, :3], lever)
-        return (*linear.T, linear, linear)
+        linear: Array = known[:, 3:] + np.cross(known[:, :3], lever)
+        return linear
+
+    def speed(self, keys: Keys) -> tuple[Array, ...]:
+        return tuple(self.velocity(keys).T)
+
+    moving = velocity
 
     def spin(self, keys: Keys) -> tuple[Array, ...]:
         angular = self.world.data.cvel[self.checked(keys), :3]

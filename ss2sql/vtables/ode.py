@@ -19,6 +19,7 @@ from ss2sql.errors import ExecutionError
 from ss2sql.vtables import convex
 from ss2sql.vtables.base import Column, Table, TableFunction, Where
 from ss2sql.vtables.bodies import (
+    PLACES,
     POSITION,
     ROTATION,
     SHAPE,
@@ -95,6 +96,7 @@ class Bodies(Table):
     name, key = "bodies", "id"
     text = "the geoms of the space, with what their bodies add"
     columns = body_columns(without="isRobot isSensor")
+    places = PLACES
     groups: ClassVar[Mapping[str, str]] = {
         "called": "name", "itself": "obj", "shape": SHAPE, "place": POSITION, "turn": ROTATION, "angles": "rot",
         "speed": VELOCITY, "spin": SPIN, "pushed": "force", "turned": "torque", "weight": "mass", "size": "volume",

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ss2sql.errors import ExecutionError
 from ss2sql.vtables.base import Column, Table, Where
 from ss2sql.vtables.bodies import (
+    PLACES,
     POSITION,
     ROTATION,
     SHAPE,
@@ -92,6 +93,7 @@ class Bodies(_Solids):
     name, key = "bodies", "id"
     text = "the bodies of the environment, robots among them"
     columns = body_columns(without="force torque hasBody")
+    places = PLACES
     groups: ClassVar[Mapping[str, str]] = {
         "called": "name", "itself": "obj", "shape": SHAPE, "place": POSITION, "turn": ROTATION, "angles": "rot",
         "speed": VELOCITY, "spin": SPIN, "weight": "mass", "size": "volume", "box": "aabb", "robot": "isRobot",

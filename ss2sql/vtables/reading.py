@@ -12,7 +12,8 @@ from typing import Any, NamedTuple
 from ss2sql.errors import Error, Span
 from ss2sql.kinds import INT_MAX, INT_MIN
 from ss2sql.runtime.values import freeze
-from ss2sql.vtables.base import Element, Filter, Table, TableFunction, Where, World
+from ss2sql.vtables.base import Element, Filter, Table, TableFunction, Where
+from ss2sql.vtables.memories import Remembered, Remembering
 from ss2sql.vtables.schema import Guarded, Schema, broken, schema_of
 
 Read = Callable[[Any], Any]
@@ -20,11 +21,11 @@ MOST_KEPT = 10_000  # lists of keys, and of rows of table functions
 
 
 class Readings:
-    """The tables that one query reads."""
+    """The tables that one query reads. What adapters remember meanwhile is in `remembered`, by world."""
 
-    def __init__(self) -> None:
+    def __init__(self, remembered: Remembered | None = None) -> None:
         self._tables: dict[Table | TableFunction, Reading] = {}
-        self._memories: dict[World, dict[str, Any]] = {}  # what adapters remember for the time of the query
+        self._memories: Remembered = {} if remembered is None else remembered
 
     def of(self, table: Table | TableFunction, span: Span | None = None) -> Reading:
         """The reading of a table; that of a table function which gives keys shares what its table has read.
@@ -80,9 +81,9 @@ class Reading:
         found = self._lists.get(asked)
         if found is None:
             assert isinstance(self.table, Table)
-            with Guarded(self.schema, span=self.span):
-                self.table.world.check()
-                self.table.world.memory = self.memory
+            world = self.table.world
+            with Guarded(self.schema, span=self.span), Remembering(world, self.memory):
+                world.check()
                 found = list(self.table.keys(where))
             self._keep(asked, found)
         self._last = found
@@ -100,9 +101,8 @@ class Reading:
             table, schema = self.table, self.schema
             assert isinstance(table, TableFunction)
             given = [own_key(argument, table.world) for argument in arguments]
-            with Guarded(schema, span=self.span):
+            with Guarded(schema, span=self.span), Remembering(table.world, self.memory):
                 table.world.check()
-                table.world.memory = self.memory
                 found = list(table.rows(*given))
                 if self._shared is None:
                     names = tuple(schema.kinds)

@@ -12,7 +12,7 @@ from itertools import chain
 from typing import Any
 
 from ss2sql.errors import Error, ExecutionError, SessionError, Span, did_you_mean
-from ss2sql.kinds import Type
+from ss2sql.kinds import Kind, Type
 from ss2sql.vtables.base import OPERATORS, Column, Element, Gone, Table, TableFunction, World, WorldFunction
 from ss2sql.vtables.cleaning import Clean, cleaner, kind_of, quick_test
 
@@ -50,11 +50,14 @@ class Schema:
         self.groups: dict[str, tuple[str, ...]] = {}  # of each group its columns
         self.arrays: frozenset[str] = frozenset()
         self.group_of: dict[str, str] = {}
+        self.places: dict[str, tuple[str, ...]] = {}  # of `this`, or of a column, the columns of its coordinates
         if self.walked is not None:
             walked = schema_of(self.walked)
             self.groups, self.arrays, self.group_of = walked.groups, walked.arrays, walked.group_of
+            self.places = walked.places
         elif isinstance(table, Table):
             self._read_groups(table)
+            self._read_places(table)
 
     @property
     def keyed(self) -> Table | None:
@@ -107,6 +110,20 @@ class Schema:
         for name in self.kinds:
             if name not in self.group_of and name != table.key:
                 raise self._refuse(f"the column '{name}' is in no group", f'groups = {{"{name}": "{name}"}}')
+
+    def _read_places(self, table: Table) -> None:
+        for name, text in table.places.items():
+            names = self.places[name] = tuple(text.split())
+            if len(names) not in (2, 3):
+                raise self._refuse(f"the place of '{name}' has {len(names)} coordinates", "a point has two or three")
+            for one in names:
+                if one not in self.kinds or not self.kinds[one].only(Kind.FLOAT):
+                    raise self._refuse(f"'{one}' is no coordinate of '{name}'", "name columns of floats")
+            if name == "this":
+                if not isinstance(getattr(getattr(table.world, "distance", None), "__ss2sql__", None), WorldFunction):
+                    raise self._refuse("its elements have a place, but the world has no function 'distance'")
+            elif name not in self.kinds or self.kinds[name].positions != tuple(self.kinds[one] for one in names):
+                raise self._refuse(f"'{name}' has a place, but is no column of {len(names)} floats")
 
     def _read_parameters(self, table: TableFunction) -> None:
         if type(table).rows is TableFunction.rows:

@@ -12,7 +12,7 @@ from collections.abc import Callable, Collection
 from typing import TypeAlias
 
 from ss2sql import plan
-from ss2sql.lowering.rewrites import fold, inline, split, unnest
+from ss2sql.lowering.rewrites import fold, inline, near, split, unnest
 from ss2sql.lowering.rewrites.world import World
 
 Rewrite: TypeAlias = Callable[[plan.Query, World], plan.Query]
@@ -28,6 +28,7 @@ REWRITES: dict[str, Rewrite] = {
     "fold": fold.rewrite,
     "unnest": unnest.rewrite,
     "split": split.rewrite,
+    "near": near.rewrite,
     "early": by_lowering,
     "hoist": by_lowering,
     "lookup": by_lowering,

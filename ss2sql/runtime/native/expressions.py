@@ -37,11 +37,36 @@ _ARITHMETIC: dict[str, type[ast.operator]] = {
 
 def expression(builder: Builder, node: plan.Expr, body: Body) -> ast.expr:
     """The Python expression with the node's value, to be evaluated in the innermost open loop of `body`."""
+    facts, pen = builder.unit.analysis.of(node), builder.unit.pen_at(node.span)
+    name = body.name_of(facts)
+    if name is not None:
+        return pen.name(name)
+    value = _computed(builder, node, body, pen)
+    if isinstance(node, (plan.Column, plan.MakeList)) or (isinstance(node, plan.Call) and node.function.builtin):
+        return body.named(facts, value, pen, _hint(node)) if facts.steady else value
+    return value
+
+
+def _hint(node: plan.Column | plan.MakeList | plan.Call) -> str:
+    match node:
+        case plan.Column(name=name):
+            return name
+        case plan.Call(function=function):
+            return function.name
+        case _:
+            return "list"
+
+
+def _computed(builder: Builder, node: plan.Expr, body: Body, pen: Pen) -> ast.expr:
+    """The expression, whose value has no name yet."""
     unit = builder.unit
-    pen = unit.pen_at(node.span)
 
     def build(part: plan.Expr) -> ast.expr:
         return expression(builder, part, body)
+
+    def build_maybe(parts: Sequence[plan.Expr]) -> list[ast.expr]:
+        with body.unsure():
+            return [build(part) for part in parts]
 
     match node:
         case plan.Constant(value=value):
@@ -58,15 +83,15 @@ def expression(builder: Builder, node: plan.Expr, body: Body) -> ast.expr:
             return _call(builder, node, body)
         case plan.And(parts=parts) | plan.Or(parts=parts):
             operator = ast.And() if isinstance(node, plan.And) else ast.Or()
-            tested = pen.both(operator, [build(part) for part in parts])
+            tested = pen.both(operator, [build(parts[0]), *build_maybe(parts[1:])])
             return tested if all(part.type.only(Kind.BOOL) for part in parts) else pen.truth(tested)
         case plan.Xor(left=left, right=right):
             return pen.compare(pen.negation(build(left)), ast.NotEq(), pen.negation(build(right)))
         case plan.Not(operand=operand):
             return pen.negation(build(operand))
         case plan.If(condition=condition, then=then, otherwise=otherwise):
-            branches = [_sequence([build(part) for part in branch], pen) for branch in (then, otherwise)]
-            return pen.either(build(condition), *branches)
+            tested = build(condition)
+            return pen.either(tested, *(_sequence(build_maybe(branch), pen) for branch in (then, otherwise)))
         case plan.MakeList(items=items):
             return pen.array(*(build(item) for item in items))
         case plan.GroupKey() | plan.Aggregate():

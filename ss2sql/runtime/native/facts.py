@@ -19,7 +19,8 @@ class Facts:
     it reads values (OWN_GROUP: aggregates, which no nested query sees). A `steady` node gives the same value
     in the same row however often it is evaluated, and has no effect; it may raise. A `total` node cannot
     raise. `key` is the same for expressions that are the same text with the same meaning (None where that is
-    not known); `costly` marks calls of user functions and queries, whose values are worth keeping.
+    not known); `costly` marks calls of user functions and queries, whose values are worth keeping; `calls` says that
+    there is one in the expression.
     """
 
     sources: frozenset[int] = frozenset()
@@ -29,6 +30,7 @@ class Facts:
     total: bool = True
     key: int | None = None
     costly: bool = False
+    calls: bool = False
 
 
 OWN_GROUP = -1
@@ -86,8 +88,9 @@ class Analysis:
     def _examine(self, node: Any, below: list[Facts]) -> Facts:
         sources, states, groups = _NONE, _NO_STATES, _NONE
         steady = total = True
-        costly = False
+        costly = calls = False
         for part in below:
+            calls = calls or part.calls
             sources |= part.sources
             states |= part.states
             groups |= part.groups
@@ -125,7 +128,7 @@ class Analysis:
                 steady = total = False
             case plan.Temporal() | plan.Assign() | plan.TemporalAssign() | plan.AssignLate():
                 steady = total = False
-        return Facts(sources, states, groups, steady, total, self._key(node, below), costly)
+        return Facts(sources, states, groups, steady, total, self._key(node, below), costly, costly or calls)
 
     def _key(self, node: Any, below: list[Facts]) -> int | None:
         """A number for the meaning of the expression: that of its first appearance."""

@@ -90,6 +90,7 @@ class Steps:
         self.outputs = query.rows if query.aggregated else tuple(output.expr for output in query.columns)
         self.compares = self.search.repeats != "allowed"
         self.pen = self.unit.pen_at(query.span)
+        self.row: list[str] = []  # the names of its values
 
     def compile(self, states: list[str]) -> None:
         """Writes the function; `states` are the names of the state's variables."""
@@ -151,7 +152,7 @@ class Steps:
             self._compare()
         may_end = self._judge()
         if not self.compares:
-            outputs = (expression(self.builder, expr, inner) for expr in self.outputs)
+            outputs = [expression(self.builder, expr, inner) for expr in self.outputs]
             inner.add(pen.assign("row", pen.pack(*outputs)))
         self._weigh(inner.blocks[-1])
         if may_end:
@@ -174,11 +175,14 @@ class Steps:
             values.append(value)
             frozen.append(key)
         inner.add(pen.assign("row", pen.pack(*values)))
-        inner.add(pen.assign("key", frozen[0] if len(frozen) == 1 else pen.pack(*frozen)))
+        self.row = [name.id for name in values if isinstance(name, ast.Name)]
+        several = pen.name("row") if frozen == values else pen.pack(*frozen)
+        inner.add(pen.assign("key", frozen[0] if len(frozen) == 1 else several))
         known = pen.compare(pen.name("key"), ast.In(), pen.name("seen"))
         if self.search.repeats == "memorize":
             edge: list[ast.stmt] = []
-            self._weigh(edge)
+            with inner.unsure():
+                self._weigh(edge)
             edge += [self._yield(pen.constant(None), pen.constant(None), pen.constant(0)), pen.next_turn()]
             inner.add(pen.when(known, *edge))
         else:
@@ -191,10 +195,7 @@ class Steps:
         value = expression(self.builder, expr, inner)
         if isinstance(expr, plan.Element) and expr.source in self.loops.frozen:
             return value, pen.name(self.loops.frozen[expr.source])
-        if not isinstance(value, (ast.Name, ast.Constant)):
-            local = unit.local("value")
-            inner.add(pen.assign(local, value))
-            value = pen.name(local)
+        value = inner.variable(value, pen, "value")
         if expr.type.only(Kind.NONE | Kind.NUMBER | Kind.STR):
             return value, value
         frozen = pen.call(unit.helper(freeze), value)
@@ -234,17 +235,19 @@ class Steps:
 
     def _checked(self, expr: plan.Expr, check: Callable[[Any], Any]) -> ast.expr:
         pen = self.unit.pen_at(expr.span)
-        return pen.call(self.unit.helper(check), expression(self.builder, expr, self.inner))
+        value = expression(self.builder, expr, self.inner)
+        return value if options.is_known(expr.type, check) else pen.call(self.unit.helper(check), value)
 
     def _connect(self) -> ast.expr:
         """CONNECT BY in its order; gives the next state."""
         inner, unit, number = self.inner, self.unit, self.query.id
         for name, expr in self.search.connect:
-            local = unit.local(f"next_{name}")
-            inner.add(unit.pen_at(expr.span).assign(local, expression(self.builder, expr, inner)))
-            inner.moved[number, name] = local
-        names = [(number, name) for name, _ in self.search.start]
-        return self.pen.pack(*(self.pen.name(inner.moved.get(name) or unit.states[name]) for name in names))
+            pen = unit.pen_at(expr.span)
+            inner.moved[number, name] = inner.assigned(expression(self.builder, expr, inner), pen, f"next_{name}")
+        state = [(number, name) for name, _ in self.search.start]
+        names = [inner.moved.get(name) or unit.states[name] for name in state]
+        # The row is often the next state; a tuple less for each step.
+        return self.pen.name("row") if names == self.row else self.pen.pack(*map(self.pen.name, names))
 
     def _yield(self, goal: ast.expr, following: ast.expr, estimate: ast.expr) -> ast.stmt:
         """`yield (row, goal, following, key, weight, estimate, last)`."""

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from ss2sql.errors import ExecutionError
+from ss2sql.kinds import Kind, Type
 from ss2sql.runtime.values import NUMBERS, show
 
 
@@ -32,6 +34,13 @@ def probability(value: Any) -> Any:
         message = f"PROBABILITY needs a number from 0 to 1, not {show(value)}"
         raise ExecutionError("X006", message, hints=("divide by the sum of all weights to get probabilities",))
     return value
+
+
+def is_known(promised: Type, check: Callable[[Any], Any]) -> bool:
+    """Whether the type of a value already says what the check would find."""
+    if not promised.only(Kind.NUMBER) or promised.low is None or promised.low < 0:
+        return False
+    return check is not probability or (promised.high is not None and promised.high <= 1)
 
 
 def _positive(value: Any, word: str) -> Any:

@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import ast
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from types import CodeType, FunctionType
 from typing import Any
@@ -45,7 +46,9 @@ class Body:
     START WITH variables bound here, `moved` those that CONNECT BY has given a new value under a new name.
     `groups` names the values of the groups that are seen from here, see `group_key`. `shared` are names of
     the functions around that are set here, `locals` names that are set here and read further in. `counts`
-    says how often a costly expression is written here, `slots` where the values of such expressions are kept.
+    says how often an expression is written here, `slots` where the values of costly ones are kept. `known` has
+    for each open loop the names of expressions that have been computed wherever the code after them is reached;
+    `sure` says whether what is being written is such an expression, not one that may be skipped.
     """
 
     unit: Unit
@@ -61,6 +64,8 @@ class Body:
     locals: list[str] = field(default_factory=list)
     counts: Counter[int] = field(default_factory=Counter)
     slots: dict[int, str] = field(default_factory=dict)
+    known: list[dict[int, str]] = field(default_factory=lambda: [{}])
+    sure: bool = True
 
     def sees(self, source: int) -> bool:
         """Whether a source is bound here or in a function around this one."""
@@ -93,10 +98,12 @@ class Body:
         Equal expressions share a slot. What is read only once, right at home, needs none.
         """
         home, level = self.home(facts)
-        if any(state in self.moved for state in facts.states):
+        if self.has_moved(facts):
             return value
-        if home is self and level == self.level and (facts.key is None or self.counts[facts.key] < 2):
-            return value
+        if home is self and level == self.level:
+            slot = facts.key is not None and home.slots.get(facts.key)
+            if facts.key is None or self.counts[facts.key] < 2 or (self.sure and not slot):
+                return self.named(facts, value, pen, hint)
         name = home.slots.get(facts.key) if facts.key is not None else None
         if name is None:
             name = self.unit.local(hint)
@@ -106,25 +113,71 @@ class Body:
                 home.slots[facts.key] = name
         if home is not self:
             self.shared[name] = None
+        if self.sure and facts.key is not None:
+            self.known[-1][facts.key] = name
         fresh = pen.compare(pen.name(name), ast.IsNot(), pen.name("UNSET"))
         return pen.either(fresh, pen.name(name), pen.bind(name, value))
+
+    def named(self, facts: Facts, value: ast.expr, pen: Pen, hint: str) -> ast.expr:
+        """The value, with a name where it is certain to be computed here and is written again further down."""
+        if facts.key is None or self.counts[facts.key] < 2 or not self.sure or self.has_moved(facts):
+            return value
+        name = self.known[-1][facts.key] = self.unit.local(hint)
+        return pen.bind(name, value)
+
+    def variable(self, value: ast.expr, pen: Pen, hint: str) -> ast.expr:
+        """A name or a constant that stands for the value."""
+        return value if isinstance(value, ast.Constant) else pen.name(self.assigned(value, pen, hint))
+
+    def assigned(self, value: ast.expr, pen: Pen, hint: str) -> str:
+        """The name of a value, which is computed here unless it has one already."""
+        if isinstance(value, ast.Name):
+            return value.id
+        if isinstance(value, ast.NamedExpr):
+            name, value = value.target.id, value.value
+        else:
+            name = self.unit.local(hint)
+        self.add(pen.assign(name, value))
+        return name
+
+    def name_of(self, facts: Facts) -> str | None:
+        """The name of a value that has been computed already, wherever this place is reached."""
+        if facts.key is None or self.has_moved(facts):
+            return None
+        return next((names[facts.key] for names in self.known if facts.key in names), None)
+
+    def has_moved(self, facts: Facts) -> bool:
+        """Whether CONNECT BY has changed what the expression reads."""
+        return not facts.states.isdisjoint(self.moved)
+
+    @contextmanager
+    def unsure(self) -> Iterator[None]:
+        """For the time of writing what may be skipped when the code runs."""
+        before, self.sure = self.sure, False
+        yield
+        self.sure = before
 
     def loop(self, names: list[str], items: ast.expr, pen: Pen) -> None:
         """Opens a loop over items, which are tuples where there are several names."""
         inner: list[ast.stmt] = []
         self.add(pen.loop(names, items, inner))
         self.blocks.append(inner)
+        self.known.append({})
         self.locals.extend(names)
 
     def count(self, nodes: Iterable[Any]) -> None:
-        """Notes which costly expressions will be evaluated in this function, and how often they are written."""
+        """Notes which expressions will be evaluated in this function, and how often they are written.
+
+        What stands only inside of a cheap expression that is written twice is computed once, with it.
+        """
         stack = list(nodes)
         while stack:
             node = stack.pop()
             facts = self.unit.analysis.of(node)
-            if facts.costly and facts.key is not None:
+            if facts.key is not None:
                 self.counts[facts.key] += 1
-            if not isinstance(node, plan.Subquery):
+            again = facts.key is not None and self.counts[facts.key] > 1 and not facts.calls
+            if not isinstance(node, plan.Subquery) and not again:
                 stack.extend(parts(node))
 
     def finished(self, pen: Pen) -> ast.stmt:

@@ -103,7 +103,7 @@ def _reading(unit: Unit, table: AttachedTable, pen: Pen) -> str:
 
 
 def readings_of(run: Run, copies: Copies) -> Readings:
-    return copies.begin()
+    return copies.begin(run.host.memories.now)
 
 
 def reading_of(readings: Readings, known: tuple[Any, Span | None]) -> Reading:

@@ -56,7 +56,7 @@ class Grid(np.ndarray[Any, Any]):
 
 _AREA = "(0.3, 0.1), or (0.3, 0.1, [[0, 0], [16, 12]]): height, edge of a cell, and area in metres"
 _USAGE = {
-    "plane": 'write AS plane("XY", [-5, -5], [100, 100, 0.1], 3): 100 x 100 cells of 0.1 m from a corner on, and a blur',
+    "plane": 'write AS plane("XY", [-5, -5], [100, 100, 0.1], 3): corner, 100 x 100 cells of 0.1 m, blur in cells',
     "occupancygrid": f"write AS occupancygrid{_AREA}",
     "sensorgrid": f"write AS sensorgrid{_AREA}",
 }

@@ -7,7 +7,7 @@ from math import pi
 from typing import Any, ClassVar
 
 from ss2sql.vtables.base import Column, Element, Table, Where
-from ss2sql.vtables.bodies import SHAPE, body_columns, shape_row
+from ss2sql.vtables.bodies import PLACES, SHAPE, body_columns, shape_row
 from ss2sql.vtables.pybullet.frames import Box, union
 from ss2sql.vtables.pybullet.places import AXES, places
 
@@ -33,6 +33,7 @@ class Bodies(Table):
         Column("restitution", float, "", "of its base: how much it bounces"),
         Column("colour", list | None, "", "red, green, blue and opacity, from 0 to 1; None if it cannot be seen"),
     )
+    places = PLACES
     groups: ClassVar[Mapping[str, str]] = {
         "called": "name",
         # Lists stand apart from numbers, though the same call gives both: only numbers are taken as they are, which

@@ -7,8 +7,9 @@ from typing import Any
 from ss2sql.vtables.base import function
 from ss2sql.vtables.bodies import Vector
 from ss2sql.vtables.body_world import Quaternion, numbers, wrong
+from ss2sql.vtables.pybullet.boxes import SLACK, Surroundings
 from ss2sql.vtables.pybullet.functions import Functions
-from ss2sql.vtables.pybullet.parts import Stock, robot_of
+from ss2sql.vtables.pybullet.parts import Robot, Stock, robot_of
 
 
 class Collisions(Functions):
@@ -47,30 +48,47 @@ class Collisions(Functions):
 
     def touching(self, body: int, margin: float = 0.0) -> bool:
         """Whether a body comes nearer to any other than a margin."""
-        return any(self.meets(body, other, margin) for other in self.ids())
+        around = self._surroundings()
+        return any(self.meets(body, other[0], margin) for other in around.near(around.boxes[body], margin))
 
     def would_touch(self, body: int, position: Vector, turn: Quaternion, margin: float = 0.0) -> bool:
         """Whether a part of a body, put to a pose, comes nearer to any other body than a margin.
 
-        Most bodies are far away, which a sphere around the robot shows with one call each. PyBullet's own search for
-        what is near would miss what the last step has moved.
+        Only bodies whose boxes are near the robot's are asked, and only about the parts whose boxes are near theirs.
+        PyBullet's own search for what is near would miss what the last step has moved.
         """
         closest = self.calls.getClosestPoints
-        robot = robot_of(self, self._shapes(), body)
-        parts = robot.at((position, turn))
-        for other in self.ids():
-            if other == body or not closest(
-                bodyA=-1, bodyB=other, distance=max(margin, 0.0), collisionShapeA=robot.around,
-                collisionShapePositionA=position,
-            ):  # fmt: skip
-                continue
-            for shape, (place, own) in parts:
-                if closest(
-                    bodyA=-1, bodyB=other, distance=margin, collisionShapeA=shape, collisionShapePositionA=place,
-                    collisionShapeOrientationA=own,
-                ):  # fmt: skip
-                    return True
+        robot = self._robot(body).at(turn)
+        x, y, z = position
+        (ax, ay, az), (bx, by, bz) = robot.box
+        whole = (ax + x, ay + y, az + z), (bx + x, by + y, bz + z)
+        others = [other for other in self._surroundings().near(whole, margin) if other[0] != body]
+        if not others:
+            return False
+        far = max(margin, 0.0) + SLACK
+        for shape, (px, py, pz), own, (a, b, c) in robot.parts:
+            place = px, py, pz = px + x, py + y, pz + z
+            a, b, c = a + far, b + far, c + far
+            for other, ax, ay, az, bx, by, bz in others:
+                if ax <= px + a and px - a <= bx and ay <= py + b and py - b <= by and az <= pz + c and pz - c <= bz:
+                    if closest(
+                        bodyA=-1, bodyB=other, distance=margin, collisionShapeA=shape, collisionShapePositionA=place,
+                        collisionShapeOrientationA=own,
+                    ):  # fmt: skip
+                        return True
         return False
+
+    def _surroundings(self) -> Surroundings:
+        known = self.memory
+        if "surroundings" not in known:
+            known["surroundings"] = Surroundings(self)
+        return known["surroundings"]  # type: ignore[no-any-return]
+
+    def _robot(self, body: int) -> Robot:
+        known = self.memory.setdefault("robots", {})
+        if body not in known:
+            known[body] = robot_of(self, self._shapes(), body)
+        return known[body]  # type: ignore[no-any-return]
 
     def _shapes(self) -> Stock:
         if self._stock is None:

@@ -8,14 +8,16 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass
-from typing import Any
+from math import dist
+from typing import Any, NoReturn
 
 from ss2sql.runtime.representations.grid import refuse
-from ss2sql.scenes.scene import Scene
+from ss2sql.scenes.scene import Scene, View
 from ss2sql.scenes.solids import Sphere, visual_shape
-from ss2sql.vtables.pybullet.bodies import FIXED, KINDS, shapes_of
+from ss2sql.vtables.pybullet.bodies import FIXED, KINDS, box_of, shapes_of
 from ss2sql.vtables.pybullet.copied import UNNAMED, Part, Shapes, part_of, solid_of
-from ss2sql.vtables.pybullet.frames import UPRIGHT, Frame, inside, seen_from
+from ss2sql.vtables.pybullet.frames import UPRIGHT, Frame, Point, inside, seen_from
+from ss2sql.vtables.pybullet.selected import bounds_of
 
 NOWHERE: Frame = ((0.0, 0.0, 0.0), UPRIGHT)
 MARK = 0.05  # metres: the radius of balls that stand for what could only be seen
@@ -33,7 +35,9 @@ class Environment(Scene):
         super().__init__(getattr(scene, "seed", 0))
         self.ids: dict[int, int] = {}  # of the copies, by those of the originals
         _settings(world.calls, self.client)
-        for name in ("bounds", "views", "places", "outlines", "steps"):
+        self.bounds = bounds_of(world)  # type: ignore[misc]
+        self.views = {"corner": _corner(*self.bounds)}  # type: ignore[misc]
+        for name in ("views", "places", "outlines", "steps"):
             if hasattr(scene, name):
                 setattr(self, name, getattr(scene, name))
         try:
@@ -51,6 +55,13 @@ class Environment(Scene):
         for body, force in self.forces.items():
             place, _ = self.client.getBasePositionAndOrientation(body)
             self.client.applyExternalForce(body, -1, force, place, self.client.WORLD_FRAME)
+
+
+def _corner(low: Point, high: Point) -> View:
+    """A view of a box from above one of its corners."""
+    x, y, z = ((a + b) / 2 for a, b in zip(low, high, strict=True))
+    away = 1.5 * max(1.0, dist(low, high))
+    return View((x + 0.4 * away, y - 0.75 * away, z + 0.55 * away), (x, y, z))
 
 
 def _settings(calls: Any, client: Any) -> None:
@@ -91,6 +102,9 @@ class _Copy:
 
     def make(self) -> int:
         """Makes the body; gives its new id."""
+        low, high = box_of(self.world, self.body)
+        if low != high and not shapes_of(self.world, self.body):
+            self._refuse()  # a terrain, of which PyBullet tells nothing else
         base, *links = [self._link(link) for link in self.links]
         links += self.more
         frame = inside(self.calls.getBasePositionAndOrientation(self.body), seen_from(base.local, NOWHERE))
@@ -114,7 +128,7 @@ class _Copy:
             linkJointAxis=[link.axis for link in links],
         )
         if made < 0:
-            refuse("environment", f"cannot copy '{self.world.name_of(self.body)}'", "leave it out with WHERE")
+            self._refuse()
         self._move(made)
         self._colours(made)
         return made
@@ -165,11 +179,11 @@ class _Copy:
         corners = ()
         if KINDS.get(data[2]) == "mesh" and data[4] in UNNAMED:
             _, corners = self.calls.getMeshData(self.body, link, collisionShapeIndex=number)
-        part = part_of(data[2], data[3], data[4], corners)
-        if part is None:
-            name = self.world.name_of(self.body)
-            refuse("environment", f"cannot copy the shape of '{name}'", "leave it out with WHERE")
-        return part
+        return part_of(data[2], data[3], data[4], corners) or self._refuse()
+
+    def _refuse(self) -> NoReturn:
+        name = self.world.name_of(self.body)
+        refuse("environment", f"cannot copy the shape of '{name}'", "leave it out with WHERE")
 
     def _visual(self, link: int) -> int:
         """What can be seen of a link, as one shape of the copy; -1 for nothing.

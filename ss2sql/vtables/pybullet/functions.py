@@ -44,6 +44,10 @@ class Functions(BodyWorld):
         found: Box = box_of(self, self.body(value))
         return found
 
+    def frame(self, body: int) -> Any:
+        """Where a body is, and how it is turned; a tenth of the time that its columns take."""
+        return self.calls.getBasePositionAndOrientation(body)
+
     def put(self, body: int, position: Vector, turn: Quaternion) -> None:
         """Moves a body to a pose, where it stands still: PyBullet forgets its velocity."""
         self.calls.resetBasePositionAndOrientation(body, position, turn)

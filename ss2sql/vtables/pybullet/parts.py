@@ -2,36 +2,55 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from math import ceil, dist, hypot, inf, log
+from collections.abc import Iterable
+from math import dist
 from random import random
-from typing import Any
+from typing import Any, NamedTuple
 
 from ss2sql.vtables.pybullet.bodies import KINDS, shapes_of
-from ss2sql.vtables.pybullet.frames import Frame, inside, seen_from
-from ss2sql.vtables.pybullet.links import frame_of
+from ss2sql.vtables.pybullet.boxes import Extent, extent_of, extent_of_corners, reach_of_link
+from ss2sql.vtables.pybullet.frames import Box, Frame, Point, Turn, inside, seen_from, union
 from ss2sql.vtables.pybullet.posture import posture
 from ss2sql.vtables.schema import failure
 
-GROWTH = 1.2  # the spheres around robots have radii that are powers of it, so that few are made
+ORIGIN: Point = (0.0, 0.0, 0.0)
+MOST_TURNS = 1000  # in which one robot is kept, each 2 kB
 
 
-@dataclass(frozen=True, slots=True)
+class Part(NamedTuple):
+    """A shape of a robot, where it is as seen from the robot's base, but turned as in the world, and its reach."""
+
+    shape: int
+    place: Point
+    turn: Turn
+    reach: Point
+
+
 class Robot:
-    """What a body consists of as it is now: shapes and their frames, and a sphere around them all."""
+    """What a body consists of, with its base turned in some way, and the box around all as seen from the base."""
 
-    base: Frame
-    parts: tuple[tuple[int, Frame], ...]
-    around: int
+    def __init__(self, turn: Turn, parts: Iterable[tuple[int, Extent, Frame]]) -> None:
+        self.turn = turn
+        self._shapes = tuple(parts)
+        self.parts = tuple(Part(shape, place, own, extent.along(own)) for shape, extent, (place, own) in self._shapes)
+        self.box = union([_around(part.place, part.reach) for part in self.parts] or [(ORIGIN, ORIGIN)])
+        self._turned: dict[Turn, Robot] = {turn: self}
 
-    def at(self, base: Frame) -> list[tuple[int, Frame]]:
-        """The shapes as they would be with the base somewhere else."""
-        (x, y, z), turn = base
-        (ox, oy, oz), old = self.base
-        if turn == old:
-            x, y, z = x - ox, y - oy, z - oz
-            return [(shape, ((px + x, py + y, pz + z), own)) for shape, ((px, py, pz), own) in self.parts]
-        return [(shape, inside(base, seen_from(self.base, frame))) for shape, frame in self.parts]
+    def at(self, turn: Turn) -> Robot:
+        """The same robot with its base turned in another way."""
+        known = self._turned.get(turn)
+        if known is None:
+            if len(self._turned) >= MOST_TURNS:
+                self._turned.clear()
+            old, new = (ORIGIN, self.turn), (ORIGIN, turn)
+            parts = [(shape, extent, inside(new, seen_from(old, frame))) for shape, extent, frame in self._shapes]
+            known = self._turned[turn] = Robot(turn, parts)
+        return known
+
+
+def _around(place: Point, reach: Point) -> Box:
+    (x, y, z), (a, b, c) = place, reach
+    return (x - a, y - b, z - c), (x + a, y + b, z + c)
 
 
 class Stock:
@@ -44,7 +63,7 @@ class Stock:
     def __init__(self, calls: Any) -> None:
         self._calls = calls
         self._made: dict[Any, int] = {}
-        self.reach: dict[int, float] = {}  # the radius of the sphere around a shape; inf for files
+        self.extents: dict[int, Extent | None] = {}  # of each shape; None for files
         self._radius = 0.0
         self._sphere = -1
 
@@ -53,7 +72,7 @@ class Stock:
         if self._sphere >= 0 and self._is_valid():
             return
         self._made.clear()
-        self.reach.clear()
+        self.extents.clear()
         self._radius = 0.1 + random() / 10
         self._sphere = self._calls.createCollisionShape(self._calls.GEOM_SPHERE, radius=self._radius)
 
@@ -66,15 +85,6 @@ class Stock:
         except self._calls.error:
             return False
         return bool(found) and abs(found[0][8] - (1 - 2 * self._radius)) < 1e-12
-
-    def sphere(self, radius: float) -> int:
-        """A sphere that is at least as large."""
-        larger = GROWTH ** ceil(log(max(radius, 1e-3), GROWTH))
-        known = self._made.get(larger)
-        if known is None:
-            made = self._calls.createCollisionShape(self._calls.GEOM_SPHERE, radius=larger)
-            return self._keep(larger, made, larger)
-        return known
 
     def shape(self, body: int, link: int, number: int, data: Any) -> int:
         """A shape that is equal to a part of a body."""
@@ -99,24 +109,24 @@ class Stock:
             case _:
                 reason = f"it is a {kind or 'shape that PyBullet does not describe'}"
                 raise failure(f"bodies[{body}] cannot be tried at other places: {reason}")
-        return self._keep(key, made, _reach(kind, data[3]))
+        return self._keep(key, made, extent_of(kind, data[3]))
 
     def _mesh(self, body: int, link: int, number: int, key: Any) -> int:
         calls, (_, *scale, file) = self._calls, key
         if file != b"unknown_file":
             made = calls.createCollisionShape(calls.GEOM_MESH, fileName=file.decode(), meshScale=scale)
-            return self._keep(key, made, inf)
+            return self._keep(key, made, None)
         _, corners = calls.getMeshData(body, link, collisionShapeIndex=number)  # as seen from the link
         if corners in self._made:
             return self._made[corners]
         made = calls.createCollisionShape(calls.GEOM_MESH, vertices=corners)
-        return self._keep(corners, made, max(map(hypot, *zip(*corners, strict=True))))
+        return self._keep(corners, made, extent_of_corners(corners))
 
-    def _keep(self, key: Any, made: int, reach: float) -> int:
+    def _keep(self, key: Any, made: int, extent: Extent | None) -> int:
         if made < 0:
             raise failure("PyBullet cannot make a shape", "see what it has written to the standard output")
         self._made[key] = made
-        self.reach[made] = reach
+        self.extents[made] = extent
         return made
 
 
@@ -125,37 +135,18 @@ def robot_of(world: Any, stock: Stock, body: int) -> Robot:
     base: Frame = world.calls.getBasePositionAndOrientation(body)
     frames = posture(world.calls, body, base)
     parts = []
-    reach = 0.0
     for link, number, data in shapes_of(world, body):
         frame = frames[link]
         if data[4] != b"unknown_file":  # those are made of corners, which are given as the link sees them
             frame = inside(frame, (data[5], data[6]))
         shape = stock.shape(body, link, number, data)
-        parts.append((shape, frame))
-        around = stock.reach[shape]
-        if around == inf:
-            reach = max(reach, dist(base[0], frames[link][0]) + _reach_by_box(world, body, link))
-        else:
-            reach = max(reach, dist(base[0], frame[0]) + around)
-    return Robot(base, tuple(parts), stock.sphere(reach))
+        extent = stock.extents[shape]
+        if extent is None:
+            extent = Extent(ball=reach_of_link(world, body, link) + dist(frame[0], frames[link][0]))
+        place, turn = frame
+        parts.append((shape, extent, (_minus(place, base[0]), turn)))
+    return Robot(base[1], parts)
 
 
-def _reach(kind: str | None, size: Any) -> float:
-    """The radius of the sphere around a shape."""
-    a, b, c = size
-    match kind:
-        case "sphere":
-            return float(a)
-        case "box":
-            return hypot(a, b, c) / 2
-        case "cylinder":
-            return hypot(a / 2, b)
-        case _:  # a capsule
-            return float(a / 2 + b)
-
-
-def _reach_by_box(world: Any, body: int, link: int) -> float:
-    """The same for all shapes of a link together, around its centre of mass, from where PyBullet shows it."""
-    middle, _ = frame_of(world, (body, link))
-    low, high = world.calls.getAABB(body, link)
-    return hypot(*(max(m - a, b - m) for a, b, m in zip(low, high, middle, strict=True)))
+def _minus(point: Point, other: Point) -> Point:
+    return point[0] - other[0], point[1] - other[1], point[2] - other[2]

@@ -49,7 +49,7 @@ class Places:
 
 def places(world: Any) -> Places:
     """The places at the moment when the query that asks first asked for them."""
-    known = world.memory.get("places")
-    if known is None:
-        known = world.memory["places"] = Places(world)
-    return known  # type: ignore[no-any-return]
+    known = world.memory
+    if "places" not in known:
+        known["places"] = Places(world)
+    return known["places"]  # type: ignore[no-any-return]

@@ -10,7 +10,7 @@ from ss2sql.runtime.representations.grid import check_cells, number, numbers, re
 from ss2sql.runtime.values import show
 from ss2sql.vtables.base import Element
 from ss2sql.vtables.pybullet.bodies import box_of
-from ss2sql.vtables.pybullet.frames import union
+from ss2sql.vtables.pybullet.frames import Box, union
 
 FAR = 1000.0  # metres: bodies with larger boxes, such as endless planes, do not make an area larger
 
@@ -46,7 +46,7 @@ def area_of(world: Any, form: str, cell: Any, area: Any) -> tuple[list[float], f
     """
     edge = number(form, "the edge of a cell", cell, above=0)
     if area is None:
-        low, high = _bounds(world)
+        low, high = (list(corner[:2]) for corner in bounds_of(world))
     else:
         if not isinstance(area, list) or len(area) != 2:
             refuse(form, f"needs an area [[x, y], [x, y]], not {show(area)}")
@@ -56,12 +56,14 @@ def area_of(world: Any, form: str, cell: Any, area: Any) -> tuple[list[float], f
     counts = [(high[axis] - low[axis]) / edge for axis in (0, 1)]
     check_cells(form, *counts)
     columns, rows = (ceil(count - 1e-9) for count in counts)
-    return list(low[:2]), edge, columns, rows
+    return low, edge, columns, rows
 
 
-def _bounds(world: Any) -> Any:
-    if world.scene is not None:
-        return world.scene.bounds
+def bounds_of(world: Any) -> Box:
+    """The lowest and the highest corner of a scene; of a client that belongs to none those of all bodies."""
+    known: Box | None = getattr(world.scene, "bounds", None)
+    if known is not None:
+        return known
     boxes = [box_of(world, body) for body in world.ids()]
     boxes = [box for box in boxes if dist(*box) < FAR]
     return union(boxes) if boxes else ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))

@@ -1,0 +1,34 @@
+"""What a result can become: text (`show`), frames (`kinds`, `frames`), files (`files`), graphs and plots.
+
+All of them read the table of a result, its `columns` and the tuples of its iteration, or the paths of a search.
+Packages of the extras are imported by the functions that need them, and `package` says so where one is missing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from ss2sql.errors import SessionError
+from ss2sql.runtime.rows import Row
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.result import Result
+
+
+def package(name: str, extra: str, user: str) -> Any:
+    """A package of an extra, or the error S003 that says how to install it; `user` is what needs it."""
+    try:
+        return import_module(name)
+    except ImportError as reason:
+        raise SessionError(
+            "S003",
+            f"{user} needs the package {name.partition('.')[0]}, which is not installed",
+            hints=(f'pip install "ss2sql[{extra}]"',),
+        ) from reason
+
+
+def found_paths(result: Result) -> Sequence[list[Row]] | None:
+    """The paths of a search as the executor left them, not to be changed; None of anything else."""
+    return None if result.answer is None else result.answer.rows.paths

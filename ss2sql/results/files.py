@@ -1,0 +1,76 @@
+"""Results as text for other programs: CSV and JSON, and Parquet files."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ss2sql.results import package
+from ss2sql.results.frames import to_arrow
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.result import Result
+
+
+def csv_text(result: Result) -> str:
+    """A line of names and one for each row; None is empty, a list or a dict the text of its JSON."""
+    file = io.StringIO()
+    writer = csv.writer(file, lineterminator="\n")
+    writer.writerow(result.columns)
+    writer.writerows([[_field(value) for value in row] for row in result])
+    return file.getvalue()
+
+
+def _field(value: Any) -> Any:
+    if value is None or type(value) in (int, float, str):
+        return value
+    return json_text(value) if isinstance(value, (bool, list, dict)) else str(value)
+
+
+def json_text(value: Any) -> str:
+    """A value as JSON on one line; see `plain`."""
+    return json.dumps(plain(value), ensure_ascii=False)
+
+
+def plain(value: Any) -> Any:
+    """The value in the forms of JSON: sets and arrays as lists, keys of several values as the text of a list, objects
+    as text.
+    """
+    match value:
+        case None | bool() | int() | float() | str():
+            return value
+        case list() | tuple():
+            return list(map(plain, value))
+        case set():
+            return sorted(map(plain, value), key=repr)
+        case dict():
+            return {_key(key): plain(item) for key, item in value.items()}
+        case _ if type(value).__module__.partition(".")[0] == "numpy" or hasattr(value, "__array_interface__"):
+            return value.tolist()
+        case _:
+            return repr(value)
+
+
+def _key(key: Any) -> Any:
+    made = plain(key)
+    return json.dumps(made, ensure_ascii=False) if isinstance(made, list) else made
+
+
+def write(text: str, path: str | Path | None) -> str | None:
+    """Writes the text to a file, or gives it back where there is no path.
+
+    A lone surrogate, which no encoding has, becomes its escape, which JSON reads back.
+    """
+    if path is None:
+        return text
+    Path(path).write_text(text, encoding="utf-8", errors="backslashreplace", newline="")
+    return None
+
+
+def write_parquet(result: Result, path: str | Path) -> None:
+    """Writes a Parquet file. Raises RepresentationError V001 for a column that Arrow has no type for."""
+    parquet = package("pyarrow.parquet", "df", "parquet()")
+    parquet.write_table(to_arrow(result), path)

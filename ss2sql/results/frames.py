@@ -1,0 +1,157 @@
+"""Results as data frames of pandas and Polars and as Arrow tables."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NoReturn
+
+from ss2sql.errors import RepresentationError
+from ss2sql.results import package
+from ss2sql.results.kinds import NONE, ListOf, Scalar, Shape, Struct, as_floats, holds_any, merged, shape_of
+from ss2sql.runtime.values import show
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.result import Result
+
+
+def columns_of(result: Result) -> list[tuple[str, list[Any], Shape]]:
+    """The columns of a result: their names, their values and what these consist of."""
+    rows = list(result)
+    parts = zip(*rows, strict=True) if rows else [()] * len(result.columns)
+    types = {} if result.answer is None else result.answer.types
+    return [
+        (name, list(values), shape_of(values, types.get(name)))
+        for name, values in zip(result.columns, parts, strict=True)
+    ]
+
+
+# --- pandas --------------------------------------------------------------------------------------------
+
+
+def to_pandas(result: Result) -> Any:
+    """A pandas DataFrame: bool, int64, float64 and text where every value is one, Int64 and boolean beside None."""
+    pandas = package("pandas", "df", "df()")
+    columns = [_pandas_series(pandas, values, shape) for _, values, shape in columns_of(result)]
+    frame = pandas.DataFrame(dict(enumerate(columns)), index=pandas.RangeIndex(len(columns[0])))
+    frame.columns = list(result.columns)
+    return frame
+
+
+def _pandas_series(pandas: Any, values: list[Any], shape: Shape) -> Any:
+    missing = any(value is None for value in values)
+    match shape:
+        case Scalar("bool"):
+            return pandas.Series(values, dtype="boolean" if missing else "bool")
+        case Scalar("int"):
+            return pandas.Series(values, dtype="Int64" if missing else "int64")
+        case Scalar("float"):
+            return pandas.Series([None if value is None else float(value) for value in values], dtype="float64")
+        case Scalar("str"):
+            return pandas.Series(values, dtype=pandas.Series([""]).dtype)  # the text type of this pandas
+        case Scalar("datetime"):
+            return pandas.Series(values, dtype="datetime64[us]")
+        case _:
+            return _objects(pandas, values)
+
+
+def _objects(pandas: Any, values: Sequence[Any]) -> Any:
+    """A series of objects, each in its cell: pandas looks into none of them."""
+    import numpy
+
+    cells = numpy.empty(len(values), dtype=object)
+    for index, value in enumerate(values):
+        cells[index] = value
+    return pandas.Series(cells, dtype=object)
+
+
+# --- Polars --------------------------------------------------------------------------------------------
+
+
+def to_polars(result: Result) -> Any:
+    """A Polars DataFrame; columns that Polars has no type for are of its type Object."""
+    polars = package("polars", "df", "pl()")
+    columns = []
+    for name, values, shape in columns_of(result):
+        kind = _polars_type(polars, shape)
+        made = [as_floats(value, shape) for value in values] if kind != polars.Object else values
+        columns.append(polars.Series(name, made, dtype=kind, strict=True))
+    return polars.DataFrame(columns)
+
+
+def _polars_type(polars: Any, shape: Shape) -> Any:
+    return polars.Object if holds_any(shape) or _has_empty_struct(shape) else _polars_own(polars, shape)
+
+
+def _polars_own(polars: Any, shape: Shape) -> Any:
+    match shape:
+        case ListOf(item):
+            return polars.List(_polars_own(polars, item))
+        case Struct(fields):
+            return polars.Struct({name: _polars_own(polars, field) for name, field in fields})
+        case Scalar("datetime"):
+            return polars.Datetime("us")
+        case Scalar(name):
+            own = {"none": "Null", "bool": "Boolean", "int": "Int64", "float": "Float64", "str": "String",
+                   "bytes": "Binary", "date": "Date"}  # fmt: skip
+            return getattr(polars, own[name])
+
+
+def _has_empty_struct(shape: Shape) -> bool:
+    match shape:
+        case ListOf(item):
+            return _has_empty_struct(item)
+        case Struct(fields):
+            return not fields or any(_has_empty_struct(field) for _, field in fields)
+        case _:
+            return False
+
+
+# --- Arrow ---------------------------------------------------------------------------------------------
+
+
+def to_arrow(result: Result) -> Any:
+    """A table of pyarrow. Raises RepresentationError V001 for a column that Arrow has no type for."""
+    arrow = package("pyarrow", "df", "arrow()")
+    arrays, fields = [], []
+    for name, values, shape in columns_of(result):
+        if holds_any(shape):
+            refuse(name, values)
+        kind = arrow_type(arrow, shape)
+        arrays.append(arrow.array([as_floats(value, shape) for value in values], type=kind))
+        fields.append(arrow.field(name, kind))
+    return arrow.Table.from_arrays(arrays, schema=arrow.schema(fields))
+
+
+def arrow_type(arrow: Any, shape: Shape) -> Any:
+    """The type of Arrow for the values of a shape."""
+    match shape:
+        case ListOf(item):
+            return arrow.list_(arrow_type(arrow, item))
+        case Struct(fields):
+            return arrow.struct([(name, arrow_type(arrow, field)) for name, field in fields])
+        case Scalar("datetime"):
+            return arrow.timestamp("us")
+        case Scalar(name):
+            own = {"none": "null", "bool": "bool_", "int": "int64", "float": "float64", "str": "string",
+                   "bytes": "binary", "date": "date32"}  # fmt: skip
+            return getattr(arrow, own[name])()
+
+
+def refuse(name: str, values: Sequence[Any]) -> NoReturn:
+    """The error for a column that Arrow has no type for: the value that it is, or the first that does not fit."""
+    hint = "select what can be told of it, such as its name, or take df(), whose columns hold any object"
+    so_far: Shape = NONE
+    first = next(value for value in values if value is not None)
+    for value in values:
+        own = shape_of([value])
+        if holds_any(own):
+            message = f"Arrow has no type for {show(value)} in the column '{name}'"
+            raise RepresentationError("V001", message, hints=(hint,))
+        so_far = merged(so_far, own)
+        if holds_any(so_far):
+            kinds = f"values of several kinds, such as {show(first)} and {show(value)}"
+            message = f"the column '{name}' has {kinds}; a column of Arrow has one"
+            raise RepresentationError(
+                "V001", message, hints=("make them alike in SELECT, with str(...) or float(...)", hint)
+            )
+    raise AssertionError("the column has a type")

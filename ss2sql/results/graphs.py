@@ -1,0 +1,60 @@
+"""The paths of a search as a graph of networkx."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from itertools import islice, pairwise
+from typing import TYPE_CHECKING, Any
+
+from ss2sql.errors import RepresentationError
+from ss2sql.results import found_paths, package
+from ss2sql.runtime.rows import Row
+from ss2sql.runtime.values import Opaque, fresh
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.result import Result
+
+
+def graph(result: Result, most: int | None = None) -> Any:
+    """A networkx.DiGraph of the rows of the first `most` paths: what `Result.graph` describes."""
+    networkx = package("networkx", "plot", "graph()")
+    paths = found_paths(result)
+    if paths is None:
+        raise RepresentationError(
+            "V001", "graph() needs the paths of a search", hints=("a query is a search with CONNECT BY",)
+        )
+    made = networkx.DiGraph(columns=result.columns[2:])
+    for path in islice(paths, most):
+        nodes = [node(row) for row in path]
+        for step, (name, row) in enumerate(zip(nodes, path, strict=True), 1):
+            if name not in made:
+                made.add_node(name, row=tuple(map(fresh, row)), step=step, start=False, goal=False)
+            known = made.nodes[name]
+            known["step"] = min(known["step"], step)
+        made.nodes[nodes[0]]["start"] = True
+        made.nodes[nodes[-1]]["goal"] = True
+        for step, (left, right) in enumerate(pairwise(nodes), 2):
+            if not made.has_edge(left, right):
+                made.add_edge(left, right, step=step, paths=0)
+            edge = made.edges[left, right]
+            edge["step"] = min(edge["step"], step)
+            edge["paths"] += 1
+    return made
+
+
+def node(row: Row) -> Hashable:
+    """The node of a row: its value where it has one column, else a tuple of its values; equal rows are one node.
+
+    None alone, which networkx takes for no node, is NoneType.
+    """
+    name = _hashable(row[0]) if len(row) == 1 else tuple(map(_hashable, row))
+    return type(None) if name is None else name
+
+
+def _hashable(value: Any) -> Hashable:
+    """The value as a key: lists as tuples, dicts as frozensets of pairs; an object that has no hash as its identity."""
+    if isinstance(value, list):
+        return tuple(map(_hashable, value))
+    if isinstance(value, dict):
+        return frozenset((key, _hashable(item)) for key, item in value.items())
+    return value.key if isinstance(value, Opaque) else value  # type: ignore[no-any-return]

@@ -1,0 +1,169 @@
+"""What the columns of a result consist of: what frames and files need to know before they take the values.
+
+The values decide; where there are none, or only None, the plan's promise does. `ANY` is what no frame has a type for:
+objects, values of several kinds in one column, whole numbers beyond 2^53 beside floats.
+"""
+
+from __future__ import annotations
+
+import datetime
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import reduce
+from itertools import chain
+from typing import Any, Literal, TypeAlias
+
+from ss2sql.kinds import Kind, Type
+
+EXACT = 2**53  # floats hold whole numbers up to this one
+
+
+@dataclass(frozen=True, slots=True)
+class Scalar:
+    """Values of one kind; `large` says that whole numbers among them are no floats."""
+
+    name: Literal["none", "bool", "int", "float", "str", "bytes", "date", "datetime", "any"]
+    large: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class ListOf:
+    item: Shape
+
+
+@dataclass(frozen=True, slots=True)
+class Struct:
+    """Dicts; a key that one of them lacks counts as None."""
+
+    fields: tuple[tuple[str, Shape], ...]
+
+
+Shape: TypeAlias = Scalar | ListOf | Struct
+
+NONE, BOOL, INT, FLOAT, STR, ANY = map(Scalar, ("none", "bool", "int", "float", "str", "any"))
+LARGE = Scalar("int", large=True)
+SCALARS: dict[type, Scalar] = {
+    type(None): NONE, bool: BOOL, int: INT, float: FLOAT, str: STR,
+    bytes: Scalar("bytes"), datetime.date: Scalar("date"), datetime.datetime: Scalar("datetime"),
+}  # fmt: skip
+PLAN = ((Kind.BOOL, BOOL), (Kind.INT, INT), (Kind.NUMBER & ~Kind.BOOL, FLOAT), (Kind.STR, STR))
+
+
+def shape_of(values: Sequence[Any], promised: Type | None = None) -> Shape:
+    """What the values of a column have in common; `promised` is what the plan says of them."""
+    found = _of_values(values)
+    return found if promised is None else _filled(found, _of_type(promised))
+
+
+def _of_values(values: Sequence[Any]) -> Shape:
+    return reduce(merged, (_of_kind(kind, values) for kind in dict.fromkeys(map(type, values))), NONE)
+
+
+def _of_kind(kind: type, values: Sequence[Any]) -> Shape:
+    """The shape of those of the values that are of one Python type."""
+    if kind is type(None):
+        return NONE
+    own = [value for value in values if type(value) is kind]
+    if kind is list:
+        return ListOf(_of_values(list(chain.from_iterable(own))))
+    if kind is dict:
+        return _of_dicts(own)
+    if kind is int:
+        return INT if max(own) <= EXACT and min(own) >= -EXACT else LARGE
+    if kind is str and not _encodable(own):
+        return ANY
+    if kind is datetime.datetime and any(value.tzinfo is not None for value in own):
+        return ANY
+    return SCALARS.get(kind, ANY)
+
+
+def _of_dicts(values: Sequence[dict[Any, Any]]) -> Shape:
+    names = dict.fromkeys(chain.from_iterable(values))
+    if not all(isinstance(name, str) for name in names) or not _encodable(names):
+        return ANY
+    return Struct(tuple((name, _of_values([value.get(name) for value in values])) for name in names))
+
+
+def _encodable(texts: Iterable[str]) -> bool:
+    """Whether the texts can be written as UTF-8; those with a lone surrogate cannot."""
+    try:
+        for text in texts:
+            text.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+def merged(left: Shape, right: Shape) -> Shape:
+    """What has room for the values of both."""
+    match left, right:
+        case _ if left == right:
+            return left
+        case Scalar("none"), _:
+            return right
+        case _, Scalar("none"):
+            return left
+        case Scalar("int"), Scalar("int"):
+            return LARGE
+        case (Scalar("int", large=large), Scalar("float")) | (Scalar("float"), Scalar("int", large=large)):
+            return ANY if large else FLOAT
+        case ListOf(one), ListOf(other):
+            return ListOf(merged(one, other))
+        case Struct(one), Struct(other):
+            known, more = dict(one), dict(other)
+            names = dict.fromkeys((*known, *more))
+            return Struct(tuple((name, merged(known.get(name, NONE), more.get(name, NONE))) for name in names))
+        case _:
+            return ANY
+
+
+def _of_type(promised: Type) -> Shape:
+    """The shape of all values of a type, NONE where the type does not say it."""
+    kinds = promised.kinds & ~Kind.NONE
+    if not kinds:
+        return NONE
+    if kinds == Kind.LIST:
+        return ListOf(NONE if promised.item is None else _of_type(promised.item))
+    if kinds == Kind.DICT and promised.columns:
+        return Struct(tuple((name, _of_type(column)) for name, column in promised.columns))
+    return next((shape for wide, shape in PLAN if kinds | wide == wide), NONE)
+
+
+def _filled(found: Shape, promised: Shape) -> Shape:
+    """What was found, and what is promised where nothing was."""
+    match found, promised:
+        case Scalar("none"), _:
+            return promised
+        case ListOf(one), ListOf(other):
+            return ListOf(_filled(one, other))
+        case Struct(one), Struct(other):
+            known = dict(other)
+            return Struct(tuple((name, _filled(shape, known.get(name, NONE))) for name, shape in one))
+        case _:
+            return found
+
+
+def holds_any(shape: Shape) -> bool:
+    """Whether there are values in it, however deep, that no frame has a type for."""
+    match shape:
+        case ListOf(item):
+            return holds_any(item)
+        case Struct(fields):
+            return any(holds_any(field) for _, field in fields)
+        case _:
+            return shape == ANY
+
+
+def as_floats(value: Any, shape: Shape) -> Any:
+    """The value with whole numbers as floats where its shape says float, since not every library does that itself."""
+    match shape:
+        case _ if value is None:
+            return None
+        case Scalar("float"):
+            return float(value)
+        case ListOf(item):
+            return [as_floats(part, item) for part in value]
+        case Struct(fields):
+            return {name: as_floats(value.get(name), field) for name, field in fields}
+        case _:
+            return value

@@ -1,0 +1,216 @@
+"""Results as text and as HTML: at most so many rows, each on one line; the paths of a search drawn as paths."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+from io import StringIO
+from itertools import islice
+from typing import TYPE_CHECKING, Any
+
+from ss2sql.results import found_paths
+from ss2sql.runtime.rows import Row
+from ss2sql.runtime.values import show as written
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from ss2sql.runtime.result import Result
+
+MOST_ROWS = 20
+MOST_WIDE = 120  # characters of a table, however wide the terminal is
+REPR_WIDE = 100
+MOST_TEXT = 200  # characters of a cell, however wide the table is
+MOST_STEP = 60  # characters of a step of a path
+LEAST_WIDE = 8  # characters that a column keeps when its neighbours need room
+HTML_WIDE, HTML_COLUMNS = 200, 30
+FRAME = 3  # characters that a column needs beside its text
+
+
+@dataclass(frozen=True, slots=True)
+class Sheet:
+    """The cells of a table as texts; `right` says which columns hold numbers, `caption` what is not seen."""
+
+    headings: tuple[str, ...]
+    rows: list[tuple[str, ...]]
+    right: tuple[bool, ...]
+    caption: str
+
+
+def show(result: Result, most: int, console: Console) -> None:
+    """Prints the table and the line under it."""
+    from rich.table import Table
+    from rich.text import Text
+
+    wide = min(console.width, MOST_WIDE)
+    arrow = " -> " if console.options.ascii_only else " → "
+    made = sheet(result, most, wide, arrow)
+    widths = _fitted(_naturals(made), wide - 1 - FRAME * len(made.headings))
+    table = Table()
+    for heading, width, right in zip(made.headings, widths, made.right, strict=True):
+        table.add_column(
+            Text(heading), no_wrap=True, overflow="ellipsis", max_width=width, justify="right" if right else "left"
+        )
+    for row in made.rows:
+        table.add_row(*map(Text, row))
+    console.print(table)
+    console.print(made.caption, markup=False, highlight=False)
+
+
+def text(result: Result) -> str:
+    """The table as `repr` shows it."""
+    from rich.console import Console
+
+    console = Console(width=REPR_WIDE, color_system=None, record=True, file=StringIO())
+    show(result, MOST_ROWS, console)
+    return console.export_text().rstrip()
+
+
+def html(result: Result) -> str:
+    """The table as notebooks show it."""
+    made = sheet(result, MOST_ROWS, HTML_WIDE, " → ", HTML_COLUMNS)
+    aligned = [f' style="text-align: {"right" if right else "left"}"' for right in made.right]
+    lines = ['<table class="ss2sql">', "<thead><tr>"]
+    lines += [f"<th{style}>{escape(name)}</th>" for name, style in zip(made.headings, aligned, strict=True)]
+    lines.append("</tr></thead>\n<tbody>")
+    for row in made.rows:
+        cells = (f"<td{style}>{escape(cell)}</td>" for cell, style in zip(row, aligned, strict=True))
+        lines.append(f"<tr>{''.join(cells)}</tr>")
+    lines.append(f"</tbody>\n</table>\n<small>{escape(made.caption)}</small>")
+    return "\n".join(lines)
+
+
+# --- what is on the sheet ------------------------------------------------------------------------------
+
+
+def sheet(result: Result, most: int, wide: int, arrow: str, most_columns: int | None = None) -> Sheet:
+    """The table of a result, with no more columns than have room.
+
+    A path of a search is one line. Where a line would have to leave out steps although the steps of all paths are no
+    more than `most`, there is one line for each step, so that nothing is hidden.
+    """
+    paths = found_paths(result)
+    if paths is not None:
+        made = _paths(result, paths, most, wide, arrow)
+        if made is not None:
+            return made
+    table = list(islice(result, most))
+    chosen = _chosen_columns(len(result.columns), most_columns or max(2, (wide - 1) // (LEAST_WIDE + FRAME)))
+    headings = tuple("…" if index is None else cell(result.columns[index]) for index in chosen)
+    rows = [tuple("…" if index is None else cell(row[index]) for index in chosen) for row in table]
+    right = tuple(index is not None and _are_numbers([row[index] for row in table]) for index in chosen)
+    hidden = len(result.columns) - len(chosen) + 1 if None in chosen else 0
+    return Sheet(headings, rows, right, _caption(result, len(table), "", hidden))
+
+
+def _paths(result: Result, paths: Sequence[list[Row]], most: int, wide: int, arrow: str) -> Sheet | None:
+    """The paths one by one; None where their steps are better shown one by one."""
+    first = list(islice(paths, most))
+    number = len(str(len(first)))
+    room = wide - 1 - 2 * FRAME - max(number, len("path"))
+    drawn = [_drawn(path, room, arrow) for path in first]
+    if None in drawn and len(first) == len(paths) and sum(map(len, first)) <= most:
+        return None
+    rows = [
+        (str(index), _shortened(path, room, arrow) if line is None else line)
+        for index, (path, line) in enumerate(zip(first, drawn, strict=True), 1)
+    ]
+    heading = _together(list(map(cell, result.columns[2:])))
+    return Sheet(("path", heading), rows, (True, False), _caption(result, len(first), "paths ", 0))
+
+
+def _drawn(path: Sequence[Row], room: int, arrow: str) -> str | None:
+    """The whole path as one line, None where it is too long."""
+    from rich.cells import cell_len
+
+    if len(path) * (1 + len(arrow)) > room + len(arrow):
+        return None
+    line = arrow.join(map(_step, path))
+    return line if cell_len(line) <= room and "..." not in line else None
+
+
+def _shortened(path: Sequence[Row], room: int, arrow: str) -> str:
+    """The path with its first steps, as many as there is room for, and its last one."""
+    from rich.cells import cell_len
+
+    begun = [_step(row) for row in path[: min(len(path) - 1, room // (1 + len(arrow)))]]
+    last = _step(path[-1])
+    for kept in range(len(begun), -1, -1):
+        left = len(path) - 1 - kept
+        between = [f"… {left} more …"] if left else []
+        line = arrow.join([*begun[:kept], *between, last])
+        if cell_len(line) <= room:
+            return line
+    return line
+
+
+def _step(row: Row) -> str:
+    """The value of a row, or its values in parentheses."""
+    return _together([_cut(cell(value), MOST_STEP) for value in row])
+
+
+def _together(texts: Sequence[str]) -> str:
+    return texts[0] if len(texts) == 1 else f"({', '.join(texts)})"
+
+
+def cell(value: Any) -> str:
+    """A value as text of one line; what a terminal would take for more than text is shown as in a script."""
+    if not isinstance(value, str):
+        return written(value, MOST_TEXT)
+    return _cut(value, MOST_TEXT) if value.isprintable() else written(value, MOST_TEXT)
+
+
+def _cut(text: str, most: int) -> str:
+    return text if len(text) <= most else text[: most - 3] + "..."
+
+
+def _are_numbers(values: Sequence[Any]) -> bool:
+    return bool(values) and {type(value) for value in values if value is not None} in ({int}, {float}, {int, float})
+
+
+def _caption(result: Result, shown: int, unit: str, hidden: int) -> str:
+    """One line under the table: how many rows and paths, what is not shown, and where they came from."""
+    total, paths = len(result), found_paths(result)
+    parts = [_counted(total, "row")]
+    if paths is not None:
+        parts.insert(0, _counted(len(paths), "path"))
+    if shown < (len(paths) if paths is not None and unit else total):
+        parts.append(f"the first {shown} {unit}shown")
+    if hidden:
+        parts.append(f"{len(result.columns) - hidden} of {len(result.columns)} columns shown")
+    parts.append(result.engine)
+    if result.status != "complete":
+        parts.append(result.status)
+    return ", ".join(parts)
+
+
+def _counted(number: int, word: str) -> str:
+    return f"{number} {word}{'' if number == 1 else 's'}"
+
+
+# --- room ----------------------------------------------------------------------------------------------
+
+
+def _chosen_columns(count: int, most: int) -> list[int | None]:
+    """The positions of the columns that are shown; None stands for those between the first ones and the last."""
+    if count <= most:
+        return list(range(count))
+    return [*range(most - 2), None, count - 1]
+
+
+def _naturals(made: Sheet) -> list[int]:
+    """How wide each column would be if there was room."""
+    from rich.cells import cell_len
+
+    return [
+        max(map(cell_len, (heading, *(row[index] for row in made.rows)))) for index, heading in enumerate(made.headings)
+    ]
+
+
+def _fitted(naturals: Sequence[int], room: int) -> list[int]:
+    """Widths that fit into the room: the widest columns give way, all down to the same width."""
+    cap = max(naturals)
+    while cap > 1 and sum(min(natural, cap) for natural in naturals) > room:
+        cap -= 1
+    return [max(1, min(natural, cap)) for natural in naturals]

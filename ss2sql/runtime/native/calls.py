@@ -1,0 +1,166 @@
+"""Calls of the user's functions from generated code.
+
+A function gets fresh values, so whatever it does to its arguments changes nothing else; one that is proven to change
+nothing gets them as they are. A call of an immutable or stable function is remembered by its arguments for the length
+of one run; the memo is bounded. What comes back is made a value of the language at the border.
+
+What happens per call beside the function decides the speed of a search. Generated code therefore makes the keys of
+arguments itself where one serves for many calls: that of the state for all its steps, that of an element for all states.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable
+from itertools import islice
+from marshal import dumps, loads
+from re import DOTALL
+from re import compile as pattern
+from types import NoneType
+from typing import Any, TypeAlias
+
+from ss2sql.kinds import INT_MAX, INT_MIN
+from ss2sql.runtime.border import is_shallow
+from ss2sql.runtime.functions import UserFunction
+from ss2sql.runtime.pool import Pool
+from ss2sql.runtime.run import Run
+from ss2sql.runtime.values import fresh, normalise
+
+# The value of a call, and its frozen form where that was at hand; None: `freeze` has to make it.
+Result: TypeAlias = tuple[Any, Hashable]
+
+# Of these kinds equal values are the same value; 1, 1.0 and True are one key of a dict but three arguments.
+PLAIN = frozenset({int, str, NoneType})
+
+# Finds what marshal writes before a float, an integer of more than 32 bits, a tuple, True and False: a shallow list
+# without them is a value already, and its bytes are its frozen form. Others are found by chance, which costs time only.
+_unusual = pattern(rb"[gl(TF]", DOTALL).search
+
+_NO_ITEMS = dumps([], 2)
+
+
+def exact_key(value: Any) -> Hashable:
+    """What tells a value from all that are not the same, 1 from 1.0; it cannot be hashed where objects are inside."""
+    if type(value) in PLAIN:
+        return value  # type: ignore[no-any-return]
+    try:
+        return dumps(value, 2)
+    except ValueError:
+        return _WITH_OBJECTS
+
+
+_WITH_OBJECTS: Any = []
+
+
+class RememberedCalls:
+    """The calls of one function in one run, in three ways that share what is remembered.
+
+    `of_plain(*arguments)` takes arguments of the kinds in PLAIN, `of_keys(keys, *arguments)` any with their exact keys,
+    `of_any(*arguments)` makes the keys itself. All give a `Result`.
+    """
+
+    __slots__ = ("of_any", "of_keys", "of_plain")
+
+    def __init__(self, function: UserFunction, run: Run, limit: int) -> None:
+        name, memo, remembered, objects = function.name, dict[Any, Result](), run.stats.remembered, Pool()
+        call, copied = checked_call(function, run), function.changes
+
+        def of_plain(*arguments: Any) -> Result:
+            found = memo.get(arguments)
+            if found is None:
+                found = call(arguments)
+                keep(arguments, found)
+            else:
+                remembered[name] += 1
+            return found
+
+        def of_keys(keys: tuple[Hashable, ...], *arguments: Any) -> Result:
+            try:
+                found = memo.get(keys)
+            except TypeError:
+                return with_objects(arguments)
+            if found is None:
+                # The bytes of a key are a fresh value but for the reading of them.
+                found = call([loads(k) if type(k) is bytes else k for k in keys] if copied else arguments)
+                keep(keys, found)
+            else:
+                remembered[name] += 1
+            return found
+
+        def of_any(*arguments: Any) -> Result:
+            if PLAIN.issuperset(map(type, arguments)):
+                return of_plain(*arguments)
+            return of_keys(tuple(map(exact_key, arguments)), *arguments)
+
+        def with_objects(arguments: tuple[Any, ...]) -> Result:
+            if function.inferred:  # what was proved of plain data says nothing of other objects
+                return call(map(fresh, arguments))
+            key = objects.encode(list(arguments))
+            found = memo.get(key)
+            if found is None:
+                found = call(map(fresh, arguments) if copied else arguments)
+                keep(key, found)
+            else:
+                remembered[name] += 1
+            return found
+
+        def keep(key: Hashable, found: Result) -> None:
+            if len(memo) >= limit:
+                if not limit:
+                    return
+                # Half at once: the first key of a dict is the slower to find the more were deleted before it.
+                for old in list(islice(memo, (limit + 1) // 2)):
+                    del memo[old]
+            memo[key] = found
+
+        self.of_plain, self.of_keys, self.of_any = of_plain, of_keys, of_any
+
+
+def checked_call(function: UserFunction, run: Run) -> Callable[[Any], Result]:
+    """A real call: counted, and what comes back made a value."""
+    name, body, calls = function.name, function.function, run.stats.calls
+    giver = f"the function '{name}'"
+
+    def call(arguments: Any) -> Result:
+        if run.interrupted or run.deadline is not None:
+            run.check()  # a slow function must not keep a timeout waiting
+        calls[name] += 1
+        result = body(*arguments)
+        kind = type(result)
+        if kind is list:
+            if not result:
+                return result, _NO_ITEMS
+            if len(result) < 16 and is_shallow(result):
+                marshalled = dumps(result, 2)
+                if not _unusual(marshalled):
+                    return result, marshalled
+        elif kind is bool or kind is str or (kind is int and INT_MIN <= result <= INT_MAX):
+            return result, result
+        return normalise(result, giver), None
+
+    return call
+
+
+def native_callable(function: UserFunction, run: Run, memo_limit: int) -> Any:
+    """The function on language values, as generated code calls it: one that is volatile gives the value alone."""
+    if function.volatility != "volatile":
+        return RememberedCalls(function, run, memo_limit)
+    call = checked_call(function, run)
+    return lambda *arguments: _kept(call(map(fresh, arguments))[0])
+
+
+def _kept(result: Any) -> Any:
+    """A result that stays as it is, even if the function has kept the list and changes it later."""
+    if type(result) not in (list, dict):
+        return result
+    try:
+        return loads(dumps(result, 2))
+    except ValueError:  # there are objects inside, which stay the same ones
+        return _rebuilt(result)
+
+
+def _rebuilt(value: Any) -> Any:
+    if type(value) is list:
+        return list(map(_rebuilt, value))
+    if type(value) is dict:
+        return {name: _rebuilt(part) for name, part in value.items()}
+    return value

@@ -1,0 +1,96 @@
+"""Boxes around bodies and shapes: what is far away needs not be asked about.
+
+PyBullet's own boxes fit, but those of links are where these were before the last step, unlike what it collides with.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from math import hypot, sqrt
+from typing import Any, NamedTuple
+
+from ss2sql.vtables.pybullet.frames import Box, Point, Turn, turned, union
+from ss2sql.vtables.pybullet.links import frame_of
+from ss2sql.vtables.pybullet.posture import posture
+
+SLACK = 1e-3  # metres: shapes made of corners reach this far beyond them
+
+
+class Extent(NamedTuple):
+    """How far a shape reaches from its middle: a box, to which a ball is added, and a disc that looks along z."""
+
+    box: Point = (0.0, 0.0, 0.0)
+    ball: float = 0.0
+    disc: float = 0.0
+
+    def along(self, turn: Turn) -> Point:
+        """Its reach along x, y and z when it is turned."""
+        columns = [turned(turn, axis) for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))]
+        x, y, z = (
+            sum(abs(part) * half for part, half in zip(row, self.box, strict=True))
+            + self.ball
+            + self.disc * sqrt(max(0.0, 1 - row[2] * row[2]))
+            for row in zip(*columns, strict=True)
+        )
+        return x, y, z
+
+
+def extent_of(kind: str, size: Any) -> Extent:
+    """That of a sphere, box, cylinder or capsule with the measures that PyBullet gives."""
+    a, b, c = size
+    match kind:
+        case "sphere":
+            return Extent(ball=a)
+        case "box":
+            return Extent((a / 2, b / 2, c / 2))
+        case "cylinder":
+            return Extent((0.0, 0.0, a / 2), disc=b)
+        case _:  # a capsule
+            return Extent((0.0, 0.0, a / 2), ball=b)
+
+
+def extent_of_corners(corners: Iterable[Point]) -> Extent:
+    """That of a mesh."""
+    x, y, z = (max(map(abs, values)) for values in zip(*corners, strict=True))
+    return Extent((x, y, z), ball=SLACK)
+
+
+def reach_of_link(world: Any, body: int, link: int) -> float:
+    """The radius of a sphere around all shapes of a link, whose middle is the link's centre of mass."""
+    middle, _ = frame_of(world, (body, link))
+    low, high = world.calls.getAABB(body, link)
+    return hypot(*(max(m - a, b - m) for a, b, m in zip(low, high, middle, strict=True)))
+
+
+def solid_box(world: Any, body: int) -> Box:
+    """A box around what PyBullet collides with: where links are by their joints, and where it shows them."""
+    calls = world.calls
+    base: Box = calls.getAABB(body, -1)
+    if not calls.getNumJoints(body):
+        return base
+    boxes = [base]
+    for link, ((x, y, z), _) in posture(calls, body, calls.getBasePositionAndOrientation(body)).items():
+        if link >= 0:
+            reach = reach_of_link(world, body, link)
+            boxes.append(calls.getAABB(body, link))
+            boxes.append(((x - reach, y - reach, z - reach), (x + reach, y + reach, z + reach)))
+    return union(boxes)
+
+
+class Surroundings:
+    """The boxes around all bodies at one moment. To find those near a robot takes 3 us among 55 of them."""
+
+    def __init__(self, world: Any) -> None:
+        self.boxes = {body: solid_box(world, body) for body in world.ids()}
+        self._flat = [(body, *low, *high) for body, (low, high) in self.boxes.items()]
+
+    def near(self, box: Box, margin: float) -> list[tuple[int, float, float, float, float, float, float]]:
+        """The bodies whose boxes come nearer to this one than a margin, each with its box."""
+        far = max(margin, 0.0) + SLACK
+        (ax, ay, az), (bx, by, bz) = box
+        ax, ay, az, bx, by, bz = ax - far, ay - far, az - far, bx + far, by + far, bz + far
+        return [
+            one
+            for one in self._flat
+            if one[1] <= bx and ax <= one[4] and one[2] <= by and ay <= one[5] and one[3] <= bz and az <= one[6]
+        ]

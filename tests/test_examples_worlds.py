@@ -1,0 +1,345 @@
+"""The examples over simulations: what they find is what plain calls of the simulator give."""
+
+import heapq
+import itertools
+import re
+import shutil
+from collections import Counter, deque
+from collections.abc import Iterator
+from math import dist, hypot
+from typing import Any
+
+import pytest
+
+pytest.importorskip("pybullet")
+import listings
+from example_pages import EXAMPLES, play
+
+import ss2sql
+from ss2sql.vtables.pybullet import PyBulletWorld
+
+Spot = tuple[float, float]
+DIRECTIONS: list[Spot] = [(0, 1), (0, -1), (1, -1), (-1, -1), (1, 0), (-1, 0), (-1, 1), (1, 1)]
+
+
+def script(name: str) -> list[str]:
+    """The lines of a script without its lesson, and without indentation."""
+    lines = (EXAMPLES / name).read_text("utf-8").splitlines()
+    return [line.strip() for line in lines if not line.startswith("# ") and line.strip()]
+
+
+def stripped(listing: str) -> list[str]:
+    return [line.strip() for line in listing.splitlines() if line.strip() and not line.startswith(" # SelectScript")]
+
+
+def is_png(file: Any) -> bool:
+    return file.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n" and file.stat().st_size > 20_000
+
+
+# --- navigation ----------------------------------------------------------------------------------------
+
+
+class Floor:
+    """The hall, asked for collisions without ss2sql: the robot is put there, and distances to all bodies are asked."""
+
+    def __init__(self) -> None:
+        self.hall = ss2sql.scenes.hall(seed=0)
+        self.known: dict[Spot, bool] = {}
+
+    def blocked(self, spot: Spot) -> bool:
+        if spot not in self.known:
+            client, robot = self.hall.client, self.hall.robot
+            (_, _, z), turned = client.getBasePositionAndOrientation(robot)
+            client.resetBasePositionAndOrientation(robot, (*spot, z), turned)
+            others = [body for body in self.hall.names if body != robot]
+            self.known[spot] = any(client.getClosestPoints(robot, body, 0.0) for body in others)
+        return self.known[spot]
+
+
+@pytest.fixture(scope="module")
+def floor() -> Any:
+    found = Floor()
+    yield found
+    found.hall.close()
+
+
+def beside(spot: Spot) -> list[Spot]:
+    return [(spot[0] + x, spot[1] + y) for x, y in DIRECTIONS]
+
+
+START, TARGET = (4.0, 3.0), (10.0, 9.0)
+
+
+def test_navigation_runs_the_listing_of_the_paper_as_printed():
+    assert script("navigation/1_paths.ss") == stripped(listings.ROBOT)
+
+
+def test_navigation_finds_a_thousand_paths_without_a_collision(floor):
+    result = play("navigation").result("1_paths")
+    paths = [[(x, y) for x, y in path] for path in result.value]
+    assert (len(paths), result.status) == (1000, "maximum")
+    assert len(set(map(tuple, paths))) == 1000
+    lengths = list(map(len, paths))
+    assert lengths == sorted(lengths)
+    assert lengths[-1] <= 20
+    for path in paths:
+        assert path[-1] == TARGET
+        assert len(set(path)) == len(path)  # the start is no row: a path may come back to it
+        assert all(after in beside(before) for before, after in itertools.pairwise([START, *path]))
+        assert not any(floor.blocked(spot) for spot in path)
+    assert lengths[0] == checked(floor)[0]
+
+
+def test_navigation_lists_paths_as_a_plain_enumeration_does(floor):
+    graph: dict[Spot | None, list[Spot]] = {}  # None: the start, before the first step
+    checked(floor, graph)
+    steps: dict[Spot | None, int] = {TARGET: 0}  # to the target, at least
+    for length in range(1, 21):
+        for here, ends in graph.items():
+            if here not in steps and any(steps.get(spot) == length - 1 for spot in ends):
+                steps[here] = length
+
+    def paths(here: Spot | None, left: int, before: tuple[Spot, ...]) -> Iterator[tuple[Spot, ...]]:
+        for spot in graph[here]:
+            if spot == TARGET and left == 1:
+                yield (*before, spot)
+            elif spot != TARGET and spot not in before and steps.get(spot, left) < left:
+                yield from paths(spot, left - 1, (*before, spot))
+
+    every = itertools.chain.from_iterable(paths(None, length, ()) for length in range(1, 21))
+    expected = [[list(spot) for spot in path] for path in itertools.islice(every, 1000)]
+    assert play("navigation").value("1_paths") == expected
+
+
+def checked(floor: Floor, graph: dict[Spot | None, list[Spot]] | None = None) -> tuple[int, int, int]:
+    """The length of the shortest path, and how many steps ask for a collision, and how many collide.
+
+    Each place is gone on from once, from the level where it was reached first; the start has been left, not reached. A
+    step to a place that was reached before is dropped before anything is asked. `graph` gets the steps that go on.
+    """
+    graph = {} if graph is None else graph
+    reached: set[Spot] = set()
+    waiting = deque([(START, 1)])
+    shortest, asked, hits = 0, 0, 0
+    while waiting:
+        here, level = waiting.popleft()
+        ends = graph.setdefault(None if level == 1 else here, [])
+        for spot in beside(here):
+            if spot == TARGET:
+                shortest = shortest or level
+                ends.append(spot)
+            elif spot in reached:
+                ends.append(spot)
+            elif dist(spot, TARGET) <= 0.5 * (20 - level):
+                asked += 1
+                if floor.blocked(spot):
+                    hits += 1
+                else:
+                    ends.append(spot)
+                    reached.add(spot)
+                    waiting.append((spot, level + 1))
+    return shortest, asked, hits
+
+
+def test_navigation_asks_once_for_each_step(floor):
+    example = play("navigation")
+    _, asked, hits = checked(floor)
+    assert example.result("1_paths").stats.calls["checkCollision"] == asked
+    assert f"the bell rang {hits} times" in example.text
+    assert f"{asked} calls of checkCollision" in example.text
+
+
+def test_the_best_path_is_that_of_dijkstra_and_each_place_is_tested_once(floor):
+    cost, waiting = {}, [(0.0, START)]
+    while TARGET not in cost:
+        so_far, here = heapq.heappop(waiting)
+        if here not in cost:
+            cost[here] = so_far
+            for spot in beside(here):
+                if not floor.blocked(spot):
+                    heapq.heappush(waiting, (so_far + dist(here, spot), spot))
+    example = play("navigation")
+    result = example.result("2_best")
+    (path,) = [[START, *((x, y) for x, y in way)] for way in result.value]
+    assert path[-1] == TARGET
+    assert sum(itertools.starmap(dist, itertools.pairwise(path))) == pytest.approx(cost[TARGET])
+    assert not any(floor.blocked(spot) for spot in path)
+    assert result.engine == "database"
+    tested: list[Spot] = []
+    with ss2sql.scenes.hall(seed=0) as hall, ss2sql.connect() as ss:
+        space = PyBulletWorld(hall)
+        ss.attach("space", space)
+        ss.function(example.module["add"])
+
+        @ss.function(volatility="stable")
+        def collision(robot: str, spot: list[float]) -> bool:
+            tested.append((spot[0], spot[1]))
+            return space.collision(robot, spot)
+
+        assert ss.run(EXAMPLES / "navigation" / "2_best.ss").value == result.value
+    assert len(set(tested)) == len(tested) == result.stats.calls["collision"]
+
+
+def test_navigation_is_pictured():
+    assert is_png(play("navigation").picture("navigation.png"))
+
+
+# --- the chaos -----------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def box() -> Any:
+    """The chaos as the example first asks about it."""
+    with ss2sql.scenes.chaos(seed=18, bodies=150) as world:
+        world.step(play("chaos").module["STEPS"])
+        yield world
+
+
+def is_sphere(world: Any, body: int) -> bool:
+    shapes = world.client.getCollisionShapeData(body, -1)
+    return bool(shapes) and shapes[0][2] == world.client.GEOM_SPHERE
+
+
+def mass(world: Any, body: int) -> float:
+    return float(world.client.getDynamicsInfo(body, -1)[0])
+
+
+def test_chaos_runs_the_listings_of_the_paper_as_printed():
+    both = script("chaos/2_heaviest.ss")[:-1] + script("chaos/3_planes.ss")
+    assert [line for line in both if not line.startswith("#")] == [
+        line for line in stripped(listings.SPACE) if not line.startswith("#")
+    ]
+
+
+def test_chaos_finds_heavy_spheres_and_the_heaviest(box):
+    example = play("chaos")
+    spheres = {body: mass(box, body) for body in box.names if is_sphere(box, body)}
+    heavy = [
+        (weight, list(box.client.getBasePositionAndOrientation(body)[0]))
+        for body, weight in sorted(spheres.items())
+        if weight > 50
+    ]
+    assert list(example.result("1_heavy")) == heavy
+    heaviest = max(spheres, key=lambda body: spheres[body])
+    assert list(example.result("2_heaviest")) == [(heaviest, box.names[heaviest], spheres[heaviest])]
+    assert is_png(example.picture("heaviest.png"))
+
+
+def test_chaos_gives_planes_with_what_is_in_the_box(box):
+    example = play("chaos")
+    masses, velocities = example.value("3_planes")
+    assert masses.shape == velocities.shape == (100, 100)
+    total = sum(mass(box, body) for body in box.names)
+    assert 0.8 * total < masses.sum() <= total * (1 + 1e-9)  # the blur loses what is near the walls
+    assert masses.min() >= 0 > velocities.min()
+    lines = [
+        line for line in example.text.splitlines() if re.fullmatch(r"  [ .:\-=+*#%@]{50}   [ .:\-=+*#%@]{50}\s*", line)
+    ]
+    assert len([line for line in lines if line.strip()]) <= 25
+    assert "@" in "".join(lines)
+
+
+def test_chaos_counts_kinds_before_and_after(box):
+    example = play("chaos")
+    moving = [body for body in box.names if mass(box, body) > 0]
+    kinds = Counter(kind(box, body) for body in moving)
+    rows = {row[0]: row[1:] for row in example.result("4_kinds")}
+    assert {name: row[0] for name, row in rows.items()} == kinds
+    for name, (_, weight, fastest) in rows.items():
+        alike = [body for body in moving if kind(box, body) == name]
+        assert weight == round(sum(mass(box, body) for body in alike))
+        assert fastest == round(max(hypot(*box.client.getBaseVelocity(body)[0]) for body in alike), 1)
+    assert re.search(r"The same after \d+ steps, [1-9]\d* births and \d+ deaths", example.text)
+
+
+def kind(world: Any, body: int) -> str:
+    names = {getattr(world.client, f"GEOM_{name.upper()}"): name for name in ("sphere", "box", "capsule", "cylinder")}
+    return names[world.client.getCollisionShapeData(body, -1)[0][2]]
+
+
+# --- sensors -------------------------------------------------------------------------------------------
+
+
+def test_sensors_leave_the_free_cells_that_none_sees():
+    example = play("sensors")
+    seen, occupied = example.value("1_coverage"), example.value("2_floor")
+    expected = [
+        ((column + 0.5) / 2, (row + 0.5) / 2)
+        for row, column in itertools.product(range(24), range(32))
+        if seen[row, column] == 0 and not occupied[row, column]
+    ]
+    assert list(example.result("3_unseen")) == expected
+    assert f"{len(expected)} of 768 cells" in example.text
+    assert is_png(example.picture("unseen.png"))
+    rows = [line.split() for line in example.text.splitlines() if re.fullmatch(r"\s*([.\d] ){32}\s*", line)]
+    assert rows == [
+        ["." if cell == 0 else str(int(cell)) for cell in row] for grid in (seen, occupied) for row in grid[::-1]
+    ]
+
+
+def test_the_alarm_tells_every_change_while_the_robot_drives():
+    example = play("sensors")
+    log = []
+    with ss2sql.scenes.hall(seed=0) as hall:
+        space = PyBulletWorld(hall)
+
+        def seeing() -> list[str]:
+            return [hall.names[sensor] for sensor in sorted(hall.sensors) if space.isSensing(sensor, "YouBot")]
+
+        before = seeing()
+        assert list(example.result("4_alarm")) == [(name,) for name in before]
+        for x, y in example.module["spots"]():
+            space.move("YouBot", [x, y])
+            hall.step(24)
+            if seeing() != before:
+                before = seeing()
+                log.append((f"{x:.1f}", f"{y:.1f}", ", ".join(before) or "nobody"))
+    assert log
+    assert re.findall(r" s  at \((.*), (.*)\)  (\S.*?)\s*$", example.text, re.MULTILINE) == log
+    assert f"{len(log)} changes" in example.text
+
+
+# --- facts ---------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def hall() -> Any:
+    with ss2sql.scenes.hall(seed=0) as world:
+        yield world
+
+
+def test_facts_are_those_of_the_simulation(hall):
+    example = play("facts")
+    weights = {
+        name: sum(hall.client.getDynamicsInfo(body, link)[0] for link in range(-1, hall.client.getNumJoints(body)))
+        for body, name in hall.names.items()
+    }
+    facts = set(example.value("1_bodies").splitlines())
+    assert {fact for fact in facts if fact.startswith("is")} == {
+        *(f"isSensor({hall.names[sensor]})." for sensor in hall.sensors), "isRobot('YouBot').",
+    }  # fmt: skip
+    told = {name.strip("'"): float(number) for name, number in re.findall(r"mass\((.*), (.*)\)\.", "\n".join(facts))}
+    sensors = {hall.names[sensor] for sensor in hall.sensors}
+    assert told == pytest.approx({name: weight for name, weight in weights.items() if weight > 0 or name in sensors})
+
+
+@pytest.mark.skipif(shutil.which("swipl") is None, reason="SWI-Prolog is not installed")
+def test_prolog_draws_the_conclusions_of_the_rules():
+    example = play("facts")
+    facts = "".join(example.value(name) for name in ("1_bodies", "2_relations", "3_sensing"))
+    pairs = re.findall(r"above\((\w+|'.*?'), (\w+|'.*?')\)\.", facts)
+    watched = set(re.findall(r"isSensing\(\w+, (\w+)\)\.", facts))
+    light = [
+        name for name, weight in re.findall(r"mass\((\w+), (.*)\)\.", facts)
+        if float(weight) <= 25 and f"isSensor({name})." not in facts
+    ]  # fmt: skip
+    below = {name: [low for high, low in pairs if high == name] for name in light}
+    places = {
+        name: next(low for low in lows if not any((other, low) in pairs for other in lows))
+        for name, lows in below.items()
+    }
+    answer = [f"{name} is light and stands on {places[name]}" for name in light]
+    answer += [f"YouBot fetches {name} from {places[name]}" for name in light if name not in watched]
+    shown = example.text.split("and answers:")[1]
+    assert [line.strip() for line in shown.strip().splitlines()] == answer
+    assert len(answer) > len(light) > 0
