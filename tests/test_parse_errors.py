@@ -177,8 +177,6 @@ WRONG = [
     ("SELECT a FROM b AS «in»", "IN is a reserved word, not a name", "choose another name"),
     ("a.b«.»c", "a dot stands behind the name of a source only, not behind a.b", 'write a.b["c"]'),
     ("f(x)«.»y", "a dot stands behind the name of a source only, not behind f(x)", 'write f(x)["y"]'),
-    ("this«.»x", "a dot stands behind the name of a source only", 'write this["x"]'),
-    ("a.f«(»3)", "there are no methods", "write f(a, ...)"),
     ("x = «{»'a': 1}", "a dict cannot be written", "from Python"),
     ("«v{}» = 3", "does not say how many seconds to keep", "v{5.0} ="),
     ("IF(a; b; c«;» d)", "';' does not fit here in IF", "IF(a; b, c; d)"),

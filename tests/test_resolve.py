@@ -138,6 +138,8 @@ def test_the_first_match_wins(ss: ss2sql.Session, engine: Any, script: str, valu
         ("SELECT to(a, b + 'x') FROM t;", [("R001", "b")]),
         ("SELECT a FROM t AS lists;", [("R006", "AS lists")]),
         ("fun(1);", [("R002", "fun(1)")]),
+        ("SELECT t.len() FROM t;", [("R002", "t.len()")]),
+        ("SELECT t.nothing(3) FROM t;", [("R002", "t.nothing(3)")]),
         ("SELECT item(this, 0) FROM [[1]] AS list; slyce(1);", [("R002", "slyce(1)")]),
         ("len(1, 2);", [("R005", "len(1, 2)")]),
         ("v{};", [("R001", "v{}")]),
@@ -605,3 +607,12 @@ def test_what_a_plan_says(ss: ss2sql.Session) -> None:
         "      expr: aggregate max [none or int 2..4]",
         "        argument: column b of source 2 [int 2..4]",
     ]
+
+
+@pytest.mark.parametrize(
+    ("call", "function"), [("t.len()", "len(t)"), ("t.max(3)", "max(t, ...)"), ("t.nothing()", "nothing(t)")]
+)
+def test_methods_are_written_as_functions(ss: ss2sql.Session, call: str, function: str) -> None:
+    with pytest.raises(ss2sql.ResolveError) as error:
+        ss.run(f"SELECT {call} FROM t;")
+    assert error.value.hints == (f"there are no methods; write {function}, with a function that is known or registered",)

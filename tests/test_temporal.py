@@ -256,7 +256,7 @@ def test_reading_only_starts_with_what_was_kept_and_writes_nothing(tmp_path: Pat
 
 
 def test_a_locked_file_is_an_error_of_the_script(tmp_path: Path, clock: Clock, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("ss2sql.runtime.session.BUSY_MILLISECONDS", 10)
+    monkeypatch.setattr("ss2sql.runtime.opening.BUSY_MILLISECONDS", 10)
     path = tmp_path / "robot.db"
     with session(path, clock) as ss:
         ss.run("v{5} = 1;")

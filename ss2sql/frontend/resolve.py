@@ -301,6 +301,9 @@ class Resolver:
             if world is None:
                 message = f"there is no world '{tree.owner}' with a function '{tree.function}'"
             hints = did_you_mean(tree.function if world is not None else tree.owner or "", known)
+            if not hints:
+                call = f"{tree.function}({tree.owner}{', ...' if tree.arguments else ''})"
+                hints = (f"there are no methods; write {call}, with a function that is known or registered",)
             raise ResolveError("R002", message, tree.span, hints)
         own = f"{tree.owner}.{tree.function}"
         name = own if own in self.catalog.world_functions else tree.function

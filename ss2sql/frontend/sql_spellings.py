@@ -180,14 +180,11 @@ def _star(t: Trouble) -> ParseError | None:
 
 
 def _dot(t: Trouble) -> ParseError | None:
-    """A dot stands between a source and its column; there are no methods and no longer paths."""
-    dotted = t.before().kind == "NAME" and t.before(2).kind == "."
+    """A dot stands between a source and its column; there are no longer paths."""
     if t.found.kind == "." and "+" in t.expected:
         key = t.next.text if t.next.kind == "NAME" else "key"
         return t.error("P001", f"a dot stands behind the name of a source only, not behind {t.operand()}",
                        f'write {t.operand()}["{key}"] to read a key')  # fmt: skip
-    if t.found.kind == "(" and dotted:
-        return t.error("P001", "there are no methods", f"write {t.before().text}({t.before(3).text}, ...)")
     return None
 
 

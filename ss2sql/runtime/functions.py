@@ -21,10 +21,7 @@ from ss2sql.frontend.purity import arity, infer
 from ss2sql.frontend.text import RESERVED as RESERVED_WORDS
 from ss2sql.lowering.sql import SQLITE_FUNCTIONS
 from ss2sql.runtime.builtins import BUILTINS
-from ss2sql.runtime.pool import Pool
-from ss2sql.runtime.run import Run
 from ss2sql.runtime.search_functions import FUNCTIONS as SEARCH_FUNCTIONS
-from ss2sql.runtime.values import fresh, normalise
 
 MEMO_LIMIT = 100_000
 
@@ -209,62 +206,3 @@ class Memo:
 
 
 _HAVE_ONE_KIND = frozenset({bytes, str, NoneType})  # of SQL values that equal only what they are
-
-
-def native_callable(function: UserFunction, run: Run, memo_limit: int) -> Callable[..., Any]:
-    """The function on language values, as the native executor calls it.
-
-    The memo's keys are the marshalled arguments, which tell 1 from 1.0 and True; where there are objects inside,
-    the handle of a pool that knows them.
-    """
-    name, body, calls, check = function.name, function.function, run.stats.calls, run.check
-    giver = f"the function '{name}'"
-
-    def call(*arguments: Any, copied: bool = True) -> Any:
-        check()  # a slow function must not keep a timeout waiting
-        calls[name] += 1
-        return normalise(body(*map(fresh, arguments)) if copied else body(*arguments), giver)
-
-    if function.volatility == "volatile":
-        return lambda *arguments: _kept(call(*arguments))
-    if not memo_limit:
-        return call
-    memo: dict[bytes, Any] = {}
-    remembered, objects = run.stats.remembered, Pool()
-    copied = function.changes
-
-    def remember(*arguments: Any) -> Any:
-        try:
-            key = marshal.dumps(arguments, 2)
-        except ValueError:
-            if function.inferred:
-                return call(*arguments)
-            key = objects.encode(list(arguments))
-        if key in memo:
-            remembered[name] += 1
-            return memo[key]
-        result = call(*arguments, copied=copied)
-        if len(memo) >= memo_limit:
-            del memo[next(iter(memo))]
-        memo[key] = result
-        return result
-
-    return remember
-
-
-def _kept(result: Any) -> Any:
-    """A result that stays as it is, even if the function has kept the list and changes it later."""
-    if type(result) not in (list, dict):
-        return result
-    try:
-        return marshal.loads(marshal.dumps(result, 2))
-    except ValueError:  # there are objects inside, which stay the same ones
-        return _rebuilt(result)
-
-
-def _rebuilt(value: Any) -> Any:
-    if type(value) is list:
-        return list(map(_rebuilt, value))
-    if type(value) is dict:
-        return {name: _rebuilt(part) for name, part in value.items()}
-    return value

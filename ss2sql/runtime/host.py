@@ -20,7 +20,8 @@ from ss2sql.lowering.rewrites.world import World
 from ss2sql.runtime import representations
 from ss2sql.runtime.builtins import BUILTINS
 from ss2sql.runtime.database import Database
-from ss2sql.runtime.functions import MEMO_LIMIT, UserFunction, builtin_functions, native_callable, sql_names
+from ss2sql.runtime.functions import MEMO_LIMIT, UserFunction, builtin_functions, sql_names
+from ss2sql.runtime.native.calls import native_callable
 from ss2sql.runtime.native.deep import with_room
 from ss2sql.runtime.rows import Rows
 from ss2sql.runtime.run import Run

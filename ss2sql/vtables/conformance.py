@@ -7,9 +7,9 @@ world, on both engines, and over a plain copy of its tables: lists of dicts, whi
 from __future__ import annotations
 
 import random
-from math import dist, isclose
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from math import dist, isclose
 from typing import Any
 
 from ss2sql.errors import Error
@@ -192,7 +192,9 @@ class _Judge:
         for name in points.keys() - {"this"}:
             for key, row, point in zip(keys, rows, points[name], strict=True):
                 if row[name] != point:
-                    raise BrokenRuleError("places are true", table.name, f"of {key!r} {name} is {row[name]}, not {point}")
+                    raise BrokenRuleError(
+                        "places are true", table.name, f"of {key!r} {name} is {row[name]}, not {point}"
+                    )
         measure: Any = getattr(self.world, "distance", None)
         own = points.get("this") or []
         for _ in range(20 if own else 0):

@@ -111,9 +111,7 @@ def _place(expr: plan.Expr, sources: Sources) -> Place | None:
         name = "this" if isinstance(expr, plan.Element) else expr.name
         if isinstance(source, plan.WorldSource) and name in source.table.schema.places:
             kinds = dict(source.columns)
-            columns = (
-                plan.Column(source.id, c, kinds[c], span=expr.span) for c in source.table.schema.places[name]
-            )
+            columns = (plan.Column(source.id, c, kinds[c], span=expr.span) for c in source.table.schema.places[name])
             return Place(tuple(columns), source, isinstance(expr, plan.Element))
     coordinates = _coordinates(expr)
     return Place(coordinates) if coordinates and all(map(_is_plain, coordinates)) else None
@@ -129,7 +127,9 @@ def _coordinates(expr: plan.Expr) -> tuple[plan.Expr, ...]:
         case plan.Constant(value=list() as values):
             return tuple(constant(value, expr.span) for value in values)
         case _:
-            return tuple(call("item", expr, constant(index, expr.span), span=expr.span) for index in range(len(positions)))
+            return tuple(
+                call("item", expr, constant(index, expr.span), span=expr.span) for index in range(len(positions))
+            )
 
 
 def _is_plain(expr: plan.Expr) -> bool:

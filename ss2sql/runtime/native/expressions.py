@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, assert_never
 
 from ss2sql import plan
 from ss2sql.kinds import Kind
+from ss2sql.runtime.native.call_code import is_remembered, remembered_call
 from ss2sql.runtime.native.facts import OWN_GROUP
 from ss2sql.runtime.native.pen import Pen
 from ss2sql.runtime.native.unit import Body
@@ -153,7 +154,10 @@ def _column(body: Body, node: plan.Column, pen: Pen) -> ast.expr:
 
 def _call(builder: Builder, node: plan.Call, body: Body) -> ast.expr:
     unit, function = builder.unit, node.function
-    pen = unit.pen_at(node.place)
+    facts, pen = unit.analysis.of(node), unit.pen_at(node.place)
+    if is_remembered(node):
+        value = pen.item(remembered_call(builder, node, body), 0)
+        return body.kept(facts, value, unit.pen_at(node.span), function.name) if facts.steady else value
     arguments = [expression(builder, argument, body) for argument in node.arguments]
     if function.builtin:
         inline = _inline(node, arguments, pen)
@@ -161,7 +165,6 @@ def _call(builder: Builder, node: plan.Call, body: Body) -> ast.expr:
             return inline
     unit.page.mark_call(node.place, function.name)
     call = pen.call(unit.function(function, pen), *arguments)
-    facts = unit.analysis.of(node)
     if function.builtin or not facts.steady:
         return call
     return body.kept(facts, call, unit.pen_at(node.span), function.name)

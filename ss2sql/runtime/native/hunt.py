@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 from ss2sql import plan
 from ss2sql.kinds import Kind
 from ss2sql.runtime.native import options
+from ss2sql.runtime.native.call_code import is_remembered, keyed_elements, remembered_call
 from ss2sql.runtime.native.expressions import expression
 from ss2sql.runtime.native.flat import key_expressions
 from ss2sql.runtime.native.lookups import Lookup, lookup
@@ -104,8 +105,7 @@ class Steps:
         body.add(pen.unpack(states, pen.name("state")))
         body.locals.extend(states)
         self._look_up()
-        if self.compares:
-            self._freeze_elements()
+        self._accompany([*self.outputs, *(clause for clause in clauses if clause), *connect])
         self.inner = self.loops.open(body, {})
         self._step()
         self.inner.define()
@@ -134,15 +134,17 @@ class Steps:
         keys = [(self.unit.analysis.of(a).key, self.unit.analysis.of(b).key) for a, b in pairs]
         return all(a is not None and a == b for a, b in keys)
 
-    def _freeze_elements(self) -> None:
-        """Elements that stand in the row as they are, and are read once, are frozen once."""
-        shown = {expr.source for expr in self.outputs if isinstance(expr, plan.Element)}
+    def _accompany(self, clauses: list[plan.Expr]) -> None:
+        """Elements that are read once, and stand in the row as they are, are frozen once; so are keys of arguments."""
+        shown = {expr.source for expr in self.outputs if isinstance(expr, plan.Element)} if self.compares else set()
+        keyed = keyed_elements(clauses)
         for source in self.query.sources:
             usable = source.id in self.loops.items and source.id not in self.loops.lookups
-            if source.id not in shown or not usable or isinstance(source, (plan.TableSource, plan.WorldSource)):
+            if not usable or source.id in self.unit.tuples or isinstance(source, (plan.TableSource, plan.WorldSource)):
                 continue
-            if source.id not in self.unit.tuples and not source.element.only(Kind.NUMBER | Kind.STR):
-                self.loops.freeze_items(source, self.unit.helper(with_frozen))
+            frozen = source.id in shown and not source.element.only(Kind.NUMBER | Kind.STR)
+            if frozen or source.id in keyed:
+                self.loops.accompany(source, frozen, source.id in keyed)
 
     # --- one step --------------------------------------------------------------------------------------
 
@@ -192,6 +194,10 @@ class Steps:
         """The value of a column, and what stands for it where rows are compared."""
         unit, inner = self.unit, self.inner
         pen = unit.pen_at(expr.span)
+        if isinstance(expr, plan.Call) and is_remembered(expr):
+            found = self._called(expr)
+            if found is not None:
+                return found
         value = expression(self.builder, expr, inner)
         if isinstance(expr, plan.Element) and expr.source in self.loops.frozen:
             return value, pen.name(self.loops.frozen[expr.source])
@@ -201,6 +207,21 @@ class Steps:
         frozen = pen.call(unit.helper(freeze), value)
         facts = unit.analysis.of(expr)
         return value, inner.kept(replace(facts, key=None), frozen, pen, "frozen") if facts.steady else frozen
+
+    def _called(self, expr: plan.Call) -> tuple[ast.expr, ast.expr] | None:
+        """The same for a call, which often has the frozen form at hand; None where it is kept from another place."""
+        unit, inner = self.unit, self.inner
+        facts = unit.analysis.of(expr)
+        if inner.name_of(facts) or (facts.steady and inner.home(facts) != (inner, inner.level)):
+            return None
+        pen = unit.pen_at(expr.span)
+        value, key = unit.local(expr.function.name), unit.local("key")
+        inner.add(pen.unpack([value, key], remembered_call(self.builder, expr, inner)))
+        frozen = pen.assign(key, pen.call(unit.helper(freeze), pen.name(value)))
+        inner.add(pen.when(pen.compare(pen.name(key), ast.Is(), pen.constant(None)), frozen))
+        if facts.steady and facts.key is not None:
+            inner.known[-1][facts.key] = value
+        return pen.name(value), pen.name(key)
 
     def _judge(self) -> bool:
         """Evaluates STOP WITH and WHERE and drops a step that stops without being a goal.
@@ -265,8 +286,3 @@ class Steps:
 def _parts(clause: plan.Expr | None, kind: type[plan.And] | type[plan.Or]) -> tuple[plan.Expr, ...]:
     """The parts of a clause in the order in which they are asked."""
     return clause.parts if isinstance(clause, kind) else () if clause is None else (clause,)
-
-
-def with_frozen(items: list[Any]) -> list[tuple[Any, Any]]:
-    """The items with their frozen forms."""
-    return list(zip(items, map(freeze, items), strict=True))

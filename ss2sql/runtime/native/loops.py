@@ -8,11 +8,12 @@ value that changes during the walk does no harm.
 from __future__ import annotations
 
 import ast
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import chain
 from typing import TYPE_CHECKING, Any, assert_never
 
 from ss2sql import plan
+from ss2sql.runtime.native.calls import exact_key
 from ss2sql.runtime.native.expressions import expression
 from ss2sql.runtime.native.facts import Facts
 from ss2sql.runtime.native.lookups import (
@@ -27,6 +28,7 @@ from ss2sql.runtime.native.unit import MOST_LOOPS, Body
 from ss2sql.runtime.native.worlds import Demand, demand_of, world_items
 from ss2sql.runtime.run import Run
 from ss2sql.runtime.sources import column_of, elements
+from ss2sql.runtime.values import freeze
 from ss2sql.vtables.frames.frame import Frame
 from ss2sql.walk import walk
 
@@ -80,12 +82,18 @@ class Loops:
                 self.owner.add(pen.assign(name, self._items(source, self.owner)))
                 self.owner.locals.append(name)
 
-    def freeze_items(self, source: plan.Source, helper: str) -> None:
-        """Pairs the elements of a source that is read once with what `helper` makes of them."""
-        pen = self.builder.unit.pen_at(source.span)
-        name = self.items[source.id]
-        self.owner.add(pen.assign(name, pen.call(helper, pen.name(name))))
-        self.frozen[source.id] = self.builder.unit.local("key")
+    def accompany(self, source: plan.Source, frozen: bool, keyed: bool) -> None:
+        """Lets the elements of a source that is read once come with their frozen forms, or with their exact keys."""
+        unit = self.builder.unit
+        pen, name = unit.pen_at(source.span), self.items[source.id]
+        makers: list[ast.expr] = []
+        if frozen:
+            self.frozen[source.id] = unit.local("key")
+            makers.append(pen.name(unit.helper(freeze)))
+        if keyed:
+            unit.keys[source.id] = unit.local("exact")
+            makers.append(pen.name(unit.helper(exact_key)))
+        self.owner.add(pen.assign(name, pen.call(unit.helper(accompanied), pen.name(name), *makers)))
 
     def look_up(self, condition: Lookup | None) -> bool:
         """Plans to look up what the condition asks for; gives whether that is possible and worth it.
@@ -153,8 +161,8 @@ class Loops:
         if source.id in self.lookups:
             items = self._looked_up(source, items, body)
         name = unit.names[source.id] = unit.local(source.name)
-        frozen = self.frozen.get(source.id)
-        body.loop([name] if frozen is None else [name, frozen], items, pen)
+        names = (name, self.frozen.get(source.id), unit.keys.get(source.id))
+        body.loop([word for word in names if word is not None], items, pen)
         body.levels[source.id] = body.level
 
     def _count(self, body: Body, innermost: bool) -> None:
@@ -273,6 +281,11 @@ def read_by_sources(query: plan.Query) -> list[plan.Expr]:
     """The expressions in the FROM of a query."""
     values = [source.value for source in query.sources if isinstance(source, plan.ValueSource)]
     return values + [e for source in query.sources if isinstance(source, plan.WorldSource) for e in source.arguments]
+
+
+def accompanied(items: list[Any], *makers: Callable[[Any], Any]) -> list[tuple[Any, ...]]:
+    """The items, each with what the makers make of it."""
+    return list(zip(items, *(map(maker, items) for maker in makers), strict=True))
 
 
 def rows_of_frame(source: Any, *names: str) -> list[tuple[Any, ...]]:

@@ -201,7 +201,7 @@ class Unit:
 
     `names` and `states` give the local names of sources and START WITH variables, `tuples` the columns of the
     sources whose elements are tuples, `elements` the types of those whose elements are values. `worlds` are the tables
-    of those that walk keys of a world.
+    of those that walk keys of a world. `keys` names the exact keys that elements come with, see calls.py.
     """
 
     def __init__(self, span: Span, analysis: Analysis, parameters: tuple[str, ...] = ()) -> None:
@@ -215,6 +215,7 @@ class Unit:
         self.tuples: dict[int, tuple[str, ...]] = {}
         self.elements: dict[int, Type] = {}
         self.worlds: dict[int, Any] = {}
+        self.keys: dict[int, str] = {}
         self.bindings: list[ast.stmt] = []
         self.definitions: list[ast.stmt] = []
         self._bound: dict[Any, str] = {}

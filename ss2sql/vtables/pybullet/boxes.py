@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from ss2sql.vtables.pybullet.frames import Box, Point, Turn, turned, union
 from ss2sql.vtables.pybullet.links import frame_of
-from ss2sql.vtables.pybullet.posture import posture
+from ss2sql.vtables.pybullet.posture import frames_of
 
 SLACK = 1e-3  # metres: shapes made of corners reach this far beyond them
 
@@ -69,7 +69,7 @@ def solid_box(world: Any, body: int) -> Box:
     if not calls.getNumJoints(body):
         return base
     boxes = [base]
-    for link, ((x, y, z), _) in posture(calls, body, calls.getBasePositionAndOrientation(body)).items():
+    for link, ((x, y, z), _) in frames_of(world, body).items():
         if link >= 0:
             reach = reach_of_link(world, body, link)
             boxes.append(calls.getAABB(body, link))

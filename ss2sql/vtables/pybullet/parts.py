@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from ss2sql.vtables.pybullet.bodies import KINDS, shapes_of
 from ss2sql.vtables.pybullet.boxes import Extent, extent_of, extent_of_corners, reach_of_link
 from ss2sql.vtables.pybullet.frames import Box, Frame, Point, Turn, inside, seen_from, union
-from ss2sql.vtables.pybullet.posture import posture
+from ss2sql.vtables.pybullet.posture import frames_of
 from ss2sql.vtables.schema import failure
 
 ORIGIN: Point = (0.0, 0.0, 0.0)
@@ -132,8 +132,8 @@ class Stock:
 
 def robot_of(world: Any, stock: Stock, body: int) -> Robot:
     """The parts of a body, as it is now."""
-    base: Frame = world.calls.getBasePositionAndOrientation(body)
-    frames = posture(world.calls, body, base)
+    frames = frames_of(world, body)
+    base = frames[-1]
     parts = []
     for link, number, data in shapes_of(world, body):
         frame = frames[link]

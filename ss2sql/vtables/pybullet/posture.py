@@ -21,6 +21,14 @@ def posture(calls: Any, body: int, base: Frame) -> dict[int, Frame]:
     return frames
 
 
+def frames_of(world: Any, body: int) -> dict[int, Frame]:
+    """The same for a body as it is now, computed once in a query: a robot with nine joints takes 130 us."""
+    known = world.memory.setdefault("postures", {})
+    if body not in known:
+        known[body] = posture(world.calls, body, world.calls.getBasePositionAndOrientation(body))
+    return known[body]  # type: ignore[no-any-return]
+
+
 def _frame(calls: Any, body: int, joint: int, frames: dict[int, Frame], state: Any) -> Frame:
     info = calls.getJointInfo(body, joint)
     kind, axis, pivot, parent = info[2], info[13], info[14], info[16]

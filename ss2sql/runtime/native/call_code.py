@@ -1,0 +1,119 @@
+"""The code of calls of the user's functions: how their arguments are made keys, see calls.py."""
+
+from __future__ import annotations
+
+import ast
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, TypeGuard
+
+from ss2sql import plan
+from ss2sql.kinds import Kind
+from ss2sql.runtime.native.calls import exact_key
+from ss2sql.runtime.native.unit import Body
+from ss2sql.runtime.run import Run
+from ss2sql.walk import walk_own
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.native.builder import Builder
+
+_PLAIN = Kind.INT | Kind.STR | Kind.NONE  # the kinds that are their own keys, PLAIN in calls.py
+
+
+def is_remembered(node: plan.Expr) -> bool:
+    """Whether the expression is a call whose results are remembered one by one."""
+    if not isinstance(node, plan.Call):
+        return False
+    function = node.function
+    return not (function.builtin or function.vectorized or function.volatility == "volatile")
+
+
+def remembered_call(builder: Builder, node: plan.Call, body: Body) -> ast.expr:
+    """The call; it gives the value and its frozen form, or None for that."""
+    from ss2sql.runtime.native.expressions import expression
+
+    unit = builder.unit
+    pen = unit.pen_at(node.place)
+    values = [expression(builder, argument, body) for argument in node.arguments]
+    way = _way(node, body)
+    if way == "of_keys":
+        keys = []
+        for index, argument in enumerate(node.arguments):
+            key, values[index] = _key(builder, argument, values[index], body)
+            keys.append(key)
+        values.insert(0, pen.pack(*keys))
+    unit.page.mark_call(node.place, node.function.name)
+    constant = pen.name(unit.constant(node.function, "function"))
+    function = pen.call(unit.helper(calls_of), pen.name("run"), constant, pen.constant(way))
+    bound = unit.bind((node.function.name, way), node.function.name, function, pen)
+    return pen.call(bound, *values)
+
+
+def keyed_elements(places: list[Any]) -> set[int]:
+    """The sources whose elements are arguments of remembered calls and no keys by themselves."""
+    return {
+        argument.source
+        for place in places
+        for node in walk_own(place)
+        if is_remembered(node)
+        for argument in node.arguments
+        if isinstance(argument, plan.Element) and not argument.type.only(_PLAIN)
+    }
+
+
+def _way(node: plan.Call, body: Body) -> str:
+    """How the call is made: it is worth while to make keys here where one of them serves for several calls."""
+    if all(argument.type.only(_PLAIN) for argument in node.arguments):
+        return "of_plain"
+    return "of_keys" if any(_is_early(argument, body) for argument in node.arguments) else "of_any"
+
+
+def _is_early(argument: plan.Expr, body: Body) -> bool:
+    """Whether the key of an argument is known before the innermost loop."""
+    if argument.type.only(_PLAIN):
+        return False
+    if _comes_with_key(argument, body):
+        return True
+    facts = body.unit.analysis.of(argument)
+    return facts.steady and not body.has_moved(facts) and body.home(facts) != (body, body.level)
+
+
+def _comes_with_key(argument: plan.Expr, body: Body) -> TypeGuard[plan.Element]:
+    if not isinstance(argument, plan.Element):
+        return False
+    name = body.unit.keys.get(argument.source)
+    return name in body.locals or name in body.parameters
+
+
+def _key(builder: Builder, argument: plan.Expr, value: ast.expr, body: Body) -> tuple[ast.expr, ast.expr]:
+    """The key of an argument, and the argument; the key is computed first."""
+    unit = builder.unit
+    pen = unit.pen_at(argument.span)
+    name = value
+    if not isinstance(value, (ast.Name, ast.Constant)):
+        name = pen.name(value.target.id if isinstance(value, ast.NamedExpr) else unit.local("argument"))
+        assert isinstance(name, ast.Name)
+        value = value if isinstance(value, ast.NamedExpr) else pen.bind(name.id, value)
+    if argument.type.only(_PLAIN):
+        return value, name
+    if _comes_with_key(argument, body):
+        return pen.name(unit.keys[argument.source]), name
+    key = pen.call(unit.helper(exact_key), value)
+    facts = unit.analysis.of(argument)
+    if not _is_early(argument, body):
+        return key, name
+    # A key of its own for the key: no expression of the plan has it.
+    facts = replace(facts, key=None if facts.key is None else -1 - facts.key)
+    home, level = body.home(facts)
+    if home is not body or not isinstance(argument, (plan.State, plan.Element)) or not isinstance(value, ast.Name):
+        return body.kept(facts, key, pen, "key"), name
+    early = body.name_of(facts)
+    if early is None:
+        early = unit.local("key")
+        home.blocks[level].insert(-1, pen.assign(early, key))  # before the loop
+        assert facts.key is not None
+        home.known[level][facts.key] = early
+    return pen.name(early), name
+
+
+def calls_of(run: Run, function: plan.Function, way: str) -> Any:
+    return getattr(run.host.call(function, run), way)

@@ -1,0 +1,260 @@
+"""`near`: a world is asked only for the box around a point where a query wants what is at most so far from it."""
+
+from __future__ import annotations
+
+from math import dist
+from random import Random
+from typing import Any
+
+import pytest
+
+import ss2sql
+from ss2sql.vtables import Column, Element, Table, World, function
+
+RANGE = "< <= > >="
+
+
+class Points(Table):
+    name, key = "points", "id"
+    columns = (
+        Column("id", int, filter="="),
+        *(Column(axis, float, "m", filter=RANGE) for axis in "xyz"),
+        Column("pos", (float, float, float), "m"),
+        Column("size", float, "m"),
+    )
+    groups = {"axes": "x y z", "spot": "pos", "size": "size"}  # noqa: RUF012
+    places = {"this": "x y z", "pos": "x y z"}  # noqa: RUF012
+
+    def keys(self, where: Any) -> list[int]:
+        points = self.world.source
+        found = [k for k, p in points.items() if all(where.allows(a, v) for a, v in zip("xyz", p, strict=True))]
+        if where.equal("id") is not None:
+            found = [key for key in found if key == where.equal("id")]
+        self.world.given += len(found)
+        return found
+
+    def axes(self, key: int) -> tuple[float, ...]:
+        return self.world.source[key]
+
+    def spot(self, key: int) -> tuple[float, ...]:
+        return self.world.source[key]
+
+    def size(self, key: int) -> float:
+        return 0.1 * key
+
+
+class Space(World):
+    tables = (Points,)
+
+    def __init__(self, points: dict[int, tuple[float, float, float]]) -> None:
+        super().__init__(points)
+        self.given = 0  # keys that the adapter was asked for
+        self.measured = 0
+
+    def point(self, value: Any) -> Any:
+        if isinstance(value, Element):
+            return value.pos
+        point = value if isinstance(value, list) else self.source[value]
+        if len(point) not in (2, 3):
+            raise ValueError("no point")
+        return point
+
+    @function
+    def distance(self, one: Any, other: Any) -> float:
+        """The straight way."""
+        self.measured += 1
+        a, b = self.point(one), self.point(other)
+        return dist(a[: len(b)], b[: len(a)])
+
+
+LINE = {number: (float(number), 0.0, 0.0) for number in range(1, 21)}
+
+
+@pytest.fixture(params=["database", "native"])
+def engine(request: Any) -> Any:
+    return request.param
+
+
+@pytest.fixture
+def space() -> Space:
+    return Space(dict(LINE))
+
+
+@pytest.fixture
+def ss(space: Space) -> ss2sql.Session:
+    session = ss2sql.connect()
+    session.attach("space", space)
+    session.set("p", [5, 0.0, 0])
+    session.set("r", 1)
+    session.set("spots", [[3.0, 0.0, 0.0], [18.0, 0.0, 0.0]])
+    return session
+
+
+@pytest.mark.parametrize(
+    ("source", "where", "found", "given"),
+    [
+        ("space", "distance(this, [5, 0, 0]) <= 1", [4, 5, 6], 3),
+        ("space", "distance([5, 0, 0], this) < 1", [5], 3),
+        ("space", "1 >= distance(this, p)", [4, 5, 6], 3),
+        ("space", "r > distance(this, p)", [5], 3),
+        ("space", "distance(this, p) <= r + 1", [3, 4, 5, 6, 7], 5),
+        ("space", "distance(this, [5, 0]) <= r", [4, 5, 6], 3),
+        ("space", "space.distance(this, p) <= r", [4, 5, 6], 3),
+        ("space", "distance(pos, p) <= 1", [4, 5, 6], 3),
+        ("space", "distance(p, this.pos) <= 1", [4, 5, 6], 3),
+        ("space", "distance(this, p) <= 0", [5], 1),
+        ("space", "distance(this, p) <= -1", [], 0),
+        ("space", "distance(this, p) <= 1 AND x > 4", [5, 6], 3),  # bounds are passed on inclusively
+        ("space", "size > 0.45 AND distance(this, p) <= 1", [5, 6], 3),
+        ("space", "distance(this, p) <= 1 AND 10 / (x - 1) > 2.4", [4, 5], 3),  # else a division by zero
+        ("space, s = spots", "distance(pos, s.this) <= 1", [2, 3, 4, 17, 18, 19], 20),  # known too late
+        ("s = spots, space", "distance(pos, s.this) <= 1", [2, 3, 4, 17, 18, 19], 6),
+        ("s = spots, space", "distance(s.this, space.this) <= 1", [2, 3, 4, 17, 18, 19], 6),
+        ("k = [1, 2], space", "distance(space.this, [k.this, 0, 0]) <= k.this - 1", [1, 1, 2, 3], 4),
+        ("space", "distance(this, p) <= size", [5], 20),  # a radius of the element itself
+        ("space", "distance(this, p) >= 14", [19, 20], 20),
+        ("space", "distance(this, p) <= 1 OR x > 19", [4, 5, 6, 20], 20),
+    ],
+)
+def test_only_what_lies_in_the_box_is_asked_for(
+    ss: ss2sql.Session, space: Space, engine: Any, source: str, where: str, found: list[int], given: int
+) -> None:
+    assert ss.run(f"SELECT id FROM {source} WHERE {where} AS list;", engine=engine).value == found
+    assert space.given == given
+
+
+def test_neighbours_in_joins(ss: ss2sql.Session, space: Space, engine: Any) -> None:
+    script = "SELECT a.id, b.id FROM a = space, b = space WHERE a.id <= 3 AND distance({}) <= 1 AS rows;"
+    expected = [(1, 1), (1, 2), (2, 1), (2, 2), (2, 3), (3, 2), (3, 3), (3, 4)]
+    for arguments in ("a.this, b.this", "b.this, a.this", "a.pos, b.this", "a.pos, b.pos"):
+        space.given = space.measured = 0
+        assert ss.run(script.format(arguments), engine=engine).value == expected
+        assert space.given == 20 + len(expected)
+        assert space.measured == (0 if arguments == "a.pos, b.pos" else len(expected))
+
+
+def test_neighbours_in_nested_queries(ss: ss2sql.Session, space: Space, engine: Any) -> None:
+    near = "SELECT b.id FROM b = space WHERE distance(b.this, space.this) <= 1 AS list"
+    assert ss.run(f"SELECT id, len({near}) FROM space WHERE id < 3 AS rows;", engine=engine).value == [(1, 2), (2, 3)]
+    assert space.given == 20 + 5
+
+
+def test_neighbours_in_another_world(ss: ss2sql.Session, space: Space, engine: Any) -> None:
+    other = Space({7: (2.5, 0.0, 0.0), 8: (30.0, 0.0, 0.0)})
+    ss.attach("other", other)
+    script = "SELECT a.id, b.id FROM a = other, b = space WHERE {}distance(b.this, a.this) < 1 AS rows;"
+    assert ss.run(script.format(""), engine=engine).value == [(7, 2), (7, 3)]
+    assert (other.given, space.given) == (2, 2)
+    assert ss.run(script.format("space."), engine=engine).value == [(7, 2), (7, 3)]
+    assert ss.run("SELECT id FROM space WHERE distance(pos, p) < 1 AS list;", engine=engine).value == [5]
+
+
+def test_what_is_not_certain_is_not_passed_on(ss: ss2sql.Session, space: Space, engine: Any) -> None:
+    query = ss.compile("SELECT id FROM space WHERE distance(this, q) <= 1 AS list;")
+    assert query.run(engine=engine, q=[5, 0, 0]).value == [4, 5, 6]  # of q nothing was known
+    assert space.given == 20
+    for wrong in ("[900, 0, 0, 0]", "[900]", "['a', 0, 0]", "'a'"):  # far away, but an error all the same
+        with pytest.raises((ValueError, TypeError, KeyError)):
+            ss.run(f"SELECT id FROM space WHERE distance(this, {wrong}) <= 1;", engine=engine)
+    with pytest.raises(ss2sql.Error) as refused:
+        ss.run("SELECT id FROM space WHERE distance(this, [900, 0, 0]) <= 'a';", engine=engine)
+    assert refused.value.code == "X001"
+    with pytest.raises(ss2sql.Error):
+        ss.run("SELECT id FROM space WHERE distance(pos, [900, 0]) <= 1;", engine=engine)
+
+
+def test_what_may_fail_before_it_is_still_asked(ss: ss2sql.Session, space: Space, engine: Any) -> None:
+    ss.function("risky", lambda number: 1 / (number - 20), volatility="immutable")
+    with pytest.raises(ZeroDivisionError):
+        ss.run("SELECT id FROM space WHERE risky(id) != 0 AND distance(this, p) <= 1;", engine=engine)
+    found = ss.run("SELECT id FROM space WHERE distance(this, p) <= 1 AND risky(id) != 0 AS list;", engine=engine)
+    assert found.value == [4, 5, 6]
+
+
+def test_a_function_of_the_user_promises_nothing(ss: ss2sql.Session, space: Space, engine: Any) -> None:
+    ss.function("distance", lambda one, other: 0.0, volatility="immutable")
+    assert len(ss.run("SELECT id FROM space WHERE distance(this, p) <= 1 AS list;", engine=engine).value) == 20
+
+
+def test_a_replaced_comparison_is_left_alone(ss: ss2sql.Session, space: Space, engine: Any) -> None:
+    ss.function("le", lambda one, other: True, volatility="immutable")
+    assert len(ss.run("SELECT id FROM space WHERE distance(this, p) <= 1 AS list;", engine=engine).value) == 20
+
+
+def test_a_table_without_places_promises_nothing(engine: Any) -> None:
+    class Silent(Points):
+        places = {}  # noqa: RUF012
+
+    space = type("Space", (Space,), {"tables": (Silent,)})(dict(LINE))
+    ss = ss2sql.connect()
+    ss.attach("space", space)
+    assert ss.run("SELECT id FROM space WHERE distance(this, [5, 0, 0]) < 1 AS list;", engine=engine).value == [5]
+    assert space.given == 20
+
+
+def test_it_can_be_switched_off(space: Space, engine: Any) -> None:
+    ss = ss2sql.connect(disable=["near"])
+    ss.attach("space", space)
+    assert ss.run("SELECT id FROM space WHERE distance(this, [5, 0, 0]) < 1 AS list;", engine=engine).value == [5]
+    assert space.given == 20
+
+
+@pytest.mark.parametrize("scale", [1e-150, 1e-9, 1.0, 1e9, 1e90])
+def test_what_is_just_as_far_as_the_radius_is_found(engine: Any, scale: float) -> None:
+    """The box is no narrower than the distance, whatever floats make of both."""
+    dice = Random(str(scale))
+    place = lambda: tuple(scale * dice.choice((dice.uniform(-1, 1), dice.uniform(-1, 1) * 1e-9)) for _ in range(3))  # noqa: E731
+    space = Space({number: place() for number in range(40)})  # type: ignore[misc]
+    ss = ss2sql.connect()
+    ss.attach("space", space)
+    for number in range(12):
+        centre, other = space.source[number], space.source[number + 1]
+        radius = dist(other, centre)
+        expected = [key for key, point in space.source.items() if dist(point, centre) <= radius]
+        ss.set("p", list(centre))
+        ss.set("r", radius)
+        script = "SELECT id FROM space WHERE distance(this, p) <= r AS list;"
+        assert number + 1 in expected
+        assert ss.run(script, engine=engine).value == expected
+
+
+def test_the_sql_is_what_one_would_write(ss: ss2sql.Session) -> None:
+    script = "SELECT a.id, b.id FROM a = space, b = space WHERE distance(a.this, b.this) <= 0.5;"
+    text = ss.compile(script).sql
+    assert " ".join(text.split()) == (
+        'SELECT a.id, b.id AS id_2 FROM "space.points" AS a CROSS JOIN "space.points" AS b WHERE '
+        "b.x BETWEEN a.x - 0.5000005 AND a.x + 0.5000005 AND b.y BETWEEN a.y - 0.5000005 AND a.y + 0.5000005 "
+        "AND b.z BETWEEN a.z - 0.5000005 AND a.z + 0.5000005 "
+        f"AND le(world_distance(a.this, b.this), 0.5, '1:{script.index('<=') + 1}')"
+    )
+    assert "near" in ss.compile("SELECT id FROM space WHERE distance(this, p) <= 1;").explain()
+
+
+def test_the_judge_measures_what_is_promised() -> None:
+    assert ss2sql.check_world(Space(dict(LINE)), queries=10).elements == {"points": 20}
+
+    class Bent(Space):
+        @function
+        def distance(self, one: Any, other: Any) -> float:
+            """Along the streets."""
+            return sum(abs(a - b) for a, b in zip(self.point(one), self.point(other), strict=False))
+
+    class Shifted(Points):
+        def spot(self, key: int) -> tuple[float, ...]:
+            x, y, z = self.world.source[key]
+            return x, y, z + 1
+
+    for world in (Bent, type("Moved", (Space,), {"tables": (Shifted,)})):
+        with pytest.raises(ss2sql.BrokenRuleError) as caught:
+            ss2sql.check_world(world(dict(LINE)))
+        assert caught.value.rule == "places are true"
+
+
+@pytest.mark.parametrize(
+    "places", [{"this": "x"}, {"this": "x y w"}, {"pos": "x y"}, {"size": "x y z"}, {"where": "x y"}]
+)
+def test_places_are_checked_when_they_are_declared(places: dict[str, str]) -> None:
+    wrong = type("Wrong", (Points,), {"places": places})
+    with pytest.raises(ss2sql.SessionError) as caught:
+        ss2sql.connect().attach("space", type("Space", (Space,), {"tables": (wrong,)})({}))
+    assert caught.value.code == "S002"
