@@ -17,8 +17,9 @@ demo: $(VENV)/demo.stamp     ## runs the examples: scripts, the SQL they become,
 test: $(VENV)/dev.stamp      ## runs all tests, those of the examples and the documentation included
 	$(PY) -m pytest
 
-nightly: $(VENV)/dev.stamp   ## the random programs of the tests, 20,000 of them
-	SS2SQL_PROGRAMS=20000 $(PY) -m pytest tests/test_agreement.py
+nightly: $(VENV)/dev.stamp   ## the random tests, many more of them: 20,000 programs, 5,000 queries of each world
+	SS2SQL_PROGRAMS=20000 SS2SQL_WORLD_QUERIES=5000 SS2SQL_SCENES=200 \
+		$(PY) -m pytest tests/test_agreement.py tests/test_world_queries.py tests/test_pybullet.py
 
 lint: $(VENV)/dev.stamp      ## ruff and mypy
 	$(PY) -m ruff check .

@@ -13,6 +13,7 @@ Node: TypeAlias = Any  # an expression, or any plan dataclass that holds express
 E = TypeVar("E")
 
 _fields: dict[type, tuple[str, ...]] = {}
+_kinds: dict[type, bool] = {}  # whether the values of a class are nodes: compiling asks this 1,000 times for a query
 
 # Fields that never hold expressions.
 _PLAIN = frozenset({"span", "place", "type", "scope", "literal", "name", "element"})
@@ -20,8 +21,10 @@ _PLAIN = frozenset({"span", "place", "type", "scope", "literal", "name", "elemen
 
 def parts(node: Node) -> Iterator[Node]:
     """The plan nodes directly inside a node, in the order of its fields; nested queries are nodes, too."""
+    found: list[Node] = []
     for name in _names(type(node)):
-        yield from _nodes(getattr(node, name))
+        _collect(getattr(node, name), found)
+    return iter(found)
 
 
 def _names(kind: Any) -> tuple[str, ...]:
@@ -33,16 +36,20 @@ def _names(kind: Any) -> tuple[str, ...]:
     return names
 
 
-def _nodes(value: Any) -> Iterator[Node]:
+def _collect(value: Any, found: list[Node]) -> None:
     if isinstance(value, tuple):
         for item in value:
-            yield from _nodes(item)
+            _collect(item, found)
     elif _is_node(value):
-        yield value
+        found.append(value)
 
 
 def _is_node(value: Any) -> bool:
-    return is_dataclass(value) and not isinstance(value, (plan.Function, Type))
+    kind = type(value)
+    known = _kinds.get(kind)
+    if known is None:
+        known = _kinds[kind] = is_dataclass(kind) and not issubclass(kind, (plan.Function, Type))
+    return known
 
 
 def walk(node: Node) -> Iterator[Node]:

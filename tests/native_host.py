@@ -12,12 +12,13 @@ from ss2sql.frontend.parser import parse
 from ss2sql.frontend.resolve import resolve, resolve_text
 from ss2sql.kinds import type_of
 from ss2sql.runtime.builtins import BUILTINS
-from ss2sql.runtime.functions import builtin_functions
+from ss2sql.runtime.functions import builtin_functions, user_function
 from ss2sql.runtime.native import NativeQuery, compile_statement
+from ss2sql.runtime.native.calls import native_callable
 from ss2sql.runtime.rows import Rows
 from ss2sql.runtime.run import Run
 from ss2sql.runtime.shaping import with_stars
-from ss2sql.runtime.values import fresh, normalise
+from ss2sql.runtime.values import normalise
 from ss2sql.vtables.memories import Memories
 
 
@@ -59,13 +60,8 @@ class FakeHost:
         name = function.name
         if function.builtin:
             return BUILTINS[name].python or {"print": self.print, "getTime": lambda: 7.0}[name]
-        body = self.functions[name]
-
-        def call(*arguments: Any) -> Any:
-            run.stats.calls[name] += 1
-            return normalise(body(*map(fresh, arguments)), f"the function '{name}'")
-
-        return call
+        entry = user_function(name, self.functions[name], self.volatility.get(name, "immutable"))
+        return native_callable(entry, run, 0)
 
     def print(self, *values: Any) -> Any:
         self.printed.append(values)

@@ -105,13 +105,6 @@ def test_check_world_passes_for_the_robot(robot: tuple[Any, Any]) -> None:
     assert report.skipped == []
 
 
-def test_check_world_passes_for_chaos() -> None:
-    scene = chaos(5, 15)
-    ss2sql.check_world(
-        scene, seed=1, queries=40, arguments=ARGUMENTS, change=lambda random: scene.step(random.randint(1, 9))
-    )
-
-
 # --- columns -------------------------------------------------------------------------------------------
 
 

@@ -7,13 +7,13 @@ import sys
 from collections.abc import Iterator
 from math import pi, sqrt
 from pathlib import Path
-from random import Random
 from typing import Any
 
 import fake_openravepy as fake
 import numpy as np
 import pytest
 from body_queries import ARGUMENTS, ENGINES, Plain, agree, answer
+from openrave_rooms import ball, crate, scene
 
 import ss2sql
 from ss2sql.vtables.openrave import OpenRaveWorld, pose
@@ -27,31 +27,6 @@ def engine(request: Any) -> Any:
 @pytest.fixture(autouse=True)
 def openravepy(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "openravepy", fake)
-
-
-def ball(name: str, radius: float, mass: float, position: Any) -> fake.KinBody:
-    body = fake.KinBody(name, [fake.Link("ball", mass, fake.Geometry(fake.GeometryType.Sphere, radius))])
-    body.SetTransform([1, 0, 0, 0, *position])
-    return body
-
-
-def crate(name: str, half: tuple[float, float, float], mass: float, position: Any) -> fake.KinBody:
-    body = fake.KinBody(name, [fake.Link("crate", mass, fake.Geometry(fake.GeometryType.Box, *half))])
-    body.SetTransform([1, 0, 0, 0, *position])
-    return body
-
-
-def scene(seed: int, count: int) -> fake.Environment:
-    """Random balls and crates."""
-    random, environment = Random(seed), fake.Environment()
-    for number in range(count):
-        place = [random.uniform(-4, 4) for _ in range(3)]
-        a, b, c = (random.uniform(0.1, 0.5) for _ in range(3))
-        mass = random.uniform(1, 100)
-        round_one = random.random() < 0.5
-        name = f"ball_{number}" if round_one else f"crate_{number}"
-        environment.Add(ball(name, a, mass, place) if round_one else crate(name, (a, b, c), mass, place))
-    return environment
 
 
 @pytest.fixture
@@ -101,13 +76,6 @@ def test_queries_give_what_loops_give(seed: int, engine: Any) -> None:
 
 
 def test_check_world_passes(room: fake.Environment) -> None:
-    random_scene = scene(3, 12)
-
-    def change(random: Random) -> None:
-        random_scene.Remove(random.choice(random_scene.bodies))
-        random_scene.Add(ball("new", 0.3, 77, [random.uniform(-4, 4) for _ in range(3)]))
-
-    ss2sql.check_world(random_scene, queries=40, arguments=ARGUMENTS, change=change)
     report = ss2sql.check_world(OpenRaveWorld(room), queries=30, arguments=ARGUMENTS)
     assert report.elements == {"bodies": 3, "links": 4, "joints": 2}
 

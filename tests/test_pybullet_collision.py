@@ -13,7 +13,7 @@ import ss2sql
 
 pytest.importorskip("pybullet")
 
-from bullet_rooms import Counting, ball, box, furnish, jointed, live, message, values
+from bullet_rooms import ENGINES, Counting, ball, box, furnish, jointed, live, message, values
 
 from ss2sql.scenes.bullet import connect
 from ss2sql.vtables.pybullet import PyBulletWorld
@@ -166,3 +166,70 @@ def test_posture_is_bullets_own(client: Any) -> None:
             place, turn = client.getLinkState(robot, link, computeForwardKinematics=True)[:2]
             assert frames[link][0] == pytest.approx(place, abs=1e-12)
             assert abs(sum(a * b for a, b in zip(turn, frames[link][1], strict=True))) == pytest.approx(1)
+
+
+def test_collision_sees_links_that_the_last_step_has_moved(client: Any, ss: ss2sql.Session) -> None:
+    counts: Counter[bool] = Counter()
+    for seed in range(6):
+        dice = Random(seed)
+        client.resetSimulation()
+        arms = [jointed(client, dice, 3.0, [dice.uniform(-1, 1) for _ in range(3)], (0, 0, 0, 1)) for _ in range(3)]
+        for arm in arms:
+            client.resetBaseVelocity(arm, [dice.uniform(-200, 200) for _ in range(3)], (9, -20, 30))
+        robot = ball(client, 0.15, (0, 0, 90))
+        client.stepSimulation()
+        links = [posture(client, arm, client.getBasePositionAndOrientation(arm)) for arm in arms]
+        centres = [frame[0] for frames in links for frame in frames.values()]
+        poses = [[part + dice.uniform(-0.4, 0.4) for part in dice.choice(centres)] for _ in range(60)]
+        found = values(ss, "SELECT collision(r, this) FROM poses AS list", r=robot, poses=poses)
+        assert found == [moved_collides(client, robot, pose) for pose in poses]
+        counts.update(found)
+    assert min(counts.values()) > 30
+
+
+def test_shapes_of_all_kinds_stand_in_the_way(client: Any, ss: ss2sql.Session) -> None:
+    flat, solid = [0.0] * 12 + [1.0] * 4, [(-1, -1, 0), (1, -1, 0), (0, 1, 0), (0, 0, 1)]
+    hills = client.createCollisionShape(
+        client.GEOM_HEIGHTFIELD, meshScale=[1, 1, 1], heightfieldData=flat, numHeightfieldRows=4,
+        numHeightfieldColumns=4,
+    )  # fmt: skip
+    hollow = client.createCollisionShape(
+        client.GEOM_MESH, vertices=solid, indices=[0, 1, 2, 0, 2, 3, 0, 3, 1, 1, 2, 3],
+        flags=client.GEOM_FORCE_CONCAVE_TRIMESH,
+    )  # fmt: skip
+    client.createMultiBody(0, hills, basePosition=(5, 0, 0))
+    client.createMultiBody(0, hollow, basePosition=(0, 5, 0))
+    round_box = client.createCollisionShape(client.GEOM_BOX, halfExtents=(0.2, 0.3, 0.4))
+    client.createMultiBody(1, round_box, basePosition=(-5, 0, 0), useMaximalCoordinates=True)
+    dice = Random(1)
+    robot = jointed(client, dice, 3.0, [0, 0, 20], (0, 0, 0, 1))
+    poses = [
+        [x + dice.uniform(-1.5, 1.5), y + dice.uniform(-1.5, 1.5), dice.uniform(-1, 1)]
+        for x, y in [(5, 0), (0, 5), (-5, 0)] * 30
+    ]
+    found = values(ss, "SELECT collision(robot, this) FROM poses AS list", robot=robot, poses=poses)
+    assert found == [moved_collides(client, robot, pose) for pose in poses]
+    assert min(Counter(found).values()) > 20
+
+
+def test_only_what_is_near_is_asked() -> None:
+    with ss2sql.scenes.hall(seed=0) as hall:
+        counted = Counting(hall.client)
+        session = ss2sql.connect()
+        session.attach("space", PyBulletWorld(counted, names=hall.names))
+        robot = next(body for body, name in hall.names.items() if name == "YouBot")
+        dice = Random(0)
+        poses = [[dice.uniform(0.5, 15.5), dice.uniform(0.5, 11.5), 0.11] for _ in range(200)]
+        for pose in poses[::2]:
+            pose.extend(hall.client.getQuaternionFromEuler([0, 0, dice.uniform(-3, 3)]))
+        for engine in ENGINES:
+            counted.calls.clear()
+            found = session.run("SELECT collision('YouBot', this) FROM poses AS list", poses=poses, engine=engine).value
+            assert counted.calls["getClosestPoints"] < 5 * len(poses)
+            assert counted.calls["getAABB"] < 100  # once for each body and link of the hall
+            assert counted.calls["getJointState"] <= 9  # once for each joint of the robot
+        assert found == [moved_collides(hall.client, robot, pose) for pose in poses]
+        assert min(Counter(found).values()) > 50
+        counted.calls.clear()
+        assert session.run("checkCollision('YouBot')").value is False
+        assert counted.calls["getClosestPoints"] < 5

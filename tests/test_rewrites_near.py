@@ -258,3 +258,11 @@ def test_places_are_checked_when_they_are_declared(places: dict[str, str]) -> No
     with pytest.raises(ss2sql.SessionError) as caught:
         ss2sql.connect().attach("space", type("Space", (Space,), {"tables": (wrong,)})({}))
     assert caught.value.code == "S002"
+
+
+def test_ends_that_are_known_at_different_times_stay_apart(ss: ss2sql.Session, space: Space, engine: Any) -> None:
+    script = "SELECT id FROM space, s = spots WHERE x >= 17 AND x <= s.this[0] AS list;"
+    assert "BETWEEN" not in ss.compile(script).sql
+    assert "BETWEEN" in ss.compile("SELECT id FROM space WHERE x >= 17 AND x <= 18;").sql
+    assert ss.run(script, engine=engine).value == [17, 18]
+    assert space.given == 4

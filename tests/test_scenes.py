@@ -362,8 +362,10 @@ def test_a_closed_scene_says_so():
 
 
 def test_a_scene_that_does_not_exist_is_an_error():
-    with pytest.raises(AttributeError, match="there is no scene 'hal'; did you mean 'hall'"):
+    with pytest.raises(ss2sql.SessionError, match="there is no scene 'hal'") as caught:
         _ = scenes.hal
+    assert (caught.value.code, caught.value.hints) == ("S002", ("did you mean 'hall'?",))
+    assert not hasattr(scenes, "hal")
     assert not hasattr(ss2sql, "scenery")
 
 

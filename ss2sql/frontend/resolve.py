@@ -262,7 +262,8 @@ class Resolver:
             if function is None or any(argument.type.may(Kind.OBJECT) for argument in arguments):
                 return world_call(self, name, arguments, scope, span)
         if function is None:
-            visible = (known for known in self.catalog.functions if known not in ("item", "slice"))
+            every = (*self.catalog.functions, *self.catalog.world_functions)
+            visible = (known for known in every if known not in ("item", "slice") and "." not in known)
             hints = did_you_mean(name, visible) or ("register it with session.function; help() lists the known ones",)
             raise ResolveError("R002", f"unknown function '{name}'", span, hints)
         if function.builtin and name == "to":
@@ -295,8 +296,8 @@ class Resolver:
     def call_of_world(self, tree: ast.Call, scope: Scope | None) -> plan.Expr:
         """`world.function(arguments)`."""
         world = self.catalog.worlds.get(tree.owner or "")
-        if world is None or not world.offers(tree.function):
-            known = world.functions if world is not None else self.catalog.worlds
+        if world is None or tree.function not in world.offered():
+            known = world.offered() if world is not None else self.catalog.worlds
             message = f"the world '{tree.owner}' has no function '{tree.function}'"
             if world is None:
                 message = f"there is no world '{tree.owner}' with a function '{tree.function}'"

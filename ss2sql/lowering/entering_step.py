@@ -18,7 +18,7 @@ from ss2sql.lowering import sql
 from ss2sql.lowering.expressions import Env, can_fail
 from ss2sql.lowering.lookup import without
 from ss2sql.lowering.sql import Node
-from ss2sql.walk import parts, walk
+from ss2sql.walk import is_volatile, parts, walk
 
 if TYPE_CHECKING:
     from ss2sql.lowering.on_entering import OnEntering
@@ -108,7 +108,10 @@ class EnteringStep:
             return [] if left is None else [self.expressions.condition(left, self.env)]
         if can_fail(where) or can_fail(stop):
             return [sql.case([(self.stop(), _not(self.goal()))], asked[0] if asked else sql.number(0))]
-        dead = sql.conjunction([self.stop(), _not(self.goal())])
+        stop = _unless(stop, where)
+        if stop is None:
+            return []
+        dead = sql.conjunction([self.expressions.condition(stop, self.env), _not(self.goal())])
         return [dead] if dead is not None else []
 
     def _weighed(self) -> list[Node]:
@@ -139,10 +142,14 @@ class EnteringStep:
             carried[of.goal] = self.goal()
         if of.live is not None:
             # Whatever enters goes on, unless it is a goal: only then STOP WITH is asked once more.
-            both = self.query.where is not None and not self._asks_python([self.goal()])
-            carried[of.live] = (
-                sql.case([(self.goal(), _not(self.stop()))], sql.number(1)) if both else _not(self.stop())
-            )
+            where, stop = self.query.where, self.search.stop
+            both = where is not None and not self._asks_python([self.goal()])
+            if where is not None and stop is not None and _unless(stop, where) is not stop and both:
+                carried[of.live] = _not(self.goal())
+            else:
+                carried[of.live] = (
+                    sql.case([(self.goal(), _not(self.stop()))], sql.number(1)) if both else _not(self.stop())
+                )
         if of.waits is not None:
             carried[of.waits] = self._waits()
         if of.total is not None:
@@ -214,9 +221,21 @@ class EnteringStep:
         """What the path comes to with this step."""
         of = self.of
         assert of.total is not None
-        product = self.search.order == "probability"
-        before = sql.number(int(product)) if self.first else of.column(of.total)
-        return sql.binary(exp.Mul if product else exp.Add, before, self.weight())
+        if self.first:
+            return self.weight()
+        kind = exp.Mul if self.search.order == "probability" else exp.Add
+        return sql.binary(kind, of.column(of.total), self.weight())
+
+
+def _unless(stop: plan.Expr, goal: plan.Expr) -> plan.Expr | None:
+    """STOP WITH for a step that is no goal, None where it never stops: `STOP WITH there OR far` stops only if far."""
+    if is_volatile(goal):
+        return stop
+    parts = stop.parts if isinstance(stop, plan.Or) else (stop,)
+    left = tuple(part for part in parts if part != goal)
+    if len(left) == len(parts):
+        return stop
+    return None if not left else left[0] if len(left) == 1 else plan.Or(left, span=stop.span)
 
 
 def _lies_within(kind: Type, most: float) -> bool:

@@ -68,12 +68,12 @@ def _as_alike(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
     """
     first, second = call.arguments
     for known, other in ((first, second), (second, first)):
-        if isinstance(other, plan.Variable) and not isinstance(known, plan.Variable):
-            if known.type.only(REAL_NUMBER) or known.type.kinds == Kind.STR:
-                form = Alike(text=known.type.kinds == Kind.STR)
-                bound = lowering.needs.bind(other, other.name, False, form)
-                kind = exp.NullSafeEQ if call.function.name == "eq" else exp.NullSafeNEQ
-                return sql.binary(kind, lowering.lower(known, env), bound)
+        text = known.type.kinds == Kind.STR
+        plain = text or known.type.only(REAL_NUMBER)
+        if plain and isinstance(other, plan.Variable) and not isinstance(known, plan.Variable):
+            bound = lowering.needs.bind(other, other.name, False, Alike(text))
+            kind = exp.NullSafeEQ if call.function.name == "eq" else exp.NullSafeNEQ
+            return sql.binary(kind, lowering.lower(known, env), bound)
     return None
 
 

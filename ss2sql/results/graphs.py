@@ -47,14 +47,15 @@ def node(row: Row) -> Hashable:
 
     None alone, which networkx takes for no node, is NoneType.
     """
-    name = _hashable(row[0]) if len(row) == 1 else tuple(map(_hashable, row))
-    return type(None) if name is None else name
+    if len(row) != 1:
+        return tuple(map(_hashable, row))
+    return type(None) if row[0] is None else _hashable(row[0])
 
 
-def _hashable(value: Any) -> Hashable:
+def _hashable(value: Any) -> Any:
     """The value as a key: lists as tuples, dicts as frozensets of pairs; an object that has no hash as its identity."""
     if isinstance(value, list):
         return tuple(map(_hashable, value))
     if isinstance(value, dict):
         return frozenset((key, _hashable(item)) for key, item in value.items())
-    return value.key if isinstance(value, Opaque) else value  # type: ignore[no-any-return]
+    return value.key if isinstance(value, Opaque) else value

@@ -9,7 +9,6 @@ from __future__ import annotations
 import datetime
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import reduce
 from itertools import chain
 from typing import Any, Literal, TypeAlias
 
@@ -56,14 +55,17 @@ def shape_of(values: Sequence[Any], promised: Type | None = None) -> Shape:
 
 
 def _of_values(values: Sequence[Any]) -> Shape:
-    return reduce(merged, (_of_kind(kind, values) for kind in dict.fromkeys(map(type, values))), NONE)
+    found: Shape = NONE
+    for kind in dict.fromkeys(map(type, values)):
+        found = merged(found, _of_kind(kind, values))
+    return found
 
 
 def _of_kind(kind: type, values: Sequence[Any]) -> Shape:
     """The shape of those of the values that are of one Python type."""
     if kind is type(None):
         return NONE
-    own = [value for value in values if type(value) is kind]
+    own: list[Any] = [value for value in values if type(value) is kind]
     if kind is list:
         return ListOf(_of_values(list(chain.from_iterable(own))))
     if kind is dict:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from itertools import islice, pairwise
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias
 
 import numpy as np
 
@@ -24,7 +24,8 @@ MOST_BARS = 40
 FEW = 6  # paths that have a colour and a name each
 BLUE, ORANGE, GREEN = "#3b6ea5", "#e4572e", "#2a9d5c"
 
-Place = Callable[[Row], tuple[float, ...]]
+Place: TypeAlias = Callable[[Row], Sequence[float]]
+Draw: TypeAlias = Callable[[Any, int | None], str]  # on Axes, at most so many paths or bars; gives the title
 
 
 def plot(result: Result, ax: Any, kind: str, most: int | None, title: str | None) -> Any:
@@ -32,16 +33,16 @@ def plot(result: Result, ax: Any, kind: str, most: int | None, title: str | None
     if kind not in KINDS:
         refuse(f"plot() knows no kind {kind!r}", f"the kinds are {', '.join(KINDS)}")
     pyplot = package("matplotlib.pyplot", "plot", "plot()")
-    drawn, draw = _chosen(result, kind)
+    draw = _chosen(result, kind, own=ax is None)
     if ax is None:
-        _, ax = pyplot.subplots(layout="constrained", figsize=(8, 5) if drawn == "graph" else (6.4, 4.8))
+        _, ax = pyplot.subplots(layout="constrained")
     heading = draw(ax, most)
     ax.set_title(heading if title is None else title)
     return ax
 
 
-def _chosen(result: Result, kind: str) -> tuple[str, Callable[[Any, int | None], str]]:
-    """The kind of picture, and what draws it and gives its title."""
+def _chosen(result: Result, kind: str, own: bool) -> Draw:
+    """What draws the picture; `own`: on a figure of ours."""
     paths = found_paths(result)
     if paths is not None:
         place = _place(result.columns[2:], [row for path in islice(paths, 50) for row in path])
@@ -53,14 +54,14 @@ def _chosen(result: Result, kind: str) -> tuple[str, Callable[[Any, int | None],
                     "plot() cannot find places in the rows",
                     "select a list of two or three numbers, or columns with the coordinates, and no other lists",
                 )
-            return "paths", lambda ax, most: _paths(result, paths, place, ax, most or MOST_PATHS)
+            return lambda ax, most: _paths(result, paths, place, ax, most or MOST_PATHS)
         if kind in ("auto", "graph"):
-            return "graph", lambda ax, most: draw_graph(result, ax, most)
+            return lambda ax, most: draw_graph(result, ax, most, own)
         if kind == "lengths":
-            return "lengths", lambda ax, most: _lengths(result, paths, ax)
+            return lambda ax, most: _lengths(result, paths, ax)
         refuse(f"plot() draws no search as {kind}", "the kinds for a search are paths, graph and lengths")
     if kind in ("auto", "heat") and isinstance(result.value, np.ndarray) and result.value.ndim == 2:
-        return "heat", lambda ax, most: _heat(result, ax)
+        return lambda ax, most: _heat(result, ax)
     return _flat(result, kind)
 
 
@@ -179,7 +180,7 @@ def _heat(result: Result, ax: Any) -> str:
     return f"{name}, {value.shape[1]} x {value.shape[0]} cells"
 
 
-def _flat(result: Result, kind: str) -> tuple[str, Callable[[Any, int | None], str]]:
+def _flat(result: Result, kind: str) -> Draw:
     """Bars, lines or points, by the columns that there are."""
     columns, rows = result.columns, list(result)
     kinds = [{type(row[index]) for row in rows} - {type(None)} for index in range(len(columns))]
@@ -193,11 +194,11 @@ def _flat(result: Result, kind: str) -> tuple[str, Callable[[Any, int | None], s
     label = labels[0] if len(labels) == 1 else None
     if kind == "bars" or (kind == "auto" and label is not None and len(numbers) == 1 and not pointed):
         if len(numbers) == 1 and len(labels) <= 1:
-            return "bars", lambda ax, most: _bars(columns, rows, label, numbers[0], ax, most or MOST_BARS)
+            return lambda ax, most: _bars(columns, rows, label, numbers[0], ax, most or MOST_BARS)
     elif kind in ("auto", "points") and pointed:
         own = pointed[0]
         names = next((index for index in labels if index != own), None)
-        return "points", lambda ax, most: _points(("x", "y"), [row[own] for row in rows], _texts(rows, names), ax)
+        return lambda ax, most: _points(("x", "y"), [row[own] for row in rows], _texts(rows, names), ax)
     elif numbers:
         xs = [row[numbers[0]] for row in rows]
         rising = None not in xs and all(a < b for a, b in pairwise(xs))
@@ -205,9 +206,9 @@ def _flat(result: Result, kind: str) -> tuple[str, Callable[[Any, int | None], s
             if len(numbers) >= 2:
                 pair = numbers[:2]
                 places = [[row[index] for index in pair] for row in rows]
-                return "points", lambda ax, most: _points([columns[i] for i in pair], places, _texts(rows, label), ax)
+                return lambda ax, most: _points([columns[i] for i in pair], places, _texts(rows, label), ax)
         elif kind in ("auto", "line") and (len(numbers) == 1 or rising):
-            return "line", lambda ax, most: _lines(columns, rows, numbers, ax)
+            return lambda ax, most: _lines(columns, rows, numbers, ax)
     wanted = "" if kind == "auto" else f" as {kind}"
     refuse(
         f"plot() cannot draw the columns {', '.join(columns)}{wanted}",
@@ -239,7 +240,8 @@ def _lines(columns: Sequence[str], rows: Sequence[Row], numbers: Sequence[int], 
     xs = [row[first] for row in rows] if others else list(range(1, len(rows) + 1))
     for index in others or [first]:
         ys = [np.nan if row[index] is None else row[index] for row in rows]
-        ax.plot(xs, ys, marker="o" if len(rows) <= 50 else "", markersize=4, label=columns[index])
+        ax.plot(xs, ys, marker="o" if len(rows) <= 50 else "", markersize=4, label=columns[index],
+                color=BLUE if len(numbers) <= 2 else None)  # fmt: skip
     names = [columns[index] for index in others or [first]]
     ax.set_xlabel(columns[first] if others else "row")
     ax.set_ylabel(names[0] if len(names) == 1 else "")

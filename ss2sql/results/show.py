@@ -112,7 +112,7 @@ def _paths(result: Result, paths: Sequence[list[Row]], most: int, wide: int, arr
     drawn = [_drawn(path, room, arrow) for path in first]
     if None in drawn and len(first) == len(paths) and sum(map(len, first)) <= most:
         return None
-    rows = [
+    rows: list[tuple[str, ...]] = [
         (str(index), _shortened(path, room, arrow) if line is None else line)
         for index, (path, line) in enumerate(zip(first, drawn, strict=True), 1)
     ]
@@ -131,18 +131,18 @@ def _drawn(path: Sequence[Row], room: int, arrow: str) -> str | None:
 
 
 def _shortened(path: Sequence[Row], room: int, arrow: str) -> str:
-    """The path with its first steps, as many as there is room for, and its last one."""
+    """The path without steps in its middle, as many as there is no room for; its last step is always there."""
     from rich.cells import cell_len
 
-    begun = [_step(row) for row in path[: min(len(path) - 1, room // (1 + len(arrow)))]]
-    last = _step(path[-1])
-    for kept in range(len(begun), -1, -1):
-        left = len(path) - 1 - kept
-        between = [f"… {left} more …"] if left else []
-        line = arrow.join([*begun[:kept], *between, last])
+    most = min(len(path) - 1, room // (1 + len(arrow)))
+    line = ""
+    for kept in range(most, 0, -1):
+        ahead, left = kept // 2, len(path) - kept
+        shown = [*map(_step, path[:ahead]), f"… {left} more …", *map(_step, path[len(path) - kept + ahead :])]
+        line = arrow.join(shown)
         if cell_len(line) <= room:
             return line
-    return line
+    return line or _step(path[-1])
 
 
 def _step(row: Row) -> str:

@@ -22,6 +22,7 @@ from ss2sql.lowering.parameters import Bookkeeping, Parameter, Shown, SqlQuery
 from ss2sql.lowering.sources import sql_names
 from ss2sql.runtime.ahead import ROOM, Ahead
 from ss2sql.runtime.calls import Members, Parts, builtin_function, located_final, sql_function
+from ss2sql.runtime.decoding import decoder
 from ss2sql.runtime.functions import Memo, UserFunction
 from ss2sql.runtime.native.options import cost, heuristic, probability
 from ss2sql.runtime.paths import Paths
@@ -297,13 +298,14 @@ class Database:
         cursor = self.connection.cursor()
         try:
             cursor.execute(lowered.text, values)
-            if lowered.plain_rows and not lowered.keys and not lowered.orders:
-                # The rows, or the ends of the paths, are what SQLite gives as it is.
+            plain, searches = lowered.plain_rows, lowered.query.search is not None
+            if (plain or not searches) and not lowered.keys and not lowered.orders:
+                # The rows are all that is wanted. Plain ones, and ends of paths, are what SQLite gives as it is.
                 given = islice(cursor, most)
                 rows = given if execution.run.max_rows is None else _within(given, execution.run.max_rows)
-                if lowered.query.search is None:
+                if not searches:
                     assert sink.rows is not None
-                    sink.rows.extend(rows)
+                    sink.rows.extend(rows if plain else map(decoder(pool, lowered.outputs), rows))
                     return [((), ())] * len(sink.rows)
                 paths = self._paths(lowered, execution, sink, tuple)
                 paths.extend(rows)
@@ -335,14 +337,14 @@ class Database:
         pool = execution.pool
         shown = (*lowered.outputs, *lowered.keys, *lowered.orders)
         width, keys = len(lowered.outputs), len(lowered.outputs) + len(lowered.keys)
-        decode = _decoder(pool, shown)
+        decode = decoder(pool, shown)
         if lowered.query.search is None:
             for raw in cursor:
                 row = decode(raw)
                 _room(execution.run, sink.rows, row[:width])
                 yield row[width:keys], row[keys:]
             return
-        paths = self._paths(lowered, execution, sink, _decoder(pool, [Shown(False)] * width))
+        paths = self._paths(lowered, execution, sink, decoder(pool, [Shown(False)] * width))
         most = execution.run.max_rows
         for raw in cursor:
             row = decode(raw[2:])
@@ -389,12 +391,3 @@ def _as_bound(pool: Pool, value: Any) -> Any:
     if type(value) is Frame:
         return pool.keep(value)
     return value if type(value) is Packed else pool.encode(value)
-
-
-def _decoder(pool: Pool, shown: Sequence[Shown]) -> Callable[[Sequence[Any]], Row]:
-    """Turns a row of SQL values into values of the language."""
-    decode = pool.decode
-    if not any(part.flag for part in shown):
-        return lambda raw: tuple(map(decode, raw))
-    flags = [part.flag for part in shown]
-    return lambda raw: tuple(bool(v) if flag else decode(v) for v, flag in zip(raw, flags, strict=True))

@@ -8,9 +8,7 @@ picture of either. The files, in the order in which a picture comes to be: `bull
 
 from __future__ import annotations
 
-import sys
-
-from ss2sql.errors import did_you_mean
+from ss2sql.errors import SessionError, did_you_mean
 from ss2sql.scenes.factory import hall
 from ss2sql.scenes.particles import chaos
 from ss2sql.scenes.picture import render
@@ -19,6 +17,11 @@ from ss2sql.scenes.scene import Scene, Sensor, View
 __all__ = ["Scene", "Sensor", "View", "chaos", "hall", "render"]
 
 
+class UnknownSceneError(SessionError, AttributeError):
+    """A scene that does not exist: an error like any other here, and for `hasattr` a missing attribute."""
+
+
 def __getattr__(name: str) -> object:
-    hints = "; ".join(did_you_mean(name, ("chaos", "hall")))
-    raise AttributeError(f"there is no scene '{name}'; {hints}", name=name, obj=sys.modules[__name__])
+    if name.startswith("__"):
+        raise AttributeError(f"module '{__name__}' has no attribute '{name}'")  # Python itself asks for such names
+    raise UnknownSceneError("S002", f"there is no scene '{name}'", hints=did_you_mean(name, ("chaos", "hall")))

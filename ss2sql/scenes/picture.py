@@ -182,9 +182,9 @@ def _alone(client: Any, highlight: set[int]) -> Iterator[None]:
 def _write(path: Path, pixels: Pixels) -> None:
     try:
         write_png(path, pixels)
-    except OSError as reason:
+    except (OSError, ValueError) as reason:  # ValueError: a path with a character that no file has
         raise SessionError(
             "S002",
-            f"the picture {path} cannot be written: {reason.strerror}",
+            f"the picture {str(path)!r} cannot be written: {getattr(reason, 'strerror', None) or reason}",
             hints=("name a file in a folder that exists and may be written to",),
         ) from reason

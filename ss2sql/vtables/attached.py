@@ -64,9 +64,9 @@ class AttachedWorld:
         self.principal = next(iter(self.tables.values()))
         self.functions = dict(_functions_of(world))
 
-    def offers(self, name: str) -> bool:
-        """Whether the world has a function or a column of this name."""
-        return name in self.functions or any(name in table.schema.kinds for table in self.tables.values())
+    def offered(self) -> set[str]:
+        """The names of its functions and columns, each of which can be called with an element."""
+        return set(self.functions).union(*(table.schema.kinds for table in self.tables.values()))
 
 
 def _functions_of(world: World) -> Iterator[tuple[str, tuple[Callable[..., Any], Volatility]]]:
@@ -114,7 +114,7 @@ class WorldFunctions:
         most = max(highs) if len(highs) == len(counts) + column else None
         stable: Volatility = "stable"
         weakest = max((volatility for _, volatility in methods), key=_WEAKNESS.index, default=stable)
-        owners = [world.name for world in worlds if world.offers(name)]
+        owners = [world.name for world in worlds if name in world.offered()]
         planned = f"world_{name}" if name in BUILTINS else name
         if len(worlds) < len(self.worlds):
             planned = f"{owners[0]}.{name}"

@@ -131,10 +131,10 @@ class Table:
     but the one named by `key`, which is the key itself. Without a `key` column, keys may be any hashable value, for
     example a pair of numbers.
 
-    `places` says what stands where: `{"this": "x y z", "pos": "x y z"}`. With "this" the world promises that its function
-    `distance` measures the straight way from the point [x, y, z] of an element, to a point, to one of two numbers on
-    the floor plan, or to another element that has a place; any other name is a list column that holds just this point.
-    What is near something is then asked of `keys` by ranges of x, y and z.
+    `places` says what stands where: `{"this": "x y z", "pos": "x y z"}`. With "this" the world promises that its
+    function `distance` measures the straight way from the point [x, y, z] of an element, to a point, to one of two
+    numbers on the floor plan, or to another element that has a place; any other name is a list column that holds just
+    this point. What is near something is then asked of `keys` by ranges of x, y and z.
     """
 
     name: ClassVar[str] = ""
@@ -188,9 +188,9 @@ class World:
     imported for it. `representations` maps the names of representations (`AS plane(...)`) to the names of methods,
     which are called as those of `Session.representation` are.
 
-    `self.memory` is for `keys`, `rows` and functions: what they put there is theirs until the query that asks has ended,
-    such as an index of all positions. Each query begins with an empty one. Outside of queries, and in a query that may
-    move the world itself, each call of a function begins with an empty one.
+    `self.memory` is for `keys`, `rows` and functions: what they put there is theirs until the query that asks has
+    ended, such as an index of all positions. Each query begins with an empty one. Outside of queries, and in a query
+    that may move the world itself, each call of a function begins with an empty one.
     """
 
     tables: ClassVar[Sequence[type[Table] | type[TableFunction]]] = ()

@@ -51,8 +51,12 @@ class Questions:
         self.session = connect()
         self.session.attach("world", world)
         self.session.attach("numbers", [1, 2, 3])
-        for copy in copies:
-            self.session.attach(copy.name, copy.rows or {name: [] for name in copy.schema.kinds})
+        for copy in self.copies:  # no more columns than are asked for: each query looks at the types of all values
+            columns = [column.name for column in copy.plain]
+            rows = [{name: row[name] for name in columns} for row in copy.rows]
+            self.session.attach(copy.name, rows or {name: [] for name in columns})
+        self._turned: list[Script] = []  # joins whose other order has not been asked yet
+        self._compiled: tuple[str, Any] = ("", None)
 
     # --- asking ----------------------------------------------------------------------------------------
 
@@ -66,7 +70,9 @@ class Questions:
 
     def _outcome(self, text: str, engine: Any) -> Outcome:
         try:
-            return "value", exact(self.session.run(text, engine=engine).value)
+            if self._compiled[0] != text:  # both engines start from one reading of the text
+                self._compiled = text, self.session.compile(text)
+            return "value", exact(self._compiled[1].run(engine=engine).value)
         except Error as error:
             return "error", error.code if error.code != "X011" else f"{error.code} {error.message}"
 
@@ -78,7 +84,12 @@ class Questions:
     # --- making ----------------------------------------------------------------------------------------
 
     def script(self) -> Script:
-        """A random query over one or two tables; one over numbers where no table has a column of scalars."""
+        """A random query over one or two tables; one over numbers where no table has a column of scalars.
+
+        After a join comes the same join with its tables in the other order.
+        """
+        if self._turned:
+            return self._turned.pop()
         if not self.copies:
             return Script("world", "SELECT this FROM numbers AS list;", "SELECT this FROM numbers AS list;")
         dice = self.dice
@@ -86,18 +97,19 @@ class Questions:
         sources: list[tuple[str, Copy | None]] = [("a", first)]
         if dice.random() < 0.4:
             sources.append(("b", dice.choice([*self.copies, None])))
-            dice.shuffle(sources)
         named = [(name, copy) for name, copy in sources if copy is not None]
         columns = [f"{name}.{dice.choice(copy.plain).name}" for name, copy in named for _ in range(dice.randint(1, 3))]
         columns += [f"{name}.this" for name, copy in sources if copy is None]
         where = f" WHERE {self._condition(named, 2)}" if dice.random() < 0.9 else ""
         order = self._order(named)
         limit = f" LIMIT {dice.randint(1, 5)}" if dice.random() < 0.2 else ""
-        texts = []
-        for over_copy in (False, True):
-            items = (f"{n} = {'numbers' if c is None else c.name if over_copy else c.title}" for n, c in sources)
-            texts.append(f"SELECT {', '.join(columns)} FROM {', '.join(items)}{where}{order}{limit} AS rows;")
-        return Script(first.title, *texts)
+        start, end = f"SELECT {', '.join(columns)} FROM ", f"{where}{order}{limit} AS rows;"
+        made = [_over(sources, start, end)]
+        if len(sources) > 1:
+            made.append(_over(sources[::-1], start, end))
+            dice.shuffle(made)
+        script, *self._turned = made
+        return script
 
     def _order(self, named: Sequence[tuple[str, Copy]]) -> str:
         if self.dice.random() < 0.8:
@@ -146,6 +158,14 @@ class Questions:
         if type(value) is int and self.dice.random() < 0.2:
             value += self.dice.choice((-1, 1, 0.5))
         return literal(value)
+
+
+def _over(sources: Sequence[tuple[str, Copy | None]], start: str, end: str) -> Script:
+    """A query over these sources, as text over the world and over its copies."""
+    table = next(copy.title for _, copy in sources if copy is not None)
+    items = [(name, copy.title if copy else "numbers", copy.name if copy else "numbers") for name, copy in sources]
+    texts = (start + ", ".join(f"{item[0]} = {item[place]}" for item in items) + end for place in (1, 2))
+    return Script(table, *texts)
 
 
 _NUMBER = Kind.INT | Kind.FLOAT

@@ -231,7 +231,7 @@ def where_of(demands: Iterable[tuple[str, str, Any]], schema: Schema) -> Where:
     """
     where = Where()
     for name, operator, value in demands:
-        expected: Any = str if schema.columns and _is_text(schema, name) else _NUMBERS
+        expected: Any = str if name in schema.texts else _NUMBERS
         if isinstance(value, bool) or not isinstance(value, expected):
             continue
         known = where.get(name, _OPEN)
@@ -249,9 +249,3 @@ def where_of(demands: Iterable[tuple[str, str, Any]], schema: Schema) -> Where:
 
 
 _OPEN = Filter()
-
-
-def _is_text(schema: Schema, name: str) -> bool:
-    from ss2sql.kinds import Kind
-
-    return schema.kinds[name].only(Kind.STR | Kind.NONE)

@@ -28,8 +28,9 @@ def schema_of(table: Table | TableFunction) -> Schema:
 class Schema:
     """The declarations of one table, checked.
 
-    `kinds` are the types of the columns in their order. Of a table function `parameters` are its parameters in order,
-    `required` says how many of them have no default, and `walked` is the table whose keys it gives, if it does.
+    `kinds` are the types of the columns in their order, `texts` those that hold strings. Of a table function
+    `parameters` are its parameters in order, `required` says how many of them have no default, and `walked` is the
+    table whose keys it gives, if it does.
     """
 
     def __init__(self, table: Table | TableFunction) -> None:
@@ -47,6 +48,7 @@ class Schema:
         self.cleaners: dict[str, Clean] = {}
         for column in self.columns:
             self._declare(column)
+        self.texts = frozenset(name for name, kind in self.kinds.items() if kind.only(Kind.STR | Kind.NONE))
         self.groups: dict[str, tuple[str, ...]] = {}  # of each group its columns
         self.arrays: frozenset[str] = frozenset()
         self.group_of: dict[str, str] = {}

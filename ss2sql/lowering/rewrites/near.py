@@ -2,10 +2,12 @@
 
     WHERE distance(this, p) <= 1            also asks            x BETWEEN p[0] - 1.000001 AND p[0] + 1.000001 ...
 
-The distance is tested as before, of what the adapter finds in the box: among 1,000 bodies that all ask for their
-neighbours it is called for 3,500 pairs in place of a million. The adapter has promised what `distance` measures, by
-`Table.places`; the point and the radius must be numbers that are known before the table is walked. Nothing that is
-compared can fail then, so nobody can tell that the rest is asked of fewer elements.
+The distance is tested as before, of what the adapter finds in the box: that 1,006 bodies of PyBullet all ask for their
+neighbours within 1 m takes 0.3 s in place of 180 s, for 6,794 distances are measured in place of a million.
+
+The adapter has promised what `distance` measures, by `Table.places`; the point and the radius must be numbers that are
+known before the table is walked. Nothing that is compared can fail then, so nobody can tell that the rest is asked of
+fewer elements.
 """
 
 from __future__ import annotations

@@ -28,11 +28,15 @@ Dispatch = Callable[[plan.Query], Callable[[Run], Any]]
 
 @dataclass(frozen=True, slots=True)
 class Nested:
-    """A compiled query as the code around it uses it: names of functions, and the outer values that they take."""
+    """A compiled query as the code around it uses it: names of functions, and the outer values that they take.
+
+    `found` gives the rows of a query after which nothing follows when they were found.
+    """
 
     task: str
     value: str
     tuples: str
+    found: str | None
     arguments: list[ast.expr]
 
 
@@ -134,7 +138,8 @@ class Builder:
             pen.assign(tuples, pen.call(unit.helper(tuples_of), pen.name(task))),
         ]
         outer = self._outer_values(sources, states, caller, pen) + [pen.name(name) for name in groups.values()]
-        return Nested(task, value, tuples, outer)
+        ends = query.search or query.group or query.order or functions["settings"]
+        return Nested(task, value, tuples, None if ends else functions["find"], outer)
 
     def _flush(self, pen: Pen) -> str:
         """A function that hands on what was counted."""

@@ -49,28 +49,30 @@ def remembered_call(builder: Builder, node: plan.Call, body: Body) -> ast.expr:
 
 
 def keyed_elements(places: list[Any]) -> set[int]:
-    """The sources whose elements are arguments of remembered calls and no keys by themselves."""
+    """The sources whose elements are arguments of remembered calls, and not of such that need no keys."""
     return {
         argument.source
         for place in places
         for node in walk_own(place)
-        if is_remembered(node)
+        if is_remembered(node) and not _is_plain(node)
         for argument in node.arguments
-        if isinstance(argument, plan.Element) and not argument.type.only(_PLAIN)
+        if isinstance(argument, plan.Element)
     }
+
+
+def _is_plain(node: plan.Call) -> bool:
+    return all(argument.type.only(_PLAIN) for argument in node.arguments)
 
 
 def _way(node: plan.Call, body: Body) -> str:
     """How the call is made: it is worth while to make keys here where one of them serves for several calls."""
-    if all(argument.type.only(_PLAIN) for argument in node.arguments):
+    if _is_plain(node):
         return "of_plain"
     return "of_keys" if any(_is_early(argument, body) for argument in node.arguments) else "of_any"
 
 
 def _is_early(argument: plan.Expr, body: Body) -> bool:
     """Whether the key of an argument is known before the innermost loop."""
-    if argument.type.only(_PLAIN):
-        return False
     if _comes_with_key(argument, body):
         return True
     facts = body.unit.analysis.of(argument)
@@ -93,8 +95,6 @@ def _key(builder: Builder, argument: plan.Expr, value: ast.expr, body: Body) -> 
         name = pen.name(value.target.id if isinstance(value, ast.NamedExpr) else unit.local("argument"))
         assert isinstance(name, ast.Name)
         value = value if isinstance(value, ast.NamedExpr) else pen.bind(name.id, value)
-    if argument.type.only(_PLAIN):
-        return value, name
     if _comes_with_key(argument, body):
         return pen.name(unit.keys[argument.source]), name
     key = pen.call(unit.helper(exact_key), value)

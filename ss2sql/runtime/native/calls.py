@@ -10,20 +10,17 @@ arguments itself where one serves for many calls: that of the state for all its 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Iterable
 from itertools import islice
 from marshal import dumps, loads
-from re import DOTALL
-from re import compile as pattern
-from types import NoneType
+from types import CodeType, NoneType
 from typing import Any, TypeAlias
 
 from ss2sql.kinds import INT_MAX, INT_MIN
-from ss2sql.runtime.border import is_shallow
 from ss2sql.runtime.functions import UserFunction
 from ss2sql.runtime.pool import Pool
 from ss2sql.runtime.run import Run
-from ss2sql.runtime.values import fresh, normalise
+from ss2sql.runtime.values import SCALARS, fresh, normalise
 
 # The value of a call, and its frozen form where that was at hand; None: `freeze` has to make it.
 Result: TypeAlias = tuple[Any, Hashable]
@@ -31,24 +28,30 @@ Result: TypeAlias = tuple[Any, Hashable]
 # Of these kinds equal values are the same value; 1, 1.0 and True are one key of a dict but three arguments.
 PLAIN = frozenset({int, str, NoneType})
 
-# Finds what marshal writes before a float, an integer of more than 32 bits, a tuple, True and False: a shallow list
-# without them is a value already, and its bytes are its frozen form. Others are found by chance, which costs time only.
-_unusual = pattern(rb"[gl(TF]", DOTALL).search
+# What marshal looks into.
+_NESTED = frozenset({list, tuple, dict, set, frozenset, CodeType})
 
-_NO_ITEMS = dumps([], 2)
+# What marshal writes before a float, an integer of more than 32 bits, True, False, whatever is no value, and objects
+# that it writes as bytes. A list without them is a value already, and its bytes are its frozen form. Others are found by
+# chance, in text above all, which costs time only. Deleting them takes 0.1 us, a pattern that looks for them 0.5 us.
+_UNUSUAL = b"glTFsyxcS.({<>"
+
+NO_KEY: Any = None
+
+_NO_ITEMS: Result = ([], dumps([], 2))
 
 
-def exact_key(value: Any) -> Hashable:
-    """What tells a value from all that are not the same, 1 from 1.0; it cannot be hashed where objects are inside."""
-    if type(value) in PLAIN:
-        return value  # type: ignore[no-any-return]
+def are_plain(arguments: Iterable[Any]) -> bool:
+    """Whether all arguments are of kinds in PLAIN."""
+    return PLAIN.issuperset(map(type, arguments))
+
+
+def exact_key(value: Any) -> Any:
+    """What tells a value from all that are not the same, 1 from 1.0; no bytes where objects are inside."""
     try:
         return dumps(value, 2)
     except ValueError:
-        return _WITH_OBJECTS
-
-
-_WITH_OBJECTS: Any = []
+        return NO_KEY
 
 
 class RememberedCalls:
@@ -56,52 +59,62 @@ class RememberedCalls:
 
     `of_plain(*arguments)` takes arguments of the kinds in PLAIN, `of_keys(keys, *arguments)` any with their exact keys,
     `of_any(*arguments)` makes the keys itself. All give a `Result`.
+
+    What is remembered is held as bytes until somebody asks for it: of thousands of tuples and lists more than a third
+    of the time of a search would go into looking through them for garbage. So keys are bytes, and so are lists.
     """
 
     __slots__ = ("of_any", "of_keys", "of_plain")
 
     def __init__(self, function: UserFunction, run: Run, limit: int) -> None:
-        name, memo, remembered, objects = function.name, dict[Any, Result](), run.stats.remembered, Pool()
+        name, memo, remembered, objects = function.name, dict[Any, Any](), run.stats.remembered, Pool()
         call, copied = checked_call(function, run), function.changes
 
         def of_plain(*arguments: Any) -> Result:
             found = memo.get(arguments)
-            if found is None:
-                found = call(arguments)
-                keep(arguments, found)
-            else:
-                remembered[name] += 1
+            if found is not None:
+                return again(arguments, found)
+            found = call(arguments)
+            keep(arguments, found)
             return found
 
-        def of_keys(keys: tuple[Hashable, ...], *arguments: Any) -> Result:
+        def of_keys(keys: tuple[bytes, ...], *arguments: Any) -> Result:
             try:
-                found = memo.get(keys)
+                key = b"".join(keys)
             except TypeError:
                 return with_objects(arguments)
-            if found is None:
-                # The bytes of a key are a fresh value but for the reading of them.
-                found = call([loads(k) if type(k) is bytes else k for k in keys] if copied else arguments)
-                keep(keys, found)
+            found = memo.get(key)
+            if found is not None:
+                return again(key, found)
+            if type(arguments[-1]) is not list and are_plain(arguments):
+                return of_plain(*arguments)
+            if copied:  # the bytes of a key are a fresh value but for the reading of them
+                given = zip(keys, arguments)
+                found = call([value if type(value) in SCALARS else loads(key) for key, value in given])
             else:
-                remembered[name] += 1
+                found = call(arguments)
+            keep(key, found)
             return found
 
         def of_any(*arguments: Any) -> Result:
-            if PLAIN.issuperset(map(type, arguments)):
-                return of_plain(*arguments)
-            return of_keys(tuple(map(exact_key, arguments)), *arguments)
+            return of_plain(*arguments) if are_plain(arguments) else of_keys(tuple(map(exact_key, arguments)), *arguments)
 
         def with_objects(arguments: tuple[Any, ...]) -> Result:
             if function.inferred:  # what was proved of plain data says nothing of other objects
                 return call(map(fresh, arguments))
-            key = objects.encode(list(arguments))
+            key = (objects.encode(list(arguments)),)
             found = memo.get(key)
-            if found is None:
-                found = call(map(fresh, arguments) if copied else arguments)
-                keep(key, found)
-            else:
-                remembered[name] += 1
+            if found is not None:
+                return again(key, found)
+            found = call(map(fresh, arguments))
+            keep(key, found)
             return found
+
+        def again(key: Hashable, found: Any) -> Result:
+            remembered[name] += 1
+            if type(found) is bytes:
+                memo[key] = found = (loads(found), found)
+            return found  # type: ignore[no-any-return]
 
         def keep(key: Hashable, found: Result) -> None:
             if len(memo) >= limit:
@@ -110,7 +123,7 @@ class RememberedCalls:
                 # Half at once: the first key of a dict is the slower to find the more were deleted before it.
                 for old in list(islice(memo, (limit + 1) // 2)):
                     del memo[old]
-            memo[key] = found
+            memo[key] = found[1] if type(found[1]) is bytes and found[0] else found
 
         self.of_plain, self.of_keys, self.of_any = of_plain, of_keys, of_any
 
@@ -128,16 +141,33 @@ def checked_call(function: UserFunction, run: Run) -> Callable[[Any], Result]:
         kind = type(result)
         if kind is list:
             if not result:
-                return result, _NO_ITEMS
-            if len(result) < 16 and is_shallow(result):
-                marshalled = dumps(result, 2)
-                if not _unusual(marshalled):
+                return _NO_ITEMS
+            if len(result) < 16 and is_flat(result):
+                try:
+                    marshalled = dumps(result, 2)
+                except ValueError:  # there are objects inside
+                    return normalise(result, giver), None
+                if len(marshalled.translate(None, _UNUSUAL)) == len(marshalled):
                     return result, marshalled
         elif kind is bool or kind is str or (kind is int and INT_MIN <= result <= INT_MAX):
             return result, result
         return normalise(result, giver), None
 
     return call
+
+
+def is_flat(value: list[Any]) -> bool:
+    """Whether nothing is in a list that marshal looks into but lists where that is so, too.
+
+    A list that contains itself is none that marshal could be given.
+    """
+    if _NESTED.isdisjoint(map(type, value)):
+        return True
+    for item in value:
+        kind = type(item)
+        if kind in _NESTED and (kind is not list or not _NESTED.isdisjoint(map(type, item))):
+            return False
+    return True
 
 
 def native_callable(function: UserFunction, run: Run, memo_limit: int) -> Any:

@@ -8,7 +8,8 @@ called.
 from __future__ import annotations
 
 import ast
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, assert_never
 
 from ss2sql import plan
@@ -20,6 +21,7 @@ from ss2sql.runtime.native.unit import Body
 from ss2sql.runtime.native.worlds import column_reader, element_reader
 from ss2sql.runtime.run import Run
 from ss2sql.runtime.sources import column_of
+from ss2sql.runtime.values import freeze
 
 if TYPE_CHECKING:
     from ss2sql.runtime.native.builder import Builder
@@ -145,7 +147,7 @@ def _column(body: Body, node: plan.Column, pen: Pen) -> ast.expr:
     if not node.declared:
         return pen.call(unit.helper(column_of), current, pen.constant(node.name))
     if unit.elements[node.source].only(Kind.DICT):
-        return pen.call(ast.Attribute(current, "get", ast.Load(), **pen.at), pen.constant(node.name))
+        return pen.call(pen.part(current, "get"), pen.constant(node.name))
     return pen.call(unit.helper(column_of), current, pen.constant(node.name), pen.constant(None))
 
 
@@ -160,6 +162,12 @@ def _call(builder: Builder, node: plan.Call, body: Body) -> ast.expr:
         return body.kept(facts, value, unit.pen_at(node.span), function.name) if facts.steady else value
     arguments = [expression(builder, argument, body) for argument in node.arguments]
     if function.builtin:
+        members = _members(builder, node, arguments, body)
+        if members is not None:
+            return members
+        if _is_index(node) and (body.trusting or not function.raises):
+            body.trusted = body.trusted or function.raises
+            return pen.item(arguments[0], arguments[1])
         inline = _inline(node, arguments, pen)
         if inline is not None:
             return inline
@@ -168,6 +176,38 @@ def _call(builder: Builder, node: plan.Call, body: Body) -> ast.expr:
     if function.builtin or not facts.steady:
         return call
     return body.kept(facts, call, unit.pen_at(node.span), function.name)
+
+
+def _is_index(node: plan.Call) -> bool:
+    """Whether the call takes an element of a list by a whole number, so that nothing can be wrong but the number."""
+    if node.function.name != "item":
+        return False
+    container, index = node.arguments
+    return container.type.only(Kind.LIST) and index.type.only(Kind.INT)
+
+
+def _members(builder: Builder, node: plan.Call, arguments: list[ast.expr], body: Body) -> ast.expr | None:
+    """Membership in a list that stays the same for long, by a set of its elements, which is made once."""
+    if node.function.name not in _MEMBERSHIP or body.parent is None:
+        return None
+    item, container = node.arguments
+    facts = builder.unit.analysis.of(container)
+    if not container.type.only(Kind.LIST) or not facts.steady or facts.sources or facts.states or facts.groups:
+        return None
+    if isinstance(container, plan.MakeList) or facts.key is None:
+        return None
+    unit, pen = builder.unit, builder.unit.pen_at(container.span)
+    members = pen.call(unit.helper(members_of), arguments[1])
+    kept = body.kept(replace(facts, key=-1 - facts.key), members, pen, "members")
+    frozen = arguments[0]
+    if not item.type.only(Kind.NONE | Kind.NUMBER | Kind.STR):
+        frozen = pen.call(unit.helper(freeze), frozen)
+    return pen.compare(frozen, _MEMBERSHIP[node.function.name](), kept)
+
+
+def members_of(items: list[Any]) -> frozenset[Hashable]:
+    """The elements of a list, to ask for quickly."""
+    return frozenset(map(freeze, items))
 
 
 def _inline(node: plan.Call, arguments: list[ast.expr], pen: Pen) -> ast.expr | None:

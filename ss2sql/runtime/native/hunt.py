@@ -11,6 +11,7 @@ from __future__ import annotations
 import ast
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from ss2sql import plan
@@ -181,6 +182,10 @@ class Steps:
         several = pen.name("row") if frozen == values else pen.pack(*frozen)
         inner.add(pen.assign("key", frozen[0] if len(frozen) == 1 else several))
         known = pen.compare(pen.name("key"), ast.In(), pen.name("seen"))
+        if self.search.heuristic is not None and self.search.repeats == "unique":  # see Taken in best_first.py
+            total = pen.item(pen.name("seen"), pen.name("key"))
+            present = pen.part(pen.name("seen"), "present")
+            known = pen.both(ast.And(), [known, pen.compare(total, ast.LtE(), present)])
         if self.search.repeats == "memorize":
             edge: list[ast.stmt] = []
             with inner.unsure():
@@ -231,18 +236,24 @@ class Steps:
         pen, inner, stop, where = self.pen, self.inner, self.search.stop, self.query.where
         if stop is not None and where is None:
             pen = self.unit.pen_at(stop.span)
-            inner.add(pen.when(expression(self.builder, stop, inner), pen.next_turn()))
+            facts = self.unit.analysis.of(stop)
+            inner.checked_later(facts, lambda: pen.assign("stop", expression(self.builder, stop, inner)), pen)
+            inner.add(pen.when(pen.name("stop"), pen.next_turn()))
             return False
         for name, clause in (("stop", stop), ("goal", where)):
             if clause is not None:
-                pen = self.unit.pen_at(clause.span)
-                value = expression(self.builder, clause, inner)
-                inner.add(pen.assign(name, value if clause.type.only(Kind.BOOL) else pen.truth(value)))
+                write = partial(self._assigned_truth, name, clause)
+                inner.checked_later(self.unit.analysis.of(clause), write, self.unit.pen_at(clause.span))
         if stop is None:
             return False
         traceless = pen.both(ast.And(), [pen.name("stop"), pen.negation(pen.name("goal"))])
         inner.add(pen.when(traceless, pen.next_turn()))
         return True
+
+    def _assigned_truth(self, name: str, clause: plan.Expr) -> ast.stmt:
+        pen = self.unit.pen_at(clause.span)
+        value = expression(self.builder, clause, self.inner)
+        return pen.assign(name, value if clause.type.only(Kind.BOOL) else pen.truth(value))
 
     def _weigh(self, block: list[ast.stmt]) -> None:
         """Evaluates COST or PROBABILITY; an impossible step is dropped."""

@@ -13,6 +13,7 @@ from itertools import chain
 from typing import TYPE_CHECKING, Any, assert_never
 
 from ss2sql import plan
+from ss2sql.kinds import Kind
 from ss2sql.runtime.native.calls import exact_key
 from ss2sql.runtime.native.expressions import expression
 from ss2sql.runtime.native.facts import Facts
@@ -216,6 +217,10 @@ class Loops:
                 read = expression(builder, value, body)
                 rows = pen.call(unit.helper(rows_of_frame), read, *map(pen.constant, words))
                 return self._kept(source, body, rows)
+            case plan.ValueSource(value=value) if body is self.owner and (words := self._read_of_dicts(source)):
+                unit.tuples[source.id] = words
+                rows = pen.call(unit.helper(columns_of), expression(builder, value, body), *map(pen.constant, words))
+                return self._kept(source, body, rows)
             case plan.ValueSource(value=value):
                 unit.elements[source.id] = source.element
                 if isinstance(value, plan.Constant):
@@ -226,7 +231,8 @@ class Loops:
                 nested = builder.query(query, body)
                 if is_table(query):
                     unit.tuples[source.id] = tuple(output.name for output in query.columns)
-                    return self._kept(source, body, pen.call(nested.tuples, *nested.arguments))
+                    rows = pen.call(nested.found or nested.tuples, *nested.arguments)
+                    return self._kept(source, body, pen.call("list", rows) if nested.found else rows)
                 unit.elements[source.id] = source.element
                 value_of_query = pen.call(nested.value, *nested.arguments)
                 return self._kept(source, body, pen.call(unit.helper(elements), value_of_query))
@@ -244,6 +250,20 @@ class Loops:
             if isinstance(node, plan.Column) and node.source == source:
                 read.add(node.name)
         return tuple(name for name in columns if name in read)
+
+    def _read_of_dicts(self, source: plan.ValueSource) -> tuple[str, ...]:
+        """The columns that a search reads of dicts, where it reads nothing else of them."""
+        if self.query.search is None or not source.element.only(Kind.DICT):
+            return ()
+        read: dict[str, None] = {}
+        for node in chain.from_iterable(map(walk, self.builder.unit.analysis.roots)):
+            if isinstance(node, plan.Eval) or (isinstance(node, plan.Element) and node.source == source.id):
+                return ()
+            if isinstance(node, plan.Column) and node.source == source.id:
+                if not node.declared:
+                    return ()
+                read[node.name] = None
+        return tuple(read)
 
     def _looked_up(self, source: plan.Source, items: ast.expr, body: Body) -> ast.expr:
         """The elements that the source's lookup finds; its index lives as long as the elements do."""
@@ -286,6 +306,11 @@ def read_by_sources(query: plan.Query) -> list[plan.Expr]:
 def accompanied(items: list[Any], *makers: Callable[[Any], Any]) -> list[tuple[Any, ...]]:
     """The items, each with what the makers make of it."""
     return list(zip(items, *(map(maker, items) for maker in makers), strict=True))
+
+
+def columns_of(value: Any, *names: str) -> list[tuple[Any, ...]]:
+    """Columns of the dicts that are the elements of a value."""
+    return [tuple([element.get(name) for name in names]) for element in elements(value)]
 
 
 def rows_of_frame(source: Any, *names: str) -> list[tuple[Any, ...]]:

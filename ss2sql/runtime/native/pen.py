@@ -47,6 +47,10 @@ class Pen:
         part = self.constant(index) if isinstance(index, int) else index
         return ast.Subscript(value, part, ast.Load(), **self.at)
 
+    def part(self, value: ast.expr, name: str) -> ast.expr:
+        """`value.name`."""
+        return ast.Attribute(value, name, ast.Load(), **self.at)
+
     def compare(self, left: ast.expr, operator: ast.cmpop, right: ast.expr) -> ast.expr:
         return ast.Compare(left, [operator], [right], **self.at)
 
@@ -110,9 +114,9 @@ class Pen:
         target = targets[0] if len(targets) == 1 else ast.Tuple(targets, ast.Store(), **self.at)
         return ast.For(target, items, body, [], **self.at)
 
-    def try_to(self, attempt: ast.stmt, error: str) -> ast.stmt:
-        """The statement, without effect where it raises the error of this name."""
-        handler = ast.ExceptHandler(self.name(error), None, [ast.Pass(**self.at)], **self.at)
+    def try_to(self, attempt: ast.stmt, error: str, otherwise: ast.stmt | None = None) -> ast.stmt:
+        """The statement, and the other one, or nothing, where it raises the error of this name."""
+        handler = ast.ExceptHandler(self.name(error), None, [otherwise or ast.Pass(**self.at)], **self.at)
         return ast.Try([attempt], [handler], [], [], **self.at)
 
     def shared(self, names: list[str]) -> ast.stmt:

@@ -1,8 +1,8 @@
 """PyBullet as a world: `ss.attach("space", client)`.
 
 `client.py` is how the simulator is called. The tables: `bodies.py`, `links.py`, `joints.py`, `shapes.py`, `cameras.py`
-and `pairs.py`; `places.py` finds bodies by their places. The functions of scripts: `functions.py`, `collision.py` and
-`parts.py` with `posture.py`; `frames.py` turns and moves points for them.
+and `pairs.py`; `places.py` finds bodies by their places. The functions of scripts: `functions.py`, `collision.py` with
+`parts.py`, `boxes.py` and `posture.py`; `frames.py` turns and moves points for them.
 """
 
 from __future__ import annotations

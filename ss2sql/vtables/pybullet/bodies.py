@@ -158,7 +158,10 @@ class Bodies(Table):
 
     def form(self, key: int) -> tuple[Any, ...]:
         calls = self.calls
-        self.world.present(key)
+        try:
+            calls.getBodyInfo(key)  # about what is gone PyBullet would write a warning
+        except self.error as error:
+            raise self._reason(key, error) from None
         if not calls.getNumJoints(key):
             single = calls.getCollisionShapeData(key, -1)
             if len(single) == 1:

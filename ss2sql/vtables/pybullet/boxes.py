@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from math import hypot, sqrt
 from typing import Any, NamedTuple
 
-from ss2sql.vtables.pybullet.frames import Box, Point, Turn, turned, union
+from ss2sql.vtables.pybullet.frames import Box, Point, Turn, union
 from ss2sql.vtables.pybullet.links import frame_of
 from ss2sql.vtables.pybullet.posture import frames_of
 
@@ -25,14 +25,26 @@ class Extent(NamedTuple):
 
     def along(self, turn: Turn) -> Point:
         """Its reach along x, y and z when it is turned."""
-        columns = [turned(turn, axis) for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))]
-        x, y, z = (
-            sum(abs(part) * half for part, half in zip(row, self.box, strict=True))
-            + self.ball
-            + self.disc * sqrt(max(0.0, 1 - row[2] * row[2]))
-            for row in zip(*columns, strict=True)
+        (a, b, c), ball, disc = self
+        x, y, z, w = turn
+        right, up, away = 2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)  # where the z axis looks
+        return (
+            ball
+            + abs(1 - 2 * (y * y + z * z)) * a
+            + abs(2 * (x * y - w * z)) * b
+            + abs(right) * c
+            + disc * sqrt(max(0.0, 1 - right * right)),
+            ball
+            + abs(2 * (x * y + w * z)) * a
+            + abs(1 - 2 * (x * x + z * z)) * b
+            + abs(up) * c
+            + disc * sqrt(max(0.0, 1 - up * up)),
+            ball
+            + abs(2 * (x * z - w * y)) * a
+            + abs(2 * (y * z + w * x)) * b
+            + abs(away) * c
+            + disc * sqrt(max(0.0, 1 - away * away)),
         )
-        return x, y, z
 
 
 def extent_of(kind: str, size: Any) -> Extent:
@@ -55,11 +67,11 @@ def extent_of_corners(corners: Iterable[Point]) -> Extent:
     return Extent((x, y, z), ball=SLACK)
 
 
-def reach_of_link(world: Any, body: int, link: int) -> float:
-    """The radius of a sphere around all shapes of a link, whose middle is the link's centre of mass."""
-    middle, _ = frame_of(world, (body, link))
-    low, high = world.calls.getAABB(body, link)
-    return hypot(*(max(m - a, b - m) for a, b, m in zip(low, high, middle, strict=True)))
+def reach_of_link(world: Any, body: int, link: int, box: Box) -> float:
+    """The radius of a sphere around all shapes of a link, whose middle is the link's centre of mass, by its box."""
+    (x, y, z), _ = frame_of(world, (body, link))
+    (ax, ay, az), (bx, by, bz) = box
+    return hypot(max(x - ax, bx - x), max(y - ay, by - y), max(z - az, bz - z))
 
 
 def solid_box(world: Any, body: int) -> Box:
@@ -71,8 +83,9 @@ def solid_box(world: Any, body: int) -> Box:
     boxes = [base]
     for link, ((x, y, z), _) in frames_of(world, body).items():
         if link >= 0:
-            reach = reach_of_link(world, body, link)
-            boxes.append(calls.getAABB(body, link))
+            box = calls.getAABB(body, link)
+            boxes.append(box)
+            reach = reach_of_link(world, body, link, box)
             boxes.append(((x - reach, y - reach, z - reach), (x + reach, y + reach, z + reach)))
     return union(boxes)
 

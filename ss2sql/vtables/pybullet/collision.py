@@ -70,12 +70,13 @@ class Collisions(Functions):
             place = px, py, pz = px + x, py + y, pz + z
             a, b, c = a + far, b + far, c + far
             for other, ax, ay, az, bx, by, bz in others:
-                if ax <= px + a and px - a <= bx and ay <= py + b and py - b <= by and az <= pz + c and pz - c <= bz:
-                    if closest(
-                        bodyA=-1, bodyB=other, distance=margin, collisionShapeA=shape, collisionShapePositionA=place,
-                        collisionShapeOrientationA=own,
-                    ):  # fmt: skip
-                        return True
+                if ax > px + a or px - a > bx or ay > py + b or py - b > by or az > pz + c or pz - c > bz:
+                    continue
+                if closest(
+                    bodyA=-1, bodyB=other, distance=margin, collisionShapeA=shape, collisionShapePositionA=place,
+                    collisionShapeOrientationA=own,
+                ):  # fmt: skip
+                    return True
         return False
 
     def _surroundings(self) -> Surroundings:

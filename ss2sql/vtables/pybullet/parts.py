@@ -9,12 +9,12 @@ from typing import Any, NamedTuple
 
 from ss2sql.vtables.pybullet.bodies import KINDS, shapes_of
 from ss2sql.vtables.pybullet.boxes import Extent, extent_of, extent_of_corners, reach_of_link
-from ss2sql.vtables.pybullet.frames import Box, Frame, Point, Turn, inside, seen_from, union
+from ss2sql.vtables.pybullet.frames import UPRIGHT, Box, Frame, Point, Turn, inside, product, seen_from, union
 from ss2sql.vtables.pybullet.posture import frames_of
 from ss2sql.vtables.schema import failure
 
 ORIGIN: Point = (0.0, 0.0, 0.0)
-MOST_TURNS = 1000  # in which one robot is kept, each 2 kB
+MOST_TURNS = 1000  # in which one robot is kept, each about 6 kB
 
 
 class Part(NamedTuple):
@@ -42,8 +42,9 @@ class Robot:
         if known is None:
             if len(self._turned) >= MOST_TURNS:
                 self._turned.clear()
-            old, new = (ORIGIN, self.turn), (ORIGIN, turn)
-            parts = [(shape, extent, inside(new, seen_from(old, frame))) for shape, extent, frame in self._shapes]
+            _, way = seen_from((ORIGIN, self.turn), (ORIGIN, UPRIGHT))
+            more = ORIGIN, product(turn, way)  # from the one turn to the other
+            parts = [(shape, extent, inside(more, frame)) for shape, extent, frame in self._shapes]
             known = self._turned[turn] = Robot(turn, parts)
         return known
 
@@ -142,7 +143,8 @@ def robot_of(world: Any, stock: Stock, body: int) -> Robot:
         shape = stock.shape(body, link, number, data)
         extent = stock.extents[shape]
         if extent is None:
-            extent = Extent(ball=reach_of_link(world, body, link) + dist(frame[0], frames[link][0]))
+            reach = reach_of_link(world, body, link, world.calls.getAABB(body, link))
+            extent = Extent(ball=reach + dist(frame[0], frames[link][0]))
         place, turn = frame
         parts.append((shape, extent, (_minus(place, base[0]), turn)))
     return Robot(base[1], parts)

@@ -55,16 +55,14 @@ def _best_first(hunt: Hunt, trail: Trail | None) -> Iterator[Found]:
         _, _, _, total, place, state = heappop(queue)
 
 
-class Taken:
-    """The rows that were taken at a total so good that no path through the present place can be better."""
+class Taken(dict[Hashable, Any]):
+    """The totals at which rows were taken, and that of the present place.
 
-    def __init__(self) -> None:
-        self.totals: dict[Hashable, Any] = {}
-        self.present: Any = None
+    A row that was taken at a total so good need not be looked at again. Without a heuristic no total is less than one
+    before it, so every row in here is such a row; with one, generated code compares.
+    """
 
-    def __contains__(self, key: Hashable) -> bool:
-        total = self.totals.get(key)
-        return total is not None and total <= self.present
+    present: Any = None
 
 
 def best_first_unique(hunt: Hunt) -> Iterator[Found]:
@@ -73,8 +71,9 @@ def best_first_unique(hunt: Hunt) -> Iterator[Found]:
     A row enters the queue only if it is better than the best path to it so far; what is then no longer the
     best is neither given out nor expanded. With an inconsistent heuristic a row may be taken again.
     """
-    total, combine = (-1, mul) if hunt.order == "probability" else (0, add)
-    numbers = count()
+    likeliest, steps, stats = hunt.order == "probability", hunt.steps, hunt.stats
+    total: Any = -1 if likeliest else 0
+    number = 0
     queue: list[Entry] = []
     best: dict[Hashable, Any] = {}
     taken = Taken()
@@ -83,14 +82,15 @@ def best_first_unique(hunt: Hunt) -> Iterator[Found]:
     place: Place | None = None
     while True:
         taken.present = total
-        depth = 1 if place is None else place[3] + 1
-        for row, goal, following, key, weight, estimate, last in hunt.steps(state, taken):
-            rank = combine(total, weight)
-            if key in best and best[key] <= rank:
-                hunt.stats.pruned += 1
+        for row, goal, following, key, weight, estimate, last in steps(state, taken):
+            rank = total * weight if likeliest else total + weight
+            known = best.get(key)
+            if known is not None and known <= rank:
+                stats.pruned += 1
                 continue
             best[key] = rank
-            number, new = next(numbers), (place, row, key, depth)
+            number += 1
+            new = (place, row, key, 0)
             if goal:
                 heappush(queue, (rank, number, False, rank, new, last))
             if following is not None:
@@ -100,7 +100,7 @@ def best_first_unique(hunt: Hunt) -> Iterator[Found]:
             key = place[2]
             if best[key] < total:
                 continue
-            taken.totals[key] = total
+            taken[key] = total
             if expansion:
                 state = rest
                 break

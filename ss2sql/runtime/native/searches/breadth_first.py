@@ -5,20 +5,20 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Hashable, Iterator
 
-from ss2sql.runtime.native.searches.step import Found, Hunt, Place, State, Trail, path_to
+from ss2sql.runtime.native.searches.step import Found, Hunt, Place, State, Trail, Way, path_to
 
 
 def breadth_first(hunt: Hunt) -> Iterator[Found]:
     """Every path; ties in source order."""
-    queue: deque[tuple[State, Place | None, int]] = deque([(hunt.start, None, 1)])
+    queue: deque[tuple[State, Way | None]] = deque([(hunt.start, None)])
     while queue:
-        state, parent, depth = queue.popleft()
-        for row, goal, following, key, _, _, last in hunt.steps(state, ()):
-            place = (parent, row, key, depth)
+        state, parent = queue.popleft()
+        for row, goal, following, _, _, _, last in hunt.steps(state, ()):
+            way = (parent, row)
             if goal:
-                yield path_to(place), last
+                yield path_to(way), last
             if following is not None:
-                queue.append((following, place, depth + 1))
+                queue.append((following, way))
 
 
 def breadth_first_no_cycle(hunt: Hunt) -> Iterator[Found]:
@@ -39,13 +39,13 @@ def breadth_first_no_cycle(hunt: Hunt) -> Iterator[Found]:
 def breadth_first_unique(hunt: Hunt) -> Iterator[Found]:
     """Each row once, by the first of its shortest paths."""
     reached: set[Hashable] = set()
-    queue: deque[tuple[State, Place | None, int]] = deque([(hunt.start, None, 1)])
+    queue: deque[tuple[State, Way | None]] = deque([(hunt.start, None)])
     while queue:
-        state, parent, depth = queue.popleft()
+        state, parent = queue.popleft()
         for row, goal, following, key, _, _, last in hunt.steps(state, reached):
             reached.add(key)
-            place = (parent, row, key, depth)
+            way = (parent, row)
             if goal:
-                yield path_to(place), last
+                yield path_to(way), last
             if following is not None:
-                queue.append((following, place, depth + 1))
+                queue.append((following, way))

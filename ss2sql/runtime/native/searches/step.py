@@ -39,17 +39,20 @@ class Hunt:
     check: Callable[[], None]
 
 
-# A step with the way back: the place before it (None: the start), its row, its frozen row, its depth. Paths
-# share their beginnings, so that the cost of a step does not depend on the length of its path.
+# A step with the way back: that of the step before it (None: the start), its row. Paths share their beginnings, so that
+# the cost of a step does not depend on the length of its path.
+Way: TypeAlias = tuple[Any, Row]
+
+# The same with its frozen row and its depth: what `Trail` asks for.
 Place: TypeAlias = tuple[Any, Row, Hashable, int]
 
 
-def path_to(place: Place | None) -> list[Row]:
-    """The rows from the start to a place."""
+def path_to(way: Way | Place | None) -> list[Row]:
+    """The rows from the start to the end of a way."""
     rows: list[Row] = []
-    while place is not None:
-        rows.append(place[1])
-        place = place[0]
+    while way is not None:
+        rows.append(way[1])
+        way = way[0]
     rows.reverse()
     return rows
 

@@ -1,0 +1,56 @@
+"""Numbers and strings that are compared with a parameter of which nothing is known before the query runs."""
+
+from __future__ import annotations
+
+from decimal import Decimal
+from fractions import Fraction
+from typing import Any
+
+import pytest
+from balls import BallWorld, Box
+
+import ss2sql
+
+ROWS = [{"a": 1, "b": "x", "c": 1.5}, {"a": 2, "b": "1", "c": 2.0}, {"a": 2**53 + 1, "b": "", "c": 0.1}]
+VALUES = [
+    1, 2, 1.0, 1.5, 2.5, 0.1, 2**53 + 1, 2.0**53, True, False, None, "x", "1", "", "\ud800", b"1",
+    Decimal(1), Decimal("1.5"), Decimal("0.1"), Fraction(3, 2), 1 + 0j, [1], [], {"a": 1}, {}, object(),
+]  # fmt: skip
+
+
+@pytest.fixture(params=["database", "native"])
+def engine(request: Any) -> Any:
+    return request.param
+
+
+@pytest.mark.parametrize("column", ["a", "b", "c"])
+@pytest.mark.parametrize("source", ["rows", "t"])
+@pytest.mark.parametrize("value", VALUES, ids=repr)
+def test_they_equal_what_python_says(engine: Any, source: str, column: str, value: Any) -> None:
+    ss = ss2sql.connect()
+    ss.attach("rows", ROWS)
+    ss.host.connection.execute("CREATE TABLE t(a INTEGER, b TEXT, c REAL)")
+    ss.host.connection.executemany("INSERT INTO t VALUES(:a, :b, :c)", ROWS)
+    equal = [row["a"] for row in ROWS if row[column] == value]
+    other = [row["a"] for row in ROWS if row[column] != value]
+    for condition, expected in ((f"{column} == n", equal), (f"n == {column}", equal), (f"{column} != n", other)):
+        query = ss.compile(f"SELECT a FROM {source} WHERE {condition} AS list;")
+        assert query.run(engine=engine, n=value).value == expected
+
+
+def test_sqlite_compares_them_by_itself() -> None:
+    ss = ss2sql.connect()
+    ss.attach("rows", ROWS)
+    text = ss.compile("SELECT a FROM rows WHERE a == n AND b != n;").sql
+    assert "rows.a IS :n AND rows.b IS NOT :n_2" in " ".join(text.split())
+
+
+def test_a_world_is_asked_for_the_one_that_is_wanted(engine: Any) -> None:
+    box = Box.row(50)
+    ss = ss2sql.connect()
+    ss.attach("space", BallWorld(box))
+    query = ss.compile("SELECT name FROM space WHERE id == n AS list;")
+    assert query.run(engine=engine, n=7).value == ["ball7"]
+    assert box.calls["given"] == 1
+    assert query.run(engine=engine, n="7").value == []
+    assert query.run(engine=engine, n=Decimal(8)).value == ["ball8"]

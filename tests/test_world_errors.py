@@ -1,0 +1,315 @@
+"""Bad input to worlds: a clear error with code, place and cure, and the session goes on."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import ss2sql
+
+pytest.importorskip("pybullet")
+
+from bullet_rooms import ENGINES, ball
+
+from ss2sql import scenes
+from ss2sql.scenes.bullet import connect
+
+
+@pytest.fixture(scope="module")
+def shared() -> Iterator[Any]:
+    made = connect()  # each takes 29 MB that never come back
+    yield made
+    made.disconnect()
+
+
+@pytest.fixture
+def client(shared: Any) -> Any:
+    """Four balls that fall, 1, 2, 3 and 4 m above the floor."""
+    shared.resetSimulation()
+    shared.setGravity(0, 0, -9.81)
+    for number in range(4):
+        ball(shared, 0.1, (number, 0, number + 1), mass=number + 1)
+    return shared
+
+
+@pytest.fixture
+def ss(client: Any) -> Iterator[ss2sql.Session]:
+    with ss2sql.connect() as session:
+        session.attach("space", client)
+        yield session
+
+
+@pytest.fixture(params=ENGINES)
+def engine(request: Any) -> Any:
+    return request.param
+
+
+def refused(ss: ss2sql.Session, script: str, engine: Any) -> ss2sql.Error:
+    """The error of a script, which names a place in it and a cure. Afterwards the session goes on, on both engines."""
+    with pytest.raises(ss2sql.Error) as caught:
+        ss.run(script, engine=engine)
+    error = caught.value
+    assert error.span is not None
+    assert error.span.source.text == script
+    assert error.span.end > error.span.start
+    assert error.hints
+    assert f"error[{error.code}]: {error.message}" in str(error)
+    goes_on(ss)
+    return error
+
+
+def goes_on(ss: ss2sql.Session) -> None:
+    for engine in ENGINES:
+        assert ss.run("SELECT this + 1 FROM [1, 2] AS list;", engine=engine).value == [2, 3]
+
+
+def place(error: ss2sql.Error) -> str:
+    assert error.span is not None
+    return error.span.source.text[error.span.start : error.span.end]
+
+
+def answers(ss: ss2sql.Session, script: str) -> Any:
+    """What a script gives, the same on both engines."""
+    one, other = (ss.run(script, engine=engine).value for engine in ENGINES)
+    assert one == other
+    return one
+
+
+# --- what has gone -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("script", "where"),
+    [
+        ("SELECT mass FROM space;", "space"),
+        ("SELECT mass FROM space WHERE id == 0;", "space"),
+        ("SELECT number FROM space.links;", "space.links"),
+        ("SELECT id FROM space.near([0, 0, 0], 1);", "space.near([0, 0, 0], 1)"),
+        ("SELECT idA FROM space.contacts;", "space.contacts"),
+        ("SELECT n.id FROM a = [1, 2], n = space.near([a.this, 0], 1);", "space.near([a.this, 0], 1)"),
+        ("SELECT id FROM space AS environment;", "space"),
+        ("space.collision(0, [1, 2]);", "space.collision(0, [1, 2])"),
+        ("move(0, [1, 2]);", "move(0, [1, 2])"),
+        ("checkCollision(0);", "checkCollision(0)"),
+        ("mass(kept[0]);", "mass(kept[0])"),
+        ("SELECT space.collision(0, this) FROM [[1, 2]] AS list;", ""),
+    ],
+)
+def test_a_disconnected_client(engine: Any, script: str, where: str) -> None:
+    gone = connect()
+    with ss2sql.connect() as ss:
+        ball(gone)
+        ss.attach("space", gone)
+        again = ss.compile("SELECT mass FROM space AS list;")
+        ss.run("kept = SELECT this FROM space AS list;")
+        assert again.run(engine=engine).value == [1.0]
+        gone.disconnect()
+        error = refused(ss, script, engine)
+        assert (error.code, error.message) == ("X011", "the PyBullet client is disconnected")
+        assert error.hints == ("connect anew, and attach the new client",)
+        assert where in place(error)
+        with pytest.raises(ss2sql.ExecutionError, match="disconnected"):
+            again.run(engine=engine)
+
+
+def test_what_the_cure_says_helps(client: Any, engine: Any) -> None:
+    gone = connect()
+    with ss2sql.connect() as ss:
+        ss.attach("space", gone)
+        gone.disconnect()
+        refused(ss, "SELECT mass FROM space;", engine)
+        ss.attach("space", client)
+        assert ss.run("SELECT mass FROM space AS list;", engine=engine).value == [1.0, 2.0, 3.0, 4.0]
+
+
+@pytest.mark.parametrize(
+    ("script", "says"),
+    [
+        ("SELECT mass(this) FROM kept;", "bodies[2] no longer exists"),
+        ("SELECT mass FROM kept;", "bodies[2] no longer exists"),
+        ("pos(kept[2]);", "bodies[2] no longer exists"),
+        ("SELECT this.x FROM kept WHERE this.x > 0;", "bodies[2] no longer exists"),
+        ("distance(kept[0], kept[2]);", "there is no body 2"),
+        ("space.collision(kept[2], [0, 0]);", "there is no body 2"),
+        ("space.position(2);", "there is no body 2"),
+        ("space.move(2, [0, 0]);", "there is no body 2"),
+        ("space.checkCollision(2);", "there is no body 2"),
+        ("space.position('body_2');", "no body is called 'body_2'"),
+        ("SELECT id FROM space.near(kept[2], 1);", "there is no body 2"),
+        ("SELECT idA FROM space.contacts(2);", "there is no body 2"),
+        ("SELECT c.idA FROM k = kept, c = space.closest(k.this, None, 1);", "there is no body 2"),
+    ],
+)
+def test_a_removed_body(client: Any, ss: ss2sql.Session, engine: Any, script: str, says: str) -> None:
+    ss.run("kept = SELECT this FROM space AS list;")
+    client.removeBody(2)
+    error = refused(ss, script, engine)
+    assert error.code == "X011"
+    assert says in error.message
+    assert "anew" in error.hints[0] or "did you mean 'body_" in error.hints[0]
+    assert answers(ss, "SELECT id, mass FROM space AS rows;") == [(0, 1.0), (1, 2.0), (3, 4.0)]
+    assert answers(ss, "mass(kept[3]);") == 4.0
+    assert answers(ss, "SELECT id FROM space WHERE id == 2 AS list;") == []
+
+
+# --- a world that moves while it is read ---------------------------------------------------------------
+
+
+def test_a_step_within_a_select_is_not_seen_by_its_query(client: Any, ss: ss2sql.Session, engine: Any) -> None:
+    """A query sees the world as it was when it began, whatever its functions do to it; the next one sees the steps."""
+
+    @ss.function
+    def step() -> int:
+        client.stepSimulation()
+        return 1
+
+    before = [client.getBasePositionAndOrientation(body)[0][2] for body in range(4)]
+    script = "SELECT z, step(), z, z(this), velocity[2] FROM space WHERE step() > 0 AND z > 1.5 AS rows;"
+    found = ss.run(script, engine=engine).value
+    assert found == [(z, 1, z, z, 0.0) for z in before[1:]]
+    after = [client.getBasePositionAndOrientation(body)[0][2] for body in range(4)]
+    assert all(low < high for low, high in zip(after, before, strict=True))
+    assert answers(ss, "SELECT z FROM space AS list;") == after
+
+
+def test_steps_within_a_join(client: Any, ss: ss2sql.Session, engine: Any) -> None:
+    @ss.function
+    def step() -> int:
+        client.stepSimulation()
+        return 1
+
+    before = [client.getBasePositionAndOrientation(body)[0][2] for body in range(4)]
+    script = "SELECT a.z, b.z, step() FROM a = space, b = space WHERE b.id == a.id AS rows;"
+    assert ss.run(script, engine=engine).value == [(z, z, 1) for z in before]
+
+
+def test_bodies_removed_within_a_select(client: Any, ss: ss2sql.Session, engine: Any) -> None:
+    @ss.function
+    def remove(body: int) -> int:
+        client.removeBody(body)
+        return body
+
+    assert ss.run("SELECT mass, remove(3 - id), mass FROM space AS rows;", engine=engine).value == [
+        (1.0, 3, 1.0),
+        (2.0, 2, 2.0),
+        (3.0, 1, 3.0),
+        (4.0, 0, 4.0),
+    ]
+    assert answers(ss, "SELECT id FROM space AS list;") == []
+    goes_on(ss)
+
+
+def test_what_was_not_copied_of_a_removed_body_is_an_error(client: Any, ss: ss2sql.Session, engine: Any) -> None:
+    @ss.function
+    def remove(body: int) -> int:
+        client.removeBody(body)
+        return body
+
+    error = refused(ss, "SELECT remove(3 - id), distance(this, [0, 0, 0]) FROM space;", engine)
+    assert (error.code, error.message) == ("X011", "there is no body 2")  # the second row has removed it
+    assert answers(ss, "SELECT id FROM space AS list;") == [0]
+
+
+# --- names and arguments that are wrong ----------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("script", "code", "says", "cure", "where"),
+    [
+        ("SELECT id FROM space.near;", "R005", "lacks point and radius", "space.near(point, radius)", "space.near"),
+        (
+            "SELECT id FROM space.near([0, 0]);",
+            "R005",
+            "lacks radius",
+            "space.near(point, radius)",
+            "space.near([0, 0])",
+        ),
+        ("SELECT idA FROM space.closest(0, 1);", "R005", "lacks distance", "(a, b, distance)", "space.closest(0, 1)"),
+        ("SELECT id FROM space.near([0, 0], radus=2);", "R005", "no argument 'radus'", "'radius'", "radus"),
+        ("SELECT n.id FROM a = space, n = space.near(a.pos);", "R005", "lacks radius", "radius)", "space.near(a.pos)"),
+        ("SELECT mas FROM space;", "R001", "unknown name 'mas'", "'mass'", "mas"),
+        ("SELECT id FROM space WHERE mas > 3;", "R001", "unknown name 'mas'", "'mass'", "mas"),
+        ("SELECT space.mas FROM space;", "R001", "no column 'mas'", "'mass'", "space.mas"),
+        ("SELECT this.mas FROM space;", "R001", "no column 'mas'", "'mass'", "this.mas"),
+        ("SELECT b.mas FROM a = space, b = space;", "R001", "no column 'mas'", "'mass'", "b.mas"),
+        ("SELECT n.idd FROM n = space.near([0, 0], 9);", "R001", "no column 'idd'", "'id'", "n.idd"),
+        ("SELECT id FROM space ORDER BY mas;", "R001", "unknown name 'mas'", "'mass'", "mas"),
+        ("SELECT id FROM space WHERE isSfere(this);", "R002", "function 'isSfere'", "'isSphere'", "isSfere(this)"),
+        ("SELECT space.isSfere(this) FROM space;", "R002", "function 'isSfere'", "'isSphere'", "space.isSfere(this)"),
+        ("SELECT space.colision(this) FROM space;", "R002", "'colision'", "'collision'", "space.colision(this)"),
+        ("SELECT id FROM spce;", "R003", "'spce'", "'space'", "spce"),
+        ("SELECT id FROM space.link;", "R003", "no table 'link'", "'links'", "space.link"),
+        ("SELECT id FROM space AS plain;", "R006", "'plain'", "'plane'", "AS plain"),
+        ("SELECT id FROM space.near('body_9', 1);", "X011", "'body_9'", "'body_3'", "space.near('body_9', 1)"),
+        ("mass(1);", "X007", "needs an element of a world", "`this`", "mass(1)"),
+    ],
+)
+def test_a_wrong_name_or_argument(
+    ss: ss2sql.Session, engine: Any, script: str, code: str, says: str, cure: str, where: str
+) -> None:
+    error = refused(ss, script, engine)
+    assert (error.code, place(error)) == (code, where)
+    assert says in error.message
+    assert cure in " ".join(error.hints)
+    assert answers(ss, "SELECT id FROM space.near([0, 0, 0], 2) AS list;") == [0]
+
+
+@pytest.mark.parametrize("thing", [object(), len, ss2sql.World, os], ids=["object", "function", "class", "module"])
+def test_what_cannot_be_attached(ss: ss2sql.Session, thing: Any) -> None:
+    with pytest.raises(ss2sql.SessionError, match="cannot be attached") as caught:
+        ss.attach("space", thing)
+    assert caught.value.code == "S002"
+    assert any("write an adapter" in hint for hint in caught.value.hints)
+    assert answers(ss, "SELECT id FROM space LIMIT 1 AS list;") == [0]  # what was there before
+
+
+# --- scenes and their pictures -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        lambda folder: folder / "not there" / "a.png",
+        lambda folder: folder,
+        lambda folder: folder / "a file" / "a.png",
+        lambda folder: folder / "a\0.png",
+    ],
+    ids=["no folder", "a folder", "a file as a folder", "no name at all"],
+)
+def test_a_picture_that_cannot_be_written(
+    client: Any, ss: ss2sql.Session, tmp_path: Path, path: Callable[[Path], Path]
+) -> None:
+    (tmp_path / "a file").write_text("")
+    with pytest.raises(ss2sql.SessionError, match="cannot be written: ") as caught:
+        scenes.render(client, path(tmp_path), size=(16, 12))
+    assert caught.value.code == "S002"
+    assert caught.value.hints == ("name a file in a folder that exists and may be written to",)
+    assert [file.name for file in tmp_path.iterdir()] == ["a file"]
+    assert answers(ss, "SELECT id FROM space AS list;") == [0, 1, 2, 3]
+    scenes.render(client, tmp_path / "a.png", size=(16, 12))
+    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("name", "cure"),
+    [("hal", "did you mean 'hall'?"), ("kaos", "did you mean 'chaos'?"), ("sea", "known here: chaos, hall")],
+)
+def test_a_scene_that_does_not_exist(ss: ss2sql.Session, name: str, cure: str) -> None:
+    with pytest.raises(ss2sql.SessionError, match=f"there is no scene '{name}'") as caught:
+        getattr(scenes, name)
+    assert (caught.value.code, caught.value.hints) == ("S002", (cure,))
+    assert getattr(scenes, name, None) is None
+    goes_on(ss)
+
+
+def test_a_scene_that_was_closed(engine: Any) -> None:
+    scene = scenes.chaos(seed=1, bodies=1)
+    with ss2sql.connect() as ss:
+        ss.attach("space", scene)
+        scene.close()
+        error = refused(ss, "SELECT id FROM space;", engine)
+        assert (error.code, place(error)) == ("X011", "space")
