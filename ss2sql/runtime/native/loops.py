@@ -281,8 +281,11 @@ class Loops:
         facts = self.builder.source_facts(source)
         kept = body.kept(facts, index, pen, "index")
         pen = unit.pen_at(conditions[0].other.span)
-        find = unit.helper(found_in if len(conditions) == 1 else found_in_several)
-        return pen.call(find, kept, *(expression(self.builder, one.other, body) for one in conditions))
+        values = [expression(self.builder, one.other, body) for one in conditions]
+        if all(one.other.type.only(Kind.NONE | Kind.NUMBER | Kind.STR) for one in conditions):
+            key = values[0] if len(values) == 1 else pen.pack(*values)
+            return pen.call(pen.part(kept, "get"), key, pen.pack())
+        return pen.call(unit.helper(found_in if len(conditions) == 1 else found_in_several), kept, *values)
 
     def _kept(self, source: plan.Source, body: Body, items: ast.expr) -> ast.expr:
         facts = self.builder.source_facts(source)
