@@ -56,7 +56,7 @@ class FakeHost:
     def assign(self, name: str, value: Any) -> None:
         self.variables[name] = value
 
-    def call(self, function: plan.Function, run: Run) -> Callable[..., Any]:
+    def call(self, function: plan.Function, run: Run) -> Any:
         name = function.name
         if function.builtin:
             return BUILTINS[name].python or {"print": self.print, "getTime": lambda: 7.0}[name]

@@ -336,7 +336,7 @@ def test_a_table_is_never_longer_than_twenty_rows(ss: ss2sql.Session) -> None:
     assert len(data_lines(shown(result, max_rows=2000))) == 1000
     paths = ss.run("SELECT this FROM [1, 2] START WITH n = 0 CONNECT BY n = n + 1;", maximum=30)
     assert len(data_lines(repr(paths))) == 20
-    assert repr(paths).splitlines()[-1] == "30 paths, 465 rows, the first 20 shown, database, maximum"
+    assert repr(paths).splitlines()[-1] == "30 paths, 465 rows, the first 20 paths shown, database, maximum"
 
 
 @pytest.mark.parametrize(
@@ -366,5 +366,5 @@ def test_the_partial_result_of_a_timeout_is_shown_like_any_other(ss: ss2sql.Sess
         ss.run("SELECT this FROM [1, 2] START WITH n = 0 CONNECT BY n = n + 1;", timeout=0.02)
     partial = caught.value.partial
     assert len(data_lines(repr(partial))) == 20
-    assert repr(partial).endswith("the first 20 shown, database, timeout")
+    assert repr(partial).endswith("the first 20 paths shown, database, timeout")
     assert partial.sql == ""

@@ -40,9 +40,9 @@ def test_they_equal_what_python_says(engine: Any, source: str, column: str, valu
 
 def test_sqlite_compares_them_by_itself() -> None:
     ss = ss2sql.connect()
-    ss.attach("rows", ROWS)
-    text = ss.compile("SELECT a FROM rows WHERE a == n AND b != n;").sql
-    assert "rows.a IS :n AND rows.b IS NOT :n_2" in " ".join(text.split())
+    ss.attach("things", ROWS)
+    text = ss.compile("SELECT a FROM things WHERE a == n AND b != n;").sql
+    assert "things.a IS :n AND things.b IS NOT :n_2" in " ".join(text.split())
 
 
 def test_a_world_is_asked_for_the_one_that_is_wanted(engine: Any) -> None:

@@ -49,7 +49,8 @@ def node(row: Row) -> Hashable:
     """
     if len(row) != 1:
         return tuple(map(_hashable, row))
-    return type(None) if row[0] is None else _hashable(row[0])
+    name: Hashable = type(None) if row[0] is None else _hashable(row[0])
+    return name
 
 
 def _hashable(value: Any) -> Any:

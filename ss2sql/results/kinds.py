@@ -39,7 +39,8 @@ class Struct:
 
 Shape: TypeAlias = Scalar | ListOf | Struct
 
-NONE, BOOL, INT, FLOAT, STR, ANY = map(Scalar, ("none", "bool", "int", "float", "str", "any"))
+NONE, BOOL, INT = Scalar("none"), Scalar("bool"), Scalar("int")
+FLOAT, STR, ANY = Scalar("float"), Scalar("str"), Scalar("any")
 LARGE = Scalar("int", large=True)
 SCALARS: dict[type, Scalar] = {
     type(None): NONE, bool: BOOL, int: INT, float: FLOAT, str: STR,

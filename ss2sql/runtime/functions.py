@@ -3,7 +3,7 @@
 A function gets fresh values, so whatever it does to its arguments changes nothing else. A call of an
 immutable or stable function is remembered by its arguments for the length of one run; the memo is bounded.
 What comes back is made a value of the language at the border, where a bad one is refused by the function's
-name.
+name. Each executor makes its own calls: calls.py those from SQL, native/calls.py those of generated code.
 """
 
 from __future__ import annotations

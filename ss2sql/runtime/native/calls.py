@@ -5,7 +5,8 @@ nothing gets them as they are. A call of an immutable or stable function is reme
 of one run; the memo is bounded. What comes back is made a value of the language at the border.
 
 What happens per call beside the function decides the speed of a search. Generated code therefore makes the keys of
-arguments itself where one serves for many calls: that of the state for all its steps, that of an element for all states.
+arguments itself where one serves for many calls: that of the state for all its steps, that of an element for all of
+them.
 """
 
 from __future__ import annotations
@@ -32,8 +33,8 @@ PLAIN = frozenset({int, str, NoneType})
 _NESTED = frozenset({list, tuple, dict, set, frozenset, CodeType})
 
 # What marshal writes before a float, an integer of more than 32 bits, True, False, whatever is no value, and objects
-# that it writes as bytes. A list without them is a value already, and its bytes are its frozen form. Others are found by
-# chance, in text above all, which costs time only. Deleting them takes 0.1 us, a pattern that looks for them 0.5 us.
+# that it writes as bytes. A list without them is a value already, and its bytes are its frozen form. Others are found
+# by chance, in text above all, which costs time only. Deleting takes 0.1 us, a pattern that looks for them 0.5 us.
 _UNUSUAL = b"glTFsyxcS.({<>"
 
 NO_KEY: Any = None
@@ -89,7 +90,7 @@ class RememberedCalls:
             if type(arguments[-1]) is not list and are_plain(arguments):
                 return of_plain(*arguments)
             if copied:  # the bytes of a key are a fresh value but for the reading of them
-                given = zip(keys, arguments)
+                given = zip(keys, arguments, strict=True)
                 found = call([value if type(value) in SCALARS else loads(key) for key, value in given])
             else:
                 found = call(arguments)
@@ -97,7 +98,9 @@ class RememberedCalls:
             return found
 
         def of_any(*arguments: Any) -> Result:
-            return of_plain(*arguments) if are_plain(arguments) else of_keys(tuple(map(exact_key, arguments)), *arguments)
+            return (
+                of_plain(*arguments) if are_plain(arguments) else of_keys(tuple(map(exact_key, arguments)), *arguments)
+            )
 
         def with_objects(arguments: tuple[Any, ...]) -> Result:
             if function.inferred:  # what was proved of plain data says nothing of other objects

@@ -223,6 +223,8 @@ class Loops:
                 return self._kept(source, body, rows)
             case plan.ValueSource(value=value):
                 unit.elements[source.id] = source.element
+                if isinstance(value, plan.MakeList):
+                    return self._kept(source, body, expression(builder, value, body))
                 if isinstance(value, plan.Constant):
                     return pen.name(unit.constant(elements(value.value), "items"))
                 pen = unit.pen_at(value.span)

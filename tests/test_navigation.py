@@ -1,0 +1,201 @@
+"""Planning in the hall: paths that hold in the simulator, no question asked twice, and the shortest way.
+
+The floor is asked for collisions by PyBullet's own functions: the robot is put there, and every body is asked how near
+it is.
+"""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from collections.abc import Iterator
+from itertools import pairwise
+from math import dist, sqrt
+from typing import Any
+
+import pytest
+
+import ss2sql
+
+pytest.importorskip("pybullet")
+
+from example_pages import EXAMPLES
+
+from ss2sql.vtables.pybullet import PyBulletWorld
+
+Spot = tuple[float, float]
+ENGINES = ("database", "native")
+DIRECTIONS: list[Spot] = [(0, 1), (0, -1), (1, -1), (-1, -1), (1, 0), (-1, 0), (-1, 1), (1, 1)]
+START, TARGET = (4.0, 3.0), (10.0, 9.0)
+
+MOVING = (EXAMPLES / "navigation" / "1_paths.ss").read_text("utf-8")  # the listing of the paper
+BEST = (EXAMPLES / "navigation" / "2_best.ss").read_text("utf-8")
+
+
+def replaced(script: str, *changes: tuple[str, str]) -> str:
+    for old, new in changes:
+        assert old in script
+        script = script.replace(old, new)
+    return script
+
+
+# The same, with a test that moves nothing in the place of those that do.
+PURE = replaced(
+    MOVING,
+    ("move(robot, this + cur_pos)", "this + cur_pos"),
+    ("move(robot, cur_pos + this)", "cur_pos + this"),
+    ("move(robot, this+cur_pos)", "this + cur_pos"),
+    ("IF(checkCollision(robot);", "IF(collision(robot, this + cur_pos);"),
+)
+# The same, where the sum in WHERE also notes for which state and element it is made.
+NOTED = replaced(
+    MOVING,
+    ("WHERE  target_pos == move(robot, this + cur_pos)", "WHERE  target_pos == move(robot, note(cur_pos, level, this))"),
+)
+
+
+def add(left: Any, right: Any) -> Any:
+    if isinstance(left, list) and isinstance(right, list):
+        return [a + b for a, b in zip(left, right, strict=True)]
+    return left + right
+
+
+class Floor:
+    """The hall, a world over it, and what the simulator itself says of places."""
+
+    def __init__(self) -> None:
+        self.hall = ss2sql.scenes.hall(seed=0)
+        self.space = PyBulletWorld(self.hall)
+        self._known: dict[Spot, bool] = {}
+        self._home = self.hall.client.getBasePositionAndOrientation(self.hall.robot)
+
+    def home(self) -> None:
+        self.hall.client.resetBasePositionAndOrientation(self.hall.robot, *self._home)
+
+    def is_home(self) -> bool:
+        return bool(self.hall.client.getBasePositionAndOrientation(self.hall.robot) == self._home)
+
+    def session(self) -> ss2sql.Session:
+        """A session over the hall, with the robot at its start."""
+        self.home()
+        ss = ss2sql.connect()
+        ss.attach("space", self.space)
+        ss.function(add)
+        ss.function("playSound", lambda file: None, volatility="volatile")
+        return ss
+
+    def collides(self, spot: Spot) -> bool:
+        """Whether the robot collides there, by PyBullet's own functions."""
+        if spot not in self._known:
+            client, robot = self.hall.client, self.hall.robot
+            (_, _, z), turned = self._home
+            client.resetBasePositionAndOrientation(robot, (*spot, z), turned)
+            bodies = [client.getBodyUniqueId(place) for place in range(client.getNumBodies())]
+            self._known[spot] = any(client.getClosestPoints(robot, body, 0.0) for body in bodies if body != robot)
+            self.home()
+        return self._known[spot]
+
+    def check(self, paths: list[Any]) -> None:
+        """1,000 different paths from start to target, shortest first, none with a collision."""
+        assert len(paths) == len({tuple(map(tuple, path)) for path in paths}) == 1000
+        assert [len(path) for path in paths] == sorted(len(path) for path in paths)
+        for path in paths:
+            spots = [(x, y) for x, y in path]
+            assert spots[-1] == TARGET
+            assert all((b[0] - a[0], b[1] - a[1]) in DIRECTIONS for a, b in pairwise([START, *spots]))
+            assert not any(map(self.collides, spots))
+
+    def steps(self) -> Iterator[tuple[Spot, int, Spot, bool]]:
+        """All (place, level, direction) that the search of the paper has to look at, and whether it asks there.
+
+        Each place is gone on from once, from the level where it was reached first. A direction that leads back to a
+        place that was reached before is known by its row, and not looked at. The start has been left, and not reached:
+        it may come again.
+        """
+        reached: set[Spot] = set()
+        waiting = deque([(START, 1)])
+        while waiting:
+            here, level = waiting.popleft()
+            for x, y in DIRECTIONS:
+                spot = here[0] + x, here[1] + y
+                if spot in reached:
+                    continue
+                free = spot != TARGET and dist(spot, TARGET) <= 0.5 * (20 - level)
+                yield here, level, (x, y), free
+                if spot == TARGET:
+                    reached.add(spot)
+                elif free and not self.collides(spot):
+                    reached.add(spot)
+                    waiting.append((spot, level + 1))
+
+
+@pytest.fixture(scope="module")
+def floor() -> Iterator[Floor]:
+    found = Floor()
+    yield found
+    found.hall.close()
+
+
+def test_a_thousand_paths_shortest_first_none_collides(floor: Floor) -> None:
+    with floor.session() as ss:
+        result = ss.run(MOVING)
+    assert result.status == "maximum"
+    floor.check(result.value)
+
+
+def test_a_test_that_moves_nothing_asks_once_for_each_pose(floor: Floor) -> None:
+    asked: Counter[Spot] = Counter()
+    with floor.session() as ss:
+
+        @ss.function(volatility="stable")
+        def collision(robot: str, spot: list[float]) -> bool:
+            asked[spot[0], spot[1]] += 1
+            return floor.space.collision(robot, spot)
+
+        result = ss.run(PURE)
+        assert floor.is_home()
+        moving = ss.run(MOVING).value
+    floor.check(result.value)
+    assert result.value == moving
+    assert set(asked.values()) == {1}
+    assert set(asked) == {(x + dx, y + dy) for (x, y), _, (dx, dy), free in floor.steps() if free}
+    assert asked.total() == result.stats.calls["collision"]
+
+
+def test_the_paper_looks_once_at_each_state_and_element(floor: Floor) -> None:
+    looked: Counter[tuple[Spot, int, Spot]] = Counter()
+    with floor.session() as ss:
+
+        @ss.function(volatility="volatile")
+        def note(place: list[float], level: int, direction: list[float]) -> Any:
+            looked[(place[0], place[1]), level, (direction[0], direction[1])] += 1
+            return add(place, direction)
+
+        result = ss.run(NOTED)
+        floor.home()
+        assert result.value == ss.run(MOVING).value
+    assert set(looked.values()) == {1}
+    steps = list(floor.steps())
+    assert set(looked) == {step[:3] for step in steps}
+    assert result.stats.calls["checkCollision"] == sum(step[3] for step in steps)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_the_best_path_costs_what_networkx_says(floor: Floor, engine: Any) -> None:
+    networkx = pytest.importorskip("networkx")
+    spots = [(float(x), float(y)) for x in range(1, 16) for y in range(1, 12)]
+    free = [spot for spot in spots if not floor.collides(spot)]
+    grid = networkx.Graph()
+    for one in free:
+        for x, y in DIRECTIONS:
+            other = one[0] + x, one[1] + y
+            if other in free:
+                grid.add_edge(one, other, weight=sqrt(2) if x and y else 1.0)
+    for target in [TARGET, *(spot for spot in free[::9] if networkx.has_path(grid, START, spot) and spot != START)]:
+        with floor.session() as ss:
+            script = replaced(BEST, ("[10.0, 9.0]", str(list(target))))
+            result = ss.run(script, engine=engine)
+        ((*path,),) = result.value
+        assert (tuple(path[-1]), result.engine) == (target, engine)
+        assert not any(floor.collides((x, y)) for x, y in path)
+        cost = sum(dist(a, b) for a, b in pairwise([list(START), *path]))
+        assert cost == pytest.approx(networkx.shortest_path_length(grid, START, target, weight="weight"), rel=1e-12)
