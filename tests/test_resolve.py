@@ -615,4 +615,5 @@ def test_what_a_plan_says(ss: ss2sql.Session) -> None:
 def test_methods_are_written_as_functions(ss: ss2sql.Session, call: str, function: str) -> None:
     with pytest.raises(ss2sql.ResolveError) as error:
         ss.run(f"SELECT {call} FROM t;")
-    assert error.value.hints == (f"there are no methods; write {function}, with a function that is known or registered",)
+    hint = f"there are no methods; write {function}, with a function that is known or registered"
+    assert error.value.hints == (hint,)

@@ -13,7 +13,7 @@ from ss2sql.runtime.compiled import ENGINES
 from ss2sql.runtime.tables import CACHE_SIZE
 
 BUSY_MILLISECONDS = 1000  # how long to wait for a file that somebody else is writing
-# How SQLite uses memory. Copies of tables stay there: a search of a million edges without an index takes 1.9 s, not 3.4.
+# How SQLite uses memory. Copies of tables stay there: searching a million edges without an index takes 1.9 s, not 3.4.
 MEMORY = (f"PRAGMA cache_size = {CACHE_SIZE}", "PRAGMA temp_store = MEMORY")
 
 

@@ -194,7 +194,8 @@ def _members(builder: Builder, node: plan.Call, arguments: list[ast.expr], body:
     facts = builder.unit.analysis.of(container)
     if not container.type.only(Kind.LIST) or not facts.steady or facts.sources or facts.states or facts.groups:
         return None
-    if isinstance(container, plan.MakeList) or facts.key is None:
+    short = isinstance(container, plan.Constant) and len(container.value) <= 8
+    if short or isinstance(container, plan.MakeList) or facts.key is None:
         return None
     unit, pen = builder.unit, builder.unit.pen_at(container.span)
     members = pen.call(unit.helper(members_of), arguments[1])

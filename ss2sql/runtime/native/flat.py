@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from ss2sql import plan
 from ss2sql.kinds import INT
+from ss2sql.runtime.native.call_code import keyed_elements
 from ss2sql.runtime.native.expressions import expression
 from ss2sql.runtime.native.lookups import lookup
 from ss2sql.runtime.native.loops import Loops, read_by_sources
@@ -32,6 +33,10 @@ def finder(builder: Builder, query: plan.Query, body: Body, aggregates: Sequence
 
     loops.read_once()
     conditions, guarded = placed_conditions(builder, query, loops)
+    keyed = keyed_elements([*inside, *where, *outputs, *keys])
+    for source in query.sources[1:]:  # the first is walked once
+        if source.id in keyed:
+            loops.accompany(source, frozen=False, keyed=True)
     inner = loops.open(body, conditions, guarded)
     pen = builder.unit.pen_at(query.span)
     row = pen.constant(None) if query.aggregated else pen.pack(*(expression(builder, e, inner) for e in outputs))

@@ -140,10 +140,7 @@ class Steps:
         shown = {expr.source for expr in self.outputs if isinstance(expr, plan.Element)} if self.compares else set()
         keyed = keyed_elements(clauses)
         for source in self.query.sources:
-            usable = source.id in self.loops.items and source.id not in self.loops.lookups
-            if not usable or source.id in self.unit.tuples or isinstance(source, (plan.TableSource, plan.WorldSource)):
-                continue
-            frozen = source.id in shown and not source.element.only(Kind.NUMBER | Kind.STR)
+            frozen = source.id in shown and not self.loops.is_scalar(source)
             if frozen or source.id in keyed:
                 self.loops.accompany(source, frozen, source.id in keyed)
 

@@ -84,8 +84,10 @@ class Loops:
                 self.owner.locals.append(name)
 
     def accompany(self, source: plan.Source, frozen: bool, keyed: bool) -> None:
-        """Lets the elements of a source that is read once come with their frozen forms, or with their exact keys."""
+        """Lets elements come with their frozen forms, or with their exact keys, where they are values read once."""
         unit = self.builder.unit
+        if source.id not in self.items or source.id in self.lookups or source.id in unit.tuples:
+            return
         pen, name = unit.pen_at(source.span), self.items[source.id]
         makers: list[ast.expr] = []
         if frozen:
@@ -95,6 +97,11 @@ class Loops:
             unit.keys[source.id] = unit.local("exact")
             makers.append(pen.name(unit.helper(exact_key)))
         self.owner.add(pen.assign(name, pen.call(unit.helper(accompanied), pen.name(name), *makers)))
+
+    @staticmethod
+    def is_scalar(source: plan.Source) -> bool:
+        """Whether the elements are numbers and strings, which need no frozen form."""
+        return isinstance(source, (plan.ValueSource, plan.QuerySource)) and source.element.only(Kind.NUMBER | Kind.STR)
 
     def look_up(self, condition: Lookup | None) -> bool:
         """Plans to look up what the condition asks for; gives whether that is possible and worth it.
