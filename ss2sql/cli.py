@@ -7,10 +7,7 @@ for wrong usage, 124 for a timeout, 130 for Ctrl-C.
 from __future__ import annotations
 
 import ast as python_ast
-import csv
 import importlib
-import io
-import json
 import os
 import runpy
 import sys
@@ -227,37 +224,13 @@ def _echo(text: str) -> None:
 
 def _print(result: Result, form: str) -> None:
     if form == "json":
-        _echo(json.dumps(_plain(result.value), ensure_ascii=False))
+        _echo(str(result.json()))
     elif form == "csv":
-        file = io.StringIO()
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(result.columns)
-        writer.writerows(result)
-        _echo(file.getvalue().rstrip("\n"))
+        _echo(str(result.csv()).rstrip("\n"))
     elif result.answer is None:
         _echo(str(result.value))
     else:
         result.show()
-
-
-def _plain(value: Any) -> Any:
-    """The value in the forms of JSON: sets as lists, keys of several values as the text of a list, objects as text."""
-    match value:
-        case None | bool() | int() | float() | str():
-            return value
-        case list() | tuple():
-            return list(map(_plain, value))
-        case set():
-            return sorted(map(_plain, value), key=repr)
-        case dict():
-            return {_key(key): _plain(item) for key, item in value.items()}
-        case _:
-            return repr(value)
-
-
-def _key(key: Any) -> Any:
-    plain = _plain(key)
-    return json.dumps(plain, ensure_ascii=False) if isinstance(plain, list) else plain
 
 
 if __name__ == "__main__":

@@ -72,7 +72,7 @@ class Balls(Table):
         Column("heavy", bool),
         Column("pos", (float, float, float), "m"),
     )
-    groups = {"label": "name colour", "place": "x y z", "dynamics": "mass heavy", "pos": "pos"}  # noqa: RUF012
+    groups = {"label": "name colour", "place": "x y z", "dynamics": "mass heavy", "pos": "pos"}
 
     def keys(self, where: Any) -> list[int]:
         box = self.world.source
@@ -136,7 +136,7 @@ class BallWorld(World):
 
     tables = (Balls, Near, Gaps)
     serves = (f"{__name__}.Box",)
-    representations = {"weight": "weight"}  # noqa: RUF012
+    representations = {"weight": "weight"}
 
     @property
     def time(self) -> float | None:

@@ -49,7 +49,10 @@ PURE = replaced(
 # The same, where the sum in WHERE also notes for which state and element it is made.
 NOTED = replaced(
     MOVING,
-    ("WHERE  target_pos == move(robot, this + cur_pos)", "WHERE  target_pos == move(robot, note(cur_pos, level, this))"),
+    (
+        "WHERE  target_pos == move(robot, this + cur_pos)",
+        "WHERE  target_pos == move(robot, note(cur_pos, level, this))",
+    ),
 )
 
 

@@ -22,8 +22,8 @@ class Points(Table):
         Column("pos", (float, float, float), "m"),
         Column("size", float, "m"),
     )
-    groups = {"axes": "x y z", "spot": "pos", "size": "size"}  # noqa: RUF012
-    places = {"this": "x y z", "pos": "x y z"}  # noqa: RUF012
+    groups = {"axes": "x y z", "spot": "pos", "size": "size"}
+    places = {"this": "x y z", "pos": "x y z"}
 
     def keys(self, where: Any) -> list[int]:
         points = self.world.source
@@ -183,7 +183,7 @@ def test_a_replaced_comparison_is_left_alone(ss: ss2sql.Session, space: Space, e
 
 def test_a_table_without_places_promises_nothing(engine: Any) -> None:
     class Silent(Points):
-        places = {}  # noqa: RUF012
+        places = {}
 
     space = type("Space", (Space,), {"tables": (Silent,)})(dict(LINE))
     ss = ss2sql.connect()

@@ -57,7 +57,7 @@ class Points(Table):
 
     name, key = "points", "id"
     columns = (Column("id", int, filter="="), Column("x", float), Column("y", float), Column("kind", int))
-    arrays = {"place": "x y", "kind": "kind"}  # noqa: RUF012
+    arrays = {"place": "x y", "kind": "kind"}
 
     def keys(self, where: Where) -> range:
         return range(12)
@@ -183,11 +183,11 @@ class WrongOrder(Points):
 
 
 class NoGroup(Balls):
-    groups = {"label": "name colour", "place": "x y z", "dynamics": "mass heavy"}  # noqa: RUF012
+    groups = {"label": "name colour", "place": "x y z", "dynamics": "mass heavy"}
 
 
 class NoMethod(Balls):
-    groups = {**Balls.groups, "nothing": "pos"}  # noqa: RUF012
+    groups = {**Balls.groups, "nothing": "pos"}
 
 
 class Stranger(Near):
@@ -212,7 +212,7 @@ class Growing(Gaps):
 
 
 class Placed(Balls):
-    places = {"this": "x y z"}  # noqa: RUF012
+    places = {"this": "x y z"}
 
 
 class Crooked(BallWorld):
@@ -438,7 +438,7 @@ def one_value(declared: Any, given: Any, engine: Any) -> Any:
     class Things(Table):
         name = "things"
         columns = (Column("value", declared),)
-        groups = {"value": "value"}  # noqa: RUF012
+        groups = {"value": "value"}
 
         def keys(self, where: Any) -> list[Any]:
             return [("a", 1)]

@@ -43,6 +43,18 @@ def ss(client: Any) -> Iterator[ss2sql.Session]:
         yield session
 
 
+@pytest.fixture(scope="module")
+def cut_off() -> Iterator[ss2sql.Session]:
+    """A session whose `space` is disconnected, with a body of it in `kept`."""
+    gone = connect()
+    ball(gone)
+    with ss2sql.connect() as session:
+        session.attach("space", gone)
+        session.run("kept = SELECT this FROM space AS list;")
+        gone.disconnect()
+        yield session
+
+
 @pytest.fixture(params=ENGINES)
 def engine(request: Any) -> Any:
     return request.param
@@ -99,31 +111,21 @@ def answers(ss: ss2sql.Session, script: str) -> Any:
         ("SELECT space.collision(0, this) FROM [[1, 2]] AS list;", ""),
     ],
 )
-def test_a_disconnected_client(engine: Any, script: str, where: str) -> None:
-    gone = connect()
+def test_a_disconnected_client(cut_off: ss2sql.Session, engine: Any, script: str, where: str) -> None:
+    error = refused(cut_off, script, engine)
+    assert (error.code, error.message) == ("X011", "the PyBullet client is disconnected")
+    assert error.hints == ("connect anew, and attach the new client",)
+    assert where in place(error)
+
+
+def test_what_the_cure_says_helps(cut_off: ss2sql.Session, client: Any, engine: Any) -> None:
     with ss2sql.connect() as ss:
-        ball(gone)
-        ss.attach("space", gone)
-        again = ss.compile("SELECT mass FROM space AS list;")
-        ss.run("kept = SELECT this FROM space AS list;")
-        assert again.run(engine=engine).value == [1.0]
-        gone.disconnect()
-        error = refused(ss, script, engine)
-        assert (error.code, error.message) == ("X011", "the PyBullet client is disconnected")
-        assert error.hints == ("connect anew, and attach the new client",)
-        assert where in place(error)
+        ss.attach("space", cut_off.get("space"))
+        query = ss.compile("SELECT mass FROM space AS list;")
         with pytest.raises(ss2sql.ExecutionError, match="disconnected"):
-            again.run(engine=engine)
-
-
-def test_what_the_cure_says_helps(client: Any, engine: Any) -> None:
-    gone = connect()
-    with ss2sql.connect() as ss:
-        ss.attach("space", gone)
-        gone.disconnect()
-        refused(ss, "SELECT mass FROM space;", engine)
+            query.run(engine=engine)
         ss.attach("space", client)
-        assert ss.run("SELECT mass FROM space AS list;", engine=engine).value == [1.0, 2.0, 3.0, 4.0]
+        assert query.run(engine=engine).value == [1.0, 2.0, 3.0, 4.0]
 
 
 @pytest.mark.parametrize(

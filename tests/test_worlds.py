@@ -401,7 +401,7 @@ def test_another_schema_under_the_same_name(ss: ss2sql.Session, engine: Any) -> 
     class Things(Table):
         name, key = "balls", "id"
         columns = (Column("id", str), Column("size", int))
-        groups = {"size": "size"}  # noqa: RUF012
+        groups = {"size": "size"}
 
         def keys(self, where: Any) -> list[str]:
             return ["b", "a"]

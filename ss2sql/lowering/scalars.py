@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from ss2sql.lowering.operators import Native
 
 
-
 def _number(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
     """The only argument, where it is a number for which the function cannot fail."""
     if call.function.raises or len(call.arguments) != 1 or not is_number(call.arguments[0].type):

@@ -14,6 +14,8 @@ from ss2sql.runtime.values import Opaque, fresh
 if TYPE_CHECKING:
     from ss2sql.runtime.result import Result
 
+NONE: Any = type(None)
+
 
 def graph(result: Result, most: int | None = None) -> Any:
     """A networkx.DiGraph of the rows of the first `most` paths: what `Result.graph` describes."""
@@ -49,8 +51,8 @@ def node(row: Row) -> Hashable:
     """
     if len(row) != 1:
         return tuple(map(_hashable, row))
-    name: Hashable = type(None) if row[0] is None else _hashable(row[0])
-    return name
+    name: Hashable = _hashable(row[0])
+    return NONE if name is None else name
 
 
 def _hashable(value: Any) -> Any:
