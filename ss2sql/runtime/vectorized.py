@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors import Error, ExecutionError, Stopped, note_place
 from ss2sql.runtime.ahead import ROOM, Ahead, Arguments, Kinds, Row
-from ss2sql.runtime.functions import Memo, UserFunction
+from ss2sql.runtime.functions import Memo, UserFunction, forget_half
 from ss2sql.runtime.messages import show
 from ss2sql.runtime.pool import FALSE, TRUE, OtherFormError, Pool
 from ss2sql.runtime.run import Run
@@ -232,7 +232,7 @@ class SqlCaller(Caller):
         plain = self.memo.plain
         if self.keeps(row[1]):
             if len(plain) >= self.memo.limit:
-                del plain[next(iter(plain))]
+                forget_half(plain)
             plain[row[0]] = answer
         return answer
 
@@ -315,7 +315,7 @@ class NativeCaller(Caller):
     def _keep(self, row: Row, answer: Any) -> None:
         if self.keeps(row[1]):
             if len(self.memo) >= self.limit:
-                del self.memo[next(iter(self.memo))]
+                forget_half(self.memo)
             self.memo[row[0]] = answer
 
     @property

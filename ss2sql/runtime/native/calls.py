@@ -12,13 +12,12 @@ them.
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable
-from itertools import islice
 from marshal import dumps, loads
 from types import CodeType, NoneType
 from typing import Any, TypeAlias
 
 from ss2sql.kinds import INT_MAX, INT_MIN
-from ss2sql.runtime.functions import UserFunction
+from ss2sql.runtime.functions import UserFunction, forget_half
 from ss2sql.runtime.pool import Pool
 from ss2sql.runtime.run import Run
 from ss2sql.runtime.values import SCALARS, fresh, normalise
@@ -123,9 +122,7 @@ class RememberedCalls:
             if len(memo) >= limit:
                 if not limit:
                     return
-                # Half at once: the first key of a dict is the slower to find the more were deleted before it.
-                for old in list(islice(memo, (limit + 1) // 2)):
-                    del memo[old]
+                forget_half(memo)
             memo[key] = found[1] if type(found[1]) is bytes and found[0] else found
 
         self.of_plain, self.of_keys, self.of_any = of_plain, of_keys, of_any
