@@ -9,6 +9,7 @@ import pytest
 from rich.console import Console
 
 import ss2sql
+from ss2sql.runtime.paths import Paths
 
 both = pytest.mark.parametrize("engine", ["database", "native"])
 MOVES = [[0, 1], [0, 2], [1, 0], [1, 2], [2, 0], [2, 1]]
@@ -368,3 +369,27 @@ def test_the_partial_result_of_a_timeout_is_shown_like_any_other(ss: ss2sql.Sess
     assert len(data_lines(repr(partial))) == 20
     assert repr(partial).endswith("the first 20 paths shown, database, timeout")
     assert partial.sql == ""
+
+
+@pytest.mark.parametrize("tail", ["", "WHERE this > 1 ", "WHERE n + this == 5 "])
+@pytest.mark.parametrize(
+    "options", ["", "BREADTH FIRST ", "UNIQUE ", "NO CYCLE ", "COST this ", "COST this UNIQUE ", "MAXIMUM 3 "]
+)
+@pytest.mark.parametrize("end", ["", " ORDER BY this LIMIT 4", " GROUP BY this"])
+def test_lengths_of_paths_are_known_without_the_paths(tail: str, options: str, end: str) -> None:
+    script = f"SELECT this, n FROM [1, 2, 3] {tail}START WITH n = 0 CONNECT BY {options}n = n + this STOP WITH n + this > 4{end};"
+    with ss2sql.connect() as ss:
+        result = ss.run(script, engine="database")
+        found = result.answer.rows.paths
+        assert isinstance(found, Paths)
+        assert list(found.lengths()) == list(map(len, result.paths))
+        assert len(result) == sum(map(len, result.paths))
+
+
+def test_rows_are_counted_without_walking_the_paths(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The step that stops is none of them: 9,999 paths of 1 to 9,999 rows."""
+    script = "SELECT n FROM [1] START WITH n = 1 CONNECT BY n = n + 1 STOP WITH n == 10000 AS void;"
+    with ss2sql.connect() as ss:
+        result = ss.run(script, engine="database")
+        monkeypatch.setattr(Paths, "__iter__", None)
+        assert len(result) == 9_999 * 10_000 // 2

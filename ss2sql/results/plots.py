@@ -13,6 +13,7 @@ from ss2sql.errors import RepresentationError
 from ss2sql.results import found_paths, package
 from ss2sql.results.graph_plot import draw_graph
 from ss2sql.results.show import cell
+from ss2sql.runtime.paths import lengths_of
 from ss2sql.runtime.rows import Row
 
 if TYPE_CHECKING:
@@ -151,7 +152,7 @@ def _counted(result: Result, total: int, drawn: int, lengths: Sequence[int]) -> 
 
 
 def _lengths(result: Result, paths: Sequence[list[Row]], ax: Any) -> str:
-    counts = Counter(map(len, paths))
+    counts = Counter(lengths_of(paths))
     bars = ax.bar(list(counts), list(counts.values()), color=BLUE)
     ax.bar_label(bars, padding=2)
     ax.xaxis.get_major_locator().set_params(integer=True)

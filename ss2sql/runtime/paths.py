@@ -11,6 +11,11 @@ from ss2sql.runtime.rows import Row
 End: TypeAlias = tuple[Any, ...]
 
 
+def lengths_of(paths: Sequence[list[Row]]) -> Iterator[int]:
+    """The number of rows of each path."""
+    return paths.lengths() if isinstance(paths, Paths) else map(len, paths)
+
+
 class Paths(Sequence[list[Row]]):
     """A list of paths, each a list of rows.
 
@@ -67,6 +72,23 @@ class Paths(Sequence[list[Row]]):
             yield cells
             steps.append(end[0])
             made.append(cells)
+
+    def lengths(self) -> Iterator[int]:
+        """The number of rows of each path, without putting it together: every step is looked at once."""
+        known = {0: 0}
+        for number, parent, *_ in self._ends:
+            new: list[int] = []
+            step = parent
+            while step not in known:
+                new.append(step)
+                step = self._parent(step)
+            length = known[step]
+            for step in reversed(new):
+                length += 1
+                known[step] = length
+            if self._kept is None:
+                known[number] = length + 1
+            yield length + 1
 
     def __len__(self) -> int:
         return len(self._ends)
@@ -125,7 +147,15 @@ class Paths(Sequence[list[Row]]):
         if self._kept is not None:
             parent, row = self._kept(step)
             return parent, self._decode(row)
+        end = self._end(step)
+        return end[1], end[2:]
+
+    def _parent(self, step: int) -> int:
+        """The number of a step's parent, 0 where it is the first."""
+        return self._end(step)[1] if self._kept is None else self._kept(step)[0]
+
+    def _end(self, step: int) -> End:
+        """The result that a step is."""
         if not self._places:
             self._places = {end[0]: place for place, end in enumerate(self._all_ends)}
-        end = self._all_ends[self._places[step]]
-        return end[1], end[2:]
+        return self._all_ends[self._places[step]]

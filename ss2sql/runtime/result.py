@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 from ss2sql import plan
 from ss2sql.kinds import Type
 from ss2sql.results import files, frames, graphs, show
+from ss2sql.runtime.paths import lengths_of
 from ss2sql.runtime.rows import Row, Rows, free_name
 from ss2sql.runtime.run import Stats
 from ss2sql.runtime.values import fresh
@@ -132,7 +133,7 @@ class Result:
         if self.answer is None:
             return 1
         rows = self.answer.rows
-        return len(rows.rows or ()) if rows.paths is None else sum(map(len, rows.paths))
+        return len(rows.rows or ()) if rows.paths is None else sum(lengths_of(rows.paths))
 
     def explain(self) -> str:
         """What became of the script: see `Query.explain`; functions are shown with the number of their calls."""
