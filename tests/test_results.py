@@ -377,7 +377,8 @@ def test_the_partial_result_of_a_timeout_is_shown_like_any_other(ss: ss2sql.Sess
 )
 @pytest.mark.parametrize("end", ["", " ORDER BY this LIMIT 4", " GROUP BY this"])
 def test_lengths_of_paths_are_known_without_the_paths(tail: str, options: str, end: str) -> None:
-    script = f"SELECT this, n FROM [1, 2, 3] {tail}START WITH n = 0 CONNECT BY {options}n = n + this STOP WITH n + this > 4{end};"
+    search = f"START WITH n = 0 CONNECT BY {options}n = n + this STOP WITH n + this > 4"
+    script = f"SELECT this, n FROM [1, 2, 3] {tail}{search}{end};"
     with ss2sql.connect() as ss:
         result = ss.run(script, engine="database")
         found = result.answer.rows.paths
