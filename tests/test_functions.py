@@ -166,6 +166,23 @@ def test_a_stable_function_is_called_once_in_a_run(ss: ss2sql.Session, engine: A
 
 
 @both
+def test_a_stable_function_is_asked_anew_by_the_next_statement(ss: ss2sql.Session, engine: Any) -> None:
+    """What it looks at may have been moved in between."""
+    places = {"robot": 1}
+    f = ss.function("place", Counted(), volatility="stable")
+    ss.function("where", lambda name: f(name) and places[name], volatility="stable")
+    ss.function("move", lambda name, place: places.update({name: place}) or place, volatility="volatile")
+    script = """before = SELECT where("robot") + this FROM [0, 1] AS list;
+                move("robot", 5);
+                after = SELECT where("robot") + this FROM [0, 1] AS list;
+                alone = where("robot");
+                move("robot", 7);
+                [before, after, alone, where("robot")];"""
+    assert ss.run(script, engine=engine if engine == "native" else "auto").value == [[1, 2], [5, 6], 5, 7]
+    assert len(f.seen) == 4
+
+
+@both
 def test_a_volatile_function_is_called_for_every_occurrence_in_written_order(ss: ss2sql.Session, engine: Any) -> None:
     f = ss.function("f", Counted(), volatility="volatile")
     g = ss.function("g", Counted(), volatility="volatile")

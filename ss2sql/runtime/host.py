@@ -220,6 +220,12 @@ class SessionHost:
             run.callables[function.name] = known
         return known
 
+    def forget_stable(self, run: Run) -> None:
+        """Forgets what stable functions gave: the statement before may have changed what they look at."""
+        for name in list(run.callables):
+            if self.planned[name].volatility == "stable":
+                del run.callables[name]
+
     def _clock(self) -> float:
         """The time of getTime(): the user's own, else that of the first world that has a clock, else the computer's."""
         entry = self.functions.get("getTime")

@@ -300,6 +300,7 @@ class Session:
             for statement in statements:
                 run.maximum = maximum if statement is last else None
                 run.answer = None
+                self.host.forget_stable(run)
                 value = statement.value(run)
         except Stopped as stopped:
             stopped.partial = self._partial(run, "timeout" if stopped.code == "T001" else "cancelled")
