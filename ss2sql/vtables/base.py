@@ -2,7 +2,7 @@
 
 A *world* wraps one Python object (a simulator, a handle, an object of one's own) and has *tables*. A table walks the
 *keys* of its elements and gives their columns when they are asked for, group by group: a *group* is what one call of
-the simulator gives. The first table is the principal one, `FROM space`; the others are `FROM space.joints`.
+the simulator gives. The first table is the principal one, `FROM space`; the others are `FROM space.joints`::
 
     class Balls(Table):
         name, key = "balls", "id"
@@ -25,6 +25,7 @@ the rows of a query unless the query does so itself; such a query reads from a c
 query a group is asked once for each key, `keys` once for each `where`.
 
 The adapter guarantees:
+
 - Keys are hashable, unique, and the same for the same element as long as it lives. Where `key` names a column, the
   key is that column's value. Elements that die may take their keys along; what no longer exists raises `Gone`.
 - `keys(where)` gives the keys in an order that does not depend on `where`, and at least all that `where` allows.
