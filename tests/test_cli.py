@@ -253,7 +253,7 @@ def test_maximum_and_timeout() -> None:
     assert len(value("-e", ENDLESS, "--maximum", "3")) == 3
     started = time.monotonic()
     error = bad(124, "run", "-e", ENDLESS, "--timeout", "0.1")
-    assert time.monotonic() - started < 1
+    assert time.monotonic() - started < 5
     assert error.startswith("error[T001]: the run took longer than its timeout\n")
 
 
@@ -305,7 +305,7 @@ def test_ctrl_c(engine: str, folder: Path) -> None:
         pressed = time.monotonic()
         answer.send_signal(signal.SIGINT)
         stdout, stderr = answer.communicate(timeout=30)
-        assert time.monotonic() - pressed < 3
+        assert time.monotonic() - pressed < 5
     finally:
         answer.kill()
     assert (answer.returncode, stdout, stderr) == (130, "", "cancelled\n")

@@ -117,7 +117,7 @@ def test_odd_texts(session: Session, text: str, code: str | None, place: str) ->
         assert f"{error.span.line}:{error.span.column}" == place or not place
         assert error.hints
         assert len(str(error)) < 2_000
-    assert time.perf_counter() - started < 1
+    assert time.perf_counter() - started < 5
     still_works(session)
 
 

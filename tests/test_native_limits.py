@@ -36,7 +36,7 @@ def test_a_timeout_keeps_what_was_found(script: str) -> None:
     started = time.monotonic()
     with pytest.raises(Timeout) as raised:
         query.rows(host.start(deadline=time.monotonic() + 0.05), sink)
-    assert time.monotonic() - started < 1
+    assert time.monotonic() - started < 5  # it tells an end from a hang, on any machine
     assert raised.value.span == query.query.span
     assert sink.paths is not None
     assert bool(sink.paths) is ("WHERE" not in script)
@@ -251,4 +251,4 @@ def test_slow_functions_do_not_delay_the_end(script: str) -> None:
     started = time.monotonic()
     with pytest.raises(Timeout):
         query.rows(host.start(deadline=started + 0.05))
-    assert time.monotonic() - started < 0.05 + 0.1
+    assert time.monotonic() - started < 1  # all calls would take 4 s

@@ -540,7 +540,7 @@ def test_an_inner_run_ends_with_the_outer_one(ss: ss2sql.Session, engine: Any) -
     started = time.monotonic()
     with pytest.raises(ss2sql.Timeout) as caught:
         ss.run("SELECT inner(this) FROM [1, 2];", engine=engine, timeout=0.1)
-    assert time.monotonic() - started < 1
+    assert time.monotonic() - started < 5
     assert caught.value.partial.columns == ("inner",)
     assert ss.eval("1 + 1;") == 2
 
