@@ -259,7 +259,7 @@ def test_a_timeout_ends_a_run_in_time(session: Session, engine: str, script: str
 
 @pytest.mark.parametrize("engine", ["database", "native"])
 def test_the_partial_result_holds_what_was_found(session: Session, engine: str) -> None:
-    error = failure(lambda: session.run(ENDLESS, engine=engine, timeout=3))  # type: ignore[arg-type]
+    error = failure(lambda: session.run(ENDLESS, engine=engine, timeout=1))  # type: ignore[arg-type]
     assert isinstance(error, ss2sql.Timeout)
     paths = error.partial.paths
     assert paths
