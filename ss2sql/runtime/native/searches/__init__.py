@@ -1,8 +1,7 @@
 """The orders of search: one file each, and the table of what combines with what.
 
 `step.py` says what all share. Each order is a generator of results for a `Hunt`: depth_first.py,
-breadth_first.py, best_first.py (COST, HEURISTIC, PROBABILITY), memorize.py with graph.py, by_length.py,
-by_weight.py and its bounds.py.
+breadth_first.py, best_first.py (COST, HEURISTIC, PROBABILITY). MEMORIZE has a room of its own, `runtime/memorize/`.
 """
 
 from __future__ import annotations
@@ -10,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from ss2sql import plan
+from ss2sql.runtime.memorize.growing import memorize, memorize_weighted
 from ss2sql.runtime.native.searches import best_first as best
 from ss2sql.runtime.native.searches import breadth_first as breadth
 from ss2sql.runtime.native.searches import depth_first as depth
-from ss2sql.runtime.native.searches.memorize import memorize, memorize_weighted
 from ss2sql.runtime.native.searches.step import Found as Found
 from ss2sql.runtime.native.searches.step import Hunt as Hunt
 

@@ -18,8 +18,8 @@ from math import frexp, inf
 from operator import add, mul
 from typing import Any
 
-from ss2sql.runtime.native.searches.by_length import FAR
-from ss2sql.runtime.native.searches.graph import Graph
+from ss2sql.runtime.memorize.by_length import FAR
+from ss2sql.runtime.memorize.graph import Graph
 
 
 class Bounds:

@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Hashable, Iterator
 
-from ss2sql.runtime.native.searches.by_length import paths_by_length
-from ss2sql.runtime.native.searches.by_weight import paths_by_weight
-from ss2sql.runtime.native.searches.graph import Graph
+from ss2sql.runtime.memorize.by_length import paths_by_length
+from ss2sql.runtime.memorize.by_weight import paths_by_weight
+from ss2sql.runtime.memorize.graph import Graph
 from ss2sql.runtime.native.searches.step import Found, Hunt, State
 
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator, Sequence
 
-from ss2sql.runtime.native.searches.graph import Graph
+from ss2sql.runtime.memorize.graph import Graph
 
 FAR = 2**62  # no goal can be reached
 CHECK_EVERY = 1023

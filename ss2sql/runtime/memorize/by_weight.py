@@ -13,9 +13,9 @@ from heapq import heappop, heappush
 from itertools import count
 from typing import Any
 
-from ss2sql.runtime.native.searches.bounds import Bounds, hops_to_goals
-from ss2sql.runtime.native.searches.by_length import paths_by_length
-from ss2sql.runtime.native.searches.graph import Graph
+from ss2sql.runtime.memorize.bounds import Bounds, hops_to_goals
+from ss2sql.runtime.memorize.by_length import paths_by_length
+from ss2sql.runtime.memorize.graph import Graph
 from ss2sql.runtime.native.searches.step import Place, Trail
 
 CHECK_EVERY = 255

@@ -1,0 +1,4 @@
+"""MEMORIZE: a search that first makes the graph of rows and then enumerates its paths.
+
+growing.py makes the graph of graph.py; by_length.py and by_weight.py, with bounds.py, enumerate the paths.
+"""
