@@ -15,6 +15,7 @@ depend on its length, and know the rows that were met.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator
 
 from sqlglot import exp
@@ -52,7 +53,7 @@ def element_reads(query: plan.Query, places: Iterable[object]) -> Iterator[plan.
                 yield node
 
 
-class SearchLowering:
+class SearchLowering(ABC):
     """What both ways to lower a search share: the terms' sources, the START WITH state, and the statement."""
 
     def __init__(self, selects: Selects, query: plan.Query, cut: bool) -> None:
@@ -73,13 +74,13 @@ class SearchLowering:
         self.positions: dict[str, str] = {}  # the column of each copied table that numbers its rows
         self.copied: dict[str, Node] = {}  # items of FROM that are read once
 
+    @abstractmethod
     def bookkeeping(self) -> Bookkeeping:
         """What the run has to know of the statement to keep its steps and to count them."""
-        raise NotImplementedError
 
+    @abstractmethod
     def statement(self) -> exp.Select:
         """The whole statement."""
-        raise NotImplementedError
 
     # --- the recursive table ---------------------------------------------------------------------------
 

@@ -7,6 +7,7 @@ in a column and the values of a function do not depend on the rows beside its ow
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator, Iterator, Mapping
 from itertools import islice
 from typing import Any, Protocol, TypeAlias
@@ -72,7 +73,7 @@ class Chunk:
         return None if lane is None or place is None else islice(lane[0], place + 1, None)
 
 
-class Coming:
+class Coming(ABC):
     """The arguments of one call in the script; `size` is that of the next block, which shrinks where blocks fail."""
 
     def __init__(self, site: Site, asker: Asker, rows: Rows, first: int) -> None:
@@ -96,8 +97,9 @@ class Coming:
         answers = self.asker.answers
         return [(key, arguments), *islice((row for row in following if row[0] not in answers), self.size - 1)]
 
+    @abstractmethod
     def following(self, key: Any, arguments: Arguments) -> Iterator[Row] | None:
-        raise NotImplementedError
+        """The rows after these arguments, as far as they are foretold; None where these arguments were not."""
 
     def note(self, failed: bool, number: int) -> None:
         """Takes note of what became of a block of this many rows."""

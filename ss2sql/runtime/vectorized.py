@@ -8,6 +8,7 @@ with fewer rows, at last with the one that asked, whose failure is that of the s
 from __future__ import annotations
 
 import sys
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from marshal import dumps
@@ -89,7 +90,7 @@ class Block:
     error: Exception | None = None
 
 
-class Caller:
+class Caller(ABC):
     """Calls one function; how results are remembered is up to the executor."""
 
     def __init__(self, function: UserFunction) -> None:
@@ -100,11 +101,13 @@ class Caller:
         self._kinds: dict[Kinds, Kinds] = {}
 
     @property
+    @abstractmethod
     def answers(self) -> Mapping[Any, Any]:
-        raise NotImplementedError
+        """What is remembered, by `key`."""
 
+    @abstractmethod
     def key(self, arguments: Arguments) -> Any:
-        raise NotImplementedError
+        """What tells arguments from all that are not the same."""
 
     def kinds(self, arguments: Arguments) -> Kinds:
         types = tuple(map(type, arguments))
@@ -113,17 +116,17 @@ class Caller:
             kinds = self._kinds[types] = tuple(kind if kind in NUMBERS else object for kind in types)
         return kinds
 
+    @abstractmethod
     def keeps(self, arguments: Arguments) -> bool:
         """Whether results may be remembered: what was proved of plain data says nothing of objects."""
-        raise NotImplementedError
 
+    @abstractmethod
     def column(self, values: tuple[Any, ...], kind: type) -> Sequence[Any]:
         """One argument of several calls as values of the language, which the function may change."""
-        raise NotImplementedError
 
+    @abstractmethod
     def counted(self, rows: int) -> None:
         """Counts a call for this many rows."""
-        raise NotImplementedError
 
     def block(self, ahead: Ahead | None, key: Any, arguments: Arguments, run: Run) -> Block | None:
         """A call for a block that begins with the arguments; None where looking ahead has made it meanwhile."""
