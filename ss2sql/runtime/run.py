@@ -15,6 +15,21 @@ from ss2sql.vtables.frames.frame import Frame
 from ss2sql.vtables.memories import Memories
 
 
+@dataclass(frozen=True, slots=True)
+class Level:
+    """One level of the graph of MEMORIZE: the rows that are reached by so many steps and no fewer, and the steps from
+    the level before it, which lead there or back to rows that were known.
+    """
+
+    rows: int
+    steps: int
+
+    @property
+    def repeated(self) -> int:
+        """The number of steps to known rows."""
+        return self.steps - self.rows
+
+
 @dataclass(slots=True)
 class Stats:
     """What a run has done so far.
@@ -22,7 +37,8 @@ class Stats:
     `calls` counts real calls of user functions by name (a remembered value is no call), `remembered` those
     answered from the memo; `generated` counts steps that were evaluated, `expanded` those that went on,
     `pruned` those dropped because their row was there before. `seconds` holds the time of each stage. Of functions
-    that take arrays `calls` counts rows that were computed, `blocks` how often the function was called.
+    that take arrays `calls` counts rows that were computed, `blocks` how often the function was called. `levels` are
+    those of the graph of the last search with MEMORIZE.
     """
 
     calls: Counter[str] = field(default_factory=Counter)
@@ -31,6 +47,7 @@ class Stats:
     generated: int = 0
     expanded: int = 0
     pruned: int = 0
+    levels: list[Level] = field(default_factory=list)
     seconds: dict[str, float] = field(default_factory=dict)
 
 

@@ -1,9 +1,9 @@
 """Searches: the generator of the steps from one state, which all orders of search share.
 
 The generated function `rows(...)` begins a search. It gives the state of START WITH, the generator function
-`steps(state, seen)`, and the function `keys(last)`. Each step is evaluated when it is asked for, its clauses
-in the order of language.md section 7. What is yielded are the steps that leave a trace, see `Step` in
-searches/step.py.
+`steps(state, seen)`, the function `keys(last)`, and the pieces of pieces.py. Each step is evaluated when it is asked
+for, its clauses in the order of language.md section 7. What is yielded are the steps that leave a trace, see `Step`
+in searches/step.py.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from ss2sql.runtime.native.expressions import expression
 from ss2sql.runtime.native.flat import key_expressions
 from ss2sql.runtime.native.lookups import Lookup, lookup
 from ss2sql.runtime.native.loops import Loops, read_by_sources
+from ss2sql.runtime.native.pieces import pieces
 from ss2sql.runtime.native.unit import Body
 from ss2sql.runtime.values import freeze
 
@@ -49,7 +50,7 @@ def finder(builder: Builder, query: plan.Query, body: Body, aggregates: Sequence
     steps.compile(names)
     find_keys = pen.constant(None) if not keys else pen.name(_keys(builder, query, body, keys))
     state = pen.pack(*map(pen.name, names))
-    body.add(pen.back(pen.pack(state, pen.name(steps.body.name), find_keys)))
+    body.add(pen.back(pen.pack(state, pen.name(steps.body.name), find_keys, pieces(builder, query, body, loops))))
     body.define()
     return body.name
 

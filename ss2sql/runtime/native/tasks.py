@@ -12,6 +12,7 @@ from typing import Any, TypeAlias
 from ss2sql import plan
 from ss2sql.errors import Error, ExecutionError
 from ss2sql.runtime.builtins import AGGREGATES
+from ss2sql.runtime.memorize.pieces import Pieces
 from ss2sql.runtime.native.searches import SEARCHES, Hunt
 from ss2sql.runtime.rows import Row, Rows
 from ss2sql.runtime.run import Run
@@ -113,9 +114,10 @@ class Task:
         keyed = bool(query.group or query.order)
         if search is None:
             return self.find(*outer), keyed
-        start, steps, keys = self.find(*outer)
+        start, steps, keys, pieces = self.find(*outer)
         stats, check = self.run.stats, self.run.check
-        hunt = Hunt(start, steps, search.order, settings.bound, stats, check)
+        taken_apart = pieces and Pieces(*pieces)
+        hunt = Hunt(start, steps, search.order, settings.bound, stats, check, query, self.run, taken_apart)
         found = SEARCHES[search.order, search.repeats](hunt)
         counts = [settings.maximum, self.run.maximum if outermost else None]
         known = [number for number in counts if number is not None]

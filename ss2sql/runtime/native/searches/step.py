@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 from ss2sql import plan
+from ss2sql.runtime.memorize.pieces import Pieces
 from ss2sql.runtime.rows import Row
-from ss2sql.runtime.run import Stats
+from ss2sql.runtime.run import Run, Stats
 
 State: TypeAlias = tuple[Any, ...]
 
@@ -16,6 +17,8 @@ State: TypeAlias = tuple[Any, ...]
 # frozen; its weight; the estimate of what remains; and its elements with the state before it, for GROUP BY
 # and ORDER BY. With MEMORIZE a step to a row that is known has None for the goal, too.
 Step: TypeAlias = tuple[Row, bool | None, State | None, Hashable, Any, Any, Any]
+
+Steps: TypeAlias = Callable[[State, Container[Hashable]], Iterator[Step]]
 
 # A result: the rows of its path, and the last part of its last step.
 Found: TypeAlias = tuple[list[Row], Any]
@@ -28,15 +31,18 @@ class Hunt:
     `steps(state, seen)` yields the steps from a state in source order, each evaluated when it is asked for;
     those whose frozen rows are in `seen` are dropped. `bound` is MEMORIZE's. `stats` counts rows that an order
     drops by itself. `check` ends the run if it has to end; who works for long without asking for steps calls
-    it.
+    it. `query` is what is searched for in `run`. `pieces` are the clauses of a search with MEMORIZE that can be taken apart.
     """
 
     start: State
-    steps: Callable[[State, Container[Hashable]], Iterator[Step]]
+    steps: Steps
     order: plan.Order
     bound: int | None
     stats: Stats
     check: Callable[[], None]
+    query: plan.Query
+    run: Run
+    pieces: Pieces | None = None
 
 
 # A step with the way back: that of the step before it (None: the start), its row. Paths share their beginnings, so that

@@ -1,0 +1,164 @@
+"""The clauses of a search as functions of their own, where a step is not evaluated in one go.
+
+MEMORIZE needs that where it knows parts of a step already, looks for a step that leads to a given state, or has calls
+made by other processes. The generated functions are those of `Pieces` in memorize/pieces.py.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from ss2sql import plan
+from ss2sql.kinds import Kind
+from ss2sql.runtime.native import options
+from ss2sql.runtime.native.expressions import expression
+from ss2sql.runtime.native.facts import OWN_GROUP
+from ss2sql.runtime.native.loops import Loops
+from ss2sql.runtime.native.unit import UNSET, Body
+from ss2sql.runtime.values import freeze
+from ss2sql.walk import walk
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.native.builder import Builder
+
+
+def can_be_taken_apart(builder: Builder, query: plan.Query) -> bool:
+    """Whether nobody can notice when, and how often, a clause of the search is evaluated, but by what it costs."""
+    search = query.search
+    if search is None or search.repeats != "memorize":
+        return False
+    clauses = [*(output.expr for output in query.columns), *query.rows, *(expr for _, expr in search.connect)]
+    clauses += [clause for clause in (search.stop, query.where, search.weight) if clause is not None]
+    facts = [builder.unit.analysis.of(expr) for expr in clauses] + [builder.source_facts(s) for s in query.sources]
+    return all(fact.steady and OWN_GROUP not in fact.groups for fact in facts)
+
+
+def pieces(builder: Builder, query: plan.Query, outer: Body, loops: Loops) -> ast.expr:
+    """The generated functions, in the order of the fields of `Pieces`; None where the search stays in one piece."""
+    pen = builder.unit.pen_at(query.span)
+    if not can_be_taken_apart(builder, query):
+        return pen.constant(None)
+    assert query.search is not None
+    writer = _Writer(builder, query, outer)
+    stop, where, weight = query.search.stop, query.where, query.search.weight
+    names = [
+        writer.elements(loops),
+        writer.row(),
+        None if stop is None else writer.truth("ends", stop),
+        None if where is None else writer.truth("is_goal", where),
+        None if weight is None else writer.weight(weight),
+        writer.follow(),
+    ]
+    probable = pen.constant(query.search.order == "probability")
+    return pen.pack(probable, *(pen.constant(None) if name is None else pen.name(name) for name in names))
+
+
+class _Writer:
+    """One function after the other. They take the last part of a step: its elements and the state before it."""
+
+    def __init__(self, builder: Builder, query: plan.Query, outer: Body) -> None:
+        assert query.search is not None
+        self.builder, self.unit = builder, builder.unit
+        self.query, self.search = query, query.search
+        self.outer = outer
+        self.pen = self.unit.pen_at(query.span)
+        self.outputs = query.rows if query.aggregated else tuple(output.expr for output in query.columns)
+        self.states = [self.unit.states[query.id, name] for name, _ in self.search.start]
+
+    def elements(self, loops: Loops) -> str:
+        """A generator of the elements of a state, each as what the other functions take."""
+        body, pen = Body(self.unit, self.unit.local("elements"), ["state"], self.outer), self.pen
+        body.states = {(self.query.id, name) for name, _ in self.search.start}
+        body.add(pen.increase(self.unit.counter("expanded", body)))
+        body.add(pen.unpack(self.states, pen.name("state")))
+        body.locals.extend(self.states)
+        inner = loops.open(body, {})
+        inner.add(pen.run(pen.give(pen.pack(*map(pen.name, self._names())))))
+        inner.define()
+        return body.name
+
+    def row(self) -> str:
+        """The row of a step, and what stands for it where rows are compared."""
+        body, pen = self._function("row", ["last"], self.outputs), self.pen
+        values = [body.variable(expression(self.builder, expr, body), pen, "value") for expr in self.outputs]
+        keys = []
+        for expr, value in zip(self.outputs, values, strict=True):
+            plain = expr.type.only(Kind.NONE | Kind.NUMBER | Kind.STR)
+            keys.append(value if plain else pen.call(self.unit.helper(freeze), value))
+        body.add(pen.back(pen.pack(pen.pack(*values), keys[0] if len(keys) == 1 else pen.pack(*keys))))
+        body.define()
+        return body.name
+
+    def truth(self, name: str, clause: plan.Expr) -> str:
+        """Whether STOP WITH or WHERE is true of a step. What its row and the state after it tell is not asked again."""
+        body, pen = self._function(name, ["last", "row", "following"], [clause]), self.unit.pen_at(clause.span)
+        self._know_row(body)
+        self._know_following(body, clause)
+        value = expression(self.builder, clause, body)
+        body.add(pen.back(value if clause.type.only(Kind.BOOL) else pen.truth(value)))
+        body.define()
+        return body.name
+
+    def weight(self, clause: plan.Expr) -> str:
+        """What a step costs, or how likely it is."""
+        body, pen = self._function("weigh", ["last", "row"], [clause]), self.unit.pen_at(clause.span)
+        self._know_row(body)
+        value = expression(self.builder, clause, body)
+        check = options.probability if self.search.order == "probability" else options.cost
+        known = options.is_known(clause.type, check)
+        body.add(pen.back(value if known else pen.call(self.unit.helper(check), value)))
+        body.define()
+        return body.name
+
+    def follow(self) -> str:
+        """The state after a step."""
+        connect, number = self.search.connect, self.query.id
+        body = self._function("follow", ["last", "row"], [expr for _, expr in connect])
+        self._know_row(body)
+        for name, expr in connect:
+            pen = self.unit.pen_at(expr.span)
+            body.moved[number, name] = body.assigned(expression(self.builder, expr, body), pen, f"next_{name}")
+        names = [body.moved.get((number, name)) or self.unit.states[number, name] for name, _ in self.search.start]
+        body.add(self.pen.back(self.pen.pack(*map(self.pen.name, names))))
+        body.define()
+        return body.name
+
+    # --- what all begin with -----------------------------------------------------------------------------
+
+    def _function(self, name: str, parameters: list[str], clauses: Sequence[plan.Expr]) -> Body:
+        body = Body(self.unit, self.unit.local(name), parameters, self.outer)
+        body.levels.update((source.id, 0) for source in self.query.sources)
+        body.states.update((self.query.id, name) for name, _ in self.search.start)
+        body.count(clauses)
+        body.add(self.pen.unpack(self._names(), self.pen.name("last")))
+        body.locals.extend(self._names())
+        return body
+
+    def _names(self) -> list[str]:
+        return [*(self.unit.names[source.id] for source in self.query.sources), *self.states]
+
+    def _know_row(self, body: Body) -> None:
+        """Takes what SELECT shows from the row."""
+        for position, expr in enumerate(self.outputs):
+            key = self.unit.analysis.of(expr).key
+            if key is not None and not isinstance(expr, (plan.Element, plan.State, plan.Constant)):
+                name = body.known[-1][key] = self.unit.local("shown")
+                body.add(self.pen.assign(name, self.pen.item(self.pen.name("row"), position)))
+
+    def _know_following(self, body: Body, clause: plan.Expr) -> None:
+        """Takes what CONNECT BY computes from the state after the step, where that is known."""
+        wanted = {self.unit.analysis.of(node).key for node in walk(clause)}
+        position = {name: number for number, (name, _) in enumerate(self.search.start)}
+        moved: set[tuple[int, str]] = set()
+        for name, expr in self.search.connect:
+            facts = self.unit.analysis.of(expr)
+            if facts.key is not None and facts.costly and facts.key in wanted and facts.states.isdisjoint(moved):
+                slot = body.slots[facts.key] = self.unit.local("next")
+                known = self.pen.item(self.pen.name("following"), position[name])
+                self.unit.namespace["UNSET"] = UNSET
+                given = self.pen.compare(self.pen.name("following"), ast.IsNot(), self.pen.constant(None))
+                body.add(self.pen.assign(slot, self.pen.either(given, known, self.pen.name("UNSET"))))
+                body.counts[facts.key] += 2  # so that the slot is asked
+            moved.add((self.query.id, name))
