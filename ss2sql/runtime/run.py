@@ -38,7 +38,7 @@ class Stats:
     answered from the memo; `generated` counts steps that were evaluated, `expanded` those that went on,
     `pruned` those dropped because their row was there before. `seconds` holds the time of each stage. Of functions
     that take arrays `calls` counts rows that were computed, `blocks` how often the function was called. `levels` are
-    those of the graph of the last search with MEMORIZE.
+    those of the graph of the last search with MEMORIZE. `notes` say what was not done as asked or hoped for, and why.
     """
 
     calls: Counter[str] = field(default_factory=Counter)
@@ -48,6 +48,7 @@ class Stats:
     expanded: int = 0
     pruned: int = 0
     levels: list[Level] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
     seconds: dict[str, float] = field(default_factory=dict)
 
 
