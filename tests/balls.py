@@ -7,6 +7,9 @@ from dataclasses import dataclass
 from random import Random
 from typing import Any
 
+import pytest
+
+import ss2sql
 from ss2sql.vtables import Column, Gone, Table, TableFunction, World, function
 
 
@@ -165,3 +168,14 @@ class BallWorld(World):
         """Moves the ball and gives its new place."""
         self.source.balls[ball].x += by
         return self.source.balls[ball].x
+
+
+@pytest.fixture(name="box")
+def fixture_box() -> Box:
+    return Box.row(5)
+
+
+@pytest.fixture(name="ss")
+def fixture_ss(ss: ss2sql.Session, box: Box) -> ss2sql.Session:
+    ss.attach("space", BallWorld(box))
+    return ss

@@ -8,8 +8,6 @@ from typing import Any
 
 import ss2sql
 
-ENGINES = ("database", "native")
-
 
 @dataclass
 class Plain:

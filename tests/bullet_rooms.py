@@ -9,10 +9,9 @@ from typing import Any
 
 import pybullet
 import pytest
+from sessions import ENGINES
 
 import ss2sql
-
-ENGINES = ("database", "native")
 
 KINDS = {
     pybullet.GEOM_SPHERE: "sphere", pybullet.GEOM_BOX: "box", pybullet.GEOM_CYLINDER: "cylinder",

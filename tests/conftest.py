@@ -1,8 +1,58 @@
-"""The option `--golden`, which writes the expectations of tests/cases anew."""
+"""Fixtures for all tests, which a file of tests may furnish; and `--golden`, which writes tests/cases anew."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
 import pytest
+from sessions import ENGINES, STAFF, write
+
+import ss2sql
+
+
+@pytest.fixture
+def ss() -> Iterator[ss2sql.Session]:
+    """A session with nothing in it."""
+    with ss2sql.connect() as session:
+        yield session
+
+
+@pytest.fixture(params=ENGINES)
+def engine(request: pytest.FixtureRequest) -> Any:
+    """Each engine in turn."""
+    return request.param
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    """Where a database may be written."""
+    return tmp_path / "data.db"
+
+
+@pytest.fixture
+def staff(file: Path) -> Path:
+    """A database of four people."""
+    write(file, STAFF)
+    return file
+
+
+@pytest.fixture(scope="module")
+def simulation() -> Iterator[Any]:
+    """PyBullet, once for a file of tests: each takes 29 MB that never come back."""
+    from ss2sql.scenes.bullet import connect
+
+    made = connect()
+    yield made
+    made.disconnect()
+
+
+@pytest.fixture
+def client(simulation: Any) -> Any:
+    """PyBullet without bodies."""
+    simulation.resetSimulation()
+    return simulation
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -16,7 +16,7 @@ from pprint import pformat
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from cases import world
+from cases import needs
 
 import ss2sql
 from ss2sql.plan_tree import plan_tree
@@ -102,8 +102,8 @@ def text(case: Case, sections: Mapping[str, str]) -> str:
 @contextmanager
 def furnished(case: Case) -> Iterator[ss2sql.Session]:
     """A new session with what the case needs."""
-    with TemporaryDirectory() as folder, ss2sql.connect(world.database(Path(folder), case.needs)) as session:
-        world.furnish(session, case.needs)
+    with TemporaryDirectory() as folder, ss2sql.connect(needs.database(Path(folder), case.needs)) as session:
+        needs.furnish(session, case.needs)
         yield session
 
 

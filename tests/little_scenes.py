@@ -1,8 +1,7 @@
-"""What the tests of the representations of worlds share: one simulation, and questions to scenes in it."""
+"""What the tests of the representations of worlds share: an empty scene, and questions to scenes."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import pytest
@@ -13,22 +12,9 @@ from ss2sql.scenes.scene import Scene
 GREY = (0.5, 0.5, 0.5)
 
 
-@pytest.fixture(scope="module", name="client")
-def fixture_client() -> Iterator[Any]:
-    """One simulation for all scenes of this file: each takes 29 MB that do not come back."""
-    scene = Scene(0)
-    yield scene.client
-    scene.close()
-
-
 @pytest.fixture(name="scene")
 def fixture_scene(client: Any) -> Scene:
     return Scene(0, client)
-
-
-@pytest.fixture(params=("database", "native"), name="engine")
-def fixture_engine(request: pytest.FixtureRequest) -> Any:
-    return request.param
 
 
 def ask(scene: Any, script: str, engine: Any = "auto", **variables: Any) -> Any:

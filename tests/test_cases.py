@@ -12,7 +12,7 @@ from typing import Any
 
 import golden
 import pytest
-from cases import world
+from cases import needs
 from golden import Case, Outcome
 from reference import Reference
 from replay import Replay, search_of
@@ -85,15 +85,15 @@ def test_paths_replay(case: Case) -> None:
         return
     if "tick" in case.needs:
         return  # its rows are others at every call
-    replay = Replay(Reference(**world.for_reference(case.needs)), script, query)
+    replay = Replay(Reference(**needs.for_reference(case.needs)), script, query)
     assert all(replay.leads_to_a_goal(path) for path in result.paths)
 
 
 @every([case for case in CASES if "value" in case.expected and not case.name.startswith(UNKNOWN_TO_REFERENCE)])
 def test_reference_agrees(case: Case) -> None:
-    if world.REPRESENTATIONS.keys() & set(case.needs) or case.name.startswith(MANY_ARGUMENTS):
+    if needs.REPRESENTATIONS.keys() & set(case.needs) or case.name.startswith(MANY_ARGUMENTS):
         return
-    reference = Reference(**world.for_reference(case.needs))
+    reference = Reference(**needs.for_reference(case.needs))
     assert golden.written(reference.run(case.script)) == case.expected["value"]
     assert "\n".join(reference.printed) == case.expected.get("printed", "")
 

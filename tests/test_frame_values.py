@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import datetime
 import math
-from collections.abc import Iterator
 from decimal import Decimal
 from typing import Any
 
@@ -13,16 +12,9 @@ import pandas
 import polars
 import pyarrow
 import pytest
+from sessions import both
 
 import ss2sql
-
-both = pytest.mark.parametrize("engine", ["database", "native"])
-
-
-@pytest.fixture
-def ss() -> Iterator[ss2sql.Session]:
-    with ss2sql.connect() as session:
-        yield session
 
 
 def values(ss: ss2sql.Session, source: Any) -> dict[str, list[Any]]:

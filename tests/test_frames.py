@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import Any
 
@@ -14,11 +13,10 @@ import pyarrow
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sessions import both
 
 import ss2sql
 from ss2sql.vtables.frames import frame
-
-both = pytest.mark.parametrize("engine", ["database", "native"])
 
 ROWS = [
     {"x": 1, "y": 1.5, "name": "a", "ok": True},
@@ -41,12 +39,6 @@ MAKERS = {
 }
 SCHEMA = pyarrow.Table.from_pylist(ROWS).schema
 every = pytest.mark.parametrize("make", MAKERS.values(), ids=MAKERS)
-
-
-@pytest.fixture
-def ss() -> Iterator[ss2sql.Session]:
-    with ss2sql.connect() as session:
-        yield session
 
 
 # --- the same rows -------------------------------------------------------------------------------------

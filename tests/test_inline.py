@@ -56,11 +56,10 @@ from inline_samples import (
     tuple_default,
     whole,
 )
+from sessions import both
 
 import ss2sql
 from ss2sql.frontend.inline import Body, body_of
-
-both = pytest.mark.parametrize("engine", ["database", "native"])
 
 Numbers = [0, 1, -2, 5, 7]
 Floats = [0.0, -0.0, 1.5, -2.25, 4.0]

@@ -8,11 +8,10 @@ from typing import Any
 import pytest
 from agreement import exact
 from inline_samples import go, inc, mean, several, square
+from sessions import both
 
 import ss2sql
 from ss2sql.frontend.inliner import LIMITS
-
-both = pytest.mark.parametrize("engine", ["database", "native"])
 
 
 def outcome(script: str, engine: Any, disable: tuple[str, ...] = (), **functions: Any) -> tuple[Any, Any]:

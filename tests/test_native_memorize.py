@@ -2,65 +2,12 @@
 
 from __future__ import annotations
 
-import random
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
 import pytest
 from native_host import FakeHost
-
-Edge = tuple[int, Any]  # the node that it leads to, and its weight
-
-
-@dataclass(frozen=True)
-class Problem:
-    """Node 0 is the start. `edges[node]` are the edges out of a node in source order."""
-
-    edges: list[list[Edge]]
-    goals: set[int]
-    stops: set[int]
-    bound: int | None
-
-    def host(self) -> FakeHost:
-        near = [[list(edge) for edge in edges] for edges in self.edges]
-        return FakeHost({"near": lambda node: near[node]}, goals=sorted(self.goals), stops=sorted(self.stops))
-
-    def script(self, options: str = "") -> str:
-        bound = "" if self.bound is None else str(self.bound)
-        return f"""SELECT e.this[0] FROM e = near(node) WHERE e.this[0] IN goals
-        START WITH node = 0 CONNECT BY MEMORIZE {bound} {options} node = e.this[0]
-        STOP WITH e.this[0] IN stops AS list"""
-
-    def paths(self) -> list[tuple[list[int], list[int], list[Any]]]:
-        """All paths in source order: the positions of the edges, the nodes, the weights."""
-        found = []
-        longest = len(self.edges) + 1 if self.bound is None else self.bound
-
-        def walk(node: int, positions: list[int], nodes: list[int], weights: list[Any]) -> None:
-            if len(nodes) == longest:
-                return
-            for position, (target, weight) in enumerate(self.edges[node]):
-                if target in nodes:
-                    continue
-                longer = ([*positions, position], [*nodes, target], [*weights, weight])
-                if target in self.goals:
-                    found.append(longer)
-                if target not in self.stops:
-                    walk(target, *longer)
-
-        walk(0, [], [], [])
-        return found
-
-
-def problem(seed: int, weights: list[Any], largest: int = 6) -> Problem:
-    dice = random.Random(seed)
-    number = dice.randint(2, largest)
-    edges = [[(dice.randrange(number), dice.choice(weights)) for _ in range(dice.randint(0, 4))] for _ in range(number)]
-    goals = {node for node in range(number) if dice.random() < 0.4}
-    stops = {node for node in range(number) if dice.random() < 0.2}
-    return Problem(edges, goals, stops, dice.choice([None, 1, 2, 3, 4, 5]))
-
+from path_problems import CHANCES, COSTS, Edge, Problem, by_length, by_total, problem
 
 SEEDS = range(120)
 
@@ -68,40 +15,15 @@ SEEDS = range(120)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_by_length(seed: int) -> None:
     graph = problem(seed, [1])
-    expected = [nodes for _, nodes, _ in sorted(graph.paths(), key=lambda path: (len(path[0]), path[0]))]
+    expected = by_length(graph)
     assert graph.host().run(graph.script()) == expected
     assert graph.host().run(graph.script("MAXIMUM 2")) == expected[:2]
-
-
-def totals(graph: Problem, likeliest: bool) -> list[list[int]]:
-    """The paths by their total, ties in source order, a path before its continuations."""
-
-    def rank(path: tuple[list[int], list[int], list[Any]]) -> Any:
-        total: Any = 1 if likeliest else 0
-        for weight in path[2]:
-            total = total * weight if likeliest else total + weight
-        return (-total if likeliest else total, path[0])
-
-    return [path[1] for path in sorted(graph.paths(), key=rank)]
-
-
-COSTS: list[list[Any]] = [
-    [1],
-    [0],
-    [0, 1, 2],
-    [3, 5, 7],
-    [0.5, 1, 1.25],
-    [0.1, 0.2, 0.3, 0.7],
-    [0.1, 1.1, 0],
-    [2**60, 1],
-]
-CHANCES: list[list[Any]] = [[0.9], [1], [0.5, 1, 0.25], [0.1, 0.3, 0.9], [1 / 3, 2 / 3, 1], [1e-200, 0.5]]
 
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_by_cost(seed: int) -> None:
     graph = problem(seed, COSTS[seed % len(COSTS)])
-    expected = totals(graph, False)
+    expected = by_total(graph, False)
     assert graph.host().run(graph.script("COST e.this[1]")) == expected
     assert graph.host().run(graph.script("COST e.this[1] MAXIMUM 3")) == expected[:3]
 
@@ -109,7 +31,7 @@ def test_by_cost(seed: int) -> None:
 @pytest.mark.parametrize("seed", SEEDS)
 def test_by_probability(seed: int) -> None:
     graph = problem(seed, CHANCES[seed % len(CHANCES)])
-    assert graph.host().run(graph.script("PROBABILITY e.this[1]")) == totals(graph, True)
+    assert graph.host().run(graph.script("PROBABILITY e.this[1]")) == by_total(graph, True)
 
 
 def test_equal_totals_of_different_sums() -> None:

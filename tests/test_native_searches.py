@@ -6,22 +6,11 @@ from collections import Counter
 from typing import Any
 
 import pytest
+from listings import MOVES, move
 from native_host import FakeHost
 
 from ss2sql.runtime.native.searches import SEARCHES
 from ss2sql.runtime.run import Run
-
-MOVES = [[0, 1], [0, 2], [1, 0], [1, 2], [2, 0], [2, 1]]
-
-
-def move(step: list[int], towers: list[list[int]]) -> list[list[int]]:
-    """The paper's function, which changes its argument."""
-    if not towers or not towers[step[0]]:
-        pass
-    elif not towers[step[1]] or towers[step[1]][-1] > towers[step[0]][-1]:
-        towers[step[1]].append(towers[step[0]].pop())
-        return towers
-    return []
 
 
 def hanoi(options: str, level: int | None, disks: int = 3) -> tuple[FakeHost, Run, str]:

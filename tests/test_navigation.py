@@ -13,6 +13,7 @@ from math import dist, sqrt
 from typing import Any
 
 import pytest
+from sessions import ENGINES
 
 import ss2sql
 
@@ -23,7 +24,6 @@ from example_pages import EXAMPLES
 from ss2sql.vtables.pybullet import PyBulletWorld
 
 Spot = tuple[float, float]
-ENGINES = ("database", "native")
 DIRECTIONS: list[Spot] = [(0, 1), (0, -1), (1, -1), (-1, -1), (1, 0), (-1, 0), (-1, 1), (1, 1)]
 START, TARGET = (4.0, 3.0), (10.0, 9.0)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gc
 import re
-from collections.abc import Iterator
 from math import dist, pi, sqrt
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -12,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from body_queries import ARGUMENTS, ENGINES, Plain, agree, answer
+from body_queries import ARGUMENTS, Plain, agree, answer
 from pyode import load
 
 import ss2sql
@@ -23,11 +22,6 @@ _folder = TemporaryDirectory()
 ode = load(Path(_folder.name))
 REASON = "ODE is not installed for this Python: apt-get install python3-pyode"
 pytestmark = pytest.mark.skipif(ode is None, reason=REASON)
-
-
-@pytest.fixture(params=ENGINES)
-def engine(request: Any) -> Any:
-    return request.param
 
 
 _worlds: list[Any] = []  # kept to the end: pyode crashes where a failed test leaves world and bodies to the collector
@@ -67,10 +61,9 @@ def room() -> Room:
 
 
 @pytest.fixture
-def ss(room: Room) -> Iterator[ss2sql.Session]:
-    with ss2sql.connect() as session:
-        session.attach("space", room.space)
-        yield session
+def ss(ss: ss2sql.Session, room: Room) -> ss2sql.Session:
+    ss.attach("space", room.space)
+    return ss
 
 
 KINDS = {"GeomSphere": "sphere", "GeomBox": "box", "GeomCapsule": "capsule", "GeomCylinder": "cylinder",

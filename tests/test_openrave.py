@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Iterator
 from math import pi, sqrt
 from pathlib import Path
 from typing import Any
@@ -12,16 +11,11 @@ from typing import Any
 import fake_openravepy as fake
 import numpy as np
 import pytest
-from body_queries import ARGUMENTS, ENGINES, Plain, agree, answer
+from body_queries import ARGUMENTS, Plain, agree, answer
 from openrave_rooms import ball, crate, scene
 
 import ss2sql
 from ss2sql.vtables.openrave import OpenRaveWorld, pose
-
-
-@pytest.fixture(params=ENGINES)
-def engine(request: Any) -> Any:
-    return request.param
 
 
 @pytest.fixture(autouse=True)
@@ -46,10 +40,9 @@ def room() -> fake.Environment:
 
 
 @pytest.fixture
-def ss(room: fake.Environment) -> Iterator[ss2sql.Session]:
-    with ss2sql.connect() as session:
-        session.attach("space", room)
-        yield session
+def ss(ss: ss2sql.Session, room: fake.Environment) -> ss2sql.Session:
+    ss.attach("space", room)
+    return ss
 
 
 def loop(environment: fake.Environment) -> list[Plain]:

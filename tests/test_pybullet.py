@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib.util
 import os
 from collections import Counter
-from collections.abc import Iterator
 from math import dist, hypot, pi
 from random import Random
 from typing import Any
@@ -39,24 +38,10 @@ from ss2sql.vtables.pybullet import PyBulletWorld
 SCENES = int(os.environ.get("SS2SQL_SCENES", "50"))  # more by night
 
 
-@pytest.fixture(scope="module")
-def shared() -> Iterator[Any]:
-    made = connect()  # each takes 29 MB that never come back
-    yield made
-    made.disconnect()
-
-
 @pytest.fixture
-def client(shared: Any) -> Any:
-    shared.resetSimulation()
-    return shared
-
-
-@pytest.fixture
-def ss(client: Any) -> ss2sql.Session:
-    session = ss2sql.connect()
-    session.attach("space", client)
-    return session
+def ss(ss: ss2sql.Session, client: Any) -> ss2sql.Session:
+    ss.attach("space", client)
+    return ss
 
 
 # --- the paper's queries against plain loops -----------------------------------------------------------

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
 from random import Random
 from typing import Any
 
@@ -15,29 +14,14 @@ pytest.importorskip("pybullet")
 
 from bullet_rooms import ENGINES, Counting, ball, box, furnish, jointed, live, message, values
 
-from ss2sql.scenes.bullet import connect
 from ss2sql.vtables.pybullet import PyBulletWorld
 from ss2sql.vtables.pybullet.posture import posture
 
 
-@pytest.fixture(scope="module")
-def shared() -> Iterator[Any]:
-    made = connect()  # each takes 29 MB that never come back
-    yield made
-    made.disconnect()
-
-
 @pytest.fixture
-def client(shared: Any) -> Any:
-    shared.resetSimulation()
-    return shared
-
-
-@pytest.fixture
-def ss(client: Any) -> ss2sql.Session:
-    session = ss2sql.connect()
-    session.attach("space", client)
-    return session
+def ss(ss: ss2sql.Session, client: Any) -> ss2sql.Session:
+    ss.attach("space", client)
+    return ss
 
 
 def moved_collides(client: Any, robot: int, pose: list[float], margin: float = 0.0) -> bool:

@@ -6,21 +6,12 @@ from collections import Counter
 from typing import Any
 
 import pytest
+from listings import move
 from reference import Failure, Reference
 
 MOVES = "moves = [[0,1], [0,2], [1,0], [1,2], [2,0], [2,1]]; "
 
 # Towers of Hanoi
-
-
-def move(step: list[int], towers: list[list[int]]) -> list[list[int]]:
-    """The paper's function: it changes its argument."""
-    if not towers or not towers[step[0]]:
-        pass
-    elif not towers[step[1]] or towers[step[1]][-1] > towers[step[0]][-1]:
-        towers[step[1]].append(towers[step[0]].pop())
-        return towers
-    return []
 
 
 def hanoi(option: str, level: int) -> Reference:

@@ -6,31 +6,16 @@ import io
 from typing import Any
 
 import pytest
+from listings import MOVES, move
 from rich.console import Console
+from sessions import both
 
 import ss2sql
 from ss2sql.runtime.paths import Paths
 
-both = pytest.mark.parametrize("engine", ["database", "native"])
-MOVES = [[0, 1], [0, 2], [1, 0], [1, 2], [2, 0], [2, 1]]
 TREE = "SELECT this FROM [1, 2] START WITH n = 0 CONNECT BY n = n + 1 STOP WITH n == 1"
 # A step with n == 1 stops and is no goal, so its paths have one step more: here they are goals.
 GOALS = "SELECT this FROM [1, 2] WHERE n < 2 START WITH n = 0 CONNECT BY n = n + 1 STOP WITH n == 1"
-
-
-@pytest.fixture
-def ss():
-    with ss2sql.connect() as session:
-        yield session
-
-
-def move(step, towers):
-    if not towers or not towers[step[0]]:
-        return []
-    if towers[step[1]] and towers[step[1]][-1] < towers[step[0]][-1]:
-        return []
-    towers[step[1]].append(towers[step[0]].pop())
-    return towers
 
 
 # --- the value -----------------------------------------------------------------------------------------

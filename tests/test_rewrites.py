@@ -11,13 +11,13 @@ from hypothesis import HealthCheck, given, seed, settings
 from hypothesis import strategies as st
 from programs import ProgramCase, programs
 from rewrite_programs import DECISIONS, noted_program
+from sessions import ENGINES
 
 import ss2sql
 from ss2sql.lowering.rewrites import REWRITES
 
 SWITCHES = ["nothing", *REWRITES]
 PROGRAMS = max(80, int(os.environ.get("SS2SQL_PROGRAMS", "0")) // 20)  # of each kind for each switch
-ENGINES = ("database", "native")
 NAMES = "a b c d e f g h".split()  # noqa: SIM905
 BORDERS = "ab ac ad ae af bc bd bf bg cd cg ch de dh ef eh fg gh".split()  # noqa: SIM905
 COLOURS = ["red", "green", "blue", "yellow"]

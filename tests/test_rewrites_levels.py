@@ -5,25 +5,15 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from listings import MOVES, move
+from sessions import ENGINES
 
 import ss2sql
 
-ENGINES = ("database", "native")
-MOVES = [[0, 1], [0, 2], [1, 0], [1, 2], [2, 0], [2, 1]]
 TOWERS = """SELECT m1.this, m2.this, m3.this, m4.this, m5.this, m6.this, m7.this
 FROM m1 = moves, m2 = moves, m3 = moves, m4 = moves, m5 = moves, m6 = moves, m7 = moves
 WHERE [[], [], [3, 2, 1]] == move(m7.this, move(m6.this, move(m5.this, move(m4.this, move(m3.this,
     move(m2.this, move(m1.this, [[3, 2, 1], [], []]))))))) AS list"""
-
-
-def move(step, towers):  # type: ignore[no-untyped-def]
-    """The paper's function; an empty list says that the step is not allowed."""
-    if not towers or not towers[step[0]]:
-        return []
-    if towers[step[1]] and towers[step[1]][-1] < towers[step[0]][-1]:
-        return []
-    towers[step[1]].append(towers[step[0]].pop())
-    return towers
 
 
 def session(*disable: str) -> tuple[ss2sql.Session, list[tuple[Any, ...]]]:

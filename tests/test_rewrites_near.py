@@ -70,11 +70,6 @@ class Space(World):
 LINE = {number: (float(number), 0.0, 0.0) for number in range(1, 21)}
 
 
-@pytest.fixture(params=["database", "native"])
-def engine(request: Any) -> Any:
-    return request.param
-
-
 @pytest.fixture
 def space() -> Space:
     return Space(dict(LINE))

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from sessions import ENGINES
 
 import ss2sql
 
-ENGINES = ("database", "native")
 BOTH: tuple[list[str], ...] = ([], ["unnest"])
 
 

@@ -6,7 +6,6 @@ import re
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Iterator
 from itertools import product
 from math import dist
 from typing import Any
@@ -26,14 +25,6 @@ from ss2sql.scenes.solids import Box, Sphere
 
 DIRECTIONS = [(x, y) for x, y in product((-1, 0, 1), repeat=2) if (x, y) != (0, 0)]
 SMALL = (160, 120)
-
-
-@pytest.fixture(scope="module")
-def client() -> Iterator[Any]:
-    """One simulation for all tests: each takes 29 MB that never come back."""
-    opened = bullet.connect()
-    yield opened
-    opened.disconnect()
 
 
 def state(scene: Scene) -> dict[int, Any]:

@@ -8,10 +8,10 @@ from typing import Any
 
 import apsw
 import pytest
+from sessions import both
 
 import ss2sql
 
-both = pytest.mark.parametrize("engine", ["database", "native"])
 EDGES = [(rng.randrange(12), rng.randrange(12)) for rng in [random.Random(3)] for _ in range(40)]
 
 # How the table is made, what indexes it, and what its own order is: the rowid, or the key in its words.

@@ -12,10 +12,10 @@ from typing import Any
 
 import networkx
 import pytest
+from sessions import both
 
 import ss2sql
 
-both = pytest.mark.parametrize("engine", ["database", "native"])
 Edge = tuple[int, int, Any]
 Estimate = Callable[[int], Any]
 

@@ -7,20 +7,10 @@ from pathlib import Path
 
 import apsw
 import pytest
+from listings import MOVES, move
 
 import ss2sql
 from ss2sql.runtime.run import Run
-
-MOVES = [[0, 1], [0, 2], [1, 0], [1, 2], [2, 0], [2, 1]]
-
-
-def move(step, towers):
-    if not towers or not towers[step[0]]:
-        return []
-    if towers[step[1]] and towers[step[1]][-1] < towers[step[0]][-1]:
-        return []
-    towers[step[1]].append(towers[step[0]].pop())
-    return towers
 
 
 def double(x):

@@ -6,25 +6,12 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import apsw
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from sessions import both, write
 
 import ss2sql
-
-both = pytest.mark.parametrize("engine", ["database", "native"])
-
-
-@pytest.fixture
-def file(tmp_path: Path) -> Path:
-    return tmp_path / "data.db"
-
-
-def write(file: Path, script: str) -> None:
-    with apsw.Connection(str(file)) as connection:
-        connection.execute(script)
-    connection.close()
 
 
 @pytest.fixture

@@ -8,21 +8,9 @@ from typing import Any
 
 import apsw
 import pytest
+from sessions import both, write
 
 import ss2sql
-
-both = pytest.mark.parametrize("engine", ["database", "native"])
-
-
-@pytest.fixture
-def file(tmp_path: Path) -> Path:
-    return tmp_path / "data.db"
-
-
-def write(file: Path, script: str) -> None:
-    with apsw.Connection(str(file)) as connection:
-        connection.execute(script)
-    connection.close()
 
 
 @pytest.fixture

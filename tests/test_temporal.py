@@ -8,28 +8,20 @@ from typing import Any
 
 import apsw
 import pytest
+from sessions import Clock
 
 import ss2sql
 
 
-class Clock:
-    def __init__(self) -> None:
-        self.now = 100.0
-
-    def __call__(self) -> float:
-        return self.now
-
-
 @pytest.fixture
 def clock() -> Clock:
-    return Clock()
+    return Clock(100.0)
 
 
 @pytest.fixture
-def ss(clock: Clock):
-    with ss2sql.connect() as session:
-        session.function("getTime", clock)
-        yield session
+def ss(ss: ss2sql.Session, clock: Clock) -> ss2sql.Session:
+    ss.function("getTime", clock)
+    return ss
 
 
 def store(ss: ss2sql.Session, clock: Clock, **values: Any) -> None:

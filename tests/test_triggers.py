@@ -5,16 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from sessions import Clock
 
 import ss2sql
-
-
-class Clock:
-    def __init__(self) -> None:
-        self.now = 0.0
-
-    def __call__(self) -> float:
-        return self.now
 
 
 @pytest.fixture
@@ -23,10 +16,9 @@ def clock():
 
 
 @pytest.fixture
-def ss(clock: Clock):
-    with ss2sql.connect() as session:
-        session.function("getTime", clock, volatility="volatile")
-        yield session
+def ss(ss: ss2sql.Session, clock: Clock) -> ss2sql.Session:
+    ss.function("getTime", clock, volatility="volatile")
+    return ss
 
 
 def pass_time(ss: ss2sql.Session, clock: Clock, seconds: float, step: float = 0.05) -> None:

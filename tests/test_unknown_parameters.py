@@ -18,11 +18,6 @@ VALUES = [
 ]  # fmt: skip
 
 
-@pytest.fixture(params=["database", "native"])
-def engine(request: Any) -> Any:
-    return request.param
-
-
 @pytest.mark.parametrize("column", ["a", "b", "c"])
 @pytest.mark.parametrize("source", ["rows", "t"])
 @pytest.mark.parametrize("value", VALUES, ids=repr)

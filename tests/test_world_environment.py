@@ -10,8 +10,6 @@ import pytest
 pytest.importorskip("pybullet")
 
 from little_scenes import GREY, ask, refused
-from little_scenes import fixture_client as fixture_client
-from little_scenes import fixture_engine as fixture_engine
 from little_scenes import fixture_scene as fixture_scene
 
 from ss2sql import scenes

@@ -19,28 +19,19 @@ from ss2sql import scenes
 from ss2sql.scenes.bullet import connect
 
 
-@pytest.fixture(scope="module")
-def shared() -> Iterator[Any]:
-    made = connect()  # each takes 29 MB that never come back
-    yield made
-    made.disconnect()
-
-
 @pytest.fixture
-def client(shared: Any) -> Any:
+def client(client: Any) -> Any:
     """Four balls that fall, 1, 2, 3 and 4 m above the floor."""
-    shared.resetSimulation()
-    shared.setGravity(0, 0, -9.81)
+    client.setGravity(0, 0, -9.81)
     for number in range(4):
-        ball(shared, 0.1, (number, 0, number + 1), mass=number + 1)
-    return shared
+        ball(client, 0.1, (number, 0, number + 1), mass=number + 1)
+    return client
 
 
 @pytest.fixture
-def ss(client: Any) -> Iterator[ss2sql.Session]:
-    with ss2sql.connect() as session:
-        session.attach("space", client)
-        yield session
+def ss(ss: ss2sql.Session, client: Any) -> ss2sql.Session:
+    ss.attach("space", client)
+    return ss
 
 
 @pytest.fixture(scope="module")
@@ -53,11 +44,6 @@ def cut_off() -> Iterator[ss2sql.Session]:
         session.run("kept = SELECT this FROM space AS list;")
         gone.disconnect()
         yield session
-
-
-@pytest.fixture(params=ENGINES)
-def engine(request: Any) -> Any:
-    return request.param
 
 
 def refused(ss: ss2sql.Session, script: str, engine: Any) -> ss2sql.Error:

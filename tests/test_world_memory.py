@@ -10,8 +10,6 @@ from balls import Balls, BallWorld, Box
 import ss2sql
 from ss2sql.vtables import TableFunction, function
 
-ENGINES = ("database", "native")
-
 
 class Left(TableFunction):
     """The balls that are to the left of a place."""
@@ -45,11 +43,6 @@ class Attentive(BallWorld):
         return self.places()[ball]
 
 
-@pytest.fixture(params=ENGINES)
-def engine(request: Any) -> Any:
-    return request.param
-
-
 @pytest.fixture
 def box() -> Box:
     return Box.row(4)
@@ -61,10 +54,9 @@ def world(box: Box) -> Attentive:
 
 
 @pytest.fixture
-def ss(world: Attentive) -> ss2sql.Session:
-    session = ss2sql.connect()
-    session.attach("space", world)
-    return session
+def ss(ss: ss2sql.Session, world: Attentive) -> ss2sql.Session:
+    ss.attach("space", world)
+    return ss
 
 
 def test_a_query_looks_once(ss: ss2sql.Session, box: Box, engine: Any) -> None:

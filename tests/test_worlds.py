@@ -1,4 +1,4 @@
-"""Worlds in scripts: tables, columns as functions, filters, lazy groups, joins, searches, live reading and copies."""
+"""Worlds in scripts: tables, columns as functions, joins, searches, live reading and copies."""
 
 from __future__ import annotations
 
@@ -6,35 +6,12 @@ from typing import Any
 
 import pytest
 from balls import Ball, Balls, BallWorld, Box
+from balls import fixture_box as fixture_box
+from balls import fixture_ss as fixture_ss
+from sessions import code_of
 
 import ss2sql
-from ss2sql.vtables import Column, Element, Gone, Table, World, register_world
-
-ENGINES = ("database", "native")
-
-
-@pytest.fixture(params=ENGINES)
-def engine(request: Any) -> Any:
-    return request.param
-
-
-@pytest.fixture
-def box() -> Box:
-    return Box.row(5)
-
-
-@pytest.fixture
-def ss(box: Box) -> ss2sql.Session:
-    session = ss2sql.connect()
-    session.attach("space", BallWorld(box))
-    return session
-
-
-def code_of(call: Any, *arguments: Any, **named: Any) -> str:
-    with pytest.raises(ss2sql.Error) as caught:
-        call(*arguments, **named)
-    return caught.value.code
-
+from ss2sql.vtables import Element
 
 # --- names, columns, functions -------------------------------------------------------------------------
 
@@ -123,80 +100,6 @@ def test_what_is_no_element_has_no_columns(ss: ss2sql.Session, engine: Any) -> N
 def test_this_has_columns_in_plain_lists_too(ss: ss2sql.Session, engine: Any) -> None:
     ss.attach("rows", [{"x": 1, "y": 2}, {"x": 3, "y": 4}])
     assert ss.run("SELECT this.y FROM rows WHERE this.x > 1 AS list;", engine=engine).value == [4]
-
-
-# --- what is asked of the world ------------------------------------------------------------------------
-
-
-def test_groups_are_asked_only_for_what_is_read(ss: ss2sql.Session, box: Box, engine: Any) -> None:
-    ss.run("SELECT id FROM space;", engine=engine)
-    assert box.calls == {"keys": 1, "given": 5}
-    box.calls.clear()
-    ss.run("SELECT x, y, mass FROM space WHERE mass > 50;", engine=engine)
-    assert box.calls == {"keys": 1, "given": 5, "dynamics": 5, "place": 3}
-
-
-def test_limit_touches_no_more_than_it_needs(ss: ss2sql.Session, box: Box, engine: Any) -> None:
-    assert ss.run("SELECT name FROM space LIMIT 3 AS list;", engine=engine).value == ["ball1", "ball2", "ball3"]
-    assert box.calls["label"] == 3
-    box.calls.clear()
-    assert ss.run("SELECT id FROM space WHERE mass > 30 LIMIT 1 AS list;", engine=engine).value == [2]
-    assert box.calls["dynamics"] == 2
-
-
-@pytest.mark.parametrize(
-    ("where", "given"),
-    [
-        ("id == 3", 1),
-        ("3 == id", 1),
-        ("id == 7", 0),
-        ("x > 4", 2),  # bounds are passed on inclusively
-        ("4 < x", 2),
-        ("x >= 2 AND x <= 3", 2),
-        ("x >= 2 AND mass > 50", 4),
-        ("x == 3", 1),
-        ("name == 'ball2'", 1),
-        ("name > 'ball3'", 3),
-        ("mass > 50", 5),  # the adapter cannot filter by it
-        ("x > 2 OR id == 1", 5),
-        ("id IN [1, 4]", 5),
-        ("id != 3", 5),
-        ("x + 1 > 4", 5),
-        ("id == 'ball3'", 5),  # a value of another kind restricts nothing
-    ],
-)
-def test_filters_are_passed_on(ss: ss2sql.Session, box: Box, engine: Any, where: str, given: int) -> None:
-    found = ss.run(f"SELECT id FROM space WHERE {where} AS list;", engine=engine).value
-    calls = box.calls["given"]
-    rows = [vars(ball) for ball in box.balls.values()]
-    ss.attach("rows", rows)
-    assert found == ss.run(f"SELECT id FROM rows WHERE {where} AS list;", engine="native").value
-    assert calls == given
-
-
-def test_joins_pass_on_what_the_sources_before_know(ss: ss2sql.Session, box: Box, engine: Any) -> None:
-    script = "SELECT a.id, b.id FROM a = space, b = space WHERE b.x > a.x AND b.x <= a.x + 1 AS rows;"
-    assert ss.run(script, engine=engine).value == [(1, 2), (2, 3), (3, 4), (4, 5)]
-    assert box.calls["given"] == 5 + 9  # themselves and their neighbours to the right
-    assert box.calls["place"] == 5  # every ball is asked once within a query
-
-
-def test_a_condition_behind_one_that_may_fail_is_not_passed_on(ss: ss2sql.Session, box: Box, engine: Any) -> None:
-    ss.function("risky", lambda number: 1 / (number - 5), volatility="immutable")
-    with pytest.raises(ZeroDivisionError):
-        ss.run("SELECT id FROM space WHERE risky(id) != 0 AND x < 3;", engine=engine)
-    assert ss.run("SELECT id FROM space WHERE x < 3 AND risky(id) != 0 AS list;", engine=engine).value == [1, 2]
-
-
-def test_the_plan_shows_what_is_passed_on(ss: ss2sql.Session) -> None:
-    plan = explained(ss, "SELECT id FROM space WHERE x >= 2 AND x < 4;")
-    assert "VIRTUAL TABLE INDEX 0:x >= ?, x < ?" in plan
-    assert "VIRTUAL TABLE INDEX 0:all" in explained(ss, "SELECT id FROM space WHERE mass > 2;")
-
-
-def explained(ss: ss2sql.Session, script: str) -> str:
-    sql = ss.compile(script).sql
-    return "\n".join(row[3] for row in ss.host.connection.execute(f"EXPLAIN QUERY PLAN {sql}", sql.parameters))
 
 
 # --- joins, nested queries, searches -------------------------------------------------------------------
@@ -349,123 +252,3 @@ def test_no_row_twice_and_none_lost_where_sqlite_puts_or_together(ss: ss2sql.Ses
     script = "SELECT id FROM space WHERE id == 4 OR x < 2 OR (x > 3 AND x < 5) OR name == 'ball1' AS list;"
     assert ss.run(script, engine="database").value == [1, 4]
     assert ss.run(script, engine="native").value == [1, 4]
-
-
-# --- attaching -----------------------------------------------------------------------------------------
-
-
-def test_adapters_are_found_by_type(box: Box, engine: Any) -> None:
-    register_world(BallWorld)
-    ss = ss2sql.connect()
-    ss.attach("space", box)
-    assert ss.run("SELECT count(*) FROM space GROUP BY 1 AS value;", engine=engine).value == 5
-    world = ss.get("space")
-    assert isinstance(world, BallWorld)
-    assert world.source is box
-
-
-def test_an_object_may_bring_its_own_adapter(box: Box, engine: Any) -> None:
-    class Scene:
-        def __world__(self) -> World:
-            return BallWorld(box)
-
-    ss = ss2sql.connect()
-    ss.attach("space", Scene())
-    assert ss.run("SELECT id FROM space LIMIT 2 AS list;", engine=engine).value == [1, 2]
-
-
-def test_what_cannot_be_attached_is_refused_with_what_can() -> None:
-    register_world(BallWorld)
-    with pytest.raises(ss2sql.SessionError, match=r"a builtins.object cannot be attached[\s\S]*balls.Box") as caught:
-        ss2sql.connect().attach("space", object())
-    assert caught.value.code == "S002"
-
-
-def test_a_name_can_get_another_meaning(ss: ss2sql.Session, box: Box, engine: Any) -> None:
-    query = ss.compile("SELECT id FROM space AS list;")
-    assert query.run(engine=engine).value == [1, 2, 3, 4, 5]
-    ss.attach("space", BallWorld(Box.row(2)))
-    assert query.run(engine=engine).value == [1, 2]
-    ss.attach("space", [{"id": 7}])
-    assert query.run(engine=engine).value == [7]
-    assert query.run(engine=engine, space=[{"id": 8}]).value == [8]
-    ss.attach("space", BallWorld(box))
-    assert query.run(engine=engine, space=[{"id": 8}]).value == [8]
-    assert query.run(engine=engine).value == [1, 2, 3, 4, 5]
-    ss.detach("space")
-    assert code_of(ss.run, "SELECT id FROM space;", engine=engine) == "R003"
-    assert code_of(ss.run, "mass(1);", engine=engine) == "R002"
-
-
-def test_another_schema_under_the_same_name(ss: ss2sql.Session, engine: Any) -> None:
-    class Things(Table):
-        name, key = "balls", "id"
-        columns = (Column("id", str), Column("size", int))
-        groups = {"size": "size"}
-
-        def keys(self, where: Any) -> list[str]:
-            return ["b", "a"]
-
-        def size(self, key: str) -> int:
-            return ord(key)
-
-    class Other(World):
-        tables = (Things,)
-
-    assert ss.run("SELECT * FROM space LIMIT 1;", engine=engine).columns[0:2] == ("id", "name")
-    ss.attach("space", Other())
-    assert ss.run("SELECT * FROM space AS rows;", engine=engine).value == [("b", 98), ("a", 97)]
-    assert ss.run("SELECT id FROM space WHERE size > 0 AND id > 'a' AS list;", engine=engine).value == ["b"]
-
-
-def test_a_world_hides_a_table_of_the_database(box: Box, engine: Any) -> None:
-    ss = ss2sql.connect()
-    ss.host.connection.execute("CREATE TABLE space(id); INSERT INTO space VALUES (77)")
-    ss.host.connection.execute('CREATE TABLE "room.balls"(id); INSERT INTO "room.balls" VALUES (78)')
-    assert ss.run("SELECT id FROM space AS list;", engine=engine).value == [77]
-    ss.attach("space", BallWorld(box))
-    ss.attach("room", BallWorld(box))
-    assert ss.run("SELECT id FROM space LIMIT 1 AS list;", engine=engine).value == [1]
-    assert ss.run("SELECT id FROM room LIMIT 1 AS list;", engine=engine).value == [1]
-
-
-def test_the_clock_of_the_world_is_that_of_the_session(engine: Any) -> None:
-    box = Box.row(1)
-    ss = ss2sql.connect()
-    ss.attach("space", BallWorld(box))
-    box.time = 0.0
-    assert ss.run("getTime();", engine=engine).value == 0.0
-    ss.run("seen{10} = 1;", engine=engine)
-    box.time = 5.0
-    ss.run("seen{10} = 2;", engine=engine)
-    assert ss.run("[seen{0.0}, seen{5.0}, getTime()];", engine=engine).value == [1, 2, 5.0]
-
-
-def test_representations_of_a_world(ss: ss2sql.Session, engine: Any) -> None:
-    assert ss.run("SELECT mass FROM space AS weight;", engine=engine).value == 300.0
-
-
-# --- for people ----------------------------------------------------------------------------------------
-
-
-def test_help_and_describe_come_from_the_declarations(ss: ss2sql.Session) -> None:
-    text = ss.describe("space")
-    assert text == ss.eval("help(space);")
-    assert text.startswith("space: Balls in a box.\n")
-    lines = [line.split() for line in text.splitlines()]
-    assert ["x", "float", "m", "=", "<", "<=", ">", ">=", "from", "left", "to", "right"] in lines
-    assert "FROM space.near(x, y, z, radius=1.0): elements of balls" in text
-    assert "  push      Moves the ball and gives its new place. (volatile)" in text
-    assert "how heavy it is [kg]" in ss.eval('help("mass");')
-    assert ss.describe("space.gaps").splitlines()[0] == "FROM space.gaps(id, most=1000000000.0)"
-    assert ss.tables()["space.gaps(id, most=1000000000.0)"] == ("a", "b", "gap")
-    assert code_of(ss.describe, "spce") == "S002"
-
-
-def test_the_sql_reads_like_the_script(ss: ss2sql.Session) -> None:
-    sql = " ".join(ss.compile("SELECT b.mass FROM b = space, n = space.near(b.x, 0, 0) WHERE b.x > 2;").sql.split())
-    assert sql == ('SELECT b.mass FROM "space.balls" AS b CROSS JOIN "space.near"(b.x, 0, 0) AS n WHERE b.x > 2')
-
-
-def test_gone_is_an_exception_of_adapters() -> None:
-    assert issubclass(Gone, Exception)

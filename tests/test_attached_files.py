@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import apsw
 import pytest
+from sessions import both, write
 
 import ss2sql
-
-both = pytest.mark.parametrize("engine", ["database", "native"])
 
 SCRIPT = """
     CREATE TABLE t(x, y); INSERT INTO t VALUES (1, 'a'), (2, 'b');
@@ -23,24 +20,16 @@ SCRIPT = """
 """
 
 
-def change(file: Path, script: str) -> None:
-    connection = apsw.Connection(str(file))
-    connection.execute(script)
-    connection.close()
+@pytest.fixture
+def file(file: Path) -> Path:
+    write(file, SCRIPT)
+    return file
 
 
 @pytest.fixture
-def file(tmp_path: Path) -> Path:
-    path = tmp_path / "data.db"
-    change(path, SCRIPT)
-    return path
-
-
-@pytest.fixture
-def ss(file: Path) -> Iterator[ss2sql.Session]:
-    with ss2sql.connect() as session:
-        session.attach("db", file)
-        yield session
+def ss(ss: ss2sql.Session, file: Path) -> ss2sql.Session:
+    ss.attach("db", file)
+    return ss
 
 
 @both
@@ -116,10 +105,10 @@ def test_a_file_can_be_let_go(ss: ss2sql.Session) -> None:
 def test_a_table_that_vanishes_or_changes_after_compiling(ss: ss2sql.Session, file: Path, engine: Any) -> None:
     query = ss.compile("SELECT x FROM db.t AS list;", engine=engine)
     assert query.run().value == [1, 2]
-    change(file, "DROP TABLE t")
+    write(file, "DROP TABLE t")
     with pytest.raises(ss2sql.ResolveError, match=r"unknown source 'db\.t'"):
         query.run()
-    change(file, "CREATE TABLE t(z, x); INSERT INTO t VALUES (7, 'x')")
+    write(file, "CREATE TABLE t(z, x); INSERT INTO t VALUES (7, 'x')")
     assert query.run().value == ["x"]
 
 

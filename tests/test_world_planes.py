@@ -11,8 +11,6 @@ import pytest
 pytest.importorskip("pybullet")
 
 from little_scenes import GREY, ask, refused
-from little_scenes import fixture_client as fixture_client
-from little_scenes import fixture_engine as fixture_engine
 from little_scenes import fixture_scene as fixture_scene
 
 import ss2sql

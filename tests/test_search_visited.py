@@ -9,11 +9,11 @@ import pytest
 from agreement import differences
 from programs import ProgramCase
 from reference import Reference
+from sessions import both
 
 import ss2sql
 from ss2sql.runtime.search_functions import SearchState
 
-both = pytest.mark.parametrize("engine", ["database", "native"])
 GRAPH = [(0, 1), (0, 2), (1, 3), (2, 3), (3, 0), (3, 4), (4, 4), (2, 4), (2, 3)]
 
 NODES: dict[str, list[Any]] = {

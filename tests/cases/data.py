@@ -1,0 +1,100 @@
+"""Values and tables that cases may use, each by a name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from cases.shelf import Shelf
+from listings import MOVES
+
+# The direct road from a to d is long; the cheapest one has three edges.
+ROADS = [
+    {"src": "a", "dst": "d", "length": 9},
+    {"src": "a", "dst": "b", "length": 2},
+    {"src": "b", "dst": "d", "length": 5},
+    {"src": "b", "dst": "c", "length": 1},
+    {"src": "c", "dst": "d", "length": 2},
+]
+CHANCES = [
+    {"src": "a", "dst": "d", "chance": 0.25},
+    {"src": "a", "dst": "b", "chance": 0.5},
+    {"src": "b", "dst": "d", "chance": 0.75},
+    {"src": "b", "dst": "c", "chance": 0.0},
+    {"src": "c", "dst": "d", "chance": 1.0},
+]
+PEOPLE = [
+    {"name": "Ada", "age": 36, "city": "London"},
+    {"name": "Grace", "age": 85, "city": "New York"},
+    {"name": "Alan", "age": 41, "city": "London"},
+    {"name": "Edsger", "age": None, "city": "Rotterdam"},
+]
+COLUMNS = {"name": ["Ada", "Grace", "Alan"], "year": [1815, 1906, 1912]}
+
+
+@dataclass(frozen=True)
+class Point:
+    """An object with columns."""
+
+    x: int
+    y: int
+
+
+class Body:
+    """An opaque object: equal to itself alone."""
+
+    def __init__(self, name: str, weight: float) -> None:
+        self.name, self.weight = name, weight
+
+    def __repr__(self) -> str:
+        return f"<{self.name}>"
+
+
+TABLES: dict[str, str] = {
+    "employees": """
+        CREATE TABLE employees(id INTEGER PRIMARY KEY, name TEXT, boss INTEGER, salary REAL);
+        INSERT INTO employees VALUES (1, 'Mary', NULL, 9000), (2, 'Kim', 1, 5000.5), (3, 'Lee', 1, NULL),
+            (4, 'Ann', 2, 4000), (5, 'Bob', 2, 4000), (6, 'Eve', 4, 3000)""",
+    "words": """
+        CREATE TABLE words(word TEXT COLLATE NOCASE, number INTEGER);
+        INSERT INTO words VALUES ('Tree', 1), ('tree', 2), ('TREE', 3), ('house', 4)""",
+    "mixed": """
+        CREATE TABLE mixed(value INTEGER);
+        INSERT INTO mixed VALUES (10), ('ten'), (NULL), (2.5), ('9')""",
+    "codes": """
+        CREATE TABLE codes(code TEXT PRIMARY KEY, meaning TEXT) WITHOUT ROWID;
+        INSERT INTO codes VALUES ('b', 'second'), ('a', 'first'), ('c', NULL)""",
+    "bosses": """
+        CREATE TABLE staff(name TEXT, boss TEXT);
+        INSERT INTO staff VALUES ('Mary', NULL), ('Kim', 'Mary'), ('Ann', 'Kim'), ('Lee', 'Mary');
+        CREATE VIEW bosses AS SELECT boss AS name, count(*) AS reports FROM staff WHERE boss IS NOT NULL
+            GROUP BY boss ORDER BY boss DESC""",
+    "order": """
+        CREATE TABLE "order"("group" TEXT, "index" INTEGER, "select" TEXT);
+        INSERT INTO "order" VALUES ('x', 1, 'p'), ('y', 2, 'q')""",
+    "roads": """
+        CREATE TABLE roads(src TEXT, dst TEXT, length INTEGER);
+        INSERT INTO roads VALUES ('a', 'd', 9), ('a', 'b', 2), ('b', 'd', 5), ('b', 'c', 1), ('c', 'd', 2)""",
+    "sizes": """
+        CREATE TABLE parts(part TEXT, width REAL);
+        INSERT INTO parts VALUES ('bolt', -2.25), ('nut', 2.6);
+        CREATE VIEW sizes AS SELECT part, CAST(round(abs(width)) AS INTEGER) AS size FROM parts""",
+    "broken": """
+        CREATE TABLE gone(part TEXT);
+        CREATE VIEW broken AS SELECT part FROM gone;
+        DROP TABLE gone""",
+}
+VALUES: dict[str, Callable[[], Any]] = {
+    "moves": lambda: [list(step) for step in MOVES],
+    "people": lambda: [dict(person) for person in PEOPLE],
+    "columns": lambda: {name: list(values) for name, values in COLUMNS.items()},
+    "points": lambda: [Point(1, 2), Point(3, 4)],
+    "bodies": lambda: [Body("anvil", 80.0), Body("feather", 0.01), Body("table", 51)],
+    "edges": lambda: [dict(road) for road in ROADS],
+    "chances": lambda: [dict(chance) for chance in CHANCES],
+    "ragged": lambda: {"name": ["Ada", "Grace"], "year": [1815]},
+    "uneven": lambda: [{"name": "Ada", "age": 36}, {"name": "Grace"}],
+    "number": lambda: 7,
+    "shelf": lambda: Shelf(),
+}

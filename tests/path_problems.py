@@ -1,0 +1,231 @@
+"""Random graphs with repeated edges, and all their paths without a repeated node, for the tests of MEMORIZE."""
+
+from __future__ import annotations
+
+import random
+from dataclasses import dataclass
+from typing import Any
+
+from native_host import FakeHost
+
+from ss2sql.runtime.memorize.graph import Graph
+
+Edge = tuple[int, Any]  # the node that it leads to, and its weight
+Path = tuple[list[int], list[int], list[Any]]  # the positions of its edges, its nodes, its weights
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Node 0 is the start. `edges[node]` are the edges out of a node in source order."""
+
+    edges: list[list[Edge]]
+    goals: set[int]
+    stops: set[int]
+    bound: int | None
+
+    def host(self) -> FakeHost:
+        near = [[list(edge) for edge in edges] for edges in self.edges]
+        return FakeHost({"near": lambda node: near[node]}, goals=sorted(self.goals), stops=sorted(self.stops))
+
+    def script(self, options: str = "") -> str:
+        bound = "" if self.bound is None else str(self.bound)
+        return f"""SELECT e.this[0] FROM e = near(node) WHERE e.this[0] IN goals
+        START WITH node = 0 CONNECT BY MEMORIZE {bound} {options} node = e.this[0]
+        STOP WITH e.this[0] IN stops AS list"""
+
+    def paths(self) -> list[Path]:
+        """All paths in source order."""
+        found = []
+        longest = len(self.edges) + 1 if self.bound is None else self.bound
+
+        def walk(node: int, positions: list[int], nodes: list[int], weights: list[Any]) -> None:
+            if len(nodes) == longest:
+                return
+            for position, (target, weight) in enumerate(self.edges[node]):
+                if target in nodes:
+                    continue
+                longer = ([*positions, position], [*nodes, target], [*weights, weight])
+                if target in self.goals:
+                    found.append(longer)
+                if target not in self.stops:
+                    walk(target, *longer)
+
+        walk(0, [], [], [])
+        return found
+
+
+def problem(seed: int, weights: list[Any], largest: int = 6) -> Problem:
+    dice = random.Random(seed)
+    number = dice.randint(2, largest)
+    edges = [[(dice.randrange(number), dice.choice(weights)) for _ in range(dice.randint(0, 4))] for _ in range(number)]
+    goals = {node for node in range(number) if dice.random() < 0.4}
+    stops = {node for node in range(number) if dice.random() < 0.2}
+    return Problem(edges, goals, stops, dice.choice([None, 1, 2, 3, 4, 5]))
+
+
+def by_length(graph: Problem) -> list[list[int]]:
+    """The paths by their length, ties in source order."""
+    return [nodes for _, nodes, _ in sorted(graph.paths(), key=lambda path: (len(path[0]), path[0]))]
+
+
+def by_total(graph: Problem, likeliest: bool) -> list[list[int]]:
+    """The paths by their total, ties in source order, a path before its continuations."""
+
+    def rank(path: Path) -> Any:
+        total: Any = 1 if likeliest else 0
+        for weight in path[2]:
+            total = total * weight if likeliest else total + weight
+        return (-total if likeliest else total, path[0])
+
+    return [path[1] for path in sorted(graph.paths(), key=rank)]
+
+
+COSTS: list[list[Any]] = [
+    [1],
+    [0],
+    [0, 1, 2],
+    [3, 5, 7],
+    [0.5, 1, 1.25],
+    [0.1, 0.2, 0.3, 0.7],
+    [0.1, 1.1, 0],
+    [2**60, 1],
+]
+CHANCES: list[list[Any]] = [[0.9], [1], [0.5, 1, 0.25], [0.1, 0.3, 0.9], [1 / 3, 2 / 3, 1], [1e-200, 0.5]]
+
+
+# --- graphs in which most ways lead nowhere ---------------------------------------------------------------------
+
+
+def graph_of(edges: list[list[int]], goals: set[int], bound: int | None = None) -> Graph:
+    """The graph of these edges, all of weight 1; node 0 is the start, which has no row."""
+    graph = Graph(lambda: None, bound)
+    for node in range(1, len(edges)):
+        graph.add_node((node,), node in goals)
+    for node, targets in enumerate(edges):
+        for target in targets:
+            graph.add_edge(node, target, 1, None)
+    return graph
+
+
+def both_ways(nodes: int, pairs: list[tuple[int, int]]) -> list[list[int]]:
+    """The edges of so many nodes, which can be taken both ways; nothing leads back to the start."""
+    edges: list[list[int]] = [[] for _ in range(nodes)]
+    for one, other in pairs:
+        edges[one].append(other)
+        if one:
+            edges[other].append(one)
+    return edges
+
+
+def floor_of(width: int, height: int, first: int) -> list[tuple[int, int]]:
+    """The pairs of neighbours on a floor of cells, which are numbered row by row."""
+    along = [(cell, cell + 1) for cell in range(first, first + width * height) if (cell - first + 1) % width]
+    return along + [(cell, cell + width) for cell in range(first, first + width * (height - 1))]
+
+
+def lollipop(size: int, stick: int = 10) -> Graph:
+    """A stick, and at its middle a room in which every node leads to every other one. The room comes first."""
+    room = range(stick + 1, stick + 1 + size)
+    pairs = [(one, other) for one in room for other in room if one < other]
+    pairs += [(stick // 2, node) for node in room]
+    pairs += [(node, node + 1) for node in range(stick)]
+    return graph_of(both_ways(stick + 1 + size, pairs), {stick})
+
+
+def side_room(side: int, detour: int) -> Graph:
+    """A short way of three steps, a floor beside it, and a detour to the goal."""
+    first = 4 + side * side
+    chain = [1, *range(first, first + detour), 3]
+    pairs = [(2, 4), *floor_of(side, side, 4), (0, 1), (1, 2), (2, 3), *zip(chain, chain[1:], strict=False)]
+    return graph_of(both_ways(first + detour, pairs), {3})
+
+
+def trap(side: int, detour: int) -> Graph:
+    """A floor whose far corner has a door back to where one came from, and a long corridor to the goal."""
+    first = 3 + side * side
+    edges = both_ways(first + detour, floor_of(side, side, 3))
+    edges[0], edges[1] = [1], [3, 2]
+    edges[first - 1].append(1)
+    for node, after in zip([first - 1, *range(first, first + detour)], [*range(first, first + detour), 2], strict=True):
+        edges[node].append(after)
+    return graph_of(edges, {2})
+
+
+def halls(size: int) -> Graph:
+    """Two rows of nodes, every one of a row joined to every one of the other; the way in is the only way out."""
+    goal = 2 * size + 5
+    ones, others = range(2, 2 + size), range(2 + size, goal)
+    pairs = [(0, 1), *((1, one) for one in ones), *((one, other) for one in ones for other in others), (1, goal)]
+    return graph_of(both_ways(goal + 1, pairs), {goal})
+
+
+def comb(teeth: int, side: int) -> Graph:
+    """A corridor with a floor at each of its places."""
+    nodes = teeth + 1
+    pairs = [(0, 1)]
+    for place in range(1, teeth + 1):
+        pairs += [(place, nodes), *floor_of(side, side, nodes)]
+        nodes += side * side
+    pairs += [(place, place + 1) for place in range(1, teeth)]
+    return graph_of(both_ways(nodes, pairs), {teeth})
+
+
+def ladder(rungs: int, first: int = 1) -> Graph:
+    """Two corridors with a rung from each place to the other; the goal is at one end."""
+    pairs = [(0, first)]
+    for left in range(1, 2 * rungs, 2):
+        pairs.append((left, left + 1))
+        if left + 2 < 2 * rungs:
+            pairs += [(left, left + 2), (left + 1, left + 3)]
+    return graph_of(both_ways(2 * rungs + 1, pairs), {2 * rungs - 1})
+
+
+def corridors(number: int, shortest: int, rungs: bool) -> Graph:
+    """Corridors side by side, each a step longer than the one before, with or without ways across."""
+    nodes, pairs, rows = 2, [], []
+    for extra in range(number):
+        row = [0, *range(nodes, nodes + shortest + extra), 1]
+        nodes += shortest + extra
+        pairs += list(zip(row, row[1:], strict=False))
+        rows.append(row)
+    if rungs:
+        for row, beside in zip(rows, rows[1:], strict=False):
+            pairs += list(zip(row[1:-1:3], beside[1:-1:3], strict=False))
+    return graph_of(both_ways(nodes, pairs), {1})
+
+
+def doubling(places: int) -> Graph:
+    """From place to place a step or a detour, each detour twice as long as the one before: every length occurs once."""
+    edges: list[list[int]] = [[]]
+    place = 0
+    for number in range(places):
+        following, detour = len(edges), range(len(edges) + 1, len(edges) + 1 + 2**number)
+        edges += [[] for _ in range(1 + len(detour))]
+        edges[place] += [following, detour[0]]
+        for node in detour:
+            edges[node].append(following if node == detour[-1] else node + 1)
+        place = following
+    return graph_of(edges, {place})
+
+
+def crowd(side: int) -> Graph:
+    """A floor on which the goal is beside the start, and all paths are wanted."""
+    return graph_of(both_ways(1 + side * side, [(0, 1), *floor_of(side, side, 1)]), {2})
+
+
+MISLEADING = {
+    "lollipop": lambda: lollipop(20),
+    "long lollipop": lambda: lollipop(16, 120),
+    "side room": lambda: side_room(8, 200),
+    "trap": lambda: trap(6, 60),
+    "halls": lambda: halls(12),
+    "comb": lambda: comb(10, 5),
+    "crowd": lambda: crowd(8),
+    "corridors": lambda: corridors(20, 30, rungs=False),
+    "doubling": lambda: doubling(9),
+}
+HARMLESS = {
+    "ladder": lambda: ladder(40),
+    "ladder from its middle": lambda: ladder(40, 41),
+    "corridors with rungs": lambda: corridors(8, 30, rungs=True),
+}

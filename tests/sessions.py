@@ -1,0 +1,47 @@
+"""What tests of sessions share: both engines, the code of an error, a clock, and a way to write to a database file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import apsw
+import pytest
+
+import ss2sql
+
+ENGINES = ("database", "native")
+STAFF = """
+    CREATE TABLE staff(id INTEGER PRIMARY KEY, boss INTEGER, name TEXT);
+    INSERT INTO staff VALUES (1, NULL, 'Ada'), (2, 1, 'Bob'), (3, 1, 'Cy'), (4, 2, 'Di');
+    CREATE VIEW chiefs AS SELECT name FROM staff WHERE boss IS NULL;
+"""
+both = pytest.mark.parametrize("engine", ENGINES)
+
+
+def code_of(call: Any, *arguments: Any, **named: Any) -> str:
+    """The code of the error that a call ends with."""
+    with pytest.raises(ss2sql.Error) as caught:
+        call(*arguments, **named)
+    return caught.value.code
+
+
+class Clock:
+    """A clock that is set by hand."""
+
+    def __init__(self, now: float = 0.0) -> None:
+        self.now = now
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def write(file: Path, script: str) -> None:
+    """Runs statements of SQL on a database file, which is made where it is missing.
+
+    It is the SQLite of the session that writes: the locks of two copies of SQLite in one process do not see each other.
+    """
+    connection = apsw.Connection(str(file))
+    with connection:
+        connection.execute(script)
+    connection.close()

@@ -1,0 +1,145 @@
+"""Compiled scripts: their parameters, and what makes them resolve or compile their script anew."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from sessions import both, code_of, write
+
+import ss2sql
+
+
+@both
+def test_unknown_names_of_a_compiled_script_are_its_parameters(ss: ss2sql.Session, engine: Any) -> None:
+    query = ss.compile("SELECT this FROM [1, 2, 3, 4] WHERE this > least AND this < most AS list;")
+    assert query.parameters == ("least", "most")
+    assert query.run(least=1, most=4, engine=engine).value == [2, 3]
+    assert query.run(least=2, most=2.5, engine=engine).value == []
+    with pytest.raises(ss2sql.ResolveError) as caught:
+        query.run(leats=1, engine=engine)
+    assert caught.value.code == "R009"
+    assert caught.value.message == "the script needs a value for least, most"
+    assert caught.value.hints == ("run(..., least=..., most=...)", "'leats' is no parameter of the script")
+    ss.set("most", 3)
+    assert query.run(least=1, engine=engine).value == [2]
+
+
+@both
+def test_a_source_may_be_a_parameter(ss: ss2sql.Session, engine: Any) -> None:
+    query = ss.compile("SELECT name FROM people WHERE age > least AS list;")
+    assert query.parameters == ("people",)  # the other names may be columns of it
+    people = [{"name": "Ada", "age": 36}, {"name": "Bob", "age": 7}]
+    assert query.run(people=people, least=10, engine=engine).value == ["Ada"]
+    assert query.run(people={"name": ["Cy"], "age": [9]}, least=8, engine=engine).value == ["Cy"]
+    with pytest.raises(ss2sql.ResolveError, match="unknown name 'least'"):
+        query.run(people=people, engine=engine)
+    assert code_of(query.run, least=8, engine=engine) == "R009"
+
+
+def test_what_python_may_not_give(ss: ss2sql.Session) -> None:
+    query = ss.compile("n + 1;")
+    assert code_of(query.run, n=float("nan")) == "X004"
+    assert query.run(n=1).value == 2
+
+
+def test_compile_without_a_session() -> None:
+    query = ss2sql.compile("SELECT this * factor FROM [1, 2] AS list;")
+    assert query.parameters == ("factor",)
+    assert query.run(factor=2.5).value == [2.5, 5.0]
+
+
+@both
+def test_a_compiled_query_gives_the_same_answer_every_time(ss: ss2sql.Session, engine: Any) -> None:
+    @ss.function
+    def grown(items):
+        items.append(len(items))
+        return items
+
+    query = ss.compile("SELECT n, grown(n) FROM [1] START WITH n = [] CONNECT BY n = grown(n) STOP WITH len(n) == 3;")
+    first = query.run(engine=engine)
+    assert [len(path) for path in first.value] == [1, 2, 3]
+    assert first.value[2][2] == {"n": [0, 1], "grown": [0, 1, 2]}
+    for _ in range(2):
+        again = query.run(engine=engine)
+        assert again.value == first.value
+        assert again.stats.generated == first.stats.generated
+
+
+@both
+def test_variables_of_a_search_do_not_leak(ss: ss2sql.Session, engine: Any) -> None:
+    ss.set("n", "mine")
+    script = "SELECT this FROM [1] START WITH n = 0, m = n CONNECT BY n = n + 1 STOP WITH n == 2;"
+    ss.run(script, engine=engine)
+    assert ss.variables() == {"n": "mine"}
+    assert code_of(ss.run, script + " m;") == "R001"
+
+
+def test_a_query_is_resolved_again_when_the_columns_of_a_list_change(ss: ss2sql.Session) -> None:
+    rows: list[dict[str, Any]] = [{"a": 1}]
+    ss.attach("rows", rows)
+    every, some = ss.compile("SELECT * FROM rows;"), ss.compile("SELECT a FROM rows AS list;")
+    assert (every.run().value, some.run().value) == ([{"a": 1}], [1])
+    rows[:] = [{"b": 2, "a": 3}]
+    assert (every.run().value, some.run().value) == ([{"b": 2, "a": 3}], [3])
+    rows[:] = [{"b": 2}]
+    assert every.run().value == [{"b": 2}]
+    with pytest.raises(ss2sql.ResolveError, match="unknown name 'a'"):
+        some.run()
+    rows[:] = [{"a": "text"}]
+    assert some.run().value == ["text"]
+
+
+@both
+def test_a_query_is_compiled_again_when_values_are_of_other_kinds(ss: ss2sql.Session, engine: Any) -> None:
+    items: list[Any] = [1, 2]
+    ss.attach("items", items)
+    query = ss.compile("SELECT this + this FROM items AS list;")
+    for values, doubled in (
+        ([3], [6]),
+        ([1.5], [3.0]),
+        (["a"], ["aa"]),
+        ([[1]], [[1, 1]]),
+        ([2**62], None),
+        ([1], [2]),
+    ):
+        items[:] = values
+        if doubled is None:
+            assert code_of(query.run, engine=engine) == "X004"
+        else:
+            assert query.run(engine=engine).value == doubled
+
+
+@both
+def test_a_query_is_compiled_again_when_a_table_gets_other_values(staff: Path, engine: Any) -> None:
+    with ss2sql.connect(staff) as ss:
+        query = ss.compile("SELECT id FROM staff WHERE name + '!' == 'Bob!' AS list;")
+        assert query.run(engine=engine).value == [2]
+        write(staff, "UPDATE staff SET name = NULL WHERE id = 1")
+        assert code_of(query.run, engine=engine) == "X001"
+        write(staff, "DROP TABLE staff; CREATE TABLE staff(id, name); INSERT INTO staff VALUES (7, 'Bob')")
+        assert query.run(engine=engine).value == [7]
+        write(staff, "DROP TABLE staff")
+        assert code_of(query.run, engine=engine) == "R003"
+
+
+@both
+def test_a_query_is_compiled_again_when_a_function_is_replaced(ss: ss2sql.Session, engine: Any) -> None:
+    ss.function("f", lambda x: x + 1)
+    query = ss.compile("SELECT f(this) FROM [1, 2] AS list;")
+    assert query.run(engine=engine).value == [2, 3]
+    ss.function("f", lambda x: x * 10, volatility="volatile")
+    assert query.run(engine=engine).value == [10, 20]
+    ss.function("f", lambda x, y: x + y)
+    assert code_of(query.run, engine=engine) == "R005"
+    ss.function("f", lambda x: x)
+    assert query.run(engine=engine).value == [1, 2]
+
+
+def test_a_query_is_compiled_again_when_a_representation_is_replaced(ss: ss2sql.Session) -> None:
+    ss.representation("form")(lambda table: len(table.rows))
+    query = ss.compile("SELECT this FROM [1, 2] AS form;")
+    assert query.run().value == 2
+    ss.representation("Form")(lambda table: table.columns)
+    assert query.run().value == ("this",)

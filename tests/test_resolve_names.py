@@ -1,0 +1,160 @@
+"""Names: what they mean where they stand, and what the resolver says of those that mean nothing."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from listings import MOVES
+from resolving import engines, errors, message
+from resolving import fixture_tables as fixture_tables
+
+import ss2sql
+
+
+@engines
+@pytest.mark.parametrize(
+    ("script", "value"),
+    [
+        # a START WITH variable before a column, a column before a script variable, that before a function
+        ("SELECT a FROM t START WITH a = 7 CONNECT BY a = a STOP WITH True AS list;", []),
+        ("SELECT a FROM t WHERE True START WITH a = 7 CONNECT BY a = a STOP WITH True AS list;", [[7], [7]]),
+        ("a = 9; SELECT a FROM t AS list;", [1, 3]),
+        ("c = 9; SELECT c FROM t AS list;", [9, 9]),
+        ("mass = 9; SELECT mass FROM t AS list;", [9, 9]),
+        ("SELECT mass FROM t AS list;", ["m", "m"]),
+        ("SELECT mass(this) FROM t AS list;", ["m", "m"]),
+        # from the innermost query outwards
+        ("SELECT (SELECT b FROM u AS value) FROM t AS list;", [20, 20]),
+        ("SELECT (SELECT a FROM u AS value) FROM t AS list;", [1, 3]),
+        ("SELECT (SELECT (SELECT a FROM u AS value) FROM u AS value) FROM t AS list;", [1, 3]),
+        ("b = 9; SELECT (SELECT b FROM [0] AS value) FROM t AS list;", [2, 4]),
+        ("SELECT (SELECT n FROM u AS value) FROM t WHERE True"
+         " START WITH n = 5 CONNECT BY n = n STOP WITH True AS list;",
+         [[5], [5]]),
+        ("SELECT (SELECT c FROM u AS value) FROM t WHERE True"
+         " START WITH c = 5 CONNECT BY c = c STOP WITH True AS list;",
+         [[30], [30]]),
+        # qualified names
+        ("SELECT t.b, u.b FROM t, u AS rows;", [(2, 20), (4, 20)]),
+        ("SELECT x.b, y.b FROM x = t, y = t WHERE x.a < y.a AS rows;", [(2, 4)]),
+        ("SELECT (SELECT x.a + y.c FROM y = u AS value) FROM x = t AS list;", [31, 33]),
+        ("SELECT (SELECT x.b FROM x = u AS value) FROM x = t AS list;", [20, 20]),
+        # this
+        ("SELECT this FROM x = [1], y = [2] AS list;", [1]),
+        ("SELECT y.this, this FROM x = [1], y = [2] AS rows;", [(2, 1)]),
+        ("SELECT (SELECT this FROM [5] AS value) FROM [1] AS list;", [5]),
+        ("SELECT (SELECT x.this + y.this FROM y = [5] AS value) FROM x = [1] AS list;", [6]),
+        ("SELECT this FROM u AS list;", [{"b": 20, "c": 30}]),
+        # a later source sees an earlier one
+        ("SELECT x.this, y.this FROM x = [[1, 2], [3]], y = x.this AS rows;", [([1, 2], 1), ([1, 2], 2), ([3], 3)]),
+        ("SELECT y.this FROM t, y = [a, t.b] AS list;", [1, 2, 3, 4]),
+        ("SELECT z FROM t, y = (SELECT to(this + a, z) FROM [b]) AS list;", [3, 7]),
+        # keys of GROUP BY and ORDER BY
+        ("SELECT mass, count(*) FROM t GROUP BY mass AS rows;", [("m", 2)]),
+        ("SELECT a FROM t GROUP BY mass AS list;", {"m": [1, 3]}),
+        ("SELECT a FROM t ORDER BY minus AS list;", [3, 1]),
+        ("SELECT a FROM t ORDER BY b DESC AS list;", [3, 1]),
+    ],
+)  # fmt: skip
+def test_the_first_match_wins(ss: ss2sql.Session, engine: Any, script: str, value: Any) -> None:
+    ss.function("mass", lambda row: "m")
+    ss.function("minus", lambda row: -row["a"])
+    assert ss.run(script, engine=engine).value == value
+
+
+@pytest.mark.parametrize(
+    ("script", "found"),
+    [
+        ("SELECT b FROM t, u;", [("R004", "b")]),
+        ("SELECT x.a FROM x = t, y = t WHERE b == 2;", [("R004", "b")]),
+        ("SELECT (SELECT b FROM [1] AS value) FROM t, u;", [("R004", "b")]),
+        ("SELECT this FROM t, u ORDER BY b;", [("R004", "b")]),
+        ("SELECT b FROM b, t;", [("R003", "b"), ]),
+        ("SELECT 1 FROM t GROUP BY z;", [("R001", "z")]),
+        ("SELECT mass + 1 FROM t;", [("R001", "mass")]),
+        ("SELECT a FROM t WHERE mass;", [("R001", "mass")]),
+        ("mass;", [("R001", "mass")]),
+        ("SELECT z.this FROM t;", [("R003", "z.this")]),
+        ("SELECT z.a FROM t;", [("R003", "z.a")]),
+        ("SELECT t.z FROM t;", [("R001", "t.z")]),
+        ("SELECT x.z FROM x = [1];", [("R001", "x.z")]),
+        ("this;", [("R014", "this")]),
+        ("x.this;", [("R003", "x.this")]),
+        ("SELECT 1 FROM a = [b.this], b = [1];", [("R003", "b.this")]),
+        ("SELECT 1 FROM t, t;", [("R013", "t")]),
+        ("SELECT 1 FROM x = t, x = u;", [("R013", "x = u")]),
+        ("SELECT 1 FROM f;", [("R003", "f")]),
+        ("SELECT 1 FROM t.a;", [("R003", "t.a")]),
+        ("SELECT 1 FROM mass;", [("R003", "mass")]),
+        ("SELECT to(a, b) + 1 FROM t;", [("R014", "to(a, b)")]),
+        ("SELECT a FROM t WHERE to(a, b);", [("R014", "to(a, b)")]),
+        ("SELECT a FROM t AS list(a);", [("R001", "a")]),
+        ("SELECT a FROM t LIMIT a;", [("R001", "a")]),
+        ("SELECT to(a, b + 'x') FROM t;", [("R001", "b")]),
+        ("SELECT a FROM t AS lists;", [("R006", "AS lists")]),
+        ("fun(1);", [("R002", "fun(1)")]),
+        ("SELECT t.len() FROM t;", [("R002", "t.len()")]),
+        ("SELECT t.nothing(3) FROM t;", [("R002", "t.nothing(3)")]),
+        ("SELECT item(this, 0) FROM [[1]] AS list; slyce(1);", [("R002", "slyce(1)")]),
+        ("len(1, 2);", [("R005", "len(1, 2)")]),
+        ("v{};", [("R001", "v{}")]),
+    ],
+)  # fmt: skip
+def test_names_that_mean_nothing(ss: ss2sql.Session, script: str, found: list[tuple[str, str]]) -> None:
+    ss.function("mass", lambda row: "m")
+    assert errors(ss, script) == found
+
+
+@pytest.mark.parametrize(
+    ("script", "hint"),
+    [
+        ("SELECT mov.this FROM moves;", "did you mean 'moves'?"),
+        ("SELECT t.zzz FROM t;", "known here: a, b"),
+        ("SELECT b FROM t, u;", "write t.b or u.b"),
+        ("SELECT x.a FROM x = [1];", "its elements have no columns; write x.this"),
+        ("SELECT levl FROM t START WITH level = 1 CONNECT BY level = 2;", "did you mean 'level'?"),
+        ("SELECT this FROM mooves;", "did you mean 'moves'?"),
+        ("SELECT this FROM len;", "'len' is a function: call it, len(...)"),
+        ("SELECT a FROM t WHERE mass;", "'mass' is a function: write mass(this)"),
+        ("lenn('a');", "did you mean 'len' or"),
+        ("SELECT a FROM t AS lst;", "did you mean 'list' or"),
+        ("SELECT 1 FROM t, t;", "name them: FROM a = t, b = t"),
+        ("SELECT x FROM x = t;", "'x' is a source: write x.this"),
+        ("SELECT null FROM t;", "write None"),
+        ("SELECT zzz FROM t;", "known here: a, b, moves, t, u"),
+        ("max(1);", "max(SELECT ... AS list)"),
+        ("count(*);", "add GROUP BY"),
+    ],
+)
+def test_hints_name_the_cure(ss: ss2sql.Session, script: str, hint: str) -> None:
+    ss.function("mass", lambda row: "m")
+    ss.attach("moves", MOVES)
+    assert hint in message(ss, script)
+
+
+def test_several_errors_are_found_at_once(ss: ss2sql.Session) -> None:
+    script = """x = one + 1;
+SELECT two, len() FROM t, three WHERE t.four == 5 AND six(7)
+ORDER BY t.eight LIMIT nine AS ten;
+SELECT (SELECT eleven FROM t) FROM u;"""
+    expected = [
+        ("R001", "one"), ("R005", "len()"), ("R003", "three"), ("R001", "t.four"), ("R002", "six(7)"), ("R001",
+        "t.eight"),
+        ("R001", "nine"), ("R006", "AS ten"), ("R001", "eleven"),
+    ]  # fmt: skip
+    # `two` may be a column of the unknown source, so it is no error of its own.
+    assert errors(ss, script) == expected
+    shown = message(ss, script)
+    assert shown.count("error[") == len(expected)
+    assert [line.rsplit(":", 2)[1] for line in shown.splitlines() if "-->" in line] == list("122223334")
+
+
+@pytest.mark.parametrize(
+    ("call", "function"), [("t.len()", "len(t)"), ("t.max(3)", "max(t, ...)"), ("t.nothing()", "nothing(t)")]
+)
+def test_methods_are_written_as_functions(ss: ss2sql.Session, call: str, function: str) -> None:
+    with pytest.raises(ss2sql.ResolveError) as error:
+        ss.run(f"SELECT {call} FROM t;")
+    hint = f"there are no methods; write {function}, with a function that is known or registered"
+    assert error.value.hints == (hint,)
