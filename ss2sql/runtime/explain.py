@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
+from ss2sql import plan
 from ss2sql.frontend.inline import Body
 from ss2sql.frontend.inliner import Site
 from ss2sql.lowering.rewrites.inline import sites
 from ss2sql.runtime.functions import UserFunction
+from ss2sql.runtime.memorize.reverse import reverse_of
 from ss2sql.runtime.native.deep import with_room
 from ss2sql.runtime.run import Stats
 from ss2sql.walk import functions
@@ -50,9 +52,29 @@ def _query(query: CompiledQuery, stats: Stats | None) -> Iterator[str]:
         entry = query.host.functions.get(name)
         if entry is not None:
             yield from _function(entry, [site for site in found if site.function.name == name], query, stats)
+    if query.native is not None and query.query.search is not None and query.query.search.repeats == "memorize":
+        yield from _ends(query.query, stats)
+    if stats is not None:
+        yield from stats.notes
     if query.lowered:
         yield "SQL:"
         yield from (f"  {line}" for line in query.sql().splitlines())
+
+
+def _ends(query: plan.Query, stats: Stats | None) -> Iterator[str]:
+    """Whether MEMORIZE searches from both ends, and why not."""
+    reverse = reverse_of(query)
+    if isinstance(reverse, str):
+        yield f"searched from the start only: {reverse}"
+        return
+    calls = [call for expr in reverse.before if expr is not None for call in functions(expr)]
+    names = dict.fromkeys(f"the {function.name}" for function in calls if function.inverse_of)
+    how = f"by {' and '.join(names)}" if names else "because sums of whole numbers can be undone"
+    if stats is None:
+        yield f"searched from both ends, from the goal {how}"
+    elif stats.backward:
+        back = "1 level" if len(stats.backward) == 1 else f"{len(stats.backward)} levels"
+        yield f"searched from both ends: {back} back from the goal {how}"
 
 
 def _function(entry: UserFunction, found: list[Site], query: CompiledQuery, stats: Stats | None) -> Iterator[str]:

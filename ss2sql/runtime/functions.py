@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import marshal
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from types import NoneType
 from typing import Any
@@ -71,7 +71,14 @@ class UserFunction:
             body=self.body if isinstance(self.body, Body) else None,
             vectorized=self.vectorized,
             of_world=self.of_world,
+            has_inverse=self.inverse is not None,
         )
+
+    def inverted(self) -> UserFunction:
+        """The inverse as a function; nobody has said that it changes nothing."""
+        assert self.inverse is not None
+        changes = infer(self.inverse).changes
+        return replace(self, name=f"inverse of {self.name}", function=self.inverse, inverse=None, changes=changes)
 
 
 def user_function(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import apsw
 
@@ -36,6 +36,9 @@ from ss2sql.vtables import base
 from ss2sql.vtables.attached import AttachedWorld, WorldFunctions
 from ss2sql.vtables.memories import Memories
 
+if TYPE_CHECKING:
+    from ss2sql.runtime.workers.processes import Processes
+
 
 class SessionHost:
     """The functions, variables, tables and representations of a session.
@@ -60,6 +63,7 @@ class SessionHost:
         self.planned: dict[str, UserFunction] = {}  # by the names that plans use
         self.generation = 0
         self.runs: list[Run] = []
+        self.processes: Processes | None = None  # those of `workers`, once there are any
         temporals = TemporalStore(self._clock)
         self.triggers = Triggers(self._clock)
         self.listened: list[list[Callable[[], object]]] = []  # to whom scenes tell that they have stepped
@@ -215,7 +219,7 @@ class SessionHost:
             return BUILTINS[function.name].python or self.own.function(function.name)
         known = run.callables.get(function.name)
         if known is None:
-            entry = self.planned[function.name]
+            entry = self.planned[function.inverse_of].inverted() if function.inverse_of else self.planned[function.name]
             known = (NativeCaller if entry.vectorized else native_callable)(entry, run, self.memo_limit)
             run.callables[function.name] = known
         return known
@@ -223,7 +227,7 @@ class SessionHost:
     def forget_stable(self, run: Run) -> None:
         """Forgets what stable functions gave: the statement before may have changed what they look at."""
         for name in list(run.callables):
-            if self.planned[name].volatility == "stable":
+            if name not in self.planned or self.planned[name].volatility == "stable":
                 del run.callables[name]
 
     def _clock(self) -> float:

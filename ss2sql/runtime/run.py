@@ -18,11 +18,13 @@ from ss2sql.vtables.memories import Memories
 @dataclass(frozen=True, slots=True)
 class Level:
     """One level of the graph of MEMORIZE: the rows that are reached by so many steps and no fewer, and the steps from
-    the level before it, which lead there or back to rows that were known.
+    the level before it, which lead there or back to rows that were known. `pruned` are the steps that came to nothing:
+    they stop and are no goals, or are impossible.
     """
 
     rows: int
     steps: int
+    pruned: int = 0
 
     @property
     def repeated(self) -> int:
@@ -38,7 +40,8 @@ class Stats:
     answered from the memo; `generated` counts steps that were evaluated, `expanded` those that went on,
     `pruned` those dropped because their row was there before. `seconds` holds the time of each stage. Of functions
     that take arrays `calls` counts rows that were computed, `blocks` how often the function was called. `levels` are
-    those of the graph of the last search with MEMORIZE. `notes` say what was not done as asked or hoped for, and why.
+    those of the graph of the last search with MEMORIZE, `backward` those that it found from the goal. `notes` say
+    what was not done as asked or hoped for, and why.
     """
 
     calls: Counter[str] = field(default_factory=Counter)
@@ -48,6 +51,7 @@ class Stats:
     expanded: int = 0
     pruned: int = 0
     levels: list[Level] = field(default_factory=list)
+    backward: list[Level] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     seconds: dict[str, float] = field(default_factory=dict)
 
@@ -85,7 +89,9 @@ class Run:
 
     `sink` holds the rows found so far by the query that runs, and its engine; `answer` what the last query gave,
     `bound` the values that each lowered query was given for its parameters. `ahead` holds for each native query
-    that runs, the innermost last, what is coming for functions that take arrays (ahead.py).
+    that runs, the innermost last, what is coming for functions that take arrays (ahead.py). `foreteller` has calls made
+    by other processes (workers/), `progress` shows how far the run is (progress.py), where these are wanted; `graph` is
+    the one that MEMORIZE works on.
     """
 
     host: Host
@@ -101,6 +107,9 @@ class Run:
     callables: dict[str, Callable[..., Any]] = field(default_factory=dict)
     ahead: list[Any] = field(default_factory=list)
     bound: dict[object, dict[str, Any]] = field(default_factory=dict)
+    foreteller: Any = None
+    progress: Any = None
+    graph: Any = None
 
     @property
     def watched(self) -> bool:
@@ -111,6 +120,8 @@ class Run:
         """Raises Cancelled or Timeout when the run has to end."""
         if self.interrupted:
             raise Cancelled("T002", "the run was interrupted")
+        if self.progress is not None:
+            self.progress.show()
         if self.deadline is not None and time.monotonic() >= self.deadline:
             raise Timeout(
                 "T001", "the run took longer than its timeout", hints=("raise timeout=, or bound the search",)

@@ -9,6 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Iterator
 
+from ss2sql import plan
+from ss2sql.errors import ExecutionError
+from ss2sql.runtime.memorize.both_ends import balanced, way_back
 from ss2sql.runtime.memorize.by_length import paths_by_length
 from ss2sql.runtime.memorize.by_weight import paths_by_weight
 from ss2sql.runtime.memorize.graph import Graph
@@ -32,15 +35,20 @@ def memorize_weighted(hunt: Hunt) -> Iterator[Found]:
 
 def grown(hunt: Hunt) -> Graph:
     """The graph of the rows that are reached by at most `hunt.bound` steps."""
-    graph = Graph(hunt.check, hunt.bound)
+    graph = hunt.run.graph = Graph(hunt.check, hunt.bound)
+    hunt.flush()
     numbers: dict[Hashable, int] = {}
-    steps = steps_from(hunt)
+    steps, way = steps_from(hunt), way_back(hunt)
     level, levels = [(0, hunt.start)], list[Level]()
     hunt.stats.levels = levels
     while level and (hunt.bound is None or len(levels) < hunt.bound):
-        rows, edges = len(graph.rows), len(graph.targets)
-        level = _next_level(steps, graph, numbers, level)
-        levels.append(Level(len(graph.rows) - rows, len(graph.targets) - edges))
+        depth = len(levels)
+        way = way and balanced(way, depth, [state for _, state in level])
+        rows, edges, steps_before = len(graph.rows), len(graph.targets), hunt.stats.generated
+        level = _next_level(hunt, way.steps(depth) if way and way.leads(depth) else steps, graph, numbers, level)
+        hunt.flush()
+        edges = len(graph.targets) - edges
+        levels.append(Level(len(graph.rows) - rows, edges, hunt.stats.generated - steps_before - edges))
     return graph
 
 
@@ -50,11 +58,12 @@ def steps_from(hunt: Hunt) -> Steps:
 
 
 def _next_level(
-    steps: Steps, graph: Graph, numbers: dict[Hashable, int], level: list[tuple[int, State]]
+    hunt: Hunt, steps: Steps, graph: Graph, numbers: dict[Hashable, int], level: list[tuple[int, State]]
 ) -> list[tuple[int, State]]:
     """Adds the steps from the nodes of a level to the graph, and gives the nodes of the next level that go on."""
     following_level = []
-    for node, state in level:
+    foreteller, most = hunt.run.foreteller, hunt.run.max_rows
+    for node, state in level if foreteller is None else foreteller.blocks(hunt, level, numbers):
         for row, goal, following, key, weight, _, last in steps(state, numbers):
             if goal is None:
                 graph.add_edge(node, numbers[key], weight, last)
@@ -63,4 +72,12 @@ def _next_level(
             graph.add_edge(node, number, weight, last)
             if following is not None:
                 following_level.append((number, following))
+        if most is not None and len(graph.rows) - 1 > most:
+            raise _too_many(hunt.query, most)
     return following_level
+
+
+def _too_many(query: plan.Query, most: int) -> ExecutionError:
+    """The error for a graph that does not fit."""
+    hints = ("bound MEMORIZE, stop paths that lead nowhere with STOP WITH, or raise max_rows",)
+    return ExecutionError("X010", f"the graph of MEMORIZE has more than max_rows={most} rows", query.span, hints)

@@ -48,17 +48,24 @@ class Analysis:
     def __init__(self, roots: tuple[Any, ...], open_world: bool = False, inside: bool = True) -> None:
         self._facts: dict[int, Facts] = {}
         self._keys: dict[Hashable, int] = {}
-        self.roots = roots  # kept alive, for facts go by identity
+        self._plain: set[int] = set()  # sources whose elements are no objects
+        self._inside = inside
+        self.open_world = open_world
+        self.assigned: set[str] = set()
+        self.roots: tuple[Any, ...] = ()
+        self.levels = 0
+        self.include(roots)
+
+    def include(self, roots: tuple[Any, ...]) -> None:
+        """Finds the facts of what is below further nodes."""
+        self.roots += roots  # kept alive, for facts go by identity
         nodes: list[tuple[Any, list[Any]]] = []
         stack = list(roots)
         while stack:
             node = stack.pop()
-            below = [] if isinstance(node, plan.Subquery) and not inside else list(parts(node))
+            below = [] if isinstance(node, plan.Subquery) and not self._inside else list(parts(node))
             nodes.append((node, below))
             stack.extend(below)
-        self.open_world = open_world
-        self.assigned: set[str] = set()
-        self._plain: set[int] = set()  # sources whose elements are no objects
         for node, _ in nodes:
             match node:
                 case plan.Assign(name=name) | plan.TemporalAssign(name=name):
@@ -75,7 +82,7 @@ class Analysis:
             depths[id(node)] = 1 + max((depths[id(part)] for part in below), default=0)
             if id(node) not in self._facts:
                 self._facts[id(node)] = self._examine(node, [self._facts[id(part)] for part in below])
-        self.levels = max((depths[id(root)] for root in roots), default=0)
+        self.levels = max([self.levels, *(depths[id(root)] for root in roots)])
 
     def of(self, node: Any) -> Facts:
         """The facts of a node below the roots; any other node is a constant of the compiler's."""

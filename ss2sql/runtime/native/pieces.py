@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from ss2sql import plan
 from ss2sql.kinds import Kind
+from ss2sql.runtime.memorize.reverse import Reverse, reverse_of
 from ss2sql.runtime.native import options
 from ss2sql.runtime.native.expressions import expression
 from ss2sql.runtime.native.facts import OWN_GROUP
@@ -51,6 +52,8 @@ def pieces(builder: Builder, query: plan.Query, outer: Body, loops: Loops) -> as
         None if weight is None else writer.weight(weight),
         writer.follow(),
     ]
+    reverse = reverse_of(query)
+    names += [None, None] if isinstance(reverse, str) else [writer.goals(reverse), writer.before(reverse)]
     probable = pen.constant(query.search.order == "probability")
     return pen.pack(probable, *(pen.constant(None) if name is None else pen.name(name) for name in names))
 
@@ -122,6 +125,40 @@ class _Writer:
             body.moved[number, name] = body.assigned(expression(self.builder, expr, body), pen, f"next_{name}")
         names = [body.moved.get((number, name)) or self.unit.states[number, name] for name, _ in self.search.start]
         body.add(self.pen.back(self.pen.pack(*map(self.pen.name, names))))
+        body.define()
+        return body.name
+
+    # --- backwards ---------------------------------------------------------------------------------------
+
+    def goals(self, reverse: Reverse) -> str:
+        """The states at the goal; what no step changes has its value from the start."""
+        self.unit.analysis.include(tuple(value for goal in reverse.goals for value in goal if value is not None))
+        body, pen = Body(self.unit, self.unit.local("goals"), ["state"], self.outer), self.pen
+        start = [pen.item(pen.name("state"), position) for position in range(len(self.states))]
+        states = []
+        for goal in reverse.goals:
+            pairs = zip(start, goal, strict=True)
+            values = (old if value is None else expression(self.builder, value, body) for old, value in pairs)
+            states.append(pen.pack(*values))
+        body.add(pen.back(pen.array(*states)))
+        body.define()
+        return body.name
+
+    def before(self, reverse: Reverse) -> str:
+        """The state before a step, from its elements and the state after it; None where there is none."""
+        exprs = [expr for expr in reverse.before if expr is not None]
+        self.unit.analysis.include(tuple(exprs))
+        body, pen = self._function("before", ["last"], exprs), self.pen
+        names = []
+        for expr, after in zip(reverse.before, self.states, strict=True):
+            if expr is None:
+                names.append(after)
+                continue
+            names.append(body.assigned(expression(self.builder, expr, body), pen, "before"))
+            if not isinstance(expr, plan.MakeList) and not expr.type.only(Kind.INT):
+                nothing = pen.compare(pen.name(names[-1]), ast.Is(), pen.constant(None))
+                body.add(pen.when(nothing, pen.back(pen.constant(None))))
+        body.add(pen.back(pen.pack(*map(pen.name, names))))
         body.define()
         return body.name
 

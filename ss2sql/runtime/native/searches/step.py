@@ -31,7 +31,8 @@ class Hunt:
     `steps(state, seen)` yields the steps from a state in source order, each evaluated when it is asked for;
     those whose frozen rows are in `seen` are dropped. `bound` is MEMORIZE's. `stats` counts rows that an order
     drops by itself. `check` ends the run if it has to end; who works for long without asking for steps calls
-    it. `query` is what is searched for in `run`. `pieces` are the clauses of a search with MEMORIZE that can be taken apart.
+    it. `query` is what is searched for in `run`. `pieces` are the clauses of a search with MEMORIZE that can be taken
+    apart. `flush` brings `stats` up to date.
     """
 
     start: State
@@ -43,6 +44,7 @@ class Hunt:
     query: plan.Query
     run: Run
     pieces: Pieces | None = None
+    flush: Callable[[], None] = lambda: None
 
 
 # A step with the way back: that of the step before it (None: the start), its row. Paths share their beginnings, so that

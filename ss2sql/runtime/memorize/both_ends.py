@@ -1,0 +1,144 @@
+"""Growing the graph of MEMORIZE from both ends, where the goal is known and steps can be undone (reverse.py).
+
+From the goal backwards only states are found: which elements lead from them towards the goal, and how many steps they
+take to it at least. Nothing is decided there. The graph itself grows forwards as ever; but as soon as the two depths
+together are the bound, a state is only asked for those of its elements that still lead to the goal in time. What the
+graph then lacks lies on no path from the start to the goal, so its paths, and their order, are the same.
+
+The side with fewer states in its last level goes on. Of the two halves each reaches about the square root of the
+states that the whole would: bidirectional search as Pohl described it in 1971.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Iterator, Sequence
+from functools import partial
+from typing import Any
+
+from ss2sql.errors import Stopped
+from ss2sql.runtime.memorize.pieces import Pieces, State
+from ss2sql.runtime.native.searches.step import Hunt, Steps
+from ss2sql.runtime.run import Level
+from ss2sql.runtime.values import freeze
+
+MOST_ELEMENTS = 100_000  # of a state; they are kept as a list
+CHECK_EVERY = 255
+
+
+class WayBack:
+    """The states from which the goal is reached, level by level.
+
+    `depth` is the number of levels, `last` the states of the last one. `edges` gives for the frozen state before a step
+    the position of its element and the number of steps to the goal, this one included.
+    """
+
+    def __init__(self, hunt: Hunt, pieces: Pieces, elements: list[State]) -> None:
+        assert pieces.goals is not None
+        assert pieces.before is not None
+        self.hunt, self.pieces, self.elements = hunt, pieces, elements
+        self.before = pieces.before
+        self.key: Callable[[State], Hashable] = _key_of_one if len(hunt.start) == 1 else _key_of_several
+        self.depth = 0
+        self.edges: dict[Hashable, list[tuple[int, int]]] = {}
+        self.seen: set[Hashable] = set()
+        self.met: set[Hashable] = set()  # on the way from the start
+        self.last: list[State] = []
+        for goal in pieces.goals(hunt.start):
+            self._note(goal, self.key(goal), self.last)
+
+    def _note(self, state: State, key: Hashable, level: list[State]) -> None:
+        if key not in self.seen:
+            self.seen.add(key)
+            level.append(state)
+
+    def grow(self) -> None:
+        """One level more."""
+        self.depth += 1
+        depth, before, key_of, edges, seen = self.depth, self.before, self.key, self.edges, self.seen
+        level: list[State] = []
+        steps = 0
+        for number, state in enumerate(self.last):
+            if not number & CHECK_EVERY:
+                self.hunt.check()
+            for position, elements in enumerate(self.elements):
+                earlier = before(elements + state)
+                if earlier is None:
+                    continue
+                steps += 1
+                key = key_of(earlier)
+                known = edges.get(key)
+                if known is None:
+                    edges[key] = [(position, depth)]
+                    if key not in seen:
+                        seen.add(key)
+                        level.append(earlier)
+                else:
+                    known.append((position, depth))
+        self.last = level
+        self.hunt.stats.backward.append(Level(len(level), steps))
+
+    def leads(self, depth: int) -> bool:
+        """Whether all is known of the way on from states that so many steps have reached."""
+        bound = self.hunt.bound
+        return not self.last or (bound is not None and depth + self.depth >= bound)
+
+    def steps(self, depth: int) -> Steps:
+        """The steps from the states of a level, those of them that still lead to the goal in time."""
+        return partial(self._steps, depth)
+
+    def _steps(self, depth: int, state: State, seen: Any) -> Iterator[Any]:
+        bound, stats = self.hunt.bound, self.hunt.stats
+        assert bound is not None
+        known = self.edges.get(self.key(state), ())
+        positions = sorted(position for position, left in known if depth + left <= bound)
+        stats.expanded += 1
+        stats.generated += len(positions)
+        return self.pieces.steps_over([self.elements[position] + state for position in positions], seen)
+
+
+def _key_of_one(state: State) -> Hashable:
+    return freeze(state[0])
+
+
+def _key_of_several(state: State) -> Hashable:
+    return tuple(map(freeze, state))
+
+
+def way_back(hunt: Hunt) -> WayBack | None:
+    """The way back from the goal; None where there is none."""
+    pieces = hunt.pieces
+    if pieces is None or pieces.goals is None:
+        return None
+    own = len(hunt.start)
+    elements: list[State] = []
+    for last in pieces.elements(hunt.start):
+        elements.append(last[:-own])
+        if len(elements) > MOST_ELEMENTS:
+            hunt.stats.notes.append(f"searched from the start only: a state has more than {MOST_ELEMENTS:,} elements")
+            return None
+    # That was no step of the search.
+    hunt.stats.expanded -= 1
+    hunt.stats.generated -= len(elements)
+    return WayBack(hunt, pieces, elements)
+
+
+def balanced(way: WayBack, depth: int, level: Sequence[State]) -> WayBack | None:
+    """Lets the way back grow as long as its last level is no larger than that of the other side, `level`.
+
+    Gives None, with a note, where that fails. States that only the way back meets need not be states at all for the
+    functions that see them, so what fails there says nothing about the search: it goes on from the start alone, and
+    fails where the script says so.
+    """
+    new = set(map(way.key, level)) - way.met  # more than one row may lead to a state
+    way.met |= new
+    try:
+        while not way.leads(depth) and len(way.last) <= len(new):
+            way.grow()
+    except Stopped:
+        raise
+    except Exception as error:
+        what = f"{type(error).__name__}: {error}"
+        way.hunt.stats.notes.append(f"searched from the start only: going back from the goal failed: {what}")
+        way.hunt.stats.backward.clear()
+        return None
+    return way

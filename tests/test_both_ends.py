@@ -1,0 +1,204 @@
+"""MEMORIZE from both ends gives the same paths in the same order as from the start alone, with fewer calls."""
+
+from __future__ import annotations
+
+import random
+from typing import Any
+
+import pytest
+
+import ss2sql
+from ss2sql.runtime.memorize import growing
+
+
+class Maze:
+    """A random machine over the states 0 to 11: each element takes some states to others, no two to the same one."""
+
+    def __init__(self, seed: int) -> None:
+        self.dice = random.Random(seed)
+        self.ways = [self._way() for _ in range(self.dice.randint(1, 4))]
+        self.back = [{after: before for before, after in way.items()} for way in self.ways]
+
+    def _way(self) -> dict[int, int]:
+        befores = [state for state in range(12) if self.dice.random() < 0.7]
+        return dict(zip(befores, self.dice.sample(range(12), len(befores)), strict=True))
+
+    def session(self, inverse: bool) -> ss2sql.Session:
+        ss = ss2sql.connect()
+        undo = (lambda e, s: self.back[e].get(s)) if inverse else None
+        ss.function("go", lambda e, s: self.ways[e].get(s), volatility="immutable", inverse=undo)
+        return ss
+
+
+SHOWN = ["this, s", "go(this, s)", "s, go(this, s), this"]
+GOALS = [
+    "go(this, s) == goal",
+    "goal == go(this, s) AND this != 1",
+    "go(this, s) IN [1, 5, 7]",
+    "go(this, s) == goal OR 3 == go(this, s)",
+]
+STOPS = ["go(this, s) == None", "go(this, s) == None OR go(this, s) == goal", "go(this, s) IN [None, 2, 6] OR s == 4"]
+WEIGHTS = ["", "", "COST this + 1", "COST s / 2.0", "PROBABILITY 1.0 / (this + 2)"]
+
+
+def script(dice: random.Random) -> str:
+    parts = [dice.choice(choices) for choices in (SHOWN, GOALS, STOPS, WEIGHTS)]
+    most = dice.choice(["", "", "MAXIMUM 3"])
+    return f"""SELECT {parts[0]} FROM elements WHERE {parts[1]} START WITH s = start
+               CONNECT BY MEMORIZE {dice.randint(1, 7)} {most} {parts[3]} s = go(this, s)
+               STOP WITH {parts[2]} AS list"""
+
+
+@pytest.mark.parametrize("first", range(0, 300, 30))
+def test_same_paths_in_the_same_order(first: int) -> None:
+    went_back = 0
+    for seed in range(first, first + 30):
+        maze = Maze(seed)
+        text = script(maze.dice)
+        elements = [maze.dice.randrange(len(maze.ways)) for _ in range(maze.dice.randint(1, 5))]  # some of them twice
+        values = {"elements": elements, "start": maze.dice.randrange(12), "goal": maze.dice.randrange(12)}
+        with maze.session(inverse=False) as one, maze.session(inverse=True) as both:
+            expected = one.run(text, **values)
+            found = both.run(text, **values)
+        assert found.value == expected.value, (seed, text, values)
+        assert found.stats.notes == []
+        assert not expected.stats.backward
+        went_back += bool(found.stats.backward)
+    assert went_back >= 10
+
+
+STEPS = "[[-1, 0], [0, -1], [0, 1], [1, 0], [1, 1]]"
+GRIDS = [
+    "WHERE [6, 4] == [p[0] + this[0], p[1] + this[1]] START WITH p = [0, 0]"
+    " CONNECT BY MEMORIZE {} MAXIMUM 50 p = [p[0] + this[0], p[1] + this[1]] STOP WITH wall(p[0], p[1])",
+    "WHERE x + this[0] == 6 AND 4 == this[1] + y START WITH x = 0, y = 0, k = 1"
+    " CONNECT BY MEMORIZE {} MAXIMUM 50 x = x + this[0], y = this[1] + y STOP WITH wall(x, y)",
+    "WHERE 6 - x + this[0] == 0 START WITH x = 0 CONNECT BY MEMORIZE {} MAXIMUM 50 x = 6 - x + this[0]",
+]
+
+
+@pytest.mark.parametrize("bound", [3, 8, 11])
+@pytest.mark.parametrize("grid", GRIDS)
+def test_sums_of_whole_numbers_can_be_undone(grid: str, bound: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    shown = "p, this" if "p =" in grid else "x, y, this" if "y =" in grid else "x, this"
+    text = f"SELECT {shown} FROM {STEPS} {grid.format(bound)} AS list"
+    with ss2sql.connect() as ss:
+        ss.function("wall", lambda x, y: x == 3 and y != 2, volatility="immutable")
+        both = ss.run(text)
+        monkeypatch.setattr(growing, "way_back", lambda hunt: None)
+        one = ss.run(text)
+    assert both.value == one.value
+    assert both.stats.backward
+    assert not one.stats.backward
+    if bound > 3:
+        assert one.value
+
+
+def hanoi(shown: str, disks: int, bound: int) -> str:
+    start = list(range(disks, 0, -1))
+    return f"""SELECT {shown} FROM [[0, 1], [0, 2], [1, 0], [1, 2], [2, 0], [2, 1]]
+    WHERE [[], [], {start}] == move(this, tower) START WITH tower = [{start}, [], []]
+    CONNECT BY MEMORIZE {bound} tower = move(this, tower) STOP WITH [] == move(this, tower)"""
+
+
+def move(this: list[int], tower: list[list[int]]) -> list[list[int]]:
+    a, b = this
+    if not tower[a] or (tower[b] and tower[b][-1] < tower[a][-1]):
+        return []
+    tower[b].append(tower[a].pop())
+    return tower
+
+
+def undo(this: list[int], tower: list[list[int]]) -> list[list[int]] | None:
+    return move([this[1], this[0]], tower) or None
+
+
+def test_each_side_goes_half_as_deep() -> None:
+    with ss2sql.connect() as ss:
+        ss.function("move", move)
+        one = ss.run(hanoi("this, tower", 4, 18))
+        ss.function("move", move, inverse=undo)
+        both = ss.run(hanoi("this, tower", 4, 18))
+    lengths = [len(path) for path in both.value]
+    assert {length: lengths.count(length) for length in lengths} == {15: 1, 16: 8, 17: 48, 18: 228}
+    assert both.value == one.value
+    assert 8 <= len(both.stats.backward) <= 11  # of 18, for a row names the state before its step
+    # The start and the goal are two corners of a triangle of 81 states, 15 steps apart; 9 steps reach 33 of them.
+    assert both.stats.calls["move"] < one.stats.calls["move"] / 2
+    assert both.stats.calls["inverse of move"] < one.stats.calls["move"] / 2
+
+
+def test_what_fails_only_on_the_way_back_does_not_end_the_search() -> None:
+    def undo_all(this: list[int], tower: list[list[int]]) -> list[list[int]]:
+        return move([this[1], this[0]], tower)  # [], where None is expected, is then taken for a state
+
+    with ss2sql.connect() as ss:
+        ss.function("move", move, inverse=undo_all)
+        result = ss.run(hanoi("this, tower", 3, 8))
+    assert [len(path) for path in result.value] == [7, 8, 8, 8, 8]
+    [note] = result.stats.notes
+    assert note.startswith("searched from the start only: going back from the goal failed: IndexError")
+
+
+def test_what_fails_on_the_way_there_is_raised() -> None:
+    def fragile(this: int, n: int) -> int:
+        if n == 2:
+            raise ZeroDivisionError("two")
+        return n + this
+
+    with ss2sql.connect() as ss:
+        ss.function("step", fragile, volatility="immutable", inverse=lambda this, n: n - this)
+        with pytest.raises(ZeroDivisionError, match="two"):
+            ss.run("""SELECT this, n FROM [1, 2] WHERE step(this, n) == 9 START WITH n = 0
+                      CONNECT BY MEMORIZE 6 n = step(this, n)""")  # fmt: skip
+
+
+REASONS = {
+    "MEMORIZE has no bound": "SELECT this, s FROM [0, 1] WHERE go(this, s) == 3 START WITH s = 0"
+    " CONNECT BY MEMORIZE s = go(this, s) STOP WITH s > 4",
+    "WHERE does not say what 's' is": "SELECT this, s FROM [0, 1] WHERE go(this, s) > 3 START WITH s = 0"
+    " CONNECT BY MEMORIZE 4 s = go(this, s)",
+    "'stay' has no inverse": "SELECT this, s FROM [0, 1] WHERE stay(this, s) == 3 START WITH s = 0"
+    " CONNECT BY MEMORIZE 4 s = stay(this, s)",
+    "SELECT does not tell 's'": "SELECT this FROM [0, 1] WHERE go(this, s) == 3 START WITH s = 0"
+    " CONNECT BY MEMORIZE 4 s = go(this, s)",
+    "the elements of 'e' depend": "SELECT e.this, s FROM e = range(s) WHERE go(e.this, s) == 3 START WITH s = 1"
+    " CONNECT BY MEMORIZE 4 s = go(e.this, s)",
+    "follows from 's', which may": "SELECT this, s, t FROM [0, 1] WHERE go(this, s) == 3 AND t + s == 9"
+    " START WITH s = 0, t = 0 CONNECT BY MEMORIZE 4 s = go(this, s), t = t + s",
+    "neither a call of a function with an inverse nor": "SELECT this, s FROM [0, 1] WHERE s * 2 + this == 3"
+    " START WITH s = 1 CONNECT BY MEMORIZE 4 s = s * 2 + this",
+}
+
+
+@pytest.mark.parametrize("reason", REASONS)
+def test_a_search_from_the_start_alone_says_why(reason: str) -> None:
+    with ss2sql.connect() as ss:
+        ss.function("go", lambda e, s: s + e + 1, volatility="immutable", inverse=lambda e, s: s - e - 1)
+        ss.function("stay", lambda e, s: sorted([s, e])[1], volatility="immutable")
+        result = ss.run(REASONS[reason])
+    assert not result.stats.backward
+    [line] = [line for line in result.explain().splitlines() if "from the start only" in line]
+    assert reason in line
+
+
+def test_explain_tells_both_ends() -> None:
+    with ss2sql.connect() as ss:
+        ss.function("move", move, inverse=undo)
+        result = ss.run(hanoi("this, tower", 3, 8))
+    [line] = [line for line in result.explain().splitlines() if "both ends" in line]
+    levels = len(result.stats.backward)
+    assert 3 <= levels <= 5
+    assert line.strip() == f"searched from both ends: {levels} levels back from the goal by the inverse of move"
+
+
+def test_values_stay_as_exact_as_they_are() -> None:
+    """Equal values may differ, 1 from 1.0: what is found backwards decides nothing about rows."""
+    with ss2sql.connect() as ss:
+        ss.function("go", lambda e, s: s + e, volatility="immutable", inverse=lambda e, s: s - e)
+        text = """SELECT go(this, s) FROM [1] WHERE go(this, s) == 4.0 START WITH s = {}
+                  CONNECT BY MEMORIZE 4 s = go(this, s) AS list"""
+        whole: Any = ss.run(text.format(0))
+        assert whole.stats.backward
+        assert [repr(value) for value in whole.value[0]] == ["1", "2", "3", "4"]
+        assert [repr(value) for value in ss.eval(text.format(0.0))[0]] == ["1.0", "2.0", "3.0", "4.0"]
