@@ -100,10 +100,10 @@ def user_function(
         raise SessionError("S002", f"volatility is 'immutable', 'stable' or 'volatile', not {volatility!r}")
     takes = arity(function)
     inferred = volatility is None
-    reason, changes = "declared", True
+    purity = infer(function)  # also where the volatility is declared: who changes nothing needs no copies
+    reason, changes = "declared", purity.changes
     if volatility is None:
-        purity = infer(function)
-        volatility, reason, changes = purity.volatility, purity.reason, purity.changes
+        volatility, reason = purity.volatility, purity.reason
     if vectorized and volatility == "volatile":
         if not inferred:
             raise _volatile_block(name)
