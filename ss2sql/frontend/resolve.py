@@ -259,7 +259,8 @@ class Resolver:
         function = self.catalog.functions.get(name)
         if name in self.catalog.world_functions and (function is None or function.builtin):
             arguments = self.all(tree.arguments, scope)
-            if function is None or any(argument.type.may(Kind.OBJECT) for argument in arguments):
+            kinds = [argument.type for argument in arguments]
+            if function is None or any(kind.may(Kind.OBJECT) or kind.only(Kind.STR) for kind in kinds):  # or its name
                 return world_call(self, name, arguments, scope, span)
         if function is None:
             every = (*self.catalog.functions, *self.catalog.world_functions)

@@ -143,7 +143,7 @@ class WorldFunctions:
         element = next((argument for argument in arguments if isinstance(argument, Element)), None)
         if element is not None and len(arguments) == 1 and name in schema_of(element.table).kinds:
             return schema_of(element.table).value(element.key, name)
-        owner = self._owner(name, element, worlds)
+        owner = self._owner(name, arguments, element, worlds)
         if owner is None:
             return self._without_world(name, arguments, element)
         method, world = owner.functions[name][0], owner.world
@@ -159,16 +159,20 @@ class WorldFunctions:
             raise
 
     @staticmethod
-    def _owner(name: str, element: Element | None, worlds: Collection[AttachedWorld]) -> AttachedWorld | None:
+    def _owner(
+        name: str, arguments: tuple[Any, ...], element: Element | None, worlds: Collection[AttachedWorld]
+    ) -> AttachedWorld | None:
         having = [world for world in worlds if name in world.functions]
         if element is not None:
             own = (w for w in having if w.world is element.world or w.world.source is element.world.source)
             return next(own, None)
+        if name in BUILTINS and str not in map(type, arguments):  # the name of an element is enough
+            return None
         if len(having) > 1:
             hints = (f"give an element of one, or write {having[0].name}.{name}(...)",)
             names = ", ".join(world.name for world in having)
             raise ExecutionError("X007", f"'{name}' belongs to several worlds: {names}", hints=hints)
-        return having[0] if having and name not in BUILTINS else None
+        return having[0] if having else None
 
     @staticmethod
     def _without_world(name: str, arguments: tuple[Any, ...], element: Element | None) -> Any:
