@@ -21,6 +21,7 @@ from ss2sql.errors import (
     SessionError,
     Timeout,
     UnsupportedError,
+    WorkersWarning,
 )
 from ss2sql.runtime.compiled import Query
 from ss2sql.runtime.result import Result
@@ -63,6 +64,7 @@ __all__ = [
     "Timeout",
     "Trigger",
     "UnsupportedError",
+    "WorkersWarning",
     "World",
     "check_world",
     "compile",

@@ -12,6 +12,7 @@ import os
 import runpy
 import sys
 import traceback
+import warnings
 from collections.abc import Callable
 from contextlib import redirect_stdout
 from functools import wraps
@@ -20,7 +21,7 @@ from typing import Any, TypeVar
 
 import click
 
-from ss2sql.errors import Cancelled, Error, SessionError, Timeout
+from ss2sql.errors import Cancelled, Error, SessionError, Timeout, WorkersWarning
 from ss2sql.frontend.parser import parse
 from ss2sql.plan_tree import plan_tree
 from ss2sql.runtime.result import Result
@@ -99,6 +100,7 @@ def main() -> None:
 @click.option("--format", "form", type=click.Choice(["table", "json", "csv"]), default="table", show_default=True)
 @click.option("--timeout", type=click.FloatRange(min=0), help="Seconds after which the run is broken off.")
 @click.option("--maximum", type=click.IntRange(min=1), help="At most so many results of the last search.")
+@click.option("--workers", type=click.IntRange(min=1), default=1, help="Processes for calls that MEMORIZE makes.")
 @reports_errors
 def run(
     file: str | None,
@@ -111,17 +113,22 @@ def run(
     form: str,
     timeout: float | None,
     maximum: int | None,
+    workers: int,
 ) -> None:
     """Runs a script: FILE, - for standard input, or -e TEXT."""
     source = _script(file, text)
     with _session(function_files, worlds, database, parameters) as session:
         try:
-            with redirect_stdout(sys.stderr):  # what the script prints is not its result
-                result = session.run(source, engine=engine, timeout=timeout, maximum=maximum)
+            with redirect_stdout(sys.stderr), warnings.catch_warnings():  # what the script prints is not its result
+                warnings.simplefilter("ignore", WorkersWarning)  # told below, without a place in Python code
+                result = session.run(source, engine=engine, timeout=timeout, maximum=maximum, workers=workers)
         except Error:
             raise
         except Exception as error:
             raise UserError(error) from None
+        for note in result.stats.notes:
+            if note.startswith("workers: "):
+                click.echo(note, err=True)
         _print(result, form)
 
 

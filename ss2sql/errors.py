@@ -139,6 +139,7 @@ CODES: dict[str, Code] = _table(
     ("X010", "row limit", "The query has more rows than max_rows allows."),
     ("X011", "world cannot be read", "A simulator refused, an element is gone, or a table breaks its declarations."),
     ("X012", "wrong block", "A function that takes arrays has to return one element for each row."),
+    ("X013", "worker died", "A process that was to call functions, as `workers` asks for, ended by itself."),
     ("V001", "representation failed", "The rows do not fit the representation, or its arguments are wrong."),
     ("T001", "timeout", "The run took longer than its timeout."),
     ("T002", "cancelled", "The run was interrupted."),
@@ -223,6 +224,10 @@ class Cancelled(Stopped):
 
 class SessionError(Error):
     """A session was used wrongly from Python: closed, or given something that it cannot register."""
+
+
+class WorkersWarning(UserWarning):
+    """`workers` has no effect on a run, or on the calls of one function; the text says why and what to do."""
 
 
 def several(errors: Sequence[Error]) -> Error:

@@ -123,6 +123,36 @@ class WrongOrder(Points):
         return self.world.points[sorted(keys)].T
 
 
+class Blocked(Balls):
+    """Places in blocks."""
+
+    groups = {"label": "name colour", "dynamics": "mass heavy", "pos": "pos"}
+    blocks = {"spots": "x y z"}
+
+    def spots(self, keys: list[int]) -> Any:
+        return [self.place(key) for key in keys]
+
+
+class WholeNumbers(Blocked):
+    def spots(self, keys: list[int]) -> Any:
+        return [tuple(map(round, row)) for row in super().spots(keys)]
+
+
+class TooFewRows(Blocked):
+    def spots(self, keys: list[int]) -> Any:
+        return super().spots(keys)[: max(1, len(keys) // 2)]
+
+
+class Backwards(Blocked):
+    def spots(self, keys: list[int]) -> Any:
+        return super().spots(keys)[::-1]
+
+
+class UndeadBlocks(Blocked):
+    def spots(self, keys: list[int]) -> Any:
+        return [self.place(key) if key in self.world.source.balls else (0.0, 0.0, 0.0) for key in keys]
+
+
 class NoGroup(Balls):
     groups = {"label": "name colour", "place": "x y z", "dynamics": "mass heavy"}
 
@@ -216,6 +246,10 @@ BROKEN_TABLES: list[tuple[type[Table], str]] = [
     (Moving, "reading changes nothing"),
     (Undead, "the dead raise Gone"),
     (KeyErrors, "the dead raise Gone"),
+    (WholeNumbers, "blocks fit their columns"),
+    (TooFewRows, "blocks fit their columns"),
+    (Backwards, "values belong to their keys"),
+    (UndeadBlocks, "the dead raise Gone"),
     (NoGroup, "declarations hold together"),
     (NoMethod, "declarations hold together"),
 ]
@@ -227,7 +261,7 @@ BROKEN_FUNCTIONS: list[tuple[type[TableFunction], str]] = [
 ]
 BROKEN_WORLDS: list[tuple[Callable[[], Any], str]] = [
     (object, "there is an adapter"),
-    (lambda: type("Broken", (ArrayWorld,), {"tables": (WrongOrder,)})(), "arrays are in the order of their keys"),
+    (lambda: type("Broken", (ArrayWorld,), {"tables": (WrongOrder,)})(), "values belong to their keys"),
     (lambda: Counting(Box.row(2)), "functions keep what they declare"),
     (lambda: Crooked(Box.random(4, 9)), "places are true"),
     (lambda: Dying(Box.random(4, 9)), "queries see what is there"),

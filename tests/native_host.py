@@ -43,6 +43,7 @@ class FakeHost:
         self.kept: dict[str, list[Any]] = {}
         self.printed: list[tuple[Any, ...]] = []
         self.memories = Memories()
+        self.graphs = None
         self.texts = 0  # how often a text was resolved
         self.reads = 0  # how often a table was read
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 from native_host import FakeHost
@@ -136,7 +137,7 @@ def side_room(side: int, detour: int) -> Graph:
     """A short way of three steps, a floor beside it, and a detour to the goal."""
     first = 4 + side * side
     chain = [1, *range(first, first + detour), 3]
-    pairs = [(2, 4), *floor_of(side, side, 4), (0, 1), (1, 2), (2, 3), *zip(chain, chain[1:], strict=False)]
+    pairs = [(2, 4), *floor_of(side, side, 4), (0, 1), (1, 2), (2, 3), *pairwise(chain)]
     return graph_of(both_ways(first + detour, pairs), {3})
 
 
@@ -182,14 +183,15 @@ def ladder(rungs: int, first: int = 1) -> Graph:
 
 def corridors(number: int, shortest: int, rungs: bool) -> Graph:
     """Corridors side by side, each a step longer than the one before, with or without ways across."""
-    nodes, pairs, rows = 2, [], []
+    pairs: list[tuple[int, int]] = []
+    nodes, rows = 2, []
     for extra in range(number):
         row = [0, *range(nodes, nodes + shortest + extra), 1]
         nodes += shortest + extra
-        pairs += list(zip(row, row[1:], strict=False))
+        pairs += pairwise(row)
         rows.append(row)
     if rungs:
-        for row, beside in zip(rows, rows[1:], strict=False):
+        for row, beside in pairwise(rows):
             pairs += list(zip(row[1:-1:3], beside[1:-1:3], strict=False))
     return graph_of(both_ways(nodes, pairs), {1})
 

@@ -20,7 +20,7 @@ BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
 # Rows with a promise: a change of the suite must not lose them.
 PROMISED = ("hanoi-default", "hanoi-nocycle", "hanoi-unique", "grid-cost", "grid-astar", "grid-cost-function",
             "grid-astar-function", "reach", "hierarchy", "map-1", "map-2", "map-3", "map-4", "nested-moves",
-            "compile-robot")  # fmt: skip
+            "compile-robot", "memorize-robot", "memorize-hanoi", "memorize-one")  # fmt: skip
 
 
 @pytest.fixture(scope="module", autouse=True)

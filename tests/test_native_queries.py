@@ -199,7 +199,7 @@ def test_a_join_reads_the_table_once_and_looks_up() -> None:
     host = FakeHost({"note": twice}, tables=table("staff", STAFF))
     query = host.query("SELECT a.name, b.name FROM a = staff, b = staff WHERE b.boss == a.id AS rows")
     assert query.value(host.start()) == [["Ada", "Bob"], ["Ada", "Cyd"], ["Bob", "Dan"], ["Dan", "Eve"]]
-    assert "index_of_tuples(" in query.source_text
+    assert "index_of_plain(" in query.source_text
 
 
 def test_a_hierarchy_costs_its_size() -> None:

@@ -11,11 +11,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from body_queries import ARGUMENTS, Plain, agree, answer
+from body_queries import ARGUMENTS, agree, answer
+from ode_rooms import loop
 from pyode import load
 
 import ss2sql
-from ss2sql.scenes.ode_chaos import OdeChaos, chaos
+from ss2sql.scenes.ode_chaos import chaos
 from ss2sql.vtables.ode import OdeWorld
 
 _folder = TemporaryDirectory()
@@ -64,22 +65,6 @@ def room() -> Room:
 def ss(ss: ss2sql.Session, room: Room) -> ss2sql.Session:
     ss.attach("space", room.space)
     return ss
-
-
-KINDS = {"GeomSphere": "sphere", "GeomBox": "box", "GeomCapsule": "capsule", "GeomCylinder": "cylinder",
-         "GeomPlane": "plane"}  # fmt: skip
-
-
-def loop(scene: OdeChaos) -> list[Plain]:
-    """The geoms of a scene in the order of their births, by ODE's own interface."""
-    found = []
-    for number, geom in enumerate([*scene.walls, *scene.particles], 1):
-        body = geom.getBody()
-        normal, offset = geom.getParams() if body is None else ((0, 0, 0), 0)
-        place = tuple(part * offset for part in normal) if body is None else geom.getPosition()
-        mass = 0.0 if body is None else body.getMass().mass
-        found.append(Plain(number, geom.name, KINDS[type(geom).__name__], place, mass))
-    return found
 
 
 # --- the same as a loop --------------------------------------------------------------------------------

@@ -2,10 +2,24 @@
 
 from __future__ import annotations
 
-from problems import chain, compiling, grid, hanoi, hierarchy, jugs, map, nested, particles, plans, puzzle, reach
+from problems import (
+    chain,
+    compiling,
+    grid,
+    hanoi,
+    hierarchy,
+    jugs,
+    map,
+    memorize,
+    nested,
+    particles,
+    plans,
+    puzzle,
+    reach,
+)
 from problems.base import Problem
 
-SUBJECTS = (plans, hanoi, nested, map, puzzle, jugs, grid, reach, hierarchy, particles, chain, compiling)
+SUBJECTS = (plans, hanoi, nested, map, puzzle, jugs, grid, memorize, reach, hierarchy, particles, chain, compiling)
 PROBLEMS: dict[str, Problem] = {problem.name: problem for subject in SUBJECTS for problem in subject.PROBLEMS}
 
 __all__ = ["PROBLEMS", "SUBJECTS", "Problem"]

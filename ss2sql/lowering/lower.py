@@ -20,7 +20,7 @@ from ss2sql.lowering.search import SearchLowering
 from ss2sql.lowering.select import Selects
 from ss2sql.lowering.unsupported import check
 from ss2sql.lowering.when_taken import WhenTaken
-from ss2sql.vtables.copies import NO_COPIES, copies_for
+from ss2sql.vtables.snapshots import NO_SNAPSHOT, snapshot_for
 from ss2sql.walk import is_volatile, walk
 
 
@@ -100,7 +100,7 @@ def lower(
         ahead,
         plain_rows=all(output.expr.type.only(Kind.INT | Kind.FLOAT | Kind.STR | Kind.NONE) for output in query.columns),
         bookkeeping=bookkeeping,
-        copies=copies_for((query,)) if needs.worlds else NO_COPIES,
+        snapshot=snapshot_for((query,)) if needs.worlds else NO_SNAPSHOT,
         applied=tuple(needs.applied),
     )
 

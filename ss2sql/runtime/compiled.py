@@ -25,7 +25,7 @@ from ss2sql.runtime.rows import Rows
 from ss2sql.runtime.run import Run
 from ss2sql.runtime.scouts import Scouts
 from ss2sql.runtime.shaping import PATH_FORMS, with_stars
-from ss2sql.vtables.copies import may_move
+from ss2sql.vtables.snapshots import may_move
 from ss2sql.walk import walk
 
 if TYPE_CHECKING:
@@ -388,7 +388,7 @@ class Query:
         return explain(outline(self.statements()))
 
     def run(self, engine: Engine | None = None, timeout: float | None = None, maximum: int | None = None,
-            max_rows: int | None = None, **variables: Any) -> Result:  # fmt: skip
+            workers: int = 1, max_rows: int | None = None, **variables: Any) -> Result:  # fmt: skip
         """Runs the script; see `Session.run`. Raises ResolveError R009 for a parameter without a value."""
         missing = [name for name in self.parameters if name not in variables and name not in self._host.names]
         if missing:
@@ -397,4 +397,4 @@ class Query:
                 if name not in self.parameters and name not in self._host.names:
                     hints.append(f"'{name}' is no parameter of the script")
             raise ResolveError("R009", f"the script needs a value for {', '.join(missing)}", hints=hints)
-        return self._execute(self, engine, timeout, maximum, max_rows, variables)
+        return self._execute(self, engine, timeout, maximum, workers, max_rows, variables)

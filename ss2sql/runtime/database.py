@@ -35,10 +35,10 @@ from ss2sql.runtime.search_functions import FUNCTIONS, SearchState, next_number
 from ss2sql.runtime.sources import column_of
 from ss2sql.runtime.sql_functions import AGGREGATE_FUNCTIONS, SCALAR_FUNCTIONS, element_columns
 from ss2sql.runtime.vectorized import SqlCaller
-from ss2sql.vtables.copies import NO_COPIES, Copies
 from ss2sql.vtables.frames.frame import Frame
 from ss2sql.vtables.module import WorldModules
 from ss2sql.vtables.sequences import Elements, Walked
+from ss2sql.vtables.snapshots import NO_SNAPSHOT, Snapshot
 from ss2sql.walk import walk
 
 WHOLE = 2**40
@@ -54,7 +54,7 @@ class Execution:
         run: Run,
         query: plan.Query | None = None,
         calls: Mapping[str, Sequence[Span]] = NO_CALLS,
-        copies: Copies = NO_COPIES,
+        snapshot: Snapshot = NO_SNAPSHOT,
     ) -> None:
         self.run = run
         self.query = query
@@ -67,7 +67,7 @@ class Execution:
         self.failed = False  # whether a function has raised
         self.ahead: Ahead | None = None  # for functions that take arrays
         self.elements: dict[Any, Walked] = {}
-        self.readings = copies.begin(run.host.memories.now)  # of worlds
+        self.readings = snapshot.begin(run.host.memories.now)  # of worlds
 
     def value_source(self) -> Span | None:
         """The place of the first source that is a value; a bad one is most likely this."""
@@ -200,7 +200,10 @@ class Database:
 
     def _progress(self) -> bool:
         if self.stack:
-            self.current.run.check()
+            run = self.current.run
+            if run.progress is not None:
+                run.progress.entered = self.search.entered
+            run.check()
         return False
 
     # --- execution -------------------------------------------------------------------------------------
@@ -222,7 +225,7 @@ class Database:
         result its group values and the sort keys that SQL left over. Raises what a user's function raised,
         ExecutionError X009 for an error of SQLite, X010 for more results than run.max_rows.
         """
-        execution = Execution(run, lowered.query, lowered.calls, lowered.copies)
+        execution = Execution(run, lowered.query, lowered.calls, lowered.snapshot)
         with self._running(execution):
             try:
                 with looking_ahead(scouts, self, execution):

@@ -29,7 +29,8 @@ def outline(statements: Iterable[CompiledStatement]) -> list[tuple[str, list[Com
 def explain(outlined: Sequence[tuple[str, Sequence[CompiledQuery]]], stats: Stats | None = None) -> str:
     """For every statement and query: which engine runs it and why, what was rewritten, its functions, its SQL.
 
-    With the `stats` of a run it also says how often each function was called.
+    With the `stats` of a run it also says how often each function was called, how the graph of MEMORIZE has grown, and
+    what was not done as asked.
     """
     lines: list[str] = []
     for number, (text, queries) in enumerate(outlined, 1):
@@ -39,7 +40,23 @@ def explain(outlined: Sequence[tuple[str, Sequence[CompiledQuery]]], stats: Stat
             lines.append("   no query: runs in Python as it is written")
         for query in queries:
             lines.extend(f"   {line}".rstrip() for line in _query(query, stats))
+    if stats is not None:
+        lines.extend(_run(stats))
     return "\n".join(lines)
+
+
+def _run(stats: Stats) -> Iterator[str]:
+    """What a run has to tell: the levels of its last search with MEMORIZE, as a table, and its notes."""
+    if stats.levels:
+        heading = ("level", "rows", "steps", "repeated", "pruned")
+        table = [(n, level.rows, level.steps, level.repeated, level.pruned) for n, level in enumerate(stats.levels, 1)]
+        sums = ("all", *(sum(column) for column in list(zip(*table, strict=True))[1:]))
+        cells = [[f"{cell:,}" if isinstance(cell, int) else cell for cell in row] for row in (heading, *table, sums)]
+        widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+        yield "the graph of MEMORIZE:"
+        for row in cells:
+            yield "   " + "  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True))
+    yield from stats.notes
 
 
 def _query(query: CompiledQuery, stats: Stats | None) -> Iterator[str]:
@@ -55,10 +72,18 @@ def _query(query: CompiledQuery, stats: Stats | None) -> Iterator[str]:
     if query.native is not None and query.query.search is not None and query.query.search.repeats == "memorize":
         yield from _ends(query.query, stats)
     if stats is not None:
+        yield from _remembered(query.query, stats)
         yield from stats.notes
     if query.lowered:
         yield "SQL:"
         yield from (f"  {line}" for line in query.sql().splitlines())
+
+
+def _remembered(query: plan.Query, stats: Stats) -> Iterator[str]:
+    """What became of the graph of MEMORIZE in the session's file."""
+    if stats.graph is not None and query.search is not None and query.search.repeats == "memorize":
+        steps = "1 step was" if stats.remembered_steps == 1 else f"{stats.remembered_steps:,} steps were"
+        yield f"graph: remembered, with the number {stats.graph} in ss2sql_graphs; {steps} known from there"
 
 
 def _ends(query: plan.Query, stats: Stats | None) -> Iterator[str]:

@@ -23,6 +23,8 @@ from ss2sql.runtime.database import Database
 from ss2sql.runtime.functions import MEMO_LIMIT, UserFunction, builtin_functions, sql_names
 from ss2sql.runtime.native.calls import native_callable
 from ss2sql.runtime.native.deep import with_room
+from ss2sql.runtime.remembered.keeper import GraphKeeper
+from ss2sql.runtime.remembered.store import Store
 from ss2sql.runtime.rows import Rows
 from ss2sql.runtime.run import Run
 from ss2sql.runtime.session_functions import SessionFunctions
@@ -67,14 +69,26 @@ class SessionHost:
         temporals = TemporalStore(self._clock)
         self.triggers = Triggers(self._clock)
         self.listened: list[list[Callable[[], object]]] = []  # to whom scenes tell that they have stepped
+        self.graph_store: Store | None = None
+        self.graphs: GraphKeeper | None = None
         if file is not None:
             file.load(temporals)
+            self.graph_store = self.tables.graphs = Store(connection, not read_only)
+            if "remember" not in disabled:
+                self.graphs = GraphKeeper(self.graph_store, self._entry, self._worlds)
         self.names = Variables(temporals, None if read_only else file)
         self.names.let_go = self._detached
         self.own = SessionFunctions(self.names, self.functions, self.world_functions)
         for name, builtin in BUILTINS.items():
             if name not in ("eq", "ne"):  # of these the database has its own
                 self.database.register_builtin(name, builtin.python or self.own.function(name))
+
+    def _entry(self, name: str) -> UserFunction:
+        """A function by the name that plans use."""
+        return self.planned[name]
+
+    def _worlds(self) -> list[AttachedWorld]:
+        return list(self.names.worlds.values())
 
     def register(self, entry: UserFunction) -> None:
         """Makes a function known to scripts and to SQL."""
@@ -113,6 +127,11 @@ class SessionHost:
                 listeners.remove(self.triggers.poll)
         self.listened.clear()
         self.triggers.all.clear()
+
+    def end_processes(self) -> None:
+        """Ends those of `workers`, if there are any."""
+        if self.processes is not None:
+            self.processes.end()
 
     def _detached(self, world: AttachedWorld) -> None:
         self.database.worlds.forget(world.tables.values())

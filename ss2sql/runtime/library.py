@@ -69,10 +69,18 @@ def count(values: Any) -> int:
 def total(values: Any) -> Any:
     """The sum: exact of integers, of floats rounded once, so that the order does not matter; of nothing 0."""
     kinds = _numbers("sum", _list("sum", values))
-    if float not in kinds:
-        return check(sum(values))
+    return total_of_integers(values) if float not in kinds else total_of_floats(values)
+
+
+def total_of_integers(values: list[int]) -> int:
+    """The sum of integers."""
+    return int(check(sum(values)))
+
+
+def total_of_floats(values: list[float]) -> float:
+    """The sum of numbers among which are floats."""
     try:
-        return check(math.fsum(values))
+        return float(check(math.fsum(values)))
     except OverflowError:  # on the way only, perhaps
         return _float(_exact_sum(values))
 

@@ -89,29 +89,29 @@ def comparable(a: Type, b: Type) -> bool:
 # --- arithmetic ----------------------------------------------------------------------------------------
 
 
-def _results(operation: Operation, types: Types) -> list[tuple[Kind, list[float]]]:
+def results(operation: Operation, types: Types) -> list[tuple[Kind, list[float]]]:
     """The kinds of numbers that the operation gives with their corners: of two integers, and where a float is in it.
 
     The operation must take its extremes over two intervals at their ends.
     """
     a, b = types
-    results: list[tuple[Kind, list[float]]] = []
+    found: list[tuple[Kind, list[float]]] = []
     if (first := integers(a)) and (second := integers(b)):
-        results.append((Kind.INT, [operation(x, y) for x in first for y in second]))
+        found.append((Kind.INT, [operation(x, y) for x in first for y in second]))
     if a.may(Kind.NUMBER) and b.may(Kind.NUMBER) and (a.may(Kind.FLOAT) or b.may(Kind.FLOAT)):
-        results.append((Kind.FLOAT, [operation(x, y) for x in floats(a) for y in floats(b)]))
-    return results
+        found.append((Kind.FLOAT, [operation(x, y) for x in floats(a) for y in floats(b)]))
+    return found
 
 
 def _arithmetic(operation: Operation) -> tuple[Callable[[Types], Type], Callable[[Types], bool]]:
     """The result of `+`, `-` or `*` on numbers, and whether it can fail."""
 
     def result(types: Types) -> Type:
-        return union(numbers(kind, corners) for kind, corners in _results(operation, types))
+        return union(numbers(kind, corners) for kind, corners in results(operation, types))
 
     def raises(types: Types) -> bool:
-        results = _results(operation, types)
-        return not _are_numbers(types) or not all(fits(kind, corners) for kind, corners in results)
+        found = results(operation, types)
+        return not _are_numbers(types) or not all(fits(kind, corners) for kind, corners in found)
 
     return result, raises
 

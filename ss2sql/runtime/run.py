@@ -6,13 +6,16 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from ss2sql import plan
 from ss2sql.errors import Cancelled, Timeout
 from ss2sql.runtime.rows import Rows
 from ss2sql.vtables.frames.frame import Frame
 from ss2sql.vtables.memories import Memories
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.remembered.keeper import GraphKeeper
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +44,8 @@ class Stats:
     `pruned` those dropped because their row was there before. `seconds` holds the time of each stage. Of functions
     that take arrays `calls` counts rows that were computed, `blocks` how often the function was called. `levels` are
     those of the graph of the last search with MEMORIZE, `backward` those that it found from the goal. `notes` say
-    what was not done as asked or hoped for, and why.
+    what was not done as asked or hoped for, and why. `graph` is the number of its remembered graph, if it has one, and
+    `remembered_steps` counts the steps that such graphs knew.
     """
 
     calls: Counter[str] = field(default_factory=Counter)
@@ -53,13 +57,16 @@ class Stats:
     levels: list[Level] = field(default_factory=list)
     backward: list[Level] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    graph: int | None = None
+    remembered_steps: int = 0
     seconds: dict[str, float] = field(default_factory=dict)
 
 
 class Host(Protocol):
-    """The session, as a run sees it. `memories` is what worlds remember."""
+    """The session, as a run sees it. `memories` is what worlds remember; `graphs` keeps graphs, in a file."""
 
     memories: Memories
+    graphs: GraphKeeper | None
 
     def variable(self, name: str, run: Run) -> Any: ...
     def assign(self, name: str, value: Any) -> None: ...
@@ -91,7 +98,7 @@ class Run:
     `bound` the values that each lowered query was given for its parameters. `ahead` holds for each native query
     that runs, the innermost last, what is coming for functions that take arrays (ahead.py). `foreteller` has calls made
     by other processes (workers/), `progress` shows how far the run is (progress.py), where these are wanted; `graph` is
-    the one that MEMORIZE works on.
+    the one that MEMORIZE works on; `knows(state)` says whether the steps from a state of its level are remembered.
     """
 
     host: Host
@@ -110,6 +117,7 @@ class Run:
     foreteller: Any = None
     progress: Any = None
     graph: Any = None
+    knows: Any = None
 
     @property
     def watched(self) -> bool:

@@ -142,6 +142,11 @@ class SearchState:
         stats.expanded += expanded
         stats.pruned += self.pruned
 
+    @property
+    def entered(self) -> int:
+        """The number of steps that have entered until now."""
+        return len(self.rows) - 1
+
     def mixed(self) -> None:
         """Goes over to keys for rows that have stood for themselves so far."""
         if not self.plain or self.always_plain:

@@ -4,25 +4,27 @@ from __future__ import annotations
 
 import os
 import time
+import weakref
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any, TypeVar, overload
 
 from ss2sql import plan
-from ss2sql.errors import Cancelled, SessionError, Stopped, did_you_mean
+from ss2sql.errors import SessionError, did_you_mean
 from ss2sql.frontend.parser import parse
 from ss2sql.frontend.resolve import resolve
 from ss2sql.lowering.rewrites import REWRITES
-from ss2sql.runtime.compiled import Engine, Query, script_sql
-from ss2sql.runtime.explain import outline
+from ss2sql.runtime.compiled import Engine, Query
+from ss2sql.runtime.executing import Options, execute
 from ss2sql.runtime.functions import UserFunction, check_name, user_function
 from ss2sql.runtime.host import SessionHost
 from ss2sql.runtime.native.deep import with_room
-from ss2sql.runtime.opening import check_bound, check_engine, name_of, open_connection
+from ss2sql.runtime.opening import check_engine, name_of, open_connection
 from ss2sql.runtime.opening import source_of as source_of
-from ss2sql.runtime.result import Answer, Result
-from ss2sql.runtime.run import Run, Stats
+from ss2sql.runtime.progress import check_progress
+from ss2sql.runtime.remembered.listing import Graphs, listed
+from ss2sql.runtime.result import Result
 from ss2sql.runtime.tables import path_of
 from ss2sql.runtime.temporal import TemporalFile
 from ss2sql.runtime.triggers import Trigger
@@ -32,7 +34,7 @@ from ss2sql.vtables.describe import described, tables_in_sight
 from ss2sql.vtables.frames import reader_of
 
 F = TypeVar("F", bound=Callable[..., Any])
-SWITCHES = ("memo", *REWRITES)
+SWITCHES = ("memo", "remember", *REWRITES)
 
 
 def connect(
@@ -73,12 +75,14 @@ class Session:
             raise SessionError(
                 "S002", f"there is no optimisation '{unknown[0]}'", hints=did_you_mean(unknown[0], SWITCHES)
             )
+        check_progress(progress)
         connection = open_connection(path, read_only)
         self.timeout = timeout
         self.progress = progress
         self._closed = False
         file = None if path is None else TemporalFile(connection)
         self.host = SessionHost(connection, file, read_only, frozenset(disable))
+        weakref.finalize(self, self.host.end_processes)  # apsw keeps the host of a session that nobody closes
 
     # --- registration ----------------------------------------------------------------------------------
 
@@ -216,6 +220,14 @@ class Session:
         """All script variables with copies of their values, by name."""
         return self.host.names.copies()
 
+    def graphs(self) -> Graphs:
+        """The graphs that searches with MEMORIZE have left in the session's file, the oldest first.
+
+        They print as a table. `graphs().drop()` removes all of them, `graphs()[0].drop()` one.
+        """
+        self._check_open()
+        return Graphs(()) if self.host.graph_store is None else listed(self.host.graph_store)
+
     # --- running ---------------------------------------------------------------------------------------
 
     def compile(self, script: str | Path, engine: Engine = "auto") -> Query:
@@ -249,8 +261,9 @@ class Session:
             engine: "auto" (the database unless lowering objects), "database" (an error instead) or "native".
             timeout: seconds, in place of the session's.
             maximum: bounds the results of the last statement's search, like MAXIMUM.
-            workers: processes for a search's levels.
-            max_rows: more results than that are an error.
+            workers: processes for the calls of functions that a level of MEMORIZE needs. The result is the same, sooner
+                where calls are slow. A `WorkersWarning` says where that has no effect, and why.
+            max_rows: more results than that are an error, and more rows in the graph of MEMORIZE.
             variables: values for names of the script, for this run only.
 
         Returns:
@@ -264,7 +277,8 @@ class Session:
         started = time.perf_counter()
         values = {name: normalise(value, f"the variable '{name}'") for name, value in variables.items()}
         query = self._compile(script, engine, values, open_names=False)
-        return self.execute(query, engine, timeout, maximum, max_rows, values, time.perf_counter() - started)
+        seconds = time.perf_counter() - started
+        return self.execute(query, engine, timeout, maximum, workers, max_rows, values, seconds)
 
     def eval(self, script: str | Path, **variables: Any) -> Any:
         """The value of a script: `run(script, **variables).value`."""
@@ -276,67 +290,16 @@ class Session:
         engine: Engine | None,
         timeout: float | None,
         maximum: int | None,
+        workers: int,
         max_rows: int | None,
         variables: Mapping[str, Any],
         compile_seconds: float = 0.0,
     ) -> Result:
         """Runs a compiled script; `Query.run` and `Session.run` end here."""
         self._check_open()
-        if engine is not None:
-            check_engine(engine)
-        check_bound("maximum", maximum, 1)
-        check_bound("max_rows", max_rows, 0)
-        run = Run(self.host, Stats(), self._deadline(self.timeout if timeout is None else timeout), max_rows=max_rows)
-        run.arguments = {name: normalise(value, f"the variable '{name}'") for name, value in variables.items()}
-        run.stats.seconds["compile"] = compile_seconds
-        started = time.perf_counter()
-        statements = query.statements(engine, run.arguments)
-        run.stats.seconds["lower"] = time.perf_counter() - started
-        self.host.runs.append(run)
-        started = time.perf_counter()
-        value: Any = None
-        last = statements[-1]
-        try:
-            for statement in statements:
-                run.maximum = maximum if statement is last else None
-                run.answer = None
-                self.host.forget_stable(run)
-                value = statement.value(run)
-        except Stopped as stopped:
-            stopped.partial = self._partial(run, "timeout" if stopped.code == "T001" else "cancelled")
-            raise
-        except KeyboardInterrupt:
-            cancelled = Cancelled("T002", "the run was interrupted")
-            cancelled.partial = self._partial(run, "cancelled")
-            raise cancelled from None
-        finally:
-            self.host.runs.remove(run)
-            run.stats.seconds["run"] = time.perf_counter() - started
-        answer = run.answer if last.is_query else None
-        engines = [compiled.engine for statement in statements for compiled in statement.queries]
-        used = answer.engine if answer is not None else (engines[-1] if engines else "native")
-        return Result(
-            None if answer is not None else fresh(value),
-            used,
-            answer.status if answer is not None else "complete",
-            run.stats,
-            script_sql(statements, run),
-            answer,
-            outline(statements),
-        )
-
-    def _deadline(self, seconds: float | None) -> float | None:
-        """When a run that starts now has to end; one inside of another run ends with that at the latest."""
-        times = [run.deadline for run in self.host.runs]
-        times.append(None if seconds is None else time.monotonic() + seconds)
-        return min((moment for moment in times if moment is not None), default=None)
-
-    def _partial(self, run: Run, status: str) -> Result | None:
-        if run.sink is None:
-            return None
-        rows, engine = run.sink
-        answer = Answer(rows.shown(), None, engine, status)  # type: ignore[arg-type]
-        return Result(None, engine, answer.status, run.stats, script_sql([]), answer)
+        seconds = self.timeout if timeout is None else timeout
+        options = Options(engine, seconds, maximum, workers, max_rows, self.progress)
+        return execute(self.host, query, options, variables, compile_seconds)
 
     # --- triggers --------------------------------------------------------------------------------------
 
@@ -373,6 +336,7 @@ class Session:
     def close(self) -> None:
         """Closes the connection; the session cannot run scripts any more. Closing twice does no harm."""
         self.host.silence()
+        self.host.end_processes()
         self.host.connection.close()
         self._closed = True
 

@@ -18,6 +18,7 @@ from ss2sql import plan
 from ss2sql.errors import ExecutionError, SessionError
 from ss2sql.kinds import INT_MAX, INT_MIN, Kind, Type
 from ss2sql.runtime.operator_types import MAX
+from ss2sql.runtime.remembered.store import Store
 
 _KINDS = {
     "null": Kind.NONE,
@@ -54,6 +55,7 @@ class Tables:
         self.connection = connection
         self._known: dict[tuple[str, str], tuple[Any, plan.TableSource]] = {}
         self.files: dict[str, Path] = {}  # what is attached, by name
+        self.graphs: Store | None = None  # of remembered graphs, in tables that are no tables of scripts' own
 
     def attach(self, name: str, path: Path) -> None:
         """Makes the tables of a SQLite file known as `name.table`. Raises SessionError S002 for any other file."""
@@ -136,7 +138,8 @@ class Tables:
             return None
         versions = self._fetch(f"PRAGMA {quoted(schema)}.data_version")
         cookies = self._fetch(f"PRAGMA {quoted(schema)}.schema_version")
-        return (versions, cookies, self.connection.total_changes())
+        own = 0 if self.graphs is None else self.graphs.changes
+        return (versions, cookies, self.connection.total_changes() - own)
 
     def _read(self, schema: str, name: str, kind: str, without_rowid: bool) -> plan.TableSource:
         rows: list[tuple[Any, ...]] = self.connection.execute(

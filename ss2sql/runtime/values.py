@@ -28,6 +28,7 @@ from ss2sql.runtime.ordering import ge as ge
 from ss2sql.runtime.ordering import gt as gt
 from ss2sql.runtime.ordering import le as le
 from ss2sql.runtime.ordering import lt as lt
+from ss2sql.runtime.ordering import places_in_order as places_in_order
 from ss2sql.runtime.ordering import sort_rows as sort_rows
 
 

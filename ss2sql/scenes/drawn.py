@@ -1,12 +1,12 @@
-"""The particles of the scene `chaos` for simulators other than PyBullet: drawn from a seed, before anything moves.
+"""The particles of the scene `chaos`, drawn from a seed: the same draws in every simulator.
 
-They are drawn as PyBullet's chaos draws them, but where there is room for one is found by spheres around the particles
-and not by PyBullet, so the same seed gives other particles there.
+Where there is room for a particle PyBullet tells for its own scene, and spheres around the particles for those of other
+simulators, so the same seed gives other particles there.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from colorsys import hsv_to_rgb
 from dataclasses import dataclass
 from importlib import import_module
@@ -15,8 +15,12 @@ from random import Random
 from typing import Any
 
 from ss2sql.errors import SessionError
-from ss2sql.scenes.particles import ACCELERATION, HALF, KINDS, SPEED
 from ss2sql.scenes.solids import Box, Capsule, Colour, Cylinder, Solid, Sphere, Vector, reach
+
+HALF = 5.0  # half the edge of the box, whose middle is the origin
+SPEED = 3.0  # of particles at their birth, at most, in m/s
+ACCELERATION = 4.0  # that forces give, at most
+KINDS = ("sphere", "box", "capsule", "cylinder")
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,30 +38,30 @@ class Particle:
 
 
 class Draws:
-    """All that is left to chance, from one seed."""
+    """All that is left to chance. `name` gives the next name of a kind: `box_1`, `box_2` and so on."""
 
-    def __init__(self, seed: int) -> None:
-        self.random = Random(seed)
+    def __init__(self, random: Random, name: Callable[[str], str] | None = None) -> None:
+        self.random = random
+        self.name = self._next_name if name is None else name
         self._counts: dict[str, int] = {}
 
     def particles(self, count: int) -> Iterator[Particle]:
         """Particles that do not touch each other, at most so many: where there is no more room there are fewer."""
-        if count < 0:
-            raise SessionError("S002", f"a scene cannot have {count} bodies", hints=("give a number from 0 on",))
+        check_count(count)
         taken: list[tuple[Vector, float]] = []
         for _ in range(count):
-            particle = self.particle(taken)
+            particle = self.particle(outside(taken))
             if particle is not None:
                 taken.append((particle.position, reach(particle.solid)))
                 yield particle
 
-    def particle(self, taken: list[tuple[Vector, float]]) -> Particle | None:
-        """One particle outside of spheres that are taken, if there is room."""
+    def particle(self, is_free: Callable[[Vector, float], bool]) -> Particle | None:
+        """One particle at a random place where there is room, if one is found; `is_free` is asked of spheres."""
         solid, kind = self._solid()
         around = reach(solid)
         for _ in range(100):
             position = self.point(HALF - around)
-            if all(dist(position, other) > around + radius for other, radius in taken):
+            if is_free(position, around):
                 break
         else:
             return None
@@ -66,8 +70,7 @@ class Draws:
         turned, velocity, spin = self.point(pi), self.within(SPEED), self.within(2.0)
         return Particle(self.name(kind), solid, position, turned, velocity, spin, mass, colour)
 
-    def name(self, kind: str) -> str:
-        """`box_1`, `box_2` and so on."""
+    def _next_name(self, kind: str) -> str:
         self._counts[kind] = self._counts.get(kind, 0) + 1
         return f"{kind}_{self._counts[kind]}"
 
@@ -103,6 +106,17 @@ class Draws:
         """A vector of random direction and of a random length up to this one."""
         (x, y, z), size = self.direction(), self.random.uniform(0.0, length)
         return x * size, y * size, z * size
+
+
+def check_count(bodies: int) -> None:
+    """Refuses numbers of bodies that no scene can have."""
+    if bodies < 0:
+        raise SessionError("S002", f"a scene cannot have {bodies} bodies", hints=("give a number from 0 on",))
+
+
+def outside(taken: list[tuple[Vector, float]]) -> Callable[[Vector, float], bool]:
+    """Whether a sphere touches none of these spheres."""
+    return lambda place, radius: all(dist(place, other) > radius + its for other, its in taken)
 
 
 def quaternion(turned: Vector) -> tuple[float, float, float, float]:

@@ -6,11 +6,12 @@ MuJoCo's models are finished before they run, so nobody is born here, and nothin
 from __future__ import annotations
 
 from collections.abc import Iterable
+from random import Random
 from typing import ClassVar
 from xml.sax.saxutils import quoteattr
 
-from ss2sql.scenes.drawn import Draws, Particle, quaternion, simulator
-from ss2sql.scenes.particles import HALF, PUSH_EVERY, WALLS
+from ss2sql.scenes.drawn import HALF, Draws, Particle, quaternion, simulator
+from ss2sql.scenes.particles import PUSH_EVERY, WALLS
 from ss2sql.scenes.scene import TIME_STEP
 from ss2sql.scenes.solids import Box, Capsule, Cylinder, Solid, Sphere, Vector
 from ss2sql.vtables.mujoco import MuJoCoWorld
@@ -34,7 +35,7 @@ class MuJoCoChaos:
         self.mujoco = simulator("mujoco", 'pip install "ss2sql[mujoco]"')
         self.seed = seed
         self.steps = 0
-        self._draws = Draws(seed)
+        self._draws = Draws(Random(seed))
         particles = list(self._draws.particles(bodies))
         self.mjcf = mjcf(particles)
         self.model = self.mujoco.MjModel.from_xml_string(self.mjcf)

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from math import dist
+from random import Random
 from typing import Any, ClassVar
 
-from ss2sql.scenes.drawn import Draws, Particle, quaternion, simulator
+from ss2sql.scenes.drawn import HALF, Draws, Particle, outside, quaternion, simulator
 from ss2sql.scenes.particles import (
     BIRTH_EVERY,
     BOUNCE,
     EXPLODES,
     FULL,
-    HALF,
     PUSH_EVERY,
     SPLINTER,
     SPLINTER_STEPS,
@@ -46,7 +46,7 @@ class OdeChaos:
         self._ends: dict[Any, int] = {}
         self._hit: list[Any] = []
         self._joints = self.ode.JointGroup()
-        self._draws = Draws(seed)
+        self._draws = Draws(Random(seed))
         for particle in self._draws.particles(bodies):
             self._forces[self._add(particle)] = self._draws.force(particle.mass)
         self._full = FULL * bodies
@@ -114,7 +114,7 @@ class OdeChaos:
 
     def _bear(self) -> None:
         taken = [(geom.getPosition(), _reach(geom)) for geom in self.particles]
-        particle = self._draws.particle(taken)
+        particle = self._draws.particle(outside(taken))
         if particle is not None:
             self._forces[self._add(particle)] = self._draws.force(particle.mass)
 

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from colorsys import hsv_to_rgb
-from math import cos, dist, pi, sin, sqrt
+from math import dist, sqrt
 from typing import Any, ClassVar
 
-from ss2sql.errors import SessionError
 from ss2sql.scenes.bullet import pybullet
+from ss2sql.scenes.drawn import HALF, Draws, check_count
 from ss2sql.scenes.scene import Scene, View
-from ss2sql.scenes.solids import Box, Capsule, Cylinder, Plane, Solid, Sphere, Vector, reach
+from ss2sql.scenes.solids import Plane, Sphere, Vector
 
-HALF = 5.0  # half the edge of the box, whose middle is the origin
 INSIDE = HALF - 0.02  # where the middle of every particle stays
 BOUNCE = 0.3
-SPEED = 3.0  # of particles at their birth, at most, in m/s
-ACCELERATION = 4.0  # that forces give, at most
 PUSH_EVERY = 120  # steps; then every force has a new direction and strength
 BIRTH_EVERY = 90
 LOOK_EVERY = 4  # steps between looks at who touches whom
@@ -29,7 +25,6 @@ WALLS: dict[str, Vector] = {
     "wall_left": (1, 0, 0), "wall_right": (-1, 0, 0), "wall_front": (0, 1, 0), "wall_back": (0, -1, 0),
     "wall_floor": (0, 0, 1), "wall_ceiling": (0, 0, -1),
 }  # fmt: skip
-KINDS = ("sphere", "box", "capsule", "cylinder")
 
 
 class Chaos(Scene):
@@ -45,6 +40,7 @@ class Chaos(Scene):
     def __init__(self, seed: int, bodies: int, client: Any = None) -> None:
         super().__init__(seed, client)
         self.full = FULL * bodies
+        self.draws = Draws(self.random, self.next_name)
         self.ends: dict[int, int] = {}  # the step in which a splinter vanishes
         corners = [(x, y, z) for x in (-HALF, HALF) for y in (-HALF, HALF) for z in (-HALF, HALF)]
         self.outlines = [(a, b) for a in corners for b in corners if a < b and dist(a, b) == 2 * HALF]
@@ -59,7 +55,7 @@ class Chaos(Scene):
     def before_step(self) -> None:
         if self.steps % PUSH_EVERY == 0 and self.steps:
             for body in self.forces:
-                self.forces[body] = self._force(self.client.getDynamicsInfo(body, -1)[0])
+                self.forces[body] = self.draws.force(self.client.getDynamicsInfo(body, -1)[0])
         if self.steps % BIRTH_EVERY == 0 and self.steps and len(self.names) < self.full:
             self.bear()
         if self.steps % LOOK_EVERY == 0:
@@ -90,21 +86,15 @@ class Chaos(Scene):
 
     def bear(self) -> int | None:
         """A new particle at a random place where there is room, if one is found."""
-        solid, kind = self._solid()
-        around = reach(solid)
-        for _ in range(100):
-            position = self._point(HALF - around)
-            if self.is_free(position, around):
-                break
-        else:
+        particle = self.draws.particle(self.is_free)
+        if particle is None:
             return None
-        mass = self.random.uniform(1.0, 100.0)
-        colour = hsv_to_rgb(self.random.random(), self.random.uniform(0.55, 0.95), self.random.uniform(0.7, 1.0))
-        turned = self._point(pi)
-        body = self.add(self.next_name(kind), solid, position, colour, mass, turned)
+        body = self.add(
+            particle.name, particle.solid, particle.position, particle.colour, particle.mass, particle.turned
+        )
         self._bouncy(body)
-        self.client.resetBaseVelocity(body, self._within(SPEED), self._within(2.0))
-        self.forces[body] = self._force(mass)
+        self.client.resetBaseVelocity(body, particle.velocity, particle.spin)
+        self.forces[body] = self.draws.force(particle.mass)
         return body
 
     def explode(self, body: int) -> None:
@@ -117,7 +107,7 @@ class Chaos(Scene):
         self.remove(body)
         count = self.random.randint(6, 10)
         for _ in range(count):
-            away = self._direction()
+            away = self.draws.direction()
             place = tuple(max(0.1 - HALF, min(HALF - 0.1, p + spread * a)) for p, a in zip(position, away, strict=True))
             splinter = self.add(self.next_name("particle"), SPLINTER, place, WHITE, mass / count)
             self._bouncy(splinter)
@@ -144,35 +134,6 @@ class Chaos(Scene):
         # Bullet multiplies the values of the two bodies that meet, and slows bodies down unless told not to.
         self.client.changeDynamics(body, -1, restitution=sqrt(BOUNCE), linearDamping=0.0, angularDamping=0.02)
 
-    def _solid(self) -> tuple[Solid, str]:
-        kind = self.random.choice(KINDS)
-        a, b, c = (self.random.uniform(0.1, 0.5) for _ in range(3))
-        match kind:
-            case "sphere":
-                return Sphere(a), kind
-            case "box":
-                return Box(2 * a, 2 * b, 2 * c), kind
-            case "capsule":
-                return Capsule(a / 1.5, 2 * b), kind
-            case _:
-                return Cylinder(a, 2 * b), kind
-
-    def _force(self, mass: float) -> Vector:
-        return self._within(mass * ACCELERATION)
-
-    def _point(self, half: float) -> Vector:
-        """A point in the cube with this half edge."""
-        return self.random.uniform(-half, half), self.random.uniform(-half, half), self.random.uniform(-half, half)
-
-    def _direction(self) -> Vector:
-        z, angle = self.random.uniform(-1.0, 1.0), self.random.uniform(0.0, 2 * pi)
-        across = sqrt(1 - z * z)
-        return across * cos(angle), across * sin(angle), z
-
-    def _within(self, length: float) -> Vector:
-        """A vector of random direction and of a random length up to this one."""
-        return _scaled(self._direction(), self.random.uniform(0.0, length))
-
 
 def _scaled(vector: Vector, factor: float) -> Vector:
     return vector[0] * factor, vector[1] * factor, vector[2] * factor
@@ -183,6 +144,5 @@ def chaos(seed: int = 18, bodies: int = 150, client: Any = None) -> Chaos:
 
     It builds in a simulation of its own, or in `client`, which it empties.
     """
-    if bodies < 0:
-        raise SessionError("S002", f"a scene cannot have {bodies} bodies", hints=("give a number from 0 on",))
+    check_count(bodies)
     return Chaos(seed, bodies, client)

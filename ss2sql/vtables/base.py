@@ -126,11 +126,15 @@ class Table:
     """One kind of elements of a world. An adapter derives a class and declares it in `World.tables`.
 
     `groups` maps the name of a method to the columns that it gives: `{"pose": "x y z"}` needs `def pose(self, key)`,
-    which returns their values in this order; a group of one column returns the value itself. `arrays` does the same
-    for simulators that hold everything in arrays: `def pose(self, keys)` gets the keys of all elements that are
-    wanted and returns one array per column (a group of one column: the array itself). Every column is in one group,
-    but the one named by `key`, which is the key itself. Without a `key` column, keys may be any hashable value, for
-    example a pair of numbers.
+    which returns their values in this order; a group of one column returns the value itself. Every column is in one
+    group, but the one named by `key`, which is the key itself. Without a `key` column, keys may be any hashable value,
+    for example a pair of numbers.
+
+    `arrays` does the same for simulators that hold everything in arrays: `def pose(self, keys)` gets the keys of all
+    elements that are wanted and returns one array per column (a group of one column: the array itself). `blocks` does
+    it for simulators that answer quickly, with values that are numbers, strings or None of just the declared types:
+    `def pose(self, keys)` gets the keys of the next few elements and returns a list of tuples, one for each. These
+    values are taken as they are; only that floats lie within 1e100 is looked after.
 
     `places` says what stands where: `{"this": "x y z", "pos": "x y z"}`. With "this" the world promises that its
     function `distance` measures the straight way from the point [x, y, z] of an element, to a point, to one of two
@@ -143,6 +147,7 @@ class Table:
     columns: ClassVar[Sequence[Column]] = ()
     places: ClassVar[Mapping[str, str]] = {}
     groups: ClassVar[Mapping[str, str]] = {}
+    blocks: ClassVar[Mapping[str, str]] = {}
     arrays: ClassVar[Mapping[str, str]] = {}
     text: ClassVar[str] = ""
 
@@ -212,6 +217,16 @@ class World:
     def time(self) -> float | None:
         """The world's own clock in seconds, which `getTime()` then shows; None where it has none."""
         return None
+
+    def fingerprint(self) -> str:
+        """What tells the world as it is now from any other, in any process; graphs are remembered by it.
+
+        By default it is made of all columns of all elements. An adapter whose functions depend on more writes its own,
+        and raises NotImplementedError with the reason where there is none.
+        """
+        from ss2sql.vtables.contents import contents
+
+        return contents(self)
 
     def check(self) -> None:
         """Raises where the world cannot be read any more, with the reason: "the client is disconnected"."""

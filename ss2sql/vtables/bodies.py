@@ -6,7 +6,7 @@ over one of them runs over the other.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from math import atan2, copysign, pi, sqrt
 from typing import Any
 
@@ -26,6 +26,7 @@ SPIN = "wx wy wz angularVelocity"
 SHAPE = "type isSphere isBox isCapsule isCylinder isPlane isMesh"
 
 Vector = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]  # x, y, z, w
 
 _COLUMNS = (
     Column("id", int, "", "the number of the body", "="),
@@ -82,26 +83,6 @@ def body_columns(without: str = "") -> tuple[Column, ...]:
     """The columns of bodies, but for those that a simulator knows nothing of."""
     left_out = without.split()
     return tuple(column for column in _COLUMNS if column.name not in left_out)
-
-
-def position_row(x: float, y: float, z: float) -> tuple[Any, ...]:
-    """The columns of POSITION."""
-    return x, y, z, x, y, z, (x, y, z)
-
-
-def rotation_row(x: float, y: float, z: float, w: float) -> tuple[Any, ...]:
-    """The columns of ROTATION."""
-    return x, y, z, w, (x, y, z, w)
-
-
-def velocity_row(vector: Sequence[float]) -> tuple[Any, ...]:
-    """The columns of VELOCITY."""
-    return (*vector, vector, vector)
-
-
-def spin_row(vector: Sequence[float]) -> tuple[Any, ...]:
-    """The columns of SPIN."""
-    return (*vector, vector)
 
 
 def shape_row(shape: str) -> tuple[Any, ...]:

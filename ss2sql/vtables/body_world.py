@@ -12,10 +12,9 @@ import numpy as np
 from ss2sql.errors import ExecutionError, did_you_mean
 from ss2sql.runtime.messages import show
 from ss2sql.vtables.base import Column, Element, Table, TableFunction, Where, World, function
-from ss2sql.vtables.bodies import Vector
+from ss2sql.vtables.bodies import Quaternion, Vector
 from ss2sql.vtables.schema import schema_of, tables_of
 
-Quaternion = tuple[float, float, float, float]
 Box = tuple[Sequence[float], Sequence[float]]
 PAIR = (
     Column("a", object, "", "the one body"),
@@ -86,7 +85,7 @@ class BodyWorld(World):
         """A column of a body, read now."""
         return schema_of(self.bodies).value(body, name)
 
-    def frame(self, body: int) -> tuple[Sequence[float], Sequence[float]]:
+    def pose(self, body: int) -> tuple[Sequence[float], Sequence[float]]:
         """Where a body is, and how it is turned."""
         return self.column(body, "pos"), self.column(body, "quat")
 
@@ -144,7 +143,7 @@ class BodyWorld(World):
         given = numbers(value, 2, 3, 7)
         if given is None:
             raise wrong(name, "a place [x, y], [x, y, z] or [x, y, z, qx, qy, qz, qw]", value)
-        point, turn = self.frame(body) if len(given) < 7 else (given, given[3:])
+        point, turn = self.pose(body) if len(given) < 7 else (given, given[3:])
         size = hypot(*turn)
         if size < 1e-6:
             raise wrong(name, "a turn whose four numbers are not all 0", value)
@@ -227,6 +226,20 @@ class BodyWorld(World):
         moved = self.body(body)
         self.put(moved, *self.place("move", moved, to))
         return to
+
+
+class Asked:
+    """The pairs of bodies that a script asks for: all, those of body a, or those between a and b."""
+
+    def __init__(self, world: BodyWorld, a: Any, b: Any) -> None:
+        self.a, self.b = (None if body is None else world.body(body) for body in (a, b))
+
+    def in_order(self, one: int, other: int) -> tuple[int, int] | None:
+        """Two bodies as a and b; None if they are not asked for."""
+        for a, b in ((one, other), (other, one)):
+            if self.a in (None, a) and self.b in (None, b):
+                return a, b
+        return None
 
 
 class Closest(TableFunction):

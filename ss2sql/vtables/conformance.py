@@ -127,6 +127,7 @@ class _Judge:
             place = next(index for index, pair in enumerate(zip(rows, again, strict=True)) if pair[0] != pair[1])
             detail = f"{keys[place]!r} is first {rows[place]}, then {again[place]}"
             raise BrokenRuleError("reading changes nothing", table.name, detail)
+        self._blocks(table, schema, keys)
         self._arrays(table, schema, keys, rows)
         for _ in range(60):
             self._filter(table, schema, keys, rows)
@@ -150,9 +151,24 @@ class _Judge:
         except Exception as error:
             raise _refused("values fit their columns", table.name, error) from error
 
+    def _blocks(self, table: Table, schema: Schema, keys: list[Any]) -> None:
+        """Blocks, which queries take as they are, are lists of tuples with values of the declared types."""
+        for group in sorted(schema.blocks):
+            try:
+                found = list(getattr(table, group)(keys))
+                clean = [schema.row(group, row) for row in found]
+            except Exception as error:
+                raise _refused("blocks fit their columns", table.name, error) from error
+            if len(found) != len(keys):
+                detail = f"{group} gives {len(found)} rows for {len(keys)} keys"
+                raise BrokenRuleError("blocks fit their columns", table.name, detail)
+            for row, wanted in zip(found, clean, strict=True):
+                if repr(row) != repr(wanted):  # which shows types, too
+                    raise BrokenRuleError("blocks fit their columns", table.name, f"{group} gives {row}, not {wanted}")
+
     def _arrays(self, table: Table, schema: Schema, keys: list[Any], rows: list[dict[str, Any]]) -> None:
-        """Groups of arrays give what belongs to the keys that were asked for, in their order."""
-        if not schema.arrays or not keys:
+        """Arrays and blocks give what belongs to the keys that were asked for, in their order."""
+        if not (schema.arrays or schema.blocks) or not keys:
             return
         known = dict(zip(keys, rows, strict=True))
         for _ in range(10):
@@ -160,7 +176,7 @@ class _Judge:
             for key, row in zip(some, self._rows(table, schema, some), strict=True):
                 if row != known[key]:
                     detail = f"asked for {some}, {key!r} is {row} instead of {known[key]}"
-                    raise BrokenRuleError("arrays are in the order of their keys", table.name, detail)
+                    raise BrokenRuleError("values belong to their keys", table.name, detail)
 
     def _filter(self, table: Table, schema: Schema, keys: list[Any], rows: list[dict[str, Any]]) -> None:
         """`keys(where)` leaves out nothing that `where` allows, and keeps the order."""
@@ -172,10 +188,10 @@ class _Judge:
             value = self.dice.choice(rows)[name]
             if isinstance(value, float) and self.dice.random() < 0.3:
                 value += self.dice.choice((-1.0, 1.0)) * self.dice.random()
-            demands.append((name, self.dice.choice(operators), value))
+            demands.append(((name, self.dice.choice(operators)), value))
         where = where_of(demands, schema)
         found = self._keys(table, where)
-        asked = ", ".join(f"{name} {operator} {value!r}" for name, operator, value in demands)
+        asked = ", ".join(f"{name} {operator} {value!r}" for (name, operator), value in demands)
         for key, row in zip(keys, rows, strict=True):
             if key not in found and all(one.allows(row[name]) for name, one in where.items()):
                 detail = f"with {asked} the key {key!r} is missing, whose row is {row}"
@@ -313,7 +329,7 @@ class _Judge:
             if group in schema.arrays:
                 continue
             try:
-                answer = getattr(table, group)(key)
+                answer = getattr(table, group)([key] if group in schema.blocks else key)
             except Gone:
                 continue
             except Exception as error:

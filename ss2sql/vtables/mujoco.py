@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ss2sql.errors import ExecutionError, SessionError
-from ss2sql.vtables.bodies import Vector
-from ss2sql.vtables.body_world import BodyWorld, Closest, Near, Overlaps, Quaternion
+from ss2sql.vtables.bodies import Quaternion, Vector
+from ss2sql.vtables.body_world import BodyWorld, Closest, Near, Overlaps
 from ss2sql.vtables.mujoco_shapes import Shapes
 from ss2sql.vtables.mujoco_tables import Bodies, Contacts, Geoms, Joints, Sensors
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -22,7 +23,7 @@ from ss2sql.vtables.bodies import (
     euler,
     gone,
 )  # fmt: skip
-from ss2sql.vtables.body_world import PAIR
+from ss2sql.vtables.body_world import PAIR, Asked
 from ss2sql.vtables.mujoco_shapes import KINDS
 
 if TYPE_CHECKING:
@@ -30,6 +31,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[Any]
 Keys = Sequence[int]
+_ALL = slice(None)
+_REAL_LAST = [1, 2, 3, 0]
 _JOINTS = ("free", "ball", "slide", "hinge")
 _GEOM_COLUMNS = f"{POSITION} {ROTATION} {SHAPE} rot volume aabb".split()
 _SHAPES = ("sphere", "box", "capsule", "cylinder", "plane", "mesh")
@@ -76,26 +79,52 @@ class _Numbered(Table):
         return [names[key] for key in self.checked(keys)]
 
 
+class _Turned(_Numbered, ABC):
+    """Elements that are turned in some way."""
+
+    @abstractmethod
+    def quaternions(self, keys: Keys) -> Array:
+        """How they are turned; MuJoCo's quaternions begin with the real part."""
+
+    def turn(self, keys: Keys) -> tuple[Array, ...]:
+        quaternions = self.quaternions(keys)
+        w, x, y, z = quaternions.T
+        return x, y, z, w, quaternions[:, _REAL_LAST]
+
+    def angles(self, keys: Keys) -> Array:
+        return np.array([euler(x, y, z, w) for w, x, y, z in self.quaternions(keys).tolist()])
+
+
+def _from_model(name: str) -> Callable[[Any, Keys], Array]:
+    """A group that is an array of the model."""
+
+    def read(table: _Numbered, keys: Keys) -> Array:
+        found: Array = getattr(table.world.model, name)[table.checked(keys)]
+        return found
+
+    return read
+
+
+def _from_data(name: str, part: slice = _ALL) -> Callable[[Any, Keys], Array]:
+    """A group that is an array of the data, or some columns of one."""
+
+    def read(table: _Numbered, keys: Keys) -> Array:
+        found: Array = getattr(table.world.data, name)[table.checked(keys)]
+        return found if part is _ALL else found[:, part]
+
+    return read
+
+
 def _position(points: Array) -> tuple[Array, ...]:
     x, y, z = points.T
     return x, y, z, x, y, z, points
-
-
-def _rotation(quaternions: Array) -> tuple[Array, ...]:
-    """MuJoCo's quaternions begin with the real part."""
-    w, x, y, z = quaternions.T
-    return x, y, z, w, quaternions[:, [1, 2, 3, 0]]
-
-
-def _euler(quaternions: Array) -> Array:
-    return np.array([euler(x, y, z, w) for w, x, y, z in quaternions.tolist()])
 
 
 def _shape(kinds: Array) -> tuple[Any, ...]:
     return kinds, *(kinds == known for known in _SHAPES)
 
 
-class Bodies(_Numbered):
+class Bodies(_Turned):
     name, count, kind = "bodies", "nbody", "body"
     text = "the bodies of the model; the first is `world`, which all that stands still belongs to"
     columns = body_columns()
@@ -123,20 +152,16 @@ class Bodies(_Numbered):
 
     # Columns that say the same are groups of their own: each that is made although nobody reads it costs as much.
 
-    def point(self, keys: Keys) -> Array:
-        found: Array = self.world.data.xpos[self.checked(keys)]
+    point = _from_data("xpos")
+
+    def quaternions(self, keys: Keys) -> Array:
+        found: Array = self.world.data.xquat[self.checked(keys)]
         return found
 
     def place(self, keys: Keys) -> tuple[Array, ...]:
         return tuple(self.point(keys).T)
 
     axes = place
-
-    def turn(self, keys: Keys) -> tuple[Array, ...]:
-        return _rotation(self.world.data.xquat[self.checked(keys)])
-
-    def angles(self, keys: Keys) -> Array:
-        return _euler(self.world.data.xquat[self.checked(keys)])
 
     def velocity(self, keys: Keys) -> Array:
         model, data, index = self.world.model, self.world.data, self.checked(keys)
@@ -154,17 +179,9 @@ class Bodies(_Numbered):
         angular = self.world.data.cvel[self.checked(keys), :3]
         return (*angular.T, angular)
 
-    def pushed(self, keys: Keys) -> Array:
-        found: Array = self.world.data.xfrc_applied[self.checked(keys), :3]
-        return found
-
-    def turned(self, keys: Keys) -> Array:
-        found: Array = self.world.data.xfrc_applied[self.checked(keys), 3:]
-        return found
-
-    def weight(self, keys: Keys) -> Array:
-        found: Array = self.world.model.body_mass[self.checked(keys)]
-        return found
+    pushed = _from_data("xfrc_applied", slice(3))
+    turned = _from_data("xfrc_applied", slice(3, 6))
+    weight = _from_model("body_mass")
 
     def shape(self, keys: Keys) -> tuple[Any, ...]:
         return _shape(self.world.shapes.kinds_of_bodies()[self.checked(keys)])
@@ -192,11 +209,10 @@ class Bodies(_Numbered):
         return found
 
     def pose(self, keys: Keys) -> Array:
-        index = self.checked(keys)
-        return np.hstack((self.world.data.xpos[index], self.world.data.xquat[index][:, [1, 2, 3, 0]]))
+        return np.hstack((self.point(keys), self.quaternions(keys)[:, _REAL_LAST]))
 
 
-class Geoms(_Numbered):
+class Geoms(_Turned):
     name, count, kind = "geoms", "ngeom", "geom"
     text = "the shapes of the bodies"
     columns = (
@@ -211,22 +227,14 @@ class Geoms(_Numbered):
         "extent": "size", "size_of": "volume", "box": "aabb",
     }  # fmt: skip
 
-    def owner(self, keys: Keys) -> Array:
-        found: Array = self.world.model.geom_bodyid[self.checked(keys)]
-        return found
+    owner = _from_model("geom_bodyid")
+    extent = _from_model("geom_size")
 
     def place(self, keys: Keys) -> tuple[Array, ...]:
         return _position(self.world.data.geom_xpos[self.checked(keys)])
 
-    def turn(self, keys: Keys) -> tuple[Array, ...]:
-        return _rotation(self.world.shapes.quaternions(self.checked(keys)))
-
-    def angles(self, keys: Keys) -> Array:
-        return _euler(self.world.shapes.quaternions(self.checked(keys)))
-
-    def extent(self, keys: Keys) -> Array:
-        found: Array = self.world.model.geom_size[self.checked(keys)]
-        return found
+    def quaternions(self, keys: Keys) -> Array:
+        return self.world.shapes.quaternions(self.checked(keys))
 
     def shape(self, keys: Keys) -> tuple[Any, ...]:
         return _shape(KINDS[self.world.model.geom_type[self.checked(keys)]])
@@ -260,9 +268,8 @@ class Joints(_Numbered):
     def shape(self, keys: Keys) -> list[str]:
         return [_JOINTS[kind] for kind in self.world.model.jnt_type[self.checked(keys)]]
 
-    def owner(self, keys: Keys) -> Array:
-        found: Array = self.world.model.jnt_bodyid[self.checked(keys)]
-        return found
+    owner = _from_model("jnt_bodyid")
+    direction = _from_data("xaxis")
 
     def state(self, keys: Keys) -> tuple[list[float | None], list[float | None]]:
         model, data, index = self.world.model, self.world.data, self.checked(keys)
@@ -276,10 +283,6 @@ class Joints(_Numbered):
         limited = model.jnt_limited[index].astype(bool)
         lower, upper = model.jnt_range[index].T
         return _where(limited, lower), _where(limited, upper)
-
-    def direction(self, keys: Keys) -> Array:
-        found: Array = self.world.data.xaxis[self.checked(keys)]
-        return found
 
 
 class Sensors(_Numbered):
@@ -323,22 +326,17 @@ class Contacts(TableFunction):
 
     def rows(self, a: Any = None, b: Any = None) -> Iterator[tuple[Any, ...]]:
         world = self.world
-        wanted = [None if body is None else world.body(body) for body in (a, b)]
+        asked, element = Asked(world, a, b), world.bodies.element
         contacts = world.data.contact
         owners = world.model.geom_bodyid[contacts.geom].tolist()
         normals, places, gaps = -contacts.frame[:, :3], contacts.pos, contacts.dist
         for number, (one, other) in enumerate(owners):
-            turned = wanted[0] not in (None, one) or wanted[1] not in (None, other)
-            if turned:
-                one, other = other, one
-                if wanted[0] not in (None, one) or wanted[1] not in (None, other):
-                    continue
-            normal = -normals[number] if turned else normals[number]
-            half = normal * gaps[number] / 2
-            yield (
-                world.bodies.element(one), world.bodies.element(other), one, other, places[number] + half,
-                places[number] - half, normal, gaps[number], world.force_of(number),
-            )  # fmt: skip
+            pair = asked.in_order(one, other)
+            if pair is not None:
+                normal = normals[number] if pair == (one, other) else -normals[number]
+                half = normal * gaps[number] / 2
+                points = places[number] + half, places[number] - half
+                yield (*map(element, pair), *pair, *points, normal, gaps[number], world.force_of(number))
 
 
 def _known(values: Array) -> list[float | None]:

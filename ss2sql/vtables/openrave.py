@@ -6,6 +6,7 @@ may come as matrices or, after `openravepy.options.SetReturnTransformQuaternions
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from importlib import import_module
@@ -24,52 +25,60 @@ from ss2sql.vtables.bodies import (
     SHAPE,
     SPIN,
     VELOCITY,
+    Quaternion,
     Vector,
     body_columns,
-    euler,
     finite,
     gone,
-    position_row,
-    rotation_row,
-    shape_row,
-    spin_row,
-    velocity_row,
 )  # fmt: skip
-from ss2sql.vtables.body_world import BodyWorld, Closest, Near, Overlaps, Quaternion
+from ss2sql.vtables.body_world import BodyWorld, Closest, Near, Overlaps
+from ss2sql.vtables.placed import Placed
 
 _SHAPES = {"sphere": "sphere", "box": "box", "cylinder": "cylinder", "trimesh": "mesh"}
 _LINK_COLUMNS = f"{POSITION} {ROTATION} rot pose {SHAPE} {VELOCITY} {SPIN} mass volume aabb isEnabled".split()
 
 
-class _Solids(Table):
+class _Solids(Placed):
     """What bodies and their links have in common: `things` of OpenRAVE with a pose and geometries."""
 
+    SOLIDS: ClassVar[dict[str, str]] = {
+        **Placed.PLACED, "called": "name", "weight": "mass", "size": "volume", "box": "aabb", "touchable": "isEnabled",
+    }  # fmt: skip
     world: OpenRaveWorld
 
+    @abstractmethod
     def thing(self, key: Any) -> Any:
-        raise NotImplementedError
+        """The body or link with a key."""
 
+    @abstractmethod
     def geometries(self, key: Any) -> list[Any]:
-        raise NotImplementedError
+        """Its shapes."""
+
+    @abstractmethod
+    def motion(self, key: Any) -> list[float]:
+        """How it moves: three numbers for its velocity, three for its spin."""
 
     def called(self, key: Any) -> str:
         return str(self.thing(key).GetName())
 
-    def shape(self, key: Any) -> tuple[Any, ...]:
+    def kind_of(self, key: Any) -> str:
         kinds = [shape_of(geometry) for geometry in self.geometries(key)]
-        return shape_row("ghost" if not kinds else kinds[0] if len(kinds) == 1 else "compound")
+        return "ghost" if not kinds else kinds[0] if len(kinds) == 1 else "compound"
 
-    def place(self, key: Any) -> tuple[Any, ...]:
-        _, position = pose(self.thing(key).GetTransform())
-        return position_row(*position)
+    def position_of(self, key: Any) -> Vector:
+        return pose(self.thing(key).GetTransform())[1]
 
-    def turn(self, key: Any) -> tuple[Any, ...]:
-        (w, x, y, z), _ = pose(self.thing(key).GetTransform())
-        return rotation_row(x, y, z, w)
+    def turn_of(self, key: Any) -> Quaternion:
+        w, x, y, z = pose(self.thing(key).GetTransform())[0]
+        return x, y, z, w
 
-    def angles(self, key: Any) -> Vector:
-        (w, x, y, z), _ = pose(self.thing(key).GetTransform())
-        return euler(x, y, z, w)
+    def velocity_of(self, key: Any) -> Vector:
+        x, y, z = self.motion(key)[:3]
+        return x, y, z
+
+    def spin_of(self, key: Any) -> Vector:
+        x, y, z = self.motion(key)[3:]
+        return x, y, z
 
     def size(self, key: Any) -> float | None:
         volumes = [_volume(geometry) for geometry in self.geometries(key)]
@@ -81,10 +90,6 @@ class _Solids(Table):
         middle, half = np.asarray(found.pos()), np.asarray(found.extents())
         return finite(middle - half), finite(middle + half)
 
-    def pose(self, key: Any) -> tuple[float, ...]:
-        (w, x, y, z), position = pose(self.thing(key).GetTransform())
-        return (*position, x, y, z, w)
-
     def touchable(self, key: Any) -> bool:
         return bool(self.thing(key).IsEnabled())
 
@@ -95,9 +100,7 @@ class Bodies(_Solids):
     columns = body_columns(without="force torque hasBody")
     places = PLACES
     groups: ClassVar[Mapping[str, str]] = {
-        "called": "name", "itself": "obj", "shape": SHAPE, "place": POSITION, "turn": ROTATION, "angles": "rot",
-        "speed": VELOCITY, "spin": SPIN, "weight": "mass", "size": "volume", "box": "aabb", "robot": "isRobot",
-        "sensing": "isSensor", "touchable": "isEnabled", "pose": "pose",
+        **_Solids.SOLIDS, "itself": "obj", "robot": "isRobot", "sensing": "isSensor",
     }  # fmt: skip
 
     def keys(self, where: Where) -> Iterable[int]:
@@ -122,11 +125,8 @@ class Bodies(_Solids):
         self.thing(key)  # which must exist
         return self.element(key)
 
-    def speed(self, key: int) -> tuple[Any, ...]:
-        return velocity_row(_velocity(self.world.thing(key))[:3])
-
-    def spin(self, key: int) -> tuple[Any, ...]:
-        return spin_row(_velocity(self.world.thing(key))[3:])
+    def motion(self, key: Any) -> list[float]:
+        return _floats(self.world.thing(key).GetLinkVelocities()[0])  # the first link carries the body's pose
 
     def weight(self, key: int) -> float:
         return float(sum(link.GetMass() for link in self.world.thing(key).GetLinks()))
@@ -148,11 +148,7 @@ class Links(_Solids):
         Column("name", str, "", "its name"),
         *(replace(column, filter="") for column in body_columns() if column.name in _LINK_COLUMNS),
     )
-    groups: ClassVar[Mapping[str, str]] = {
-        "owner": "body number", "called": "name", "shape": SHAPE, "place": POSITION, "turn": ROTATION, "angles": "rot",
-        "speed": VELOCITY, "spin": SPIN, "weight": "mass", "size": "volume", "box": "aabb", "touchable": "isEnabled",
-        "pose": "pose",
-    }  # fmt: skip
+    groups: ClassVar[Mapping[str, str]] = {**_Solids.SOLIDS, "owner": "body number"}
 
     def keys(self, where: Where) -> Iterable[tuple[int, int]]:
         for body in self.world.all():
@@ -169,11 +165,8 @@ class Links(_Solids):
         self.thing(key)  # which must exist
         return key
 
-    def speed(self, key: tuple[int, int]) -> tuple[Any, ...]:
-        return velocity_row(_floats(self.thing(key).GetVelocity())[:3])
-
-    def spin(self, key: tuple[int, int]) -> tuple[Any, ...]:
-        return spin_row(_floats(self.thing(key).GetVelocity())[3:])
+    def motion(self, key: Any) -> list[float]:
+        return _floats(self.thing(key).GetVelocity())
 
     def weight(self, key: tuple[int, int]) -> float:
         return float(self.thing(key).GetMass())
@@ -291,12 +284,12 @@ class OpenRaveWorld(BodyWorld):
         self.thing(body).SetTransform(np.array([w, x, y, z, *position]))
 
 
-def pose(transform: Any) -> tuple[tuple[float, ...], tuple[float, ...]]:
+def pose(transform: Any) -> tuple[tuple[float, ...], Vector]:
     """The quaternion of a transform, the real part first, and its position."""
     values = np.asarray(transform, float)
-    if values.shape == (7,):
-        return tuple(values[:4].tolist()), tuple(values[4:].tolist())
-    return _quaternion(values[:3, :3]), tuple(values[:3, 3].tolist())
+    is_list = values.shape == (7,)
+    x, y, z = (values[4:] if is_list else values[:3, 3]).tolist()
+    return tuple(values[:4].tolist()) if is_list else _quaternion(values[:3, :3]), (x, y, z)
 
 
 def _quaternion(matrix: NDArray[Any]) -> tuple[float, ...]:
@@ -326,11 +319,6 @@ def _volume(geometry: Any) -> float | None:
         case "cylinder":
             return float(pi * geometry.GetCylinderRadius() ** 2 * geometry.GetCylinderHeight())
     return None
-
-
-def _velocity(body: Any) -> list[float]:
-    """Of the first link, which carries the body's pose: linear, then angular."""
-    return _floats(body.GetLinkVelocities()[0])
 
 
 def _floats(values: Any) -> list[float]:

@@ -12,6 +12,8 @@ from typing import Any, TypeAlias
 
 import apsw
 
+from ss2sql.vtables.names import quoted
+
 SqlValue: TypeAlias = Any
 
 
@@ -58,8 +60,8 @@ class Elements:
     def Connect(  # noqa: N802 - the name is SQLite's
         self, connection: apsw.Connection, module: str, database: str, table: str, *arguments: str
     ) -> tuple[str, _Table]:
-        quoted = ", ".join('"' + name.replace('"', '""') + '"' for name in ("this", *self.names))
-        return f'CREATE TABLE elements({quoted}, "{ARGUMENT}" HIDDEN)', _Table(self)
+        shown = quoted(("this", *self.names))
+        return f'CREATE TABLE elements({shown}, "{ARGUMENT}" HIDDEN)', _Table(self)
 
     Create = Connect
 

@@ -16,7 +16,7 @@ from functools import partial
 from typing import Any
 
 from ss2sql.errors import Stopped
-from ss2sql.runtime.memorize.pieces import Pieces, State
+from ss2sql.runtime.memorize.pieces import Last, Pieces, State
 from ss2sql.runtime.native.searches.step import Hunt, Steps
 from ss2sql.runtime.run import Level
 from ss2sql.runtime.values import freeze
@@ -87,13 +87,18 @@ class WayBack:
         return partial(self._steps, depth)
 
     def _steps(self, depth: int, state: State, seen: Any) -> Iterator[Any]:
-        bound, stats = self.hunt.bound, self.hunt.stats
+        lasts = self.lasts(depth, state)
+        self.hunt.stats.expanded += 1
+        self.hunt.stats.generated += len(lasts)
+        return self.pieces.steps_over(lasts, seen)
+
+    def lasts(self, depth: int, state: State) -> list[Last]:
+        """The elements of a state of that level which still lead to the goal in time, with the state."""
+        bound = self.hunt.bound
         assert bound is not None
         known = self.edges.get(self.key(state), ())
         positions = sorted(position for position, left in known if depth + left <= bound)
-        stats.expanded += 1
-        stats.generated += len(positions)
-        return self.pieces.steps_over([self.elements[position] + state for position in positions], seen)
+        return [self.elements[position] + state for position in positions]
 
 
 def _key_of_one(state: State) -> Hashable:

@@ -8,18 +8,26 @@ much would bring paths of equal total out of their order, and one that is lowere
 queue find all paths of almost the same total before the first comes out. So the total of the best way on is
 made exactly as the path would make it, by an A* search forwards from the total so far; what is lowered is
 only its estimate. Rounding never swaps two numbers, so of several ways to a node the best total stays best.
+
+None of this knows that the nodes of a path are in its own way, nor how many steps it may still take. `around` does, by
+a search for each path: dear, but less so than a great many paths that lead nowhere.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Container, Hashable, Iterable
 from heapq import heappop, heappush
 from math import frexp, inf
 from operator import add, mul
-from typing import Any
+from typing import Any, TypeAlias
 
-from ss2sql.runtime.memorize.by_length import FAR
+from ss2sql.runtime.memorize.careful import FAR
 from ss2sql.runtime.memorize.graph import Graph
+
+CHECK_EVERY = 4096  # edges
+KNOWN = 500_000  # totals that are remembered
+
+Way: TypeAlias = tuple[int, Any]  # an edge, and the way after it; None: it leads to a goal
 
 
 class Bounds:
@@ -33,8 +41,11 @@ class Bounds:
         self._exact = (_exact_products if likeliest else _exact_sums)(graph.weights, graph.longest)
         # Each operation is off by a part in 2^53; a bound and a total take at most so many operations each.
         margin = 4 * (graph.longest + 2) * 2.0**-53
-        self._slack = 1 + margin if likeliest else 1 - margin
+        self._slack: float = 1 if self._exact else 1 + margin if likeliest else 1 - margin
         self._known: dict[tuple[int, Any], Any] = {}
+        self.hops = _hops_to_goals(graph)
+        self.steps = 0  # edges that were looked at
+        self._due = CHECK_EVERY
 
     def onward(self, node: int, total: Any) -> Any:
         """The least total of a path that is at `node` with this total and takes at least one more step to a goal.
@@ -43,30 +54,74 @@ class Bounds:
         """
         if self._exact:
             return self.combine(total, self._best[node])
-        key = (node, total)
-        if key not in self._known:
-            self._known[key] = self._searched(node, total)
-        return self._known[key]
+        if (node, total) not in self._known:
+            self._search_on(node, total)
+        return self._known[node, total]
 
-    def _searched(self, node: int, total: Any) -> Any:
-        graph, combine, best = self.graph, self.combine, self._best
-        reached: dict[int, Any] = {}
-        queue: list[tuple[Any, bool, int, Any]] = [(total, True, node, total)]
-        while True:
-            _, goes_on, node, total = heappop(queue)
+    def _search_on(self, node: int, total: Any) -> None:
+        """Finds the best way on; what it leads to is the least total from each of its nodes, too."""
+        found = self._search(node, total, 0, (), limited=False)
+        assert found is not None
+        least, way = found
+        if len(self._known) > KNOWN:
+            self._known.clear()
+        while way is not None:
+            self._known[node, total] = least
+            edge, way = way
+            node, total = self.graph.targets[edge], self.combine(total, self.graph.weights[edge])
+
+    def around(self, node: int, total: Any, taken: int, visited: Container[Hashable]) -> tuple[Any, Way] | None:
+        """The least total of a path that goes on from `node` around the nodes visited, and the way on.
+
+        It has `taken` so many steps to get there.
+        """
+        return self._search(node, total, taken, visited, limited=self.graph.bound is not None)
+
+    def _search(
+        self, node: int, total: Any, taken: int, visited: Container[Hashable], limited: bool
+    ) -> tuple[Any, Way] | None:
+        """An A* search. With `limited`, a dearer way to a node counts where it has fewer steps."""
+        graph, combine, best, slack = self.graph, self.combine, self._best, self._slack
+        done: dict[int, list[tuple[Any, int]]] = {}
+        number = 0  # keeps ways from being compared
+        queue: list[tuple[Any, bool, int, Any, int, int, Any]] = [(total, True, node, total, taken, 0, None)]
+        while queue:
+            _, goes_on, node, total, taken, _, way = heappop(queue)
             if not goes_on:
-                return total
+                return total, _forwards(way)
+            if any(other <= total and steps <= taken for other, steps in done.get(node, ())):
+                continue
+            done.setdefault(node, []).append((total, taken))
+            self.look_at(node)
+            steps = taken + limited
             for edge in graph.edges[node]:
                 target = graph.targets[edge]
-                further = combine(total, graph.weights[edge])
-                if target in reached and reached[target] <= further:
+                if target in visited:
                     continue
-                reached[target] = further
+                further, longer, number = combine(total, graph.weights[edge]), (edge, way), number + 1
                 if graph.goals[target]:
-                    heappush(queue, (further, False, target, further))
-                if best[target] is not None:
-                    estimate = combine(further, best[target]) * self._slack
-                    heappush(queue, (estimate, True, target, further))
+                    heappush(queue, (further, False, target, further, steps, number, longer))
+                if best[target] is not None and steps + self.hops[target] <= graph.longest:
+                    estimate = combine(further, best[target]) * slack
+                    heappush(queue, (estimate, True, target, further, steps, number, longer))
+        return None
+
+    def look_at(self, node: int) -> None:
+        """Counts the edges of a node."""
+        self.steps += 1 + len(self.graph.edges[node])
+        if self.steps > self._due:
+            self._due = self.steps + CHECK_EVERY
+            self.graph.check()
+
+
+def _forwards(way: Way) -> Way:
+    """A way from its end, as one from its beginning."""
+    after: Any = None
+    back: Any = way
+    while back is not None:
+        after = (back[0], after)
+        back = back[1]
+    return after  # type: ignore[no-any-return]
 
 
 def _exact_sums(weights: Iterable[Any], longest: int) -> bool:
@@ -96,11 +151,15 @@ def _ways_on(graph: Graph, likeliest: bool) -> list[Any]:
     start: Any = sign if likeliest else 0
     queue: list[tuple[Any, int]] = [(start, node) for node, goal in enumerate(graph.goals) if goal]
     settled = bytearray(len(graph.rows))
+    turns = 0
     while queue:
         rank, node = heappop(queue)
         if settled[node]:
             continue
         settled[node] = 1
+        turns += 1
+        if not turns % CHECK_EVERY:
+            graph.check()
         for source, weight in into[node]:
             further = combine(rank, weight)
             if further < ranks[source]:
@@ -109,13 +168,14 @@ def _ways_on(graph: Graph, likeliest: bool) -> list[Any]:
     return [None if rank == inf else sign * rank for rank in ranks]
 
 
-def hops_to_goals(graph: Graph) -> list[int]:
+def _hops_to_goals(graph: Graph) -> list[int]:
     """For each node the number of steps, at least one, to the nearest goal; FAR where there is no way."""
     hops = [FAR] * len(graph.rows)
     sources = graph.into()
     level = [node for node, goal in enumerate(graph.goals) if goal]
     steps = 0
     while level:
+        graph.check()
         steps += 1
         found = []
         for node in level:

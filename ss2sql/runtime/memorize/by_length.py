@@ -5,56 +5,89 @@ are left; that is known from distances, found backwards from the goals. As a wal
 and fro, the distances are kept apart for even and odd lengths. Where a walk turns back it notes for which
 greater length it would have gone on: the least of them is the next length, and when there is none, no longer
 path exists.
+
+Distances do not know that the path itself is in the way, and a walk knows nothing of the walks before it. In
+most graphs neither matters. Where `PATIENCE` times as many edges as the graph has were looked at without another
+path, the careful walk of careful.py takes over. It takes three to ten times as long where all is well.
 """
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Iterator, Sequence
+from itertools import islice
 
+from ss2sql.runtime.memorize.careful import FAR, Careful
 from ss2sql.runtime.memorize.graph import Graph
 
-FAR = 2**62  # no goal can be reached
 CHECK_EVERY = 1023
+PATIENCE = 10  # 14,000 paths of Hanoi with 4 disks need 1.5, a crowded grid of 7 x 7 nodes 0.7
 
 
 def paths_by_length(graph: Graph) -> Iterator[Sequence[int]]:
     """The paths from the start to a goal as lists of edges. Each is read before the next one is asked for."""
-    walk = _Walk(graph)
-    length = walk.first()
-    while length <= graph.longest:
-        yield from walk.paths(length)
-        length = walk.longer
+    return ByLength(graph).paths()
 
 
-class _Walk:
+class ByLength:
+    """The paths of one graph: by the quick walk until it loses its way, then by the careful one."""
+
+    def __init__(self, graph: Graph) -> None:
+        self.graph = graph
+        self.quick = Quick(graph)
+        self.careful: Careful | None = None
+
+    @property
+    def steps(self) -> int:
+        """How many edges were looked at."""
+        return self.quick.steps + (self.careful.steps if self.careful else 0)
+
+    def paths(self) -> Iterator[Sequence[int]]:
+        """The paths from the start to a goal as lists of edges."""
+        quick = self.quick
+        length = quick.first()
+        while length <= self.graph.longest:
+            given = 0
+            for path in quick.paths(length):
+                yield path
+                given += 1
+            if quick.lost:
+                self.careful = Careful(self.graph)
+                yield from islice(self.careful.paths(length), given, None)
+                return
+            length = quick.longer
+
+
+class Quick:
     """The walks over one graph. `even` and `odd` are the distances to a goal in an even and odd number of steps."""
 
     def __init__(self, graph: Graph) -> None:
         self.graph = graph
         self.even, self.odd = _distances(graph)
-        even, odd, targets = self.even, self.odd, graph.targets
-        # Edges that lead nowhere are left out once and for all.
-        self.edges = [
-            [(edge, targets[edge]) for edge in edges if min(even[targets[edge]], odd[targets[edge]]) < FAR]
-            for edges in graph.edges
-        ]
+        # Of the nodes that were entered, the edges that lead somewhere.
+        self.edges: list[list[tuple[int, int]] | None] = [None] * len(graph.rows)
         self.longer = FAR
         self.turns = 0
+        self.steps = 0  # edges of the nodes that were left again
+        self.patience = PATIENCE * (len(graph.rows) + len(graph.targets))
+        self.trusted = self.patience  # how many steps may be taken before the next path
+        self.lost = False
 
     def first(self) -> int:
         """The length of the shortest paths."""
         return min(self.even[0], self.odd[0])
 
     def paths(self, length: int) -> Iterator[Sequence[int]]:
-        """The paths of this length; `longer` is then the next length that is worth a walk."""
+        """The paths of this length; `longer` is then the next length that is worth a walk.
+
+        Ends with `lost` where too many ways lead nowhere.
+        """
         self.longer = FAR
         goals, edges = self.graph.goals, self.edges
         distances = (self.even, self.odd)
         visited = bytearray(len(goals))
         path: list[int] = []
         nodes: list[int] = []
-        stack = [iter(edges[0])]
+        stack = [iter(self._edges(0))]
         while stack:
             left = length - len(stack)  # steps that are left after the next one
             distance = distances[left & 1]
@@ -63,6 +96,7 @@ class _Walk:
                     continue
                 if not left:
                     if goals[node]:
+                        self.trusted = self.steps + self.patience
                         yield [*path, edge]
                     if self.longer > length + 1:
                         self._note_beyond(node, length)
@@ -70,7 +104,7 @@ class _Walk:
                     path.append(edge)
                     nodes.append(node)
                     visited[node] = 1
-                    stack.append(iter(edges[node]))
+                    stack.append(iter(edges[node] or self._edges(node)))
                     break
                 elif self.longer > length + 1:
                     self._note(node, length - left, left)
@@ -78,17 +112,29 @@ class _Walk:
                 stack.pop()
                 if nodes:
                     path.pop()
-                    visited[nodes.pop()] = 0
-                self._tick()
+                    node = nodes.pop()
+                    visited[node] = 0
+                    self.steps += len(edges[node] or ())
+                if self._gives_up():
+                    return
 
-    def _tick(self) -> None:
+    def _edges(self, node: int) -> list[tuple[int, int]]:
+        """The edges out of a node with the nodes that they lead to; those that lead nowhere are left out."""
+        even, odd, targets = self.even, self.odd, self.graph.targets
+        pairs = [(edge, targets[edge]) for edge in self.graph.edges[node]]
+        known = self.edges[node] = [pair for pair in pairs if even[pair[1]] < FAR or odd[pair[1]] < FAR]
+        return known
+
+    def _gives_up(self) -> bool:
         self.turns += 1
         if not self.turns & CHECK_EVERY:
             self.graph.check()
+        self.lost = self.steps > self.trusted
+        return self.lost
 
     def _note_beyond(self, node: int, depth: int) -> None:
         """Notes the length of the shortest walk that goes on from a node which is the last one now."""
-        for _, following in self.edges[node]:
+        for _, following in self.edges[node] or self._edges(node):
             self._note(following, depth + 1, -1)
 
     def _note(self, node: int, depth: int, left: int) -> None:
@@ -101,21 +147,23 @@ class _Walk:
 
 
 def _distances(graph: Graph) -> tuple[list[int], list[int]]:
-    """For each node the steps to the nearest goal, by walks of even and of odd length."""
+    """For each node the steps to the nearest goal, by walks of even and of odd length; FAR beyond the longest path."""
     sources = graph.into()
     far = [FAR] * len(graph.rows)
     distances = (far, far.copy())
-    queue: deque[tuple[int, int]] = deque()
-    for node, goal in enumerate(graph.goals):
-        if goal:
-            distances[0][node] = 0
-            queue.append((node, 0))
-    while queue:
-        node, parity = queue.popleft()
-        further = distances[parity][node] + 1
-        other = distances[1 - parity]
-        for source in sources[node]:
-            if other[source] == FAR:
-                other[source] = further
-                queue.append((source, 1 - parity))
+    level = [node for node, goal in enumerate(graph.goals) if goal]
+    for node in level:
+        far[node] = 0
+    for steps in range(1, graph.longest + 1):
+        known = distances[steps & 1]
+        found = []
+        for node in level:
+            for source in sources[node]:
+                if known[source] == FAR:
+                    known[source] = steps
+                    found.append(source)
+        graph.check()
+        if not found:
+            break
+        level = found
     return distances

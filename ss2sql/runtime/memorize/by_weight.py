@@ -4,26 +4,32 @@ Best-first over paths: the queue holds results at their totals and paths that go
 they can still get. Totals are costs added up from 0, or probabilities multiplied from -1, so less is better.
 Among equals source order decides, so a path whose bound is its total leads straight on, even where there are
 millions of its kind. That is why bounds have to be exact, see bounds.py.
+
+Bounds do not know that the path itself is in the way, nor how many steps are left. Where that has cost many steps
+without a result, every path is asked before it goes on what it can really get, by a search around its
+nodes. From then on each path that goes on leads to a result.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from heapq import heappop, heappush
-from itertools import count
-from typing import Any
+from itertools import islice
+from typing import Any, TypeAlias
 
-from ss2sql.runtime.memorize.bounds import Bounds, hops_to_goals
-from ss2sql.runtime.memorize.by_length import paths_by_length
+from ss2sql.runtime.memorize.bounds import Bounds, Way
+from ss2sql.runtime.memorize.by_length import PATIENCE, paths_by_length
 from ss2sql.runtime.memorize.graph import Graph
 from ss2sql.runtime.native.searches.step import Place, Trail
 
-CHECK_EVERY = 255
+# Bound, path as edges, whether the path goes on; then its total, its last node, its place, and the way that is known to
+# give the bound. The first three differ always.
+Entry: TypeAlias = tuple[Any, tuple[int, ...], bool, Any, int, Place | None, Way | None]
 
 
 def paths_by_weight(graph: Graph, likeliest: bool) -> Iterator[Sequence[int]]:
     """The paths from the start to a goal as lists of edges, the cheapest or likeliest first."""
-    return paths_by_length(graph) if _by_length(graph, likeliest) else _paths(graph, likeliest)
+    return paths_by_length(graph) if _by_length(graph, likeliest) else ByWeight(graph, likeliest).paths()
 
 
 def _by_length(graph: Graph, likeliest: bool) -> bool:
@@ -36,30 +42,70 @@ def _by_length(graph: Graph, likeliest: bool) -> bool:
     return weight < 1 and weight**graph.longest > 1e-300 if likeliest else bool(weight > 0)
 
 
-def _paths(graph: Graph, likeliest: bool) -> Iterator[Sequence[int]]:
-    bounds, hops = Bounds(graph, likeliest), hops_to_goals(graph)
-    combine = bounds.combine
-    trail, ticks = Trail(), count(1)
-    # Bound, path as edges, whether the path goes on; then its total, its last node and place.
-    queue: list[tuple[Any, tuple[int, ...], bool, Any, int, Place | None]] = []
-    if hops[0] <= graph.longest:
-        queue.append((bounds.start, (), True, bounds.start, 0, None))
-    while queue:
-        _, path, goes_on, total, node, place = heappop(queue)
-        if not next(ticks) & CHECK_EVERY:
-            graph.check()
-        if not goes_on:
+class ByWeight:
+    """The paths of one graph."""
+
+    def __init__(self, graph: Graph, likeliest: bool) -> None:
+        self.graph = graph
+        self.bounds = Bounds(graph, likeliest)
+        self.patience = PATIENCE * (len(graph.rows) + len(graph.targets))
+        self.lost = False
+
+    @property
+    def steps(self) -> int:
+        """How many edges were looked at."""
+        return self.bounds.steps
+
+    def paths(self) -> Iterator[Sequence[int]]:
+        """The paths from the start to a goal as lists of edges."""
+        given = 0
+        for path in self._paths(careful=False):
             yield path
-            continue
-        trail.move_to(place)
+            given += 1
+        if self.lost:
+            # What waits in the queue are mostly ways that lead nowhere.
+            yield from islice(self._paths(careful=True), given, None)
+
+    def _paths(self, careful: bool) -> Iterator[Sequence[int]]:
+        """Ends with `lost` where it is not careful and too many ways lead nowhere."""
+        bounds, trail = self.bounds, Trail()
+        trusted = bounds.steps + self.patience
+        queue: list[Entry] = []
+        if bounds.hops[0] <= self.graph.longest:
+            queue.append((bounds.start, (), True, bounds.start, 0, None, None))
+        while queue:
+            entry = heappop(queue)
+            _, path, goes_on, total, node, place, way = entry
+            if not goes_on:
+                trusted = bounds.steps + self.patience
+                yield path
+                continue
+            trail.move_to(place)
+            if careful and way is None:
+                known = bounds.around(node, total, len(path), trail.keys)
+                if known is not None:
+                    heappush(queue, (known[0], path, True, total, node, place, known[1]))
+                continue
+            self._go_on(queue, trail, entry)
+            if not careful and bounds.steps > trusted:
+                self.lost = True
+                return
+
+    def _go_on(self, queue: list[Entry], trail: Trail, entry: Entry) -> None:
+        """Puts the paths that are one step longer into the queue."""
+        graph, bounds = self.graph, self.bounds
+        bound, path, _, total, node, place, way = entry
+        bounds.look_at(node)
         depth = len(path) + 1
         for edge in graph.edges[node]:
             target = graph.targets[edge]
             if target in trail.keys:
                 continue
-            reached, longer = combine(total, graph.weights[edge]), (*path, edge)
+            reached, longer = bounds.combine(total, graph.weights[edge]), (*path, edge)
             if graph.goals[target]:
-                heappush(queue, (reached, longer, False, reached, target, None))
-            if depth + hops[target] <= graph.longest:
-                bound = bounds.onward(target, reached)
-                heappush(queue, (bound, longer, True, reached, target, (place, (), target, depth)))
+                heappush(queue, (reached, longer, False, reached, target, None, None))
+            if depth + bounds.hops[target] <= graph.longest:
+                there = (place, (), target, depth)
+                known = way[1] if way is not None and way[0] == edge else None
+                least = bounds.onward(target, reached) if known is None else bound
+                heappush(queue, (least, longer, True, reached, target, there, known))

@@ -7,16 +7,22 @@ The graph grows by levels: a level are the rows that were first reached by so ma
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator
+from collections.abc import Callable, Container, Hashable, Iterable, Iterator
+from functools import partial
+from typing import TypeAlias
 
 from ss2sql import plan
 from ss2sql.errors import ExecutionError
-from ss2sql.runtime.memorize.both_ends import balanced, way_back
+from ss2sql.runtime.memorize.both_ends import WayBack, balanced, way_back
 from ss2sql.runtime.memorize.by_length import paths_by_length
 from ss2sql.runtime.memorize.by_weight import paths_by_weight
 from ss2sql.runtime.memorize.graph import Graph
+from ss2sql.runtime.memorize.pieces import Last
 from ss2sql.runtime.native.searches.step import Found, Hunt, State, Steps
+from ss2sql.runtime.remembered.steps import Remembering
 from ss2sql.runtime.run import Level
+
+Elements: TypeAlias = Callable[[State], Iterable[Last]]
 
 
 def memorize(hunt: Hunt) -> Iterator[Found]:
@@ -35,17 +41,29 @@ def memorize_weighted(hunt: Hunt) -> Iterator[Found]:
 
 def grown(hunt: Hunt) -> Graph:
     """The graph of the rows that are reached by at most `hunt.bound` steps."""
+    keeper = hunt.run.host.graphs
+    memory = None if keeper is None else keeper.remembering(hunt)
+    if memory is None:
+        return _grown(hunt, steps_from(hunt), way_back(hunt), None)
+    with memory:
+        return _grown(hunt, memory.steps, None, memory)
+
+
+def _grown(hunt: Hunt, steps: Steps, way: WayBack | None, memory: Remembering | None) -> Graph:
     graph = hunt.run.graph = Graph(hunt.check, hunt.bound)
     hunt.flush()
     numbers: dict[Hashable, int] = {}
-    steps, way = steps_from(hunt), way_back(hunt)
     level, levels = [(0, hunt.start)], list[Level]()
     hunt.stats.levels = levels
     while level and (hunt.bound is None or len(levels) < hunt.bound):
         depth = len(levels)
+        if memory is not None:
+            memory.level([state for _, state in level])
         way = way and balanced(way, depth, [state for _, state in level])
         rows, edges, steps_before = len(graph.rows), len(graph.targets), hunt.stats.generated
-        level = _next_level(hunt, way.steps(depth) if way and way.leads(depth) else steps, graph, numbers, level)
+        leading = way if way and way.leads(depth) else None
+        states = _prepared(hunt, level, numbers, None if leading is None else partial(leading.lasts, depth))
+        level = _next_level(hunt, leading.steps(depth) if leading else steps, graph, numbers, states)
         hunt.flush()
         edges = len(graph.targets) - edges
         levels.append(Level(len(graph.rows) - rows, edges, hunt.stats.generated - steps_before - edges))
@@ -57,13 +75,21 @@ def steps_from(hunt: Hunt) -> Steps:
     return hunt.steps
 
 
+def _prepared(
+    hunt: Hunt, level: list[tuple[int, State]], numbers: Container[Hashable], elements: Elements | None
+) -> Iterable[tuple[int, State]]:
+    """The level, whose calls other processes make before they are asked for, where that is wanted."""
+    foreteller = hunt.run.foreteller
+    return level if foreteller is None else foreteller.blocks(hunt, level, numbers, elements)
+
+
 def _next_level(
-    hunt: Hunt, steps: Steps, graph: Graph, numbers: dict[Hashable, int], level: list[tuple[int, State]]
+    hunt: Hunt, steps: Steps, graph: Graph, numbers: dict[Hashable, int], level: Iterable[tuple[int, State]]
 ) -> list[tuple[int, State]]:
     """Adds the steps from the nodes of a level to the graph, and gives the nodes of the next level that go on."""
     following_level = []
-    foreteller, most = hunt.run.foreteller, hunt.run.max_rows
-    for node, state in level if foreteller is None else foreteller.blocks(hunt, level, numbers):
+    most = hunt.run.max_rows
+    for node, state in level:
         for row, goal, following, key, weight, _, last in steps(state, numbers):
             if goal is None:
                 graph.add_edge(node, numbers[key], weight, last)

@@ -13,11 +13,12 @@ from typing import Any
 
 from ss2sql import plan
 from ss2sql.runtime.native import flat, hunt
+from ss2sql.runtime.native.endings import Form
 from ss2sql.runtime.native.expressions import expression, group_key
 from ss2sql.runtime.native.facts import Facts
 from ss2sql.runtime.native.options import whole
 from ss2sql.runtime.native.pen import Pen
-from ss2sql.runtime.native.tasks import Form, task_of, tuples_of, value_of
+from ss2sql.runtime.native.tasks import task_of, tuples_of, value_of
 from ss2sql.runtime.native.texts import Sight, texts_of
 from ss2sql.runtime.native.unit import Body, Unit
 from ss2sql.runtime.run import Run
@@ -127,7 +128,7 @@ class Builder:
             "find": (flat.finder if query.search is None else hunt.finder)(self, query, part("rows"), own),
             "group": self._group(query, part),
             "arguments": self._arguments(query, part),
-            "flush": None if query.search is None else self._flush(pen),
+            "flush": self._flush(pen) if query.search and query.search.repeats == "memorize" else None,
         }
         form = pen.name(unit.constant(Form.of(query, tuple(own)), "form"))
         given = [pen.constant(None) if name is None else pen.name(name) for name in functions.values()]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 from dataclasses import replace
+from functools import reduce
 from typing import TYPE_CHECKING, Any, TypeGuard
 
 from ss2sql import plan
@@ -35,17 +36,34 @@ def remembered_call(builder: Builder, node: plan.Call, body: Body) -> ast.expr:
     pen = unit.pen_at(node.place)
     values = [expression(builder, argument, body) for argument in node.arguments]
     way = _way(node, body)
+    keys: list[ast.expr] = []
+    again: list[ast.expr] = []  # the keys, once they have been computed
     if way == "of_keys":
-        keys = []
         for index, argument in enumerate(node.arguments):
             key, values[index] = _key(builder, argument, values[index], body)
-            keys.append(key)
-        values.insert(0, pen.pack(*keys))
+            name = key.id if isinstance(key, ast.Name) else unit.local("key")
+            keys.append(key if isinstance(key, ast.Name) else pen.bind(name, key))
+            again.append(pen.name(name))
     unit.page.mark_call(node.place, node.function.name)
     constant = pen.name(unit.constant(node.function, "function"))
-    function = pen.call(unit.helper(calls_of), pen.name("run"), constant, pen.constant(way))
-    bound = unit.bind((node.function.name, way), node.function.name, function, pen)
-    return pen.call(bound, *values)
+
+    def bound(part: str) -> str:
+        function = pen.call(unit.helper(calls_of), pen.name("run"), constant, pen.constant(part))
+        return unit.bind((node.function.name, part), node.function.name, function, pen)
+
+    if way == "of_any":
+        return pen.call(bound(way), *values)
+    # What is remembered is asked here: 0.1 us in place of 0.5.
+    found, asked = unit.local("found"), unit.local("key")
+    if way == "of_plain":
+        key = pen.pack(*values)
+        missed = pen.call(bound("missed_plain"), pen.name(found), pen.name(asked))
+    else:
+        key = reduce(lambda one, other: pen.binary(one, ast.Add(), other), keys)
+        missed = pen.call(bound("missed"), pen.name(found), pen.name(asked), pen.pack(*again), *values)
+    kind = pen.call("type", pen.bind(found, pen.call(bound("get"), pen.bind(asked, key))))
+    remembered = [pen.compare(kind, ast.Is(), pen.name("tuple")), pen.call(bound("hit"))]
+    return pen.either(pen.both(ast.And(), remembered), pen.name(found), missed)
 
 
 def keyed_elements(places: list[Any]) -> set[int]:

@@ -12,6 +12,7 @@ them.
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable
+from itertools import count
 from marshal import dumps, loads
 from types import CodeType, NoneType
 from typing import Any, TypeAlias
@@ -36,9 +37,12 @@ _NESTED = frozenset({list, tuple, dict, set, frozenset, CodeType})
 # by chance, in text above all, which costs time only. Deleting takes 0.1 us, a pattern that looks for them 0.5 us.
 _UNUSUAL = b"glTFsyxcS.({<>"
 
-NO_KEY: Any = None
+# The key of a value with objects inside: no bytes that marshal writes begin like this.
+NO_KEY = b"\xff"
 
 _NO_ITEMS: Result = ([], dumps([], 2))
+_TRUE: Result = (True, True)
+_FALSE: Result = (False, False)
 
 
 def are_plain(arguments: Iterable[Any]) -> bool:
@@ -46,8 +50,8 @@ def are_plain(arguments: Iterable[Any]) -> bool:
     return PLAIN.issuperset(map(type, arguments))
 
 
-def exact_key(value: Any) -> Any:
-    """What tells a value from all that are not the same, 1 from 1.0; no bytes where objects are inside."""
+def exact_key(value: Any) -> bytes:
+    """What tells a value from all that are not the same, 1 from 1.0; NO_KEY where objects are inside."""
     try:
         return dumps(value, 2)
     except ValueError:
@@ -58,74 +62,101 @@ class RememberedCalls:
     """The calls of one function in one run, in three ways that share what is remembered.
 
     `of_plain(*arguments)` takes arguments of the kinds in PLAIN, `of_keys(keys, *arguments)` any with their exact keys,
-    `of_any(*arguments)` makes the keys itself. All give a `Result`.
+    `of_any(*arguments)` makes the keys itself. All give a `Result`. Generated code asks the memory itself: `get(key)`
+    with the keys joined, or `get(arguments)` where they are plain, gives a Result, to be counted by a call of `hit`, or
+    what `missed` or `missed_plain` makes one of. `settle` hands on what was counted.
 
     What is remembered is held as bytes until somebody asks for it: of thousands of tuples and lists more than a third
     of the time of a search would go into looking through them for garbage. So keys are bytes, and so are lists.
     """
 
-    __slots__ = ("of_any", "of_keys", "of_plain")
+    __slots__ = ("get", "hit", "missed", "missed_plain", "of_any", "of_keys", "of_plain", "settle")
 
     def __init__(self, function: UserFunction, run: Run, limit: int) -> None:
         name, memo, remembered, objects = function.name, dict[Any, Any](), run.stats.remembered, Pool()
         call, copied = checked_call(function, run), function.changes
+        if run.foreteller is not None:
+            call = run.foreteller.call_of(function, call)
+        get, hits, told = memo.get, count(1), 1
+        hit = hits.__next__
+
+        def settle() -> None:
+            nonlocal told
+            now = hit()
+            if now > told:
+                remembered[name] += now - told
+            told = now + 1
 
         def of_plain(*arguments: Any) -> Result:
-            found = memo.get(arguments)
-            if found is not None:
-                return again(arguments, found)
-            found = call(arguments)
-            keep(arguments, found)
-            return found
+            found = get(arguments)
+            return found if type(found) is tuple and hit() else missed_plain(found, arguments)
+
+        def missed_plain(found: bytes | None, arguments: tuple[Any, ...]) -> Result:
+            return kept(arguments, call(arguments)) if found is None else again(arguments, found)
 
         def of_keys(keys: tuple[bytes, ...], *arguments: Any) -> Result:
-            try:
-                key = b"".join(keys)
-            except TypeError:
-                return with_objects(arguments)
-            found = memo.get(key)
+            key = b"".join(keys)
+            found = get(key)
+            return found if type(found) is tuple and hit() else missed(found, key, keys, *arguments)
+
+        def missed(found: bytes | None, key: bytes, keys: tuple[bytes, ...], *arguments: Any) -> Result:
             if found is not None:
                 return again(key, found)
+            if NO_KEY in keys:
+                return with_objects(arguments)
             if type(arguments[-1]) is not list and are_plain(arguments):
-                return of_plain(*arguments)
-            if copied:  # the bytes of a key are a fresh value but for the reading of them
-                given = zip(keys, arguments, strict=True)
-                found = call([value if type(value) in SCALARS else loads(key) for key, value in given])
-            else:
-                found = call(arguments)
-            keep(key, found)
-            return found
+                return kept(key, of_plain(*arguments))
+            if not copied:
+                return kept(key, call(arguments))
+            # The bytes of a key are a fresh value but for the reading of them.
+            if len(keys) == 2:
+                one, other = arguments
+                one = one if type(one) in SCALARS else loads(keys[0])
+                other = other if type(other) in SCALARS else loads(keys[1])
+                return kept(key, call((one, other)))
+            given = zip(keys, arguments, strict=True)
+            return kept(key, call([value if type(value) in SCALARS else loads(known) for known, value in given]))
 
         def of_any(*arguments: Any) -> Result:
-            return (
-                of_plain(*arguments) if are_plain(arguments) else of_keys(tuple(map(exact_key, arguments)), *arguments)
-            )
+            if are_plain(arguments):
+                return of_plain(*arguments)
+            return of_keys(tuple(map(exact_key, arguments)), *arguments)
 
         def with_objects(arguments: tuple[Any, ...]) -> Result:
             if function.inferred:  # what was proved of plain data says nothing of other objects
                 return call(map(fresh, arguments))
             key = (objects.encode(list(arguments)),)
-            found = memo.get(key)
-            if found is not None:
-                return again(key, found)
-            found = call(map(fresh, arguments))
-            keep(key, found)
-            return found
-
-        def again(key: Hashable, found: Any) -> Result:
-            remembered[name] += 1
+            found = get(key)
+            if found is None:
+                return kept(key, call(map(fresh, arguments)))
             if type(found) is bytes:
-                memo[key] = found = (loads(found), found)
+                return again(key, found)
+            hit()
             return found  # type: ignore[no-any-return]
 
-        def keep(key: Hashable, found: Result) -> None:
+        def again(key: Hashable, found: bytes) -> Result:
+            remembered[name] += 1
+            result = memo[key] = (loads(found), found)
+            return result
+
+        def kept(key: Hashable, found: Result) -> Result:
             if len(memo) >= limit:
                 if not limit:
-                    return
+                    return found
                 forget_half(memo)
             memo[key] = found[1] if type(found[1]) is bytes and found[0] else found
+            return found
 
+        self.get, self.hit, self.settle = get, hit, settle
         self.of_plain, self.of_keys, self.of_any = of_plain, of_keys, of_any
+        self.missed, self.missed_plain = missed, missed_plain
+
+
+def settle_calls(run: Run) -> None:
+    """Hands on to the run how often results of functions were remembered."""
+    for known in run.callables.values():
+        if isinstance(known, RememberedCalls):
+            known.settle()
 
 
 def checked_call(function: UserFunction, run: Run) -> Callable[[Any], Result]:
@@ -142,14 +173,16 @@ def checked_call(function: UserFunction, run: Run) -> Callable[[Any], Result]:
         if kind is list:
             if not result:
                 return _NO_ITEMS
-            if len(result) < 16 and is_flat(result):
+            if len(result) < 16 and (_NESTED.isdisjoint(map(type, result)) or is_flat(result)):
                 try:
                     marshalled = dumps(result, 2)
                 except ValueError:  # there are objects inside
                     return normalise(result, giver), None
                 if len(marshalled.translate(None, _UNUSUAL)) == len(marshalled):
                     return result, marshalled
-        elif kind is bool or kind is str or (kind is int and INT_MIN <= result <= INT_MAX):
+        elif kind is bool:
+            return _TRUE if result else _FALSE  # a tuple less to hold for each call
+        elif kind is str or (kind is int and INT_MIN <= result <= INT_MAX):
             return result, result
         return normalise(result, giver), None
 
@@ -161,8 +194,6 @@ def is_flat(value: list[Any]) -> bool:
 
     A list that contains itself is none that marshal could be given.
     """
-    if _NESTED.isdisjoint(map(type, value)):
-        return True
     for item in value:
         kind = type(item)
         if kind in _NESTED and (kind is not list or not _NESTED.isdisjoint(map(type, item))):

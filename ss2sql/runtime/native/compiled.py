@@ -11,6 +11,7 @@ from ss2sql import plan
 from ss2sql.errors import Error
 from ss2sql.runtime.call_sites import takes_arrays
 from ss2sql.runtime.native.builder import Builder, Dispatch
+from ss2sql.runtime.native.calls import settle_calls
 from ss2sql.runtime.native.deep import deep
 from ss2sql.runtime.native.expressions import expression
 from ss2sql.runtime.native.facts import Analysis
@@ -55,7 +56,7 @@ class NativeQuery:
             Error: with the place in the script. Exceptions of the user's functions pass with a note.
         """
         work = self._looking_ahead(run, lambda: self._bound(run).rows(sink=sink, outermost=True))
-        return self._placed(work)  # type: ignore[no-any-return]
+        return self._placed(run, work)  # type: ignore[no-any-return]
 
     def value(self, run: Run) -> Any:
         """The value that the query's representation makes of its answer; raises what `rows` raises."""
@@ -64,7 +65,7 @@ class NativeQuery:
             task = self._bound(run)
             return task.shaped(task.rows(outermost=True))
 
-        return self._placed(self._looking_ahead(run, value))
+        return self._placed(run, self._looking_ahead(run, value))
 
     def stream(self, run: Run) -> Iterator[Row]:
         """The rows of a query, one by one where that is possible; errors have no place."""
@@ -90,7 +91,7 @@ class NativeQuery:
 
         return Scouts(self.query)
 
-    def _placed(self, work: Callable[[], Any]) -> Any:
+    def _placed(self, run: Run, work: Callable[[], Any]) -> Any:
         try:
             with deep(self._levels):
                 return work()
@@ -101,6 +102,8 @@ class NativeQuery:
             if other is error:
                 raise
             raise other from None
+        finally:
+            settle_calls(run)
 
 
 def compile_statement(expr: plan.Expr, dispatch: Dispatch | None = None) -> Callable[[Run], Any]:
@@ -131,5 +134,7 @@ def compile_statement(expr: plan.Expr, dispatch: Dispatch | None = None) -> Call
             if other is error:
                 raise
             raise other from None
+        finally:
+            settle_calls(run)
 
     return statement

@@ -13,11 +13,12 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, assert_never
 
 from ss2sql import plan
-from ss2sql.kinds import Kind
+from ss2sql.kinds import Kind, Type
+from ss2sql.runtime.native.arithmetic import inlined
 from ss2sql.runtime.native.call_code import is_remembered, remembered_call
 from ss2sql.runtime.native.facts import OWN_GROUP
 from ss2sql.runtime.native.pen import Pen
-from ss2sql.runtime.native.unit import Body
+from ss2sql.runtime.native.unit import Body, Unit
 from ss2sql.runtime.native.worlds import column_reader, element_reader
 from ss2sql.runtime.run import Run
 from ss2sql.runtime.sources import column_of
@@ -26,16 +27,9 @@ from ss2sql.runtime.values import freeze
 if TYPE_CHECKING:
     from ss2sql.runtime.native.builder import Builder
 
-_COMPARISONS: dict[str, type[ast.cmpop]] = {"lt": ast.Lt, "le": ast.LtE, "gt": ast.Gt, "ge": ast.GtE}
-_EQUALITY: dict[str, type[ast.cmpop]] = {"eq": ast.Eq, "ne": ast.NotEq}
+PLAIN = Kind.NONE | Kind.NUMBER | Kind.STR  # values that stand for themselves where values are compared
+
 _MEMBERSHIP: dict[str, type[ast.cmpop]] = {"in": ast.In, "not_in": ast.NotIn}
-_ARITHMETIC: dict[str, type[ast.operator]] = {
-    "add": ast.Add,
-    "sub": ast.Sub,
-    "mul": ast.Mult,
-    "div": ast.Div,
-    "mod": ast.Mod,
-}
 
 
 def expression(builder: Builder, node: plan.Expr, body: Body) -> ast.expr:
@@ -140,6 +134,8 @@ def _column(body: Body, node: plan.Column, pen: Pen) -> ast.expr:
     current = pen.name(unit.names[node.source])
     if node.source in unit.worlds:
         return pen.call(column_reader(unit, node.source, node.name, pen), current)
+    if node.source in unit.bare:
+        return current
     columns = unit.tuples.get(node.source)
     if columns is not None:
         return pen.item(current, columns.index(node.name))
@@ -147,6 +143,8 @@ def _column(body: Body, node: plan.Column, pen: Pen) -> ast.expr:
     if not node.declared:
         return pen.call(unit.helper(column_of), current, pen.constant(node.name))
     if unit.elements[node.source].only(Kind.DICT):
+        if not node.type.may(Kind.NONE):  # so it is there
+            return pen.item(current, pen.constant(node.name))
         return pen.call(pen.part(current, "get"), pen.constant(node.name))
     return pen.call(unit.helper(column_of), current, pen.constant(node.name), pen.constant(None))
 
@@ -168,7 +166,7 @@ def _call(builder: Builder, node: plan.Call, body: Body) -> ast.expr:
         if _is_index(node) and (body.trusting or not function.raises):
             body.trusted = body.trusted or function.raises
             return pen.item(arguments[0], arguments[1])
-        inline = _inline(node, arguments, pen)
+        inline = inlined(node, arguments, unit, pen)
         if inline is not None:
             return inline
     unit.page.mark_call(node.place, function.name)
@@ -198,12 +196,15 @@ def _members(builder: Builder, node: plan.Call, arguments: list[ast.expr], body:
     if short or isinstance(container, plan.MakeList) or facts.key is None:
         return None
     unit, pen = builder.unit, builder.unit.pen_at(container.span)
-    members = pen.call(unit.helper(members_of), arguments[1])
+    if has_tuple(item.type) and container.type.item is not None and has_tuple(container.type.item):
+        function, sought = members_of_lists, tuple_of(arguments[0], pen)
+    else:
+        function, sought = members_of, arguments[0]
+        if not item.type.only(PLAIN):
+            sought = pen.call(unit.helper(freeze), sought)
+    members = pen.call(unit.helper(function), arguments[1])
     kept = body.kept(replace(facts, key=-1 - facts.key), members, pen, "members")
-    frozen = arguments[0]
-    if not item.type.only(Kind.NONE | Kind.NUMBER | Kind.STR):
-        frozen = pen.call(unit.helper(freeze), frozen)
-    return pen.compare(frozen, _MEMBERSHIP[node.function.name](), kept)
+    return pen.compare(sought, _MEMBERSHIP[node.function.name](), kept)
 
 
 def members_of(items: list[Any]) -> frozenset[Hashable]:
@@ -211,27 +212,30 @@ def members_of(items: list[Any]) -> frozenset[Hashable]:
     return frozenset(map(freeze, items))
 
 
-def _inline(node: plan.Call, arguments: list[ast.expr], pen: Pen) -> ast.expr | None:
-    """The call as an operator of Python's, where that is known to do the same."""
-    name, types = node.function.name, [argument.type for argument in node.arguments]
+def members_of_lists(items: list[Any]) -> frozenset[Hashable]:
+    """The same where they are lists of plain values."""
+    return frozenset(map(tuple, items))
 
-    def all_only(kinds: Kind) -> bool:
-        return all(type.only(kinds) for type in types)
 
-    if name in _EQUALITY:
-        return pen.compare(arguments[0], _EQUALITY[name](), arguments[1])
-    if name in _COMPARISONS and (all_only(Kind.NUMBER) or all_only(Kind.STR)):
-        return pen.compare(arguments[0], _COMPARISONS[name](), arguments[1])
-    if name in _MEMBERSHIP and (types[1].only(Kind.LIST) or all_only(Kind.STR)):
-        return pen.compare(arguments[0], _MEMBERSHIP[name](), arguments[1])
-    if node.function.raises:
-        return None
-    joins = name == "add" and (all_only(Kind.STR) or all_only(Kind.LIST))
-    if joins or (name in _ARITHMETIC and all_only(Kind.NUMBER)):
-        return pen.binary(arguments[0], _ARITHMETIC[name](), arguments[1])
-    if name == "neg" and all_only(Kind.NUMBER):
-        return pen.unary(ast.USub(), arguments[0])
-    return None
+# --- frozen values -------------------------------------------------------------------------------------
+
+
+def has_tuple(known: Type) -> bool:
+    """Whether the values are short lists of plain values, so that tuples stand for them: 0.06 us instead of 0.45."""
+    return known.only(Kind.LIST) and known.positions is not None and all(part.only(PLAIN) for part in known.positions)
+
+
+def tuple_of(value: ast.expr, pen: Pen) -> ast.expr:
+    """The tuple of a list."""
+    return pen.pack(*value.elts) if isinstance(value, ast.List) else pen.call("tuple", value)
+
+
+def frozen_form(unit: Unit, expr: plan.Expr, value: ast.expr) -> ast.expr:
+    """What stands for the values of an expression where they are compared; not that of another expression."""
+    pen = unit.pen_at(expr.span)
+    if expr.type.only(PLAIN):
+        return value
+    return tuple_of(value, pen) if has_tuple(expr.type) else pen.call(unit.helper(freeze), value)
 
 
 # --- script variables ----------------------------------------------------------------------------------

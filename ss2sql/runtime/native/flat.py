@@ -1,7 +1,8 @@
 """Flat queries: a generator of nested loops that yields one result after the other.
 
-A result is a row, or, where something has to be done with it later, a pair of the row and its keys: the
-arguments of aggregates, the values of GROUP BY, those of ORDER BY. In a query that aggregates the row is None.
+A result is a row; behind its columns stand the keys of ORDER BY. With GROUP BY it is a pair of the row and its keys:
+the arguments of aggregates, the values of GROUP BY, those of ORDER BY; a query that aggregates yields its groups, see
+groups.py.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from ss2sql import plan
 from ss2sql.kinds import INT
 from ss2sql.runtime.native.call_code import keyed_elements
 from ss2sql.runtime.native.expressions import expression
+from ss2sql.runtime.native.groups import Groups
 from ss2sql.runtime.native.lookups import lookup
 from ss2sql.runtime.native.loops import Loops, read_by_sources
 from ss2sql.runtime.native.unit import Body
@@ -37,12 +39,18 @@ def finder(builder: Builder, query: plan.Query, body: Body, aggregates: Sequence
     for source in query.sources[1:]:  # the first is walked once
         if source.id in keyed:
             loops.accompany(source, frozen=False, keyed=True)
+    groups = Groups(builder, query, aggregates, body) if query.aggregated else None
     inner = loops.open(body, conditions, guarded)
-    pen = builder.unit.pen_at(query.span)
-    row = pen.constant(None) if query.aggregated else pen.pack(*(expression(builder, e, inner) for e in outputs))
-    if keys:
-        row = pen.pack(row, pen.pack(*(expression(builder, key, inner) for key in keys)))
-    inner.add(pen.run(pen.give(row)))
+    if groups is not None:
+        groups.collect(inner)
+        groups.end()
+    else:
+        pen = builder.unit.pen_at(query.span)
+        row = [expression(builder, expr, inner) for expr in outputs]
+        behind = [expression(builder, key, inner) for key in keys]
+        inner.add(
+            pen.run(pen.give(pen.pack(pen.pack(*row), pen.pack(*behind)) if query.group else pen.pack(*row, *behind)))
+        )
     inner.define()
     return body.name
 

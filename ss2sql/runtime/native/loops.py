@@ -8,29 +8,31 @@ value that changes during the walk does no harm.
 from __future__ import annotations
 
 import ast
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import chain
-from typing import TYPE_CHECKING, Any, assert_never
+from typing import TYPE_CHECKING, assert_never
 
 from ss2sql import plan
 from ss2sql.kinds import Kind
 from ss2sql.runtime.native.calls import exact_key
-from ss2sql.runtime.native.expressions import expression
+from ss2sql.runtime.native.expressions import PLAIN, expression
 from ss2sql.runtime.native.facts import Facts
+from ss2sql.runtime.native.items import accompanied, columns_of, in_parts, rows_of_frame, table_rows
 from ss2sql.runtime.native.lookups import (
     Lookup,
     found_in,
     found_in_several,
     index_of_columns,
     index_of_elements,
+    index_of_plain,
     index_of_tuples,
+    index_of_values,
 )
+from ss2sql.runtime.native.pen import Pen
 from ss2sql.runtime.native.unit import MOST_LOOPS, Body
 from ss2sql.runtime.native.worlds import Demand, demand_of, world_items
-from ss2sql.runtime.run import Run
-from ss2sql.runtime.sources import column_of, elements
+from ss2sql.runtime.sources import elements
 from ss2sql.runtime.values import freeze
-from ss2sql.vtables.frames.frame import Frame
 from ss2sql.walk import walk
 
 if TYPE_CHECKING:
@@ -38,9 +40,14 @@ if TYPE_CHECKING:
 
 
 class Loops:
-    """The loops of one query, opened in `body`; what is read once is read in `owner`, around it or the same."""
+    """The loops of one query, opened in `body`; what is read once is read in `owner`, around it or the same.
 
-    def __init__(self, builder: Builder, query: plan.Query, owner: Body) -> None:
+    They stand `inside` of the loops of another query, see inner_loops.py, or are loops of their own.
+    """
+
+    def __init__(self, builder: Builder, query: plan.Query, owner: Body, inside: bool = False) -> None:
+        from ss2sql.runtime.native.inner_loops import stands_inside
+
         self.builder = builder
         self.query = query
         self.owner = owner
@@ -54,9 +61,19 @@ class Loops:
             or any(number == query.id for number, _ in facts.states)
             for source, facts in zip(self.sources, self.facts, strict=True)
         ]
-        self.items: dict[int, str] = {}
+        self.inside = inside
+        self.opened = {
+            source.id
+            for source, lateral in zip(self.sources, self.lateral, strict=True)
+            if lateral and isinstance(source, plan.QuerySource) and stands_inside(source.query, builder.unit.analysis)
+        }
+        own_function = query.search is None and not inside and not owner.parameters
+        self.alone = own_function and len(self.sources) == 1 and not any(self.lateral)
+        self.items: dict[int, str] = {}  # by source: what is read once
+        self.ready: dict[int, ast.expr] = {}  # the same inside of other loops, where it has no name
         self.lookups: dict[int, list[Lookup]] = {}  # by source: what its loop looks up
         self.demands: dict[int, list[Demand]] = {}  # by source: what a world is told of conditions
+        self.wanted: dict[int, str] = {}  # by source: the only column that is read of what its loop looks up
         self.frozen: dict[int, str] = {}  # sources whose elements come with their frozen form
 
     @property
@@ -78,9 +95,15 @@ class Loops:
         """Reads what has to be read once."""
         for source, lateral in zip(self.sources, self.lateral, strict=True):
             if not lateral:
-                pen = self.builder.unit.pen_at(source.span)
+                if self.inside and isinstance(source, plan.TableSource):
+                    self.builder.unit.tuples[source.id] = tuple(name for name, _ in source.columns)
+                    continue
+                pen, items = self.builder.unit.pen_at(source.span), self._items(source, self.owner)
+                if self.inside:
+                    self.ready[source.id] = items
+                    continue
                 name = self.items[source.id] = self.builder.unit.local("items")
-                self.owner.add(pen.assign(name, self._items(source, self.owner)))
+                self.owner.add(pen.assign(name, items))
                 self.owner.locals.append(name)
 
     def accompany(self, source: plan.Source, frozen: bool, keyed: bool) -> None:
@@ -129,6 +152,13 @@ class Loops:
         self.lookups[source] = together
         return True
 
+    def finds_rows(self, source: plan.Source) -> bool:
+        """Whether the source's loop looks up rows by columns of numbers and text."""
+        known = self.lookups.get(source.id)
+        if known is None or source.id not in self.builder.unit.tuples:
+            return False
+        return all(isinstance(one.column, plan.Column) and one.column.type.only(PLAIN) for one in known)
+
     def pass_on(self, condition: plan.Expr) -> None:
         """Tells a world of a condition, where what its column is compared with is known before the world is asked.
 
@@ -156,22 +186,40 @@ class Loops:
             self._test(body, conditions.get(index, ()))
             if body.level == MOST_LOOPS:
                 body = self._continued(body)
-            self._open_one(body, source)
-            self._count(body, index + 1 == len(self.sources))
+            body = self._open_one(body, source)
+            innermost = index + 1 == len(self.sources)
+            # The loop around these counts what comes to their end.
+            if not self.alone and not (self.inside and innermost and not conditions.get(index + 1)):
+                self._count(body, innermost)
         self._test(body, conditions.get(len(self.sources), ()))
         return body
 
-    def _open_one(self, body: Body, source: plan.Source) -> None:
+    def _open_one(self, body: Body, source: plan.Source) -> Body:
+        from ss2sql.runtime.native.inner_loops import open_inside
+
         unit = self.builder.unit
+        if source.id in self.opened:
+            assert isinstance(source, plan.QuerySource)
+            read = self._read_of(source.id, tuple(output.name for output in source.query.columns))
+            body = open_inside(self.builder, source, read, body)
+            body.levels[source.id] = body.level
+            return body
         pen = unit.pen_at(source.span)
-        known = self.items.get(source.id)
-        items = self._items(source, body) if known is None else pen.name(known)
+        if source.id in self.items:
+            items = pen.name(self.items[source.id])
+        elif isinstance(source, plan.TableSource) and self.inside and source.id in self.lookups:
+            items = self._rows_of(source)  # of which nothing but the index needs to stay
+        else:
+            items = self.ready.get(source.id) or self._items(source, body)
         if source.id in self.lookups:
             items = self._looked_up(source, items, body)
         name = unit.names[source.id] = unit.local(source.name)
         names = (name, self.frozen.get(source.id), unit.keys.get(source.id))
+        if self.alone and body.level == 0:
+            items = pen.call(unit.helper(in_parts), pen.name("run"), items)
         body.loop([word for word in names if word is not None], items, pen)
         body.levels[source.id] = body.level
+        return body
 
     def _count(self, body: Body, innermost: bool) -> None:
         """Counts the turns, and looks at the clock now and then. The innermost turns of a search are its steps."""
@@ -194,7 +242,7 @@ class Loops:
             body.add(pen.unless(pen.name(self.items[source.id]), self._skip(body, pen)))
 
     @staticmethod
-    def _skip(body: Body, pen: Any) -> ast.stmt:
+    def _skip(body: Body, pen: Pen) -> ast.stmt:
         """Goes on with the next element of the innermost open loop, or ends where none is open."""
         return pen.next_turn() if body.level else ast.Return(None, **pen.at)
 
@@ -206,7 +254,7 @@ class Loops:
         rest.states, rest.groups, rest.counts = body.states, body.groups, body.counts
         call = unit.pen.call(rest.name, *map(unit.pen.name, rest.parameters))
         body.add(unit.pen.run(ast.YieldFrom(call, **unit.pen.at)))
-        body.define()
+        rest.before = body
         return rest
 
     def _items(self, source: plan.Source, body: Body) -> ast.expr:
@@ -216,9 +264,7 @@ class Loops:
         match source:
             case plan.TableSource(columns=columns):
                 unit.tuples[source.id] = tuple(name for name, _ in columns)
-                table = pen.name(unit.constant(source, "table"))
-                rows = pen.call(unit.helper(table_rows), pen.name("run"), table)
-                return body.kept(Facts(), rows, pen, source.name)
+                return body.kept(Facts(), self._rows_of(source), pen, source.name)
             case plan.ValueSource(value=plan.Variable(frame=True) as value, columns=columns) if columns:
                 words = unit.tuples[source.id] = self._read_of(source.id, tuple(word for word, _ in columns))
                 read = expression(builder, value, body)
@@ -249,6 +295,11 @@ class Loops:
                 return world_items(builder, source, self.demands.get(source.id, ()), body)
             case _:
                 assert_never(source)
+
+    def _rows_of(self, source: plan.TableSource) -> ast.expr:
+        unit = self.builder.unit
+        pen = unit.pen_at(source.span)
+        return pen.call(unit.helper(table_rows), pen.name("run"), pen.name(unit.constant(source, "table")))
 
     def _read_of(self, source: int, columns: tuple[str, ...]) -> tuple[str, ...]:
         """Those columns of a source that anything reads."""
@@ -282,6 +333,8 @@ class Loops:
         names = [one.column.name for one in conditions if isinstance(one.column, plan.Column)]
         if not names:
             index = pen.call(unit.helper(index_of_elements), items)
+        elif columns is not None and self.finds_rows(source):
+            index = self._index_of_rows(items, names, columns, self.wanted.get(source.id), pen)
         elif columns is None:
             index = pen.call(unit.helper(index_of_columns), items, *map(pen.constant, names))
         else:
@@ -291,10 +344,19 @@ class Loops:
         kept = body.kept(facts, index, pen, "index")
         pen = unit.pen_at(conditions[0].other.span)
         values = [expression(self.builder, one.other, body) for one in conditions]
-        if all(one.other.type.only(Kind.NONE | Kind.NUMBER | Kind.STR) for one in conditions):
+        if all(one.other.type.only(PLAIN) for one in conditions):
             key = values[0] if len(values) == 1 else pen.pack(*values)
             return pen.call(pen.part(kept, "get"), key, pen.pack())
         return pen.call(unit.helper(found_in if len(conditions) == 1 else found_in_several), kept, *values)
+
+    def _index_of_rows(
+        self, items: ast.expr, names: list[str], columns: tuple[str, ...], wanted: str | None, pen: Pen
+    ) -> ast.expr:
+        places = [pen.constant(columns.index(name)) for name in names]
+        if wanted is None:
+            return pen.call(self.builder.unit.helper(index_of_plain), items, *places)
+        value = pen.constant(columns.index(wanted))
+        return pen.call(self.builder.unit.helper(index_of_values), items, value, *places)
 
     def _kept(self, source: plan.Source, body: Body, items: ast.expr) -> ast.expr:
         facts = self.builder.source_facts(source)
@@ -313,24 +375,3 @@ def read_by_sources(query: plan.Query) -> list[plan.Expr]:
     """The expressions in the FROM of a query."""
     values = [source.value for source in query.sources if isinstance(source, plan.ValueSource)]
     return values + [e for source in query.sources if isinstance(source, plan.WorldSource) for e in source.arguments]
-
-
-def accompanied(items: list[Any], *makers: Callable[[Any], Any]) -> list[tuple[Any, ...]]:
-    """The items, each with what the makers make of it."""
-    return list(zip(items, *(map(maker, items) for maker in makers), strict=True))
-
-
-def columns_of(value: Any, *names: str) -> list[tuple[Any, ...]]:
-    """Columns of the dicts that are the elements of a value."""
-    return [tuple([element.get(name) for name in names]) for element in elements(value)]
-
-
-def rows_of_frame(source: Any, *names: str) -> list[tuple[Any, ...]]:
-    """The rows of a data frame, or of what a function of the user has put in its place."""
-    if isinstance(source, Frame):
-        return source.rows(names)
-    return [tuple(column_of(element, name, None) for name in names) for element in elements(source)]
-
-
-def table_rows(run: Run, table: plan.TableSource) -> list[tuple[Any, ...]]:
-    return run.host.table_rows(table)

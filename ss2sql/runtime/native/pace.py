@@ -53,3 +53,26 @@ def meter_of(run: Run) -> Callable[[int, int, int], int]:
         return pace(generated)
 
     return meter
+
+
+def steps_pace_of(run: Run) -> Callable[[int, int, int], int]:
+    """The same for searches that count from one look to the next; gives the number of steps until then."""
+    count, pace = counts_of(run), Pace(run).next
+
+    def meter(generated: int, expanded: int, pruned: int) -> int:
+        count(generated, expanded, pruned)
+        return pace(0)
+
+    return meter
+
+
+def counts_of(run: Run) -> Callable[[int, int, int], None]:
+    """Hands on to the run what a search has counted."""
+    stats = run.stats
+
+    def count(generated: int, expanded: int, pruned: int) -> None:
+        stats.generated += generated
+        stats.expanded += expanded
+        stats.pruned += pruned
+
+    return count

@@ -86,6 +86,10 @@ class Pen:
     def assign(self, name: str, value: ast.expr) -> ast.stmt:
         return ast.Assign([ast.Name(name, ast.Store(), **self.at)], value, **self.at)
 
+    def store(self, container: ast.expr, key: ast.expr, value: ast.expr) -> ast.stmt:
+        """`container[key] = value`."""
+        return ast.Assign([ast.Subscript(container, key, ast.Store(), **self.at)], value, **self.at)
+
     def unpack(self, names: list[str], value: ast.expr) -> ast.stmt:
         targets: list[ast.expr] = [ast.Name(name, ast.Store(), **self.at) for name in names]
         return ast.Assign([ast.Tuple(targets, ast.Store(), **self.at)], value, **self.at)

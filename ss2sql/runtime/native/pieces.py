@@ -55,7 +55,9 @@ def pieces(builder: Builder, query: plan.Query, outer: Body, loops: Loops) -> as
     reverse = reverse_of(query)
     names += [None, None] if isinstance(reverse, str) else [writer.goals(reverse), writer.before(reverse)]
     probable = pen.constant(query.search.order == "probability")
-    return pen.pack(probable, *(pen.constant(None) if name is None else pen.name(name) for name in names))
+    plain = not any(source.id in builder.unit.tuples or source.id in builder.unit.worlds for source in query.sources)
+    functions = (pen.constant(None) if name is None else pen.name(name) for name in names)
+    return pen.pack(probable, *functions, pen.constant(plain))
 
 
 class _Writer:

@@ -1,41 +1,19 @@
-"""Running a compiled query: finding its results, and GROUP BY, HAVING, ORDER BY and LIMIT after that."""
+"""Running a compiled query: finding its results, and what comes after that, see endings.py."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass
 from functools import partial
 from itertools import islice
-from operator import itemgetter
-from typing import Any, TypeAlias
+from typing import Any
 
 from ss2sql import plan
-from ss2sql.errors import Error, ExecutionError
-from ss2sql.runtime.builtins import AGGREGATES
 from ss2sql.runtime.memorize.pieces import Pieces
-from ss2sql.runtime.native.searches import SEARCHES, Hunt
+from ss2sql.runtime.native.endings import Ending, Form, too_many
+from ss2sql.runtime.native.searches import SEARCHES, Found, Hunt
 from ss2sql.runtime.rows import Row, Rows
 from ss2sql.runtime.run import Run
-from ss2sql.runtime.values import freeze, sort_rows
-
-# A result with what is evaluated of it besides its columns: arguments of aggregates, GROUP BY, ORDER BY.
-Keyed: TypeAlias = tuple[Any, Row]
-
-
-@dataclass(frozen=True, slots=True)
-class Form:
-    """What is known of a query when it is compiled."""
-
-    query: plan.Query
-    columns: tuple[str, ...]
-    aggregates: tuple[plan.Aggregate, ...]
-    groups: int
-    descending: tuple[bool, ...]
-
-    @staticmethod
-    def of(query: plan.Query, aggregates: tuple[plan.Aggregate, ...]) -> Form:
-        columns = tuple(output.name for output in query.columns)
-        return Form(query, columns, aggregates, len(query.group), tuple(key.descending for key in query.order))
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,14 +58,15 @@ class Task:
 
     def stream(self) -> Iterator[Row]:
         """The rows of a query whose results are rows, one by one where nothing follows after they were found."""
-        found, keyed = self._results(NO_SETTINGS, (), False)
-        return iter(self.tuples()) if keyed else found
+        return iter(self.tuples()) if self._is_keyed else self._found(None, ())
 
     def rows(self, outer: tuple[Any, ...] = (), sink: Rows | None = None, outermost: bool = False) -> Rows:
         """The answer of the query, in `sink` where one is given. The run's limits hold for the `outermost` query."""
         form, query = self.form, self.form.query
         settings = Settings(*self.settings(*outer)) if self.settings else NO_SETTINGS
-        found, keyed = self._results(settings, outer, outermost)
+        every = self._found(settings.bound, outer)
+        counts = [settings.maximum, self.run.maximum if outermost and query.search else None]
+        found = islice(every, min((number for number in counts if number is not None), default=None))
         answer = Rows(form.columns) if sink is None else sink
         if settings.labels is not None:
             answer.columns = distinct(settings.labels)
@@ -98,34 +77,46 @@ class Task:
             answer.rows, answer.paths = None, results
         most = self.run.max_rows if outermost else None
         try:
-            if keyed:
-                ending = Ending(self, settings.limit, most, outer)
-                ending.finish(found, results, answer)
+            if self._is_keyed:
+                group = None if self.group is None else partial(_with_outer, self.group, outer)
+                Ending(form, group, settings.limit, most).finish(found, results, answer)
             else:
                 self._stream(found, results, settings.limit, most)
         finally:
+            every.close()  # so that a search hands on what it has counted
             if self.flush is not None:
                 self.flush()
         return answer
 
-    def _results(self, settings: Settings, outer: tuple[Any, ...], outermost: bool) -> tuple[Iterator[Any], bool]:
-        """The results, and whether they come with keys."""
-        query, search = self.form.query, self.form.query.search
-        keyed = bool(query.group or query.order)
+    @property
+    def _is_keyed(self) -> bool:
+        """Whether the results come with keys, because something has to be done with them when all are found."""
+        return bool(self.form.query.group or self.form.query.order)
+
+    def _found(self, bound: int | None, outer: tuple[Any, ...]) -> Generator[Any, None, None]:
+        """The results as they are found; `bound` is MEMORIZE's."""
+        search = self.form.query.search
         if search is None:
-            return self.find(*outer), keyed
+            return self.find(*outer)  # type: ignore[no-any-return]
+        if search.repeats == "memorize":
+            return self._memorized(search, bound, outer)
+        paths = self.find(*outer)
+        next(paths)  # evaluates START WITH, and what is read once
+        return paths  # type: ignore[no-any-return]
+
+    def _memorized(self, search: plan.Search, bound: int | None, outer: tuple[Any, ...]) -> Generator[Any, None, None]:
+        """The paths of the graph that MEMORIZE makes."""
         start, steps, keys, pieces = self.find(*outer)
-        stats, check = self.run.stats, self.run.check
-        taken_apart = pieces and Pieces(*pieces)
-        hunt = Hunt(start, steps, search.order, settings.bound, stats, check, query, self.run, taken_apart)
-        found = SEARCHES[search.order, search.repeats](hunt)
-        counts = [settings.maximum, self.run.maximum if outermost else None]
-        known = [number for number in counts if number is not None]
-        if known:
-            found = islice(found, min(known))
-        if not keyed:
-            return map(itemgetter(0), found), keyed
-        return ((None if query.aggregated else path, keys(last)) for path, last in found), keyed
+        query, stats, check = self.form.query, self.run.stats, self.run.check
+        taken_apart, flush = pieces and Pieces(*pieces), self.flush or (lambda: None)
+        hunt = Hunt(start, steps, search.order, bound, stats, check, query, self.run, taken_apart, flush)
+        find = SEARCHES[search.order, search.repeats]
+        assert not isinstance(find, str)
+        return self._paths(find(hunt), keys)
+
+    def _paths(self, found: Iterator[Found], keys: Callable[[Any], Row] | None) -> Generator[Any, None, None]:
+        for path, last in found:
+            yield path if keys is None else (None if self.form.query.aggregated else path, keys(last))
 
     def _stream(self, found: Iterator[Any], results: list[Any], limit: int | None, most: int | None) -> None:
         """Fills `results`, of which there must not be more than `most`."""
@@ -136,128 +127,8 @@ class Task:
             raise too_many(self.form.query, most)
 
 
-class Ending:
-    """What happens to the results of one query after they were found."""
-
-    def __init__(self, task: Task, limit: int | None, most: int | None, outer: tuple[Any, ...]) -> None:
-        self.form = task.form
-        self.query = task.form.query
-        self.group = None if task.group is None else partial(_with_outer, task.group, outer)
-        self.limit = limit
-        self.most = None if limit is not None and most is not None and limit <= most else most
-
-    def finish(self, found: Iterator[Keyed], results: list[Any], answer: Rows) -> None:
-        """Fills `results`, and the groups of the answer where there are partitions."""
-        if self.query.aggregated:
-            self._aggregate(found, results)
-            return
-        keys: list[Row] = []
-        for result, key in found:
-            results.append(result)
-            keys.append(key)
-            self._room(len(results))
-        positions = list(range(len(results)))
-        if self.group is not None:
-            positions = self._having(keys)
-        first = len(self.form.aggregates) + self.form.groups
-        if self.form.descending:
-            positions = self._sorted(positions, [keys[at][first:] for at in positions])
-        positions = positions[: self.limit]
-        results[:] = [results[at] for at in positions]
-        if self.query.group:
-            answer.groups = self._partitions([keys[at] for at in positions])
-
-    def _sorted(self, results: list[Any], keys: list[Row]) -> list[Any]:
-        try:
-            return sort_rows(results, keys, self.form.descending)
-        except Error as error:
-            raise error.located(self.query.order[0].expr.span) from None
-
-    def _room(self, number: int) -> None:
-        if self.most is not None and number > self.most:
-            raise too_many(self.query, self.most)
-
-    # --- groups ----------------------------------------------------------------------------------------
-
-    def _aggregate(self, found: Iterator[Keyed], results: list[Any]) -> None:
-        """One row per group; HAVING, the columns and the keys of ORDER BY for one group after the other."""
-        assert self.group is not None
-        groups: dict[Hashable, list[Row]] = {}
-        for _, key in found:
-            groups.setdefault(self._group_key(key), []).append(key)
-        order: list[Row] = []
-        for members in groups.values():
-            made = self.group(self._seen_of(members))
-            if made is not None:
-                results.append(made[0])
-                order.append(made[1])
-                self._room(len(results))
-        if self.form.descending:
-            results[:] = self._sorted(results, order)
-        if self.limit is not None:
-            del results[self.limit :]
-
-    def _having(self, keys: list[Row]) -> list[int]:
-        """The positions of the results whose groups HAVING keeps."""
-        assert self.group is not None
-        groups: dict[Hashable, list[int]] = {}
-        for position, key in enumerate(keys):
-            groups.setdefault(self._group_key(key), []).append(position)
-        kept: list[int] = []
-        for members in groups.values():
-            if self.group(self._seen_of([keys[at] for at in members])) is not None:
-                kept.extend(members)
-        return sorted(kept)
-
-    def _partitions(self, keys: list[Row]) -> list[tuple[Any, list[int]]]:
-        """The value and the members of each group, in order of first appearance."""
-        groups: dict[Hashable, tuple[Any, list[int]]] = {}
-        for position, key in enumerate(keys):
-            known = groups.get(self._group_key(key))
-            if known is None:
-                values = self._group_values(key)
-                shown = _shown(values[0] if len(values) == 1 else values)
-                known = groups[self._group_key(key)] = (shown, [])
-            known[1].append(position)
-        return list(groups.values())
-
-    def _group_values(self, key: Row) -> Row:
-        first = len(self.form.aggregates)
-        return key[first : first + self.form.groups]
-
-    def _group_key(self, key: Row) -> Hashable:
-        values = self._group_values(key)
-        return freeze(values[0]) if len(values) == 1 else tuple(map(freeze, values))
-
-    def _seen_of(self, members: list[Row]) -> Row:
-        """What is seen of a group: its aggregates, then its values."""
-        columns = zip(*members, strict=True)
-        aggregates = [_aggregate(node, values) for node, values in zip(self.form.aggregates, columns, strict=False)]
-        return (*aggregates, *self._group_values(members[0]))
-
-
-def _aggregate(node: plan.Aggregate, values: Iterable[Any]) -> Any:
-    try:
-        return AGGREGATES[node.function](values)
-    except Error as error:
-        raise error.located(node.span) from None
-
-
-def _with_outer(function: Callable[..., Any], outer: tuple[Any, ...], seen: Row) -> Any:
+def _with_outer(function: Callable[..., Any], outer: tuple[Any, ...], *seen: Any) -> Any:
     return function(*seen, *outer)
-
-
-def _shown(value: Any) -> Any:
-    """A group's value as the key of a dict: lists become tuples, dicts tuples of pairs."""
-    if isinstance(value, (list, tuple)):
-        return tuple(map(_shown, value))
-    return _shown(list(map(list, value.items()))) if isinstance(value, dict) else value
-
-
-def too_many(query: plan.Query, most: int) -> ExecutionError:
-    """The error for more results than the run allows."""
-    hints = ("add LIMIT or MAXIMUM to the query, or raise max_rows",)
-    return ExecutionError("X010", f"the query has more than max_rows={most} results", query.span, hints)
 
 
 def distinct(names: tuple[str, ...]) -> tuple[str, ...]:

@@ -49,7 +49,8 @@ class Body:
     says how often an expression is written here, `slots` where the values of costly ones are kept. `known` has
     for each open loop the names of expressions that have been computed wherever the code after them is reached;
     `sure` says whether what is being written is such an expression, not one that may be skipped. While `trusting`,
-    indexes are written as Python's own, and `trusted` says whether there were any, see `checked_later`.
+    indexes are written as Python's own, and `trusted` says whether there were any, see `checked_later`. `before` is the
+    function that this one goes on for.
     """
 
     unit: Unit
@@ -66,6 +67,7 @@ class Body:
     counts: Counter[int] = field(default_factory=Counter)
     slots: dict[int, str] = field(default_factory=dict)
     known: list[dict[int, str]] = field(default_factory=lambda: [{}])
+    before: Body | None = None
     sure: bool = True
     trusting: bool = False
     trusted: bool = False
@@ -210,6 +212,8 @@ class Body:
     def define(self) -> None:
         """Puts the finished function into the one around it."""
         assert self.parent is not None
+        if self.before is not None:
+            self.before.define()
         if self.parent is self.unit.root:
             self.unit.definitions.append(self.finished(self.unit.pen))
         else:
@@ -220,8 +224,9 @@ class Unit:
     """One piece of generated code.
 
     `names` and `states` give the local names of sources and START WITH variables, `tuples` the columns of the
-    sources whose elements are tuples, `elements` the types of those whose elements are values. `worlds` are the tables
-    of those that walk keys of a world. `keys` names the exact keys that elements come with, see calls.py.
+    sources whose elements are tuples (of those that are `bare`, a name stands for the one column that is read),
+    `elements` the types of those whose elements are values. `worlds` are the tables of those that walk keys of a world.
+    `keys` names the exact keys that elements come with, see calls.py.
     """
 
     def __init__(self, span: Span, analysis: Analysis, parameters: tuple[str, ...] = ()) -> None:
@@ -233,6 +238,7 @@ class Unit:
         self.names: dict[int, str] = {}
         self.states: dict[tuple[int, str], str] = {}
         self.tuples: dict[int, tuple[str, ...]] = {}
+        self.bare: set[int] = set()
         self.elements: dict[int, Type] = {}
         self.worlds: dict[int, Any] = {}
         self.keys: dict[int, str] = {}

@@ -15,8 +15,8 @@ from ss2sql.errors import Span
 from ss2sql.runtime.native.pen import Pen
 from ss2sql.runtime.run import Run
 from ss2sql.vtables.attached import AttachedTable
-from ss2sql.vtables.copies import Copies, copies_for, first_place
-from ss2sql.vtables.reading import Read, Reading, Readings, where_of
+from ss2sql.vtables.reading import NOTHING, Read, Reading, Readings
+from ss2sql.vtables.snapshots import Snapshot, first_place, snapshot_for
 
 if TYPE_CHECKING:
     from ss2sql.runtime.native.builder import Builder
@@ -91,8 +91,8 @@ def element_reader(unit: Unit, source: int, pen: Pen) -> str:
 
 
 def _reading(unit: Unit, table: AttachedTable, pen: Pen) -> str:
-    copies = pen.name(unit.constant(copies_for(unit.analysis.roots), "copies"))
-    value = pen.call(unit.helper(readings_of), pen.name("run"), copies)
+    snapshot = pen.name(unit.constant(snapshot_for(unit.analysis.roots), "snapshot"))
+    value = pen.call(unit.helper(readings_of), pen.name("run"), snapshot)
     readings = unit.bind("readings", "readings", value, pen)
     known = (table.table, first_place(table, unit.analysis.roots))
     value = pen.call(unit.helper(reading_of), pen.name(readings), pen.name(unit.constant(known, "table")))
@@ -102,8 +102,8 @@ def _reading(unit: Unit, table: AttachedTable, pen: Pen) -> str:
 # --- what the code calls -------------------------------------------------------------------------------
 
 
-def readings_of(run: Run, copies: Copies) -> Readings:
-    return copies.begin(run.host.memories.now)
+def readings_of(run: Run, snapshot: Snapshot) -> Readings:
+    return snapshot.begin(run.host.memories.now)
 
 
 def reading_of(readings: Readings, known: tuple[Any, Span | None]) -> Reading:
@@ -119,8 +119,7 @@ def elements_of(reading: Reading) -> Read:
 
 
 def keys_of(reading: Reading, demands: Sequence[tuple[str, str]], *values: Any) -> list[Any]:
-    asked = ((name, operator, value) for (name, operator), value in zip(demands, values, strict=True))
-    return reading.keys(where_of(asked, reading.schema))
+    return reading.asked(demands, values) if demands else reading.keys(NOTHING)
 
 
 def rows_of(reading: Reading, *arguments: Any) -> list[Any]:

@@ -2,7 +2,7 @@
 
 `client.py` is how the simulator is called. The tables: `bodies.py`, `links.py`, `joints.py`, `shapes.py`, `cameras.py`
 and `pairs.py`; `places.py` finds bodies by their places. The functions of scripts: `functions.py`, `collision.py` with
-`parts.py`, `boxes.py` and `posture.py`; `frames.py` turns and moves points for them.
+`parts.py`, `boxes.py` and `posture.py`; `poses.py` turns and moves points for them.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from typing import Any
 
 from ss2sql.errors import did_you_mean
 from ss2sql.vtables.base import Element, Gone
+from ss2sql.vtables.contents import contents
 from ss2sql.vtables.pybullet.bodies import Bodies
 from ss2sql.vtables.pybullet.cameras import Cameras
 from ss2sql.vtables.pybullet.client import Calls, NumberedClient, client_number
@@ -50,6 +51,7 @@ class PyBulletWorld(Representations, Collisions):
         self.client = client
         self.calls = Calls(client)
         self._number = client_number(client)
+        self._info = self.calls.numbered("getBodyInfo")
         self.names: Mapping[int, str] = names if names is not None else getattr(source, "names", {})
         self.sensors: Mapping[int, Any] = sensors if sensors is not None else getattr(source, "sensors", {})
         self._ids: dict[str, int] = {}  # by name, where they were found last
@@ -64,12 +66,18 @@ class PyBulletWorld(Representations, Collisions):
         if client_number(self.client) != self._number or not self.calls.isConnected():
             raise failure("the PyBullet client is disconnected", "connect anew, and attach the new client")
 
+    def fingerprint(self) -> str:
+        """All tables, but for what cameras see: rendering takes longer than all else and tells nothing new."""
+        words = ("position", "direction", "range", "angle")
+        seen = [(body, *(getattr(one, word) for word in words)) for body, one in sorted(self.sensors.items())]
+        return f"{contents(self, without=('cameras.sees',))} {seen}"
+
     # --- bodies ----------------------------------------------------------------------------------------
 
     def has(self, body: Any) -> bool:
         """Whether there is a body with this id."""
         try:
-            self.calls.getBodyInfo(body)
+            self._info(body, self.calls.number)
         except (self.calls.error, OverflowError, TypeError):
             return False
         return True

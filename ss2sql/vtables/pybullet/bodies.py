@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import repeat
 from math import pi
 from typing import Any, ClassVar
 
 from ss2sql.vtables.base import Column, Element, Table, Where
 from ss2sql.vtables.bodies import PLACES, SHAPE, body_columns, shape_row
-from ss2sql.vtables.pybullet.frames import Box, union
 from ss2sql.vtables.pybullet.places import AXES, places
+from ss2sql.vtables.pybullet.poses import Box, union
 
 KINDS = {2: "sphere", 3: "box", 4: "cylinder", 5: "mesh", 6: "plane", 7: "capsule", 9: "terrain"}  # PyBullet's GEOM_...
 _TYPES = (*KINDS.values(), "compound", "ghost")
@@ -34,20 +35,21 @@ class Bodies(Table):
         Column("colour", list | None, "", "red, green, blue and opacity, from 0 to 1; None if it cannot be seen"),
     )
     places = PLACES
+    # Lists stand apart from numbers, though the same call gives both: numbers are taken as they are, block by block.
+    blocks: ClassVar[Mapping[str, str]] = {
+        "place": "x y z posX posY posZ",
+        "turn": "qx qy qz qw",
+        "movement": "vx vy vz wx wy wz",
+        "matter": "mass hasBody friction restitution",
+    }
     groups: ClassVar[Mapping[str, str]] = {
         "called": "name",
-        # Lists stand apart from numbers, though the same call gives both: only numbers are taken as they are, which
-        # saves 2 us for each body, as much as the call takes.
-        "place": "x y z posX posY posZ",
         "spot": "pos",
-        "turn": "qx qy qz qw",
         "quaternion": "quat",
         "angles": "rot",
         "pose": "pose",
         "around": "aabb",
-        "movement": "vx vy vz wx wy wz",
         "speed": "velocity linearVelocity angularVelocity",
-        "matter": "mass hasBody friction restitution",
         "size": "volume",
         "push": "force torque",
         "look": "colour",
@@ -60,12 +62,18 @@ class Bodies(Table):
         super().__init__(world)
         self.calls = world.calls
         self.error = world.calls.error  # what PyBullet raises, above all for bodies that are gone
+        self._client = world.calls.number
+        self._where = world.calls.numbered("getBasePositionAndOrientation")
+        self._velocity = world.calls.numbered("getBaseVelocity")
+        self._dynamics = world.calls.numbered("getDynamicsInfo")
+        self._joints = world.calls.numbered("getNumJoints")
 
     def keys(self, where: Where) -> list[int]:
         world = self.world
         wanted = where.equal("id")
         if wanted is not None:
-            found = [int(wanted)] if wanted == int(wanted) and world.has(int(wanted)) else []
+            key = int(wanted)
+            found = [key] if wanted == key and world.has(key) else []
         elif where.keys().isdisjoint(AXES):
             found = world.ids()
         else:
@@ -73,67 +81,82 @@ class Bodies(Table):
         name = where.equal("name")
         return found if name is None else [body for body in found if world.name_of(body) == name]
 
+    # --- blocks ----------------------------------------------------------------------------------------
+
+    def place(self, keys: Sequence[int]) -> list[Any]:
+        try:
+            return [pos + pos for pos, _ in map(self._where, keys, repeat(self._client))]
+        except self.error as error:
+            raise self._reason(keys, error) from None
+
+    def turn(self, keys: Sequence[int]) -> list[Any]:
+        try:
+            return [quat for _, quat in map(self._where, keys, repeat(self._client))]
+        except self.error as error:
+            raise self._reason(keys, error) from None
+
+    def movement(self, keys: Sequence[int]) -> list[Any]:
+        try:
+            return [velocity + spin for velocity, spin in map(self._velocity, keys, repeat(self._client))]
+        except self.error as error:
+            raise self._reason(keys, error) from None
+
+    def matter(self, keys: Sequence[int]) -> list[Any]:
+        info, joints, client = self._dynamics, self._joints, self._client
+        rows = []
+        try:
+            for key in keys:
+                base = info(key, -1, client)
+                mass = base[0]
+                for link in range(joints(key, client)):
+                    mass += info(key, link, client)[0]
+                rows.append((mass, mass > 0, base[1], base[5]))
+        except self.error as error:
+            raise self._reason(keys, error) from None
+        return rows
+
+    def _reason(self, keys: Sequence[int], error: Exception) -> Exception:
+        """Why the simulator refused: a body is gone, or something else."""
+        for key in keys:
+            self.world.present(key)
+        return error
+
     # --- groups ----------------------------------------------------------------------------------------
 
     def called(self, key: int) -> str:
         try:
             return self.world.name_of(key)  # type: ignore[no-any-return]
         except self.error as error:
-            raise self._reason(key, error) from None
-
-    def place(self, key: int) -> tuple[float, ...]:
-        pos = self._frame(key)[0]
-        return pos + pos  # type: ignore[no-any-return]
+            raise self._reason([key], error) from None
 
     def spot(self, key: int) -> Any:
-        return self._frame(key)[0]
-
-    def turn(self, key: int) -> Any:
-        return self._frame(key)[1]
+        return self._point_and_turn(key)[0]
 
     def quaternion(self, key: int) -> Any:
-        return self._frame(key)[1]
+        return self._point_and_turn(key)[1]
 
     def angles(self, key: int) -> Any:
-        return self.calls.getEulerFromQuaternion(self._frame(key)[1])
+        return self.calls.getEulerFromQuaternion(self._point_and_turn(key)[1])
 
     def pose(self, key: int) -> Any:
-        pos, quat = self._frame(key)
+        pos, quat = self._point_and_turn(key)
         return (*pos, *quat)
 
-    def _frame(self, key: int) -> Any:
+    def _point_and_turn(self, key: int) -> Any:
         try:
-            return self.calls.getBasePositionAndOrientation(key)
+            return self._where(key, self._client)
         except self.error as error:
-            raise self._reason(key, error) from None
+            raise self._reason([key], error) from None
 
     def around(self, key: int) -> Box:
         return box_of(self.world, key)
 
-    def movement(self, key: int) -> Any:
-        velocity, spin = self._velocity(key)
-        return velocity + spin
-
     def speed(self, key: int) -> tuple[Any, ...]:
-        velocity, spin = self._velocity(key)
+        try:
+            velocity, spin = self._velocity(key, self._client)
+        except self.error as error:
+            raise self._reason([key], error) from None
         return velocity, velocity, spin
-
-    def _velocity(self, key: int) -> Any:
-        try:
-            return self.calls.getBaseVelocity(key)
-        except self.error as error:
-            raise self._reason(key, error) from None
-
-    def matter(self, key: int) -> tuple[Any, ...]:
-        info = self.calls.getDynamicsInfo
-        try:
-            base = info(key, -1)
-            mass = base[0]
-            for link in range(self.calls.getNumJoints(key)):
-                mass += info(key, link)[0]
-        except self.error as error:
-            raise self._reason(key, error) from None
-        return mass, mass > 0, base[1], base[5]
 
     def size(self, key: int) -> float | None:
         total = 0.0
@@ -158,10 +181,7 @@ class Bodies(Table):
 
     def form(self, key: int) -> tuple[Any, ...]:
         calls = self.calls
-        try:
-            calls.getBodyInfo(key)  # about what is gone PyBullet would write a warning
-        except self.error as error:
-            raise self._reason(key, error) from None
+        self.world.present(key)  # about what is gone PyBullet would write a warning
         if not calls.getNumJoints(key):
             single = calls.getCollisionShapeData(key, -1)
             if len(single) == 1:
@@ -188,11 +208,6 @@ class Bodies(Table):
         """Of height fields PyBullet gives no shapes, but a box; the box of what cannot be touched has no size."""
         low, high = box_of(self.world, key)
         return low != high
-
-    def _reason(self, key: int, error: Exception) -> Exception:
-        """Why the simulator refused: the body is gone, or something else."""
-        self.world.present(key)
-        return error
 
 
 def box_of(world: Any, body: int) -> Box:

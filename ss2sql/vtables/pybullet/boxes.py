@@ -9,9 +9,9 @@ from collections.abc import Iterable
 from math import hypot, sqrt
 from typing import Any, NamedTuple
 
-from ss2sql.vtables.pybullet.frames import Box, Point, Turn, union
-from ss2sql.vtables.pybullet.links import frame_of
-from ss2sql.vtables.pybullet.posture import frames_of
+from ss2sql.vtables.pybullet.links import pose_of
+from ss2sql.vtables.pybullet.poses import Box, Point, Turn, union
+from ss2sql.vtables.pybullet.posture import poses_of
 
 SLACK = 1e-3  # metres: shapes made of corners reach this far beyond them
 
@@ -69,7 +69,7 @@ def extent_of_corners(corners: Iterable[Point]) -> Extent:
 
 def reach_of_link(world: Any, body: int, link: int, box: Box) -> float:
     """The radius of a sphere around all shapes of a link, whose middle is the link's centre of mass, by its box."""
-    (x, y, z), _ = frame_of(world, (body, link))
+    (x, y, z), _ = pose_of(world, (body, link))
     (ax, ay, az), (bx, by, bz) = box
     return hypot(max(x - ax, bx - x), max(y - ay, by - y), max(z - az, bz - z))
 
@@ -81,7 +81,7 @@ def solid_box(world: Any, body: int) -> Box:
     if not calls.getNumJoints(body):
         return base
     boxes = [base]
-    for link, ((x, y, z), _) in frames_of(world, body).items():
+    for link, ((x, y, z), _) in poses_of(world, body).items():
         if link >= 0:
             box = calls.getAABB(body, link)
             boxes.append(box)

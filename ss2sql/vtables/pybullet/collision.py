@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from ss2sql.vtables.base import function
-from ss2sql.vtables.bodies import Vector
-from ss2sql.vtables.body_world import Quaternion, numbers, wrong
+from ss2sql.vtables.bodies import Quaternion, Vector
+from ss2sql.vtables.body_world import numbers, wrong
 from ss2sql.vtables.pybullet.boxes import SLACK, Surroundings
 from ss2sql.vtables.pybullet.functions import Functions
 from ss2sql.vtables.pybullet.parts import Robot, Stock, robot_of

@@ -7,7 +7,7 @@ from typing import Any, TypeAlias
 
 from ss2sql.scenes.solids import Box, Capsule, Cylinder, Plane, Solid, Sphere
 from ss2sql.vtables.pybullet.bodies import KINDS
-from ss2sql.vtables.pybullet.frames import Frame
+from ss2sql.vtables.pybullet.poses import Pose
 
 UNNAMED = (b"", b"unknown_file")  # the files of meshes that were built from points
 MOST_PARTS = 16  # of one shape: PyBullet leaves out those beyond
@@ -55,12 +55,12 @@ def solid_of(kind: int, size: Sequence[float]) -> Solid | None:
 
 
 class Shapes:
-    """Makes shapes in a simulation, each from its parts and their frames."""
+    """Makes shapes in a simulation, each from its parts and their poses."""
 
     def __init__(self, client: Any) -> None:
         self.client = client
 
-    def collision(self, parts: list[tuple[Part, Frame]]) -> list[int]:
+    def collision(self, parts: list[tuple[Part, Pose]]) -> list[int]:
         """Shapes to collide with, as few as PyBullet makes of the parts."""
         one, several = self.client.createCollisionShape, self.client.createCollisionShapeArray
         plain = [part for part in parts if "vertices" not in part[0]]
@@ -68,20 +68,20 @@ class Shapes:
         some += [[part] for part in parts if "vertices" in part[0]]
         return [self._made(group, "collision", one, several) for group in some]
 
-    def visual(self, parts: list[tuple[Part, Frame]]) -> int:
+    def visual(self, parts: list[tuple[Part, Pose]]) -> int:
         """A shape to look at, -1 without parts; of very many only the first are seen."""
-        parts = [({_VISUAL.get(name, name): value for name, value in part.items()}, frame) for part, frame in parts]
+        parts = [({_VISUAL.get(name, name): value for name, value in part.items()}, pose) for part, pose in parts]
         return self._made(parts, "visual", self.client.createVisualShape, self.client.createVisualShapeArray)
 
     @staticmethod
-    def _made(parts: list[tuple[Part, Frame]], word: str, one: Any, several: Any) -> int:
+    def _made(parts: list[tuple[Part, Pose]], word: str, one: Any, several: Any) -> int:
         if not parts:
             return -1
-        places = [frame[0] for _, frame in parts]
-        turns = [frame[1] for _, frame in parts]
+        places = [pose[0] for _, pose in parts]
+        turns = [pose[1] for _, pose in parts]
         if len(parts) == 1:
-            frame = {f"{word}FramePosition": places[0], f"{word}FrameOrientation": turns[0]}
-            return int(one(**parts[0][0], **frame))
+            placed = {f"{word}FramePosition": places[0], f"{word}FrameOrientation": turns[0]}
+            return int(one(**parts[0][0], **placed))
         # Of each list PyBullet takes the entry of a shape, whether this kind of shape needs it or not.
         lists = {
             plural: [part.get(name, part.get(_VISUAL.get(name, name), default)) for part, _ in parts]

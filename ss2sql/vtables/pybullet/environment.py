@@ -16,10 +16,10 @@ from ss2sql.scenes.scene import Scene, View
 from ss2sql.scenes.solids import Sphere, visual_shape
 from ss2sql.vtables.pybullet.bodies import FIXED, KINDS, box_of, shapes_of
 from ss2sql.vtables.pybullet.copied import UNNAMED, Part, Shapes, part_of, solid_of
-from ss2sql.vtables.pybullet.frames import UPRIGHT, Frame, Point, inside, seen_from
+from ss2sql.vtables.pybullet.poses import UPRIGHT, Point, Pose, inside, seen_from
 from ss2sql.vtables.pybullet.selected import bounds_of
 
-NOWHERE: Frame = ((0.0, 0.0, 0.0), UPRIGHT)
+NOWHERE: Pose = ((0.0, 0.0, 0.0), UPRIGHT)
 MARK = 0.05  # metres: the radius of balls that stand for what could only be seen
 
 
@@ -72,13 +72,13 @@ def _settings(calls: Any, client: Any) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """A link as PyBullet wants to be told of it: shapes to collide with and to look at, its frame within its parent,
-    and its centre of mass within that frame."""
+    """A link as PyBullet wants to be told of it: shapes to collide with and to look at, its pose within its parent,
+    and its centre of mass as seen from there."""
 
     mass: float
     shapes: tuple[int, int]
-    frame: Frame
-    local: Frame
+    pose: Pose
+    local: Pose
     parent: int
     joint: int
     axis: tuple[float, float, float] = (0.0, 0.0, 1.0)
@@ -87,7 +87,7 @@ class Link:
 class _Copy:
     """One body on its way from one simulation to another.
 
-    The frames of links are those of the original's files; `local` are the centres of mass within them. Bullet gives
+    The poses of links are those of the original's files; `local` are the centres of mass, seen from there. Bullet gives
     collision shapes as seen from the centre of mass, and what can be seen as seen from the link.
     """
 
@@ -95,7 +95,7 @@ class _Copy:
         self.world, self.body, self.client, self.calls = world, body, client, world.calls
         self.links = range(-1, self.calls.getNumJoints(body))
         self.matter = {link: self.calls.getDynamicsInfo(body, link) for link in self.links}
-        self.local: dict[int, Frame] = {link: (info[3], info[4]) for link, info in self.matter.items()}
+        self.local: dict[int, Pose] = {link: (info[3], info[4]) for link, info in self.matter.items()}
         self.seen = self.calls.getVisualShapeData(body)
         self.shapes = Shapes(client)
         self.more: list[Link] = []
@@ -107,20 +107,20 @@ class _Copy:
             self._refuse()  # a terrain, of which PyBullet tells nothing else
         base, *links = [self._link(link) for link in self.links]
         links += self.more
-        frame = inside(self.calls.getBasePositionAndOrientation(self.body), seen_from(base.local, NOWHERE))
+        pose = inside(self.calls.getBasePositionAndOrientation(self.body), seen_from(base.local, NOWHERE))
         made: int = self.client.createMultiBody(
             baseMass=base.mass,
             baseCollisionShapeIndex=base.shapes[0],
             baseVisualShapeIndex=base.shapes[1],
-            basePosition=frame[0],
-            baseOrientation=frame[1],
+            basePosition=pose[0],
+            baseOrientation=pose[1],
             baseInertialFramePosition=base.local[0],
             baseInertialFrameOrientation=base.local[1],
             linkMasses=[link.mass for link in links],
             linkCollisionShapeIndices=[link.shapes[0] for link in links],
             linkVisualShapeIndices=[link.shapes[1] for link in links],
-            linkPositions=[link.frame[0] for link in links],
-            linkOrientations=[link.frame[1] for link in links],
+            linkPositions=[link.pose[0] for link in links],
+            linkOrientations=[link.pose[1] for link in links],
             linkInertialFramePositions=[link.local[0] for link in links],
             linkInertialFrameOrientations=[link.local[1] for link in links],
             linkParentIndices=[link.parent + 1 for link in links],
@@ -197,7 +197,7 @@ class _Copy:
             solid = solid_of(touched[0][2], touched[0][3]) if len(touched) == 1 else None
             return visual_shape(self.client, solid or Sphere(MARK), seen[0][7][:3])
         parts = [(part_of(shape[2], shape[3], shape[4], ()), (shape[5], shape[6])) for shape in seen]
-        return self.shapes.visual([(part, frame) for part, frame in parts if part is not None])
+        return self.shapes.visual([(part, pose) for part, pose in parts if part is not None])
 
     def _colours(self, made: int) -> None:
         counts: Counter[int] = Counter()

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import repeat
 from math import cos, dist, hypot, radians
 from typing import Any
 
 import numpy as np
 
 from ss2sql.vtables.base import Element, function
-from ss2sql.vtables.bodies import Vector
-from ss2sql.vtables.body_world import BodyWorld, Quaternion, wrong
+from ss2sql.vtables.bodies import Quaternion, Vector
+from ss2sql.vtables.body_world import BodyWorld, wrong
 from ss2sql.vtables.pybullet.bodies import box_of
-from ss2sql.vtables.pybullet.frames import Box
-from ss2sql.vtables.pybullet.links import frame_of
+from ss2sql.vtables.pybullet.links import pose_of
+from ss2sql.vtables.pybullet.poses import Box
 
 
 class Functions(BodyWorld):
@@ -24,8 +25,8 @@ class Functions(BodyWorld):
 
     def ids(self) -> list[int]:
         """The ids of all bodies, in their order. PyBullet shuffles them when bodies die."""
-        number = self.calls.getBodyUniqueId
-        return sorted([number(place) for place in range(self.calls.getNumBodies())])
+        ask, places = self.calls.numbered("getBodyUniqueId"), range(self.calls.getNumBodies())
+        return sorted(map(ask, places, repeat(self.calls.number)))
 
     def positions(self) -> tuple[list[int], Any]:
         ids, where = self.ids(), self.calls.getBasePositionAndOrientation
@@ -35,7 +36,7 @@ class Functions(BodyWorld):
         """A point that a script means: itself, or where a body or one of its links is."""
         if isinstance(value, (list, Element)):
             return super().point(value)
-        return frame_of(self, (self.body(value), value[1] if isinstance(value, tuple) else -1))[0]
+        return pose_of(self, (self.body(value), value[1] if isinstance(value, tuple) else -1))[0]
 
     def box(self, name: str, value: Any) -> Any:
         """A box that a script gives: two opposite corners, or a body that has one around it."""
@@ -44,7 +45,7 @@ class Functions(BodyWorld):
         found: Box = box_of(self, self.body(value))
         return found
 
-    def frame(self, body: int) -> Any:
+    def pose(self, body: int) -> Any:
         """Where a body is, and how it is turned; a tenth of the time that its columns take."""
         return self.calls.getBasePositionAndOrientation(body)
 

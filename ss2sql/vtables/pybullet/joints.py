@@ -41,10 +41,6 @@ class Joints(OfBodies):
         "state": "angle speed motor",
     }
 
-    def numbers(self, key: Key) -> Key:
-        self.alive(key)
-        return key
-
     def build(self, key: Key) -> tuple[Any, ...]:
         info = self.ask(self.world.calls.getJointInfo, key)
         lower, upper = (info[8], info[9]) if info[8] <= info[9] else (None, None)  # upside down: no ends

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 from ss2sql.vtables.base import Column, Gone, Table, Where
 from ss2sql.vtables.bodies import VECTOR
-from ss2sql.vtables.pybullet.frames import Box, Frame
+from ss2sql.vtables.pybullet.poses import Box, Pose
 
 Key = tuple[int, int]
 
@@ -24,6 +24,11 @@ class OfBodies(Table):
             for number in range(self.first, self.world.calls.getNumJoints(body))
             if where.allows("number", number)
         ]
+
+    def numbers(self, key: Key) -> Key:
+        """The group of the columns `body` and `number`."""
+        self.alive(key)
+        return key
 
     def alive(self, key: Key) -> None:
         """Raises Gone for what is gone: the simulator often answers as if it were empty."""
@@ -81,10 +86,6 @@ class Links(OfBodies):
         "look": "colour",
     }
 
-    def numbers(self, key: Key) -> Key:
-        self.alive(key)
-        return key
-
     def called(self, key: Key) -> tuple[str, int | None]:
         if key[1] < 0:
             return self.ask(lambda body, _: self.world.calls.getBodyInfo(body), key)[0].decode(errors="replace"), None
@@ -93,7 +94,7 @@ class Links(OfBodies):
 
     def place(self, key: Key) -> tuple[Any, ...]:
         self.alive(key)
-        pos, quat = frame_of(self.world, key)
+        pos, quat = pose_of(self.world, key)
         return (*pos, pos, quat)
 
     def movement(self, key: Key) -> Any:
@@ -113,7 +114,7 @@ class Links(OfBodies):
         return next((list(shape[7]) for shape in seen if shape[1] == key[1]), None)
 
 
-def frame_of(world: Any, key: Key) -> Frame:
+def pose_of(world: Any, key: Key) -> Pose:
     """Where the centre of mass of a link is, and how it is turned."""
     body, link = key
     if link < 0:

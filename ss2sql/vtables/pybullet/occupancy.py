@@ -16,8 +16,8 @@ import numpy as np
 from ss2sql.runtime.representations import Table
 from ss2sql.runtime.representations.grid import Grid, number
 from ss2sql.vtables.pybullet.bodies import box_of
-from ss2sql.vtables.pybullet.frames import Box
 from ss2sql.vtables.pybullet.parts import Stock
+from ss2sql.vtables.pybullet.poses import Box
 from ss2sql.vtables.pybullet.selected import area_of, bodies_in
 
 GAP = 1e-3  # parts of a cell by which plates are smaller than cells, so that what touches a cell is not in it

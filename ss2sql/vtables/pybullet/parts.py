@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 
 from ss2sql.vtables.pybullet.bodies import KINDS, shapes_of
 from ss2sql.vtables.pybullet.boxes import Extent, extent_of, extent_of_corners, reach_of_link
-from ss2sql.vtables.pybullet.frames import UPRIGHT, Box, Frame, Point, Turn, inside, product, seen_from, union
-from ss2sql.vtables.pybullet.posture import frames_of
+from ss2sql.vtables.pybullet.poses import UPRIGHT, Box, Point, Pose, Turn, inside, product, seen_from, union
+from ss2sql.vtables.pybullet.posture import poses_of
 from ss2sql.vtables.schema import failure
 
 ORIGIN: Point = (0.0, 0.0, 0.0)
@@ -29,7 +29,7 @@ class Part(NamedTuple):
 class Robot:
     """What a body consists of, with its base turned in some way, and the box around all as seen from the base."""
 
-    def __init__(self, turn: Turn, parts: Iterable[tuple[int, Extent, Frame]]) -> None:
+    def __init__(self, turn: Turn, parts: Iterable[tuple[int, Extent, Pose]]) -> None:
         self.turn = turn
         self._shapes = tuple(parts)
         self.parts = tuple(Part(shape, place, own, extent.along(own)) for shape, extent, (place, own) in self._shapes)
@@ -44,7 +44,7 @@ class Robot:
                 self._turned.clear()
             _, way = seen_from((ORIGIN, self.turn), (ORIGIN, UPRIGHT))
             more = ORIGIN, product(turn, way)  # from the one turn to the other
-            parts = [(shape, extent, inside(more, frame)) for shape, extent, frame in self._shapes]
+            parts = [(shape, extent, inside(more, pose)) for shape, extent, pose in self._shapes]
             known = self._turned[turn] = Robot(turn, parts)
         return known
 
@@ -133,19 +133,19 @@ class Stock:
 
 def robot_of(world: Any, stock: Stock, body: int) -> Robot:
     """The parts of a body, as it is now."""
-    frames = frames_of(world, body)
-    base = frames[-1]
+    poses = poses_of(world, body)
+    base = poses[-1]
     parts = []
     for link, number, data in shapes_of(world, body):
-        frame = frames[link]
+        pose = poses[link]
         if data[4] != b"unknown_file":  # those are made of corners, which are given as the link sees them
-            frame = inside(frame, (data[5], data[6]))
+            pose = inside(pose, (data[5], data[6]))
         shape = stock.shape(body, link, number, data)
         extent = stock.extents[shape]
         if extent is None:
             reach = reach_of_link(world, body, link, world.calls.getAABB(body, link))
-            extent = Extent(ball=reach + dist(frame[0], frames[link][0]))
-        place, turn = frame
+            extent = Extent(ball=reach + dist(pose[0], poses[link][0]))
+        place, turn = pose
         parts.append((shape, extent, (_minus(place, base[0]), turn)))
     return Robot(base[1], parts)
 

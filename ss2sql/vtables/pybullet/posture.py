@@ -9,19 +9,19 @@ from __future__ import annotations
 from math import cos, sin
 from typing import Any
 
-from ss2sql.vtables.pybullet.frames import UPRIGHT, Frame, Turn, inside, turned
+from ss2sql.vtables.pybullet.poses import UPRIGHT, Pose, Turn, inside, turned
 
 
-def posture(calls: Any, body: int, base: Frame) -> dict[int, Frame]:
-    """The frames of the centres of mass of all links, by their numbers; the base is -1."""
-    frames: dict[int, Frame] = {-1: base}
+def posture(calls: Any, body: int, base: Pose) -> dict[int, Pose]:
+    """The poses of the centres of mass of all links, by their numbers; the base is -1."""
+    poses: dict[int, Pose] = {-1: base}
     for joint in range(calls.getNumJoints(body)):
         state = calls.getLinkState(body, joint)
-        frames[joint] = _frame(calls, body, joint, frames, state)
-    return frames
+        poses[joint] = _pose(calls, body, joint, poses, state)
+    return poses
 
 
-def frames_of(world: Any, body: int) -> dict[int, Frame]:
+def poses_of(world: Any, body: int) -> dict[int, Pose]:
     """The same for a body as it is now, computed once in a query: a robot with nine joints takes 130 us."""
     known = world.memory.setdefault("postures", {})
     if body not in known:
@@ -29,7 +29,7 @@ def frames_of(world: Any, body: int) -> dict[int, Frame]:
     return known[body]  # type: ignore[no-any-return]
 
 
-def _frame(calls: Any, body: int, joint: int, frames: dict[int, Frame], state: Any) -> Frame:
+def _pose(calls: Any, body: int, joint: int, poses: dict[int, Pose], state: Any) -> Pose:
     info = calls.getJointInfo(body, joint)
     kind, axis, pivot, parent = info[2], info[13], info[14], info[16]
     middle = turned(_back(state[3]), state[2])  # of the link, as seen from its joint
@@ -47,7 +47,7 @@ def _frame(calls: Any, body: int, joint: int, frames: dict[int, Frame], state: A
             pass
         case _:  # as PyBullet shows it
             return state[0], state[1]
-    return inside(inside(frames[parent], (pivot, _back(info[15]))), (turned(turn, middle), turn))
+    return inside(inside(poses[parent], (pivot, _back(info[15]))), (turned(turn, middle), turn))
 
 
 def _back(turn: Any) -> Turn:

@@ -10,7 +10,7 @@ from ss2sql.runtime.representations.grid import check_cells, number, numbers, re
 from ss2sql.runtime.values import show
 from ss2sql.vtables.base import Element
 from ss2sql.vtables.pybullet.bodies import box_of
-from ss2sql.vtables.pybullet.frames import Box, union
+from ss2sql.vtables.pybullet.poses import Box, union
 
 FAR = 1000.0  # metres: bodies with larger boxes, such as endless planes, do not make an area larger
 

@@ -8,8 +8,8 @@ from typing import Any, ClassVar
 from ss2sql.vtables.base import Column, Gone, Table, Where
 from ss2sql.vtables.bodies import VECTOR
 from ss2sql.vtables.pybullet.bodies import KINDS, shapes_of, volume_of
-from ss2sql.vtables.pybullet.frames import inside
-from ss2sql.vtables.pybullet.links import bodies_of, frame_of
+from ss2sql.vtables.pybullet.links import bodies_of, pose_of
+from ss2sql.vtables.pybullet.poses import inside
 
 Key = tuple[int, int, int]
 
@@ -58,7 +58,7 @@ class Shapes(Table):
 
     def place(self, key: Key) -> Any:
         shape = self._shape(key)
-        return inside(frame_of(self.world, key[:2]), (shape[5], shape[6]))
+        return inside(pose_of(self.world, key[:2]), (shape[5], shape[6]))
 
     def _shape(self, key: Key) -> Any:
         self.world.present(key[0])

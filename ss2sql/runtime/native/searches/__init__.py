@@ -1,7 +1,7 @@
 """The orders of search: one file each, and the table of what combines with what.
 
-`step.py` says what all share. Each order is a generator of results for a `Hunt`: depth_first.py,
-breadth_first.py, best_first.py (COST, HEURISTIC, PROBABILITY). MEMORIZE has a room of its own, `runtime/memorize/`.
+An order is a text in Python, the loop of the search with words for the clauses of the query, see native/loop_code.py.
+`step.py` says what all share. MEMORIZE has a room of its own, `runtime/memorize/`, and asks for its steps one by one.
 """
 
 from __future__ import annotations
@@ -10,26 +10,26 @@ from collections.abc import Callable, Iterator
 
 from ss2sql import plan
 from ss2sql.runtime.memorize.growing import memorize, memorize_weighted
-from ss2sql.runtime.native.searches import best_first as best
-from ss2sql.runtime.native.searches import breadth_first as breadth
-from ss2sql.runtime.native.searches import depth_first as depth
+from ss2sql.runtime.native.searches.best_first import BEST_FIRST, BEST_FIRST_UNIQUE
+from ss2sql.runtime.native.searches.breadth_first import BREADTH_FIRST
+from ss2sql.runtime.native.searches.depth_first import DEPTH_FIRST
 from ss2sql.runtime.native.searches.step import Found as Found
 from ss2sql.runtime.native.searches.step import Hunt as Hunt
 
-SEARCHES: dict[tuple[plan.Order, plan.Repeats], Callable[[Hunt], Iterator[Found]]] = {
-    ("depth first", "allowed"): depth.depth_first,
-    ("depth first", "no cycle"): depth.depth_first_no_cycle,
-    ("depth first", "unique"): depth.depth_first_unique,
+SEARCHES: dict[tuple[plan.Order, plan.Repeats], str | Callable[[Hunt], Iterator[Found]]] = {
+    ("depth first", "allowed"): DEPTH_FIRST,
+    ("depth first", "no cycle"): DEPTH_FIRST,
+    ("depth first", "unique"): DEPTH_FIRST,
     ("depth first", "memorize"): memorize,
-    ("breadth first", "allowed"): breadth.breadth_first,
-    ("breadth first", "no cycle"): breadth.breadth_first_no_cycle,
-    ("breadth first", "unique"): breadth.breadth_first_unique,
-    ("cost", "allowed"): best.best_first,
-    ("cost", "no cycle"): best.best_first_no_cycle,
-    ("cost", "unique"): best.best_first_unique,
+    ("breadth first", "allowed"): BREADTH_FIRST,
+    ("breadth first", "no cycle"): BREADTH_FIRST,
+    ("breadth first", "unique"): BREADTH_FIRST,
+    ("cost", "allowed"): BEST_FIRST,
+    ("cost", "no cycle"): BEST_FIRST,
+    ("cost", "unique"): BEST_FIRST_UNIQUE,
     ("cost", "memorize"): memorize_weighted,
-    ("probability", "allowed"): best.best_first,
-    ("probability", "no cycle"): best.best_first_no_cycle,
-    ("probability", "unique"): best.best_first_unique,
+    ("probability", "allowed"): BEST_FIRST,
+    ("probability", "no cycle"): BEST_FIRST,
+    ("probability", "unique"): BEST_FIRST_UNIQUE,
     ("probability", "memorize"): memorize_weighted,
 }

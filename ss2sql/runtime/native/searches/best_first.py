@@ -1,111 +1,161 @@
 """Best-first search: the cheapest, respectively the likeliest, path is extended first.
 
-Totals are made so that less is better: costs are added up from 0, probabilities multiplied from -1. A step
-has two entries in the queue, its result at its total and its expansion at its total plus the estimate of
-what remains. Among equals the step that was generated first comes first, its result before its expansion.
+Totals are made so that less is better: costs are added up from 0, probabilities multiplied from -1. Among equals the
+step that was generated first comes first, its result before its expansion. With a heuristic a step has two entries in
+the queue, its result at its total and its expansion at its total plus the estimate of what remains; without one they
+follow each other, so there is one entry for both.
 """
 
-from __future__ import annotations
+from textwrap import indent
 
-from collections.abc import Container, Hashable, Iterator
-from heapq import heappop, heappush
-from itertools import count
-from operator import add, mul
-from typing import Any, TypeAlias
-
-from ss2sql.runtime.native.searches.step import Found, Hunt, Place, State, Trail, path_to
-
-# Rank, number of the step, whether it is the expansion; then total and place, and the state after the step of
-# an expansion, or what GROUP BY and ORDER BY see of a result.
-Entry: TypeAlias = tuple[Any, int, bool, Any, Place, Any]
-
-
-def best_first(hunt: Hunt) -> Iterator[Found]:
-    """Every path."""
-    return _best_first(hunt, None)
-
-
-def best_first_no_cycle(hunt: Hunt) -> Iterator[Found]:
-    """Every path on which no row occurs twice."""
-    return _best_first(hunt, Trail())
-
-
-def _best_first(hunt: Hunt, trail: Trail | None) -> Iterator[Found]:
-    total, combine = (-1, mul) if hunt.order == "probability" else (0, add)
-    numbers = count()
-    queue: list[Entry] = []
-    seen: Container[Hashable] = () if trail is None else trail.keys
-    state: State = hunt.start
-    place: Place | None = None
-    while True:
-        if trail is not None:
-            trail.move_to(place)
-        depth = 1 if place is None else place[3] + 1
-        for row, goal, following, key, weight, estimate, last in hunt.steps(state, seen):
-            number, rank, new = next(numbers), combine(total, weight), (place, row, key, depth)
+# Every path, or with NO CYCLE every path on which no row occurs twice.
+BEST_FIRST = """
+queue = []
+number = 0
+total = -1 if likeliest else 0
+way = None
+if no_cycle:
+    trail = Trail()
+    seen = trail.keys  # the rows on the way that is extended
+while True:
+    if no_cycle:
+        trail.move_to(way)
+    for element in elements:
+        ROW
+        if no_cycle and key in seen:
+            pruned += 1
+            continue
+        JUDGE
+        rank = total * weight if likeliest else total + weight
+        if goes_on:
+            NEXT
+        number += 1
+        new = place if no_cycle else (way, row)
+        if not guided:
+            heappush(queue, (rank, number, goal, goes_on, last, new, *state))
+        if guided and goal:
+            heappush(queue, (rank, number, False, new, last))
+        if guided and goes_on:
+            heappush(queue, (rank + estimate, number, True, rank, new, *state))
+    while queue:
+        if not guided:
+            total, _, goal, goes_on, last, way, *here = heappop(queue)
             if goal:
-                heappush(queue, (rank, number, False, rank, new, last))
-            if following is not None:
-                heappush(queue, (rank + estimate, number, True, rank, new, following))
-        while queue and not queue[0][2]:
-            _, _, _, _, place, last = heappop(queue)
-            yield path_to(place), last
-        if not queue:
-            return
-        _, _, _, total, place, state = heappop(queue)
+                yield found(path_to(way), last)
+            if goes_on:
+                break
+        if guided:
+            entry = heappop(queue)
+            if entry[2]:
+                _, _, _, total, way, *here = entry
+                break
+            _, _, _, way, last = entry
+            yield found(path_to(way), last)
+    else:
+        return
+    expanded += 1
+"""
 
+# Each row once, by its best path. A row enters the queue only if it is better than the best path to it so far.
+# `best` holds the total of that path, or `TAKEN`, which is less than all totals, when it has come out of the queue.
+UNGUIDED_UNIQUE = """
+queue = []
+number = 0
+total = -1 if likeliest else 0
+way = None
+best = {}
+while True:
+    for element in elements:
+        ROW
+        known = best.get(key)
+        if known is TAKEN:
+            pruned += 1
+            continue
+        JUDGE
+        rank = total * weight if likeliest else total + weight
+        if goes_on and not settled:
+            NEXT
+        if known is not None and known <= rank:
+            pruned += 1
+            continue
+        best[key] = rank
+        if goes_on and settled:
+            NEXT
+        number += 1
+        new = (way, row)
+        heappush(queue, (rank, number, key, goal, goes_on, last, new, *state))
+    while queue:
+        total, _, key, goal, goes_on, last, way, *here = heappop(queue)
+        if best[key] is TAKEN:
+            continue
+        best[key] = TAKEN
+        if goal:
+            yield found(path_to(way), last)
+        if goes_on:
+            break
+    else:
+        return
+    expanded += 1
+"""
 
-class Taken(dict[Hashable, Any]):
-    """The totals at which rows were taken, and that of the present place.
-
-    A row that was taken at a total so good need not be looked at again. Without a heuristic no total is less than one
-    before it, so every row in here is such a row; with one, generated code compares.
-    """
-
-    present: Any = None
-
-
-def best_first_unique(hunt: Hunt) -> Iterator[Found]:
-    """Each row once, by its best path.
-
-    A row enters the queue only if it is better than the best path to it so far; what is then no longer the
-    best is neither given out nor expanded. With an inconsistent heuristic a row may be taken again.
-    """
-    likeliest, steps, stats = hunt.order == "probability", hunt.steps, hunt.stats
-    total: Any = -1 if likeliest else 0
-    number = 0
-    queue: list[Entry] = []
-    best: dict[Hashable, Any] = {}
-    taken = Taken()
-    given: set[Hashable] = set()
-    state: State = hunt.start
-    place: Place | None = None
-    while True:
-        taken.present = total
-        for row, goal, following, key, weight, estimate, last in steps(state, taken):
-            rank = total * weight if likeliest else total + weight
-            known = best.get(key)
-            if known is not None and known <= rank:
-                stats.pruned += 1
-                continue
-            best[key] = rank
-            number += 1
-            new = (place, row, key, 0)
-            if goal:
-                heappush(queue, (rank, number, False, rank, new, last))
-            if following is not None:
-                heappush(queue, (rank + estimate, number, True, rank, new, following))
-        while queue:
-            _, _, expansion, total, place, rest = heappop(queue)
-            key = place[2]
+# The same with a heuristic. If that is inconsistent, a row is taken again when a cheaper way appears, and no step may
+# be dropped unasked because of a way that costs more. What is no longer the best is neither given out nor expanded.
+GUIDED_UNIQUE = """
+queue = []
+number = 0
+total = 0
+way = None
+best = {}  # the least total of a path to each row so far
+taken = {}  # those at which rows came out of the queue
+given = set()
+while True:
+    for element in elements:
+        ROW
+        known = taken.get(key)
+        if known is not None and known <= total:
+            pruned += 1
+            continue
+        JUDGE
+        rank = total + weight
+        if goes_on and not settled:
+            NEXT
+        known = best.get(key)
+        if known is not None and known <= rank:
+            pruned += 1
+            continue
+        best[key] = rank
+        if goes_on and settled:
+            NEXT
+        number += 1
+        new = (way, row)
+        if goal:
+            heappush(queue, (rank, number, False, key, new, last))
+        if goes_on:
+            heappush(queue, (rank + estimate, number, True, key, rank, new, *state))
+    while queue:
+        entry = heappop(queue)
+        key = entry[3]
+        if entry[2]:
+            _, _, _, _, total, way, *here = entry
             if best[key] < total:
                 continue
             taken[key] = total
-            if expansion:
-                state = rest
-                break
-            if key not in given:
-                given.add(key)
-                yield path_to(place), rest
-        else:
-            return
+            break
+        total, _, _, _, way, last = entry
+        if best[key] < total:
+            continue
+        taken[key] = total
+        if key not in given:
+            given.add(key)
+            yield found(path_to(way), last)
+    else:
+        return
+    expanded += 1
+"""
+
+BEST_FIRST_UNIQUE = f"""
+if guided:
+{indent(GUIDED_UNIQUE, "    ")}
+else:
+{indent(UNGUIDED_UNIQUE, "    ")}
+"""

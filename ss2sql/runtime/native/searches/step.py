@@ -92,3 +92,7 @@ class Trail:
                 gained.append(new[2])
                 new = new[0]
         self.keys.update(gained)
+
+
+# Less than every total.
+TAKEN = -2

@@ -18,23 +18,23 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Copies:
-    """The columns that are copied, by table; none for a query that reads the world as it is."""
+class Snapshot:
+    """The columns that a query copies when it begins, by table; none where it reads the world as it is."""
 
     columns: tuple[tuple[AttachedTable, Span | None, tuple[str, ...]], ...] = ()
 
     def begin(self, remembered: Remembered | None = None) -> Readings:
-        """What a run of the query reads, with the copies made. Worlds put what they remember into `remembered`."""
+        """What a run of the query reads, with the copy made. Worlds put what they remember into `remembered`."""
         readings = Readings(remembered)
         for table, place, columns in self.columns:
-            readings.of(table.table, place).copy(columns)
+            readings.of(table.table, place).take(columns)
         return readings
 
 
-NO_COPIES = Copies()
+NO_SNAPSHOT = Snapshot()
 
 
-def copies_for(roots: Collection[Any]) -> Copies:
+def snapshot_for(roots: Collection[Any]) -> Snapshot:
     """What has to be copied for these parts of a plan, which run together.
 
     Only functions of the user or of a world can move it. The text of an `eval` may call any, and read any column.
@@ -42,7 +42,7 @@ def copies_for(roots: Collection[Any]) -> Copies:
     nodes = list(chain.from_iterable(map(walk, roots)))
     sources = [node for node in nodes if isinstance(node, plan.WorldSource)]
     if not sources or not any(map(_may_move, nodes)):
-        return NO_COPIES
+        return NO_SNAPSHOT
     texts = any(isinstance(node, plan.Eval) for node in nodes)
     columns: dict[AttachedTable, dict[str, None]] = {}
     for source in sources:
@@ -52,7 +52,7 @@ def copies_for(roots: Collection[Any]) -> Copies:
         for node in nodes:
             if isinstance(node, plan.Column) and node.source == source.id:
                 wanted[node.name] = None
-    return Copies(tuple((table, first_place(table, roots), tuple(wanted)) for table, wanted in columns.items()))
+    return Snapshot(tuple((table, first_place(table, roots), tuple(wanted)) for table, wanted in columns.items()))
 
 
 def first_place(table: AttachedTable, roots: Iterable[Any]) -> Span | None:

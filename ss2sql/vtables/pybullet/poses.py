@@ -1,4 +1,4 @@
-"""Points and turns: a turn is a quaternion (x, y, z, w), a frame a point and a turn."""
+"""Points and turns: a turn is a quaternion (x, y, z, w), a pose a point and a turn."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any, TypeAlias
 
 Point: TypeAlias = tuple[float, float, float]
 Turn: TypeAlias = tuple[float, float, float, float]
-Frame: TypeAlias = tuple[Point, Turn]
+Pose: TypeAlias = tuple[Point, Turn]
 Box: TypeAlias = tuple[Point, Point]
 
 UPRIGHT: Turn = (0.0, 0.0, 0.0, 1.0)
@@ -33,16 +33,16 @@ def product(first: Sequence[float], second: Sequence[float]) -> Turn:
     )
 
 
-def inside(frame: Frame, local: Frame) -> Frame:
-    """A frame that is given within another one, as one of the world."""
-    (x, y, z), turn = frame
+def inside(pose: Pose, local: Pose) -> Pose:
+    """A pose that is given within another one, as one of the world."""
+    (x, y, z), turn = pose
     dx, dy, dz = turned(turn, local[0])
     return (x + dx, y + dy, z + dz), product(turn, local[1])
 
 
-def seen_from(frame: Frame, other: Frame) -> Frame:
-    """A frame of the world, as one within another: the reverse of `inside`."""
-    (x, y, z), (a, b, c, w) = frame
+def seen_from(pose: Pose, other: Pose) -> Pose:
+    """A pose of the world, as one within another: the reverse of `inside`."""
+    (x, y, z), (a, b, c, w) = pose
     back = (-a, -b, -c, w)
     (px, py, pz), turn = other
     return turned(back, (px - x, py - y, pz - z)), product(back, turn)

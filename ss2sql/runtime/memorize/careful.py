@@ -1,0 +1,181 @@
+"""The same paths in the same order as by_length.py, for graphs where most ways lead nowhere.
+
+Where the way on leads back over the path, or into a room whose only door the path has closed, a walk that knows
+distances alone may try every way to the obstacle, which are exponentially many. This one enters a branch only
+when a search around the nodes of the path has found a goal in reach. Along the way that it found no other search
+is needed, so a path costs one for each place where it leaves such a way, and one for each branch that stays out.
+
+Where lengths are many, walking anew for each of them costs a multiple. So the branches that were entered are kept,
+each with a bound: what is still to come from it is not shorter. A walk goes only where the bound is its length,
+and the least bound of all is the next length.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from heapq import heappop, heappush
+
+from ss2sql.runtime.memorize.graph import Graph
+
+FAR = 2**62  # no goal can be reached
+CHECK_EVERY = 4096  # edges
+KEPT = 500_000  # branches that are kept; one takes some 300 bytes, and what is not kept is walked again
+
+
+@dataclass(slots=True)
+class Branch:
+    """What goes on from one path, which ends at `node`.
+
+    `bounds` has for each edge the least length of a path that goes on by it and is still to come. `kids` are the
+    branches behind the edges, by position, where they have been entered.
+    """
+
+    node: int
+    bounds: list[int]
+    kids: dict[int, Branch] = field(default_factory=dict)
+
+
+class Careful:
+    """The walks over one graph. `steps` counts the edges that were looked at."""
+
+    def __init__(self, graph: Graph) -> None:
+        self.graph = graph
+        self.longest = graph.longest
+        self.near = _distances(graph)
+        near, targets = self.near, graph.targets
+        # Edges that lead nowhere are left out once and for all.
+        self.edges = [[edge for edge in edges if near[targets[edge]] < FAR] for edges in graph.edges]
+        self.targets = [[targets[edge] for edge in edges] for edges in self.edges]
+        self.visited = bytearray(len(near))
+        self.kept = 0
+        self.steps = 0
+        self._due = CHECK_EVERY
+        self._known: list[int] = []  # a way to a goal from the last node of the path, backwards
+        self._known_from: Branch | None = None
+
+    def paths(self, length: int) -> Iterator[Sequence[int]]:
+        """The paths of at least this length as lists of edges."""
+        root = self._branch(0, 1)
+        while length < FAR:
+            yield from self._paths(root, length)
+            length = min(root.bounds, default=FAR)
+
+    def _paths(self, branch: Branch, length: int) -> Iterator[Sequence[int]]:
+        """The paths of this length."""
+        edges, visited = self.edges, self.visited
+        path: list[int] = []
+        above: list[tuple[Branch, Iterator[tuple[int, int]], int]] = []
+        rest: Iterator[tuple[int, int]] = enumerate(branch.bounds)
+        while True:
+            for at, bound in rest:
+                if bound > length:
+                    continue
+                if len(path) + 1 == length:
+                    yield [*path, edges[branch.node][at]]
+                    branch.bounds[at] = self._beyond(self.targets[branch.node][at], length)
+                    continue
+                kid = branch.kids.get(at) or self._entered(branch, at, len(path) + 1, length)
+                if kid is None:
+                    continue
+                self._look_at(kid.node)
+                visited[kid.node] = 1
+                path.append(edges[branch.node][at])
+                above.append((branch, rest, at))
+                branch, rest = kid, enumerate(kid.bounds)
+                break
+            else:
+                if not above:
+                    return
+                visited[branch.node] = 0
+                bound = min(branch.bounds, default=FAR)
+                branch, rest, at = above.pop()
+                path.pop()
+                branch.bounds[at] = bound
+                if bound == FAR and at in branch.kids:
+                    del branch.kids[at]
+                    self.kept -= 1
+
+    def _branch(self, node: int, depth: int) -> Branch:
+        """A branch of which the path has `depth` steps after the next one."""
+        near, longest, visited = self.near, self.longest, self.visited
+        bounds = [
+            FAR if visited[target] or target == node or (bound := depth + near[target]) > longest else bound
+            for target in self.targets[node]
+        ]
+        return Branch(node, bounds)
+
+    def _beyond(self, node: int, length: int) -> int:
+        """A bound of paths that go on from the end of a path of this length."""
+        bound = length + 1 + min([self.near[target] for target in self.targets[node]], default=FAR)
+        return bound if bound <= self.longest else FAR
+
+    def _entered(self, branch: Branch, at: int, depth: int, length: int) -> Branch | None:
+        """The branch behind an edge, which is the step `depth`; None where it has no path of this length."""
+        node = self.targets[branch.node][at]
+        if self._known_from is branch and self._known[-1:] == [node]:
+            self._known.pop()
+        else:
+            reached, way = self._around(node, depth)
+            if reached > length:
+                branch.bounds[at] = reached
+                return None
+            self._known = way
+        self._known_from = kid = self._branch(node, depth + 1)
+        if self.kept < KEPT:
+            branch.kids[at] = kid
+            self.kept += 1
+        return kid
+
+    def _around(self, start: int, depth: int) -> tuple[int, list[int]]:
+        """The length of the shortest path that goes on from `start`, its node after `depth` steps, and its way on.
+
+        The way is the nodes behind `start`, backwards. An A* search: distances bound what is left.
+        """
+        near, targets, visited, longest = self.near, self.targets, self.visited, self.longest
+        queue: list[tuple[int, int, int, int]] = [(0, -depth, start, start)]
+        before: dict[int, int] = {}
+        while queue:
+            _, taken, node, last = heappop(queue)
+            if node in before:
+                continue
+            if not near[node] and node != start:
+                way = [node]
+                while last != start:
+                    way.append(last)
+                    last = before[last]
+                return -taken, way
+            before[node] = last
+            self._look_at(node)
+            for target in targets[node]:
+                if not visited[target] and target not in before:
+                    bound = 1 - taken + near[target]
+                    if bound <= longest:
+                        heappush(queue, (bound, taken - 1, target, node))
+        return FAR, []
+
+    def _look_at(self, node: int) -> None:
+        """Counts the edges of a node."""
+        self.steps += 1 + len(self.targets[node])
+        if self.steps > self._due:
+            self._due = self.steps + CHECK_EVERY
+            self.graph.check()
+
+
+def _distances(graph: Graph) -> list[int]:
+    """For each node the number of steps to the nearest goal; FAR where there is no way."""
+    near = [0 if goal else FAR for goal in graph.goals]
+    sources = graph.into()
+    level = [node for node, goal in enumerate(graph.goals) if goal]
+    steps = 0
+    while level:
+        graph.check()
+        steps += 1
+        found = []
+        for node in level:
+            for source in sources[node]:
+                if near[source] == FAR:
+                    near[source] = steps
+                    found.append(source)
+        level = found
+    return near

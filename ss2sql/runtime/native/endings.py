@@ -1,0 +1,187 @@
+"""What becomes of the results of a query after they were found: GROUP BY, HAVING, ORDER BY and LIMIT."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import islice
+from typing import Any
+
+from ss2sql import plan
+from ss2sql.errors import Error, ExecutionError
+from ss2sql.runtime.builtins import AGGREGATES
+from ss2sql.runtime.rows import Row, Rows
+from ss2sql.runtime.values import freeze, places_in_order
+
+
+@dataclass(frozen=True, slots=True)
+class Form:
+    """What is known of a query when it is compiled."""
+
+    query: plan.Query
+    columns: tuple[str, ...]
+    aggregates: tuple[plan.Aggregate, ...]
+    groups: int
+    descending: tuple[bool, ...]
+
+    @staticmethod
+    def of(query: plan.Query, aggregates: tuple[plan.Aggregate, ...]) -> Form:
+        columns = tuple(output.name for output in query.columns)
+        return Form(query, columns, aggregates, len(query.group), tuple(key.descending for key in query.order))
+
+
+class Ending:
+    """What happens to the results of one query after they were found."""
+
+    def __init__(
+        self,
+        form: Form,
+        group: Callable[..., tuple[Row | None, Row] | None] | None,
+        limit: int | None,
+        most: int | None,
+    ) -> None:
+        self.form = form
+        self.query = form.query
+        self.group = group
+        self.limit = limit
+        self.most = None if limit is not None and most is not None and limit <= most else most
+
+    def finish(self, found: Iterator[Any], results: list[Any], answer: Rows) -> None:
+        """Fills `results`, and the groups of the answer where there are partitions."""
+        if self.query.aggregated:
+            self._aggregate(found, results)
+            return
+        if self.query.search is None and not self.query.group:
+            self._in_order(found, results)
+            return
+        keys: list[Row] = []
+        try:
+            results.extend(self._as_many(found))
+        finally:
+            keys += [key for _, key in results]
+            results[:] = [result for result, _ in results]
+        self._room(len(results))
+        places = list(range(len(results)))
+        if self.group is not None:
+            places = self._having(keys)
+        if self.form.descending:
+            first = len(self.form.aggregates) + self.form.groups
+            places = self._sorted(places, [keys[at][first:] for at in places])
+        places = places[: self.limit]
+        results[:] = [results[at] for at in places]
+        if self.query.group:
+            answer.groups = self._partitions([keys[at] for at in places])
+
+    def _in_order(self, found: Iterator[Any], results: list[Any]) -> None:
+        """ORDER BY of a flat query: its keys stand behind the columns of its rows."""
+        width, whole = len(self.form.columns), list[Row]()
+        try:
+            whole.extend(self._as_many(found))
+            self._room(len(whole))
+            columns = [[row[width + number] for row in whole] for number in range(len(self.form.descending))]
+            whole = [whole[at] for at in self._places(len(whole), columns)[: self.limit]]
+        finally:
+            results += [row[:width] for row in whole]
+
+    def _sorted(self, results: list[Any], keys: list[Row]) -> list[Any]:
+        columns = list(zip(*keys, strict=True)) or [()] * len(self.form.descending)
+        return [results[at] for at in self._places(len(results), columns)]
+
+    def _places(self, count: int, columns: Sequence[Sequence[Any]]) -> list[int]:
+        """The places of results in the order of their keys; of those beyond LIMIT none may be there."""
+        try:
+            return places_in_order(count, columns, self.form.descending, self.limit)
+        except Error as error:
+            raise error.located(self.query.order[0].expr.span) from None
+
+    def _as_many(self, found: Iterator[Any]) -> Iterator[Any]:
+        """The results, if there are not too many, else one too many."""
+        return found if self.most is None else islice(found, self.most + 1)
+
+    def _room(self, number: int) -> None:
+        if self.most is not None and number > self.most:
+            raise too_many(self.query, self.most)
+
+    # --- groups ----------------------------------------------------------------------------------------
+
+    def _aggregate(self, found: Iterator[Any], results: list[Any]) -> None:
+        """One row per group; HAVING, the columns and the keys of ORDER BY for one group after the other.
+
+        Of a flat query `found` are the groups already, of a search the members of all groups.
+        """
+        assert self.group is not None
+        order: list[Row] = []
+        for seen in found if self.query.search is None else self._seen_of_all(found):
+            made = self.group(*seen)
+            if made is not None:
+                results.append(made[0])
+                order.append(made[1])
+                self._room(len(results))
+        if self.form.descending:
+            results[:] = self._sorted(results, order)
+        if self.limit is not None:
+            del results[self.limit :]
+
+    def _seen_of_all(self, found: Iterator[Any]) -> Iterator[Row]:
+        groups: dict[Hashable, list[Row]] = {}
+        for _, key in found:
+            groups.setdefault(self._group_key(key), []).append(key)
+        return map(self._seen_of, groups.values())
+
+    def _having(self, keys: list[Row]) -> list[int]:
+        """The positions of the results whose groups HAVING keeps."""
+        assert self.group is not None
+        groups: dict[Hashable, list[int]] = {}
+        for position, key in enumerate(keys):
+            groups.setdefault(self._group_key(key), []).append(position)
+        kept: list[int] = []
+        for members in groups.values():
+            if self.group(*self._seen_of([keys[at] for at in members])) is not None:
+                kept.extend(members)
+        return sorted(kept)
+
+    def _partitions(self, keys: list[Row]) -> list[tuple[Any, list[int]]]:
+        """The value and the members of each group, in order of first appearance."""
+        groups: dict[Hashable, tuple[Any, list[int]]] = {}
+        for position, key in enumerate(keys):
+            known = groups.get(self._group_key(key))
+            if known is None:
+                values = self._group_values(key)
+                shown = _shown(values[0] if len(values) == 1 else values)
+                known = groups[self._group_key(key)] = (shown, [])
+            known[1].append(position)
+        return list(groups.values())
+
+    def _group_values(self, key: Row) -> Row:
+        first = len(self.form.aggregates)
+        return key[first : first + self.form.groups]
+
+    def _group_key(self, key: Row) -> Hashable:
+        values = self._group_values(key)
+        return freeze(values[0]) if len(values) == 1 else tuple(map(freeze, values))
+
+    def _seen_of(self, members: list[Row]) -> Row:
+        """What is seen of a group: its aggregates, then its values."""
+        columns = zip(*members, strict=True)
+        aggregates = [_aggregate(node, values) for node, values in zip(self.form.aggregates, columns, strict=False)]
+        return (*aggregates, *self._group_values(members[0]))
+
+
+def _aggregate(node: plan.Aggregate, values: Iterable[Any]) -> Any:
+    try:
+        return AGGREGATES[node.function](values)
+    except Error as error:
+        raise error.located(node.span) from None
+
+
+def _shown(value: Any) -> Any:
+    """A group's value as the key of a dict: lists become tuples, dicts tuples of pairs."""
+    if isinstance(value, (list, tuple)):
+        return tuple(map(_shown, value))
+    return _shown(list(map(list, value.items()))) if isinstance(value, dict) else value
+
+
+def too_many(query: plan.Query, most: int) -> ExecutionError:
+    """The error for more results than the run allows."""
+    hints = ("add LIMIT or MAXIMUM to the query, or raise max_rows",)
+    return ExecutionError("X010", f"the query has more than max_rows={most} results", query.span, hints)

@@ -1,0 +1,294 @@
+"""What a Python function is made of: equal fingerprints stand for functions that compute the same.
+
+A fingerprint takes in the code of the function, its defaults, the values of its enclosing functions and the global
+names that it reads, and so on for all functions and classes of the user that it reaches. Of Python's own functions
+and of packages it takes the version. What cannot be compared between two runs is refused.
+"""
+
+from __future__ import annotations
+
+import dis
+import functools
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import MISSING, fields, is_dataclass
+from enum import Enum
+from hashlib import sha256
+from inspect import CO_NESTED, getattr_static
+from types import (
+    BuiltinFunctionType,
+    CellType,
+    ClassMethodDescriptorType,
+    CodeType,
+    FunctionType,
+    GetSetDescriptorType,
+    MemberDescriptorType,
+    MethodDescriptorType,
+    MethodType,
+    MethodWrapperType,
+    ModuleType,
+    WrapperDescriptorType,
+)
+from typing import Any
+
+from ss2sql.frontend.purity.names import CACHED, UNKNOWN, wrapped
+from ss2sql.runtime.remembered.packages import home_of
+from ss2sql.runtime.remembered.texts import NotKept
+
+_PYTHON = f"{sys.implementation.name} {sys.version_info[:2]}"
+_SCALARS = (type(None), bool, int, float, complex, str, bytes, type(...))
+_REPEATED = (tuple, frozenset, CodeType)  # of which Python may make one of two equal ones
+_MISSING = object()
+_GLOBAL_LOADS = frozenset({"LOAD_GLOBAL", "LOAD_NAME", "LOAD_FROM_DICT_OR_GLOBALS"})
+_LOADS = _GLOBAL_LOADS | {"LOAD_DEREF", "LOAD_CLASSDEREF", "LOAD_FROM_DICT_OR_DEREF"}
+# What every class has, and what only tells where it was written.
+_OF_ALL_CLASSES = frozenset(
+    {"__dict__", "__weakref__", "__module__", "__doc__", "__qualname__", "__firstlineno__", "__static_attributes__"}
+)
+_OF_PYTHON = frozenset({"_abc_impl", "__dataclass_fields__", "__dataclass_params__", "__annotations__"})
+_BUILT_IN = (
+    *(BuiltinFunctionType, MethodDescriptorType, ClassMethodDescriptorType, WrapperDescriptorType, MethodWrapperType),
+)
+_DESCRIPTORS = (GetSetDescriptorType, MemberDescriptorType)
+
+
+def fingerprint(function: Callable[..., Any]) -> str:
+    """The fingerprint of a function. Raises NotKept, with a clause whose subject is the function."""
+    made = Fingerprint()
+    try:
+        made.add(function, "the function")
+    except RecursionError:
+        raise NotKept("is nested too deeply to be compared") from None
+    return made.hash.hexdigest()
+
+
+class Fingerprint:
+    """One fingerprint in the making. What is met a second time is named by the number of its first time."""
+
+    def __init__(self) -> None:
+        self.hash = sha256(_PYTHON.encode())
+        self._met: dict[int, int] = {}
+        self._alive: list[Any] = []
+
+    def _note(self, *parts: object) -> None:
+        text = repr(parts).encode("utf-8", "surrogatepass")
+        self.hash.update(b"%d:" % len(text) + text)
+
+    def add(self, value: Any, name: str) -> None:
+        """Takes in a value, which is called `name` where it is refused."""
+        kind = type(value)
+        if kind in _SCALARS:
+            self._note(kind.__name__, value)
+            return
+        if kind not in _REPEATED:
+            if id(value) in self._met:
+                self._note("met", self._met[id(value)])
+                return
+            self._met[id(value)] = len(self._met)
+            self._alive.append(value)
+        if kind in (list, tuple):
+            self._note(kind.__name__, len(value))
+            for part in value:
+                self.add(part, name)
+        elif kind is dict:
+            self._note("dict", len(value))
+            for key, part in value.items():
+                self.add(key, name)
+                self.add(part, name)
+        elif kind in (set, frozenset):
+            self._note(kind.__name__, sorted(self._apart(part, name) for part in value))
+        elif kind is CodeType:
+            self._code(value)
+        else:
+            self._other(value, kind, name)
+
+    def _apart(self, value: Any, name: str) -> str:
+        """The fingerprint of a value for itself: sets have no order."""
+        other = Fingerprint()
+        other.add(value, name)
+        return other.hash.hexdigest()
+
+    def _other(self, value: Any, kind: type, name: str) -> None:
+        """Functions, classes, modules and objects."""
+        numpy = sys.modules.get("numpy")
+        if kind is FunctionType:
+            self._function(value)
+        elif kind is MethodType:
+            self._note("method")
+            self.add(value.__func__, name)
+            self.add(value.__self__, name)
+        elif kind is functools.partial:
+            self._note("partial")
+            for part in (value.func, value.args, value.keywords):
+                self.add(part, name)
+        elif kind is CACHED and wrapped(value) is not UNKNOWN:
+            self._note("cached")
+            self.add(wrapped(value), name)
+        elif kind in (staticmethod, classmethod):
+            self._note(kind.__name__)
+            self.add(value.__func__, name)
+        elif kind is property:
+            self._note("property")
+            for part in (value.fget, value.fset, value.fdel):
+                self.add(part, name)
+        elif isinstance(value, ModuleType):
+            self._module(value, name)
+        elif isinstance(value, type):
+            self._class(value, name)
+        elif isinstance(value, _BUILT_IN):
+            self._built_in(value, name)
+        elif isinstance(value, Enum):
+            self._note("enum", value.name)
+            self.add(kind, name)
+        elif is_dataclass(value):
+            self._note("dataclass")
+            self.add(kind, name)
+            for one in fields(value):
+                self.add(getattr(value, one.name), name)
+        elif numpy is not None and isinstance(value, (numpy.ndarray, numpy.generic)) and not value.dtype.hasobject:
+            self._note("array", str(value.dtype), value.shape, sha256(value.tobytes()).hexdigest())
+        elif numpy is not None and isinstance(value, numpy.ufunc):
+            self._note("ufunc", value.__name__, home_of("numpy"))
+        else:
+            raise NotKept(f"reads {name}, an object of the type {kind.__name__}, which cannot be compared")
+
+    # --- functions -------------------------------------------------------------------------------------
+
+    def _function(self, function: FunctionType) -> None:
+        home = home_of(function.__module__)
+        if home is not None:
+            self._note("function", home, function.__module__, function.__qualname__)
+            return
+        self._note("function")
+        self._code(function.__code__)
+        name = function.__name__
+        self.add(function.__defaults__, f"a default of '{name}'")
+        self.add(function.__kwdefaults__, f"a default of '{name}'")
+        closure = dict(zip(function.__code__.co_freevars, function.__closure__ or (), strict=True))
+        builtins: Any = function.__builtins__  # type: ignore[attr-defined]
+        code = function.__code__
+        for free, names in sorted(set(_names_read(code, code.co_freevars))):
+            first = names[0]
+            if free:
+                self._name(names, _content(closure[first]), f"the variable '{first}' of an enclosing function")
+            else:
+                namespace = function.__globals__
+                self._name(
+                    names, namespace[first] if first in namespace else builtins.get(first, _MISSING), f"'{first}'"
+                )
+
+    def _code(self, code: CodeType) -> None:
+        """What code does, not where it stands."""
+        counts = (code.co_argcount, code.co_posonlyargcount, code.co_kwonlyargcount, code.co_flags & ~CO_NESTED)
+        names = (code.co_names, code.co_varnames, code.co_freevars, code.co_cellvars)
+        self._note("code", code.co_code, code.co_exceptiontable, counts, names, len(code.co_consts))
+        for constant in code.co_consts:
+            self.add(constant, "a constant")
+
+    def _name(self, names: tuple[str, ...], value: Any, shown: str) -> None:
+        """A name from outside, and the names behind it: of a module of the user what is read counts, not the rest."""
+        self._note("name", names)
+        for attribute in names[1:]:
+            if not isinstance(value, ModuleType) or home_of(value.__name__) is not None:
+                break
+            shown = f"'{value.__name__}.{attribute}'"
+            value = getattr(value, attribute, _MISSING)
+        if value is _MISSING:
+            raise NotKept(f"reads {shown}, which has no value yet")
+        self.add(value, shown)
+
+    def _built_in(self, value: Any, name: str) -> None:
+        owner = getattr(value, "__self__", None)
+        if owner is None or isinstance(owner, (ModuleType, type)):
+            module = getattr(value, "__module__", None)
+            module = module or getattr(owner or value.__objclass__, "__module__", "builtins")
+            home = home_of(module)
+            if home is None:
+                raise NotKept(f"calls {name}, which has no Python source")
+            self._note("built in", home, module, value.__qualname__)
+        else:
+            self._note("method", value.__name__)
+            self.add(owner, name)
+
+    # --- modules and classes ---------------------------------------------------------------------------
+
+    def _module(self, module: ModuleType, name: str) -> None:
+        home = home_of(module.__name__)
+        if home is None:
+            raise NotKept(f"reads {name}, a module as a whole, which cannot be compared")
+        self._note("module", module.__name__, home)
+
+    def _class(self, kind: type, name: str) -> None:
+        home = home_of(kind.__module__)
+        self._note("class", kind.__qualname__, home)
+        if home is not None:
+            self._note(kind.__module__)
+            return
+        for base in kind.__bases__:
+            self.add(base, name)
+        self.add(type(kind), name)
+        if is_dataclass(kind):
+            for one in fields(kind):
+                self._note("field", one.name, one.init, one.compare)
+                for given in (one.default, one.default_factory):
+                    if given is not MISSING:
+                        self.add(given, f"{name}.{one.name}")
+        if issubclass(kind, Enum):
+            for word, member in kind.__members__.items():
+                self._note("member", word)
+                self.add(member.value, f"{name}.{word}")
+        for word in sorted(vars(kind).keys() - _OF_ALL_CLASSES - _OF_PYTHON):
+            value = getattr_static(kind, word)
+            if not _is_made_by_python(kind, word, value):
+                self._note("attribute", word)
+                self.add(value, f"{name}.{word}")
+
+
+def _is_made_by_python(kind: type, word: str, value: Any) -> bool:
+    """Whether an attribute of a class follows from the others: slots, members of an Enum, methods of a dataclass."""
+    if isinstance(value, (*_DESCRIPTORS, Enum)):
+        return True
+    if issubclass(kind, Enum) and word.startswith("_"):
+        return not isinstance(value, FunctionType)
+    return is_dataclass(kind) and isinstance(value, FunctionType) and value.__code__.co_filename == "<string>"
+
+
+def _content(cell: CellType) -> Any:
+    try:
+        return cell.cell_contents
+    except ValueError:
+        return _MISSING
+
+
+def _names_read(code: CodeType, enclosing: tuple[str, ...]) -> Iterator[tuple[bool, tuple[str, ...]]]:
+    """The names from outside that code reads, with the attributes that it asks them for at once.
+
+    With each comes whether it is a variable of an enclosing function, one of `enclosing`. Raises NotKept for code that
+    changes a name from outside, or imports a module of the user.
+    """
+    chain: list[str] = []
+    free = False
+    for instruction in dis.get_instructions(code):
+        name = str(instruction.argval)
+        outside = name in enclosing and name in code.co_freevars
+        match instruction.opname:
+            case "CACHE" | "EXTENDED_ARG":
+                continue
+            case "LOAD_ATTR" | "LOAD_METHOD" if chain:
+                chain.append(name)
+                continue
+            case "STORE_GLOBAL" | "DELETE_GLOBAL":
+                raise NotKept(f"changes the global name '{name}'")
+            case "STORE_DEREF" | "DELETE_DEREF" if outside:
+                raise NotKept(f"changes the variable '{name}' of an enclosing function")
+            case "IMPORT_NAME" if home_of(name) is None:
+                raise NotKept(f"imports '{name}' when it is called, which is not followed")
+        if chain:
+            yield free, tuple(chain)
+        chain = []
+        if instruction.opname in _LOADS and (instruction.opname in _GLOBAL_LOADS or outside):
+            free = instruction.opname not in _GLOBAL_LOADS
+            chain = [name]
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _names_read(constant, enclosing)

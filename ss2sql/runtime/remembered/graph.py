@@ -1,0 +1,223 @@
+"""One remembered graph while a search works on it: the part of it that is in memory, read from the tables by levels."""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Hashable, Iterable, Sequence
+from dataclasses import dataclass
+from itertools import islice
+from typing import Any
+
+from ss2sql.runtime.memorize.pieces import State
+from ss2sql.runtime.remembered.store import Store, spoilt
+from ss2sql.runtime.remembered.texts import text_of, values_of
+from ss2sql.runtime.rows import Row
+from ss2sql.runtime.values import freeze
+
+MOST_HELD = 200_000  # of each kind of thing that stays in memory, to be read again where need be
+
+
+class Edge:
+    """A step: its row, how that is compared, the node it leads to, its elements, and what clauses said of it.
+
+    The elements are None where FROM is read again; `verdicts` go by the positions of the clauses.
+    """
+
+    __slots__ = ("elements", "key", "row", "target", "verdicts")
+
+    def __init__(self, row: Row, key: Hashable, elements: tuple[Any, ...] | None, target: Node | None = None) -> None:
+        self.row = row
+        self.key = key
+        self.elements = elements
+        self.target = target
+        self.verdicts: dict[int, Any] | None = None
+
+    def note(self, place: int, value: Any) -> None:
+        """Notes what a clause said."""
+        if self.verdicts is None:
+            self.verdicts = {}
+        self.verdicts[place] = value
+
+
+class Node:
+    """A state. `number` is that of its row in the tables, `edges` are None as long as they are not known.
+
+    `loaded` says that they come from the tables, `touched` that there is something new to write.
+    """
+
+    __slots__ = ("edges", "loaded", "number", "state", "text", "touched")
+
+    def __init__(self, state: State, number: int | None = None) -> None:
+        self.state = state
+        self.number = number
+        self.text: str | None = None
+        self.edges: list[Edge] | None = None
+        self.loaded = False
+        self.touched = False
+
+    def written(self) -> str:
+        """The state as text. Raises NotKept where that is impossible."""
+        if self.text is None:
+            self.text = text_of(self.state)
+        return self.text
+
+
+@dataclass(frozen=True, slots=True)
+class Clause:
+    """A clause whose values are remembered; `kind` is condition, cost or probability."""
+
+    key: str
+    kind: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Described:
+    """What people are told of a graph: JSON but for the text of the query."""
+
+    query: str
+    functions: str
+    parameters: str
+    variables: str
+    columns: str
+
+
+class GraphInFile:
+    """A graph in the tables of a file."""
+
+    def __init__(self, store: Store, key: str, described: Described, clauses: Sequence[Clause]) -> None:
+        self.store = store
+        self.key = key
+        self.described = described
+        self.clauses = clauses
+        self.number: int | None = None
+        self._nodes: dict[int, Node] = {}
+        self._by_text: dict[str, Node] = {}  # nodes that came without a number
+        self._rows: dict[str, tuple[Row, Hashable]] = {}
+
+    # --- reading ---------------------------------------------------------------------------------------
+
+    def load(self, nodes: Sequence[Node]) -> list[Node]:
+        """Reads what the tables have of these nodes; gives a node for each, the same one where states are the same.
+
+        Raises NotKept where a state has no text, ExecutionError X009 where the tables cannot be read.
+        """
+        collects = gc.isenabled()
+        gc.disable()  # nothing of what is made here is garbage: looking for some takes a third of the time
+        try:
+            return self._load(nodes)
+        finally:
+            if collects:
+                gc.enable()
+
+    def _load(self, nodes: Sequence[Node]) -> list[Node]:
+        if len(self._by_text) > MOST_HELD:
+            self._by_text.clear()
+        known = len(self._by_text)
+        held = self._by_text
+        one_of_each = [held.setdefault(node.written(), node) if node.number is None else node for node in nodes]
+        texts = list(islice(held, known, None))
+        with self.store.reading():
+            if self.number is None:
+                self.number = self.store.graph(self.key)
+            if self.number is None:
+                return one_of_each
+            for place, number in self.store.find(self.number, texts):
+                self._by_text[texts[place]].number = number
+            one_of_each = [
+                node if node.number is None else self._nodes.setdefault(node.number, node) for node in one_of_each
+            ]
+            try:
+                self._load_edges({node.number: node for node in one_of_each if node.number and node.edges is None})
+            except (ValueError, TypeError, KeyError) as error:
+                raise spoilt(f"what they hold is no graph ({error})") from error
+        return one_of_each
+
+    def _load_edges(self, nodes: dict[int, Node]) -> None:
+        assert self.number is not None
+        counts = self.store.steps(self.number, nodes)
+        found = self.store.edges(counts)
+        self._decode_rows({text for _, text, _, _ in found})
+        self._decode_states({target for _, _, target, _ in found if target is not None})
+        texts = list({text for _, _, _, text in found if text is not None})
+        elements: dict[str | None, Any] = {None: None, **dict(zip(texts, map(tuple, values_of(texts)), strict=True))}
+        edges: dict[int, list[Edge]] = {number: [] for number in counts}
+        for source, text, target, given in found:
+            row, key = self._rows[text]
+            edges[source].append(Edge(row, key, elements[given], self._nodes.get(target)))
+        self._load_verdicts(edges)
+        for number, count in counts.items():
+            if len(edges[number]) == count:  # else the graph was dropped meanwhile
+                nodes[number].edges = edges[number]
+                nodes[number].loaded = True
+
+    def _decode_rows(self, texts: Iterable[str]) -> None:
+        new = [text for text in texts if text not in self._rows]
+        for text, values in zip(new, values_of(new), strict=True):
+            row = tuple(values)
+            self._rows[text] = row, freeze(row[0]) if len(row) == 1 else tuple(map(freeze, row))
+
+    def _decode_states(self, numbers: Iterable[int]) -> None:
+        found = self.store.states([number for number in numbers if number not in self._nodes])
+        for (number, _), values in zip(found, values_of([text for _, text in found]), strict=True):
+            self._nodes[number] = Node(tuple(values), number)
+
+    def _load_verdicts(self, edges: dict[int, list[Edge]]) -> None:
+        assert self.number is not None
+        known = self.store.clauses(self.number) if self.clauses else {}
+        for place, clause in enumerate(self.clauses):
+            if clause.key in known:
+                for source, position, value in self.store.verdicts(known[clause.key], edges):
+                    edges[source][position].note(place, value)
+
+    # --- writing ---------------------------------------------------------------------------------------
+
+    def write(self, nodes: Sequence[Node], levels: int) -> None:
+        """Writes what is new of these nodes. Raises NotKept, and apsw's errors where the file cannot be written."""
+        rows = [[text_of(edge.row) for edge in node.edges or ()] for node in nodes]
+        elements = [
+            [None if edge.elements is None else text_of(edge.elements) for edge in node.edges or ()] for node in nodes
+        ]
+        targets = [edge.target for node in nodes for edge in node.edges or () if edge.target is not None]
+        with self.store.writing():
+            number = self.store.graph(self.key)
+            if number is None:
+                one = self.described
+                described = (one.query, one.functions, one.parameters, one.variables, one.columns)
+                number = self.store.make_graph(self.key, described)
+            if number != self.number:  # somebody has dropped the graph, and perhaps begun it again
+                self._forget_numbers((*nodes, *targets))
+            numbers = self._numbers(number, (*nodes, *targets))
+            clauses = [self.store.clause(number, one.key, one.kind, one.text) for one in self.clauses]
+            self.store.keep_edges(
+                (numbers[id(node)], position, row, None if edge.target is None else numbers[id(edge.target)], given)
+                for node, row_texts, given_texts in zip(nodes, rows, elements, strict=True)
+                for position, (edge, row, given) in enumerate(
+                    zip(node.edges or (), row_texts, given_texts, strict=True)
+                )
+            )
+            self.store.keep_steps((len(node.edges), numbers[id(node)]) for node in nodes if node.edges is not None)
+            self.store.keep_verdicts(
+                (clauses[place], numbers[id(node)], position, value)
+                for node in nodes
+                for position, edge in enumerate(node.edges or ())
+                if edge.verdicts is not None
+                for place, value in edge.verdicts.items()
+            )
+            self.store.touch(number, levels)
+        self.number = number
+        for node in (*nodes, *targets):
+            node.number = numbers[id(node)]
+
+    def _numbers(self, graph: int, nodes: Iterable[Node]) -> dict[int, int]:
+        """The numbers of nodes by their identities; those that have none get one."""
+        numbers = {id(node): node.number for node in nodes if node.number is not None}
+        new = {id(node): node.written() for node in nodes if node.number is None}
+        texts = list(dict.fromkeys(new.values()))
+        made = dict(zip(texts, self.store.make_nodes(graph, texts), strict=True))
+        return numbers | {identity: made[text] for identity, text in new.items()}
+
+    def _forget_numbers(self, nodes: Iterable[Node]) -> None:
+        for node in (*self._nodes.values(), *nodes):
+            node.number = None
+        self._nodes.clear()

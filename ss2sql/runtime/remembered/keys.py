@@ -1,0 +1,226 @@
+"""Which graph a search works on: what its steps depend on, as text that is the same wherever the query stands.
+
+A graph is told from others by FROM, SELECT, the names in START WITH, and CONNECT BY, with the functions that they
+call and the values that they read. Where a search starts, when it stops and what it looks for makes no other graph.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, fields, is_dataclass
+from hashlib import sha256
+from typing import TYPE_CHECKING, Any
+
+from ss2sql import plan
+from ss2sql.kinds import Type
+from ss2sql.runtime.remembered.functions import fingerprint
+from ss2sql.runtime.remembered.sources import digest_of, table_digest, world_digest, worlds_in
+from ss2sql.runtime.remembered.texts import NotKept
+from ss2sql.vtables.base import World
+from ss2sql.walk import can_fail, functions, parts, sources_read, states_read
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.functions import UserFunction
+    from ss2sql.runtime.run import Run
+    from ss2sql.vtables.attached import AttachedWorld
+
+FORMAT = 1  # another one makes other graphs of everything
+# What does not matter to the value of a node: where it stands, what is promised of it, and names for people.
+_LEFT_OUT = frozenset({"id", "span", "place", "type", "element", "scope", "states", "declared"})
+
+
+@dataclass(slots=True)
+class Keys:
+    """The keys of one search and its clauses. `entry_of` gives functions by the names that plans use.
+
+    `functions` and `parameters` are what the graph depends on, for people.
+    """
+
+    query: plan.Query
+    run: Run
+    entry_of: Callable[[str], UserFunction]
+    worlds: Callable[[], list[AttachedWorld]]
+    functions: dict[str, str] = field(default_factory=dict)
+    parameters: dict[str, Any] = field(default_factory=dict)
+    _sources: dict[int, int] = field(default_factory=dict)
+    _queries: dict[int, int] = field(default_factory=dict)
+    _worlds: dict[World, str] = field(default_factory=dict)
+
+    def graph(self) -> str:
+        """The key of the graph. Raises NotKept where it would have none, with the reason."""
+        search = self.query.search
+        assert search is not None
+        self._queries[self.query.id] = 0
+        outputs = self.query.rows if self.query.aggregated else tuple(output.expr for output in self.query.columns)
+        names = tuple(name for name, _ in search.start)
+        parts = (FORMAT, self._form(self.query.sources), self._form(outputs), names, self._form(search.connect))
+        return _hashed(parts)
+
+    def clause(self, kind: str, clause: plan.Expr) -> str:
+        """The key of a clause that is asked of the steps of the graph. Raises NotKept."""
+        sources, queries = dict(self._sources), dict(self._queries)
+        try:
+            return _hashed((kind, self._form(clause)))
+        finally:  # queries inside of one clause are none of the next one's
+            self._sources, self._queries = sources, queries
+
+    def settles(self, clause: plan.Expr) -> bool:
+        """Whether the value of a clause takes all that CONNECT BY evaluates, so that the next state costs nothing."""
+        known = {_hashed(self._form(expr)) for expr in _evaluated(clause) if not isinstance(expr, plan.Subquery)}
+        connect = self._connect()
+        return all(costs_nothing(expr) or form in known for expr, form in connect)
+
+    def follows_from_state(self, clause: plan.Expr) -> bool:
+        """Whether a clause calls nothing but what CONNECT BY calls: free where the next state is known."""
+        known = {form for expr, form in self._connect() if isinstance(expr, plan.Call) and not expr.function.builtin}
+        nodes: list[Any] = [clause]
+        while nodes:
+            node = nodes.pop()
+            if isinstance(node, plan.Subquery) and calls_functions(node):
+                return False
+            if not isinstance(node, plan.Call) or node.function.builtin:
+                nodes.extend(parts(node))
+            elif _hashed(self._form(node)) not in known:
+                return False
+        return True
+
+    def _connect(self) -> list[tuple[plan.Expr, str]]:
+        """What CONNECT BY evaluates, with a text for what it means; an empty one where it sees what went before."""
+        search = self.query.search
+        assert search is not None
+        moved: set[tuple[int, str]] = set()
+        found = []
+        for name, expr in search.connect:
+            found.append((expr, _hashed(self._form(expr)) if moved.isdisjoint(states_read(expr)) else ""))
+            moved.add((self.query.id, name))
+        return found
+
+    # --- plans as data ---------------------------------------------------------------------------------
+
+    def _form(self, node: Any) -> Any:
+        """A part of a plan as tuples, texts and numbers."""
+        match node:
+            case tuple():
+                return tuple(map(self._form, node))
+            case plan.Constant(value=value):
+                return "constant", repr(value)
+            case plan.Variable(name=name):
+                return "variable", self._variable(name)
+            case plan.Element(source=source):
+                return "element", self._source(source)
+            case plan.Column(source=source, name=name):
+                return "column", self._source(source), name
+            case plan.State(query=query, name=name):
+                return "state", self._query(query), name
+            case plan.GroupKey(query=query, index=index):
+                return "group", self._query(query), index
+            case plan.Function():
+                return self._function(node)
+            case plan.TableSource() | plan.WorldSource() | plan.ValueSource() | plan.QuerySource():
+                form = self._source_form(node)
+                self._sources[node.id] = len(self._sources)
+                return form
+            case plan.Query(id=number):
+                self._queries[number] = len(self._queries)
+            case plan.Eval() | plan.Assign() | plan.Temporal() | plan.TemporalAssign() | plan.AssignLate():
+                raise NotKept(f"it evaluates {' '.join(node.span.text.split())[:40]}, which may change")
+            case Type():
+                return ()
+        if is_dataclass(node) and not isinstance(node, type):
+            names = (one.name for one in fields(node) if one.name not in _LEFT_OUT)
+            return type(node).__name__, tuple((name, self._form(getattr(node, name))) for name in names)
+        return repr(node)
+
+    def _source_form(self, source: plan.Source) -> Any:
+        match source:
+            case plan.TableSource(columns=columns):
+                return "table", table_digest(source, self.run), tuple(name for name, _ in columns)
+            case plan.WorldSource(table=table, arguments=arguments):
+                return "world", self._world(table.world), table.schema.title, self._form(arguments)
+            case plan.ValueSource(value=value):
+                return "value", self._form(value)
+            case plan.QuerySource(query=query):
+                return "query", self._form(query)
+
+    def _source(self, number: int) -> int:
+        if number not in self._sources:
+            raise NotKept("it reads the row of a query around it")
+        return self._sources[number]
+
+    def _query(self, number: int) -> int:
+        if number not in self._queries:
+            raise NotKept("it reads the row of a query around it")
+        return self._queries[number]
+
+    # --- what plans depend on --------------------------------------------------------------------------
+
+    def _variable(self, name: str) -> str:
+        value = self.run.source(name)
+        digest = digest_of(value, f"the variable '{name}'")
+        self.parameters[name] = value
+        return _hashed((digest, *sorted(map(self._world, worlds_in(value)))))
+
+    def _function(self, function: plan.Function) -> Any:
+        if function.builtin:
+            if function.volatility != "immutable":
+                raise NotKept(f"it calls {function.name}, which is {function.volatility}")
+            return "built in", function.name
+        if function.name not in self.functions:
+            self.functions[function.name] = self._fingerprint(function)
+        return "function", self.functions[function.name]
+
+    def _fingerprint(self, function: plan.Function) -> str:
+        if function.of_world:
+            name = function.of_world
+            owners = [attached.world for attached in self.worlds() if name in attached.offered()]
+            return _hashed((name, *map(self._world, owners)))
+        if function.volatility != "immutable":
+            hint = ", although it takes arrays" if function.vectorized else ""
+            raise NotKept(f"'{function.name}' is {function.volatility}, not immutable{hint}")
+        try:
+            return fingerprint(self.entry_of(function.name).function)
+        except NotKept as reason:
+            raise NotKept(f"'{function.name}' {reason}") from None
+
+    def _world(self, world: World) -> str:
+        if world not in self._worlds:
+            self._worlds[world] = world_digest(world)
+        return self._worlds[world]
+
+
+def calls_functions(*nodes: plan.Expr | plan.Source | None) -> bool:
+    """Whether functions of the user are called somewhere in these."""
+    return any(not function.builtin for node in nodes if node is not None for function in functions(node))
+
+
+def costs_nothing(expr: plan.Expr) -> bool:
+    """Whether nobody can notice that an expression is evaluated: it calls nothing and cannot fail."""
+    return not calls_functions(expr) and not can_fail(expr)
+
+
+def follows_state(source: plan.Source, query: plan.Query) -> bool:
+    """Whether a source is read again for each state, or for each element of a source before it."""
+    own = {one.id for one in query.sources if one is not source}
+    return any(number == query.id for number, _ in states_read(source)) or not own.isdisjoint(sources_read(source))
+
+
+def _evaluated(expr: plan.Expr) -> Iterator[plan.Expr]:
+    """The expressions that are evaluated whenever this one is."""
+    yield expr
+    match expr:
+        case plan.Call(arguments=several) | plan.MakeList(items=several):
+            inner = several
+        case plan.And(parts=several) | plan.Or(parts=several):
+            inner = several[:1]
+        case plan.Xor(left=left, right=right):
+            inner = (left, right)
+        case plan.Not(operand=part) | plan.If(condition=part):
+            inner = (part,)
+        case _:
+            inner = ()
+    for part in inner:
+        yield from _evaluated(part)
+
+
+def _hashed(parts: Any) -> str:
+    return sha256(repr(parts).encode("utf-8", "surrogatepass")).hexdigest()

@@ -1,0 +1,81 @@
+"""What data are made of: equal digests stand for equal values of variables, tables and worlds."""
+
+from __future__ import annotations
+
+from hashlib import sha256
+from marshal import dumps
+from typing import TYPE_CHECKING, Any
+
+from ss2sql import plan
+from ss2sql.errors import Error
+from ss2sql.kinds import Opaque
+from ss2sql.runtime.remembered.texts import NotKept
+from ss2sql.vtables.base import Element, World
+from ss2sql.vtables.frames.frame import Frame
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.run import Run
+
+MOST_ROWS = 200_000  # of a table or a data frame: reading and comparing them takes 0.2 s
+
+
+def digest_of(value: Any, what: str) -> str:
+    """The digest of a value, called `what` where it is refused with NotKept."""
+    if isinstance(value, Frame):
+        _limit(value.length, what)
+        value = value.value()
+    try:
+        return sha256(dumps(value, 2)).hexdigest()
+    except ValueError:
+        return sha256(repr(_described(value, what)).encode("utf-8", "surrogatepass")).hexdigest()
+
+
+def _described(value: Any, what: str) -> Any:
+    """A value with elements of worlds in it, which marshal does not know, by the keys of these."""
+    kind = type(value)
+    if kind is list:
+        return [_described(part, what) for part in value]
+    if kind is dict:
+        return [(key, _described(part, what)) for key, part in value.items()]
+    if isinstance(value, Element):
+        return Element, value.table.name, _described(value.key, what)
+    if kind is tuple:
+        return tuple(_described(part, what) for part in value)
+    if value is None or kind in (bool, int, float, str):
+        return value
+    given = value.object if isinstance(value, Opaque) else value
+    raise NotKept(f"{what} holds an object of the type {type(given).__name__}, which cannot be compared")
+
+
+def worlds_in(value: Any) -> set[World]:
+    """The worlds whose elements are in a value."""
+    if isinstance(value, Element):
+        return {value.world}
+    parts = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+    return set().union(*map(worlds_in, parts))
+
+
+def table_digest(source: plan.TableSource, run: Run) -> str:
+    """The digest of the rows of a table of the database, or of an attached file."""
+    what = f"the table '{source.table}'"
+    if source.table.startswith("ss2sql_"):
+        raise NotKept(f"{what} belongs to ss2sql and changes with every run")
+    rows = run.host.table_rows(source)
+    _limit(len(rows), what)
+    return digest_of(list(map(list, rows)), what)
+
+
+def world_digest(world: World) -> str:
+    """The fingerprint of a world as it is now."""
+    try:
+        found = world.fingerprint()
+    except Error:
+        raise
+    except Exception as error:  # whatever an adapter raises
+        raise NotKept(f"{type(world).__name__} cannot be compared: {error}") from error
+    return sha256(repr((type(world).__module__, type(world).__qualname__, found)).encode()).hexdigest()
+
+
+def _limit(rows: int, what: str) -> None:
+    if rows > MOST_ROWS:
+        raise NotKept(f"{what} has {rows:,} rows, more than the {MOST_ROWS:,} that are compared")

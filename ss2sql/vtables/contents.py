@@ -1,0 +1,48 @@
+"""What a world holds, as one short text: equal for equal contents, in any process."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from hashlib import sha256
+from typing import Any
+
+from ss2sql.runtime.messages import show
+from ss2sql.vtables.base import Element, Table, Where, World
+from ss2sql.vtables.reading import Readings
+from ss2sql.vtables.schema import tables_of
+
+
+def contents(world: World, without: Collection[str] = ()) -> str:
+    """A hash of all columns of all elements, those apart that are named in `without` as "table.column".
+
+    Raises NotImplementedError where an element holds what has no text.
+    """
+    readings, made = Readings(), sha256()
+    for table in tables_of(world):
+        if not isinstance(table, Table):
+            continue
+        reading = readings.of(table)
+        keys = reading.keys(Where())
+        made.update(repr((table.name, [_plain(key) for key in keys])).encode("utf-8", "surrogatepass"))
+        for name in reading.schema.kinds:
+            if f"{table.name}.{name}" in without:
+                continue
+            read = reading.reader(name)
+            made.update(repr((name, [_plain(read(key)) for key in keys])).encode("utf-8", "surrogatepass"))
+    return made.hexdigest()
+
+
+def _plain(value: Any) -> Any:
+    """A value with the keys of elements in place of these."""
+    kind = type(value)
+    if value is None or kind in (bool, int, float, str):
+        return value
+    if kind is list:
+        return list(map(_plain, value))
+    if kind is tuple:
+        return tuple(map(_plain, value))
+    if kind is dict:
+        return [(_plain(key), _plain(part)) for key, part in value.items()]
+    if isinstance(value, Element):
+        return value.table.name, _plain(value.key)
+    raise NotImplementedError(f"{show(value)} is an object")

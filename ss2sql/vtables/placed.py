@@ -1,0 +1,70 @@
+"""Tables of what has a place, a turn and a movement, one thing at a time: the columns that follow from these.
+
+For simulators that are asked thing by thing. Those that hold arrays have the same columns from whole arrays.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any, ClassVar
+
+from ss2sql.vtables.base import Table
+from ss2sql.vtables.bodies import POSITION, ROTATION, SHAPE, SPIN, VELOCITY, Quaternion, Vector, euler, shape_row
+
+
+class Placed(Table, ABC):
+    """A derived class declares `groups = {**PLACED, ...}` with the groups that it adds."""
+
+    PLACED: ClassVar[dict[str, str]] = {
+        "shape": SHAPE, "place": POSITION, "turn": ROTATION, "angles": "rot", "pose": "pose", "speed": VELOCITY,
+        "spin": SPIN,
+    }  # fmt: skip
+
+    # --- what a simulator tells ------------------------------------------------------------------------
+
+    @abstractmethod
+    def kind_of(self, key: Any) -> str:
+        """Its shape."""
+
+    @abstractmethod
+    def position_of(self, key: Any) -> Vector:
+        """Where it is."""
+
+    @abstractmethod
+    def turn_of(self, key: Any) -> Quaternion:
+        """How it is turned: x, y, z, w."""
+
+    @abstractmethod
+    def velocity_of(self, key: Any) -> Vector:
+        """How fast it moves."""
+
+    @abstractmethod
+    def spin_of(self, key: Any) -> Vector:
+        """How fast it turns."""
+
+    # --- groups ----------------------------------------------------------------------------------------
+
+    def shape(self, key: Any) -> tuple[Any, ...]:
+        return shape_row(self.kind_of(key))
+
+    def place(self, key: Any) -> tuple[Any, ...]:
+        position = x, y, z = self.position_of(key)
+        return x, y, z, x, y, z, position
+
+    def turn(self, key: Any) -> tuple[Any, ...]:
+        turn = self.turn_of(key)
+        return (*turn, turn)
+
+    def angles(self, key: Any) -> Vector:
+        return euler(*self.turn_of(key))
+
+    def pose(self, key: Any) -> tuple[float, ...]:
+        return (*self.position_of(key), *self.turn_of(key))
+
+    def speed(self, key: Any) -> tuple[Any, ...]:
+        velocity = self.velocity_of(key)
+        return (*velocity, velocity, velocity)
+
+    def spin(self, key: Any) -> tuple[Any, ...]:
+        spin = self.spin_of(key)
+        return (*spin, spin)

@@ -1,0 +1,348 @@
+"""Graphs of MEMORIZE in the session's file: what was found out once is not asked again."""
+
+from __future__ import annotations
+
+import sqlite3
+from pathlib import Path
+
+import apsw
+import pytest
+from remembering import calls, connect, fresh, near, run
+from sessions import write
+
+import ss2sql
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    return tmp_path / "graphs.db"
+
+
+def test_the_same_query_again(file: Path) -> None:
+    with connect(file) as ss:
+        first = run(ss)
+        assert calls(first) > 0
+        assert first.value == fresh()
+        again = run(ss)
+        assert again.value == first.value
+        assert calls(again) == 0
+        assert again.stats.generated == again.stats.remembered_steps == first.stats.generated
+        assert again.stats.levels == first.stats.levels
+    with connect(file) as ss:
+        later = run(ss)
+        assert later.value == first.value
+        assert calls(later) == 0
+
+
+def test_another_goal_asks_nothing(file: Path) -> None:
+    with connect(file) as ss:
+        run(ss, goal=6)
+        for goal in (5, 7, 12, 0):
+            again = run(ss, goal=goal)
+            assert again.value == fresh(goal=goal)
+            assert calls(again) == 0
+        assert len(ss.graphs()) == 1
+
+
+def test_a_deeper_bound_asks_for_what_is_new(file: Path) -> None:
+    with connect(file) as ss:
+        shallow = run(ss, bound=3)
+        deep = run(ss, bound=5)
+        with connect(None) as other:
+            scratch = run(other, bound=5)
+        assert deep.value == scratch.value
+        assert calls(deep) == calls(scratch) - calls(shallow)
+        assert ss.graphs()[0].levels == 5
+
+
+def test_another_start_and_another_stop_use_what_they_meet(file: Path) -> None:
+    with connect(file) as ss:
+        run(ss, bound=5)
+        with connect(None) as other:
+            scratch = run(other, first=2)
+        again = run(ss, first=2)
+        assert again.value == scratch.value
+        assert calls(again) < calls(scratch)
+        assert calls(run(ss, limit=20)) == 0
+        assert len(ss.graphs()) == 1
+
+
+def test_names_in_the_script_do_not_matter(file: Path) -> None:
+    with connect(file) as ss:
+        ss.set("steps", [1, 2])
+        ss.set("ways", [1, 2])
+        ss.function("add", lambda a, b: a + b, volatility="immutable")
+        script = "SELECT s.this + n FROM s = {0} START WITH n = 0 CONNECT BY MEMORIZE 3 n = s.this + n"
+        first = ss.run(script.format("steps"))
+        assert calls(first) > 0
+        again = ss.run(f"[]; {script.format('ways').replace('s = ', 'w = ').replace('s.this', 'w.this')}")
+        assert calls(again) == 0
+        assert again.value == [[{"w.this + n": row["s.this + n"]} for row in path] for path in first.value]
+        assert len(ss.graphs()) == 1
+
+
+HANOI = """SELECT this, tower FROM [[0, 1], [0, 2], [1, 0], [1, 2], [2, 0], [2, 1]] WHERE goal == move(this, tower)
+START WITH tower = [[3, 2, 1], [], []] CONNECT BY MEMORIZE 9 tower = move(this, tower)
+STOP WITH [] == move(this, tower)"""
+
+
+def move(this: list[int], tower: list[list[int]]) -> list[list[int]]:
+    a, b = this
+    if not tower[a] or (tower[b] and tower[b][-1] < tower[a][-1]):
+        return []
+    tower[b].append(tower[a].pop())
+    return tower
+
+
+def test_what_connect_by_calls_answers_the_clauses(file: Path) -> None:
+    """STOP WITH and WHERE call `move` for every step, so the state after every step is known, wherever it leads."""
+    with ss2sql.connect(file) as ss:
+        ss.function(move)
+        first = ss.run(HANOI, goal=[[], [], [3, 2, 1]])
+        assert [len(path) for path in first.value] == [7, *[8] * 4, *[9] * 16]
+        again = ss.run(HANOI, goal=[[], [3, 2, 1], []])
+        assert [len(path) for path in again.value] == [7, *[8] * 4, *[9] * 16]
+        assert again.value != first.value
+        assert calls(again) == 0
+    with sqlite3.connect(file) as plain:
+        assert plain.execute("SELECT count(*) FROM ss2sql_verdicts").fetchone() == (0,)
+
+
+def test_verdicts_of_clauses_with_calls_of_their_own(file: Path) -> None:
+    script = """SELECT e.this[0] FROM e = [[1, 2.0], [2, 0.5]] WHERE is_good(e.this[0] + n)
+    START WITH n = 0 CONNECT BY MEMORIZE 3 COST price(e.this[1], n) n = n + e.this[0] STOP WITH is_far(n) AS list"""
+    functions = {"is_good": lambda n: n % 2 == 0, "price": lambda w, n: w + n, "is_far": lambda n: n > 2}
+
+    def session() -> ss2sql.Session:
+        ss = ss2sql.connect(file, disable=["inline"])
+        for name, function in functions.items():
+            ss.function(name, function, volatility="immutable")
+        return ss
+
+    with session() as ss:
+        first = ss.run(script)
+        assert set(first.stats.calls) == set(functions)
+    with session() as ss:
+        again = ss.run(script)
+        assert again.value == first.value
+        assert calls(again) == 0
+        other = ss.run(script.replace("is_good(e.this[0] + n)", "NOT is_good(e.this[0] + n)"))
+        assert set(other.stats.calls) == {"is_good"}
+        assert len(ss.graphs()) == 1
+
+
+def test_order_and_groups_see_the_elements(file: Path) -> None:
+    script = """SELECT n.this FROM n = near(node) START WITH node = 1 CONNECT BY MEMORIZE 3 node = n.this
+    STOP WITH n.this > 9 GROUP BY n.this % 3 ORDER BY n.this DESC, node AS list"""
+    with connect(None) as ss:
+        expected = ss.eval(script)
+    with connect(file) as ss:
+        assert ss.eval(script) == expected
+        again = ss.run(script)
+        assert again.value == expected
+        assert calls(again) == 0
+
+
+def test_an_error_keeps_nothing_wrong(file: Path) -> None:
+    broken = [12]
+
+    def careful(node: int) -> list[int]:
+        if node in broken:
+            raise ValueError("no way")
+        return near(node)
+
+    def session() -> ss2sql.Session:
+        ss = ss2sql.connect(file)
+        ss.function("near", lambda node: careful(node), volatility="immutable")
+        return ss
+
+    script = """SELECT n.this FROM n = near(node) WHERE n.this == 24
+    START WITH node = 1 CONNECT BY MEMORIZE 6 node = n.this STOP WITH n.this > 40 AS list"""
+    with session() as ss:
+        with pytest.raises(ValueError, match="no way"):
+            ss.run(script)
+        (graph,) = ss.graphs()
+        assert graph.edges % 3 == 0
+        with pytest.raises(ValueError, match="no way"):  # what it raised is asked again
+            ss.run(script)
+
+
+def test_each_of_the_known_states_has_all_of_its_steps(file: Path) -> None:
+    def near(node: int) -> list[int]:
+        return [node // (5 - node), node + 1, node + 2]
+
+    script = "SELECT n.this FROM n = near(node) START WITH node = 0 CONNECT BY MEMORIZE node = n.this AS list"
+    with ss2sql.connect(file) as ss:
+        ss.function("near", near)
+        with pytest.raises(ZeroDivisionError):
+            ss.run(script)
+    with sqlite3.connect(file) as plain:
+        counts = plain.execute(
+            "SELECT n.steps, count(e.row) FROM ss2sql_nodes n LEFT JOIN ss2sql_edges e ON e.source = n.id GROUP BY n.id"
+        ).fetchall()
+    assert {(3, 3), (None, 0)} == set(counts)
+
+
+def test_switched_off(file: Path) -> None:
+    with connect(file, disable=["remember"]) as ss:
+        first, again = run(ss), run(ss)
+        assert calls(first) == calls(again) > 0
+        assert len(ss.graphs()) == 0
+        assert ss.tables() == {}
+
+
+def test_without_a_file_nothing_is_said() -> None:
+    with connect(None) as ss:
+        result = run(ss)
+        assert result.stats.notes == []
+        assert len(ss.graphs()) == 0
+        assert repr(ss.graphs()) == "no remembered graphs"
+
+
+def test_read_only_sessions_read(file: Path) -> None:
+    with connect(file) as ss:
+        run(ss, bound=3)
+    with connect(file, read_only=True) as ss:
+        assert calls(run(ss, bound=3)) == 0
+        deep = run(ss, bound=5)
+        assert deep.value == fresh(bound=5)
+        assert calls(deep) > 0
+        assert any("read only" in note for note in deep.stats.notes)
+        assert calls(run(ss, bound=5)) == calls(deep)
+        with pytest.raises(ss2sql.ExecutionError):
+            ss.graphs().drop()
+
+
+def test_a_locked_file_is_no_hindrance(file: Path) -> None:
+    with connect(file) as ss:
+        run(ss, bound=2)
+        other = apsw.Connection(str(file))
+        other.execute("BEGIN IMMEDIATE")
+        ss.host.connection.set_busy_timeout(1)
+        locked = run(ss, bound=4)
+        assert locked.value == fresh(bound=4)
+        assert any("what is new is not remembered" in note for note in locked.stats.notes)
+        other.execute("ROLLBACK")
+        other.close()
+        again = run(ss, bound=4)
+        assert 0 < calls(again) <= calls(locked)
+        assert calls(run(ss, bound=4)) == 0
+
+
+def test_graphs_can_be_listed_and_dropped(file: Path) -> None:
+    with connect(file) as ss:
+        run(ss, bound=3)
+        ss.eval(
+            "SELECT n.this FROM n = near(node) START WITH node = start CONNECT BY MEMORIZE 2 node = n.this + k",
+            start=2,
+            k=1,
+        )
+        graphs = ss.graphs()
+        assert [graph.functions for graph in graphs] == [("near",), ("near",)]
+        assert [graph.parameters for graph in graphs] == [{}, {"k": 1}]
+        assert [graph.levels for graph in graphs] == [3, 2]
+        assert graphs[1].query.startswith("SELECT n.this FROM n = near(node) START WITH")
+        # 1, then its neighbours 2, 3, 0, then theirs; 0 leads to 0, 0 and -1.
+        assert graphs[0].edges == 3 * len({1, 2, 3, 0, 4, 6, 9, -1})
+        assert "near" in repr(graphs)
+        assert graphs[0].created <= graphs[0].used
+        graphs[0].drop()
+        assert [graph.id for graph in ss.graphs()] == [graphs[1].id]
+        assert calls(run(ss, bound=3)) > 0
+        ss.graphs().drop()
+        assert len(ss.graphs()) == 0
+    with sqlite3.connect(file) as plain:
+        for table in ("graphs", "nodes", "edges", "clauses", "verdicts"):
+            assert plain.execute(f"SELECT count(*) FROM ss2sql_{table}").fetchone() == (0,)
+
+
+def test_a_graph_that_is_dropped_meanwhile_is_begun_again(file: Path) -> None:
+    with connect(file) as ss:
+        run(ss, bound=2)
+
+        @ss.function("limit_of", volatility="immutable")
+        def limit_of(n: int) -> int:
+            for graph in ss.graphs():
+                graph.drop()
+            return 40
+
+        script = """SELECT n.this FROM n = near(node) WHERE n.this == 6
+        START WITH node = 1 CONNECT BY MEMORIZE 4 node = n.this STOP WITH n.this > limit_of(n.this) AS list"""
+        assert ss.eval(script) == fresh()
+        assert calls(ss.run(script)) > 0  # they were dropped again
+        assert ss.eval(script) == fresh()
+
+
+def test_scripts_read_the_tables_and_never_write_them(file: Path) -> None:
+    with connect(file) as ss:
+        run(ss, bound=2)
+        assert ss.eval("len(SELECT row FROM ss2sql_edges)") == 3 * len({1, 2, 3, 0})
+        again = ss.run("SELECT row FROM ss2sql_edges START WITH n = 0 CONNECT BY MEMORIZE 1 n = n + 1")
+        assert any("belongs to ss2sql" in note for note in again.stats.notes)
+        assert len(ss.graphs()) == 1
+
+
+def test_tables_that_are_spoilt(file: Path) -> None:
+    with connect(file) as ss:
+        run(ss)
+    write(file, "UPDATE ss2sql_edges SET row = 'no JSON'")
+    with connect(file) as ss, pytest.raises(ss2sql.ExecutionError, match="remembered graphs cannot be read") as caught:
+        run(ss)
+    assert "disable=['remember']" in str(caught.value)
+    write(file, "DROP TABLE ss2sql_verdicts")
+    with connect(file) as ss, pytest.raises(ss2sql.ExecutionError, match="'ss2sql_verdicts' is missing"):
+        run(ss)
+    with connect(file, disable=["remember"]) as ss:
+        assert run(ss).value == fresh()
+
+
+def test_explain_says_what_became_of_the_graph(file: Path) -> None:
+    with connect(file) as ss:
+        run(ss)
+        text = run(ss).explain()
+        assert "graph: remembered, with the number 1 in ss2sql_graphs;" in text
+        ss.function("near", near, volatility="stable")
+        text = run(ss).explain()
+        assert "graph: not remembered: 'near' is stable, not immutable" in text
+
+
+def test_tables_of_the_file_are_not_read_anew_after_each_run(file: Path) -> None:
+    write(file, "CREATE TABLE edges(src INTEGER, dst INTEGER); INSERT INTO edges VALUES (1, 2), (2, 3), (3, 1)")
+    script = """SELECT e.dst FROM e = (SELECT * FROM edges WHERE src == node) START WITH node = 1
+    CONNECT BY MEMORIZE node = name(e.dst) AS list"""
+    with ss2sql.connect(file, disable=["inline"]) as ss:
+        ss.function("name", lambda n: n, volatility="immutable")
+        assert ss.eval(script) == [[2], [2, 3], [2, 3, 1]]
+        table = ss.host.tables.find(None, "edges")
+        again = ss.run(script)
+        assert again.value == [[2], [2, 3], [2, 3, 1]]
+        assert calls(again) == 0
+        assert ss.host.tables.find(None, "edges") is table
+        write(file, "INSERT INTO edges VALUES (2, 9)")
+        assert ss.eval(script) == [[2], [2, 3], [2, 9], [2, 3, 1]]
+        assert len(ss.graphs()) == 2
+
+
+def test_both_ends_give_way_where_calls_are_saved(file: Path) -> None:
+    script = """SELECT d.this, n FROM d = [1, 2] WHERE n + d.this == 6
+    START WITH n = 0 CONNECT BY MEMORIZE 4 n = n + d.this STOP WITH {} AS list"""
+    with ss2sql.connect(file, disable=["inline"]) as ss:
+        ss.function("is_wall", lambda n: n == 3, volatility="immutable")
+        first = ss.run(script.format("is_wall(n + d.this)"))
+        again = ss.run(script.format("is_wall(n + d.this)"))
+        assert again.value == first.value
+        assert calls(again) == 0
+        free = ss.run(script.format("n + d.this == 3"))
+        assert free.value == first.value
+        assert any("from both ends" in note for note in free.stats.notes)
+
+
+def test_a_large_number_of_levels(file: Path) -> None:
+    script = "SELECT next(n) FROM [0] START WITH n = 0 CONNECT BY MEMORIZE n = next(n) STOP WITH n > 2000 AS list"
+    with ss2sql.connect(file, disable=["inline"]) as ss:
+        ss.function("next", lambda n: n + 1, volatility="immutable")
+        first = ss.run(script, maximum=1)
+        again = ss.run(script, maximum=1)
+        assert again.value == first.value
+        assert calls(again) == 0
+        assert ss.graphs()[0].edges == 2002  # from 0 to 2001

@@ -1,0 +1,92 @@
+"""Graphs in a file outlive crashes, and several processes extend one at once."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from pathlib import Path
+
+from remembering import MAZE, calls, connect, fresh, output, process, run
+
+SEARCH = f"""
+import json, ss2sql
+from maze import near
+
+def search(goal, bound):
+    with ss2sql.connect("graphs.db") as ss:
+        ss.function("near", near, volatility="immutable")
+        result = ss.run('''{MAZE}'''.replace("bound", str(bound)), goal=goal, first=1, limit=4000)
+        return result.value, sum(result.stats.calls.values()), len(ss.graphs())
+"""
+
+# A process that only does this has no threads, so it may fork.
+KILLS = """
+import os, random, signal, sqlite3, time
+
+dice = random.Random(1)
+for number in range(10):
+    reader, writer = os.pipe()
+    child = os.fork()
+    if not child:
+        os.write(writer, b"!")
+        search(6, 8)
+        os._exit(0)
+    os.read(reader, 1)
+    time.sleep(dice.uniform(0, 0.4))
+    os.kill(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+    plain = sqlite3.connect("graphs.db")
+    known = []
+    if plain.execute("SELECT 1 FROM sqlite_schema WHERE name = 'ss2sql_nodes'").fetchall():
+        known = plain.execute("SELECT n.steps, count(e.row) FROM ss2sql_nodes n"
+                              " LEFT JOIN ss2sql_edges e ON e.source = n.id GROUP BY n.id").fetchall()
+    assert set(known) <= {(3, 3), (None, 0)}, known
+    print(known.count((3, 3)))
+    plain.close()
+"""
+
+
+def test_killed_ten_times_while_it_grows(tmp_path: Path) -> None:
+    """Each run goes on where the one before has written last: nothing known is lost, nothing is half known."""
+    out = output(process(tmp_path, SEARCH + KILLS + "print(json.dumps(search(6, 8)))", SECONDS="0.002"))
+    *known, last = out.split("\n")[:-1]
+    counts = [int(line) for line in known]
+    value, called, graphs = json.loads(last)
+    assert len(counts) == 10
+    assert counts == sorted(counts)
+    assert counts[-1] > 0
+    assert value == fresh(goal=6, bound=8, limit=4000)
+    with connect(None) as ss:
+        scratch = calls(run(ss, goal=6, bound=8, limit=4000))
+    assert called == scratch - counts[-1]
+    assert graphs == 1
+
+
+def test_in_a_new_process_nothing_is_called(tmp_path: Path) -> None:
+    for number in range(2):
+        value, called, graphs = json.loads(output(process(tmp_path, SEARCH + "print(json.dumps(search(6, 6)))")))
+        assert value == fresh(goal=6, bound=6, limit=4000)
+        assert (called == 0) == (number == 1)
+        assert graphs == 1
+
+
+def test_two_processes_at_once(tmp_path: Path) -> None:
+    wanted = [(6, 7), (12, 8)]
+    started = [
+        process(tmp_path, SEARCH + f"print(json.dumps(search({goal}, {bound})))", SECONDS="0.001")
+        for goal, bound in wanted
+    ]
+    for (goal, bound), one in zip(wanted, started, strict=True):
+        value, called, graphs = json.loads(output(one))
+        assert value == fresh(goal=goal, bound=bound, limit=4000)
+        assert called > 0
+        assert graphs == 1
+    value, called, graphs = json.loads(output(process(tmp_path, SEARCH + "print(json.dumps(search(6, 8)))")))
+    assert value == fresh(goal=6, bound=8, limit=4000)
+    assert called == 0
+    with sqlite3.connect(tmp_path / "graphs.db") as plain:
+        counts = plain.execute(
+            "SELECT n.steps, count(e.row) FROM ss2sql_nodes n LEFT JOIN ss2sql_edges e ON e.source = n.id GROUP BY n.id"
+        ).fetchall()
+        assert set(counts) == {(3, 3), (None, 0)}
+        assert plain.execute("SELECT count(*) - count(DISTINCT state) FROM ss2sql_nodes").fetchone() == (0,)

@@ -1,0 +1,347 @@
+"""What makes another graph: a changed function, variable, table or world; and what makes none at all."""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable, Iterator
+from contextlib import nullcontext
+from enum import Enum
+from pathlib import Path
+from types import FunctionType
+from typing import Any, ClassVar
+
+import pytest
+from remembering import calls
+from sessions import write
+
+import ss2sql
+from ss2sql.runtime.remembered.functions import fingerprint
+from ss2sql.runtime.remembered.texts import NotKept
+from ss2sql.vtables.base import Column, Table, World, function
+
+SCRIPT = "SELECT f(n) FROM [0] START WITH n = 1 CONNECT BY MEMORIZE 3 n = f(n) AS list"
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    return tmp_path / "graphs.db"
+
+
+def search(file: Path, function: Callable[..., Any], script: str = SCRIPT, **variables: Any) -> ss2sql.Result:
+    """One search in a session of its own."""
+    with ss2sql.connect(file, disable=["inline"]) as ss:
+        ss.function("f", function, volatility="immutable")
+        return ss.run(script, **variables)
+
+
+def is_new(file: Path, function: Callable[..., Any], script: str = SCRIPT, **variables: Any) -> bool:
+    """Whether a search has to call the function; afterwards it need not."""
+    first = search(file, function, script, **variables)
+    again = search(file, function, script, **variables)
+    assert again.value == first.value
+    assert calls(again) == 0, again.stats.notes
+    return calls(first) > 0
+
+
+# --- functions -----------------------------------------------------------------------------------------
+
+STEP = 1
+TABLE = {"step": [1]}
+
+
+class Way(Enum):
+    UP = 1
+    DOWN = -1
+
+    def far(self) -> int:
+        return self.value * STEP
+
+
+def helper(n: int) -> int:
+    return n + STEP
+
+
+def of_body(n: int) -> int:
+    return n + 1
+
+
+def of_default(n: int, step: int = 1) -> int:
+    return n + step
+
+
+def of_global(n: int) -> int:
+    return n + STEP
+
+
+def of_data(n: int) -> int:
+    return n + int(TABLE["step"][0])
+
+
+def of_helper(n: int) -> int:
+    return helper(n) + len([way.far() for way in (Way.UP, Way.DOWN)])
+
+
+def of_itself(n: int) -> int:
+    return 1 if n < 1 else 1 + of_itself(n - 1)
+
+
+def of_closure(step: Any) -> Callable[[int], int]:
+    def inner(n: int) -> int:
+        return n + int(step)
+
+    return inner
+
+
+def test_the_same_function_in_another_place(file: Path) -> None:
+    assert is_new(file, of_body)
+
+    def of_body_too(n: int) -> int:
+        # a comment
+        return n + 1
+
+    assert not is_new(file, of_body_too)
+    namespace: dict[str, Any] = {}
+    exec("# elsewhere\n\n\ndef of_body(n):\n    return n + 1\n", namespace)
+    assert not is_new(file, namespace["of_body"])
+
+
+def test_another_body(file: Path) -> None:
+    assert is_new(file, of_body)
+    assert is_new(file, lambda n: n + 2)
+    assert is_new(file, lambda n: n * 2)
+
+
+def test_another_default(file: Path) -> None:
+    assert is_new(file, of_default)
+    changed = FunctionType(of_default.__code__, globals(), "of_default", (2,))
+    assert is_new(file, changed)
+
+
+def test_another_closure(file: Path) -> None:
+    assert is_new(file, of_closure(1))
+    assert not is_new(file, of_closure(1))
+    assert is_new(file, of_closure(2))
+    assert is_new(file, of_closure(2.0))
+
+
+@pytest.mark.parametrize("function", [of_global, of_helper])
+def test_another_global(file: Path, function: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert is_new(file, function)
+    monkeypatch.setitem(globals(), "STEP", 2)
+    assert is_new(file, function)
+    monkeypatch.setitem(globals(), "STEP", 1)
+    assert not is_new(file, function)
+
+
+def test_other_data(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert is_new(file, of_data)
+    monkeypatch.setitem(TABLE, "step", [2])
+    assert is_new(file, of_data)
+
+
+def test_another_function_that_it_calls(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert is_new(file, of_helper)
+    monkeypatch.setitem(globals(), "helper", lambda n: n + 2)
+    assert is_new(file, of_helper)
+
+
+def test_of_a_module_what_is_read(tmp_path: Path, file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "ways_of_mine.py").write_text("STEP = 1\nOTHER = object()\ndef far(n):\n    return n + STEP\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    import ways_of_mine
+
+    def f(n: int) -> int:
+        return int(ways_of_mine.far(n))
+
+    assert is_new(file, f)
+    monkeypatch.setattr(ways_of_mine, "STEP", 2)
+    assert is_new(file, f)
+
+
+def prints(function: Any) -> str:
+    return fingerprint(function)
+
+
+def test_fingerprints_tell_functions_apart() -> None:
+    same = [
+        (lambda n: n in {"a", "b"}, lambda n: n in {"b", "a"}),
+        (functools.partial(of_default, step=3), functools.partial(of_default, step=3)),
+        (functools.cache(of_body), functools.cache(of_body)),
+        (of_itself, of_itself),
+    ]
+    for one, other in same:
+        assert prints(one) == prints(other)
+    different = [
+        of_body,
+        of_default,
+        of_global,
+        of_data,
+        of_helper,
+        of_itself,
+        math.sqrt,
+        math.floor,
+        abs,
+        functools.cache(of_body),
+    ]
+    different += [
+        functools.partial(of_default, step=3),
+        functools.partial(of_default, step=4),
+        lambda n: n in {"a", "c"},
+    ]
+    different += [of_closure(1), of_closure(1.0), of_closure(True), of_closure([1]), of_closure({"a": 1})]
+    assert len(set(map(prints, different))) == len(different)
+
+
+class Counter:
+    def __init__(self) -> None:
+        self.count = 0
+
+    def __int__(self) -> int:
+        return self.count
+
+    def next(self, n: int) -> int:
+        return n + self.count
+
+
+counter = Counter()
+
+
+def writes(n: int) -> int:
+    global STEP
+    STEP += 0
+    return n
+
+
+def imports(n: int) -> int:
+    import remembering
+
+    return len(remembering.MODULE) + n
+
+
+@pytest.mark.parametrize(
+    ("function", "reason"),
+    [
+        (of_closure(counter), "reads the variable 'step' of an enclosing function, an object of the type Counter"),
+        (lambda n: counter.next(n), "reads 'counter', an object of the type Counter"),
+        (counter.next, "an object of the type Counter"),
+        (writes, "changes the global name 'STEP'"),
+        (imports, "imports 'remembering'"),
+        (lambda n: len(vars(pytest_of_mine)), "reads 'pytest_of_mine', which has no value yet"),  # noqa: F821
+    ],
+)
+def test_what_cannot_be_compared(file: Path, function: Any, reason: str) -> None:
+    with pytest.raises(NotKept, match=reason):
+        fingerprint(function)
+    with ss2sql.connect(file, disable=["inline"]) as ss:
+        ss.function("f", function, volatility="immutable")
+        expected = pytest.raises(NameError) if "no value yet" in reason else nullcontext()
+        with expected:
+            (note,) = ss.run("SELECT n FROM [0] START WITH n = 1 CONNECT BY MEMORIZE 1 n = f(n)").stats.notes
+            assert note.startswith("graph: not remembered: 'f' ")
+            assert reason in note
+        assert len(ss.graphs()) == 0
+
+
+# --- data ----------------------------------------------------------------------------------------------
+
+READS = "SELECT f(n) + k.this FROM k = ks START WITH n = 1 CONNECT BY MEMORIZE 2 n = f(n) + k.this AS list"
+
+
+def test_variables(file: Path) -> None:
+    assert is_new(file, of_body, READS, ks=[1, 2])
+    assert is_new(file, of_body, READS, ks=[2, 1])
+    assert is_new(file, of_body, READS, ks=[1, 2.0])
+    assert not is_new(file, of_body, READS, ks=[1, 2])
+    assert not is_new(file, of_body, READS.replace("ks", "others"), others=[1, 2])
+
+
+def test_variables_of_goals_make_no_new_graph(file: Path) -> None:
+    script = "SELECT f(n) FROM [0] WHERE n == goal START WITH n = 1 CONNECT BY MEMORIZE 3 n = f(n) AS list"
+    assert is_new(file, of_body, script, goal=2)
+    assert not is_new(file, of_body, script, goal=3)
+
+
+def test_tables_and_frames(file: Path) -> None:
+    write(file, "CREATE TABLE ks(k INTEGER); INSERT INTO ks VALUES (1), (2)")
+    script = "SELECT f(n) + ks.k FROM ks START WITH n = 1 CONNECT BY MEMORIZE 2 n = f(n) + ks.k AS list"
+    assert is_new(file, of_body, script)
+    write(file, "UPDATE ks SET k = 3 WHERE k = 2")
+    assert is_new(file, of_body, script)
+    pandas = pytest.importorskip("pandas")
+    frame = "SELECT f(n) + frame.k FROM frame START WITH n = 1 CONNECT BY MEMORIZE 2 n = f(n) + frame.k AS list"
+    for number, values in enumerate(([1, 2], [1, 2], [1, 3])):
+        with ss2sql.connect(file, disable=["inline"]) as ss:
+            ss.function("f", of_body, volatility="immutable")
+            ss.attach("frame", pandas.DataFrame({"k": values}))
+            assert bool(calls(ss.run(frame))) == (number != 1)
+
+
+def test_what_a_query_around_it_gives(file: Path) -> None:
+    script = """SELECT to((SELECT f(n) FROM [0] START WITH n = a.this CONNECT BY MEMORIZE 2 n = f(n) AS list), x),
+    (SELECT f(n) + a.this FROM [0] START WITH n = 1 CONNECT BY MEMORIZE 2 n = f(n) AS list) FROM a = [1, 2] AS list"""
+    with ss2sql.connect(file, disable=["inline"]) as ss:
+        ss.function("f", of_body)
+        first = ss.run(script)
+        assert any("reads the row of a query around it" in note for note in first.stats.notes)
+        assert ss.run(script).value == first.value
+
+
+# --- worlds --------------------------------------------------------------------------------------------
+
+
+class Posts(Table):
+    name = "posts"
+    key = "id"
+    columns: ClassVar = [Column("id", int), Column("x", float)]
+    groups: ClassVar = {"place": "x"}
+
+    def keys(self, where: Any) -> Iterator[int]:
+        yield from self.world.source
+
+    def place(self, key: int) -> float:
+        return float(self.world.source[key])
+
+
+class Field(World):
+    tables: ClassVar = [Posts]
+    asked: ClassVar[list[float]] = []
+
+    @function
+    def isFree(self, x: float) -> bool:  # noqa: N802
+        self.asked.append(x)
+        return all(abs(x - place) > 0.5 for place in self.source.values())
+
+
+WALK = """SELECT d.this, x FROM d = [1, -1] START WITH x = 0 CONNECT BY MEMORIZE 4 x = x + d.this
+STOP WITH NOT field.isFree(x + d.this) AS list"""
+
+
+def walk(file: Path, posts: dict[int, float]) -> tuple[Any, int]:
+    """The walks between posts, and how often the world was asked."""
+    Field.asked.clear()
+    with ss2sql.connect(file) as ss:
+        ss.attach("field", Field(posts))
+        return ss.eval(WALK), len(Field.asked)
+
+
+def test_a_world_that_has_changed(file: Path) -> None:
+    near, asked = walk(file, {1: 2.0, 2: -2.0})
+    assert asked > 0
+    assert walk(file, {1: 2.0, 2: -2.0}) == (near, 0)
+    far, asked = walk(file, {1: 3.0, 2: -2.0})
+    assert asked > 0
+    assert far != near
+    assert walk(file, {1: 2.0, 2: -2.0}) == (near, 0)
+    assert walk(file, {2: -2.0, 1: 2.0})[1] > 0  # the order of elements counts
+
+
+def test_a_world_says_what_it_is(file: Path) -> None:
+    class Silent(Field):
+        def fingerprint(self) -> str:
+            raise NotImplementedError("it never stays the same")
+
+    with ss2sql.connect(file) as ss:
+        ss.attach("field", Silent({1: 2.0, 2: -2.0}))
+        (note,) = ss.run(WALK).stats.notes
+        assert note == "graph: not remembered: Silent cannot be compared: it never stays the same"
