@@ -47,9 +47,9 @@ class Measured:
 
 def prepare(problem: Problem, size: int, contender: str) -> Measured:
     """Raises RefusedError, MissingError."""
-    if contender in ENGINES:
-        return prepare_script(problem, size, contender)
     try:
+        if contender in ENGINES:
+            return prepare_script(problem, size, contender)
         work = problem.others[contender](size)
     except ModuleNotFoundError as error:
         if error.name not in LIBRARIES:
@@ -69,6 +69,8 @@ def prepare_script(problem: Problem, size: int, engine: str) -> Measured:
         ss.function(function.__name__, function, volatility=volatility)  # type: ignore[arg-type]
     for name, value in script.variables.items():
         ss.set(name, value)
+    for name, source in script.attached.items():
+        ss.attach(name, source)
     compiled: list[float] = []
     for _ in range(COMPILED):
         started = time.process_time()

@@ -346,3 +346,13 @@ def test_no_cycle_costs_little_where_the_search_stays_near() -> None:
     run = host.start()
     assert [len(path) // 2 for path in host.run(script, run)] == [301, 301]
     assert run.stats.generated == 2 + 2 * 2 * 300
+
+
+@pytest.mark.parametrize("options", ["DEPTH FIRST", "UNIQUE", "MEMORIZE 3"])
+def test_an_argument_that_is_computed_once_is_there_for_every_state(options: str) -> None:
+    # The key of `low(1)` is known when the second state comes; `plus` is called for each state nevertheless.
+    functions = {"low": lambda n: n < 2, "plus": lambda low, n: [n, low]}
+    host = FakeHost(functions)
+    script = "SELECT n + this FROM [1, 2] WHERE [3, True] == plus(low(1), n + this)"
+    script += f" START WITH n = 0 CONNECT BY {options} n = n + this STOP WITH n + this > 3 AS list"
+    assert host.run(script)[0][-1] == 3

@@ -34,6 +34,7 @@ def test_equal_arguments_of_other_kinds_are_other_arguments() -> None:
     run, calls = calls_of(lambda value: str(value))
     given: list[Any] = [1, 1.0, True, [1], [1.0], [True], 0.0, -0.0, None, "1"]
     assert [calls.of_any(value)[0] for value in given] == list(map(str, given))
+    calls.settle()
     assert run.stats.calls["f"] == len(given)
 
 
@@ -68,6 +69,7 @@ def test_objects_inside_of_arguments_are_told_apart() -> None:
     one, other = Thing("one"), Thing("other")
     run, calls = calls_of(lambda values: values[0].name)
     assert [calls.of_any([thing])[0] for thing in (one, other, one)] == ["one", "other", "one"]
+    calls.settle()
     assert run.stats.calls["f"] == 2
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import apsw
 import pytest
-from remembering import calls, connect, fresh, near, run
+from remembering import MAZE, calls, connect, fresh, near, run
 from sessions import write
 
 import ss2sql
@@ -346,3 +346,25 @@ def test_a_large_number_of_levels(file: Path) -> None:
         assert again.value == first.value
         assert calls(again) == 0
         assert ss.graphs()[0].edges == 2002  # from 0 to 2001
+
+
+def test_other_processes_are_not_asked_for_what_is_known(file: Path) -> None:
+    with connect(file) as ss:
+        first = run(ss)
+        again = ss.run(MAZE.replace("bound", "4"), workers=2, goal=6, first=1, limit=40)
+        assert again.value == first.value
+        assert calls(again) == 0
+
+
+def test_a_run_that_is_broken_off_keeps_what_it_has_found_out(file: Path) -> None:
+    script = MAZE.replace("bound", "6")
+    with connect(file) as ss:
+        with pytest.raises(ss2sql.ExecutionError, match="max_rows"):
+            ss.run(script, goal=6, first=1, limit=400, max_rows=20)
+        (graph,) = ss.graphs()
+        assert graph.edges % 3 == 0
+        with connect(None) as other:
+            scratch = run(other, bound=6, limit=400)
+        again = run(ss, bound=6, limit=400)
+        assert again.value == scratch.value
+        assert calls(again) == calls(scratch) - graph.edges // 3

@@ -6,10 +6,11 @@ import functools
 import math
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext
+from dataclasses import dataclass, field
 from enum import Enum
 from pathlib import Path
 from types import FunctionType
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import pytest
 from remembering import calls
@@ -193,6 +194,17 @@ def test_fingerprints_tell_functions_apart() -> None:
     assert len(set(map(prints, different))) == len(different)
 
 
+class Pair(NamedTuple):
+    one: int
+    other: int
+
+
+@dataclass
+class Place:
+    x: int
+    names: list[str] = field(default_factory=list)
+
+
 class Counter:
     def __init__(self) -> None:
         self.count = 0
@@ -345,3 +357,37 @@ def test_a_world_says_what_it_is(file: Path) -> None:
         ss.attach("field", Silent({1: 2.0, 2: -2.0}))
         (note,) = ss.run(WALK).stats.notes
         assert note == "graph: not remembered: Silent cannot be compared: it never stays the same"
+
+
+def test_another_class_of_a_world(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    near, _ = walk(file, {1: 2.0, 2: -2.0})
+
+    def isFree(self: Field, x: float) -> bool:  # noqa: N802
+        self.asked.append(x)
+        return all(abs(x - place) > 1.5 for place in self.source.values())
+
+    monkeypatch.setattr(Field, "isFree", function(isFree))
+    narrow, asked = walk(file, {1: 2.0, 2: -2.0})
+    assert asked > 0
+    assert narrow != near
+
+
+# --- functions that keep something -----------------------------------------------------------------------
+
+MEMORY: dict[int, int] = {}
+
+
+def forgetful(n: int) -> int:
+    if n not in MEMORY:
+        MEMORY[n] = n + 1
+    return MEMORY[n]
+
+
+def test_a_function_that_changes_what_it_reads(file: Path) -> None:
+    """Each run would find another function, and leave another graph."""
+    MEMORY.clear()
+    result = search(file, forgetful)
+    assert result.stats.notes == ["graph: not remembered: 'f' changes what it reads"]
+    with ss2sql.connect(file) as ss:
+        assert len(ss.graphs()) == 0
+    assert search(file, forgetful).stats.notes == []  # it has all in its memory

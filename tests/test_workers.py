@@ -491,14 +491,14 @@ def test_until_the_others_are_ready_this_process_works(monkeypatch: pytest.Monke
     monkeypatch.setattr(foretelling, "START", 0.0)
     monkeypatch.setattr(foretelling, "LEAST", 0.0)
     monkeypatch.setattr(Processes, "ready", False)
-    monkeypatch.setattr(processes, "_serve", lambda *_: None)  # they never are
+    monkeypatch.setattr(processes, "_serve", lambda process, *_: (process.stdin.close(), process.stdout.close()))
     with ss2sql.connect() as session:
-        for name in ("onward", "odd_results", "failing"):
+        for name, calls in {"onward": 6, "odd_results": 6, "failing": 12}.items():  # which calls `onward` itself
             declare(session, "is_far", onward=getattr(worker_functions, name))
             script = "SELECT onward(n, this) FROM range(6) START WITH n = 1 CONNECT BY MEMORIZE 1 n = n;"
-            assert same(session, script) == 6
+            assert same(session, script) == calls
+        declare(session, onward=worker_functions.decimals)
         with pytest.warns(ss2sql.WorkersWarning, match="it returns objects"):
-            declare(session, onward=worker_functions.decimals)
             same(session, script)
 
 

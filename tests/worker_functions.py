@@ -83,6 +83,12 @@ def deadly(state: int, element: int) -> int:
     return onward(state, element)
 
 
+def slow_and_deadly(state: int, element: int) -> int:
+    """It is slow enough for other processes to be started, and as they are."""
+    time.sleep(0.06)
+    return deadly(state, element)
+
+
 def leaving(state: int, element: int) -> int:
     if in_worker():
         os._exit(3)

@@ -16,10 +16,13 @@ from problems import (
     plans,
     puzzle,
     reach,
+    worlds,
 )
 from problems.base import Problem
 
-SUBJECTS = (plans, hanoi, nested, map, puzzle, jugs, grid, memorize, reach, hierarchy, particles, chain, compiling)
+SUBJECTS = (
+    plans, hanoi, nested, map, puzzle, jugs, grid, memorize, reach, hierarchy, particles, worlds, chain, compiling,
+)  # fmt: skip
 PROBLEMS: dict[str, Problem] = {problem.name: problem for subject in SUBJECTS for problem in subject.PROBLEMS}
 
 __all__ = ["PROBLEMS", "SUBJECTS", "Problem"]

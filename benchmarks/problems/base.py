@@ -9,7 +9,7 @@ from typing import Any
 
 BASE = "python"  # the contender that all others are divided by
 ENGINES = ("database", "native")
-LIBRARIES = ("networkx", "rustworkx", "igraph", "duckdb")
+LIBRARIES = ("networkx", "rustworkx", "igraph", "duckdb", "pybullet")
 CONTENDERS = (*ENGINES, BASE, "sql", "networkx", "rustworkx", "igraph", "duckdb", "duckdb-key")
 COMPILING = "compiling"  # the only contender of problems that are not run
 
@@ -19,13 +19,14 @@ class Script:
     """What ss2sql runs: text, and what the session holds.
 
     `functions` are registered, a pair with the volatility that it names. `file` is a SQLite file whose tables the
-    script reads.
+    script reads, `attached` are worlds by name.
     """
 
     text: str
     functions: tuple[Callable[..., Any] | tuple[Callable[..., Any], str], ...] = ()
     variables: Mapping[str, Any] = field(default_factory=dict)
     file: Path | None = None
+    attached: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -29,6 +29,6 @@ def package(name: str, extra: str, user: str) -> Any:
         ) from reason
 
 
-def found_paths(result: Result) -> Sequence[list[Row]] | None:
+def found_paths(result: Result) -> Sequence[Sequence[Row]] | None:
     """The paths of a search as the executor left them, not to be changed; None of anything else."""
     return None if result.answer is None else result.answer.rows.paths

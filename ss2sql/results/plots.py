@@ -104,7 +104,7 @@ def _is_number(value: Any) -> bool:
 
 def _paths(
     result: Result,
-    paths: Sequence[list[Row]],
+    paths: Sequence[Sequence[Row]],
     found: tuple[Place, tuple[str, ...], bool],
     ax: Any,
     most: int,
@@ -151,7 +151,7 @@ def _counted(result: Result, total: int, drawn: int, lengths: Sequence[int]) -> 
     return f"{counted} of {steps}{status}"
 
 
-def _lengths(result: Result, paths: Sequence[list[Row]], ax: Any) -> str:
+def _lengths(result: Result, paths: Sequence[Sequence[Row]], ax: Any) -> str:
     counts = Counter(lengths_of(paths))
     bars = ax.bar(list(counts), list(counts.values()), color=BLUE)
     ax.bar_label(bars, padding=2)

@@ -104,7 +104,7 @@ def sheet(result: Result, most: int, wide: int, arrow: str, most_columns: int | 
     return Sheet(headings, rows, right, _caption(result, len(table), "", hidden))
 
 
-def _paths(result: Result, paths: Sequence[list[Row]], most: int, wide: int, arrow: str) -> Sheet | None:
+def _paths(result: Result, paths: Sequence[Sequence[Row]], most: int, wide: int, arrow: str) -> Sheet | None:
     """The paths one by one; None where their steps are better shown one by one."""
     first = list(islice(paths, most))
     number = len(str(len(first)))

@@ -16,7 +16,7 @@ from ss2sql.runtime.progress import progress_of
 from ss2sql.runtime.result import Answer, Result
 from ss2sql.runtime.run import Run, Stats
 from ss2sql.runtime.values import fresh, normalise
-from ss2sql.runtime.workers.child import IN_WORKER
+from ss2sql.runtime.workers import IN_WORKER
 
 if TYPE_CHECKING:
     from ss2sql.runtime.host import SessionHost
@@ -82,7 +82,7 @@ def _last_value(host: SessionHost, run: Run, statements: Sequence[CompiledStatem
     value: Any = None
     for statement in statements:
         run.maximum = maximum if statement is statements[-1] else None
-        run.answer = None
+        run.answer = run.graph = None
         host.forget_stable(run)
         value = statement.value(run)
     return value

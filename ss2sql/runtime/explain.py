@@ -12,6 +12,7 @@ from ss2sql.lowering.rewrites.inline import sites
 from ss2sql.runtime.functions import UserFunction
 from ss2sql.runtime.memorize.reverse import reverse_of
 from ss2sql.runtime.native.deep import with_room
+from ss2sql.runtime.remembered.keeper import calls
 from ss2sql.runtime.run import Stats
 from ss2sql.walk import functions
 
@@ -70,10 +71,10 @@ def _query(query: CompiledQuery, stats: Stats | None) -> Iterator[str]:
         if entry is not None:
             yield from _function(entry, [site for site in found if site.function.name == name], query, stats)
     if query.native is not None and query.query.search is not None and query.query.search.repeats == "memorize":
-        yield from _ends(query.query, stats)
+        remembered = query.host.graphs is not None and calls(query.query)
+        yield from _ends(query.query, stats, remembered)
     if stats is not None:
         yield from _remembered(query.query, stats)
-        yield from stats.notes
     if query.lowered:
         yield "SQL:"
         yield from (f"  {line}" for line in query.sql().splitlines())
@@ -86,14 +87,17 @@ def _remembered(query: plan.Query, stats: Stats) -> Iterator[str]:
         yield f"graph: remembered, with the number {stats.graph} in ss2sql_graphs; {steps} known from there"
 
 
-def _ends(query: plan.Query, stats: Stats | None) -> Iterator[str]:
+def _ends(query: plan.Query, stats: Stats | None, remembered: bool) -> Iterator[str]:
     """Whether MEMORIZE searches from both ends, and why not."""
     reverse = reverse_of(query)
     if isinstance(reverse, str):
         yield f"searched from the start only: {reverse}"
         return
-    calls = [call for expr in reverse.before if expr is not None for call in functions(expr)]
-    names = dict.fromkeys(f"the {function.name}" for function in calls if function.inverse_of)
+    if remembered:
+        yield "searched from the start only: its graph is remembered"
+        return
+    undone = [call for expr in reverse.before if expr is not None for call in functions(expr)]
+    names = dict.fromkeys(f"the {function.name}" for function in undone if function.inverse_of)
     how = f"by {' and '.join(names)}" if names else "because sums of whole numbers can be undone"
     if stats is None:
         yield f"searched from both ends, from the goal {how}"

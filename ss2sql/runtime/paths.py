@@ -11,7 +11,7 @@ from ss2sql.runtime.rows import Row
 End: TypeAlias = tuple[Any, ...]
 
 
-def lengths_of(paths: Sequence[list[Row]]) -> Iterator[int]:
+def lengths_of(paths: Sequence[Sequence[Row]]) -> Iterator[int]:
     """The number of rows of each path."""
     return paths.lengths() if isinstance(paths, Paths) else map(len, paths)
 

@@ -116,7 +116,7 @@ class Result:
             return []
         rows = self.answer.rows
         assert rows.paths is not None
-        return list(rows.paths) if rows.plain else [[_fresh_row(row) for row in path] for path in rows.paths]
+        return list(map(list, rows.paths)) if rows.plain else [[_fresh_row(row) for row in path] for path in rows.paths]
 
     def __iter__(self) -> Iterator[Row]:
         if self.answer is None:

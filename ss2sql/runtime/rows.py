@@ -14,7 +14,7 @@ Row: TypeAlias = tuple[Any, ...]
 class Rows:
     """The answer of one query, before `AS`.
 
-    `rows` holds the rows of a flat query, `paths` those of a search (one list of rows per path), the other
+    `rows` holds the rows of a flat query, `paths` those of a search (the rows of each path), the other
     is None. With a GROUP BY that partitions, `groups` lists each group's value and the positions of its
     members in `rows` or `paths`, in order of first appearance. `plain` says that the rows consist of numbers,
     strings, bools and None, so that nobody can change them. The last `hidden` columns are for the representation
@@ -23,7 +23,7 @@ class Rows:
 
     columns: tuple[str, ...]
     rows: list[Row] | None = None
-    paths: Sequence[list[Row]] | None = None
+    paths: Sequence[Sequence[Row]] | None = None
     groups: list[tuple[Any, list[int]]] | None = None
     plain: bool = False
     hidden: int = 0

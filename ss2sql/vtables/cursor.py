@@ -91,8 +91,9 @@ class Cursor:
         return self.place if self.reading.schema.keyed is None else self.reading.number(self.key)
 
     def Close(self) -> None:  # noqa: N802
-        self.keys = iter(())
-        self.row.clear()
+        # All that was read goes with the query, and does not wait for the collector of cycles.
+        self.keys, self.reading, self.pool = iter(()), None, None
+        self.row.let_go()
 
     def reader(self, number: int) -> Read:
         """The function that reads a column of SQL."""
@@ -162,6 +163,13 @@ class _Row(dict[int, SqlValue]):
         for number in self.alone:
             del self[number]
         self.alone.clear()
+
+    def let_go(self) -> None:
+        """Ends the last row."""
+        self.clear()
+        self.readers.clear()
+        self.alone.clear()
+        self.filled, self.fill = frozenset(), _nothing
 
     def __missing__(self, number: int) -> SqlValue:
         read = self.readers.get(number)

@@ -233,23 +233,19 @@ def where_of(demands: Iterable[tuple[tuple[str, str], Any]], schema: Schema) -> 
 
     A value that the column could not be compared with restricts nothing, for the row is tested again.
     """
-    where = Where()
+    bounds: dict[str, list[Any]] = {}  # equal, low, high
     for (name, operator), value in demands:
         expected: Any = str if name in schema.texts else _NUMBERS
         if isinstance(value, bool) or not isinstance(value, expected):
             continue
-        known = where.get(name, _OPEN)
-        equal, low, high = known.equal, known.low, known.high
+        known = bounds.setdefault(name, [None, None, None])
+        equal, low, high = known
         if operator == "=":
-            equal = low = high = value
+            known[:] = value, value, value
         elif equal is not None:
             continue
         elif operator in (">", ">="):
-            low = value if low is None else max(low, value)
+            known[1] = value if low is None else max(low, value)
         else:
-            high = value if high is None else min(high, value)
-        where[name] = Filter(equal, low, high)
-    return where
-
-
-_OPEN = Filter()
+            known[2] = value if high is None else min(high, value)
+    return Where({name: Filter(*known) for name, known in bounds.items()})

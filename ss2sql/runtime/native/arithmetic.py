@@ -11,11 +11,14 @@ import ast
 import math
 import operator
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 from ss2sql import plan
-from ss2sql.kinds import INT_MAX, INT_MIN, Kind
+from ss2sql.kinds import INT_MAX, INT_MIN, NOTHING, Kind, Type
 from ss2sql.runtime import operator_types
+from ss2sql.runtime.library import total_of_floats, total_of_integers
 from ss2sql.runtime.messages import check
 from ss2sql.runtime.native.pen import Pen
 from ss2sql.runtime.native.unit import Unit
@@ -91,6 +94,10 @@ class Inline:
             return self._extreme()
         if name == "sqrt" and self._are(Kind.NUMBER):
             return self._square_root()
+        if name == "distance" and self._are_points():
+            return self._distance()
+        if name == "sum" and self.types[0].only(Kind.LIST):
+            return self._total()
         if not self.node.function.raises:
             return self._certain()
         if self._are(Kind.NUMBER):
@@ -229,6 +236,22 @@ class Inline:
         test = pen.compare(value.first, ast.GtE(), pen.constant(0))
         return pen.either(test, pen.call(root, value.again), self._called(value.again))
 
+    def _are_points(self) -> bool:
+        """Whether all arguments are lists of numbers, equally long."""
+        parts = [kind.positions or () for kind in self.types if kind.only(Kind.LIST)]
+        if len(parts) < len(self.types) or len(set(map(len, parts))) != 1:
+            return False
+        return all(part.only(Kind.NUMBER) for part in chain.from_iterable(parts)) and bool(parts[0])
+
+    def _distance(self) -> ast.expr:
+        pen, dist = self.pen, self.unit.helper(math.dist)
+        if not self.node.function.raises:
+            return pen.call(dist, *self.arguments)
+        one, other = map(self._held, self.arguments)
+        value = self._held(pen.call(dist, one.first, other.first))
+        test = pen.compare(value.first, ast.LtE(), pen.constant(sys.float_info.max))
+        return pen.either(test, value.again, self._called(one.again, other.again))
+
     # --- lists -----------------------------------------------------------------------------------------
 
     def _item(self) -> ast.expr | None:
@@ -271,10 +294,12 @@ class Inline:
         pen, chosen, values = self.pen, choices(self.node), self.arguments
         if isinstance(self.node.arguments[0], plan.MakeList) and len(values) == 1:
             values = values[0].elts if isinstance(values[0], ast.List) else []
+        elif len(values) == 1:
+            return self._extreme_of_list()
         types = [value.type for value in chosen]
         if not values or len(values) != len(chosen):
             return None
-        if not any(all(kind.only(kinds) for kind in types) for kinds in (Kind.NUMBER, Kind.STR)):
+        if not _are_alike(types):
             return None
         if len(values) == 1:
             return values[0]
@@ -283,6 +308,24 @@ class Inline:
         one, other = map(self._held, values)
         sign = ast.LtE() if self.name == "min" else ast.GtE()
         return pen.either(pen.compare(one.first, sign, other.first), one.again, other.again)
+
+    def _extreme_of_list(self) -> ast.expr | None:
+        known = self.types[0]
+        if not known.only(Kind.LIST) or known.item is None or not _are_alike([known.item]):
+            return None
+        items = self._held(self.arguments[0])
+        return self.pen.either(items.first, self.pen.call(self.name, items.again), self.pen.constant(None))
+
+    def _total(self) -> ast.expr | None:
+        """A sum of integers, or of floats; of no floats it would be an integer."""
+        known = self.types[0]
+        if known.item is None or known.item == NOTHING:
+            return None
+        if known.item.only(_INTEGER):
+            return self.pen.call(self.unit.helper(total_of_integers), self.arguments[0])
+        if known.item.only(Kind.FLOAT) and known.positions:
+            return self.pen.call(self.unit.helper(total_of_floats), self.arguments[0])
+        return None
 
     # --- operands --------------------------------------------------------------------------------------
 
@@ -308,3 +351,8 @@ class Inline:
 
 def _is_two(expr: plan.Expr) -> bool:
     return isinstance(expr, plan.Constant) and expr.value == 2
+
+
+def _are_alike(types: Sequence[Type]) -> bool:
+    """Whether values of these types are all numbers, or all strings."""
+    return any(all(kind.only(kinds) for kind in types) for kinds in (Kind.NUMBER, Kind.STR))

@@ -49,7 +49,7 @@ def remembered_call(builder: Builder, node: plan.Call, body: Body) -> ast.expr:
 
     def bound(part: str) -> str:
         function = pen.call(unit.helper(calls_of), pen.name("run"), constant, pen.constant(part))
-        return unit.bind((node.function.name, part), node.function.name, function, pen)
+        return unit.bind((node.function.name, part), f"{node.function.name}_{part}", function, pen)
 
     if way == "of_any":
         return pen.call(bound(way), *values)
@@ -123,7 +123,11 @@ def _key(builder: Builder, argument: plan.Expr, value: ast.expr, body: Body) -> 
     facts = replace(facts, key=None if facts.key is None else -1 - facts.key)
     home, level = body.home(facts)
     if home is not body or not isinstance(argument, (plan.State, plan.Element)) or not isinstance(value, ast.Name):
-        return body.kept(facts, key, pen, "key"), name
+        kept = body.kept(facts, key, pen, "key")
+        if not isinstance(kept, ast.IfExp) or not isinstance(value, ast.NamedExpr):
+            return kept, name
+        # Where the key is known already, it must not be left out to give the argument its name.
+        return pen.item(pen.pack(value, body.kept(facts, pen.call(unit.helper(exact_key), name), pen, "key")), 1), name
     early = body.name_of(facts)
     if early is None:
         early = unit.local("key")

@@ -18,7 +18,7 @@ from ss2sql.runtime.native.arithmetic import inlined
 from ss2sql.runtime.native.call_code import is_remembered, remembered_call
 from ss2sql.runtime.native.facts import OWN_GROUP
 from ss2sql.runtime.native.pen import Pen
-from ss2sql.runtime.native.unit import Body, Unit
+from ss2sql.runtime.native.unit import Body
 from ss2sql.runtime.native.worlds import column_reader, element_reader
 from ss2sql.runtime.run import Run
 from ss2sql.runtime.sources import column_of
@@ -217,9 +217,6 @@ def members_of_lists(items: list[Any]) -> frozenset[Hashable]:
     return frozenset(map(tuple, items))
 
 
-# --- frozen values -------------------------------------------------------------------------------------
-
-
 def has_tuple(known: Type) -> bool:
     """Whether the values are short lists of plain values, so that tuples stand for them: 0.06 us instead of 0.45."""
     return known.only(Kind.LIST) and known.positions is not None and all(part.only(PLAIN) for part in known.positions)
@@ -228,14 +225,6 @@ def has_tuple(known: Type) -> bool:
 def tuple_of(value: ast.expr, pen: Pen) -> ast.expr:
     """The tuple of a list."""
     return pen.pack(*value.elts) if isinstance(value, ast.List) else pen.call("tuple", value)
-
-
-def frozen_form(unit: Unit, expr: plan.Expr, value: ast.expr) -> ast.expr:
-    """What stands for the values of an expression where they are compared; not that of another expression."""
-    pen = unit.pen_at(expr.span)
-    if expr.type.only(PLAIN):
-        return value
-    return tuple_of(value, pen) if has_tuple(expr.type) else pen.call(unit.helper(freeze), value)
 
 
 # --- script variables ----------------------------------------------------------------------------------

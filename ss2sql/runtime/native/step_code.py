@@ -13,10 +13,10 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from ss2sql import plan
-from ss2sql.kinds import Kind
+from ss2sql.kinds import Kind, Type
 from ss2sql.runtime.native import options
 from ss2sql.runtime.native.call_code import is_remembered, keyed_elements, remembered_call
-from ss2sql.runtime.native.expressions import expression, frozen_form
+from ss2sql.runtime.native.expressions import expression
 from ss2sql.runtime.native.lookups import Lookup, lookup
 from ss2sql.runtime.native.loops import Loops, read_by_sources
 from ss2sql.runtime.native.unit import Body
@@ -26,6 +26,8 @@ from ss2sql.walk import parts
 if TYPE_CHECKING:
     from ss2sql.runtime.native.builder import Builder
 
+BLOCK = 16  # steps that are counted together, and between which nobody looks at the clock
+_PLAIN = Kind.NONE | Kind.NUMBER | Kind.STR  # equal values of these kinds have the same hash
 MOST_INSIDE = 8  # loops over sources inside of the loop of the search; Python nests twenty blocks
 
 
@@ -63,6 +65,8 @@ class StepCode:
         self.connect = [expr for _, expr in self.search.connect]
         body.states = {(query.id, name) for name, _ in self.search.start}
         body.count([*read_by_sources(query), *self.outputs, *self.clauses, *self.connect])
+        self._look_up()
+        self._accompany()
 
     # --- elements --------------------------------------------------------------------------------------
 
@@ -71,8 +75,6 @@ class StepCode:
 
         A loop that is `left` for another state and entered again must be a single one.
         """
-        self._look_up()
-        self._accompany()
         if len(self.query.sources) > (1 if left else MOST_INSIDE):
             self._generate()
         else:
@@ -80,6 +82,12 @@ class StepCode:
         loop = self.body.blocks[0][-1]
         assert isinstance(loop, ast.For)
         return loop
+
+    def make_blocks(self) -> None:
+        """Makes blocks of the elements."""
+        name = self.loops.items[self.query.sources[0].id]
+        blocks = self.pen.call(self.unit.helper(blocks_of), self.pen.name(name))
+        self.loops.owner.add(self.pen.assign(name, blocks))
 
     def _generate(self) -> None:
         """Loops over all sources in a generator of its own."""
@@ -131,6 +139,27 @@ class StepCode:
                 self.loops.accompany(source, frozen, source.id in keyed)
 
     # --- what can be said before -----------------------------------------------------------------------
+
+    @property
+    def few(self) -> bool:
+        """Whether there are so few steps from each state that they can be counted together."""
+        source = self.query.sources[0]
+        if not self._is_walked_through or not isinstance(source, plan.ValueSource):
+            return False
+        known = source.value.type
+        size = len(source.value.items) if isinstance(source.value, plan.MakeList) else known.size
+        return known.only(Kind.LIST) and size is not None and size <= BLOCK
+
+    @property
+    def in_blocks(self) -> bool:
+        """Whether steps can be counted together if one list is cut into blocks."""
+        return self._is_walked_through and self.query.sources[0].id in self.loops.items and not self.few
+
+    @property
+    def _is_walked_through(self) -> bool:
+        """Whether there is one loop, and no step is left for those from another state."""
+        alone = len(self.query.sources) == 1 and self.query.sources[0].id not in self.loops.lookups
+        return alone and self.search.order != "depth first" and isinstance(self.loops, StepLoops)
 
     @property
     def may_end(self) -> bool:
@@ -202,9 +231,11 @@ class StepCode:
         if isinstance(expr, plan.Element) and expr.source in self.loops.frozen:
             return value, pen.name(self.loops.frozen[expr.source])
         value = inner.variable(value, pen, "value")
-        if expr.type.only(Kind.NONE | Kind.NUMBER | Kind.STR):
+        if expr.type.only(_PLAIN):
             return value, value
-        frozen = frozen_form(unit, expr, value)
+        # Where all is known of a list, a tuple is made in a fifth of the time.
+        plain = _is_plain_list(expr.type) and self.search.repeats != "memorize"
+        frozen = pen.call("tuple" if plain else unit.helper(freeze), value)
         facts = unit.analysis.of(expr)
         return value, inner.kept(replace(facts, key=None), frozen, pen, "frozen") if facts.steady else frozen
 
@@ -292,6 +323,16 @@ class StepCode:
         return self.pen.pack(*map(self.pen.name, names))
 
 
+def _is_plain_list(known: Type) -> bool:
+    """Whether a value is a list of numbers and strings."""
+    return known.only(Kind.LIST) and known.item is not None and known.item.only(_PLAIN)
+
+
 def _parts(clause: plan.Expr | None, kind: type[plan.And] | type[plan.Or]) -> tuple[plan.Expr, ...]:
     """The parts of a clause in the order in which they are asked."""
     return clause.parts if isinstance(clause, kind) else () if clause is None else (clause,)
+
+
+def blocks_of(items: list[Any]) -> list[list[Any]]:
+    """The items in blocks."""
+    return [items] if len(items) <= BLOCK else [items[at : at + BLOCK] for at in range(0, len(items), BLOCK)]

@@ -109,7 +109,8 @@ class Task:
         start, steps, keys, pieces = self.find(*outer)
         query, stats, check = self.form.query, self.run.stats, self.run.check
         taken_apart, flush = pieces and Pieces(*pieces), self.flush or (lambda: None)
-        hunt = Hunt(start, steps, search.order, bound, stats, check, query, self.run, taken_apart, flush)
+        keyed = keys is not None
+        hunt = Hunt(start, steps, search.order, bound, stats, check, query, self.run, taken_apart, flush, keyed)
         find = SEARCHES[search.order, search.repeats]
         assert not isinstance(find, str)
         return self._paths(find(hunt), keys)

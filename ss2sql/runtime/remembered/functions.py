@@ -7,12 +7,15 @@ and of packages it takes the version. What cannot be compared between two runs i
 
 from __future__ import annotations
 
-import dis
 import functools
+import re
 import sys
-from collections.abc import Callable, Iterator
+from collections import Counter, OrderedDict, defaultdict, deque
+from collections.abc import Callable
 from dataclasses import MISSING, fields, is_dataclass
+from decimal import Decimal
 from enum import Enum
+from fractions import Fraction
 from hashlib import sha256
 from inspect import CO_NESTED, getattr_static
 from types import (
@@ -32,6 +35,7 @@ from types import (
 from typing import Any
 
 from ss2sql.frontend.purity.names import CACHED, UNKNOWN, wrapped
+from ss2sql.runtime.remembered.code import names_read
 from ss2sql.runtime.remembered.packages import home_of
 from ss2sql.runtime.remembered.texts import NotKept
 
@@ -39,8 +43,8 @@ _PYTHON = f"{sys.implementation.name} {sys.version_info[:2]}"
 _SCALARS = (type(None), bool, int, float, complex, str, bytes, type(...))
 _REPEATED = (tuple, frozenset, CodeType)  # of which Python may make one of two equal ones
 _MISSING = object()
-_GLOBAL_LOADS = frozenset({"LOAD_GLOBAL", "LOAD_NAME", "LOAD_FROM_DICT_OR_GLOBALS"})
-_LOADS = _GLOBAL_LOADS | {"LOAD_DEREF", "LOAD_CLASSDEREF", "LOAD_FROM_DICT_OR_DEREF"}
+_SHOWN = (range, slice, Decimal, Fraction)  # whose representations tell all
+_COLLECTIONS = (defaultdict, OrderedDict, Counter, deque)
 # What every class has, and what only tells where it was written.
 _OF_ALL_CLASSES = frozenset(
     {"__dict__", "__weakref__", "__module__", "__doc__", "__qualname__", "__firstlineno__", "__static_attributes__"}
@@ -53,10 +57,10 @@ _DESCRIPTORS = (GetSetDescriptorType, MemberDescriptorType)
 
 
 def fingerprint(function: Callable[..., Any]) -> str:
-    """The fingerprint of a function. Raises NotKept, with a clause whose subject is the function."""
+    """The fingerprint of a function or class. Raises NotKept, with a clause whose subject it is."""
     made = Fingerprint()
     try:
-        made.add(function, "the function")
+        made.add(function, "itself")
     except RecursionError:
         raise NotKept("is nested too deeply to be compared") from None
     return made.hash.hexdigest()
@@ -110,47 +114,53 @@ class Fingerprint:
 
     def _other(self, value: Any, kind: type, name: str) -> None:
         """Functions, classes, modules and objects."""
-        numpy = sys.modules.get("numpy")
         if kind is FunctionType:
             self._function(value)
         elif kind is MethodType:
-            self._note("method")
-            self.add(value.__func__, name)
-            self.add(value.__self__, name)
+            self._parts("method", name, value.__func__, value.__self__)
         elif kind is functools.partial:
-            self._note("partial")
-            for part in (value.func, value.args, value.keywords):
-                self.add(part, name)
+            self._parts("partial", name, value.func, value.args, value.keywords)
         elif kind is CACHED and wrapped(value) is not UNKNOWN:
-            self._note("cached")
-            self.add(wrapped(value), name)
+            self._parts("cached", name, wrapped(value))
         elif kind in (staticmethod, classmethod):
-            self._note(kind.__name__)
-            self.add(value.__func__, name)
+            self._parts(kind.__name__, name, value.__func__)
         elif kind is property:
-            self._note("property")
-            for part in (value.fget, value.fset, value.fdel):
-                self.add(part, name)
+            self._parts("property", name, value.fget, value.fset, value.fdel)
         elif isinstance(value, ModuleType):
             self._module(value, name)
         elif isinstance(value, type):
             self._class(value, name)
         elif isinstance(value, _BUILT_IN):
             self._built_in(value, name)
-        elif isinstance(value, Enum):
-            self._note("enum", value.name)
-            self.add(kind, name)
+        else:
+            self._object(value, kind, name)
+
+    def _object(self, value: Any, kind: type, name: str) -> None:
+        """Objects whose values can be told."""
+        if isinstance(value, Enum):
+            self._parts("enum", name, kind, value.name)
         elif is_dataclass(value):
-            self._note("dataclass")
-            self.add(kind, name)
-            for one in fields(value):
-                self.add(getattr(value, one.name), name)
-        elif numpy is not None and isinstance(value, (numpy.ndarray, numpy.generic)) and not value.dtype.hasobject:
+            self._parts("dataclass", name, kind, *(getattr(value, one.name) for one in fields(value)))
+        elif kind in _SHOWN:
+            self._note(kind.__name__, repr(value))
+        elif kind is re.Pattern:
+            self._note("pattern", value.pattern, value.flags)
+        elif kind in _COLLECTIONS:
+            items = list(value.items()) if isinstance(value, dict) else list(value)
+            self._parts(kind.__name__, name, items, getattr(value, "default_factory", None))
+        elif isinstance(value, tuple):
+            self._parts("tuple", name, kind, *value)
+        elif _is_array(value):
             self._note("array", str(value.dtype), value.shape, sha256(value.tobytes()).hexdigest())
-        elif numpy is not None and isinstance(value, numpy.ufunc):
-            self._note("ufunc", value.__name__, home_of("numpy"))
+        elif (place := _place_of(value)) is not None:
+            self._note("of a package", place)
         else:
             raise NotKept(f"reads {name}, an object of the type {kind.__name__}, which cannot be compared")
+
+    def _parts(self, what: str, name: str, *parts: Any) -> None:
+        self._note(what, len(parts))
+        for part in parts:
+            self.add(part, name)
 
     # --- functions -------------------------------------------------------------------------------------
 
@@ -167,7 +177,7 @@ class Fingerprint:
         closure = dict(zip(function.__code__.co_freevars, function.__closure__ or (), strict=True))
         builtins: Any = function.__builtins__  # type: ignore[attr-defined]
         code = function.__code__
-        for free, names in sorted(set(_names_read(code, code.co_freevars))):
+        for free, names in sorted(set(names_read(code, code.co_freevars))):
             first = names[0]
             if free:
                 self._name(names, _content(closure[first]), f"the variable '{first}' of an enclosing function")
@@ -244,6 +254,25 @@ class Fingerprint:
                 self.add(value, f"{name}.{word}")
 
 
+def _is_array(value: Any) -> bool:
+    """Whether it is an array or a number of NumPy."""
+    numpy = sys.modules.get("numpy")  # where nobody imported NumPy, there is nothing of it
+    if numpy is None:
+        return False
+    return (type(value) is numpy.ndarray or isinstance(value, numpy.generic)) and not value.dtype.hasobject
+
+
+def _place_of(value: Any) -> tuple[str, ...] | None:
+    """Where in an installed package an object lies, with the package's version; None where it lies in none."""
+    module, name = getattr(value, "__module__", None), getattr(value, "__name__", None)
+    if module is None and type(value).__module__ == "numpy":  # its mathematical functions do not know where they are
+        module = "numpy"
+    if not isinstance(module, str) or not isinstance(name, str):
+        return None
+    home = home_of(module)
+    return (home, module, name) if home and getattr(sys.modules.get(module), name, None) is value else None
+
+
 def _is_made_by_python(kind: type, word: str, value: Any) -> bool:
     """Whether an attribute of a class follows from the others: slots, members of an Enum, methods of a dataclass."""
     if isinstance(value, (*_DESCRIPTORS, Enum)):
@@ -258,37 +287,3 @@ def _content(cell: CellType) -> Any:
         return cell.cell_contents
     except ValueError:
         return _MISSING
-
-
-def _names_read(code: CodeType, enclosing: tuple[str, ...]) -> Iterator[tuple[bool, tuple[str, ...]]]:
-    """The names from outside that code reads, with the attributes that it asks them for at once.
-
-    With each comes whether it is a variable of an enclosing function, one of `enclosing`. Raises NotKept for code that
-    changes a name from outside, or imports a module of the user.
-    """
-    chain: list[str] = []
-    free = False
-    for instruction in dis.get_instructions(code):
-        name = str(instruction.argval)
-        outside = name in enclosing and name in code.co_freevars
-        match instruction.opname:
-            case "CACHE" | "EXTENDED_ARG":
-                continue
-            case "LOAD_ATTR" | "LOAD_METHOD" if chain:
-                chain.append(name)
-                continue
-            case "STORE_GLOBAL" | "DELETE_GLOBAL":
-                raise NotKept(f"changes the global name '{name}'")
-            case "STORE_DEREF" | "DELETE_DEREF" if outside:
-                raise NotKept(f"changes the variable '{name}' of an enclosing function")
-            case "IMPORT_NAME" if home_of(name) is None:
-                raise NotKept(f"imports '{name}' when it is called, which is not followed")
-        if chain:
-            yield free, tuple(chain)
-        chain = []
-        if instruction.opname in _LOADS and (instruction.opname in _GLOBAL_LOADS or outside):
-            free = instruction.opname not in _GLOBAL_LOADS
-            chain = [name]
-    for constant in code.co_consts:
-        if isinstance(constant, CodeType):
-            yield from _names_read(constant, enclosing)

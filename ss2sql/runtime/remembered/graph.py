@@ -6,6 +6,7 @@ import gc
 from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import islice
+from operator import is_
 from typing import Any
 
 from ss2sql.runtime.memorize.pieces import State
@@ -25,9 +26,8 @@ class Edge:
 
     __slots__ = ("elements", "key", "row", "target", "verdicts")
 
-    def __init__(self, row: Row, key: Hashable, elements: tuple[Any, ...] | None, target: Node | None = None) -> None:
-        self.row = row
-        self.key = key
+    def __init__(self, row: tuple[Row, Hashable], elements: tuple[Any, ...] | None, target: Node | None = None) -> None:
+        self.row, self.key = row
         self.elements = elements
         self.target = target
         self.verdicts: dict[int, Any] | None = None
@@ -91,6 +91,7 @@ class GraphInFile:
         self.described = described
         self.clauses = clauses
         self.number: int | None = None
+        self.made = False  # by this search
         self._nodes: dict[int, Node] = {}
         self._by_text: dict[str, Node] = {}  # nodes that came without a number
         self._rows: dict[str, tuple[Row, Hashable]] = {}
@@ -137,14 +138,17 @@ class GraphInFile:
         assert self.number is not None
         counts = self.store.steps(self.number, nodes)
         found = self.store.edges(counts)
-        self._decode_rows({text for _, text, _, _ in found})
-        self._decode_states({target for _, _, target, _ in found if target is not None})
-        texts = list({text for _, _, _, text in found if text is not None})
-        elements: dict[str | None, Any] = {None: None, **dict(zip(texts, map(tuple, values_of(texts)), strict=True))}
+        sources, rows, targets, given = zip(*found, strict=True) if found else ((), (), (), ())
+        self._decode_rows(set(rows))
+        self._decode_states(set(targets) - {None})
+        self._decode_rows(set(given) - {None})
+        elements = {None: None, **{text: self._rows[text][0] for text in set(given) - {None}}}
         edges: dict[int, list[Edge]] = {number: [] for number in counts}
-        for source, text, target, given in found:
-            row, key = self._rows[text]
-            edges[source].append(Edge(row, key, elements[given], self._nodes.get(target)))
+        made = map(
+            Edge, map(self._rows.__getitem__, rows), map(elements.__getitem__, given), map(self._nodes.get, targets)
+        )
+        for source, edge in zip(sources, made, strict=True):
+            edges[source].append(edge)
         self._load_verdicts(edges)
         for number, count in counts.items():
             if len(edges[number]) == count:  # else the graph was dropped meanwhile
@@ -176,11 +180,13 @@ class GraphInFile:
         """Writes what is new of these nodes. Raises NotKept, and apsw's errors where the file cannot be written."""
         rows = [[text_of(edge.row) for edge in node.edges or ()] for node in nodes]
         elements = [
-            [None if edge.elements is None else text_of(edge.elements) for edge in node.edges or ()] for node in nodes
+            [_text_of_elements(edge, text) for edge, text in zip(node.edges or (), texts, strict=True)]
+            for node, texts in zip(nodes, rows, strict=True)
         ]
         targets = [edge.target for node in nodes for edge in node.edges or () if edge.target is not None]
         with self.store.writing():
             number = self.store.graph(self.key)
+            made = number is None
             if number is None:
                 one = self.described
                 described = (one.query, one.functions, one.parameters, one.variables, one.columns)
@@ -205,6 +211,7 @@ class GraphInFile:
                 for place, value in edge.verdicts.items()
             )
             self.store.touch(number, levels)
+        self.made |= made
         self.number = number
         for node in (*nodes, *targets):
             node.number = numbers[id(node)]
@@ -221,3 +228,11 @@ class GraphInFile:
         for node in (*self._nodes.values(), *nodes):
             node.number = None
         self._nodes.clear()
+
+
+def _text_of_elements(edge: Edge, row: str) -> str | None:
+    """The elements of a step, which often are its row."""
+    if edge.elements is None:
+        return None
+    same = len(edge.elements) == len(edge.row) and all(map(is_, edge.elements, edge.row))
+    return row if same else text_of(edge.elements)

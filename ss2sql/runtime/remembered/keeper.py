@@ -77,7 +77,7 @@ class GraphKeeper:
         elements = hunt.pieces.plain and any(follows_state(s, query) and calls_functions(s) for s in query.sources)
         follows = all(costs_nothing(expr) for _, expr in search.connect)
         graph = GraphInFile(self.store, key, described, clauses)
-        return Remembering(hunt, graph, places, settling, follows, elements)
+        return Remembering(hunt, graph, places, settling, follows, elements, keys.changed)
 
 
 def calls(query: plan.Query) -> bool:

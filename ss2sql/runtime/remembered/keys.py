@@ -45,6 +45,7 @@ class Keys:
     _sources: dict[int, int] = field(default_factory=dict)
     _queries: dict[int, int] = field(default_factory=dict)
     _worlds: dict[World, str] = field(default_factory=dict)
+    _own: dict[str, str] = field(default_factory=dict)  # the fingerprints of functions that belong to no world
 
     def graph(self) -> str:
         """The key of the graph. Raises NotKept where it would have none, with the reason."""
@@ -55,6 +56,16 @@ class Keys:
         names = tuple(name for name, _ in search.start)
         parts = (FORMAT, self._form(self.query.sources), self._form(outputs), names, self._form(search.connect))
         return _hashed(parts)
+
+    def changed(self) -> str | None:
+        """The name of a function that has changed since its key was made: one that changes what it reads."""
+        for name, known in self._own.items():
+            try:
+                if fingerprint(self.entry_of(name).function) != known:
+                    return name
+            except NotKept:
+                return name
+        return None
 
     def clause(self, kind: str, clause: plan.Expr) -> str:
         """The key of a clause that is asked of the steps of the graph. Raises NotKept."""
@@ -178,9 +189,10 @@ class Keys:
             hint = ", although it takes arrays" if function.vectorized else ""
             raise NotKept(f"'{function.name}' is {function.volatility}, not immutable{hint}")
         try:
-            return fingerprint(self.entry_of(function.name).function)
+            found = self._own[function.name] = fingerprint(self.entry_of(function.name).function)
         except NotKept as reason:
             raise NotKept(f"'{function.name}' {reason}") from None
+        return found
 
     def _world(self, world: World) -> str:
         if world not in self._worlds:

@@ -24,6 +24,8 @@ def _home(package: str) -> str | None:
         return None
     if package in sys.stdlib_module_names:
         return f"Python {platform.python_version()}"
+    if package == "ss2sql":  # wherever it lies
+        return f"ss2sql {_version(package)}"
     file = _file(package)
     if file is None:
         return None

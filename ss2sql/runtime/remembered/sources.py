@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 from ss2sql import plan
 from ss2sql.errors import Error
 from ss2sql.kinds import Opaque
+from ss2sql.runtime.remembered.functions import fingerprint
+from ss2sql.runtime.remembered.packages import home_of
 from ss2sql.runtime.remembered.texts import NotKept
 from ss2sql.vtables.base import Element, World
 from ss2sql.vtables.frames.frame import Frame
@@ -73,7 +75,12 @@ def world_digest(world: World) -> str:
         raise
     except Exception as error:  # whatever an adapter raises
         raise NotKept(f"{type(world).__name__} cannot be compared: {error}") from error
-    return sha256(repr((type(world).__module__, type(world).__qualname__, found)).encode()).hexdigest()
+    kind = type(world)
+    try:
+        made = fingerprint(kind)
+    except NotKept as reason:
+        raise NotKept(f"{kind.__name__}, the class of a world, {reason}") from None
+    return sha256(repr((made, home_of(type(world.source).__module__), found)).encode()).hexdigest()
 
 
 def _limit(rows: int, what: str) -> None:

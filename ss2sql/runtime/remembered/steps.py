@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Container, Hashable, Iterable, Iterator, Sequence
 from time import perf_counter
-from types import TracebackType
 from typing import Any, TypeAlias
 
 import apsw
@@ -43,16 +42,25 @@ class Remembering:
 
     `places` gives for each clause that calls functions (stop, goal, weight) its place among the graph's; `settling` are
     those after which the next state costs nothing; where `follows` it never does. With `elements` those are kept.
+    `changed` names a function that is not what it was when the search began.
     """
 
     def __init__(
-        self, hunt: Hunt, graph: GraphInFile, places: dict[str, int], settling: set[str], follows: bool, elements: bool
+        self,
+        hunt: Hunt,
+        graph: GraphInFile,
+        places: dict[str, int],
+        settling: set[str],
+        follows: bool,
+        elements: bool,
+        changed: Callable[[], str | None],
     ) -> None:
         assert hunt.pieces is not None
         self.hunt = hunt
         self.graph = graph
         self.pieces: Pieces = hunt.pieces
         self.follows = follows
+        self.changed = changed
         self.keeps_elements = elements
         self.stop = self._ask(self.pieces.ends, places.get("stop"), "stop" in settling)
         self.goal = self._ask(self.pieces.is_goal, places.get("goal"), "goal" in settling)
@@ -65,7 +73,7 @@ class Remembering:
         self._begun = self._complete = 0  # levels
         self._written, self._seconds = perf_counter(), 0.0
         self._hindered = ""
-        self._missed = False
+        self._missed = self._wrote = False
         self._held = 0
 
     # --- levels ----------------------------------------------------------------------------------------
@@ -74,22 +82,24 @@ class Remembering:
         self._outer, self.hunt.run.knows = self.hunt.run.knows, self.knows
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         self.hunt.run.knows = self._outer
         if kind is None:
             self._complete = self._begun
         try:
-            self._write()
+            name = self.changed() if self._pending or self._wrote else None
+            if name is None:
+                self._write()
+            else:
+                self._disown(name)
         except ExecutionError:
             if kind is None:
                 raise
         self.hunt.stats.graph = self.graph.number
         if self._hindered and self._pending:
-            self._tell(f"what is new is not remembered: {self._hindered}")
+            tell(self.hunt.stats, f"what is new is not remembered: {self._hindered}")
         elif self._missed and not self.off:
-            self._tell("what is new is not remembered: the session is read only")
+            tell(self.hunt.stats, "what is new is not remembered: the session is read only")
 
     def level(self, states: Sequence[State]) -> None:
         """Looks up what is known of the states of a level, and writes what the level before has found out."""
@@ -144,19 +154,24 @@ class Remembering:
         except apsw.Error as error:
             raise spoilt(str(error)) from error
         else:
+            self._wrote = True
             for node in self._pending:
                 node.touched = False
             self._pending.clear()
         self._written = perf_counter()
         self._seconds = self._written - started
 
+    def _disown(self, name: str) -> None:
+        """Gives up a graph that nobody would find again: a function keeps something in what it reads."""
+        if self._wrote and self.graph.made:
+            self.graph.store.drop(self.graph.number)
+            self.graph.number = None
+        self._give_up(NotKept(f"'{name}' changes what it reads"))
+
     def _give_up(self, reason: NotKept) -> None:
         self.off = True
         self._pending.clear()
-        self._tell(f"not remembered: {reason}")
-
-    def _tell(self, text: str) -> None:
-        tell(self.hunt.stats, text)
+        tell(self.hunt.stats, f"not remembered: {reason}")
 
     # --- steps -----------------------------------------------------------------------------------------
 
@@ -170,11 +185,11 @@ class Remembering:
         edges: list[Edge] = node.edges or []
         lasts = self.pieces.elements(node.state) if fresh else self._lasts(node, edges)
         stop, goal_of, weigh, row_of = self.stop, self.goal, self.weight, self.pieces.row
-        sources = self.sources if self.keeps_elements else 0
+        keyed, sources = self.hunt.keyed, self.sources if self.keeps_elements else 0
         for position, last in enumerate(lasts):
             if fresh:
-                row, key = row_of(last)
-                edge = Edge(row, key, last[:sources] if sources else None)
+                row, key = known = row_of(last)
+                edge = Edge(known, last[:sources] if sources else None)
                 edges.append(edge)
             else:
                 edge = edges[position]
@@ -196,7 +211,7 @@ class Remembering:
                 target = edge.target or self._follow(node, edge, last)
                 following = target.state
                 self._next[id(following)] = target
-            yield row, goal, following, key, weight, 0, last
+            yield row, goal, following, key, weight, 0, last if keyed else None
         if fresh:
             self._finish(node, edges)
 
@@ -250,18 +265,24 @@ class Remembering:
         if piece is None:
             return None
 
+        def ask_freely(node: Node, edge: Edge, last: Last, row: Row) -> Any:
+            if edge.target is not None:
+                return piece(last, row, edge.target.state)
+            value = piece(last, row, None)
+            if settles:
+                self._follow(node, edge, last)
+            return value
+
         def ask(node: Node, edge: Edge, last: Last, row: Row) -> Any:
-            value = None if place is None or edge.verdicts is None else edge.verdicts.get(place)
+            assert place is not None
+            value = None if edge.verdicts is None else edge.verdicts.get(place)
             if value is None:
-                value = piece(last, row, None if edge.target is None else edge.target.state)
-                if place is not None:
-                    edge.note(place, value)
-                    self._touch_known(node)
-                if settles and edge.target is None:
-                    self._follow(node, edge, last)
+                value = ask_freely(node, edge, last, row)
+                edge.note(place, value)
+                self._touch_known(node)
             return bool(value)
 
-        return ask
+        return ask_freely if place is None else ask
 
     def _ask_weight(self, place: int | None) -> Ask | None:
         """What asks for the weight of a step, unless that is known."""

@@ -71,6 +71,14 @@ _ONES_OF_A_GRAPH = (
 CURE = f"drop the tables {', '.join(TABLES)}; or connect(path, disable=['remember'])"
 
 
+_NODES = "json_each(?1) CROSS"  # CROSS JOIN: the nodes are the outer loop
+
+
+def _listed(nodes: Iterable[int]) -> str:
+    """Nodes as one value; in the order of their numbers, which is that of the tables."""
+    return f"[{','.join(map(str, sorted(nodes)))}]"
+
+
 class Store:
     """The tables, over the session's own connection. `changes` counts the rows that were changed here."""
 
@@ -194,7 +202,7 @@ class Store:
             " levels, created, used FROM ss2sql_graphs AS g ORDER BY id"
         )
 
-    def drop(self, graph: int) -> None:
+    def drop(self, graph: int | None) -> None:
         """Removes a graph. Raises ExecutionError X009 where the file cannot be written."""
         try:
             with self.writing():
@@ -220,22 +228,22 @@ class Store:
 
     def steps(self, graph: int, nodes: Iterable[int]) -> dict[int, int]:
         """The numbers of steps from those nodes that were expanded."""
-        text = "SELECT id, steps FROM ss2sql_nodes WHERE id = ? AND graph = ? AND steps IS NOT NULL"
-        return {node: steps for node, steps in self.many(text, ((node, graph) for node in nodes))}  # noqa: C416
+        text = f"SELECT id, steps FROM {_NODES} JOIN ss2sql_nodes ON id = value WHERE graph = ?2 AND steps IS NOT NULL"
+        return {node: steps for node, steps in self.all(text, (_listed(nodes), graph))}  # noqa: C416
 
     def edges(self, nodes: Iterable[int]) -> list[tuple[Any, ...]]:
         """Source, row, target and elements of the edges out of nodes, in order."""
-        text = "SELECT source, row, target, elements FROM ss2sql_edges WHERE source = ? ORDER BY position"
-        return self.many(text, ((node,) for node in nodes))
+        text = f"SELECT source, row, target, elements FROM {_NODES} JOIN ss2sql_edges ON source = value"
+        return self.all(f"{text} ORDER BY source, position", (_listed(nodes),))
 
     def states(self, nodes: Iterable[int]) -> list[tuple[Any, ...]]:
         """Number and state of nodes."""
-        return self.many("SELECT id, state FROM ss2sql_nodes WHERE id = ?", ((node,) for node in nodes))
+        return self.all(f"SELECT id, state FROM {_NODES} JOIN ss2sql_nodes ON id = value", (_listed(nodes),))
 
     def verdicts(self, clause: int, nodes: Iterable[int]) -> list[tuple[Any, ...]]:
         """Source, position and value of what is known of a clause."""
-        text = "SELECT source, position, value FROM ss2sql_verdicts WHERE clause = ? AND source = ?"
-        return self.many(text, ((clause, node) for node in nodes))
+        text = f"SELECT source, position, ss2sql_verdicts.value FROM {_NODES} AS nodes JOIN ss2sql_verdicts"
+        return self.all(f"{text} ON clause = ?2 AND source = nodes.value", (_listed(nodes), clause))
 
     def keep_edges(self, edges: Iterable[tuple[Any, ...]]) -> None:
         """Writes edges: source, position, row, target and elements."""

@@ -38,11 +38,14 @@ def _encoder() -> Callable[[Any], str]:
 
 
 _encode = _encoder()
+_NUMBERS = frozenset({int})
 _decode = json.JSONDecoder().decode
 
 
-def text_of(value: Any) -> str:
-    """A value, or a tuple of values, as JSON. Raises NotKept where JSON would give back another one."""
+def text_of(value: tuple[Any, ...]) -> str:
+    """A tuple of values as JSON. Raises NotKept where JSON would give back others."""
+    if _NUMBERS.issuperset(map(type, value)):
+        return f"[{','.join(map(str, value))}]"  # in half of the time
     try:
         text = _encode(value)
     except TypeError:
@@ -62,7 +65,7 @@ def text_of(value: Any) -> str:
 
 def _is_same(value: Any, decoded: Any) -> bool:
     """Whether JSON has given back the very value; a tuple comes back as a list."""
-    return dumps(list(value) if type(value) is tuple else value, 2) == dumps(decoded, 2)
+    return dumps(list(value), 2) == dumps(decoded, 2)
 
 
 def values_of(texts: Iterable[str]) -> list[Any]:

@@ -3,3 +3,5 @@
 `foretelling.py` finds the calls that a level needs, `timing.py` says whether other processes are worth it, `sending.py`
 which functions they can have, `processes.py` runs them, `child.py` is what they do. `notes.py` says why not.
 """
+
+IN_WORKER = "SS2SQL_WORKER"  # the environment variable that says so, in the other processes

@@ -2,7 +2,8 @@
 
 Each clause of a step is tried by itself, so a call that is not known yet costs that clause and what depends on it. What
 the search will not ask is not asked here: rows that are known, the next state of a step that stops. Two steps of the
-block may lead to the same row; the first one of them that leaves a trace is asked, as it will be by the search.
+block may lead to the same row; the first one of them that leaves a trace is asked, as it will be by the search. So
+behind a step whose row is not known yet nothing is asked but rows.
 """
 
 from __future__ import annotations
@@ -33,9 +34,9 @@ class Ahead:
         self.seen = seen
         self.size = 0
         self._states: list[tuple[State, list[Last], list[bool]]] = []
-        self._claimed: set[Hashable] = set()  # rows that steps of the block lead to
+        self._claimed: dict[Hashable, bool] = {}  # rows that steps of the block lead to; True: that is certain
         self._settled: dict[tuple[int, int], Hashable | None] = {}  # the claims of steps that nothing is missing of
-        self._failed = False
+        self._failed = self._unknown = False
 
     def add(self, state: State) -> None:
         """Tries the steps from one more state, unless they are remembered."""
@@ -47,7 +48,7 @@ class Ahead:
     def again(self) -> None:
         """Tries once more whatever depended on calls that were not known."""
         self._claimed.clear()
-        self._failed = False
+        self._failed = self._unknown = False
         for place in range(len(self._states)):
             self._try(place)
 
@@ -60,11 +61,11 @@ class Ahead:
                 if (place, number) in self._settled:
                     claim = self._settled[place, number]
                     if claim is not None:
-                        self._claimed.add(claim)
+                        self._claimed[claim] = True
                 else:
                     self._step(place, number, last)
         except PendingError:
-            return
+            self._unknown = True
         except Stopped:
             raise
         except Exception:
@@ -90,9 +91,12 @@ class Ahead:
         try:
             row, key = pieces.row(last)
         except PendingError:
+            self._unknown = True
+            return
+        if self._unknown:
             return
         if key in self.seen or key in self._claimed:
-            if pieces.weigh is not None:
+            if pieces.weigh is not None and self._claimed.get(key, True):
                 try:
                     pieces.weigh(last, row)
                 except PendingError:
@@ -113,19 +117,20 @@ class Ahead:
         if ends and goal is False:
             self._settled[place, number] = None
             return
-        if pieces.weigh is not None and not missing:
+        possible = True
+        if pieces.weigh is not None and (ends is False or not missing):
             try:
                 if not pieces.weigh(last, row) and pieces.probable:
                     self._settled[place, number] = None
                     return
             except PendingError:
-                missing = True
-        if ends is False:
+                missing, possible = True, not pieces.probable
+        if ends is False and possible:
             try:
                 pieces.follow(last, row)
             except PendingError:
                 missing = True
-        self._claimed.add(key)
+        self._claimed[key] = not missing
         if not missing:
             self._settled[place, number] = key
 

@@ -23,7 +23,6 @@ from contextlib import redirect_stdout
 from types import CodeType, FunctionType, MethodType
 from typing import Any, BinaryIO
 
-IN_WORKER = "SS2SQL_WORKER"  # the environment variable that says so
 NO_VALUE = b""  # in place of a result that consists of objects, which would be others in another process
 
 # What a result may consist of: what no longer has an identity in another process. NumPy's kinds come on top.

@@ -20,7 +20,7 @@ from queue import Empty, SimpleQueue
 from typing import Any, TypeAlias
 
 from ss2sql.errors import ExecutionError
-from ss2sql.runtime.workers.child import IN_WORKER
+from ss2sql.runtime.workers import IN_WORKER
 from ss2sql.runtime.workers.sending import Sent
 
 CHILD = Path(__file__).parent / "child.py"

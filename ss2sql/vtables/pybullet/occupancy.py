@@ -3,19 +3,20 @@
 A cell is occupied where a body reaches into its square at the height z; what only touches its edge does not. So a wall
 that is thinner than the cells stays closed for whoever plans a way. It is the shape itself that is tried, not the box
 around it: a thin plate of the size of the cell is put to its place, and Bullet says whether it meets the body. Plates
-of the size of 2 x 2, 4 x 4 ... cells are tried first: where they meet nothing, their cells need no look.
+of the size of 2 x 2, 4 x 4 ... cells are tried first: where they meet nothing, their cells need no look. In a convex
+body the cells of a row lie side by side, so only the two ends of each row are looked for.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 
 from ss2sql.runtime.representations import Table
 from ss2sql.runtime.representations.grid import Grid, number
-from ss2sql.vtables.pybullet.bodies import box_of
+from ss2sql.vtables.pybullet.bodies import KINDS, box_of, shapes_of
 from ss2sql.vtables.pybullet.parts import Stock
 from ss2sql.vtables.pybullet.poses import Box
 from ss2sql.vtables.pybullet.selected import area_of, bodies_in
@@ -23,8 +24,10 @@ from ss2sql.vtables.pybullet.selected import area_of, bodies_in
 GAP = 1e-3  # parts of a cell by which plates are smaller than cells, so that what touches a cell is not in it
 THIN = 1e-3  # the thickness of plates, in parts of a cell
 LARGEST = 6  # the largest plate has 2^6 cells along its edges
+CONVEX = ("sphere", "box", "cylinder", "capsule")
 
 Meets = Callable[[int, int, int], bool]
+Ranges = tuple[int, int, int, int]  # the first and last columns and rows, these excluded
 
 
 def occupancy(world: Any, table: Table, z: Any, cell: Any, area: Any) -> Grid:
@@ -37,7 +40,8 @@ def occupancy(world: Any, table: Table, z: Any, cell: Any, area: Any) -> Grid:
         low, high = box_of(world, body)
         if low[2] - edge <= height <= high[2] + edge:
             meets = _tester(world, plates, body, origin, edge, height)
-            _mark(cells, meets, _cells_of((low, high), origin, edge, columns, rows))
+            mark = _mark_rows if _is_convex(world, body, edge) else _mark
+            mark(cells, meets, _cells_of((low, high), origin, edge, columns, rows))
     return Grid(cells, origin, edge)
 
 
@@ -66,8 +70,17 @@ def _tester(world: Any, plates: list[int], body: int, origin: list[float], edge:
     return meets
 
 
-def _cells_of(box: Box, origin: list[float], edge: float, columns: int, rows: int) -> tuple[int, int, int, int]:
-    """The first and last columns and rows, these excluded, that the box around a body covers."""
+def _is_convex(world: Any, body: int, edge: float) -> bool:
+    """Whether a body is one convex shape, not so thin that it could be lost between two cells."""
+    shapes = shapes_of(world, body)
+    if len(shapes) != 1:
+        return False
+    kind, size = KINDS.get(shapes[0][2][2]), [length for length in shapes[0][2][3] if length]
+    return kind in CONVEX and min(size, default=0.0) > 4 * GAP * edge
+
+
+def _cells_of(box: Box, origin: list[float], edge: float, columns: int, rows: int) -> Ranges:
+    """What the box around a body covers."""
     (x1, y1, _), (x2, y2, _) = box
     ranges = []
     for low, high, start, count in ((x1, x2, origin[0], columns), (y1, y2, origin[1], rows)):
@@ -77,23 +90,84 @@ def _cells_of(box: Box, origin: list[float], edge: float, columns: int, rows: in
     return left, right, lower, upper
 
 
-def _mark(cells: Any, meets: Meets, ranges: tuple[int, int, int, int]) -> None:
-    """Marks the cells in which a body is, from the largest plates to single cells."""
+def _mark(cells: Any, meets: Meets, ranges: Ranges) -> None:
+    """Marks the cells in which a body is."""
+    for column, row in _found(meets, ranges, cells):
+        cells[row, column] = True
+
+
+def _found(meets: Meets, ranges: Ranges, known: Any = None) -> Iterator[tuple[int, int]]:
+    """The cells in which a body is, but for known ones, from the largest plates to single cells."""
     left, right, lower, upper = ranges
     level = min(LARGEST, max(0, max(right - left, upper - lower) - 1).bit_length())
     step = 2**level
     waiting = [(level, x, y) for y in range(lower, upper, step) for x in range(left, right, step)]
     while waiting:
         level, column, row = waiting.pop()
-        if level == 0 and cells[row, column]:
+        if level == 0 and known is not None and known[row, column]:
             continue
         if not meets(level, column, row):
             continue
         if level == 0:
-            cells[row, column] = True
+            yield column, row
             continue
         half = 2 ** (level - 1)
         for y in (row, row + half):
             for x in (column, column + half):
                 if x < right and y < upper:
                     waiting.append((level - 1, x, y))
+
+
+def _mark_rows(cells: Any, meets: Meets, ranges: Ranges) -> None:
+    """Marks the cells in which a convex body is, from one of them upwards and downwards row by row."""
+    left, right, lower, upper = ranges
+    middle = ((left + right) // 2, (lower + upper) // 2)
+    inside = left < right and lower < upper and meets(0, *middle)
+    start = middle if inside else next(_found(meets, ranges), None)
+    if start is None:
+        return
+    first = _row(meets, start[1], start[0], (left, right - 1), (left, right - 1))
+    cells[start[1], first[0] : first[1] + 1] = True
+    for rows in (range(start[1] + 1, upper), range(start[1] - 1, lower - 1, -1)):
+        ends = first
+        for row in rows:
+            column = _any(meets, row, ends, (left, right - 1))
+            if column is None:
+                break
+            ends = _row(meets, row, column, ends, (left, right - 1))
+            cells[row, ends[0] : ends[1] + 1] = True
+
+
+def _any(meets: Meets, row: int, ends: tuple[int, int], limits: tuple[int, int]) -> int | None:
+    """A cell of a row in which a convex body is; `ends` are those of the row beside it."""
+    tried = tuple(dict.fromkeys((sum(ends) // 2, *ends)))
+    for column in tried:
+        if meets(0, column, row):
+            return column
+    # The parts of a convex body in two rows have a point in common, so what is far off comes last.
+    rest = sorted(set(range(limits[0], limits[1] + 1)) - set(tried), key=lambda x: max(ends[0] - x, x - ends[1]))
+    return next((column for column in rest if meets(0, column, row)), None)
+
+
+def _row(meets: Meets, row: int, inside: int, ends: tuple[int, int], limits: tuple[int, int]) -> tuple[int, int]:
+    """The first and the last cell of a row in which a convex body is. `inside` is one, `ends` may be near them."""
+    first = _end(meets, row, inside, ends[0], limits[0], -1)
+    return first, _end(meets, row, inside, ends[1], limits[1], 1)
+
+
+def _end(meets: Meets, row: int, inside: int, near: int, limit: int, step: int) -> int:
+    """The last occupied cell from `inside` to `limit`."""
+    occupied, free = inside, limit + step
+    for column in (limit, near, near + step, near - step):
+        if min(occupied, free) < column < max(occupied, free):
+            if meets(0, column, row):
+                occupied = column
+            else:
+                free = column
+    while abs(free - occupied) > 1:
+        column = (occupied + free) // 2
+        if meets(0, column, row):
+            occupied = column
+        else:
+            free = column
+    return occupied

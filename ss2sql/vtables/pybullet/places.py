@@ -6,6 +6,7 @@ outside of their shape, and, until the next step, those that the last step moved
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right
 from math import dist
 from typing import Any
 
@@ -22,17 +23,23 @@ class Places:
         where = world.calls.getBasePositionAndOrientation
         self.ids: list[int] = world.ids()
         self._points = [where(body)[0] for body in self.ids]
-        self._axes = np.array(self._points, dtype=float).reshape(len(self.ids), 3).T
+        points = np.array(self._points, dtype=float).reshape(len(self.ids), 3)
+        self._order = np.argsort(points[:, 0], kind="stable")  # along x, where a range leaves few of them
+        self._axes = points[self._order].T.copy()
+        self._along = self._axes[0].tolist()
         self._numbers = np.array(self.ids, dtype=np.int64)
 
     def _within(self, *ranges: tuple[float, float]) -> Any:
-        found = np.ones(len(self.ids), dtype=bool)
-        for values, (low, high) in zip(self._axes, ranges, strict=False):
+        """The places in `ids` of the bodies within ranges, in their order."""
+        part = slice(bisect_left(self._along, ranges[0][0]), bisect_right(self._along, ranges[0][1]))
+        order = self._order[part]
+        found = np.ones(len(order), dtype=bool)
+        for values, (low, high) in zip(self._axes[:, part], ranges, strict=False):
             if low != float("-inf"):
                 found &= values >= low
             if high != float("inf"):
                 found &= values <= high
-        return found
+        return np.sort(order[found])
 
     def between(self, *ranges: tuple[float, float]) -> list[int]:
         """The bodies whose x, y and z lie within ranges, ends included."""
@@ -43,7 +50,7 @@ class Places:
         reach = radius + SLACK * (1 + abs(radius) + max(map(abs, point)))
         ranges = ((value - reach, value + reach) for value in point)
         size, points, ids = len(point), self._points, self.ids
-        found = np.flatnonzero(self._within(*ranges)).tolist()
+        found = self._within(*ranges).tolist()
         return [ids[place] for place in found if dist(points[place][:size], point) <= radius]
 
 

@@ -19,7 +19,7 @@ while True:
             if unique:
                 seen.add(key)
             if goal:
-                yield found([*path, row], last)
+                yield found((*path, row), last)
             if goes_on:
                 if no_cycle:
                     seen.add(key)
