@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import islice
 from typing import Any
 
 import pytest
@@ -10,12 +11,13 @@ from native_host import FakeHost
 import ss2sql
 from ss2sql import plan
 from ss2sql.runtime.native import NativeQuery
+from ss2sql.runtime.native.pace import SHORT, Parts
 from ss2sql.runtime.native.searches import SEARCHES
-from ss2sql.runtime.native.step_code import BLOCK, blocks_of
+from ss2sql.runtime.run import Run
 
 ORDERS = ["DEPTH FIRST", "BREADTH FIRST", "COST 1", "COST 1 HEURISTIC 0", "PROBABILITY 0.5"]
 REPEATS = ["", "NO CYCLE", "UNIQUE"]
-MANY = 3 * BLOCK + 5  # elements, so that they are walked in several blocks
+MANY = 3 * SHORT + 5  # elements, so that they are walked in several parts
 
 
 def session(**variables: Any) -> ss2sql.Session:
@@ -36,7 +38,7 @@ def counts(result: ss2sql.Result) -> tuple[int, int, int]:
 # --- counts --------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("place", [0, BLOCK - 1, BLOCK, MANY - 1])
+@pytest.mark.parametrize("place", [0, SHORT - 1, SHORT, MANY - 1])
 @pytest.mark.parametrize("repeats", REPEATS)
 @pytest.mark.parametrize("order", ["DEPTH FIRST", "BREADTH FIRST"])
 def test_only_steps_up_to_the_last_result_are_counted(order: str, repeats: str, place: int) -> None:
@@ -64,7 +66,7 @@ def test_all_steps_of_a_state_come_before_the_best_of_them(order: str, repeats: 
 @pytest.mark.parametrize("repeats", REPEATS)
 @pytest.mark.parametrize("order", ORDERS)
 def test_steps_are_counted_up_to_the_one_that_fails(order: str, repeats: str) -> None:
-    place = BLOCK + 3
+    place = SHORT + 3
     host = FakeHost({}, numbers=list(range(MANY)))
     run = host.start()
     with pytest.raises(ss2sql.ExecutionError) as caught:
@@ -93,11 +95,24 @@ def test_nested_searches_count_together() -> None:
     assert counts(result) == (3 + 9 + 2 + 4, 3 + 2, 0)
 
 
-def test_blocks_hold_all_items_in_order() -> None:
-    for length in (0, 1, BLOCK, BLOCK + 1, MANY):
-        items = list(range(length))
-        assert [item for block in blocks_of(items) for item in block] == items
-        assert all(len(block) <= BLOCK for block in blocks_of(items))
+def test_parts_hold_all_items_in_order_and_know_how_many_are_left() -> None:
+    for length in (0, 1, SHORT, SHORT + 1, MANY):
+        run: Any = Run(None)  # type: ignore[arg-type]
+        parts, walked = Parts(range(length), run), []
+        for item in parts:
+            walked.append(item)
+            assert parts.__length_hint__() == length - len(walked)
+        assert walked == list(range(length))
+
+
+def test_an_interrupt_between_the_parts_of_a_long_list() -> None:
+    run: Any = Run(None)  # type: ignore[arg-type]
+    parts = iter(Parts(range(MANY), run))
+    assert next(parts) == 0
+    run.interrupted = True
+    assert list(islice(parts, SHORT - 1)) == list(range(1, SHORT))
+    with pytest.raises(ss2sql.Cancelled):
+        next(parts)
 
 
 # --- when what is evaluated ----------------------------------------------------------------------------

@@ -24,7 +24,7 @@ from functools import cache
 from heapq import heappop, heappush
 from typing import Any
 
-from ss2sql.runtime.native.pace import counts_of, steps_pace_of
+from ss2sql.runtime.native.pace import SHORT, Parts, counts_of, steps_pace_of
 from ss2sql.runtime.native.searches.step import TAKEN, Trail, path_to
 from ss2sql.runtime.native.step_code import StepCode, StepLoops
 
@@ -32,8 +32,7 @@ from ss2sql.runtime.native.step_code import StepCode, StepLoops
 FRAME = """
 generated = expanded = pruned = 0  # what the run has not been told yet
 due = 1
-if together:
-    turns = iter(())
+turns = iter(())
 yield
 try:
     LOOP
@@ -43,7 +42,11 @@ finally:
     hand_on(generated, expanded, pruned)
 """
 
-# To count a few steps together takes a tenth off the time of a search on a grid.
+# To count steps together takes a tenth off the time of a search on a grid.
+TURNS = f"""
+turns = iter(block) if len(block) <= {SHORT} else Parts(block, run)
+"""
+
 COUNTED = """
 generated += len(block) if together else 1
 if generated >= due:
@@ -53,7 +56,7 @@ if generated >= due:
 
 PLACE = "(way, row, key, 1 if way is None else way[3] + 1)"
 
-HELPERS: tuple[Callable[..., Any], ...] = (deque, heappop, heappush, path_to, Trail)
+HELPERS: tuple[Callable[..., Any], ...] = (deque, heappop, heappush, path_to, Parts, Trail)
 
 # What words stand for: expressions, lists of names, or values that are known beforehand.
 Words = Mapping[str, Any]
@@ -69,7 +72,8 @@ class LoopCode:
         self.keys = keys
         self._order: Sequence[ast.stmt] = ()
         self._saved: list[ast.Tuple] = []
-        self._before: tuple[list[ast.stmt], ast.stmt, bool] | None = None
+        self._before: tuple[list[ast.stmt], ast.stmt] | None = None
+        self._left = False
         self.outside = self._known()
         self.inside = dict(self.outside)
         for helper in HELPERS:
@@ -86,7 +90,7 @@ class LoopCode:
             "guided": search.heuristic is not None,
             "likeliest": search.order == "probability",
             "settled": step.is_settled,
-            "together": step.few or step.in_blocks,
+            "together": False,
         }
         if step.query.where is None:
             known["goal"] = True
@@ -107,10 +111,10 @@ class LoopCode:
         self._block(_parsed(frame), code, self.outside)
         # Only now all is known that is computed once for a state.
         assert self._before is not None
-        block, mark, left = self._before
+        block, mark = self._before
         own = self.step.body.blocks[0]
         at = block.index(mark)
-        block[at : at + 1] = own[:-1] if left else own
+        block[at : at + 1] = own[:-1] if self._left else own
         names = [*self.here, *(name for name in assigned(own[:-1]) if name not in self.step.body.shared)]
         for saved in self._saved:
             saved.elts += [ast.Name(name, saved.ctx, **self.pen.at) for name in names]
@@ -132,13 +136,8 @@ class LoopCode:
                     self._clause(clause, code)
                 case ast.If():
                     self._if(statement, code, words)
-                case ast.For(iter=ast.Name("elements"), body=body) if words["together"]:
-                    self._together(body, code)
                 case ast.For(iter=ast.Name("elements"), body=body):
-                    self._open(code, left=False)
-                    inside = self.step.inner.blocks[-1]
-                    self._count(inside)
-                    self._block(body, inside, self.inside)
+                    self._every(body, code)
                 case ast.Assign([ast.Name("turns")], ast.Call(ast.Name("iter"), [ast.Name("elements")])):
                     code.append(pen.assign("turns", pen.call("iter", self._open(code, left=True).iter)))
                 case ast.For(iter=ast.Name("turns"), body=body, orelse=ended):
@@ -184,30 +183,31 @@ class LoopCode:
         loop = self.step.open(left)
         mark = ast.Pass(**self.pen.at)
         code.append(mark)
-        self._before = (code, mark, left)
+        self._before, self._left = (code, mark), left
         if self.keys is not None:
             self.inside["last"] = self.step.last()
         return loop
 
-    def _together(self, body: Sequence[ast.stmt], code: list[ast.stmt]) -> None:
-        """A loop whose steps are counted in blocks, before their turn."""
-        pen = self.pen
-        if self.step.few:
-            code.append(pen.assign("block", self._open(code, left=True).iter))
-        else:
-            self.step.make_blocks()
-            blocks = self._open(code, left=True).iter
-            code.append(pen.loop(["block"], blocks, code := []))
-        code.append(pen.assign("turns", pen.call("iter", pen.name("block"))))
-        self._count(code)
-        self._block(body, self._turns(code).body, self.inside)
-
     def _turns(self, code: list[ast.stmt]) -> ast.For:
-        """The loop over these elements."""
+        """The loop over elements that have a name."""
         opened = self.step.body.blocks[0][-1]
         assert isinstance(opened, ast.For)
         code.append(turns := ast.For(opened.target, self.pen.name("turns"), opened.body, [], **self.pen.at))
         return turns
+
+    def _every(self, body: Sequence[ast.stmt], code: list[ast.stmt]) -> None:
+        """A loop over all elements; where they are a list, its steps are counted together before their turn."""
+        items = self._open(code, left=False).iter
+        if self.step.has_list:
+            self._left = self.outside["together"] = self.inside["together"] = True
+            code.append(self.pen.assign("block", items))
+            self._block(_parsed(TURNS), code, self.inside)
+            self._count(code)
+            self._block(body, self._turns(code).body, self.inside)
+        else:
+            inside = self.step.inner.blocks[-1]
+            self._count(inside)
+            self._block(body, inside, self.inside)
 
     def _count(self, code: list[ast.stmt]) -> None:
         """Counts steps, which is done already where the loops are not of our own kind."""

@@ -7,12 +7,16 @@ looks are counted, and their number follows the time that they took.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from itertools import chain
+from operator import length_hint
+from typing import Any
 
 from ss2sql.runtime.run import Run
 
 QUICK, SLOW = 0.002, 0.01  # seconds between two looks: below the one there may be more turns, above the other fewer
 MOST_TURNS = 128
+SHORT = 64  # so many turns are quick enough not to look at the clock between them
 
 
 class Pace:
@@ -76,3 +80,26 @@ def counts_of(run: Run) -> Callable[[int, int, int], None]:
         stats.pruned += pruned
 
     return count
+
+
+class Parts:
+    """The items of a long list, which looks at the clock between parts of it; it knows how many are left."""
+
+    def __init__(self, items: Sequence[Any], run: Run) -> None:
+        self._items = items
+        self._check = run.check
+        self._begun = 0
+        self._part: Iterator[Any] = iter(())
+
+    def __iter__(self) -> Iterator[Any]:
+        return chain.from_iterable(self._parts())
+
+    def _parts(self) -> Iterator[Iterator[Any]]:
+        for start in range(0, len(self._items), SHORT):
+            self._check()
+            part = self._items[start : start + SHORT]
+            self._begun, self._part = start + len(part), iter(part)
+            yield self._part
+
+    def __length_hint__(self) -> int:
+        return len(self._items) - self._begun + length_hint(self._part)

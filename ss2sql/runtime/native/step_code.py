@@ -26,7 +26,6 @@ from ss2sql.walk import parts
 if TYPE_CHECKING:
     from ss2sql.runtime.native.builder import Builder
 
-BLOCK = 16  # steps that are counted together, and between which nobody looks at the clock
 _PLAIN = Kind.NONE | Kind.NUMBER | Kind.STR  # equal values of these kinds have the same hash
 MOST_INSIDE = 8  # loops over sources inside of the loop of the search; Python nests twenty blocks
 
@@ -58,6 +57,7 @@ class StepCode:
         self.compares = self.search.repeats != "allowed"
         self.pen = self.unit.pen_at(query.span)
         self.words: dict[str, Any] = {}
+        self.has_list = False  # whether the elements of a state are one list
         self._row: list[ast.expr] = []
         self._is_packed = False
         clauses = [self.search.stop, query.where, self.search.weight, self.search.heuristic]
@@ -81,13 +81,11 @@ class StepCode:
             self.inner = self.loops.open(self.body, {})
         loop = self.body.blocks[0][-1]
         assert isinstance(loop, ast.For)
+        source = self.query.sources[0]
+        alone = len(self.query.sources) == 1 and not isinstance(source, plan.WorldSource)
+        # Nothing stands before the step that may drop an element.
+        self.has_list = alone and not loop.body and isinstance(self.loops, StepLoops)
         return loop
-
-    def make_blocks(self) -> None:
-        """Makes blocks of the elements."""
-        name = self.loops.items[self.query.sources[0].id]
-        blocks = self.pen.call(self.unit.helper(blocks_of), self.pen.name(name))
-        self.loops.owner.add(self.pen.assign(name, blocks))
 
     def _generate(self) -> None:
         """Loops over all sources in a generator of its own."""
@@ -139,27 +137,6 @@ class StepCode:
                 self.loops.accompany(source, frozen, source.id in keyed)
 
     # --- what can be said before -----------------------------------------------------------------------
-
-    @property
-    def few(self) -> bool:
-        """Whether there are so few steps from each state that they can be counted together."""
-        source = self.query.sources[0]
-        if not self._is_walked_through or not isinstance(source, plan.ValueSource):
-            return False
-        known = source.value.type
-        size = len(source.value.items) if isinstance(source.value, plan.MakeList) else known.size
-        return known.only(Kind.LIST) and size is not None and size <= BLOCK
-
-    @property
-    def in_blocks(self) -> bool:
-        """Whether steps can be counted together if one list is cut into blocks."""
-        return self._is_walked_through and self.query.sources[0].id in self.loops.items and not self.few
-
-    @property
-    def _is_walked_through(self) -> bool:
-        """Whether there is one loop, and no step is left for those from another state."""
-        alone = len(self.query.sources) == 1 and self.query.sources[0].id not in self.loops.lookups
-        return alone and self.search.order != "depth first" and isinstance(self.loops, StepLoops)
 
     @property
     def may_end(self) -> bool:
@@ -331,8 +308,3 @@ def _is_plain_list(known: Type) -> bool:
 def _parts(clause: plan.Expr | None, kind: type[plan.And] | type[plan.Or]) -> tuple[plan.Expr, ...]:
     """The parts of a clause in the order in which they are asked."""
     return clause.parts if isinstance(clause, kind) else () if clause is None else (clause,)
-
-
-def blocks_of(items: list[Any]) -> list[list[Any]]:
-    """The items in blocks."""
-    return [items] if len(items) <= BLOCK else [items[at : at + BLOCK] for at in range(0, len(items), BLOCK)]

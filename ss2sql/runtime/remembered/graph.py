@@ -138,7 +138,7 @@ class GraphInFile:
         assert self.number is not None
         counts = self.store.steps(self.number, nodes)
         found = self.store.edges(counts)
-        sources, rows, targets, given = zip(*found, strict=True) if found else ((), (), (), ())
+        sources, _, rows, targets, given = zip(*found, strict=True) if found else ((), (), (), (), ())
         self._decode_rows(set(rows))
         self._decode_states(set(targets) - {None})
         self._decode_rows(set(given) - {None})

@@ -123,7 +123,7 @@ class Foreteller:
             settle_calls(self.run)
             remembered, calls = Counter(self.run.stats.remembered), Counter(self.run.stats.calls)
             if any(timed.may_be_shared for timed in self.functions.values()):
-                self._foretell(ahead, [state for _, state in level[place:]])
+                self._foretell(ahead, [state for _, state in level[place : place + MOST]])
             else:
                 ahead.size = min(UNSHARED, len(level) - place)
             settle_calls(self.run)
@@ -166,7 +166,7 @@ class Foreteller:
         try:
             for state in states:
                 ahead.add(state)
-                if len(self.noted) >= MOST or ahead.size >= MOST:
+                if len(self.noted) >= MOST:
                     break
                 self._hand_over(False)
             while self._hand_over(True):
