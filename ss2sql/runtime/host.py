@@ -21,7 +21,7 @@ from ss2sql.runtime import representations
 from ss2sql.runtime.builtins import BUILTINS
 from ss2sql.runtime.database import Database
 from ss2sql.runtime.functions import MEMO_LIMIT, UserFunction, builtin_functions, sql_names
-from ss2sql.runtime.native.calls import native_callable
+from ss2sql.runtime.native.calls import native_callable, unremembered_call
 from ss2sql.runtime.native.deep import with_room
 from ss2sql.runtime.remembered.keeper import GraphKeeper
 from ss2sql.runtime.remembered.store import Store
@@ -238,8 +238,11 @@ class SessionHost:
             return BUILTINS[function.name].python or self.own.function(function.name)
         known = run.callables.get(function.name)
         if known is None:
-            entry = self.planned[function.inverse_of].inverted() if function.inverse_of else self.planned[function.name]
-            known = (NativeCaller if entry.vectorized else native_callable)(entry, run, self.memo_limit)
+            entry = self.planned[function.inverse_of or function.name]
+            if function.inverse_of:
+                known = unremembered_call(entry.inverted(), run)
+            else:
+                known = (NativeCaller if entry.vectorized else native_callable)(entry, run, self.memo_limit)
             run.callables[function.name] = known
         return known
 

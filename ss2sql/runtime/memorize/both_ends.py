@@ -61,11 +61,13 @@ class WayBack:
             if not number & CHECK_EVERY:
                 self.hunt.check()
             for position, elements in enumerate(self.elements):
-                earlier = before(elements + state)
-                if earlier is None:
+                found = before(elements + state)
+                if found is None:
                     continue
                 steps += 1
-                key = key_of(earlier)
+                earlier, key = found
+                if key is None:
+                    key = key_of(earlier)
                 known = edges.get(key)
                 if known is None:
                     edges[key] = [(position, depth)]

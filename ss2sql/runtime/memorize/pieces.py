@@ -37,7 +37,7 @@ class Pieces:
     weigh: Callable[[Last, Row], Any] | None
     follow: Callable[[Last, Row], State]
     goals: Callable[[State], list[State]] | None
-    before: Callable[[Last], State | None] | None
+    before: Callable[[Last], tuple[State, Hashable] | None] | None
     plain: bool
 
     def steps(self, state: State, seen: Container[Hashable]) -> Iterator[Step]:

@@ -242,6 +242,12 @@ def native_callable(function: UserFunction, run: Run, memo_limit: int) -> Any:
     return lambda *arguments: _kept(call(map(fresh, arguments))[0])
 
 
+def unremembered_call(function: UserFunction, run: Run) -> Callable[[tuple[Any, ...]], Result]:
+    """The function on a tuple of language values, for whoever asks for nothing twice."""
+    call = checked_call(function, run)
+    return (lambda arguments: call(map(fresh, arguments))) if function.changes else call
+
+
 def _kept(result: Any) -> Any:
     """A result that stays as it is, even if the function has kept the list and changes it later."""
     if type(result) not in (list, dict):

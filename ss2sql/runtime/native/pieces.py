@@ -147,22 +147,34 @@ class _Writer:
         return body.name
 
     def before(self, reverse: Reverse) -> str:
-        """The state before a step, from its elements and the state after it; None where there is none."""
+        """The state before a step, from its elements and the state after it, and its frozen form where that is at hand.
+
+        None where there is no such state.
+        """
         exprs = [expr for expr in reverse.before if expr is not None]
         self.unit.analysis.include(tuple(exprs))
         body, pen = self._function("before", ["last"], exprs), self.pen
-        names = []
+        values = []
         for expr, after in zip(reverse.before, self.states, strict=True):
-            if expr is None:
-                names.append(after)
-                continue
-            names.append(body.assigned(expression(self.builder, expr, body), pen, "before"))
-            if not isinstance(expr, plan.MakeList) and not expr.type.only(Kind.INT):
-                nothing = pen.compare(pen.name(names[-1]), ast.Is(), pen.constant(None))
-                body.add(pen.when(nothing, pen.back(pen.constant(None))))
-        body.add(pen.back(pen.pack(*map(pen.name, names))))
+            if isinstance(expr, plan.Call) and expr.function.inverse_of:
+                values.append(self._undone(expr, body))
+            else:
+                values.append(pen.name(after) if expr is None else expression(self.builder, expr, body))
+        key = pen.name("key") if len(values) == 1 and isinstance(values[0], ast.Name) else pen.constant(None)
+        body.add(pen.back(pen.pack(pen.pack(*values), key)))
         body.define()
         return body.name
+
+    def _undone(self, expr: plan.Call, body: Body) -> ast.expr:
+        """The value of an inverse, with its frozen form in `key`; ends the function where it is None."""
+        unit, pen = self.unit, self.unit.pen_at(expr.place)
+        arguments = pen.pack(*(expression(self.builder, argument, body) for argument in expr.arguments))
+        unit.page.mark_call(expr.place, expr.function.name)
+        value = unit.local("before")
+        body.add(pen.unpack([value, "key"], pen.call(unit.function(expr.function, pen), arguments)))
+        nothing = pen.compare(pen.name(value), ast.Is(), pen.constant(None))
+        body.add(pen.when(nothing, pen.back(pen.constant(None))))
+        return pen.name(value)
 
     # --- what all begin with -----------------------------------------------------------------------------
 

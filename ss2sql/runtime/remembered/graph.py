@@ -40,16 +40,18 @@ class Edge:
 
 
 class Node:
-    """A state. `number` is that of its row in the tables, `edges` are None as long as they are not known.
+    """A state. `number` is that of its row in the tables, as long as `era` is that of the graph.
 
-    `loaded` says that they come from the tables, `touched` that there is something new to write.
+    `edges` are None as long as they are not known; `loaded` says that they come from the tables, `touched` that there
+    is something new to write.
     """
 
-    __slots__ = ("edges", "loaded", "number", "state", "text", "touched")
+    __slots__ = ("edges", "era", "loaded", "number", "state", "text", "touched")
 
-    def __init__(self, state: State, number: int | None = None) -> None:
+    def __init__(self, state: State, number: int | None = None, era: int = 0) -> None:
         self.state = state
         self.number = number
+        self.era = era
         self.text: str | None = None
         self.edges: list[Edge] | None = None
         self.loaded = False
@@ -92,6 +94,7 @@ class GraphInFile:
         self.clauses = clauses
         self.number: int | None = None
         self.made = False  # by this search
+        self.era = 0  # how often somebody has dropped the graph
         self._nodes: dict[int, Node] = {}
         self._by_text: dict[str, Node] = {}  # nodes that came without a number
         self._rows: dict[str, tuple[Row, Hashable]] = {}
@@ -114,6 +117,7 @@ class GraphInFile:
     def _load(self, nodes: Sequence[Node]) -> list[Node]:
         if len(self._by_text) > MOST_HELD:
             self._by_text.clear()
+        self._check(nodes)
         known = len(self._by_text)
         held = self._by_text
         one_of_each = [held.setdefault(node.written(), node) if node.number is None else node for node in nodes]
@@ -130,7 +134,7 @@ class GraphInFile:
             ]
             try:
                 self._load_edges({node.number: node for node in one_of_each if node.number and node.edges is None})
-            except (ValueError, TypeError, KeyError) as error:
+            except (ValueError, TypeError, LookupError) as error:
                 raise spoilt(f"what they hold is no graph ({error})") from error
         return one_of_each
 
@@ -164,7 +168,7 @@ class GraphInFile:
     def _decode_states(self, numbers: Iterable[int]) -> None:
         found = self.store.states([number for number in numbers if number not in self._nodes])
         for (number, _), values in zip(found, values_of([text for _, text in found]), strict=True):
-            self._nodes[number] = Node(tuple(values), number)
+            self._nodes[number] = Node(tuple(values), number, self.era)
 
     def _load_verdicts(self, edges: dict[int, list[Edge]]) -> None:
         assert self.number is not None
@@ -191,8 +195,11 @@ class GraphInFile:
                 one = self.described
                 described = (one.query, one.functions, one.parameters, one.variables, one.columns)
                 number = self.store.make_graph(self.key, described)
-            if number != self.number:  # somebody has dropped the graph, and perhaps begun it again
-                self._forget_numbers((*nodes, *targets))
+            if self.number not in (None, number):  # somebody has dropped the graph, and perhaps begun it again
+                self.era += 1
+                self._nodes.clear()
+                self._by_text.clear()
+            self._check((*nodes, *targets))
             numbers = self._numbers(number, (*nodes, *targets))
             clauses = [self.store.clause(number, one.key, one.kind, one.text) for one in self.clauses]
             self.store.keep_edges(
@@ -224,10 +231,11 @@ class GraphInFile:
         made = dict(zip(texts, self.store.make_nodes(graph, texts), strict=True))
         return numbers | {identity: made[text] for identity, text in new.items()}
 
-    def _forget_numbers(self, nodes: Iterable[Node]) -> None:
-        for node in (*self._nodes.values(), *nodes):
-            node.number = None
-        self._nodes.clear()
+    def _check(self, nodes: Iterable[Node]) -> None:
+        """Forgets numbers that nodes had in a graph that was dropped: others may have them now."""
+        for node in nodes:
+            if node.era != self.era:
+                node.number, node.era = None, self.era
 
 
 def _text_of_elements(edge: Edge, row: str) -> str | None:
