@@ -47,8 +47,8 @@ def connect(
     """A new session.
 
     Args:
-        path: a SQLite file whose tables scripts can read, and which keeps temporal variables and remembered graphs; None
-            for a database in memory.
+        path: a SQLite file whose tables scripts can read; it keeps temporal variables and remembered graphs. None for a
+            database in memory.
         timeout: seconds after which a run is broken off; None for no limit.
         progress: "auto", True or False: whether long runs show a line of progress on a terminal.
         read_only: opens the file without the right to change it.
