@@ -12,7 +12,7 @@ from ss2sql.runtime import representations
 from ss2sql.runtime.paths import Paths
 from ss2sql.runtime.representations.base import ASKS
 from ss2sql.runtime.rows import Row, Rows
-from ss2sql.runtime.values import Opaque, fresh, normalise
+from ss2sql.runtime.values import Opaque, fresh, fresh_rows, normalise
 
 PATH_FORMS = frozenset({"dict", "list", "rows", "value"})  # of plain rows they cannot fail
 FORMS = PATH_FORMS | {"set", "void"}  # of values of the language
@@ -60,7 +60,7 @@ class Shapes:
         arguments: Sequence[Any],
         named: Mapping[str, Any],
     ) -> Any:
-        own = list(rows) if answer.plain else [tuple(map(fresh, row)) for row in rows]
+        own = list(rows) if answer.plain else fresh_rows(rows)
         table = representations.Table(answer.columns, own)
         if form.hidden:
             shown = -form.hidden

@@ -9,7 +9,7 @@ that Python code may change.
 from __future__ import annotations
 
 import re
-from collections.abc import Hashable
+from collections.abc import Hashable, Sequence
 from marshal import dumps, loads
 from math import isfinite
 from numbers import Number
@@ -55,6 +55,14 @@ def fresh(value: Any) -> Any:
         except ValueError:  # there are objects inside
             return _unwrapped(value)
     return value.object if kind is Opaque else value
+
+
+def fresh_rows(rows: Sequence[Sequence[Any]]) -> list[tuple[Any, ...]]:
+    """Such copies of all values of some rows: together, for nine rows of a list that takes 3 us, one by one 7."""
+    try:
+        return loads(dumps(list(map(tuple, rows)), 2))  # type: ignore[no-any-return]
+    except ValueError:  # there are objects inside
+        return [tuple(map(fresh, row)) for row in rows]
 
 
 def _unwrapped(value: Any) -> Any:
