@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import apsw
@@ -45,3 +48,19 @@ def write(file: Path, script: str) -> None:
     with connection:
         connection.execute(script)
     connection.close()
+
+
+def leaping(monkeypatch: pytest.MonkeyPatch, step: int) -> Callable[[int], int]:
+    """A function n + 1, at whose call for `step` the clock that runs look at leaps ahead by two hours.
+
+    So a run with a timeout of an hour ends about there, however slow or quick the machine is.
+    """
+    clock = SimpleNamespace(monotonic=time.monotonic)
+    monkeypatch.setattr("ss2sql.runtime.run.time", clock)
+
+    def leap(n: int) -> int:
+        if n == step:
+            clock.monotonic = lambda: time.monotonic() + 7200
+        return n + 1
+
+    return leap

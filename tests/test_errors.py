@@ -6,10 +6,10 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 import worker_functions
+from sessions import leaping
 
 import ss2sql
 from ss2sql import Error, Session
@@ -270,16 +270,7 @@ def test_a_timeout_ends_a_run_in_time(session: Session, engine: str, script: str
 def test_the_partial_result_holds_what_was_found(
     session: Session, engine: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    # The clock that a run looks at leaps ahead at a certain step, so that no machine is too slow for the first results.
-    clock = SimpleNamespace(monotonic=time.monotonic)
-    monkeypatch.setattr("ss2sql.runtime.run.time", clock)
-
-    def leap(n: int) -> int:
-        if n == 3500:
-            clock.monotonic = lambda: time.monotonic() + 7200
-        return n + 1
-
-    session.function("leap", leap, volatility="immutable")
+    session.function("leap", leaping(monkeypatch, 3500), volatility="immutable")
     script = ENDLESS.replace("n + 1", "leap(n)")
     error = failure(lambda: session.run(script, engine=engine, timeout=3600))  # type: ignore[arg-type]
     assert isinstance(error, ss2sql.Timeout)

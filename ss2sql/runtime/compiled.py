@@ -117,7 +117,7 @@ class CompiledQuery:
         status: Status = "maximum" if self._ended_by_maximum(run, rows) else "complete"
         make = partial(shapes.represent, form, rows, arguments, named)
         answer = run.answer = Answer(rows.shown(), make, self.engine, status, query.columns)
-        if not (shapes.is_built_in(form) and form.name in PATH_FORMS and rows.plain and rows.paths is not None):
+        if not (shapes.is_built_in(form) and form.name in PATH_FORMS and rows.paths is not None):
             answer.value  # noqa: B018 - it may fail, which has to be now
         return answer
 

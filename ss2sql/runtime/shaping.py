@@ -14,7 +14,7 @@ from ss2sql.runtime.representations.base import ASKS
 from ss2sql.runtime.rows import Row, Rows
 from ss2sql.runtime.values import Opaque, fresh, fresh_rows, normalise
 
-PATH_FORMS = frozenset({"dict", "list", "rows", "value"})  # of plain rows they cannot fail
+PATH_FORMS = frozenset({"dict", "list", "rows", "value"})  # which cannot fail
 FORMS = PATH_FORMS | {"set", "void"}  # of values of the language
 PLAIN = (bool, int, float, str, list, dict, type(None))
 
@@ -41,11 +41,12 @@ class Shapes:
             chosen = results if positions is None else [results[index] for index in positions]
             if rows.paths is None:
                 return self._shaped(form, rows, chosen, arguments, named)
-            if rows.plain and not arguments and not named and self.is_built_in(form) and form.name in PATH_FORMS:
-                if form.name == "list" and isinstance(chosen, Paths):
+            if not arguments and not named and self.is_built_in(form) and form.name in PATH_FORMS:
+                if rows.plain and form.name == "list" and isinstance(chosen, Paths):
                     return list(chosen.cells())
                 represent, columns = representations.ALL[form.name], rows.columns
-                return [represent(representations.Table(columns, path)) for path in chosen]
+                own = chosen if rows.plain else map(fresh_rows, chosen)
+                return [represent(representations.Table(columns, path)) for path in own]
             return [self._shaped(form, rows, path, arguments, named) for path in chosen]
 
         if rows.groups is None:
