@@ -55,6 +55,19 @@ def client(simulation: Any) -> Any:
     return simulation
 
 
+@pytest.fixture
+def eager(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All calls are worth other processes."""
+    from ss2sql.runtime.workers import foretelling, timing
+
+    monkeypatch.setattr(timing, "SAMPLES", 0)
+    monkeypatch.setattr(timing, "CHEAP", 0.0)
+    monkeypatch.setattr(foretelling, "LEAST", 0.0)
+    monkeypatch.setattr(foretelling, "FEWEST", 1)
+    monkeypatch.setattr(foretelling, "START", 0.0)
+    monkeypatch.setattr(foretelling.Foreteller, "_own_answer", lambda _: None)
+
+
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--golden", action="store_true", help="write the expectations of tests/cases instead of comparing")
 
