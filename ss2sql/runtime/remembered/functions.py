@@ -32,7 +32,7 @@ from types import (
     ModuleType,
     WrapperDescriptorType,
 )
-from typing import Any
+from typing import Any, cast
 
 from ss2sql.frontend.purity.names import CACHED, UNKNOWN, wrapped
 from ss2sql.runtime.remembered.code import names_read
@@ -175,7 +175,7 @@ class Fingerprint:
         self.add(function.__defaults__, f"a default of '{name}'")
         self.add(function.__kwdefaults__, f"a default of '{name}'")
         closure = dict(zip(function.__code__.co_freevars, function.__closure__ or (), strict=True))
-        builtins: Any = function.__builtins__  # type: ignore[attr-defined]
+        builtins = cast(Any, function).__builtins__
         code = function.__code__
         for free, names in sorted(set(names_read(code, code.co_freevars))):
             first = names[0]
