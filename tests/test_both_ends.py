@@ -140,6 +140,32 @@ def test_what_fails_only_on_the_way_back_does_not_end_the_search() -> None:
     assert note.startswith("searched from the start only: going back from the goal failed: IndexError")
 
 
+def test_the_way_back_keeps_to_max_rows() -> None:
+    """From the start three states can be reached, but a thousand lead to the goal."""
+    text = """SELECT this, s FROM [1] WHERE step(this, s) == 1000 START WITH s = 0
+              CONNECT BY MEMORIZE 500 s = step(this, s) STOP WITH s == 2"""
+    with ss2sql.connect() as ss:
+        ss.function("step", lambda this, s: s + this, volatility="immutable", inverse=lambda this, s: s - this)
+        free = ss.run(text)
+        assert len(free.stats.backward) > 100
+        bounded = ss.run(text, max_rows=100)
+    assert bounded.value == free.value == []
+    assert bounded.stats.backward == []
+    assert bounded.stats.notes == ["searched from the start only: more than max_rows=100 states lead to the goal"]
+
+
+def test_searches_after_each_other_have_levels_of_their_own() -> None:
+    with ss2sql.connect() as ss:
+        ss.function("move", move, inverse=undo)
+        alone = ss.run(hanoi("this, tower", 3, 8))
+        after = ss.run(hanoi("this, tower", 3, 8) + ";" + hanoi("this, tower", 3, 8))
+        other = ss.run(
+            hanoi("this, tower", 3, 8) + "; SELECT this FROM [1] START WITH n = 1 CONNECT BY MEMORIZE 2 n = 2"
+        )
+    assert after.stats.backward == alone.stats.backward
+    assert other.stats.backward == []
+
+
 def test_what_fails_on_the_way_there_is_raised() -> None:
     def fragile(this: int, n: int) -> int:
         if n == 2:

@@ -132,20 +132,27 @@ def way_back(hunt: Hunt) -> WayBack | None:
 def balanced(way: WayBack, depth: int, level: Sequence[State]) -> WayBack | None:
     """Lets the way back grow as long as its last level is no larger than that of the other side, `level`.
 
-    Gives None, with a note, where that fails. States that only the way back meets need not be states at all for the
-    functions that see them, so what fails there says nothing about the search: it goes on from the start alone, and
-    fails where the script says so.
+    Gives None, with a note, where that fails or takes more memory than `max_rows` allows. States that only the way back
+    meets need not be states at all for the functions that see them, so what fails there says nothing about the search:
+    it goes on from the start alone, and fails where the script says so.
     """
+    most = way.hunt.run.max_rows
     new = set(map(way.key, level)) - way.met  # more than one row may lead to a state
     way.met |= new
     try:
         while not way.leads(depth) and len(way.last) <= len(new):
             way.grow()
+            if most is not None and len(way.seen) > most:
+                _give_up(way, f"more than max_rows={most} states lead to the goal")
+                return None
     except Stopped:
         raise
     except Exception as error:
-        what = f"{type(error).__name__}: {error}"
-        way.hunt.stats.notes.append(f"searched from the start only: going back from the goal failed: {what}")
-        way.hunt.stats.backward.clear()
+        _give_up(way, f"going back from the goal failed: {type(error).__name__}: {error}")
         return None
     return way
+
+
+def _give_up(way: WayBack, reason: str) -> None:
+    way.hunt.stats.notes.append(f"searched from the start only: {reason}")
+    way.hunt.stats.backward.clear()

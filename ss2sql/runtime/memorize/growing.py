@@ -54,7 +54,7 @@ def _grown(hunt: Hunt, steps: Steps, way: WayBack | None, memory: Remembering | 
     hunt.flush()
     numbers: dict[Hashable, int] = {}
     level, levels = [(0, hunt.start)], list[Level]()
-    hunt.stats.levels = levels
+    hunt.stats.levels, hunt.stats.backward = levels, []
     while level and (hunt.bound is None or len(levels) < hunt.bound):
         depth = len(levels)
         if memory is not None:
