@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from typing import Any
 
 import pytest
+from listings import move
 from test_native_memorize import problem
 
 import ss2sql
@@ -19,26 +20,18 @@ CONNECT BY MEMORIZE 9 tower = move(this, tower)
 STOP WITH [] == move(this, tower)"""
 
 
-def move(this: list[int], tower: list[list[int]]) -> list[list[int]]:
-    a, b = this
-    if not tower[a] or (tower[b] and tower[b][-1] < tower[a][-1]):
-        return []
-    tower[b].append(tower[a].pop())
-    return tower
-
-
 @contextmanager
 def apart(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Any]]:
     """For as long as it lasts, searches that can be taken apart are; gives their pieces."""
     met: list[Any] = []
-    steps_from = growing.steps_from
+    grown = growing._grown
 
-    def from_pieces(hunt: Any) -> Any:
+    def from_pieces(hunt: Any, steps: Any, way: Any, memory: Any) -> Any:
         met.append(hunt.pieces)
-        return steps_from(hunt) if hunt.pieces is None else hunt.pieces.steps
+        return grown(hunt, steps if hunt.pieces is None else hunt.pieces.steps, way, memory)
 
     with monkeypatch.context() as patch:
-        patch.setattr(growing, "steps_from", from_pieces)
+        patch.setattr(growing, "_grown", from_pieces)
         yield met
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import apsw
 import pytest
+from listings import move
 from remembering import MAZE, calls, connect, fresh, near, run
 from sessions import write
 
@@ -84,14 +85,6 @@ def test_names_in_the_script_do_not_matter(file: Path) -> None:
 HANOI = """SELECT this, tower FROM [[0, 1], [0, 2], [1, 0], [1, 2], [2, 0], [2, 1]] WHERE goal == move(this, tower)
 START WITH tower = [[3, 2, 1], [], []] CONNECT BY MEMORIZE 9 tower = move(this, tower)
 STOP WITH [] == move(this, tower)"""
-
-
-def move(this: list[int], tower: list[list[int]]) -> list[list[int]]:
-    a, b = this
-    if not tower[a] or (tower[b] and tower[b][-1] < tower[a][-1]):
-        return []
-    tower[b].append(tower[a].pop())
-    return tower
 
 
 def test_what_connect_by_calls_answers_the_clauses(file: Path) -> None:

@@ -44,12 +44,10 @@ class WayBack:
         self.met: set[Hashable] = set()  # on the way from the start
         self.last: list[State] = []
         for goal in pieces.goals(hunt.start):
-            self._note(goal, self.key(goal), self.last)
-
-    def _note(self, state: State, key: Hashable, level: list[State]) -> None:
-        if key not in self.seen:
-            self.seen.add(key)
-            level.append(state)
+            key = self.key(goal)
+            if key not in self.seen:
+                self.seen.add(key)
+                self.last.append(goal)
 
     def grow(self) -> None:
         """One level more."""

@@ -21,8 +21,7 @@ from math import frexp, inf
 from operator import add, mul
 from typing import Any, TypeAlias
 
-from ss2sql.runtime.memorize.careful import FAR
-from ss2sql.runtime.memorize.graph import Graph
+from ss2sql.runtime.memorize.graph import FAR, Graph
 
 CHECK_EVERY = 4096  # edges
 KNOWN = 500_000  # totals that are remembered
@@ -43,7 +42,7 @@ class Bounds:
         margin = 4 * (graph.longest + 2) * 2.0**-53
         self._slack: float = 1 if self._exact else 1 + margin if likeliest else 1 - margin
         self._known: dict[tuple[int, Any], Any] = {}
-        self.hops = _hops_to_goals(graph)
+        self.hops = graph.steps_to_goals([FAR] * len(graph.rows))  # at least one, also from a goal
         self.steps = 0  # edges that were looked at
         self._due = CHECK_EVERY
 
@@ -166,22 +165,3 @@ def _ways_on(graph: Graph, likeliest: bool) -> list[Any]:
                 ranks[source] = further
                 heappush(queue, (further, source))
     return [None if rank == inf else sign * rank for rank in ranks]
-
-
-def _hops_to_goals(graph: Graph) -> list[int]:
-    """For each node the number of steps, at least one, to the nearest goal; FAR where there is no way."""
-    hops = [FAR] * len(graph.rows)
-    sources = graph.into()
-    level = [node for node, goal in enumerate(graph.goals) if goal]
-    steps = 0
-    while level:
-        graph.check()
-        steps += 1
-        found = []
-        for node in level:
-            for source in sources[node]:
-                if hops[source] == FAR:
-                    hops[source] = steps
-                    found.append(source)
-        level = found
-    return hops

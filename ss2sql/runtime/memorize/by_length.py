@@ -16,8 +16,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from itertools import islice
 
-from ss2sql.runtime.memorize.careful import FAR, Careful
-from ss2sql.runtime.memorize.graph import Graph
+from ss2sql.runtime.memorize.careful import Careful
+from ss2sql.runtime.memorize.graph import FAR, Graph
 
 CHECK_EVERY = 1023
 PATIENCE = 10  # 14,000 paths of Hanoi with 4 disks need 1.5, a crowded grid of 7 x 7 nodes 0.7

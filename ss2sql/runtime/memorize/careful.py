@@ -16,9 +16,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from heapq import heappop, heappush
 
-from ss2sql.runtime.memorize.graph import Graph
+from ss2sql.runtime.memorize.graph import FAR, Graph
 
-FAR = 2**62  # no goal can be reached
 CHECK_EVERY = 4096  # edges
 KEPT = 500_000  # branches that are kept; one takes some 300 bytes, and what is not kept is walked again
 
@@ -42,7 +41,7 @@ class Careful:
     def __init__(self, graph: Graph) -> None:
         self.graph = graph
         self.longest = graph.longest
-        self.near = _distances(graph)
+        self.near = graph.steps_to_goals([0 if goal else FAR for goal in graph.goals])
         near, targets = self.near, graph.targets
         # Edges that lead nowhere are left out once and for all.
         self.edges = [[edge for edge in edges if near[targets[edge]] < FAR] for edges in graph.edges]
@@ -160,22 +159,3 @@ class Careful:
         if self.steps > self._due:
             self._due = self.steps + CHECK_EVERY
             self.graph.check()
-
-
-def _distances(graph: Graph) -> list[int]:
-    """For each node the number of steps to the nearest goal; FAR where there is no way."""
-    near = [0 if goal else FAR for goal in graph.goals]
-    sources = graph.into()
-    level = [node for node, goal in enumerate(graph.goals) if goal]
-    steps = 0
-    while level:
-        graph.check()
-        steps += 1
-        found = []
-        for node in level:
-            for source in sources[node]:
-                if near[source] == FAR:
-                    near[source] = steps
-                    found.append(source)
-        level = found
-    return near

@@ -9,6 +9,8 @@ from typing import Any
 from ss2sql.runtime.native.searches.step import Found
 from ss2sql.runtime.rows import Row
 
+FAR = 2**62  # no goal can be reached
+
 
 @dataclass(slots=True)
 class Graph:
@@ -58,3 +60,20 @@ class Graph:
             for edge in edges:
                 sources[self.targets[edge]].append(node)
         return sources
+
+    def steps_to_goals(self, steps: list[int]) -> list[int]:
+        """Fills in the number of steps to the nearest goal for each node where `steps` has FAR, and gives the list."""
+        sources = self.into()
+        level = [node for node, goal in enumerate(self.goals) if goal]
+        depth = 0
+        while level:
+            self.check()
+            depth += 1
+            found = []
+            for node in level:
+                for source in sources[node]:
+                    if steps[source] == FAR:
+                        steps[source] = depth
+                        found.append(source)
+            level = found
+        return steps

@@ -44,7 +44,7 @@ def grown(hunt: Hunt) -> Graph:
     keeper = hunt.run.host.graphs
     memory = None if keeper is None else keeper.remembering(hunt)
     if memory is None:
-        return _grown(hunt, steps_from(hunt), way_back(hunt), None)
+        return _grown(hunt, hunt.steps, way_back(hunt), None)
     with memory:
         return _grown(hunt, memory.steps, None, memory)
 
@@ -68,11 +68,6 @@ def _grown(hunt: Hunt, steps: Steps, way: WayBack | None, memory: Remembering | 
         edges = len(graph.targets) - edges
         levels.append(Level(len(graph.rows) - rows, edges, hunt.stats.generated - steps_before - edges))
     return graph
-
-
-def steps_from(hunt: Hunt) -> Steps:
-    """What gives the steps from a state."""
-    return hunt.steps
 
 
 def _prepared(
