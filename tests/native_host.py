@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import pytest
+
 from ss2sql import plan
 from ss2sql.errors import Error, ExecutionError, Source
 from ss2sql.frontend.catalog import Catalog
@@ -169,3 +171,18 @@ def place(error: Error) -> str:
     """`line:column` of an error, with the text that it points at."""
     assert error.span is not None
     return f"{error.span.line}:{error.span.column} {error.span.text}"
+
+
+def generated_code(run: Callable[[], Any]) -> list[str]:
+    """The code of each query that is compiled natively while a function runs, as text."""
+    texts: list[str] = []
+    made = NativeQuery.__init__
+
+    def noted(self: NativeQuery, query: plan.Query) -> None:
+        made(self, query)
+        texts.append(self.source_text)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(NativeQuery, "__init__", noted)
+        run()
+    return texts

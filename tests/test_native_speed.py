@@ -6,11 +6,11 @@ import re
 from typing import Any
 
 import pytest
+from native_host import generated_code
 
 import ss2sql
 from ss2sql import plan
 from ss2sql.runtime.functions import user_function
-from ss2sql.runtime.native import NativeQuery
 from ss2sql.runtime.native.calls import RememberedCalls, exact_key
 from ss2sql.runtime.run import Run
 
@@ -134,14 +134,7 @@ def test_an_expression_that_is_certain_to_be_computed_is_written_once() -> None:
            CONNECT BY COST cost UNIQUE x = x + dx STOP WITH row[x + dx] == 1 AS list;""",
         engine="native",
     )
-    texts: list[str] = []
-    made = NativeQuery.__init__
-
-    def noted(self: NativeQuery, query: plan.Query) -> None:
-        made(self, query)
-        texts.append(self.source_text)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(NativeQuery, "__init__", noted)
-        assert query.run().value == [[1, 2, 3, 4]]
+    values: list[Any] = []
+    texts = generated_code(lambda: values.append(query.run().value))
+    assert values == [[[1, 2, 3, 4]]]
     assert [len(re.findall(r"x_\d+ \+ ", text)) for text in texts] == [1]

@@ -6,11 +6,9 @@ from itertools import islice
 from typing import Any
 
 import pytest
-from native_host import FakeHost
+from native_host import FakeHost, generated_code
 
 import ss2sql
-from ss2sql import plan
-from ss2sql.runtime.native import NativeQuery
 from ss2sql.runtime.native.pace import SHORT, Parts
 from ss2sql.runtime.native.searches import SEARCHES
 from ss2sql.runtime.run import Run
@@ -199,17 +197,7 @@ def test_keys_see_the_step_of_their_result(order: str) -> None:
 
 def code_of(script: str, **variables: Any) -> str:
     """The generated code of the only query of a script."""
-    texts: list[str] = []
-    made = NativeQuery.__init__
-
-    def noted(self: NativeQuery, query: plan.Query) -> None:
-        made(self, query)
-        texts.append(self.source_text)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(NativeQuery, "__init__", noted)
-        native(script, session(**variables))
-    [text] = texts
+    [text] = generated_code(lambda: native(script, session(**variables)))
     return text
 
 

@@ -84,24 +84,14 @@ def _next_level(
     """Adds the steps from the nodes of a level to the graph, and gives the nodes of the next level that go on."""
     following_level = []
     most = hunt.run.max_rows
-    add_target, add_weight, add_last = graph.targets.append, graph.weights.append, graph.lasts.append
-    number, edge = len(graph.rows), len(graph.targets)
     for node, state in level:
-        first = edge
         for row, goal, following, key, weight, _, last in steps(state, numbers):
-            if goal is None:
-                add_target(numbers[key])
-            else:
+            if goal is not None:
                 numbers[key] = graph.add_node(row, goal)
-                add_target(number)
                 if following is not None:
-                    following_level.append((number, following))
-                number += 1
-            add_weight(weight)
-            add_last(last)
-            edge += 1
-        graph.edges[node] = list(range(first, edge))
-        if most is not None and number - 1 > most:
+                    following_level.append((numbers[key], following))
+            graph.add_edge(node, numbers[key], weight, last)
+        if most is not None and len(graph.rows) - 1 > most:
             raise _too_many(hunt.query, most)
     return following_level
 
