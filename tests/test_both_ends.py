@@ -122,6 +122,10 @@ def test_each_side_goes_half_as_deep() -> None:
     lengths = [len(path) for path in both.value]
     assert {length: lengths.count(length) for length in lengths} == {15: 1, 16: 8, 17: 48, 18: 228}
     assert both.value == one.value
+    for stats in (one.stats, both.stats):
+        assert stats.generated == sum(level.steps + level.pruned for level in stats.levels)
+        # The start is no step; every row but those of the last level goes on.
+        assert stats.expanded == sum(level.rows for level in stats.levels[:-1])
     assert 8 <= len(both.stats.backward) <= 11  # of 18, for a row names the state before its step
     # The start and the goal are two corners of a triangle of 81 states, 15 steps apart; 9 steps reach 33 of them.
     assert both.stats.calls["move"] < one.stats.calls["move"] / 2
@@ -177,6 +181,25 @@ def test_what_fails_on_the_way_there_is_raised() -> None:
         with pytest.raises(ZeroDivisionError, match="two"):
             ss.run("""SELECT this, n FROM [1, 2] WHERE step(this, n) == 9 START WITH n = 0
                       CONNECT BY MEMORIZE 6 n = step(this, n)""")  # fmt: skip
+
+
+def test_a_goal_that_fails_is_raised_only_where_it_is_asked() -> None:
+    def lost(n: int) -> int:
+        raise ZeroDivisionError("no goal")
+
+    text = """SELECT this, s FROM elements WHERE lost(1) == go(this, s) START WITH s = 0
+              CONNECT BY MEMORIZE 3 s = go(this, s)"""
+    with ss2sql.connect() as ss:
+        ss.function("lost", lost, volatility="immutable")
+        ss.function("go", lambda e, s: s + e, volatility="immutable", inverse=lambda e, s: s - e)
+        result = ss.run(text, elements=[])
+        assert result.value == []
+        assert result.stats.generated == 0
+        assert result.stats.notes == [
+            "searched from the start only: what is known of the goal failed: ZeroDivisionError: no goal"
+        ]
+        with pytest.raises(ZeroDivisionError, match="no goal"):
+            ss.run(text, elements=[1])
 
 
 REASONS = {

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from functools import partial
+from itertools import islice
 from typing import Any
 
 from ss2sql.errors import Stopped
@@ -110,21 +111,34 @@ def _key_of_several(state: State) -> Hashable:
 
 
 def way_back(hunt: Hunt) -> WayBack | None:
-    """The way back from the goal; None where there is none."""
+    """The way back from the goal; None where there is none, or, with a note, where it cannot be begun.
+
+    It asks for the goal before the first step. What fails then may never be asked by the search itself.
+    """
     pieces = hunt.pieces
     if pieces is None or pieces.goals is None:
         return None
-    own = len(hunt.start)
-    elements: list[State] = []
-    for last in pieces.elements(hunt.start):
-        elements.append(last[:-own])
-        if len(elements) > MOST_ELEMENTS:
-            hunt.stats.notes.append(f"searched from the start only: a state has more than {MOST_ELEMENTS:,} elements")
-            return None
-    # That was no step of the search.
-    hunt.stats.expanded -= 1
-    hunt.stats.generated -= len(elements)
-    return WayBack(hunt, pieces, elements)
+    hunt.flush()
+    before = (hunt.stats.expanded, hunt.stats.generated)
+    try:
+        elements = _elements(hunt, pieces)
+        if len(elements) <= MOST_ELEMENTS:
+            return WayBack(hunt, pieces, elements)
+        _give_up(hunt, f"a state has more than {MOST_ELEMENTS:,} elements")
+    except Stopped:
+        raise
+    except Exception as error:
+        _give_up(hunt, f"what is known of the goal failed: {type(error).__name__}: {error}")
+    finally:
+        hunt.flush()
+        hunt.stats.expanded, hunt.stats.generated = before  # that was no step of the search
+    return None
+
+
+def _elements(hunt: Hunt, pieces: Pieces) -> list[State]:
+    """The elements of every state, one more than allowed where there are too many."""
+    lasts = islice(pieces.elements(hunt.start), MOST_ELEMENTS + 1)
+    return [last[: -len(hunt.start)] for last in lasts]
 
 
 def balanced(way: WayBack, depth: int, level: Sequence[State]) -> WayBack | None:
@@ -141,16 +155,16 @@ def balanced(way: WayBack, depth: int, level: Sequence[State]) -> WayBack | None
         while not way.leads(depth) and len(way.last) <= len(new):
             way.grow()
             if most is not None and len(way.seen) > most:
-                _give_up(way, f"more than max_rows={most} states lead to the goal")
+                _give_up(way.hunt, f"more than max_rows={most} states lead to the goal")
                 return None
     except Stopped:
         raise
     except Exception as error:
-        _give_up(way, f"going back from the goal failed: {type(error).__name__}: {error}")
+        _give_up(way.hunt, f"going back from the goal failed: {type(error).__name__}: {error}")
         return None
     return way
 
 
-def _give_up(way: WayBack, reason: str) -> None:
-    way.hunt.stats.notes.append(f"searched from the start only: {reason}")
-    way.hunt.stats.backward.clear()
+def _give_up(hunt: Hunt, reason: str) -> None:
+    hunt.stats.notes.append(f"searched from the start only: {reason}")
+    hunt.stats.backward.clear()

@@ -96,10 +96,9 @@ def _goals(query: plan.Query, steps: dict[str, plan.Expr]) -> tuple[Goal, ...]:
     for part in query.where.parts if isinstance(query.where, plan.And) else (query.where,):
         for name, values in _demands(query, part, steps).items():
             known.setdefault(name, values)
-    for name, expr in steps.items():
+    for name in steps:
         if name not in known:
             raise _NoWayBackError(f"WHERE does not say what '{name}' is at the goal: {name} after the step == a value")
-        assert expr is not None
     names = [name for name, _ in query.search.start]
     return tuple(product(*(known.get(name, [None]) for name in names)))
 
