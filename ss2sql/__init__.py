@@ -11,42 +11,74 @@ import sys
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from ss2sql.errors import (
-    Cancelled,
-    Error,
-    ExecutionError,
-    ParseError,
-    RepresentationError,
-    ResolveError,
-    SessionError,
-    Timeout,
-    UnsupportedError,
-    WorkersWarning,
-)
-from ss2sql.runtime.compiled import Query
-from ss2sql.runtime.result import Result
-from ss2sql.runtime.session import Session, connect
-from ss2sql.runtime.triggers import Trigger
-from ss2sql.vtables.base import World
-from ss2sql.vtables.conformance import BrokenRuleError, check_world
+if TYPE_CHECKING:
+    from ss2sql import scenes as scenes
+    from ss2sql.errors import (
+        Cancelled,
+        Error,
+        ExecutionError,
+        ParseError,
+        RepresentationError,
+        ResolveError,
+        SessionError,
+        Timeout,
+        UnsupportedError,
+        WorkersWarning,
+    )
+    from ss2sql.runtime.compiled import Query
+    from ss2sql.runtime.result import Result
+    from ss2sql.runtime.session import Session, connect
+    from ss2sql.runtime.triggers import Trigger
+    from ss2sql.vtables.base import World
+    from ss2sql.vtables.conformance import BrokenRuleError, check_world
 
 __version__ = "0.1.0"
+
+# Where each name is defined. It is imported when it is first asked for: importing all of them takes 0.3 s, which
+# `ss2sql --help` would have to wait for.
+PLACES = {
+    "BrokenRuleError": "ss2sql.vtables.conformance",
+    "Cancelled": "ss2sql.errors",
+    "Error": "ss2sql.errors",
+    "ExecutionError": "ss2sql.errors",
+    "ParseError": "ss2sql.errors",
+    "Query": "ss2sql.runtime.compiled",
+    "RepresentationError": "ss2sql.errors",
+    "ResolveError": "ss2sql.errors",
+    "Result": "ss2sql.runtime.result",
+    "Session": "ss2sql.runtime.session",
+    "SessionError": "ss2sql.errors",
+    "Timeout": "ss2sql.errors",
+    "Trigger": "ss2sql.runtime.triggers",
+    "UnsupportedError": "ss2sql.errors",
+    "WorkersWarning": "ss2sql.errors",
+    "World": "ss2sql.vtables.base",
+    "check_world": "ss2sql.vtables.conformance",
+    "connect": "ss2sql.runtime.session",
+}
 
 
 def compile(script: str) -> Query:
     """A script compiled without a session: it runs in a fresh one, its unknown names are parameters."""
+    from ss2sql.runtime.session import connect
+
     return connect().compile(script)
 
 
-if TYPE_CHECKING:
-    from ss2sql import scenes as scenes
-else:
+if not TYPE_CHECKING:
 
     def __getattr__(name):
-        """`ss2sql.scenes`, which is imported when it is first asked for."""
+        """A name of PLACES, or the package `ss2sql.scenes`, imported when it is first asked for."""
         if name == "scenes":
             return import_module("ss2sql.scenes")
-        raise AttributeError(f"module 'ss2sql' has no attribute '{name}'", name=name, obj=sys.modules[__name__])
+        if name not in PLACES:
+            raise AttributeError(f"module 'ss2sql' has no attribute '{name}'", name=name, obj=sys.modules[__name__])
+        value = getattr(import_module(PLACES[name]), name)
+        globals()[name] = value
+        return value
+
+    def __dir__():
+        return sorted({*globals(), *__all__, "scenes"})
 
 
 __all__ = [
