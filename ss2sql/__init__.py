@@ -25,6 +25,7 @@ if TYPE_CHECKING:
         UnsupportedError,
         WorkersWarning,
     )
+    from ss2sql.notebook import load_ipython_extension, unload_ipython_extension
     from ss2sql.runtime.compiled import Query
     from ss2sql.runtime.result import Result
     from ss2sql.runtime.session import Session, connect
@@ -55,6 +56,8 @@ PLACES = {
     "World": "ss2sql.vtables.base",
     "check_world": "ss2sql.vtables.conformance",
     "connect": "ss2sql.runtime.session",
+    "load_ipython_extension": "ss2sql.notebook",
+    "unload_ipython_extension": "ss2sql.notebook",
 }
 
 
@@ -101,4 +104,6 @@ __all__ = [
     "check_world",
     "compile",
     "connect",
+    "load_ipython_extension",
+    "unload_ipython_extension",
 ]

@@ -1,4 +1,4 @@
-"""Pages whose code runs: README.md and docs/. `python tests/pages.py --write` writes their outputs anew.
+"""Pages whose code runs: README.md and docs/ with its folders. `python tests/pages.py --write` writes outputs anew.
 
 The blocks of a page run in order:
 
@@ -7,6 +7,8 @@ The blocks of a page run in order:
 - `selectscript` is parsed. If a `sql` or `text` block follows, it also runs in the page's session `ss`: `sql` is the
   SQL that it became, `text` its result, or its error.
 - `console`: lines that begin with `$ ss2sql` run; the lines up to the next `$` are what the command printed.
+- `ss2sql` is a transcript of the shell: what stands behind `ss> ` and `..> ` is typed, other lines are what it prints.
+- Times such as `3.1 ms` may be any.
 - A block of code that begins with `# file: NAME` is written to that file, for the commands after it.
 
 Every other block is left alone. A page runs in an empty folder of its own.
@@ -19,11 +21,13 @@ import os
 import re
 import shlex
 import sys
-from contextlib import chdir, redirect_stdout
+from contextlib import chdir, redirect_stderr, redirect_stdout
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
+from unittest.mock import patch
 
 from click.testing import CliRunner
 from golden import sql_text
@@ -32,12 +36,14 @@ import ss2sql
 from ss2sql.cli import main as command_line
 from ss2sql.errors import Source
 from ss2sql.frontend.parser import parse
+from ss2sql.shell.shell import Shell
 
 ROOT = Path(__file__).parent.parent
-PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
+PAGES = (ROOT / "README.md", *sorted(page for page in (ROOT / "docs").rglob("*.md") if "_build" not in page.parts))
 OUTPUTS = ("text", "sql")
 BLOCK = re.compile(r"^(?P<open>```|<!-- )(?P<kind>\w+)\n(?P<body>.*?)^(?:```|-->)$", re.MULTILINE | re.DOTALL)
 FILE = re.compile(r"# file: (\S+)\n")
+TIME = re.compile(r" *\d[\d,]*\.\d ms\b")
 
 
 @dataclass(frozen=True)
@@ -89,6 +95,22 @@ class Player:
             raise answer.exception
         return answer.output.splitlines()
 
+    def transcript(self, text: str) -> str:
+        """The block with everything that is typed followed by what the shell prints."""
+        lines = []
+        for part in re.findall(r"^ss> .*\n(?:\.\.> .*\n)*", text, flags=re.MULTILINE):
+            printed = io.TextIOWrapper(io.BytesIO(), "utf-8", write_through=True)
+            with redirect_stdout(printed), redirect_stderr(printed), patch.dict(os.environ, COLUMNS="100"):
+                self.shell.run("\n".join(line[4:] for line in part.splitlines()))
+            lines += [*part.splitlines(), *printed.buffer.getvalue().decode("utf-8").splitlines()]
+        return "\n".join(lines)
+
+    @cached_property
+    def shell(self) -> Shell:
+        """The page's shell, with a session of its own."""
+        self.names["the session of the shell"] = session = ss2sql.connect()
+        return Shell(session)
+
     def close(self) -> None:
         for value in self.names.values():
             if isinstance(value, ss2sql.Session):
@@ -112,9 +134,15 @@ def differences(page: Path) -> list[Difference]:
             elif kind == "selectscript":
                 parse(Source(body)) if not shows_error(blocks, number) else None
                 outputs = player.selectscript(body) if followed_by(blocks, number, OUTPUTS) else {}
-            elif kind == "console" or kind in outputs:
-                actual = player.console(body) if kind == "console" else outputs.pop(kind)
-                if tidy(actual) != tidy(body):
+            elif kind in ("console", "ss2sql") or kind in outputs:
+                match kind:
+                    case "console":
+                        actual = player.console(body)
+                    case "ss2sql":
+                        actual = player.transcript(body)
+                    case _:
+                        actual = outputs.pop(kind)
+                if timeless(actual) != timeless(body):
                     found.append(Difference(line, block.start("body"), block.end("body"), body, tidy(actual)))
     player.close()
     return found
@@ -126,6 +154,11 @@ def followed_by(blocks: list[re.Match[str]], number: int, kinds: tuple[str, ...]
 
 def shows_error(blocks: list[re.Match[str]], number: int) -> bool:
     return followed_by(blocks, number, ("text",)) and blocks[number + 1]["body"].startswith("error[P")
+
+
+def timeless(text: str) -> str:
+    """The tidy text without the times in it, which are different every time."""
+    return TIME.sub(" # ms", tidy(text))
 
 
 def tidy(text: str) -> str:

@@ -5,47 +5,18 @@ from __future__ import annotations
 import csv
 import io
 import json
+import re
 import signal
 import sqlite3
-import subprocess
 import sys
 import time
 from pathlib import Path
 from typing import Any
 
 import pytest
-from click.testing import CliRunner, Result
+from command_lines import ENDLESS, FUNCTIONS, bad, call, good, process, value
 
 import ss2sql
-from ss2sql.cli import main
-
-FUNCTIONS = '''
-import math
-from dataclasses import dataclass
-from math import sqrt as root
-
-__secret = 7
-
-def double(x):
-    """Twice the value."""
-    return 2 * x
-
-def broken(x):
-    helper = x + "a"
-    return helper
-
-def lone():
-    return "\\ud800"
-
-def _hidden(x):
-    return x
-
-@dataclass
-class Body:
-    mass: float
-
-print("loading")
-'''
 
 
 @pytest.fixture(autouse=True)
@@ -55,29 +26,6 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "functions.py").write_text(FUNCTIONS)
     (tmp_path / "query.ss").write_text("numbers = [1, 2, 3];\nSELECT this FROM numbers\nWHERE this > 1 AS list;\n")
     return tmp_path
-
-
-def call(*arguments: str, stdin: str | bytes | None = None) -> Result:
-    answer = CliRunner().invoke(main, arguments, input=stdin, env={"COLUMNS": "100"})
-    if answer.exception is not None and not isinstance(answer.exception, SystemExit):
-        raise answer.exception
-    return answer
-
-
-def good(*arguments: str, stdin: str | bytes | None = None) -> str:
-    answer = call(*arguments, stdin=stdin)
-    assert (answer.exit_code, answer.stderr) == (0, "")
-    return answer.stdout
-
-
-def bad(code: int, *arguments: str, stdin: str | bytes | None = None) -> str:
-    answer = call(*arguments, stdin=stdin)
-    assert (answer.exit_code, answer.stdout) == (code, "")
-    return answer.stderr
-
-
-def value(*arguments: str, stdin: str | bytes | None = None) -> Any:
-    return json.loads(good("run", *arguments, "--format", "json", stdin=stdin))
 
 
 # --- where the script comes from -----------------------------------------------------------------------
@@ -99,7 +47,11 @@ def test_one_script_is_needed(command: str, arguments: tuple[str, ...]) -> None:
 @pytest.mark.parametrize(
     "arguments",
     ["run -e 1 --engine oracle", "run -e 1 --format xml", "run -e 1 --timeout -1", "run -e 1 --maximum 0",
-     "run -e 1 --functions missing.py", "run -e 1 --world module", "sql -e 1 --stage c", "jump", "run --no"],
+     "run -e 1 --functions missing.py", "run -e 1 --world module", "run -e 1 --world w=m:f(x)", "run -e 1 --world w=m",
+     "sql -e 1 --stage c", "sql -e 1 --dialect c", "sql -e 1 --dialect sqlite --stage ast", "jump", "run --no",
+     "run -e 1 --show -1", "run -e 1 --show few", "run -e 1 -o x.xyz", "run -e 1 -o x", "plot -e 1",
+     "plot -e 1 -o x.gif", "plot -e 1 -o x.png --size 3", "plot -e 1 -o x.png --kind pie", "list things",
+     "list errors X999", "completion tcsh", "completion"],
 )  # fmt: skip
 def test_wrong_usage(arguments: str) -> None:
     assert "Usage:" in bad(2, *arguments.split())
@@ -107,6 +59,16 @@ def test_wrong_usage(arguments: str) -> None:
 
 def test_p_takes_two_words() -> None:
     assert "requires 2 arguments" in bad(2, "run", "-e", "x;", "-p", "x")
+
+
+def test_what_was_meant() -> None:
+    assert "No such command 'rnu'. Did you mean 'run'?" in bad(2, "rnu")
+    assert "The commands are run, " in bad(2, "xyzzy")
+    assert "Did you mean '--engine'?" in bad(2, "run", "-e", "1", "--enginge", "native")
+    assert "there is no dialect 'mysql'; SQL can be written in: sqlite" in bad(
+        2, "sql", "-e", "1", "--dialect", "mysql"
+    )
+    assert "did you mean 'breadth first'" in bad(2, "list", "strategies", "bredth", "first").lower()
 
 
 def test_files_that_cannot_be_read(folder: Path) -> None:
@@ -181,6 +143,41 @@ def test_worlds(folder: Path) -> None:
     assert value("-e", "SELECT this FROM w AS list;", "--world", "w=scene:Space") == [7]
     for world in ("w=scene:nothing", "w=nothing:bodies"):
         assert "error[S002]: the world" in bad(1, "run", "-e", "1;", "--world", world)
+    assert "did you mean 'bodies'?" in bad(1, "run", "-e", "1;", "--world", "w=scene:bodis")
+
+
+def test_worlds_that_are_made(folder: Path) -> None:
+    (folder / "factory.py").write_text(
+        "import os\n"
+        "def make(count, *, first=0):\n"
+        "    os.write(1, b'from C')\n"  # as simulators do
+        "    print('made')\n"
+        "    return [first + number for number in range(count)]\n"
+        "def fails(): return 1 / 0\n"
+        "def plain(): return [4]\n"
+        "class Group:\n"
+        "    rows = [8]\n"
+    )
+    script = "SELECT this FROM w AS list;"
+    answer = process("run", "-e", script, "--world", "w=factory:make(3, first=5)", "--format", "json")
+    stdout, stderr = answer.communicate(timeout=60)
+    assert stdout == "[5, 6, 7]\n"
+    assert "made" in stderr
+    assert "from C" in stderr
+    assert value("-e", script, "--world", "w=factory:plain") == [4]
+    assert value("-e", script, "--world", "w=factory.py:plain") == [4]
+    assert value("-e", script, "--world", "w=factory:Group.rows") == [8]
+    error = bad(1, "run", "-e", script, "--world", "w=factory:fails()")
+    assert "ZeroDivisionError" in error
+    assert 'factory.py", line 6, in fails' in error
+    assert "TypeError" in bad(1, "run", "-e", script, "--world", "w=factory:make(1, 2, 3)")
+
+
+def test_a_scene(folder: Path) -> None:
+    pytest.importorskip("pybullet")
+    script = "SELECT count(*) FROM space WHERE hasBody(this) GROUP BY 1 AS value;"
+    assert "7" in call("run", "-e", script, "--world", "space=ss2sql.scenes:chaos(bodies=7)", "--format", "json").stdout
+    assert "did you mean 'chaos'?" in bad(1, "run", "-e", script, "--world", "space=ss2sql.scenes:chaso")
 
 
 # --- how results are printed ---------------------------------------------------------------------------
@@ -246,15 +243,19 @@ def test_the_engine_is_chosen() -> None:
 
 # --- how a run ends ------------------------------------------------------------------------------------
 
-ENDLESS = "SELECT this FROM [1, 2] START WITH n = 0 CONNECT BY n = n + 1;"
-
 
 def test_maximum_and_timeout() -> None:
     assert len(value("-e", ENDLESS, "--maximum", "3")) == 3
     started = time.monotonic()
-    error = bad(124, "run", "-e", ENDLESS, "--timeout", "0.1")
+    answer = call("run", "-e", ENDLESS, "--timeout", "0.1")
     assert time.monotonic() - started < 5
-    assert error.startswith("error[T001]: the run took longer than its timeout\n")
+    assert answer.exit_code == 124
+    assert answer.stderr.startswith("error[T001]: the run took longer than its timeout\n")
+    assert "raise --timeout" in answer.stderr  # not timeout=, which is for Python
+    found = re.search(r"^broken off; ([\d,]+) paths had been found$", answer.stderr, re.MULTILINE)
+    assert found
+    assert f"{found[1].replace(',', '')} paths, " in answer.stdout.splitlines()[-1]
+    assert answer.stdout.endswith(", database, timeout\n")
 
 
 def test_errors_of_a_script(folder: Path) -> None:
@@ -275,15 +276,14 @@ def test_an_exception_of_the_users_function() -> None:
     assert "ss2sql" not in answer.stderr.replace("\\", "/")
 
 
-def process(*arguments: str) -> subprocess.Popen[str]:
-    command = [sys.executable, "-m", "ss2sql.cli", *arguments]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, stdin=subprocess.PIPE, text=True)
-
-
 def test_as_a_process() -> None:
     answer = process("run", "-", "--format", "json")
     stdout, stderr = answer.communicate("SELECT this FROM [1, 2] AS list;", timeout=30)
     assert (answer.returncode, json.loads(stdout), stderr) == (0, [1, 2], "")
+    answer = process("run", "-")
+    stdout, stderr = answer.communicate("SELECT this FROM\nnowhere;", timeout=60)
+    assert (answer.returncode, stdout) == (1, "")
+    assert " --> <stdin>:2:1\n" in stderr
     answer = process("run", "query.ss", "--engine", "oracle")
     stdout, stderr = answer.communicate(timeout=30)
     assert (answer.returncode, stdout) == (2, "")
@@ -308,7 +308,9 @@ def test_ctrl_c(engine: str, folder: Path) -> None:
         assert time.monotonic() - pressed < 5
     finally:
         answer.kill()
-    assert (answer.returncode, stdout, stderr) == (130, "", "cancelled\n")
+    assert answer.returncode == 130
+    assert re.fullmatch(r"cancelled; [\d,]+ paths had been found\n", stderr)
+    assert re.search(rf"\d+ paths, \d+ rows, the first 20 paths shown, {engine}, cancelled$", stdout.rstrip())
 
 
 # --- what a script becomes -----------------------------------------------------------------------------

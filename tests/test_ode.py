@@ -277,7 +277,7 @@ def test_chaos_is_the_same_for_the_same_seed_and_stays_in_its_box() -> None:
 
 
 def test_the_page_shows_what_its_code_gives(capsys: Any) -> None:
-    page = (Path(__file__).parent.parent / "docs" / "simulators.md").read_text("utf-8")
-    code, shown = re.findall(r"^## ODE\n.*?^```py\n(.*?)^```\n+```\w*\n(.*?)^```", page, re.DOTALL | re.MULTILINE)[0]
-    exec(compile(code, "simulators.md", "exec"), {})
+    page = (Path(__file__).parent.parent / "docs" / "ode.md").read_text("utf-8")
+    code, shown = re.findall(r"^```py\n(.*?)^```\n+```\w*\n(.*?)^```", page, re.DOTALL | re.MULTILINE)[0]
+    exec(compile(code, "ode.md", "exec"), {})
     assert capsys.readouterr().out == shown

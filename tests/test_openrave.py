@@ -159,10 +159,10 @@ def test_the_page_shows_what_its_code_gives(
             self.Add(body)
 
     monkeypatch.setattr(fake.Environment, "Load", load, raising=False)
-    page = (Path(__file__).parent.parent / "docs" / "simulators.md").read_text("utf-8")
-    blocks = re.compile(r"^## OpenRAVE\n.*?^```py\n(.*?)^```\n+```\w*\n(.*?)^```", re.DOTALL | re.MULTILINE)
+    page = (Path(__file__).parent.parent / "docs" / "openrave.md").read_text("utf-8")
+    blocks = re.compile(r"^```py\n(.*?)^```\n+```\w*\n(.*?)^```", re.DOTALL | re.MULTILINE)
     code, shown = blocks.findall(page)[0]
-    exec(compile(code, "simulators.md", "exec"), {})
+    exec(compile(code, "openrave.md", "exec"), {})
     assert capsys.readouterr().out == shown
 
 

@@ -1,5 +1,6 @@
 """The package as a whole: what is shipped, what is imported, and that the plan of the house is true."""
 
+import os
 import re
 import subprocess
 import sys
@@ -34,18 +35,78 @@ def test_the_version_is_written_in_one_place():
     assert ss2sql.__version__ in (ROOT / "CHANGELOG.md").read_text("utf-8")
 
 
-def test_the_wheel_has_everything(tmp_path):
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("wheel")
     subprocess.run(
-        [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(tmp_path)],
+        [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)],
         cwd=ROOT, check=True, capture_output=True, timeout=60,
     )  # fmt: skip
-    (wheel,) = tmp_path.glob("*.whl")
+    (built,) = folder.glob("*.whl")
+    return built
+
+
+def test_the_wheel_has_everything(wheel):
     with zipfile.ZipFile(wheel) as archive:
         names = set(archive.namelist())
     assert {"ss2sql/py.typed", "ss2sql/frontend/grammar.lark", "ss2sql/frontend/grammar_table.json"} <= names
     assert {str(path.relative_to(ROOT)) for path in sources(PACKAGE)} <= names
     assert not [name for name in names if name.startswith(("tests", "examples", "docs", "benchmarks"))]
     assert any(name.endswith("licenses/LICENSE") for name in names)
+
+
+WITHOUT_EXTRAS = """
+import sys
+sys.modules.update(dict.fromkeys({extras!r}))  # importing any of them is an ImportError
+import ss2sql
+assert ss2sql.__file__.startswith({folder!r}), ss2sql.__file__
+ss = ss2sql.connect()
+search = "SELECT this FROM [1, 2] WHERE n == 1 START WITH n = 0 CONNECT BY n = n + 1 STOP WITH n == 1 AS list;"
+for engine in ("database", "native"):
+    result = ss.run(search, engine=engine)
+    assert (result.value, result.engine) == ([[1, 1], [1, 2], [2, 1], [2, 2]], engine)
+try:
+    ss.run("SELECT a FROM [1];")
+except ss2sql.ResolveError as error:
+    assert "unknown name 'a'" in str(error)
+print(result)
+for extra, use in (
+    ("df", result.df), ("df", result.pl), ("df", result.arrow), ("df", lambda: result.parquet("x.parquet")),
+    ("plot", result.plot), ("plot", result.graph), ("sim", lambda: ss2sql.scenes.chaos()),
+):
+    try:
+        use()
+    except ss2sql.SessionError as error:
+        assert error.code == "S003", error
+        assert f'pip install "ss2sql[{{extra}}]"' in str(error), error
+    else:
+        raise AssertionError(use)
+from ss2sql.cli import main
+main({arguments!r})
+"""
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "told"),
+    [
+        (["--help"], 0, "Commands:"),
+        (["run", "-e", "SELECT this FROM [1] AS list;", "--format", "json"], 0, "[1]\n"),
+        (["run", "-e", "SELECT this FROM [1];", "--format", "arrow"], 1, 'pip install "ss2sql[df]"'),
+        (["plot", "-e", "1", "-o", "p.png"], 1, 'pip install "ss2sql[plot]"'),
+        (["list", "errors"], 0, "T001"),
+    ],
+)
+def test_the_wheel_without_extras(wheel, tmp_path, arguments, code, told):
+    folder = tmp_path / "installed"
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(folder)
+    extras = [name for name in HEAVY if name not in ("hypothesis", "pytest")]
+    script = WITHOUT_EXTRAS.format(extras=extras, folder=str(folder), arguments=arguments)
+    answer = subprocess.run(
+        [sys.executable, "-c", script], cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(folder), "COLUMNS": "80"},
+        capture_output=True, text=True, encoding="utf-8", timeout=60, check=False,
+    )  # fmt: skip
+    assert (answer.returncode, told in answer.stdout + answer.stderr) == (code, True), answer.stderr
 
 
 def test_import_loads_no_extra():
@@ -97,11 +158,7 @@ def test_the_stages_of_the_architecture_are_functions():
 
 
 def test_every_error_code_is_used_and_explained():
-    code = "\n".join(path.read_text("utf-8") for path in PACKAGE.rglob("*.py") if path.name != "errors.py")
-    raised = set(
-        re.findall(r'"([A-Z]\d{3})"', code + (PACKAGE / "errors.py").read_text("utf-8").split("class Error")[1])
-    )
-    assert raised == set(CODES)
-    index = (ROOT / "docs" / "errors.md").read_text("utf-8")
-    assert [name for name in CODES if f"## {name}: " not in index] == []
-    assert all(entry.explanation.endswith(".") for entry in CODES.values())
+    table = PACKAGE / "errors" / "codes.py"
+    code = "\n".join(path.read_text("utf-8") for path in PACKAGE.rglob("*.py") if path != table)
+    assert set(re.findall(r'"([A-Z]\d{3})"', code)) == set(CODES)
+    assert [name for name, code in CODES.items() if not (ROOT / code.page).is_file()] == []

@@ -26,13 +26,23 @@ SQL = [
     ("SELECT a FROM b WHERE n.a «IS» NOT NULL", "no IS NOT in", "write n.a != None"),
     ("SELECT a FROM b WHERE a «BETWEEN» 1 AND 2", "no BETWEEN", "write low <= a AND a <= high"),
     ("SELECT a FROM b WHERE a NOT «between» 1 AND 2", "no NOT BETWEEN", "write NOT (low <= a AND a <= high)"),
-    ("SELECT a FROM b WHERE a «LIKE» 'x%'", "no LIKE", "'part' IN a"),
+    ("SELECT a FROM b WHERE a «LIKE» 'x%'", "no LIKE", "write a[:1] == 'x'"),
+    ("SELECT a FROM b WHERE a «LIKE» '%xy'", "no LIKE", "write a[-2:] == 'xy'"),
+    ("SELECT a FROM b WHERE a «LIKE» '%xy%'", "no LIKE", "write 'xy' IN a"),
+    ("SELECT a FROM b WHERE a «LIKE» 'xy'", "no LIKE", "write a == 'xy'"),
+    ("SELECT a FROM b WHERE a «LIKE» 'x_y'", "no LIKE", "'part' IN a"),
+    ("SELECT a FROM b WHERE a «LIKE» 'x%y'", "no LIKE", "'part' IN a"),
+    ("SELECT a FROM b WHERE a «LIKE» c", "no LIKE", "'part' IN a"),
+    ("SELECT a FROM b WHERE a «ILIKE» 'x%'", "no ILIKE", "'part' IN a"),
     ("SELECT a FROM b WHERE a NOT «LIKE» 'x%'", "no NOT LIKE", "'part' NOT IN a"),
     ("SELECT n.«*» FROM n = b", "no n.* in", "write n.this for the element"),
     ("SELECT *«,» a FROM b", "* is the only column", "write SELECT *"),
     ("SELECT a, «*» FROM b", "* is the only column", "write SELECT *"),
     ("SELECT COUNT(«DISTINCT» x) FROM b", "no DISTINCT", "len(uniq(SELECT x FROM ... AS list))"),
-    ("SELECT «DISTINCT» x FROM b", "no DISTINCT", "uniq(SELECT ... AS list)"),
+    ("SELECT «DISTINCT» x FROM b", "no DISTINCT", "uniq(SELECT x FROM b AS list)"),
+    ("SELECT «DISTINCT» x, y FROM b WHERE x > 1; 1", "no DISTINCT", "uniq(SELECT x, y FROM b WHERE x > 1 AS rows)"),
+    (f"SELECT «DISTINCT» x FROM b WHERE {'x + ' * 20}x > 1", "no DISTINCT", "uniq(SELECT ... AS list)"),
+    ("len(SELECT «DISTINCT» x FROM b AS list)", "no DISTINCT", "uniq(SELECT x FROM b AS list)"),
     ("SELECT «ALL» x FROM b", "no ALL", "gives all rows"),
     ("SELECT «TOP» 5 x FROM b", "no TOP", "LIMIT n"),
     ("SELECT «CASE» WHEN a THEN b ELSE c END FROM d", "no CASE", "IF(condition; then; else)"),
@@ -59,8 +69,22 @@ SQL = [
     ("«ATTACH» 'x.db' AS y", "only reads, there is no ATTACH", "from Python"),
     ("«PRAGMA» journal_mode = 3", "only reads, there is no PRAGMA", "from Python"),
     ("«WITH» x AS (SELECT a FROM b) SELECT a FROM x", "no WITH in front", "variable first"),
-    ("x IN (1«,» 2)", "a list stands in square brackets", "write [1, ...]"),
+    ("x IN (1«,» 2)", "a list stands in square brackets", "write [1, 2]"),
     ("x = 1«,» 2", "a list stands in square brackets", "write [1, ...]"),
+    ("x = 1«,»5", "a list stands in square brackets", "a fraction has a point: 1.5"),
+    ("SELECT a FROM b WHERE a «=» NULL", "WHERE needs a condition", "write a == None"),
+    ("SELECT a FROM b, c WHERE b.x «=» c.y AND d", "WHERE needs a condition", "write b.x == c.y"),
+    ("SELECT a FROM b WHERE a «=» b.f(c)", "WHERE needs a condition", "write a == ..."),
+    ("SELECT a FROM b START WITH n = 0 «AND» m = 1", "START WITH are separated by commas", "START WITH ..., m = 1"),
+    ("SELECT a FROM b START WITH n = 0 CONNECT BY n = 1 «AND» n = 2", "CONNECT BY are separated", "BY ..., n = 2"),
+    ("SELECT a FROM b «TOP» 3", "no TOP", "LIMIT n"),
+    ("SELECT a FROM b WHERE a «CONTAINS» 'x'", "no CONTAINS", "'part' IN a"),
+    ("SELECT a FROM b WHERE a «STARTS» WITH 'x'", "no STARTS", "a[:n] == 'part'"),
+    ("SELECT a «INTO» c FROM b", "no INTO", "name = SELECT"),
+    ("SELECT a FROM b START WITH n = 1 CONNECT BY n = 2 «UNTIL» n == 2", "no UNTIL", "STOP WITH condition"),
+    ("a «>>» 2", "no operator >>", "int(a / 2 ^ n)"),
+    ("SELECT a FROM b «--» all of them", "-- does not start a comment", "write #"),
+    ("SELECT a FROM b «--»of_them", "-- does not start a comment", "write #"),
     ("'it'«'s'»", "two strings", r"written \'"),
     ("x = 3 «--» a comment\n; y = 2", "-- does not start a comment", "write #"),
     ("«--» a comment\ny = 2", "-- does not start a comment", "write #"),
@@ -77,4 +101,28 @@ SQL = [
 
 @pytest.mark.parametrize(("marked", "message", "hint"), SQL)
 def test_spellings_of_sql_show_the_right_form(marked: str, message: str, hint: str) -> None:
+    check(marked, "P006", message, hint)
+
+
+PYTHON = [
+    ("«for» x in nums: print(x)", "no for", "SELECT ... FROM x = list"),
+    ("[x «for» x in nums]", "no for", "(SELECT x FROM x = ... AS list)"),
+    ("[x * 2 «for» n in nums]", "no for", "(SELECT x * 2 FROM n = ... AS list)"),
+    ("«while» x < 5: x", "no while", "START WITH"),
+    ("«def» f(x): return x", "no def", "session.function(f)"),
+    ("«import» math", "no import", "session.function(f)"),
+    ("x = «lambda» y: y", "no lambda", "session.function(f)"),
+    ("«return» 5", "no return", "write 5 alone"),
+    ("x = 1; «let» y = 5", "no let", "y = ..."),
+    ("x[:«:»2]", "a slice has no step", "x[a:b]"),
+    ("x[1:2«:»3]", "a slice has no step", "x[a:b]"),
+    ("«f»'{x}'", "no f stands in front of a string", "join the parts with +"),
+    ("x = «r»'abc'", "no r stands in front of a string", "for a backslash"),
+    ("1.«.10»", "no operator ..", "write range(1, 10)"),
+    ("x[0] «=» y[1]", "an element is not assigned", "assign a new list to x"),
+]
+
+
+@pytest.mark.parametrize(("marked", "message", "hint"), PYTHON)
+def test_spellings_of_python_show_the_right_form(marked: str, message: str, hint: str) -> None:
     check(marked, "P006", message, hint)

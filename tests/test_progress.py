@@ -10,11 +10,13 @@ import pytest
 from sessions import ENGINES, Clock
 
 import ss2sql
+from ss2sql import plan
 from ss2sql.runtime import executing, progress
 from ss2sql.runtime.memorize.graph import Graph
-from ss2sql.runtime.progress import Progress, progress_text
+from ss2sql.runtime.paths import Paths
+from ss2sql.runtime.progress import DEEPEST, Progress, depth_of
 from ss2sql.runtime.rows import Rows
-from ss2sql.runtime.run import Level, Run
+from ss2sql.runtime.run import Level, Run, Sink
 
 SEARCH = "SELECT n FROM [1] WHERE n == 4 START WITH n = 1 CONNECT BY MEMORIZE 5 n = n + 1;"
 
@@ -81,17 +83,99 @@ def test_it_is_shorter_than_the_terminal_and_goes_away() -> None:
     assert "\x1b" not in terminal.getvalue()  # no colours
 
 
+def said(run: Run, seconds: float) -> str:
+    return line_of(run)[0].text(seconds)
+
+
+def query_of(script: str) -> plan.Query:
+    with ss2sql.connect() as ss:
+        (statement,) = ss.compile(script).plan.statements
+    assert isinstance(statement.expr, plan.Subquery)
+    return statement.expr.query
+
+
 def test_what_it_says() -> None:
     run = run_of(generated=3000, levels=[Level(3, 4), Level(1, 5)])
     run.graph = Graph(run.check, None)
     for number in range(7):
         run.graph.add_node((number,), False)
-    run.sink = (Rows(("n",), None, []), "native")
-    assert progress_text(run, 1.5) == "2 s | 2 levels of MEMORIZE | 7 rows | 3,000 steps, 2,000/s | 0 results"
+    run.sink = Sink(Rows(("n",), None, []), "native")
+    assert said(run, 1.5) == "2 s | 2 levels of MEMORIZE | 7 rows | 3,000 steps, 2,000/s | 0 results"
     run = run_of()
-    run.sink = (Rows(("n",), [(1,)]), "database")
-    assert progress_text(run, 2.0) == "2 s | 1 result"
-    assert progress_text(run, 2.0, 7000) == "2 s | 7,000 steps, 3,500/s | 1 result"
+    run.sink = Sink(Rows(("n",), [(1,)] * 3000), "database")
+    assert said(run, 2.0) == "2 s | 3,000 results, 1,500/s"
+    run.sink = Sink(Rows(("n",), [(1,)]), "database")
+    assert said(run, 2.0) == "2 s | 1 result, 0/s"
+
+
+def test_how_deep_a_native_search_is() -> None:
+    run = run_of(generated=10)
+    line, _, _ = line_of(run)
+    line.reached = [(1,), (2,)]  # depth first: the rows on the path, behind which a step is looked at
+    assert line.text(1.0) == "1 s | 10 steps, 10/s | depth 3"
+    line.reached = (((None, (1,)), (2,)), (3,))  # the way back
+    assert line.text(1.0) == "1 s | 10 steps, 10/s | depth 4"
+    way = None
+    for number in range(DEEPEST + 5):
+        way = (way, (number,))
+    line.reached = way
+    assert "depth 100,001+" in line.text(1.0)
+
+
+def test_how_deep_a_search_of_the_database_is() -> None:
+    assert depth_of([(0, ())]) == (0, True)
+    assert depth_of([(0, ()), (0, (1,)), (1, (2,)), (2, (3,)), (1, (4,))]) == (2, True)
+    assert depth_of({3: (0, ()), 5: (3, ()), 9: (5, ())}) == (3, True)
+    assert depth_of({}) == (0, True)
+    assert depth_of([(max(number - 1, 0), ()) for number in range(DEEPEST + 5)]) == (DEEPEST, False)
+
+
+@pytest.mark.parametrize(
+    ("steps", "depth"),
+    [
+        ([], 0),
+        ([(1, 0)], 1),
+        ([(1, 0), (2, 0), (3, 1), (4, 1), (5, 2), (6, 3)], 3),  # breadth first
+        ([(1, 0), (3, 1), (5, 3), (6, 3), (4, 1), (2, 0), (7, 2)], 2),  # depth first
+        ([(1, 0), (3, 1), (5, 3), (6, 5), (4, 1)], 2),
+    ],
+)
+def test_how_deep_the_last_result_is(steps: list[tuple[int, int]], depth: int) -> None:
+    paths = Paths(None, tuple, [(number, parent, "row") for number, parent in steps])
+    assert paths.depth(100) == (depth, True)
+    assert paths.depth(0) == (0, not steps)
+
+
+def test_a_bar_where_the_total_is_known() -> None:
+    run = run_of(generated=100)
+    search = "SELECT this FROM [1, 2] START WITH n = 0 CONNECT BY {} n = n + 1"
+    run.sink = Sink(Rows(("this",), None, [[]] * 4), "native", query_of(search.format("MAXIMUM 8") + ";"))
+    assert said(run, 1.0) == "1 s | [#####.....] 50% | 100 steps, 100/s | 4 results"
+    run.maximum = 5
+    assert said(run, 1.0).startswith("1 s | [########..] 80% | ")
+    run.maximum = 2  # there are more, of which some are dropped in the end
+    assert said(run, 1.0).startswith("1 s | [##########] 100% | ")
+    run.maximum = None
+    run.sink = run.sink._replace(query=query_of(search.format("") + ";"))
+    assert said(run, 1.0) == "1 s | 100 steps, 100/s | 4 results"
+    run.sink = Sink(Rows(("this",), [(1,)]), "native", query_of("SELECT this FROM [1, 2] LIMIT 10;"))
+    assert "[#.........] 10%" in said(run, 1.0)
+    run.sink = Sink(Rows(("this",), [(1,)]), "native", query_of("SELECT this FROM [1, 2] ORDER BY this LIMIT 10;"))
+    assert "[" not in said(run, 1.0)
+
+
+def test_a_bar_for_the_first_list() -> None:
+    line, _, _ = line_of(run_of())
+    outer, inner = [1] * 200, [1] * 3
+    line.walk(outer, 30, 200)
+    line.walk(inner, 2, 3)  # a list that is walked again and again says nothing
+    assert line.text(1.0) == "1 s | [#.........] 15%"
+    line.walk(outer, 200, 200)
+    assert line.text(1.0) == "1 s"
+    line.walk(inner, 1, 4)  # what is walked after it does
+    assert line.text(1.0) == "1 s | [##........] 25%"
+    line.begin()
+    assert line.text(1.0) == "1 s"
 
 
 @pytest.fixture
@@ -127,8 +211,10 @@ def test_of_a_search(terminal: Terminal) -> None:
 )
 def test_of_both_engines(terminal: Terminal, engine: str, script: str) -> None:
     shown(script, engine)
-    assert "0 results" in terminal.getvalue()
-    assert ("step" in terminal.getvalue()) == ("UNIQUE" in script)
+    text = terminal.getvalue()
+    assert "0 results" in text
+    assert ("step" in text) == ("depth" in text) == ("UNIQUE" in script)
+    assert ("%" in text) == ("UNIQUE" not in script)
     assert terminal.line == ""
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import random
 from typing import Any
 
 import pytest
@@ -10,6 +12,7 @@ from resolving import engines, errors, message
 from resolving import fixture_tables as fixture_tables
 
 import ss2sql
+from ss2sql.frontend.suggestions import OF_PYTHON
 
 
 @engines
@@ -93,10 +96,10 @@ def test_the_first_match_wins(ss: ss2sql.Session, engine: Any, script: str, valu
         ("SELECT a FROM t LIMIT a;", [("R001", "a")]),
         ("SELECT to(a, b + 'x') FROM t;", [("R001", "b")]),
         ("SELECT a FROM t AS lists;", [("R006", "AS lists")]),
-        ("fun(1);", [("R002", "fun(1)")]),
-        ("SELECT t.len() FROM t;", [("R002", "t.len()")]),
-        ("SELECT t.nothing(3) FROM t;", [("R002", "t.nothing(3)")]),
-        ("SELECT item(this, 0) FROM [[1]] AS list; slyce(1);", [("R002", "slyce(1)")]),
+        ("fun(1);", [("R002", "fun")]),
+        ("SELECT t.len() FROM t;", [("R002", "t.len")]),
+        ("SELECT t.nothing(3) FROM t;", [("R002", "t.nothing")]),
+        ("SELECT item(this, 0) FROM [[1]] AS list; slyce(1);", [("R002", "slyce")]),
         ("len(1, 2);", [("R005", "len(1, 2)")]),
         ("v{};", [("R001", "v{}")]),
     ],
@@ -139,7 +142,7 @@ SELECT two, len() FROM t, three WHERE t.four == 5 AND six(7)
 ORDER BY t.eight LIMIT nine AS ten;
 SELECT (SELECT eleven FROM t) FROM u;"""
     expected = [
-        ("R001", "one"), ("R005", "len()"), ("R003", "three"), ("R001", "t.four"), ("R002", "six(7)"), ("R001",
+        ("R001", "one"), ("R005", "len()"), ("R003", "three"), ("R001", "t.four"), ("R002", "six"), ("R001",
         "t.eight"),
         ("R001", "nine"), ("R006", "AS ten"), ("R001", "eleven"),
     ]  # fmt: skip
@@ -151,10 +154,68 @@ SELECT (SELECT eleven FROM t) FROM u;"""
 
 
 @pytest.mark.parametrize(
-    ("call", "function"), [("t.len()", "len(t)"), ("t.max(3)", "max(t, ...)"), ("t.nothing()", "nothing(t)")]
-)
-def test_methods_are_written_as_functions(ss: ss2sql.Session, call: str, function: str) -> None:
+    ("script", "hints"),
+    [
+        ("SELECT t.len() FROM t;", ["write len(t)"]),
+        ("SELECT t.max(3) FROM t;", ["write max(t, ...)"]),
+        ("SELECT t.nothing() FROM t;", ["write nothing(t), with a function that is registered"]),
+        ("x = [1]; x.append(2);", ["a list is not changed, a new one is made: x + [2]"]),
+        ("SELECT a.upper() FROM t;", ["write upper(a), with a function that is registered",
+                                      "session.function('upper', str.upper) registers Python's"]),
+        ("math.sqrt(4);", ["'sqrt' is a function by itself: write sqrt(...)"]),
+        ("math.sin(4);", ["session.function('sin', math.sin) registers Python's"]),
+    ],
+)  # fmt: skip
+def test_methods_are_written_as_functions(ss: ss2sql.Session, script: str, hints: list[str]) -> None:
     with pytest.raises(ss2sql.ResolveError) as error:
-        ss.run(f"SELECT {call} FROM t;")
-    hint = f"there are no methods; write {function}, with a function that is known or registered"
-    assert error.value.hints == (hint,)
+        ss.run(script)
+    assert list(error.value.hints) == hints
+
+
+def test_python_functions_that_hints_name_can_be_registered(ss: ss2sql.Session) -> None:
+    names = {"str": str, "math": math, "random": random}
+    for name, path in OF_PYTHON.items():
+        owner, function = path.split(".")
+        ss.function(name, getattr(names[owner], function))
+    assert ss.eval("upper('a') + trim(' b ') + str(floor(1.5));") == "Ab1"
+
+
+@pytest.mark.parametrize(
+    ("script", "hint"),
+    [
+        ("SELECT COUNT(a) FROM t;", "did you mean 'count'?"),
+        ("avg([1]);", "write average([1])"),
+        ("SELECT coalesce(a, 0) FROM t;", "write IF(a != None; a; 0)"),
+        ("SELECT EXISTS (SELECT * FROM u) FROM t;", "write [] != (SELECT * FROM u)"),
+        ("SELECT substr(a, 1, 2) FROM t;", "a part of a string is a[from:to], counted from 0"),
+        ("SELECT concat(a, b) FROM t;", "strings are joined with +: a + b"),
+        ("SELECT coalesce() FROM t;", "write IF(... != None; ...; ...)"),
+        ("x = [1]; x();", "'x' is a variable: write it without parentheses"),
+        ("SELECT a FROM t WHERE a == Ann;", "a text stands in quotes: 'Ann'"),
+        ("SELECT a FROM t WHERE Ann IN [a];", "a text stands in quotes: 'Ann'"),
+        ("print(hello);", "a text stands in quotes: 'hello'"),
+        ("x = 5 -- five;", "-- does not start a comment"),
+        ("SELECT max(a) FROM t;", "max(SELECT a FROM t AS list)"),
+        ("SELECT a.first FROM t;", "'a' is a column: write a[\"key\"] to read a key of it"),
+        ("SELECT a FROM 'people';", "a source in quotes is a text; write FROM people"),
+        ("SELECT a FROM 'people.csv';", "a file is read in Python and attached"),
+        ("x = [1]; x.a;", "write SELECT a FROM x AS list"),
+        ("x = [1]; SELECT a FROM x.csv;", "'x' is a source without tables of its own: write FROM x"),
+        ("v{3};", "store a value with v{5.0} = ..."),
+        ("SELECT count() FROM t GROUP BY a;", "or count(*) for the rows of a group"),
+        ("SELECT a FROM t AS p;", "to name a source write FROM p = ..."),
+        ("SELECT a FROM t LIMIT this;", "LIMIT is read once, before there is an element"),
+        ("SELECT to(a, this) FROM t;", "the name of a column is read once, before there is an element"),
+        ("SELECT a FROM t START WITH n = 1 CONNECT BY MAXIMUM (this) n = 2;", "MAXIMUM is read once"),
+    ],
+)
+def test_hints_for_habits_from_elsewhere(ss: ss2sql.Session, script: str, hint: str) -> None:
+    assert hint in message(ss, script)
+
+
+def test_a_text_is_not_offered_where_a_name_is_nearly_right(ss: ss2sql.Session) -> None:
+    assert "quotes" not in message(ss, "word = 1; print(wrd);")
+
+
+def test_a_variable_that_start_with_lacks_is_one_error(ss: ss2sql.Session) -> None:
+    assert errors(ss, "SELECT a, n FROM t CONNECT BY n = n + 1 STOP WITH n == 3;") == [("R001", "n")]

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import copy
 import csv
 import datetime
 import io
 import json
 import math
+import pickle
 import sys
 from collections.abc import Iterator
 from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
+import duckdb
 import numpy
 import pandas
 import polars
@@ -239,3 +242,74 @@ def test_a_missing_package_is_named(
         getattr(result, use)()
     assert caught.value.code == "S003"
     assert caught.value.hints == (f'pip install "ss2sql[{extra}]"',)
+
+
+# --- other libraries take the result itself ------------------------------------------------------------
+
+MIXED = "SELECT k, to(k > 0, b), to([k], l), to(IF(k > 0; k; None), n) FROM t;"
+
+
+def test_one_object_for_all_libraries(ss: ss2sql.Session) -> None:
+    ss.attach("t", [{"k": 0}, {"k": 1}])
+    result = ss.run(MIXED)
+    rows = [(0, False, [0], None), (1, True, [1], 1)]
+    assert polars.DataFrame(result).rows() == rows
+    assert polars.DataFrame(result).schema == result.pl().schema
+    assert pyarrow.table(result) == result.arrow()
+    assert duckdb.sql("SELECT * FROM result").fetchall() == rows
+    assert list(map(str, duckdb.sql("SELECT * FROM result").types)) == ["BIGINT", "BOOLEAN", "BIGINT[]", "BIGINT"]
+    assert duckdb.sql("SELECT sum(k) FROM result WHERE b").fetchall() == [(1,)]
+    frame = pandas.DataFrame(result)
+    assert list(frame.columns) == ["k", "b", "l", "n"]
+    assert [tuple(map(without_nan, row)) for row in frame.itertuples(index=False)] == rows
+
+
+def test_duckdb_reads_paths_and_empty_results(ss: ss2sql.Session) -> None:
+    paths = ss.run("SELECT this FROM [1, 2] WHERE n == 2 START WITH n = 1 CONNECT BY n = n + 1 STOP WITH n == 2;")
+    assert len(paths.paths) == 4
+    assert duckdb.sql("SELECT path, max(step) FROM paths GROUP BY path ORDER BY path").fetchall() == [
+        (number, 2) for number in range(1, 5)
+    ]
+    ss.attach("t", [{"k": 0}])
+    none = ss.run("SELECT k, to(str(k), s) FROM t WHERE k > 5;")  # noqa: F841 - DuckDB finds it by its name
+    relation = duckdb.sql("SELECT * FROM none")
+    assert (relation.columns, list(map(str, relation.types))) == (["k", "s"], ["BIGINT", "VARCHAR"])
+    assert relation.fetchall() == []
+
+
+def test_pandas_names_the_columns_of_a_result(ss: ss2sql.Session) -> None:
+    result = ss.run("SELECT to(this, 'a b'), to(str(this), class) FROM [1, 2];")
+    assert list(pandas.DataFrame(result).columns) == ["a b", "class"]
+    assert list(pandas.DataFrame(list(result)).columns) == ["a b", "class"]
+    assert pandas.DataFrame(result, columns=["x", "y"]).columns.tolist() == ["x", "y"]
+    assert pandas.DataFrame(ss.run("7;")).to_dict("list") == {"value": [7]}
+    paths = ss.run("SELECT this FROM [1] START WITH n = 1 CONNECT BY n = n + 1 STOP WITH n == 2;")
+    assert list(pandas.DataFrame(paths).columns) == ["path", "step", "this"]
+
+
+@pytest.mark.skipif(not hasattr(pandas.DataFrame, "from_arrow"), reason="from pandas 3 on")
+def test_types_survive_where_pandas_reads_arrow_data(ss: ss2sql.Session) -> None:
+    ss.attach("t", [{"k": 0}])
+    none = ss.run("SELECT k, to(k > 0, b) FROM t WHERE k > 5;")
+    assert pandas.DataFrame.from_arrow(none).dtypes.astype(str).to_dict() == {"k": "int64", "b": "bool"}
+
+
+def test_rows_are_tuples_that_know_their_columns(ss: ss2sql.Session) -> None:
+    ss.attach("t", [{"k": 0}, {"k": 1}])
+    first, second = ss.run("SELECT k, to([k], l) FROM t;")
+    assert (first, second) == ((0, [0]), (1, [1]))
+    assert (repr(first), isinstance(first, tuple), type(first) is type(second)) == ("(0, [0])", True, True)
+    for copied in (pickle.loads(pickle.dumps(first)), copy.copy(first), copy.deepcopy(first), first[:]):
+        assert type(copied) is tuple
+        assert copied == first
+    ss.attach("again", [first, second])
+    assert ss.eval("SELECT this FROM again AS list;") == [[0, [0]], [1, [1]]]
+
+
+def test_dates_look_like_dates(ss: ss2sql.Session) -> None:
+    day, moment = datetime.date(2024, 5, 1), datetime.datetime(2024, 5, 1, 12, 30)
+    ss.attach("t", [{"d": day, "m": moment, "l": [day]}])
+    result = ss.run("SELECT d, m, l FROM t;")
+    assert json.loads(str(result.json())) == [{"d": "2024-05-01", "m": "2024-05-01T12:30:00", "l": ["2024-05-01"]}]
+    assert str(result.csv()).splitlines()[1] == '2024-05-01,2024-05-01T12:30:00,"[""2024-05-01""]"'
+    assert "│ 2024-05-01 │ 2024-05-01T12:30:00 │" in repr(result)

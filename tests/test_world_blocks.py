@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 import ss2sql
-from ss2sql.errors import ExecutionError, SessionError
+from ss2sql.errors import ExecutionError
 from ss2sql.vtables import Column, Gone, Table, World
 
 
@@ -122,11 +122,14 @@ def test_a_column_may_be_called_as_a_function(ss: ss2sql.Session, world: String)
     assert ss.eval("heavy = SELECT this FROM beads WHERE mass == 4 AS list; SELECT x FROM heavy AS list;") == [8.0]
 
 
-def test_a_block_of_one_column_is_refused(ss: ss2sql.Session) -> None:
-    lonely = type("Lonely", (Beads,), {"groups": {"label": "colour", "matter": "mass heavy", "y": "y"},
-                                       "blocks": {"place": "x"}, "y": lambda self, key: 0.0})  # fmt: skip
-    with pytest.raises(SessionError, match="the group 'place' is a block of one column"):
-        ss.attach("other", type("Other", (String,), {"tables": (lonely,)})(3))
+def test_a_block_of_one_column_is_a_list_of_its_values(ss: ss2sql.Session, engine: Any) -> None:
+    single = type("Single", (Beads,), {"groups": {}, "blocks": {**Beads.blocks, "labels": "colour"},
+                                       "labels": lambda self, keys: [self.label(key) for key in keys]})  # fmt: skip
+    world = type("Other", (String,), {"tables": (single,)})(70)
+    ss.attach("other", world)
+    found = ss.run("SELECT colour FROM other AS list;", engine=engine).value
+    assert found == ["red" if key % 2 else "blue" for key in range(70)]
+    assert ss2sql.check_world(world, queries=20).elements == {"beads": 70}
 
 
 def test_check_world_passes() -> None:

@@ -1,8 +1,13 @@
-"""Makes the pictures of scenes.md and representations.md anew: `python docs/images/make.py`."""
+"""Makes the pictures of the pages anew: `python docs/images/make.py`, or with the names of some, `make.py roads`."""
 
 from __future__ import annotations
 
+import runpy
+import sys
+from contextlib import chdir
 from pathlib import Path
+from shutil import copyfile
+from tempfile import TemporaryDirectory
 
 import matplotlib
 
@@ -125,9 +130,56 @@ def environment() -> None:
             scenes.render(copy, HERE / "environment.png", size=(800, 560))
 
 
+# --- strategies/index.md -------------------------------------------------------------------------------
+
+TOWNS = {"A": (0.0, 0.0), "B": (2.0, 0.8), "C": (2.0, -0.8), "D": (4.0, 0.0)}
+ROADS = (
+    ("A", "B", 4, 0.12), ("B", "A", 4, 0.12), ("A", "C", 1, 0), ("C", "B", 2, 0), ("B", "D", 5, 0), ("C", "D", 8, 0),
+)  # fmt: skip
+
+
+def roads() -> None:
+    """The roads as arrows with their lengths; two between the same towns are bent apart."""
+    figure, axes = plt.subplots(figsize=(6, 2.9), layout="constrained")
+    for start, end, km, bend in ROADS:
+        (x, y), (u, v) = TOWNS[start], TOWNS[end]
+        look = {"arrowstyle": "-|>", "color": "#3c5a80", "shrinkA": 15, "shrinkB": 15, "linewidth": 1.5,
+                "connectionstyle": f"arc3,rad={bend}", "mutation_scale": 14}  # fmt: skip
+        axes.annotate("", (u, v), (x, y), arrowprops=look)
+        aside = bend / np.hypot(u - x, v - y)
+        middle = ((x + u) / 2 + aside * (v - y), (y + v) / 2 - aside * (u - x))
+        axes.text(*middle, f"{km} km", ha="center", va="center", fontsize=9, color=DARK,
+                  bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.5})  # fmt: skip
+    for town, place in TOWNS.items():
+        axes.text(*place, town, ha="center", va="center", fontsize=13, color="white",
+                  bbox={"boxstyle": "circle,pad=0.35", "facecolor": "#b3203c", "edgecolor": "none"})  # fmt: skip
+    axes.set(xlim=(-0.4, 4.4), ylim=(-1.15, 1.15))
+    axes.axis("off")
+    figure.savefig(HERE / "roads.png", dpi=100)
+    plt.close(figure)
+
+
+# --- README.md -----------------------------------------------------------------------------------------
+
+
+def examples() -> None:
+    """What the examples write, for the first pages."""
+    with TemporaryDirectory() as folder, chdir(folder):
+        for name in ("navigation", "chaos", "sensors"):
+            for picture in runpy.run_path(str(HERE.parent.parent / "examples" / name / "run.py"))["main"](24).pictures:
+                copyfile(picture, HERE / "examples" / picture.name)
+
+
+PICTURES = {
+    "chaos": chaos,
+    "hall": hall,
+    "planes": planes,
+    "grids": grids,
+    "environment": environment,
+    "roads": roads,
+    "examples": examples,
+}
+
 if __name__ == "__main__":
-    chaos()
-    hall()
-    planes()
-    grids()
-    environment()
+    for name in sys.argv[1:] or PICTURES:
+        PICTURES[name]()

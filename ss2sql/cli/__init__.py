@@ -7,7 +7,11 @@ for it, `endings` turns errors into messages and exit codes, `output` prints res
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Sequence
 from importlib import import_module
+from io import TextIOWrapper
+from typing import Any
 
 import click
 
@@ -16,6 +20,18 @@ import click
 COMMANDS = {
     "run": ("ss2sql.cli.run", "Runs a script: FILE, - for standard input, or -e TEXT."),
     "sql": ("ss2sql.cli.sql", "Shows what a script becomes: its syntax tree, its plan, or the SQL that runs."),
+    "explain": (
+        "ss2sql.cli.explain",
+        "Tells how a script is run: engines, rewrites, calls, SQLite's plan in words, the SQL.",
+    ),
+    "repl": (
+        "ss2sql.cli.repl",
+        "Runs statements as they are typed. Without a terminal it reads them from standard input.",
+    ),
+    "plot": ("ss2sql.cli.plot", "Runs a script and draws its result as a picture."),
+    "bench": ("ss2sql.cli.bench", "Races engines and search strategies on a script, and compares their answers."),
+    "list": ("ss2sql.cli.listing", "Lists functions, representations, strategies, worlds, errors, rewrites."),
+    "completion": ("ss2sql.cli.completion", "Prints what makes bash, zsh or fish complete commands of ss2sql."),
 }
 
 
@@ -31,12 +47,56 @@ class Commands(click.Group):
         command: click.Command = import_module(COMMANDS[cmd_name][0]).command
         return command
 
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        name = args[0]
+        if name not in COMMANDS and not ctx.resilient_parsing and not name.startswith("-"):
+            from difflib import get_close_matches
+
+            close = get_close_matches(name, COMMANDS, n=1)
+            hint = f"Did you mean '{close[0]}'?" if close else f"The commands are {', '.join(COMMANDS)}."
+            ctx.fail(f"No such command '{name}'. {hint}")
+        return super().resolve_command(ctx, args)
+
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Commands"):
             formatter.write_dl([(name, text) for name, (_, text) in COMMANDS.items()])
 
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[Any]:
+        """The names of commands, without importing them."""
+        from click.shell_completion import CompletionItem
 
-@click.command(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
+        if not incomplete.startswith("-"):
+            return [
+                CompletionItem(name, help=text) for name, (_, text) in COMMANDS.items() if name.startswith(incomplete)
+            ]
+        return click.Command.shell_complete(self, ctx, incomplete)
+
+    def main(self, args: Sequence[str] | None = None, *others: Any, **named: Any) -> Any:
+        """Runs a command line and ends the process, with the exit codes and the messages of `endings`."""
+        given = list(sys.argv[1:] if args is None else args)
+        for stream in (sys.stdout, sys.stderr):
+            if isinstance(stream, TextIOWrapper):
+                stream.reconfigure(errors="backslashreplace")  # what an encoding lacks is written as an escape
+        try:
+            code = super().main(given, *others, **{**named, "standalone_mode": False})
+        except (click.Abort, click.ClickException) as error:
+            from ss2sql.cli import endings
+
+            if isinstance(error, click.ClickException):
+                endings.end_of_usage(error, given)
+            endings.end_by_hand()
+        sys.exit(code if isinstance(code, int) else 0)
+
+
+SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 100}
+
+
+@click.command("ss2sql", cls=Commands, context_settings=SETTINGS)
 @click.version_option(package_name="ss2sql")
 def main() -> None:
-    """SelectScript, the SQL-like language for simulations and searches, compiled to SQLite."""
+    """SelectScript, the SQL-like language for simulations and searches, compiled to SQLite.
+
+    "ss2sql COMMAND --help" tells the options of a command.
+    """

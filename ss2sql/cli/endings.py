@@ -2,36 +2,64 @@
 
 from __future__ import annotations
 
+import json
+import os
+import re
 import sys
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import wraps
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NoReturn, TextIO, TypeVar
 
 import click
 
-from ss2sql.errors import Cancelled, Error, Timeout
+from ss2sql.errors import Cancelled, Error, Stopped, Timeout, render_all
 
 F = TypeVar("F", bound=Callable[..., Any])
 
+SCRIPT, USAGE, TIMEOUT, CTRL_C = 1, 2, 124, 130
+FORMATS = ("text", "json")
+AS_JSON = "ss2sql.errors as JSON"  # a key of the context's `meta`
+PLACE = ("file", "line", "column", "end_line", "end_column")
+
+
+def _note_format(context: click.Context, parameter: click.Parameter, value: str) -> None:
+    context.meta[AS_JSON] = value == "json"
+
+
+def _note_color(context: click.Context, parameter: click.Parameter, value: bool | None) -> None:
+    context.color = value
+
+
+COMMON_OPTIONS = (
+    click.option("--error-format", type=click.Choice(FORMATS), default="text", show_default=True, is_eager=True,
+                 expose_value=False, callback=_note_format,
+                 help="Errors as text, or as JSON with one object on each line."),
+    click.option("--color/--no-color", default=None, is_eager=True, expose_value=False, callback=_note_color,
+                 help="Whether there are colors; else they are for terminals, unless NO_COLOR is set."),
+)  # fmt: skip
+
 
 def reports_errors(command: F) -> F:
-    """Prints errors to stderr and ends with the exit code that belongs to them."""
+    """Prints errors to stderr and ends with the exit code that belongs to them.
+
+    It also adds the options that all commands have; they are read here and in output.py, not by the command.
+    """
 
     @wraps(command)
     def run(*arguments: Any, **options: Any) -> None:
         try:
             command(*arguments, **options)
-        except Timeout as error:
-            _fail(str(error), 124)
-        except (Cancelled, KeyboardInterrupt):
-            _fail("cancelled", 130)
+        except KeyboardInterrupt:
+            end_by_hand()
         except Error as error:
-            _fail(str(error), 1)
+            _end_with(error)
         except UserError as error:
-            _fail(str(error), 1)
+            end(str(error), error.as_dict(), SCRIPT)
 
+    for option in reversed(COMMON_OPTIONS):
+        run = option(run)
     return run  # type: ignore[return-value]
 
 
@@ -40,12 +68,129 @@ class UserError(Exception):
 
     def __init__(self, error: Exception) -> None:
         shown = traceback.TracebackException.from_exception(error)
-        own = (str(Path(__file__).parent.parent), "src/", "<frozen runpy>")  # src/ is apsw
+        own = (str(Path(__file__).parent.parent), "src/", "<frozen ")  # src/ is apsw
         frames = [frame for frame in shown.stack if not frame.filename.startswith(own)]
         shown.stack = traceback.StackSummary.from_list(frames)
         super().__init__("".join(shown.format()).rstrip())
+        self.error = error
+        self.frame = frames[-1] if frames else None
+
+    def as_dict(self) -> dict[str, Any]:
+        """The same keys that errors of scripts have; the place is that in the user's file."""
+        place = dict.fromkeys(PLACE) if self.frame is None else _place_of(self.frame)
+        message = f"{type(self.error).__name__}: {self.error}"
+        return _entry("exception", message, place, notes=getattr(self.error, "__notes__", []))
 
 
-def _fail(message: str, code: int) -> None:
-    click.echo(message, err=True)
+def _place_of(frame: traceback.FrameSummary) -> dict[str, Any]:
+    columns = (frame.colno, frame.end_colno)
+    column, end_column = (None if number is None else number + 1 for number in columns)
+    line = frame.lineno
+    return dict(zip(PLACE, (frame.filename, line, column, frame.end_lineno or line, end_column), strict=True))
+
+
+def _entry(title: str, message: str, place: dict[str, Any] | None = None, **more: Any) -> dict[str, Any]:
+    """What is no error of a script, with the keys that these have."""
+    where = dict.fromkeys(PLACE) if place is None else place
+    return {"code": None, "title": title, "message": message, **where, "hints": [], "related": [], **more}
+
+
+# --- endings -------------------------------------------------------------------------------------------
+
+
+# Hints speak to users of Python; this is the same on a command line.
+SPELLINGS = (
+    (re.compile(r"^raise timeout=, "), "raise --timeout, "),
+    (re.compile(r"raise max_rows$"), "raise --max-rows"),
+    (re.compile(r"engine='(\w+)'"), r"--engine \1"),
+    (re.compile(r"from Python: run\(script, (\w+)=\.\.\.\)"), r"with -p \1 VALUE"),
+    (re.compile(r"from Python: session\.attach\(name, list\)"), "with --world NAME=MODULE:OBJECT"),
+)
+
+
+def _spell_for_shells(error: Error) -> None:
+    """Makes hints speak of options."""
+    for one in error.errors:
+        for pattern, spelling in SPELLINGS:
+            one.hints = tuple(pattern.sub(spelling, hint) for hint in one.hints)
+
+
+def _end_with(error: Error) -> NoReturn:
+    code = TIMEOUT if isinstance(error, Timeout) else CTRL_C if isinstance(error, Cancelled) else SCRIPT
+    _spell_for_shells(error)
+    if writes_json():
+        for one in error.errors:
+            found = {"found": _found(error)} if isinstance(error, Stopped) else {}
+            _say(json.dumps({**one.as_dict(), **found}, ensure_ascii=False))
+        sys.exit(code)
+    if isinstance(error, Cancelled):
+        _say(f"cancelled{_counted(error)}")
+    else:
+        _say(f"{render_all(error, wants_color(sys.stderr))}{told(error)}")
     sys.exit(code)
+
+
+def _found(stopped: Stopped) -> dict[str, int] | None:
+    """How much a run had found that ended early; None where there was nothing to print."""
+    if stopped.partial is None:
+        return None
+    paths = len(stopped.partial.answer.rows.paths or ())
+    return {"paths": paths} if paths else {"rows": len(stopped.partial)}
+
+
+def _counted(stopped: Stopped) -> str:
+    found = _found(stopped)
+    if found is None:
+        return ""
+    ((unit, number),) = found.items()
+    return f"; {number:,} {unit[:-1] if number == 1 else unit} had been found" if number else "; nothing had been found"
+
+
+def told(error: Error) -> str:
+    """The line that follows the message of a run that ended early: how much it had found."""
+    counted = _counted(error) if isinstance(error, Stopped) else ""
+    return counted and f"\nbroken off{counted}"
+
+
+def end_by_hand() -> NoReturn:
+    """Ends after Ctrl-C where no run was going on."""
+    end("cancelled", _entry("cancelled", "cancelled"), CTRL_C)
+
+
+def end_of_usage(error: click.ClickException, arguments: Sequence[str]) -> NoReturn:
+    """Ends after wrong usage; no option has been read then, so `arguments` say how errors are written."""
+    given = " ".join(arguments).replace("=", " ")
+    if not writes_json() and "--error-format json" not in given:
+        error.show()
+    else:
+        _say(json.dumps(_entry("wrong usage", error.format_message()), ensure_ascii=False))
+    sys.exit(error.exit_code)
+
+
+def end(text: str, entry: dict[str, Any], code: int) -> NoReturn:
+    """Ends with what went wrong as text or as JSON."""
+    _say(json.dumps(entry, ensure_ascii=False) if writes_json() else text)
+    sys.exit(code)
+
+
+def note(text: str) -> None:
+    """Says something beside the result that is no error."""
+    _say(json.dumps(_entry("note", text), ensure_ascii=False) if writes_json() else text)
+
+
+def _say(text: str) -> None:
+    click.echo(text, err=True, color=True if wants_color(sys.stderr) else None)
+
+
+def writes_json() -> bool:
+    """Whether errors are written as JSON."""
+    context = click.get_current_context(silent=True)
+    return context is not None and bool(context.meta.get(AS_JSON))
+
+
+def wants_color(stream: TextIO) -> bool:
+    """Whether a stream gets colors: as the option says, else if it is a terminal and NO_COLOR is not set."""
+    context = click.get_current_context(silent=True)
+    if context is not None and context.color is not None:
+        return context.color
+    return stream.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"

@@ -4,25 +4,29 @@ from __future__ import annotations
 
 import ast as python_ast
 import importlib
+import inspect
 import os
 import runpy
 import sys
-from collections.abc import Callable
-from contextlib import redirect_stdout
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, redirect_stdout
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
 from ss2sql.cli.endings import UserError
-from ss2sql.errors import SessionError
-from ss2sql.runtime.session import Session, connect
+from ss2sql.errors import Error, SessionError, Source, did_you_mean
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.session import Session
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-SCRIPT_OPTIONS = (
-    click.argument("file", required=False, type=click.Path(dir_okay=False, allow_dash=True)),
-    click.option("-e", "--execute", "text", help="The script itself, in place of a file."),
+USES_OPTIONS = (
     click.option(
         "--functions",
         "function_files",
@@ -30,30 +34,54 @@ SCRIPT_OPTIONS = (
         type=click.Path(exists=True, dir_okay=False, path_type=Path),
         help="A Python file whose functions the script may call.",
     ),
-    click.option("--world", "worlds", multiple=True, metavar="NAME=MODULE:OBJECT", help="A Python object to attach."),
+    click.option("--world", "worlds", multiple=True, metavar="NAME=MODULE:OBJECT",
+                 help="A Python object to attach; a class or function is called, MODULE:FACTORY(seed=3) too."),
     click.option("--database", type=click.Path(dir_okay=False), help="A SQLite file whose tables the script reads."),
-    click.option("-p", "--parameter", "parameters", nargs=2, multiple=True, metavar="NAME VALUE",
-                 help="A value for a name of the script, as a Python literal or else as text."),
 )  # fmt: skip
+
+PARAMETER = click.option("-p", "--parameter", "parameters", nargs=2, multiple=True, metavar="NAME VALUE",
+                         help="A value for a name of the script, as a Python literal or else as text.")  # fmt: skip
+
+SCRIPT_OPTIONS = (
+    click.argument("file", required=False, type=click.Path(dir_okay=False, allow_dash=True)),
+    click.option("-e", "--execute", "text", help="The script itself, in place of a file."),
+    *USES_OPTIONS,
+    PARAMETER,
+)
 
 
 def script_options(command: F) -> F:
     """Adds the options that say which script is meant and what it may use."""
-    for option in reversed(SCRIPT_OPTIONS):
+    return _with(SCRIPT_OPTIONS, command)
+
+
+def uses_options(command: F) -> F:
+    """Adds those that say what scripts may use, where there is no script."""
+    return _with(USES_OPTIONS, command)
+
+
+def session_options(command: F) -> F:
+    """Adds those that say what scripts may use, and values for their names, where the scripts come later."""
+    return _with((*USES_OPTIONS, PARAMETER), command)
+
+
+def _with(options: tuple[Callable[[F], F], ...], command: F) -> F:
+    for option in reversed(options):
         command = option(command)
     return command
 
 
-def script(file: str | None, text: str | None) -> str | Path:
+def script(file: str | None, text: str | None) -> str | Path | Source:
+    """What the options mean by the script."""
     if (file is None) == (text is None):
-        raise click.UsageError("give a script: a FILE, - for standard input, or -e TEXT")
+        raise click.UsageError("give a script: a FILE, - for standard input, or -e TEXT", _context())
     if text is not None:
         return text
     assert file is not None
     if file != "-":
         return Path(file)
     try:
-        return sys.stdin.buffer.read().decode("utf-8")
+        return Source(sys.stdin.buffer.read().decode("utf-8"), "<stdin>")
     except UnicodeDecodeError as error:
         raise SessionError("S002", f"the script on standard input cannot be read: {error}") from error
 
@@ -63,42 +91,147 @@ def session_for(
     worlds: tuple[str, ...],
     database: str | None,
     parameters: tuple[tuple[str, str], ...],
+    progress: str | bool = "auto",
 ) -> Session:
-    session = connect(database, read_only=database is not None)
+    from ss2sql.runtime.session import connect  # half a second, which completion and --help need not wait for
+
+    session = connect(database, progress=progress, read_only=database is not None)
     for path in function_files:
-        for name, value in _names_of(path).items():
-            if callable(value) and getattr(value, "__module__", None) == "<run_path>" and not name.startswith("_"):
-                session.function(name, value)
+        register(session, path)
     for world in worlds:
-        session.attach(*_world(world))
+        session.attach(*world_of(world))
     for name, text in parameters:
-        session.set(name, _value(text))
+        session.set(name, value_of(text))
     return session
+
+
+@contextmanager
+def beside_results() -> Iterator[None]:
+    """Sends what Python code prints to stderr, also where it is C that prints: results alone go to stdout."""
+    with redirect_stdout(sys.stderr):
+        if os.name != "posix":
+            yield
+            return
+        import ctypes
+
+        flush, kept = ctypes.CDLL(None).fflush, os.dup(1)
+        try:
+            os.dup2(2, 1)
+            yield
+        finally:
+            flush(None)  # what C has kept back until now
+            os.dup2(kept, 1)
+            os.close(kept)
+
+
+def register(session: Session, path: Path) -> list[str]:
+    """Registers the functions of a Python file; gives their names."""
+    found = {
+        name: value
+        for name, value in _names_of(path).items()
+        if callable(value) and getattr(value, "__module__", None) == "<run_path>" and not name.startswith("_")
+    }
+    for name, value in found.items():
+        session.function(name, value)
+    return list(found)
+
+
+def _context() -> click.Context | None:
+    return click.get_current_context(silent=True)
 
 
 def _names_of(path: Path) -> dict[str, Any]:
     try:
-        with redirect_stdout(sys.stderr):
+        with beside_results():
             return runpy.run_path(str(path))
     except Exception as error:
         raise UserError(error) from None
 
 
-def _world(text: str) -> tuple[str, Any]:
-    name, _, place = text.partition("=")
-    module, _, attribute = place.partition(":")
-    if not (name and module and attribute):
-        raise click.UsageError(f"--world takes NAME=MODULE:OBJECT, not {text}")
-    sys.path.insert(0, os.getcwd())
+# --- worlds --------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class _Place:
+    """What `--world` names: an object of a module, or of a Python file, and what it is called with, if anything."""
+
+    module: str
+    names: tuple[str, ...]
+    arguments: tuple[Any, ...] = ()
+    named: tuple[tuple[str, Any], ...] = ()
+    called: bool = False
+
+
+def world_of(text: str) -> tuple[str, Any]:
+    name, _, rest = text.partition("=")
+    place = _place(rest)
+    if not name or place is None:
+        message = f"--world takes NAME=MODULE:OBJECT or NAME=MODULE:FACTORY(ARGUMENTS), not {text}"
+        raise click.UsageError(message, _context())
+    if os.getcwd() not in sys.path:
+        sys.path.insert(0, os.getcwd())
+    found = _object(place, text)
+    if not (place.called or inspect.isroutine(found) or isinstance(found, (type, partial))):
+        return name, found
     try:
-        with redirect_stdout(sys.stderr):
-            found = getattr(importlib.import_module(module), attribute)
-            return name, found() if isinstance(found, type) else found
+        with beside_results():
+            return name, found(*place.arguments, **dict(place.named))
+    except Error:
+        raise
     except Exception as error:
-        raise SessionError("S002", f"the world {text} cannot be found: {error}") from error
+        raise UserError(error) from None
 
 
-def _value(text: str) -> Any:
+def _place(text: str) -> _Place | None:
+    """The parts of `MODULE:OBJECT`; None where the text is nothing of the kind. Arguments are literals of Python."""
+    module, _, wanted = text.partition(":")
+    try:
+        tree = python_ast.parse(wanted.strip(), mode="eval").body
+        call = tree if isinstance(tree, python_ast.Call) else None
+        names = python_ast.unparse(call.func if call else tree).split(".")
+        arguments = tuple(map(python_ast.literal_eval, call.args if call else ()))
+        named = tuple((word.arg or "", python_ast.literal_eval(word.value)) for word in (call.keywords if call else ()))
+    except (SyntaxError, ValueError):
+        return None
+    if not module or not all(word.isidentifier() for word in (*names, *(word for word, _ in named))):
+        return None
+    return _Place(module, tuple(names), arguments, named, call is not None)
+
+
+def _object(place: _Place, text: str) -> Any:
+    """What the names lead to. Raises SessionError S002 where there is no such thing."""
+    found = _module(place.module, text)
+    for name in place.names:
+        try:
+            found = getattr(found, name)
+        except Error:
+            raise
+        except AttributeError as error:
+            hints = did_you_mean(name, (word for word in dir(found) if not word.startswith("_")))
+            raise _missing(text, error, hints) from error
+    return found
+
+
+def _module(name: str, text: str) -> Any:
+    """A module, or the names of a Python file as one."""
+    if name.endswith(".py"):
+        return SimpleNamespace(**_names_of(Path(name)))
+    try:
+        with beside_results():
+            return importlib.import_module(name)
+    except Error:
+        raise
+    except ImportError as error:
+        raise _missing(text, error) from error
+    except Exception as error:
+        raise UserError(error) from None
+
+
+def _missing(text: str, error: Exception, hints: tuple[str, ...] = ()) -> SessionError:
+    return SessionError("S002", f"the world {text} cannot be found: {error}", hints=hints)
+
+
+def value_of(text: str) -> Any:
     """The value of a Python literal; any other text is itself."""
     try:
         return python_ast.literal_eval(text)

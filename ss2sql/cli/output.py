@@ -1,23 +1,201 @@
-"""Results on stdout."""
+"""Results on stdout, or in a file."""
 
 from __future__ import annotations
 
+import io
+import sys
+from collections.abc import Callable
+from contextlib import redirect_stdout
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
+
 import click
 
-from ss2sql.runtime.result import Result
+from ss2sql.cli.endings import note, wants_color
+from ss2sql.errors import SessionError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from ss2sql.runtime.result import Result
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+FORMATS = ("table", "json", "csv", "arrow", "parquet")
+BINARY = ("arrow", "parquet")
+# The format of a file by the end of its name. `.arrow` is a file of Arrow, `.arrows` a stream of it.
+FILE_ENDINGS = {
+    ".txt": "table", ".json": "json", ".csv": "csv", ".arrow": "arrow", ".feather": "arrow", ".arrows": "arrow",
+    ".parquet": "parquet",
+}  # fmt: skip
+SHOWN = 20  # rows of a table
+FILE_WIDE = 120  # characters of a table in a file
+
+
+class Count(click.ParamType[int]):
+    """A number of rows, or `all`."""
+
+    name = "rows"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        if str(value).lower() == "all":
+            return sys.maxsize
+        try:
+            number = int(value)
+        except ValueError:
+            number = -1
+        if number < 0:
+            self.fail(f"{value!r} is neither a number of rows nor 'all'.", param, ctx)
+        return number
+
+
+def output_options(command: F) -> F:
+    """Adds the options that say how a result is printed."""
+    options = (
+        click.option("--format", "form", type=click.Choice(FORMATS),
+                     help="How the result is printed.  [default: table]"),
+        click.option("-o", "--output", type=click.Path(dir_okay=False, path_type=Path),
+                     help="A file for the result; the end of its name says the format: .csv, .json, .parquet ..."),
+        click.option("--show", "shown", type=Count(), default=SHOWN, show_default=True, metavar="N|all",
+                     help="So many rows or paths of a table are shown."),
+    )  # fmt: skip
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
+@dataclass(frozen=True, slots=True)
+class Output:
+    """Where results go and what they look like there."""
+
+    form: str
+    path: Path | None
+    shown: int
+
+    def write(self, result: Result) -> None:
+        """Prints a result, or writes the file and says so."""
+        if self.path is None:
+            _print(result, self.form, self.shown)
+            return
+        try:
+            _write(result, self.form, self.path, self.shown)
+        except OSError as error:
+            raise not_written(self.path, error) from error
+        note(f"written to {self.path}: {counted(result)}")
+
+
+def output_of(form: str | None, path: Path | None, shown: int = SHOWN) -> Output:
+    """What the options ask for, checked before anything runs."""
+    if path is not None:
+        check_folder(path)
+    if form is None:
+        if path is not None and path.suffix.lower() not in FILE_ENDINGS:
+            endings = ", ".join(FILE_ENDINGS)
+            _refuse(f"{path} does not say which format it is to have: name it with --format, or end it in {endings}")
+        form = "table" if path is None else FILE_ENDINGS[path.suffix.lower()]
+    if form == "table":
+        import rich.console
+        import rich.table  # noqa: F401 - 0.1 s that nobody should wait for after Ctrl-C
+    if form in BINARY:
+        from ss2sql.results import package
+
+        if path is None and sys.stdout.isatty():
+            _refuse(
+                f"{form} is not for terminals: write it to a file, --output FILE.{form}, or on into another program"
+            )
+        package("pyarrow", "df", f"--format {form}")  # else it would be missed when all has been computed
+    return Output(form, path, shown)
+
+
+def _refuse(message: str) -> NoReturn:
+    raise click.UsageError(message, click.get_current_context(silent=True))
+
+
+def check_folder(path: Path) -> None:
+    """Raises SessionError S002 for a file that could not be written once there is something to write."""
+    if not path.parent.is_dir():
+        raise SessionError("S002", f"{path} cannot be written: there is no folder {path.parent}")
+
+
+def not_written(path: Path, error: OSError) -> SessionError:
+    return SessionError("S002", f"{path} cannot be written: {error.strerror or error}")
+
+
+def counted(result: Result) -> str:
+    """How many rows a result has, and paths."""
+    rows = f"{len(result):,} row{'' if len(result) == 1 else 's'}"
+    if result.answer is None or result.answer.rows.paths is None:
+        return rows
+    paths = len(result.answer.rows.paths)
+    return f"{paths:,} path{'' if paths == 1 else 's'}, {rows}"
+
+
+# --- stdout --------------------------------------------------------------------------------------------
 
 
 def echo(text: str) -> None:
-    """Prints a result; what no terminal can show is written as an escape."""
-    click.echo(text.encode("utf-8", "backslashreplace").decode("utf-8"))
+    """Prints a line of a result."""
+    click.echo(text)
 
 
-def print_result(result: Result, form: str) -> None:
-    if form == "json":
-        echo(str(result.json()))
-    elif form == "csv":
-        echo(str(result.csv()).rstrip("\n"))
-    elif result.answer is None:
-        echo(str(result.value))
+def console() -> Console:
+    """What prints tables on stdout, in colors where these are wanted."""
+    from rich.console import Console
+
+    if not wants_color(sys.stdout):
+        return Console(color_system=None)
+    return Console(force_terminal=True, color_system="auto" if sys.stdout.isatty() else "standard")
+
+
+def _print(result: Result, form: str, shown: int) -> None:
+    if form == "table":
+        _table(result, shown, console())
+        return
+    sys.stdout.flush()
+    left = memoryview(_bytes(result, form, stream=True))
+    while left:  # a stream without a buffer, as under PYTHONUNBUFFERED, may take a part only
+        left = left[sys.stdout.buffer.write(left) :]
+    sys.stdout.buffer.flush()
+
+
+def _table(result: Result, shown: int, target: Console) -> None:
+    """A table, or the value of a script that does not end with a query."""
+    if result.answer is None:
+        target.file.write(f"{result.value}\n")
     else:
-        result.show()
+        result.show(shown, target)
+
+
+def _bytes(result: Result, form: str, stream: bool) -> bytes:
+    """A result in a format of data, whose text is UTF-8 whatever the terminal is: other programs read it."""
+    if form == "json":
+        return _encoded(f"{result.json()}\n")
+    if form == "csv":
+        return _encoded(str(result.csv()))
+    from ss2sql.results import package
+
+    file = io.BytesIO()
+    if form == "parquet":
+        package("pyarrow.parquet", "df", "--format parquet").write_table(result.arrow(), file)
+    else:
+        table = result.arrow()
+        ipc = package("pyarrow.ipc", "df", "--format arrow")
+        make = ipc.new_stream if stream else ipc.new_file
+        with make(file, table.schema) as writer:
+            writer.write_table(table)
+    return file.getvalue()
+
+
+def _encoded(text: str) -> bytes:
+    return text.encode("utf-8", "backslashreplace")
+
+
+def _write(result: Result, form: str, path: Path, shown: int) -> None:
+    if form != "table":
+        path.write_bytes(_bytes(result, form, stream=path.suffix.lower() == ".arrows"))
+        return
+    from rich.console import Console
+
+    with path.open("w", encoding="utf-8", errors="backslashreplace") as file, redirect_stdout(file):
+        _table(result, shown, Console(file=file, width=FILE_WIDE, color_system=None))

@@ -2,27 +2,49 @@
 
 from __future__ import annotations
 
-import sys
 import warnings
-from contextlib import redirect_stdout
+from dataclasses import replace
+from functools import partial
+from itertools import accumulate, takewhile
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from ss2sql.cli.endings import UserError, reports_errors
-from ss2sql.cli.given import script, script_options, session_for
-from ss2sql.cli.output import print_result
-from ss2sql.errors import Error, WorkersWarning
+from ss2sql.cli.endings import UserError, note, reports_errors
+from ss2sql.cli.given import beside_results, script, script_options, session_for
+from ss2sql.cli.output import output_of, output_options
+from ss2sql.errors import Error, Source, Stopped, WorkersWarning
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.result import Result
+    from ss2sql.runtime.session import Session
+
+ENGINES = ("auto", "database", "native")
+MOST_BROKEN_OFF = 1_000_000  # rows of a result that a run had when it was broken off: a search may have had no end
+
+RUN_OPTIONS = (
+    click.option("--engine", type=click.Choice(ENGINES), default="auto", show_default=True, help="Where queries run."),
+    click.option("--timeout", type=click.FloatRange(min=0), help="Seconds after which the run is broken off."),
+    click.option("--maximum", type=click.IntRange(min=1), help="At most so many results of the last search."),
+    click.option("--max-rows", type=click.IntRange(min=0), help="More results than that are an error."),
+    click.option("--workers", type=click.IntRange(min=1), default=1, help="Processes for calls that MEMORIZE makes."),
+    click.option("--progress/--no-progress", default=None,
+                 help="Whether a long run says how far it is; else it does on a terminal."),
+)  # fmt: skip
+
+
+def run_options(command: Any) -> Any:
+    """Adds the options of a run; `run_script` takes their values."""
+    for option in reversed(RUN_OPTIONS):
+        command = option(command)
+    return command
 
 
 @click.command("run")
 @script_options
-@click.option("--engine", type=click.Choice(["auto", "database", "native"]), default="auto", show_default=True)
-@click.option("--format", "form", type=click.Choice(["table", "json", "csv"]), default="table", show_default=True)
-@click.option("--timeout", type=click.FloatRange(min=0), help="Seconds after which the run is broken off.")
-@click.option("--maximum", type=click.IntRange(min=1), help="At most so many results of the last search.")
-@click.option("--workers", type=click.IntRange(min=1), default=1, help="Processes for calls that MEMORIZE makes.")
+@run_options
+@output_options
 @reports_errors
 def command(
     file: str | None,
@@ -31,24 +53,60 @@ def command(
     worlds: tuple[str, ...],
     database: str | None,
     parameters: tuple[tuple[str, str], ...],
-    engine: Any,
-    form: str,
-    timeout: float | None,
-    maximum: int | None,
-    workers: int,
+    progress: bool | None,
+    form: str | None,
+    output: Path | None,
+    shown: int,
+    **options: Any,
 ) -> None:
     """Runs a script: FILE, - for standard input, or -e TEXT."""
     source = script(file, text)
-    with session_for(function_files, worlds, database, parameters) as session:
+    wanted = output_of(form, output, shown)
+    with session_for(function_files, worlds, database, parameters, "auto" if progress is None else progress) as session:
         try:
-            with redirect_stdout(sys.stderr), warnings.catch_warnings():  # what the script prints is not its result
-                warnings.simplefilter("ignore", WorkersWarning)  # told below, without a place in Python code
-                result = session.run(source, engine=engine, timeout=timeout, maximum=maximum, workers=workers)
-        except Error:
+            result = run_script(session, source, **options)
+        except Stopped as stopped:
+            if stopped.partial is not None:
+                wanted.write(stopped.partial if wanted.form == "table" else as_data(session, stopped.partial))
             raise
-        except Exception as error:
-            raise UserError(error) from None
-        for note in result.stats.notes:
-            if note.startswith("workers: "):
-                click.echo(note, err=True)
-        print_result(result, form)
+        wanted.write(result)
+
+
+def run_script(session: Session, source: str | Path | Source, **options: Any) -> Result:
+    """Runs a script with the options of `run_options`; what it prints goes to stderr."""
+    try:
+        with beside_results(), warnings.catch_warnings():  # what the script prints is not its result
+            warnings.simplefilter("ignore", WorkersWarning)  # told below, without a place in Python code
+            result = session.run(source, **options)
+    except Error:
+        raise
+    except Exception as error:
+        raise UserError(error) from None
+    for text in result.stats.notes:
+        if text.startswith("workers: "):
+            note(text)
+    return result
+
+
+def as_data(session: Session, found: Result) -> Result:
+    """What a run had found, with the value that AS makes of it; no more than can be written.
+
+    A representation that may fail, or that needs more than the rows, gives way to that of the language.
+    """
+    from ss2sql.plan import Representation
+    from ss2sql.runtime.paths import lengths_of
+    from ss2sql.runtime.shaping import PATH_FORMS
+
+    assert found.answer is not None
+    answer, shapes = found.answer, session.host.shapes
+    rows = replace(answer.rows, hidden=0)
+    if rows.paths is not None:
+        ends = accumulate(lengths_of(rows.paths))
+        most = sum(1 for _ in takewhile(lambda end: end <= MOST_BROKEN_OFF, ends))
+        if most < len(rows.paths):
+            note(f"the first {most:,} of {len(rows.paths):,} paths:")
+            rows.paths = rows.paths[:most]
+    form = answer.form
+    if form is None or form.name not in PATH_FORMS or form.arguments or form.named or not shapes.is_built_in(form):
+        form = Representation("dict")
+    return replace(found, answer=replace(answer, rows=rows, make=partial(shapes.represent, form, rows, (), {})))

@@ -10,14 +10,38 @@ import click
 from ss2sql.cli.endings import reports_errors
 from ss2sql.cli.given import script, script_options, session_for
 from ss2sql.cli.output import echo
-from ss2sql.frontend.parser import parse
-from ss2sql.plan_tree import plan_tree
-from ss2sql.runtime.session import source_of
+
+STAGES = ("ast", "plan", "sql")
+
+
+def _checked_dialect(context: click.Context, parameter: click.Parameter, value: str | None) -> str | None:
+    """Refuses a dialect that does not exist, and one where no SQL is asked for."""
+    if value is None:
+        return None
+    from ss2sql.lowering.dialects import DIALECTS
+
+    if value not in DIALECTS:
+        raise click.BadParameter(f"there is no dialect '{value}'; SQL can be written in: {', '.join(DIALECTS)}")
+    return value
+
+
+def _complete_dialect(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
+    from ss2sql.lowering.dialects import DIALECTS
+
+    return [name for name in DIALECTS if name.startswith(incomplete)]
 
 
 @click.command("sql")
 @script_options
-@click.option("--stage", type=click.Choice(["ast", "plan", "sql"]), default="sql", show_default=True)
+@click.option("--stage", type=click.Choice(STAGES), default="sql", show_default=True,
+              help="The syntax tree, the plan, or SQL.")  # fmt: skip
+@click.option(
+    "--dialect",
+    callback=_checked_dialect,
+    shell_complete=_complete_dialect,
+    metavar="NAME",
+    help="The dialect of the SQL.  [default: sqlite]",
+)
 @reports_errors
 def command(
     file: str | None,
@@ -27,13 +51,21 @@ def command(
     database: str | None,
     parameters: tuple[tuple[str, str], ...],
     stage: str,
+    dialect: str | None,
 ) -> None:
     """Shows what a script becomes: its syntax tree, its plan, or the SQL that runs."""
     source = script(file, text)
+    if dialect is not None and stage != "sql":
+        raise click.UsageError("--dialect goes with --stage sql", click.get_current_context())
     if stage == "ast":
+        from ss2sql.frontend.parser import parse
+        from ss2sql.runtime.session import source_of
+
         for statement in parse(source_of(source)).statements:
             echo(repr(statement))
         return
+    from ss2sql.plan_tree import plan_tree
+
     with session_for(function_files, worlds, database, parameters) as session:
         query = session.compile(source)
         echo(plan_tree(query.plan).rstrip() if stage == "plan" else _sql_text(query.sql))

@@ -22,6 +22,8 @@ OPERATORS = {
     "<": "lt", "<=": "le", ">": "gt", ">=": "ge", "IN": "in",
 }  # fmt: skip
 COMPARISONS = frozenset(("==", "!=", "<>", "<", "<=", ">", ">=", "IN", "NOT IN"))
+LOGIC = frozenset(("AND", "OR", "XOR"))
+COMMENT = "write # before a comment, or /* */ around it"
 CHAIN = "write a < b AND b < c"
 ENDINGS = ("end it with AS, for instance AS list, or put it in parentheses",)
 
@@ -68,8 +70,9 @@ class ExpressionBuilder:
         return [*self._errors, *self._too_large.values()]
 
     def unended(self, start: int) -> bool:
-        """Whether a query behind the offset `start` was found not to be ended."""
-        return any(e.code == "P009" and e.span is not None and e.span.end > start for e in self._errors)
+        """Whether a query behind the offset `start` was found not to be ended, or to run into a comment of SQL."""
+        found = (e for e in self._errors if e.code == "P009" or COMMENT in e.hints)
+        return any(e.span is not None and e.span.end > start for e in found)
 
     def script(self, span: Span, *statements: Expr) -> ast.Script:
         whole = Span(self.script_source, 0, len(self.script_source.text))
@@ -229,7 +232,7 @@ class ExpressionBuilder:
         """A node with its depth. Raises ParseError (P005) for a tree that later stages could not walk."""
         depth = 1 + max([part.depth for part in parts], default=0)
         if depth > MAX_DEPTH:
-            raise text.too_deep(node.span, f"{MAX_DEPTH} expressions")
+            raise _too_deep(node)
         return Part(node, depth, query)
 
     def _error(self, code: str, message: str, span: Span, *hints: str) -> ParseError:
@@ -243,9 +246,14 @@ class ExpressionBuilder:
             shape = query.representation
             if shape is None and sign in COMPARISONS and _ends_in_comparison(query):
                 self._error("P001", f"a comparison does not go on with {sign}", place or query.span, CHAIN)
+            elif shape is None and place is not None and place.source.text.startswith("--", place.start):
+                comment = Span(place.source, place.start, place.start + 2)
+                self._error("P006", "-- does not start a comment", comment, COMMENT)
             elif shape is None:
-                bare = query.span.end == query.sources[-1].span.end
+                bare = sign not in LOGIC and query.span.end == query.sources[-1].span.end
                 hints = (f"a source with {sign} in it stands in parentheses: FROM (a {sign} b)",) if bare else ()
+                if bare and sign == "IN":
+                    hints = (f"to name a source write FROM {query.sources[-1].span.text} = ...",)
                 self._error("P009", f"the query to the left of {sign} is not ended", query.span, *hints, *ENDINGS)
             elif sign in COMPARISONS:
                 self._error("P009", f"a query to the left of {sign} stands in parentheses", query.span,
@@ -268,3 +276,14 @@ def _ends_in_comparison(query: ast.Query) -> bool:
         last = last.parts[-1]
     names = ("eq", "ne", "lt", "le", "gt", "ge", "in", "not_in")
     return isinstance(last, ast.Operator) and last.function in names and last.span.end == query.span.end
+
+
+def _too_deep(node: Any) -> ParseError:
+    """The error for a node that has too many below it: a chain of one operator is long rather than deep."""
+    if isinstance(node, ast.Operator) and node.place is not None:
+        first = node.operands[0]
+        if isinstance(first, ast.Operator) and first.function == node.function:
+            cure = "sum([a, b, ...]) adds a list" if node.function == "add" else "assign parts of it to variables first"
+            message = f"more than {MAX_DEPTH} values are joined by {node.place.text}"
+            return ParseError("P005", message, node.place, (cure, "long data comes from Python as a variable"))
+    return text.too_deep(node.span, f"{MAX_DEPTH} expressions")

@@ -32,6 +32,8 @@ def search_options(
         option = given.get(keyword)
         if option is None or option.argument is None:
             return None
+        if sight is outer:
+            return outside(resolver, option.argument, outer, keyword)
         return resolver.guarded(resolver.expression, option.argument, sight)
 
     order: plan.Order = "depth first"
@@ -53,6 +55,19 @@ def search_options(
         bound=argument("MEMORIZE", outer),
         maximum=argument("MAXIMUM", outer),
     )
+
+
+def outside(resolver: Resolver, tree: ast.Expr, outer: Scope | None, what: str) -> plan.Expr:
+    """What is read once for the whole query, as LIMIT is: its elements and columns are not in sight."""
+    before = len(resolver.errors)
+    found = resolver.guarded(resolver.expression, tree, outer)
+    for error in resolver.errors[before:]:
+        once = f"{what} is read once, before there is an element"
+        if error.code == "R014":
+            error.hints = (once,)
+        elif error.code == "R001":
+            error.with_hint(once)
+    return found
 
 
 def _check(resolver: Resolver, given: dict[str, ast.Option]) -> None:

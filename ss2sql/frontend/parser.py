@@ -34,7 +34,7 @@ def parse(source: Source) -> ast.Script:
     errors: list[ParseError] = []
     position = 0
     while position < len(tokens) and len(errors) < MAX_ERRORS:
-        outcome = _run(table, builder, tokens, position, len(tokens))
+        outcome = read(table, builder, tokens, position, len(tokens))
         if isinstance(outcome, ast.Script):
             errors += builder.errors()
             if not errors:
@@ -42,18 +42,18 @@ def parse(source: Source) -> ast.Script:
             break
         # Before the parser refuses a token it completes rules that only other tokens could follow. A second run
         # that halts in front of the token keeps what belongs to it apart.
-        trouble = _run(table, Builder(source), tokens, position, outcome.index)
+        trouble = read(table, Builder(source), tokens, position, outcome.index)
         assert isinstance(trouble, Trouble)
         # Where a query does not end, the rest of its statement is astray: that is no second error.
         if not builder.unended(max(tokens[position].start, trouble.statement)):
             errors.append(syntax_errors.explain(trouble))
-        position = _resume(trouble)
+        position = resume(trouble)
     else:
         errors += builder.errors()
     raise several(sorted(errors, key=lambda error: error.span.start if error.span else 0)[:MAX_ERRORS])
 
 
-def _run(table: Table, builder: Builder, tokens: list[Token], position: int, halt: int) -> ast.Script | Trouble:
+def read(table: Table, builder: Builder, tokens: list[Token], position: int, halt: int) -> ast.Script | Trouble:
     """Parses `tokens[position:halt]`; gives the script, or the state before the first token that does not fit."""
     source = builder.script_source
     rows, end_state = table.rows, table.end
@@ -102,7 +102,7 @@ def _children(rule: Rule, symbols: list[Any]) -> list[Any]:
     return children
 
 
-def _resume(trouble: Trouble) -> int:
+def resume(trouble: Trouble) -> int:
     """The index of the token at which parsing goes on after an error: behind the next `;` outside brackets.
 
     Where a bracket is never closed, that is behind the next `;` outside the brackets that follow the error; where

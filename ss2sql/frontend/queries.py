@@ -6,11 +6,11 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ss2sql import plan
-from ss2sql.errors import ResolveError, Span, did_you_mean
+from ss2sql.errors import ResolveError, Span, did_you_mean, similar
 from ss2sql.frontend import ast
 from ss2sql.frontend.groups import with_groups
 from ss2sql.frontend.hidden import with_hidden_columns
-from ss2sql.frontend.options import search_options
+from ss2sql.frontend.options import outside, search_options
 from ss2sql.frontend.scope import Scope, column_of, element_of, is_settled
 from ss2sql.frontend.sources import open_sources
 from ss2sql.frontend.states import settle_states
@@ -45,7 +45,7 @@ def resolve_query(resolver: Resolver, tree: ast.Query, outer: Scope | None) -> p
         having,
         False,
         order,
-        _optional(resolver, tree.limit, outer),
+        None if tree.limit is None else outside(resolver, tree.limit, outer, "LIMIT"),
         _representation(resolver, tree.representation, outer),
         span=tree.span,
     )
@@ -74,7 +74,7 @@ def _search(resolver: Resolver, tree: ast.Query, scope: Scope, outer: Scope | No
         open_sources(resolver, tree, scope)
         return None
     start = _start(resolver, tree, scope)
-    _check_assigned(resolver, tree)
+    _check_assigned(resolver, tree, scope)
     settle_states(resolver, tree, scope, dict(start))
     open_sources(resolver, tree, scope)
     connect = tuple((a.name, resolver.guarded(resolver.expression, a.value, scope)) for a in tree.connect)
@@ -96,7 +96,7 @@ def _start(resolver: Resolver, tree: ast.Query, scope: Scope) -> tuple[tuple[str
     return tuple(start)
 
 
-def _check_assigned(resolver: Resolver, tree: ast.Query) -> None:
+def _check_assigned(resolver: Resolver, tree: ast.Query, scope: Scope) -> None:
     known = [assign.name for assign in tree.start]
     if not tree.connect:
         hint = "name what changes from step to step: CONNECT BY name = expr"
@@ -106,6 +106,7 @@ def _check_assigned(resolver: Resolver, tree: ast.Query) -> None:
             hints = did_you_mean(assign.name, known) or (f"add START WITH {assign.name} = ...",)
             message = f"CONNECT BY sets '{assign.name}', which START WITH does not"
             resolver.errors.append(ResolveError("R001", message, assign.name_span, hints))
+            scope.states[assign.name] = ANY  # other clauses may mention it: once is enough
 
 
 # --- columns and keys ----------------------------------------------------------------------------------
@@ -147,7 +148,7 @@ def _labelled(resolver: Resolver, value: ast.Expr, label: ast.Expr, scope: Scope
         case ast.Name(name=name) | ast.Literal(value=str(name)):
             return plan.Output(name, expr)
         case _:
-            text = resolver.guarded(resolver.expression, label, scope.parent)
+            text = outside(resolver, label, scope.parent, "the name of a column")
             return plan.Output(_column_name(value), expr, text)
 
 
@@ -185,9 +186,10 @@ def _representation(resolver: Resolver, tree: ast.Representation | None, outer: 
     name = SYNONYMS.get(tree.name.lower(), tree.name.lower())
     known = {word.lower() for word in resolver.catalog.representations}
     if name not in known:
-        resolver.errors.append(
-            ResolveError("R006", f"unknown representation '{tree.name}'", tree.span, did_you_mean(name, known))
-        )
+        hints = did_you_mean(name, known)
+        if not similar(name, known) and not (tree.arguments or tree.named):
+            hints += (f"to name a source write FROM {tree.name} = ...",)
+        resolver.errors.append(ResolveError("R006", f"unknown representation '{tree.name}'", tree.span, hints))
     arguments = resolver.all(tree.arguments, outer)
     named = tuple((a.name, resolver.guarded(resolver.expression, a.value, outer)) for a in tree.named)
     return plan.Representation(name, arguments, named, tree.span)

@@ -26,11 +26,12 @@ from ss2sql.frontend.scope import (
     open_source,
     source_named,
 )
+from ss2sql.frontend.suggestions import Place, over_all_rows, unknown_function, unknown_method, unknown_name
 from ss2sql.frontend.worlds import keys_of, world_call
 from ss2sql.kinds import ANY, NONE, Kind, Type, list_of, type_of, union
-from ss2sql.runtime.builtins import AGGREGATES, BUILTINS
+from ss2sql.runtime.builtins import AGGREGATES, BUILTINS, usage
 
-AGGREGATE_HINT = "it works on a list: {name}(SELECT ... AS list), or on the groups of a GROUP BY"
+AGGREGATE_HINT = "it works on a list: {query}, or on the groups of a GROUP BY"
 
 
 def resolve(script: ast.Script, catalog: Catalog) -> plan.Program:
@@ -115,7 +116,7 @@ class Resolver:
             case ast.This():
                 return self.this(tree, scope)
             case ast.Attribute(source=source, name=name):
-                owner = first_source(scope, span) if source is None else source_named(scope, source, span)
+                owner = first_source(scope, span) if source is None else self.source(tree, source, scope)
                 return self.element_call(name, owner, scope, span) or column_of(owner, name, span)
             case ast.ListLiteral():
                 return self.list_literal(tree, scope)
@@ -127,7 +128,7 @@ class Resolver:
                 bounds = (bound or ast.Literal(None, span=span) for bound in (lower, upper))
                 return self.call("slice", self.all((value, *bounds), scope), span, span)
             case ast.Operator(function=function, operands=operands, place=place):
-                arguments = self.all(operands, scope)
+                arguments = self.operands(operands, scope)
                 compared = function in ("eq", "ne") and self.catalog.functions[function].builtin
                 return self.call(function, keys_of(arguments, scope) if compared else arguments, span, place)
             case ast.And(parts=parts):
@@ -160,7 +161,18 @@ class Resolver:
     def all(self, trees: Iterable[ast.Expr], scope: Scope | None) -> tuple[plan.Expr, ...]:
         return tuple(self.guarded(self.expression, tree, scope) for tree in trees)
 
-    def name(self, name: str, scope: Scope | None, span: Span) -> plan.Expr:
+    def operands(self, trees: Iterable[ast.Expr], scope: Scope | None) -> tuple[plan.Expr, ...]:
+        """Operands, or the arguments of a call."""
+        return tuple(
+            self.guarded(self.operand if isinstance(tree, ast.Name) else self.expression, tree, scope) for tree in trees
+        )
+
+    def operand(self, tree: ast.Expr, scope: Scope | None) -> plan.Expr:
+        """A name where a text without quotes may be meant."""
+        assert isinstance(tree, ast.Name)
+        return self.name(tree.name, scope, tree.span, operand=True)
+
+    def name(self, name: str, scope: Scope | None, span: Span, operand: bool = False) -> plan.Expr:
         meaning = self.bound(name, scope, span) or self.variable(name, span)
         if meaning is not None:
             return meaning
@@ -171,15 +183,9 @@ class Resolver:
             self.parameters[name] = None
             self.reads[name] = ANY
             return plan.Variable(name, ANY, span=span)
-        known = [*names_in_sight(scope), *self.assigned, *self.catalog.variables, *self.parameters]
-        hints = did_you_mean(name, known) or (f"assign it before, or give it from Python: run(script, {name}=...)",)
-        if name in self.catalog.functions:
-            hints = (f"'{name}' is a function: write {name}({'this' if scope else '...'})",)
-        elif any(source.name == name for level in (scope.outwards() if scope else ()) for source in level.sources):
-            hints = (f"'{name}' is a source: write {name}.this",)
-        elif name.upper() == "NULL":
-            hints = ("write None",)
-        raise ResolveError("R001", f"unknown name '{name}'", span, hints)
+        sources = tuple(source for level in scope.outwards() for source in level.sources) if scope else ()
+        known = [*names_in_sight(scope), *self.variables(), *self.parameters]
+        raise unknown_name(name, span, self.catalog, known, Place(scope is not None, operand, sources))
 
     def bound(self, name: str, scope: Scope | None, span: Span) -> plan.State | plan.Column | None:
         """The START WITH variable or column that a bare name means, as far as columns are known."""
@@ -187,6 +193,10 @@ class Resolver:
         if not is_settled(scope, found):
             self.tentative = True
         return found
+
+    def variables(self) -> list[str]:
+        """The names of all script variables and attached sources."""
+        return [*self.assigned, *self.catalog.variables]
 
     def variable(self, name: str, span: Span) -> plan.Variable | None:
         """The script variable of this name, if there is one."""
@@ -207,6 +217,15 @@ class Resolver:
                 self.reads[name] = self.catalog.variable_type(name)
             return plan.Variable(name, self.reads[name], span=span)
         return None
+
+    def source(self, tree: ast.Attribute, name: str, scope: Scope | None) -> plan.Source:
+        """The source that a column is read of."""
+        try:
+            return source_named(scope, name, tree.span)
+        except ResolveError as error:
+            if scope is None and name in self.variables():
+                error.hints = (f"write SELECT {tree.name} FROM {name} AS list",)
+            raise
 
     def this(self, tree: ast.This, scope: Scope | None) -> plan.Expr:
         if tree.source is not None:
@@ -245,7 +264,7 @@ class Resolver:
     def temporal(self, name: str, when: ast.Expr | None, scope: Scope | None, span: Span) -> plan.Expr:
         if self.variable(name, span) is None:
             known = [*self.assigned, *self.catalog.variables]
-            hints = did_you_mean(name, known) or (f"store a value with {name}{{5.0}} = ...",)
+            hints = (*did_you_mean(name, known), f"store a value with {name}{{5.0}} = ...")
             raise ResolveError("R001", f"unknown temporal variable '{name}'", span, hints)
         moment = None if when is None else self.guarded(self.expression, when, scope)
         return plan.Temporal(name, moment, ANY, span=span)
@@ -263,10 +282,7 @@ class Resolver:
             if function is None or any(kind.may(Kind.OBJECT) or kind.only(Kind.STR) for kind in kinds):  # or its name
                 return world_call(self, name, arguments, scope, span)
         if function is None:
-            every = (*self.catalog.functions, *self.catalog.world_functions)
-            visible = (known for known in every if known not in ("item", "slice") and "." not in known)
-            hints = did_you_mean(name, visible) or ("register it with session.function; help() lists the known ones",)
-            raise ResolveError("R002", f"unknown function '{name}'", span, hints)
+            raise unknown_function(tree, self.catalog, self.variables())
         if function.builtin and name == "to":
             hint = "write it around a whole column of SELECT, and the expression itself here"
             raise ResolveError("R014", "to(expr, name) names a column and stands in SELECT", span, (hint,))
@@ -276,12 +292,12 @@ class Resolver:
         if tree.star:
             hints = ("add GROUP BY, or count the rows of a query: len(SELECT ... FROM ...)",)
             raise ResolveError("R008", "count(*) alone takes a star, and counts the rows of a group", span, hints)
-        arguments = self.all(tree.arguments, scope)
+        arguments = self.operands(tree.arguments, scope)
         if function.builtin and name == "eval":
             self.check_arity(function, len(arguments), span)
             return self.eval(arguments[0], scope, span)
         if is_aggregate(function) and len(arguments) == 1 and not grouped and not arguments[0].type.may(Kind.LIST):
-            hint = AGGREGATE_HINT.format(name=name)
+            hint = AGGREGATE_HINT.format(query=over_all_rows(tree, scope))
             raise ResolveError("R008", f"{name} needs a list, and this is not one", span, (hint,))
         levels = scope.outwards() if scope else ()
         self.inliner.sources.update((source.id, source) for level in levels for source in level.sources)
@@ -298,15 +314,7 @@ class Resolver:
         """`world.function(arguments)`."""
         world = self.catalog.worlds.get(tree.owner or "")
         if world is None or tree.function not in world.offered():
-            known = world.offered() if world is not None else self.catalog.worlds
-            message = f"the world '{tree.owner}' has no function '{tree.function}'"
-            if world is None:
-                message = f"there is no world '{tree.owner}' with a function '{tree.function}'"
-            hints = did_you_mean(tree.function if world is not None else tree.owner or "", known)
-            if not hints:
-                call = f"{tree.function}({tree.owner}{', ...' if tree.arguments else ''})"
-                hints = (f"there are no methods; write {call}, with a function that is known or registered",)
-            raise ResolveError("R002", message, tree.span, hints)
+            raise unknown_method(tree, self.catalog, [*names_in_sight(scope), *self.variables()])
         own = f"{tree.owner}.{tree.function}"
         name = own if own in self.catalog.world_functions else tree.function
         return world_call(self, name, self.all(tree.arguments, scope), scope, tree.span)
@@ -334,6 +342,9 @@ class Resolver:
         else:
             wanted = f"{low} or more arguments" if high is None else f"{low} to {high} arguments"
         hint = (f"help('{function.name}') shows how it is called",)
+        if function.builtin:
+            rows = ", or count(*) for the rows of a group" if function.name == "count" else ""
+            hint = (f"it is called as {usage(function.name)}{rows}",)
         raise ResolveError("R005", f"'{function.name}' takes {wanted}, not {given}", span, hint)
 
     def eval(self, text: plan.Expr, scope: Scope | None, span: Span) -> plan.Expr:

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from ss2sql import plan
-from ss2sql.errors import ResolveError, Span, did_you_mean
+from ss2sql.errors import ResolveError, Span, did_you_mean, similar
 from ss2sql.kinds import Kind, Type
 from ss2sql.walk import walk
 
@@ -66,6 +66,8 @@ def source_named(scope: Scope | None, name: str, span: Span) -> plan.Source:
                 return source
             known.append(source.name)
     hints = did_you_mean(name, known) or (f"name a source in FROM: FROM {name} = ...",)
+    if name in names_in_sight(scope) and not similar(name, known):
+        hints = (f"'{name}' is a column: write {name}[\"key\"] to read a key of it",)
     raise ResolveError("R003", f"there is no source named '{name}' here", span, hints)
 
 

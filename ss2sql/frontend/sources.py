@@ -148,6 +148,8 @@ def _table_source(resolver: Resolver, name: str, schema: str, word: str, span: S
     table = _table(resolver, schema, word, span)
     if table is None:
         hints = did_you_mean(word, resolver.catalog.tables) or (f"'{schema}' is no source here, and has no such table",)
+        if schema in resolver.variables():
+            hints = (f"'{schema}' is a source without tables of its own: write FROM {schema}",)
         raise ResolveError("R003", f"unknown source '{schema}.{word}'", span, hints)
     return _use_table(resolver, table, name, span)
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from ss2sql.errors import ParseError
-from ss2sql.frontend.text import Token
+from ss2sql.frontend.builder import COMMENT
+from ss2sql.frontend.table import END
+from ss2sql.frontend.text import CLOSING, OPENING, Token
 from ss2sql.frontend.trouble import OPTIONS, VALUES, Trouble, named
 
 _JOIN = "write the sources with commas and the condition in WHERE: FROM a, b WHERE a.id == b.id"
@@ -22,11 +24,14 @@ _BEHIND = {
     "INTERSECT": _UNION, "OFFSET": "take a part of the result: (SELECT ... AS list)[offset:]",
     "FETCH": "write LIMIT n", "COLLATE": "sort by the value of a function that you register",
     "OVER": "use GROUP BY, or a function of the whole list", "WHEN": _IF, "THEN": _IF, "ELSE": _IF,
-    "MOD": "write {x} % ...", "DIV": "write int({x} / ...)",
+    "TOP": "write LIMIT n behind the other clauses", "CONTAINS": "write 'part' IN {x}",
+    "STARTS": "write {x}[:n] == 'part', with its length n", "ENDS": "write {x}[-n:] == 'part', with its length n",
+    "INTO": "assign the query: name = SELECT ...",
+    "UNTIL": "a search ends with STOP WITH condition", "MOD": "write {x} % ...", "DIV": "write int({x} / ...)",
 }  # fmt: skip
 # Words that were read as a name, with something behind them that does not fit.
 _AHEAD = {
-    "DISTINCT": "write uniq(SELECT ... AS list)", "ALL": "leave it out: a query gives all rows",
+    "DISTINCT": "write uniq({query})", "ALL": "leave it out: a query gives all rows",
     "TOP": "write LIMIT n behind the other clauses", "CASE": _IF,
     "PRIOR": "START WITH variables hold what the step before has set: CONNECT BY node = this",
     "EXISTS": "write [] != (SELECT ... AS list)", "EXPLAIN": "call explain() on the compiled script",
@@ -40,6 +45,7 @@ _SIGNS = {
     "+=": "write {x} = {x} + ...", "-=": "write {x} = {x} - ...", "*=": "write {x} = {x} * ...",
     "/=": "write {x} = {x} / ...", ":=": "write {x} = ...", "=>": "write >= to compare", "=<": "write <= to compare",
     "===": "write == to compare", "->": 'write {x}.column, or {x}["key"]',
+    ">>": "write int({x} / 2 ^ n)", "<<": "write {x} * 2 ^ n",
     "::": "write int({x}), float({x}) or str({x})",
 }  # fmt: skip
 
@@ -62,8 +68,7 @@ def _comment(t: Trouble) -> ParseError | None:
             return None
         if first.kind == second.kind == "-" and first.end == second.start:
             both = Token("--", "--", first.start, second.end)
-            hint = "write # before a comment, or /* */ around it"
-            return t.error("P006", "-- does not start a comment", hint, at=both)
+            return t.error("P006", "-- does not start a comment", COMMENT, at=both)
     return None
 
 
@@ -83,9 +88,7 @@ def _assignment(t: Trouble) -> ParseError | None:
     """`=` where nothing can be assigned: in a condition, in a column, behind something that is not a name."""
     if t.found.kind != "=" or "+" not in t.expected:
         return None
-    left, right = t.operand(), "..."
-    if t.next.kind in VALUES and t.tokens[t.index + 2].kind not in ("(", "[", "{", "."):
-        right = t.text(t.next.start, t.next.end)
+    left, right = t.operand(), _value_behind(t)
     compare = f"write {left} == {right} to compare"
     if t.clause in ("WHERE", "HAVING", "STOP WITH", "IF("):
         return t.error("P006", f"= assigns, but {t.clause.rstrip('(')} needs a condition", compare)
@@ -95,7 +98,21 @@ def _assignment(t: Trouble) -> ParseError | None:
         return t.error(
             "P001", f"{t.clause} needs a value in front of the assignments", f"write {t.clause} 1 {left} = ..."
         )
+    if t.clause in ("START WITH", "CONNECT BY") and t.before(2).kind == "AND":
+        return t.error("P006", f"the assignments of {t.clause} are separated by commas",
+                       f"write {t.clause} ..., {left} = {right}", at=t.before(2))  # fmt: skip
     return t.error("P001", f"only a name can be assigned here, not {left}", compare)
+
+
+def _value_behind(t: Trouble) -> str:
+    """The literal, name or column behind the token that does not fit; `...` for anything longer."""
+    last = t.index + 1
+    while t.tokens[last].kind in VALUES and [token.kind for token in t.tokens[last + 1 : last + 3]] == [".", "NAME"]:
+        last += 2
+    if t.next.kind not in VALUES or t.tokens[last + 1].kind in ("(", "[", "{", "."):
+        return "..."
+    text = t.text(t.next.start, t.tokens[last].end)
+    return "None" if text.upper() == "NULL" else text
 
 
 def _column_name(t: Trouble) -> ParseError | None:
@@ -148,10 +165,38 @@ def _modifier(t: Trouble) -> ParseError | None:
     upper = word.text.upper()
     if word.kind != "NAME" or upper not in _AHEAD or t.values[-1:] != [word]:
         return None
-    hint = _AHEAD[upper]
+    hint = _AHEAD[upper].format(query=_distinct(t))
     if upper == "DISTINCT" and t.clause == "f(":
         hint = f"write len(uniq(SELECT {t.found.text} FROM ... AS list)) to count different values"
     return t.error("P006", f"there is no {upper} in SelectScript", hint, at=word)
+
+
+def _distinct(t: Trouble) -> str:
+    """The query behind DISTINCT without it, so far as it has one column and is short."""
+    depth, commas, end = 0, 0, t.index
+    for token in t.tokens[t.index :]:
+        depth += (token.kind in OPENING) - (token.kind in CLOSING)
+        if depth < 0 or token.kind in (";", "AS", END):
+            break
+        commas += depth == 0 and token.kind == ","
+        end = token.end
+    text = " ".join(t.source.text[t.found.start : end].split())
+    whole = " FROM " in text.upper() and len(text) <= 60
+    return f"SELECT {text if whole else '...'} AS {'rows' if whole and commas else 'list'}"
+
+
+def _like(t: Trouble, x: str) -> str:
+    """What stands for LIKE with the pattern that follows it."""
+    pattern = t.next.text[1:-1] if t.next.kind == "STRING" else ""
+    part = pattern.strip("%")
+    if not part or "%" in part or "_" in part or "\\" in part:
+        return _LIKE.format(x=x)
+    quoted = f"{t.next.text[0]}{part}{t.next.text[0]}"
+    if pattern == part:
+        return f"write {x} == {quoted}"
+    if pattern == f"{part}%":
+        return f"write {x}[:{len(part)}] == {quoted}"
+    return f"write {quoted} IN {x}" if pattern == f"%{part}%" else f"write {x}[-{len(part)}:] == {quoted}"
 
 
 def _word(t: Trouble) -> ParseError | None:
@@ -160,6 +205,8 @@ def _word(t: Trouble) -> ParseError | None:
     if t.found.kind != "NAME" or upper not in _BEHIND or t.wants_operand or t.expected == {"="}:
         return None
     spelling, hint, x = upper, _BEHIND[upper], t.operand()
+    if upper == "LIKE" and t.before().kind != "NOT":
+        hint = _like(t, x)
     if t.before().kind == "NOT":
         spelling, x = f"NOT {upper}", t.back().operand()
         hint = f"write NOT ({hint[6:]})" if upper == "BETWEEN" else hint.replace(" IN ", " NOT IN ")
@@ -191,7 +238,7 @@ def _dot(t: Trouble) -> ParseError | None:
 def _list(t: Trouble) -> ParseError | None:
     """Lists without square brackets, dicts, parameters with a colon."""
     if t.found.kind == "," and t.clause in ("(", "") and not t.wants_operand:
-        return t.error("P006", "a list stands in square brackets", f"write [{t.operand()}, ...]")
+        return t.error("P006", "a list stands in square brackets", f"write [{_items(t)}]", *_decimal_comma(t))
     if t.found.kind == "," and t.clause == "LIMIT":
         return t.error("P006", "LIMIT has one number", _BEHIND["OFFSET"])
     if t.found.kind == "{" and t.wants_operand:
@@ -199,6 +246,23 @@ def _list(t: Trouble) -> ParseError | None:
     if t.found.kind == ":" and t.wants_operand and t.clause != "x[":
         return t.error("P006", "a parameter has no sign", f"write {t.next.text or 'its name'} alone")
     return None
+
+
+def _items(t: Trouble) -> str:
+    """What stands in the parentheses that were meant as a list, if it is short."""
+    depth = 0
+    for token in t.tokens[t.index :] if t.clause == "(" else ():
+        depth += (token.kind in OPENING) - (token.kind in CLOSING)
+        if depth < 0 and t.bracket is not None and token.start - t.bracket.end <= 40:
+            return t.source.text[t.bracket.end : token.start].strip().rstrip(",")
+    return f"{t.operand()}, ..."
+
+
+def _decimal_comma(t: Trouble) -> list[str]:
+    first, second = t.before(), t.next
+    if first.kind == second.kind == "INTEGER" and first.end == t.found.start and t.found.end == second.start:
+        return [f"a fraction has a point: {first.text}.{second.text}"]
+    return []
 
 
 def _quotes(t: Trouble) -> ParseError | None:

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from difflib import get_close_matches
 
 from ss2sql.errors import ParseError, Span
-from ss2sql.frontend import sql_spellings, text
+from ss2sql.frontend import python_spellings, sql_spellings, text
 from ss2sql.frontend.builder import CHAIN, COMPARISONS
 from ss2sql.frontend.query_builder import ORDER
 from ss2sql.frontend.table import END
@@ -36,6 +36,12 @@ _WANTED = {
     "x[": ("an index", "for instance x[0], x[1:3] or x['key']"),
 }
 _VALUE = ("a value", "a value is a name, a number, a string, a list, a call, a query or an operation on values")
+# What is meant by a sign that stands behind something complete, in a clause or anywhere.
+_BETWEEN = {
+    ("WHERE", ","): "conditions are joined by AND or OR, and a list stands in square brackets",
+    ("[", ":"): "a list of numbers in a row is range(from, to)",
+    ("", "{"): "there are no blocks: write IF(condition; then; else)",
+}
 _COMMA = "leave the comma out, or write what should follow it"
 
 
@@ -44,8 +50,9 @@ def explain(t: Trouble) -> ParseError:
     if error := text.unreadable(t.source, t.found):
         return error
     checks: tuple[Callable[[Trouble], ParseError | None], ...] = (
-        _pair, _keyword_as_name, _reserved, sql_spellings.explain, _misspelt, _closing, _search, _missing, _chain,
-        _no_from, _not_closed, _clause,
+        _pair, _keyword_as_name, _reserved, python_spellings.explain, sql_spellings.explain, _misspelt, _closing,
+        _search, _missing, _chain, _no_from, _not_closed, _clause,
+        _descending,
     )  # fmt: skip
     return next((error for check in checks if (error := check(t))), None) or _between(t)
 
@@ -96,8 +103,11 @@ def _similar(word: str, fitting: frozenset[str]) -> list[str]:
             spelt[keyword] = spelt[f"{keyword} {PAIRS[keyword]}"] = f"{keyword} {PAIRS[keyword]}"
     if word in keywords:
         return []
-    if len(word) <= 3:  # too short for a measure: the same letters in another order
-        return [spelt[keyword] for keyword in spelt if sorted(keyword) == sorted(word)]
+    if len(word) <= 3:  # too short for a measure: the same letters in another order, or the beginning of a long word
+        begun = [
+            spelt[keyword] for keyword in spelt if len(word) == 3 and len(keyword) > 6 and keyword.startswith(word)
+        ]
+        return [spelt[keyword] for keyword in spelt if sorted(keyword) == sorted(word)] or begun
     longer = [keyword for keyword in spelt if len(keyword) > 3 and word.startswith(keyword)]
     return list(dict.fromkeys(spelt[close] for close in longer + get_close_matches(word, spelt, n=2, cutoff=0.7)))
 
@@ -117,6 +127,9 @@ def _closing(t: Trouble) -> ParseError | None:
 
 def _reserved(t: Trouble) -> ParseError | None:
     """A reserved word where a name is meant."""
+    if t.before().kind == "NOT" and t.found.kind in ("=", "==") and not t.back().wants_operand:
+        left = t.back().operand()
+        return t.error("P001", f"NOT does not go with {t.found.text}", f"write {left} != ...", at=t.before())
     word = t.before() if t.found.kind == "=" and t.before().kind in text.RESERVED else t.found
     if word.kind not in text.RESERVED or (word is t.found and "NAME" not in t.expected):
         return None
@@ -162,8 +175,14 @@ def _search(t: Trouble) -> ParseError | None:
                        "options stand right behind CONNECT BY, without commas", at=late)  # fmt: skip
     if t.clause in OPTIONS and t.found.kind == ",":
         return t.error("P001", "options stand without commas", "leave the comma out")
+    if name.kind == "MEMORIZE" and t.found.kind in (*VALUES, "-") and t.found.kind != "NAME":
+        return t.error("P001", f"MEMORIZE takes a whole number, not {named(t.found)}",
+                       "write MEMORIZE 20, or a value in parentheses: MEMORIZE (n)")  # fmt: skip
     if t.expected == {"="}:
-        hint = f"{'CONNECT BY' if t.clause in OPTIONS else t.clause} takes assignments such as level = 1"
+        clause = "CONNECT BY" if t.clause in OPTIONS else t.clause
+        hint = f"{clause} takes assignments such as level = 1"
+        if t.found.kind == "==":
+            hint = f"one = assigns: {clause} {name.text} = ..."
         if t.before(2).kind == "MEMORIZE":
             hint = f"a number that is not written out stands in parentheses: MEMORIZE ({name.text})"
         return t.error(_code(t), f"expected '=' after {named(name)}, found {named(t.found)}", hint)
@@ -179,11 +198,19 @@ def _chain(t: Trouble) -> ParseError | None:
 def _no_from(t: Trouble) -> ParseError | None:
     """The columns of SELECT are complete, but no FROM follows."""
     word = t.found.keyword or t.found.kind
+    if t.clause == "SELECT" and "FROM" in t.expected and word == "NAME":
+        follows = t.next.keyword or t.next.kind
+        if follows in CLAUSES or follows in (";", END, ")"):
+            source = t.text(t.found.start, t.found.end)
+            return t.error("P001", f"expected FROM between {named(t.before())} and {named(t.found)}",
+                           f"write FROM {source}")  # fmt: skip
     if t.clause != "SELECT" or "FROM" not in t.expected or (word not in CLAUSES and word not in (";", END, ")", "]")):
         return None
     what = "*" if t.before().kind == "*" else "the columns"
-    return t.error(_code(t), f"expected FROM after {what}, found {named(t.found)}",
-                   "a query has a source: SELECT ... FROM source")  # fmt: skip
+    hints = ["a query has a source: SELECT ... FROM source"]
+    if what != "*" and word in (";", END):
+        hints.append(f"a value alone needs no SELECT: write {t.column()}")
+    return t.error(_code(t), f"expected FROM after {what}, found {named(t.found)}", *hints)
 
 
 def _not_closed(t: Trouble) -> ParseError | None:
@@ -197,6 +224,8 @@ def _not_closed(t: Trouble) -> ParseError | None:
     if t.clause == "IF(" and t.found.kind in (";", ","):
         hint = "IF has a condition and two branches, commas separate the values of a branch: IF(a; b, c; d)"
         return t.error("P001", f"{named(t.found)} does not fit here in IF", hint)
+    if t.found.kind == ";" and opening == "[" and (t.next.kind in VALUES or t.next.kind in OPENING):
+        return _opened(t, t.error("P001", "expected ']' before ';'", "the elements of a list are separated by commas"))
     if t.found.kind == ";" or t.found.kind in CLAUSES or t.found.keyword in CLAUSES:
         return _opened(t, t.error("P001", f"expected '{closing}' before {named(t.found)}", hint))
     return None
@@ -214,6 +243,15 @@ def _clause(t: Trouble) -> ParseError | None:
     if word in CLAUSES and word != "SELECT":
         return t.error("P001", f"{word} does not fit here", f"the order of a query is {ORDER}")
     return None
+
+
+def _descending(t: Trouble) -> ParseError | None:
+    """`ORDER BY DESC x`."""
+    word = t.before()
+    first = t.before(2).kind in ("BY", ",")
+    if t.clause != "ORDER BY" or not first or word.keyword not in ("ASC", "DESC") or t.found.kind not in VALUES:
+        return None
+    return t.error("P001", f"{named(word)} stands behind the value", f"write {t.found.text} {named(word)}", at=word)
 
 
 def _between(t: Trouble) -> ParseError:
@@ -234,10 +272,19 @@ def _between(t: Trouble) -> ParseError:
     if t.found.kind == "IF":
         return t.error("P001", message, "IF stands in front: IF(condition; then; else)")
     if not t.clause and (t.found.kind in VALUES or t.found.kind in text.RESERVED):
-        bare = t.before().kind == "NAME" and t.found.kind in ("STRING", "INTEGER", "FLOAT")
-        call = [f"a call has parentheses: {t.before().text}(...)"] if bare else []
-        return t.error("P001", message, "statements are separated by ;", *call)
-    hint = "write what should stand between them, or leave one of them out"
+        bare = t.before().kind == "NAME" and t.found.kind in ("NAME", "STRING", "INTEGER", "FLOAT")
+        bare = (
+            bare
+            and t.next.kind != "="
+            and not t.found.text.startswith(".")
+            and "\n" not in t.source.text[t.before().end : t.found.start]
+        )
+        call = [f"a call has parentheses: {t.before().text}({t.text(t.found.start, t.found.end)})"] if bare else []
+        return t.error("P001", message, *call, "statements are separated by ;")
+    hint = _BETWEEN.get((t.clause, t.found.kind)) or _BETWEEN.get(("", t.found.kind))
+    if hint is None and t.clause == "[":
+        hint = "the elements of a list are separated by commas"
+    hint = hint or "write what should stand between them, or leave one of them out"
     return _opened(t, t.error(_code(t), message, hint))
 
 

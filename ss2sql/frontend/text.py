@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from ss2sql.errors import ParseError, Source, Span
@@ -61,7 +62,7 @@ _INSTEAD = {
     "`": "a name stands as it is; a key with other characters is read by x[\"key\"]",
     "@": "a name that the script does not set is a parameter: write it without a sign",
     "$": "a name that the script does not set is a parameter: write it without a sign",
-    "?": "a name that the script does not set is a parameter: write a name",
+    "?": "a choice is IF(condition; then; else); a parameter is a name that the script does not set",
     "\\": "a statement goes on in the next line without a sign",
     "“": 'strings stand in " or \'', "”": 'strings stand in " or \'', "„": 'strings stand in " or \'',
     "‘": 'strings stand in " or \'', "’": 'strings stand in " or \'',
@@ -78,22 +79,7 @@ def tokens(source: Source) -> list[Token]:
     is nested too deeply.
     """
     _check_text(source)
-    found: list[Token] = []
-    for match in _TOKEN.finditer(source.text, 1 if source.text.startswith("\ufeff") else 0):
-        kind = match.lastgroup or ""
-        if kind == "SKIP":
-            continue
-        text, start, end = match[0], match.start(), match.end()
-        if kind == "SIGN":
-            if text == "=" and found:
-                found[-1].keyword = None  # a keyword before a single = is a name
-            found.append(Token(text, text, start, end))
-        elif kind == "WORD":
-            _add_word(found, text, start)
-        elif kind in ("FLOAT", "INTEGER") and (tail := _TAIL.match(source.text, end)):
-            found.append(Token("BAD_NUMBER", text + tail[0], start, tail.end()))
-        else:
-            found.append(Token(kind, text, start, end))
+    found = list(cut(source.text))
     end = found[-1].end if found else 0
     found.append(Token(END, "", end, end))
     _check_nesting(source, found)
@@ -115,13 +101,37 @@ def _check_text(source: Source) -> None:
         )  # fmt: skip
 
 
-def _add_word(found: list[Token], text: str, start: int) -> None:
+def cut(text: str, start: int = 0) -> Iterator[Token]:
+    """The tokens of any text from `start` on, one after the other, so that who needs a few does not pay for all."""
+    last: Token | None = None
+    for match in _TOKEN.finditer(text, 1 if start == 0 and text.startswith("\ufeff") else start):
+        kind = match.lastgroup or ""
+        if kind == "SKIP" or (last is not None and match.start() < last.end):  # the letters behind a number
+            continue
+        found, begin, end = match[0], match.start(), match.end()
+        if kind == "WORD":
+            for last in _words(found, begin):
+                yield last
+            continue
+        if kind == "SIGN":
+            if found == "=" and last is not None:
+                last.keyword = None  # a keyword before a single = is a name
+            last = Token(found, found, begin, end)
+        elif kind in ("FLOAT", "INTEGER") and (tail := _TAIL.match(text, end)):
+            last = Token("BAD_NUMBER", found + tail[0], begin, tail.end())
+        else:
+            last = Token(kind, found, begin, end)
+        yield last
+
+
+def _words(text: str, start: int) -> Iterator[Token]:
+    """A word as the token that it is; one with characters that names do not have as two."""
     if text.isascii():
         upper = text.upper()
         if upper in RESERVED:
-            found.append(Token(upper, text, start, start + len(text)))
+            yield Token(upper, text, start, start + len(text))
         else:
-            found.append(Token("NAME", text, start, start + len(text), upper if upper in CONTEXTUAL else None))
+            yield Token("NAME", text, start, start + len(text), upper if upper in CONTEXTUAL else None)
         return
     length = 0
     while length < len(text) and (text[length] if length == 0 else "a" + text[length]).isidentifier():
@@ -129,9 +139,9 @@ def _add_word(found: list[Token], text: str, start: int) -> None:
     if length:
         # Python reads names in this form, and functions are registered under Python's names.
         name = unicodedata.normalize("NFKC", text[:length])
-        found.append(Token("NAME", name, start, start + length))
+        yield Token("NAME", name, start, start + length)
     if length < len(text):
-        found.append(Token("OTHER", text[length], start + length, start + length + 1))
+        yield Token("OTHER", text[length], start + length, start + length + 1)
 
 
 def unreadable(source: Source, token: Token) -> ParseError | None:
@@ -249,9 +259,8 @@ def unescape(source: Source, token: Token) -> str:
             try:
                 return unicodedata.lookup(text)
             except KeyError:
-                raise ParseError(
-                    "P003", f"there is no character named '{short(text)}'", span, ["see the Unicode charts"]
-                ) from None
+                hint = "the names are Unicode's, as unicodedata.name('é') gives them in Python"
+                raise ParseError("P003", f"there is no character named '{short(text)}'", span, [hint]) from None
         code = int(text, 8 if kind == "octal" else 16)
         if code > 0x10FFFF or 0xD800 <= code <= 0xDFFF:
             raise ParseError("P003", f"{match[0]} is not a character", span, ["characters go up to \\U0010ffff"])

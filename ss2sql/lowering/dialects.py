@@ -46,3 +46,5 @@ class Dialect:
 
 
 SQLITE = Dialect("sqlite")
+
+DIALECTS: dict[str, Dialect] = {dialect.name: dialect for dialect in (SQLITE,)}

@@ -20,6 +20,7 @@ from ss2sql.lowering.search import SearchLowering
 from ss2sql.lowering.select import Selects
 from ss2sql.lowering.unsupported import check
 from ss2sql.lowering.when_taken import WhenTaken
+from ss2sql.vtables.late import Late, late, late_columns
 from ss2sql.vtables.snapshots import NO_SNAPSHOT, snapshot_for
 from ss2sql.walk import is_volatile, walk
 
@@ -52,6 +53,7 @@ def lower(
     selects.copies = {} if query.search is None else None
     is_sorted = is_limited = ahead = False
     bookkeeping = Bookkeeping()
+    shown_late: dict[plan.Column, sql.Node] = {}
     if query.search is not None:
         cut = cut or query.search.maximum is not None or query.limit is not None
         weighted = query.search.weight is not None
@@ -83,8 +85,15 @@ def lower(
         is_sorted, is_limited = order is not None, order is not None and _cut_by_sql(query)
         limit = needs.count(query.limit, "limit") if is_limited and query.limit is not None else None
         select = sql.select(outputs, flat.items, sql.conjunction(flat.terms), order or (), limit)
+        if "late" not in disabled and not keys and not orders:
+            shown_late = {key: selects.expressions.lower(key, flat.env) for key in late_columns(query)}
     if selects.copies:
         select.set("with_", exp.With(expressions=copies_of(selects.copies)))
+    read_late: Late | None = None
+    if shown_late:
+        keys_alone = sql.with_outputs(select, list(shown_late.values()))
+        read_late = late(query, tuple(shown_late), dialect.print(keys_alone))
+        needs.applied["late"] = None
     return SqlQuery(
         query,
         dialect.print(select),
@@ -101,6 +110,7 @@ def lower(
         plain_rows=all(output.expr.type.only(Kind.INT | Kind.FLOAT | Kind.STR | Kind.NONE) for output in query.columns),
         bookkeeping=bookkeeping,
         snapshot=snapshot_for((query,)) if needs.worlds else NO_SNAPSHOT,
+        late=read_late,
         applied=tuple(needs.applied),
     )
 

@@ -11,6 +11,7 @@ from ss2sql.errors import Span
 from ss2sql.lowering import sql
 from ss2sql.lowering.packing import Packing
 from ss2sql.lowering.sql import Node
+from ss2sql.vtables.late import Late
 from ss2sql.vtables.snapshots import NO_SNAPSHOT, Snapshot
 
 Counts: TypeAlias = Literal["steps", "product", "entered"]
@@ -157,8 +158,8 @@ class SqlQuery:
     say what SQL has done of ORDER BY and LIMIT. `plain` are the parameters whose handles stand for all values
     that equal theirs, as long as no other form of such a value turns up. `ahead` says that something may be
     evaluated that the language would not evaluate, so that what fails may be no error; `plain_rows` that the
-    rows consist of numbers, strings and None. `snapshot` is that of worlds, `applied` names the rewrites that lowering
-    has applied.
+    rows consist of numbers, strings and None. `snapshot` is that of worlds, `late` what runs where their columns are
+    read when the rows are there. `applied` names the rewrites that lowering has applied.
     """
 
     query: plan.Query
@@ -176,4 +177,5 @@ class SqlQuery:
     plain_rows: bool = False
     bookkeeping: Bookkeeping = Bookkeeping()
     snapshot: Snapshot = NO_SNAPSHOT
+    late: Late | None = None
     applied: tuple[str, ...] = ()

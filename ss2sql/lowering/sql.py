@@ -218,6 +218,13 @@ def select(
     return sorted_query(query, order, limit)
 
 
+def with_outputs(select: exp.Select, outputs: Sequence[Node]) -> exp.Select:
+    """A copy of a SELECT with other columns."""
+    changed = select.copy()
+    changed.set("expressions", list(outputs))
+    return changed
+
+
 def key(node: Node) -> Node:
     """A key of ORDER BY or GROUP BY; a number alone would be taken for the position of a column."""
     plain = node

@@ -6,12 +6,13 @@ Packages of the extras are imported by the functions that need them, and `packag
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors import SessionError
 from ss2sql.runtime.rows import Row
+from ss2sql.runtime.values import fresh
 
 if TYPE_CHECKING:
     from ss2sql.runtime.result import Result
@@ -27,6 +28,24 @@ def package(name: str, extra: str, user: str) -> Any:
             f"{user} needs the package {name.partition('.')[0]}, which is not installed",
             hints=(f'pip install "ss2sql[{extra}]"',),
         ) from reason
+
+
+def rows_of(result: Result) -> Iterator[Row]:
+    """The rows that a result gives, which are the caller's own, as plain tuples."""
+    if result.answer is None:
+        yield (result.value,)
+    elif result.answer.rows.paths is not None:
+        for number, path in enumerate(result.answer.rows.paths, 1):
+            for step, row in enumerate(path, 1):
+                yield (number, step, *fresh_row(row))
+    else:
+        rows = result.answer.rows.rows or ()
+        yield from rows if result.answer.rows.plain else map(fresh_row, rows)
+
+
+def fresh_row(row: Row) -> Row:
+    """A row with copies of its values."""
+    return tuple(map(fresh, row))
 
 
 def found_paths(result: Result) -> Sequence[Sequence[Row]] | None:

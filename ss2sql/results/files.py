@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import csv
+import datetime
 import io
 import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ss2sql.results import package
+from ss2sql.results import package, rows_of
 from ss2sql.results.frames import to_arrow
 
 if TYPE_CHECKING:
     from ss2sql.runtime.result import Result
+
+MOMENTS = (datetime.date, datetime.time)  # a datetime is a date
 
 
 def csv_text(result: Result) -> str:
@@ -20,13 +23,15 @@ def csv_text(result: Result) -> str:
     file = io.StringIO()
     writer = csv.writer(file, lineterminator="\n")
     writer.writerow(result.columns)
-    writer.writerows([[_field(value) for value in row] for row in result])
+    writer.writerows([[_field(value) for value in row] for row in rows_of(result)])
     return file.getvalue()
 
 
 def _field(value: Any) -> Any:
     if value is None or type(value) in (int, float, str):
         return value
+    if isinstance(value, MOMENTS):
+        return value.isoformat()
     return json_text(value) if isinstance(value, (bool, list, dict)) else str(value)
 
 
@@ -36,14 +41,16 @@ def json_text(value: Any) -> str:
 
 
 def plain(value: Any) -> Any:
-    """The value in the forms of JSON: sets and arrays as lists, keys of several values as the text of a list, objects
-    as text.
+    """The value in the forms of JSON: sets and arrays as lists, keys of several values as the text of a list, dates as
+    ISO 8601 writes them, other objects as text.
     """
     match value:
         case None | bool() | int() | float() | str():
             return value
         case list() | tuple():
             return list(map(plain, value))
+        case datetime.date() | datetime.time():
+            return value.isoformat()
         case set():
             return sorted(map(plain, value), key=repr)
         case dict():

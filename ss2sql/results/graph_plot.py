@@ -1,14 +1,17 @@
-"""The graph of a search as a picture, in layers from left to right."""
+"""The graph or the tree of a search as a picture, in layers from left to right."""
 
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from itertools import islice
 from statistics import mean
 from typing import TYPE_CHECKING, Any
 
-from ss2sql.results import found_paths, package
-from ss2sql.results.graphs import graph
+from ss2sql.results import found_paths, graphs, package
+from ss2sql.results.looks import BLUE, FRAME, ORANGE, PALE, ended, paths_drawn
 from ss2sql.results.show import cell
+from ss2sql.runtime.rows import Row
 
 if TYPE_CHECKING:
     from ss2sql.runtime.result import Result
@@ -20,7 +23,8 @@ MOST_LINES = 2  # in the text of a node, one for each column
 WIDEST = 18.0  # inches of a picture
 LONGER = 2  # times the layers by steps that the other ones may be
 SWEEPS = 4  # over the layers, to draw neighbours close to each other
-START, GOAL, OTHER, FRAME = "#8fd3ac", "#f2a38c", "#c9d8ea", "#444444"
+RING = 2.2  # points of the ring around a first step
+TALL = 0.5  # inches that a row of a tree takes
 
 
 def draw_graph(result: Result, ax: Any, most: int | None, own: bool) -> str:
@@ -31,55 +35,132 @@ def draw_graph(result: Result, ax: Any, most: int | None, own: bool) -> str:
     networkx = package("networkx", "plot", "plot()")
     paths = found_paths(result)
     assert paths is not None
-    made, drawn = _fitting(result, len(paths)) if most is None else (graph(result, most), min(most, len(paths)))
+    made, drawn = _fitting(result, len(paths)) if most is None else (graphs.graph(result, most), min(most, len(paths)))
     layers = layers_of(networkx, made)
     places = layered(made, layers)
     texts = {node: _text(made.nodes[node]["row"]) for node in places}
+    tall = 1 + 0.7 * max(map(len, layers))
+    _draw(networkx, made, places, texts, ax, (len(layers), tall) if own else None)
+    rows = f"{len(made)} row{'' if len(made) == 1 else 's'}"
+    return f"{rows} on {paths_drawn(len(paths), drawn)}{ended(result)}"
+
+
+def draw_tree(result: Result, ax: Any, most: int | None, own: bool) -> str:
+    """Draws the tree of the first paths: those that begin with the same rows share these; gives the title."""
+    networkx = package("networkx", "plot", "plot()")
+    paths = found_paths(result)
+    assert paths is not None
+    made, drawn = tree(networkx, paths, most)
+    places = _branched(made)
+    texts = {number: _text(row) if row is not None else "start" for number, row in made.nodes(data="row")}
+    layers = max(int(across) for across, _ in places.values())
+    tall = 1 + TALL * sum(1 for number in made if not made.out_degree(number))
+    _draw(networkx, made, places, texts, ax, (layers, tall) if own else None, arrows=False)
+    return f"the tree of {paths_drawn(len(paths), drawn)}, {len(made) - 1} steps{ended(result)}"
+
+
+def tree(networkx: Any, paths: Sequence[Sequence[Row]], most: int | None) -> tuple[Any, int]:
+    """A graph whose nodes are numbers, 0 the start, with the number of its paths: `most`, or as many as fit."""
+    made = networkx.DiGraph()
+    made.add_node(0, row=None, start=False, goal=False)
+    known: dict[tuple[int, Any], int] = {}
+    drawn = 0
+    for path in islice(paths, most):
+        if most is None and drawn and len(made) + len(path) > MOST_NODES:
+            break
+        drawn += 1
+        here = 0
+        for step, row in enumerate(path):
+            key = (here, graphs.node(row))
+            if key not in known:
+                known[key] = len(made)
+                made.add_node(known[key], row=row, start=step == 0, goal=False)
+                made.add_edge(here, known[key])
+            here = known[key]
+        made.nodes[here]["goal"] = True
+    return made, drawn
+
+
+def _branched(made: Any) -> dict[Any, tuple[int, float]]:
+    """A place for each node of a tree: its ends one under the other, every other node in the middle of its children."""
+    places: dict[Any, tuple[int, float]] = {}
+    ends = 0
+    depths = {0: 1}
+    for number in made:  # parents come before their children
+        for child in made.successors(number):
+            depths[child] = depths[number] + 1
+    order, stack = [], [0]
+    while stack:
+        order.append(stack.pop())
+        stack.extend(reversed(list(made.successors(order[-1]))))
+    for number in order:
+        if not made.out_degree(number):
+            places[number] = (depths[number], float(-ends))
+            ends += 1
+    for number in reversed(order):
+        if number not in places:
+            heights = [places[child][1] for child in made.successors(number)]
+            places[number] = (depths[number], (heights[0] + heights[-1]) / 2)
+    return places
+
+
+def _draw(
+    networkx: Any,
+    made: Any,
+    places: Mapping[Any, tuple[int, float]],
+    texts: dict[Any, str],
+    ax: Any,
+    size: tuple[int, float] | None,
+    arrows: bool = True,
+) -> None:
+    """Nodes, edges and texts; `size` is the number of layers and the height in inches of a figure of ours."""
+    layers = size[0] if size else max(across for across, _ in places.values())
     widest = max(len(line) for text in texts.values() for line in text.splitlines())
-    wide = 1.5 + len(layers) * max(0.7, 0.09 * widest)  # inches
+    wide = 1.5 + layers * max(0.7, 0.09 * widest)  # inches
     named = len(made) <= MOST_NAMED and wide <= WIDEST
-    if not named:
-        texts.clear()
-    if own:
-        tall = 1 + 0.7 * max(map(len, layers))
-        ax.figure.set_size_inches(max(6.0, min(WIDEST, wide)), max(3.0, min(WIDEST * 0.75, tall)))
-    _draw_nodes(networkx, made, places, ax, 160 if named else 40)
-    for node, text in texts.items():
-        ax.annotate(text, places[node], xytext=(0, 9), textcoords="offset points", ha="center", fontsize=8,
+    if size:
+        ax.figure.set_size_inches(max(6.0, min(WIDEST, wide)), max(3.0, min(WIDEST * 0.75, size[1])))
+    _draw_nodes(networkx, made, places, ax, 160 if named else 40, arrows)
+    for number, text in texts.items() if named else ():
+        ax.annotate(text, places[number], xytext=(0, 9), textcoords="offset points", ha="center", fontsize=8, zorder=3,
                     bbox={"boxstyle": "square,pad=0", "facecolor": "white", "alpha": 0.7, "linewidth": 0})  # fmt: skip
     heights = [y for _, y in places.values()]
-    ax.set_xlim(0.5, len(layers) + 0.5)
+    ax.set_xlim(0.5, layers + 0.5)
     ax.set_ylim(min(heights) - 0.7, max(heights) + 0.9)
     ax.set_axis_off()
-    marks = [("first step", START), ("last step", GOAL)]
-    handles = [ax.scatter([], [], color=colour, edgecolor=FRAME, label=name) for name, colour in marks]
+    marks: dict[str, dict[str, Any]] = {"first step": {"color": PALE, "edgecolor": BLUE, "linewidth": RING},
+             "last step": {"color": ORANGE, "edgecolor": FRAME}}  # fmt: skip
+    handles = [ax.scatter([], [], s=70, label=name, **mark) for name, mark in marks.items()]
     ax.legend(handles=handles, frameon=False, loc="upper left", bbox_to_anchor=(1, 1))
-    counted = f"{drawn} path{'' if drawn == 1 else 's'}"
-    return f"{len(made)} rows on {counted if drawn == len(paths) else f'the first {drawn} of {len(paths)} paths'}"
 
 
-def _draw_nodes(networkx: Any, made: Any, places: dict[Any, tuple[int, float]], ax: Any, size: int) -> None:
+def _draw_nodes(
+    networkx: Any, made: Any, places: Mapping[Any, tuple[int, float]], ax: Any, size: int, arrows: bool
+) -> None:
     """The nodes and the edges: straight ones to the next layer, others bent around the nodes between."""
-    colours = [GOAL if data["goal"] else START if data["start"] else OTHER for _, data in made.nodes(data=True)]
+    told = [data for _, data in made.nodes(data=True)]
     networkx.draw_networkx_nodes(
-        made, places, ax=ax, node_color=colours, node_size=size, edgecolors=FRAME, linewidths=0.7
-    )
+        made, places, ax=ax, node_size=size,
+        node_color=[ORANGE if data["goal"] else PALE for data in told],
+        edgecolors=[BLUE if data["start"] else FRAME for data in told],
+        linewidths=[RING if data["start"] else 0.7 for data in told],
+    )  # fmt: skip
     straight = [edge for edge in made.edges if places[edge[1]][0] - places[edge[0]][0] == 1]
     bent = [edge for edge in made.edges if places[edge[1]][0] - places[edge[0]][0] != 1]
     for edges, rad in ((straight, 0.0), (bent, 0.25)):
         networkx.draw_networkx_edges(
             made, places, edgelist=edges, ax=ax, node_size=size, edge_color="#888888", arrowsize=9, width=0.9,
-            connectionstyle=f"arc3,rad={rad}",
+            arrowstyle="-|>" if arrows else "-", connectionstyle=f"arc3,rad={rad}",
         )  # fmt: skip
 
 
 def _fitting(result: Result, total: int) -> tuple[Any, int]:
     """The graph of all paths, or of as many as leave it readable."""
     most = total
-    made = graph(result, min(most, MOST_NODES))
+    made = graphs.graph(result, min(most, MOST_NODES))
     while len(made) > MOST_NODES and most > 1:
         most = min(most, MOST_NODES) // 2
-        made = graph(result, most)
+        made = graphs.graph(result, most)
     return made, min(most, total)
 
 

@@ -1,31 +1,29 @@
-"""Pictures of results: paths over a plane, graphs of a search, heat maps, bars and lines."""
+"""Pictures of results: what can be drawn of which, and those of flat results: heat maps, bars, lines, points."""
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Sequence
-from itertools import islice, pairwise
-from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias
+from itertools import cycle, islice, pairwise
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from ss2sql.errors import RepresentationError
+from ss2sql import plan
 from ss2sql.results import found_paths, package
-from ss2sql.results.graph_plot import draw_graph
+from ss2sql.results.graph_plot import draw_graph, draw_tree
+from ss2sql.results.looks import BLUE, PALETTE, open_frame, refuse, whole_numbers
+from ss2sql.results.path_plot import chosen_weights, draw_costs, draw_lengths, draw_paths, is_point, places
 from ss2sql.results.show import cell
-from ss2sql.runtime.paths import lengths_of
 from ss2sql.runtime.rows import Row
 
 if TYPE_CHECKING:
     from ss2sql.runtime.result import Result
 
-KINDS = ("auto", "paths", "graph", "lengths", "heat", "bars", "line", "points")
-MOST_PATHS = 1000
+OF_SEARCHES = ("paths", "graph", "tree", "costs", "lengths")
+KINDS = ("auto", *OF_SEARCHES, "heat", "bars", "line", "points")
 MOST_BARS = 40
-FEW = 6  # paths that have a colour and a name each
-BLUE, ORANGE, GREEN = "#3b6ea5", "#e4572e", "#2a9d5c"
+MOST_TEXT = 24  # characters beside a bar or a point
 
-Place: TypeAlias = Callable[[Row], Sequence[float]]
 Draw: TypeAlias = Callable[[Any, int | None], str]  # on Axes, at most so many paths or bars; gives the title
 
 
@@ -46,121 +44,38 @@ def _chosen(result: Result, kind: str, own: bool) -> Draw:
     """What draws the picture; `own`: on a figure of ours."""
     paths = found_paths(result)
     if paths is not None:
-        place = _place(result.columns[2:], [row for path in islice(paths, 50) for row in path])
-        if not paths:
-            refuse("plot() found no path to draw", "the search has no result")
-        if kind == "paths" or (kind == "auto" and place is not None):
-            if place is None:
-                refuse(
-                    "plot() cannot find places in the rows",
-                    "select a list of two or three numbers, or columns with the coordinates, and no other lists",
-                )
-            return lambda ax, most: _paths(result, paths, place, ax, most or MOST_PATHS)
-        if kind in ("auto", "graph"):
-            return lambda ax, most: draw_graph(result, ax, most, own)
-        if kind == "lengths":
-            return lambda ax, most: _lengths(result, paths, ax)
-        refuse(f"plot() draws no search as {kind}", "the kinds for a search are paths, graph and lengths")
+        return _of_search(result, paths, kind, own)
+    if kind in OF_SEARCHES:
+        refuse(f"plot() draws {kind} of a search only", "a query is a search with CONNECT BY")
     if kind in ("auto", "heat") and isinstance(result.value, np.ndarray) and result.value.ndim == 2:
         return lambda ax, most: _heat(result, ax)
     return _flat(result, kind)
 
 
-def refuse(message: str, *hints: str) -> NoReturn:
-    raise RepresentationError("V001", message, hints=hints)
-
-
-# --- paths ---------------------------------------------------------------------------------------------
-
-
-def _place(columns: Sequence[str], rows: Sequence[Row]) -> tuple[Place, tuple[str, ...], bool] | None:
-    """Where rows are: what finds it, the names of the axes, and whether they are of one unit.
-
-    It is the only list of two or three numbers in the rows, or else two or three columns of numbers. Rows with other
-    lists or dicts are nowhere: they are states of a puzzle, and the lists of two numbers in them its moves.
-    """
-    if not rows:
-        return None
-    indexes = range(len(columns))
-    structured = [i for i in indexes if any(isinstance(row[i], (list, dict)) for row in rows)]
-    if structured:
-        (index, *others) = structured
-        return None if others or not all(_is_point(row[index]) for row in rows) else (lambda row: row[index], (), True)
-    numbers = [i for i in indexes if all(_is_number(row[i]) for row in rows)]
-    if len(numbers) not in (2, 3):
-        return None
-    names = tuple(columns[i] for i in numbers)
-    alike = tuple(name.lower()[-1:] for name in names[:2]) == ("x", "y")
-    return lambda row: tuple(row[i] for i in numbers), names, alike
-
-
-def _is_point(value: Any) -> bool:
-    return isinstance(value, list) and len(value) in (2, 3) and all(map(_is_number, value))
-
-
-def _is_number(value: Any) -> bool:
-    return type(value) in (int, float)
-
-
-def _paths(
-    result: Result,
-    paths: Sequence[Sequence[Row]],
-    found: tuple[Place, tuple[str, ...], bool],
-    ax: Any,
-    most: int,
-) -> str:
-    """One line for each path; the first result lies on top, and so do the ends of all."""
-    place, names, alike = found
-    drawn = [np.array([place(row) for row in path], dtype=float) for path in islice(paths, most)]
-    solid = getattr(ax, "name", "") == "3d" and all(line.shape[1] == 3 for line in drawn)
-    width = 3 if solid else 2
-    faint = max(0.04, min(0.6, 12 / len(drawn)))
-    for number, line in reversed(list(enumerate(drawn, 1))):
-        style = {"color": f"C{number - 1}", "alpha": 0.9, "lw": 2, "label": f"path {number}"}
-        if len(drawn) > FEW:
-            style = {"color": BLUE, "alpha": faint, "lw": 1.5}
-            if number == 1:
-                style = {"color": ORANGE, "lw": 2.5, "label": "path 1"}
-        ax.plot(*line.T[:width], marker="o" if len(drawn) <= FEW else "", markersize=3, zorder=2, **style)
-    starts, goals = (np.unique([line[end] for line in drawn], axis=0) for end in (0, -1))
-    ax.scatter(*starts.T[:width], s=50, color=GREEN, edgecolor="white", zorder=3, label="first step")
-    ax.scatter(*goals.T[:width], s=110, marker="*", color="black", edgecolor="white", zorder=4, label="last step")
-    for axis, name in zip("xyz"[:width], names or "xyz", strict=False):
-        getattr(ax, f"set_{axis}label")(name)
-    if alike:
-        ax.set_aspect("equal", adjustable="datalim")
-    ax.grid(alpha=0.25)
-    _legend(ax)
-    return _counted(result, len(paths), len(drawn), [len(line) for line in drawn])
-
-
-def _legend(ax: Any) -> None:
-    """The names of the lines beside the picture, the first path first."""
-    handles, labels = ax.get_legend_handles_labels()
-    named = sorted(zip(labels, handles, strict=True), key=lambda pair: (not pair[0].startswith("path"), pair[0]))
-    ax.legend([handle for _, handle in named], [label for label, _ in named], loc="upper left", bbox_to_anchor=(1, 1),
-              frameon=False)  # fmt: skip
-
-
-def _counted(result: Result, total: int, drawn: int, lengths: Sequence[int]) -> str:
-    """A title: how many paths there are, how many are drawn, and how long these are."""
-    least, greatest = min(lengths), max(lengths)
-    steps = f"{least} step{'' if greatest == 1 else 's'}" if least == greatest else f"{least} to {greatest} steps"
-    counted = f"{total} path{'' if total == 1 else 's'}" if drawn == total else f"the first {drawn} of {total} paths"
-    status = "" if result.status == "complete" else f" ({result.status})"
-    return f"{counted} of {steps}{status}"
-
-
-def _lengths(result: Result, paths: Sequence[Sequence[Row]], ax: Any) -> str:
-    counts = Counter(lengths_of(paths))
-    bars = ax.bar(list(counts), list(counts.values()), color=BLUE)
-    ax.bar_label(bars, padding=2)
-    ax.xaxis.get_major_locator().set_params(integer=True)
-    ax.set_xlabel("steps of a path")
-    ax.set_ylabel("paths")
-    ax.margins(y=0.1)
-    ax.spines[["top", "right"]].set_visible(False)
-    return _counted(result, len(paths), len(paths), list(counts))
+def _of_search(result: Result, paths: Sequence[Sequence[Row]], kind: str, own: bool) -> Draw:
+    if not paths:
+        refuse("plot() found no path to draw", "the search has no result")
+    where = places(result.columns[2:], [row for path in islice(paths, 50) for row in path])
+    if kind == "auto":
+        kind = "graph" if where is None else "paths"
+    match kind:
+        case "paths":
+            if where is None:
+                return refuse(
+                    "plot() cannot find places in the rows",
+                    "select a list of two or three numbers, or columns with the coordinates, and no other lists",
+                )
+            return lambda ax, most: draw_paths(result, paths, where, ax, most)
+        case "graph":
+            return lambda ax, most: draw_graph(result, ax, most, own)
+        case "tree":
+            return lambda ax, most: draw_tree(result, ax, most, own)
+        case "costs":
+            weights = chosen_weights(result, paths)
+            return lambda ax, most: draw_costs(result, paths, weights, ax, most)
+        case "lengths":
+            return lambda ax, most: draw_lengths(result, paths, ax)
+    return refuse(f"plot() draws no search as {kind}", f"the kinds for a search are {', '.join(OF_SEARCHES)}")
 
 
 # --- flat results --------------------------------------------------------------------------------------
@@ -176,9 +91,20 @@ def _heat(result: Result, ax: Any) -> str:
     name = result.columns[-1]
     if not marks:
         ax.figure.colorbar(image, ax=ax, label=name, shrink=0.9)
-    ax.set_xlabel("m" if extent else "column")
-    ax.set_ylabel("m" if extent else "row")
+    across, up = _axes(result) if extent else ("column", "row")
+    ax.set_xlabel(across)
+    ax.set_ylabel(up)
     return f"{name}, {value.shape[1]} x {value.shape[0]} cells"
+
+
+def _axes(result: Result) -> tuple[str, str]:
+    """The names of the axes of an area: `AS plane` says which plane it is, other grids lie on the floor."""
+    for query in (query for statement in result.outline[-1:] for query in statement.queries):
+        arguments = query.written.representation.arguments
+        given = arguments[0] if arguments else None
+        if isinstance(given, plan.Constant) and str(given.value).upper() in ("XZ", "YZ"):
+            return f"{str(given.value)[0].lower()} in m", f"{str(given.value)[1].lower()} in m"
+    return "x in m", "y in m"
 
 
 def _flat(result: Result, kind: str) -> Draw:
@@ -188,7 +114,7 @@ def _flat(result: Result, kind: str) -> Draw:
     numbers = [index for index, found in enumerate(kinds) if found and found <= {int, float}]
     labels = [index for index, found in enumerate(kinds) if index not in numbers]
     pointed = [
-        index for index in labels if any(row[index] for row in rows) and all(_is_point(row[index]) for row in rows)
+        index for index in labels if any(row[index] for row in rows) and all(is_point(row[index]) for row in rows)
     ]
     if kind == "heat":
         refuse("plot() has no array of two dimensions to draw", "AS plane gives one")
@@ -206,12 +132,12 @@ def _flat(result: Result, kind: str) -> Draw:
         if kind == "points" or (kind == "auto" and len(numbers) == 2 and (labels or not rising)):
             if len(numbers) >= 2:
                 pair = numbers[:2]
-                places = [[row[index] for index in pair] for row in rows]
-                return lambda ax, most: _points([columns[i] for i in pair], places, _texts(rows, label), ax)
+                spots = [[row[index] for index in pair] for row in rows]
+                return lambda ax, most: _points([columns[i] for i in pair], spots, _texts(rows, label), ax)
         elif kind in ("auto", "line") and (len(numbers) == 1 or rising):
             return lambda ax, most: _lines(columns, rows, numbers, ax)
     wanted = "" if kind == "auto" else f" as {kind}"
-    refuse(
+    return refuse(
         f"plot() cannot draw the columns {', '.join(columns)}{wanted}",
         "it draws a label and a number as bars, numbers as lines or points, lists of two numbers as points",
     )
@@ -227,22 +153,27 @@ def _bars(columns: Sequence[str], rows: Sequence[Row], label: int | None, number
     values = [row[number] or 0 for row in shown]
     bars = ax.barh(range(len(shown)), values, color=BLUE)
     ax.bar_label(bars, [cell(row[number]) for row in shown], padding=3)
-    ax.set_yticks(range(len(shown)), [name if len(name) <= 24 else name[:23] + "…" for name in names])
+    ax.set_yticks(
+        range(len(shown)), [name if len(name) <= MOST_TEXT else name[: MOST_TEXT - 1] + "…" for name in names]
+    )
     ax.invert_yaxis()
     ax.margins(x=0.12)
     ax.set_xlabel(columns[number])
-    ax.spines[["top", "right"]].set_visible(False)
+    if all(type(value) is int for value in values):
+        whole_numbers(ax.xaxis)
+    open_frame(ax)
     by = f"{columns[number]} by {columns[label]}" if label is not None else columns[number]
     return by if len(shown) == len(rows) else f"{by}, the first {len(shown)} of {len(rows)} rows"
 
 
 def _lines(columns: Sequence[str], rows: Sequence[Row], numbers: Sequence[int], ax: Any) -> str:
     first, *others = numbers
+    colours = dict(zip(others or [first], cycle(PALETTE), strict=False))
     xs = [row[first] for row in rows] if others else list(range(1, len(rows) + 1))
     for index in others or [first]:
         ys = [np.nan if row[index] is None else row[index] for row in rows]
         ax.plot(xs, ys, marker="o" if len(rows) <= 50 else "", markersize=4, label=columns[index],
-                color=BLUE if len(numbers) <= 2 else None)  # fmt: skip
+                color=colours[index])  # fmt: skip
     names = [columns[index] for index in others or [first]]
     ax.set_xlabel(columns[first] if others else "row")
     ax.set_ylabel(names[0] if len(names) == 1 else "")
@@ -252,13 +183,18 @@ def _lines(columns: Sequence[str], rows: Sequence[Row], numbers: Sequence[int], 
     return f"{', '.join(names)} by {columns[first] if others else 'row'}"
 
 
-def _points(names: Sequence[str], places: Sequence[Sequence[Any]], texts: Sequence[str], ax: Any) -> str:
-    there = [index for index, place in enumerate(places) if None not in place]
-    xs, ys = ([places[index][axis] for index in there] for axis in (0, 1))
+def _points(names: Sequence[str], spots: Sequence[Sequence[Any]], texts: Sequence[str], ax: Any) -> str:
+    there = [index for index, place in enumerate(spots) if None not in place]
+    xs, ys = ([spots[index][axis] for index in there] for axis in (0, 1))
     ax.scatter(xs, ys, color=BLUE, s=25, alpha=0.8, edgecolor="none")
     if texts and len(there) <= 30:
+        named: dict[tuple[Any, Any], list[str]] = {}  # what is at the same place shares one text
         for index in there:
-            ax.annotate(texts[index], places[index][:2], xytext=(4, 4), textcoords="offset points", fontsize=8)
+            named.setdefault(tuple(spots[index][:2]), []).append(texts[index])
+        for place, names_there in named.items():
+            text = ", ".join(dict.fromkeys(names_there))
+            shown = text if len(text) <= MOST_TEXT else f"{text[: MOST_TEXT - 1]}…"
+            ax.annotate(shown, place, xytext=(4, 4), textcoords="offset points", fontsize=8)
     ax.set_xlabel(names[0])
     ax.set_ylabel(names[1])
     if tuple(names) == ("x", "y"):

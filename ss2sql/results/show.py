@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import date, time
 from html import escape
 from io import StringIO
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
-from ss2sql.results import found_paths
+from ss2sql.results import found_paths, rows_of
 from ss2sql.runtime.rows import Row
 from ss2sql.runtime.values import show as written
 
@@ -58,18 +59,19 @@ def show(result: Result, most: int, console: Console) -> None:
     console.print(made.caption, markup=False, highlight=False)
 
 
-def text(result: Result) -> str:
+def text(result: Result, most: int = MOST_ROWS) -> str:
     """The table as `repr` shows it."""
     from rich.console import Console
 
-    console = Console(width=REPR_WIDE, color_system=None, record=True, file=StringIO())
-    show(result, MOST_ROWS, console)
+    # In a notebook rich would publish what it prints, wherever it is told to print it.
+    console = Console(width=REPR_WIDE, color_system=None, record=True, file=StringIO(), force_jupyter=False)
+    show(result, most, console)
     return console.export_text().rstrip()
 
 
-def html(result: Result) -> str:
+def html(result: Result, most: int = MOST_ROWS) -> str:
     """The table as notebooks show it."""
-    made = sheet(result, MOST_ROWS, HTML_WIDE, " → ", HTML_COLUMNS)
+    made = sheet(result, most, HTML_WIDE, " → ", HTML_COLUMNS)
     aligned = [f' style="text-align: {"right" if right else "left"}"' for right in made.right]
     lines = ['<table class="ss2sql">', "<thead><tr>"]
     lines += [f"<th{style}>{escape(name)}</th>" for name, style in zip(made.headings, aligned, strict=True)]
@@ -95,7 +97,7 @@ def sheet(result: Result, most: int, wide: int, arrow: str, most_columns: int | 
         made = _paths(result, paths, most, wide, arrow)
         if made is not None:
             return made
-    table = list(islice(result, most))
+    table = list(islice(rows_of(result), most))
     chosen = _chosen_columns(len(result.columns), most_columns or max(2, (wide - 1) // (LEAST_WIDE + FRAME)))
     headings = tuple("…" if index is None else cell(result.columns[index]) for index in chosen)
     rows = [tuple("…" if index is None else cell(row[index]) for index in chosen) for row in table]
@@ -156,6 +158,8 @@ def _together(texts: Sequence[str]) -> str:
 
 def cell(value: Any) -> str:
     """A value as text of one line; what a terminal would take for more than text is shown as in a script."""
+    if isinstance(value, (date, time)):
+        return value.isoformat()
     if not isinstance(value, str):
         return written(value, MOST_TEXT)
     return _cut(value, MOST_TEXT) if value.isprintable() else written(value, MOST_TEXT)

@@ -77,6 +77,17 @@ def needs_no_check(marshalled: bytes) -> bool:
     return b"g" not in marshalled and b"l" not in marshalled and b"(" not in marshalled
 
 
+def is_finite(value: list[Any], marshalled: bytes) -> bool:
+    """Whether there is no NaN and no infinity in a list of scalars and of lists of them, given with its marshal bytes.
+
+    False may be wrong where numbers are very large.
+    """
+    try:
+        return isfinite(sum(value))  # 0.15 us; to look through the bytes takes 0.5
+    except TypeError:  # not numbers alone
+        return not _to_be_checked(marshalled)
+
+
 def is_shallow(value: list[Any] | tuple[Any, ...]) -> bool:
     """Whether a list or tuple consists of scalars, and of lists and tuples of scalars.
 

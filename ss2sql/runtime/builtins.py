@@ -103,6 +103,23 @@ _ENTRIES = (
     _of_session("to", TWO, lambda types: types[0], "to(expr, name) names a column"),
 )
 
+# How functions are called, where a and b would not say enough.
+_CALLS = {
+    "sum": "sum(list)", "count": "count(list)", "average": "average(list)", "uniq": "uniq(list)",
+    "min": "min(list) or min(a, b, ...)", "max": "max(list) or max(a, b, ...)", "len": "len(x)", "norm": "norm(list)",
+    "sorted": "sorted(list) or sorted(list, True)", "zip": "zip(list, list, ...)", "str": "str(x)", "int": "int(x)",
+    "range": "range(stop), range(start, stop) or range(start, stop, step)", "abs": "abs(x)", "sqrt": "sqrt(x)",
+    "round": "round(x) or round(x, digits)", "float": "float(x)", "print": "print(a, b, ...)", "eval": "eval(text)",
+    "help": "help() or help('name')", "var": "var() or var('name')", "to": "to(expr, name)", "neg": "neg(a)",
+    "clear": "clear()", "getTime": "getTime()",
+}  # fmt: skip
+
+
+def usage(name: str) -> str:
+    """How a built-in function is called."""
+    return _CALLS.get(name) or f"{name}(a, b)"
+
+
 BUILTINS: dict[str, Builtin] = {entry.name: entry for entry in _ENTRIES}
 
 

@@ -2,33 +2,37 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import apsw
 
 from ss2sql import plan
-from ss2sql.errors import Error, ExecutionError, ResolveError, UnsupportedError
+from ss2sql.errors import Error, ExecutionError, ResolveError, UnsupportedError, similar
 from ss2sql.frontend import ast
 from ss2sql.kinds import ANY, NOTHING, Kind, Type, covers, type_of
 from ss2sql.lowering.lower import lower
 from ss2sql.lowering.parameters import Parameter, SqlQuery
 from ss2sql.lowering.rewrites import optimise
 from ss2sql.runtime.call_sites import takes_arrays
-from ss2sql.runtime.explain import explain, outline
 from ss2sql.runtime.finishing import finished
 from ss2sql.runtime.native import NativeQuery, compile_statement
 from ss2sql.runtime.native.deep import with_room
-from ss2sql.runtime.result import Answer, Result, Sql, Status
+from ss2sql.runtime.native.new_calls import call_places
+from ss2sql.runtime.native.options import whole
+from ss2sql.runtime.result import Answer, Result, Sql, Status, joined_sql
 from ss2sql.runtime.rows import Rows
-from ss2sql.runtime.run import Run
+from ss2sql.runtime.run import Places, Run, Sink, Stats
 from ss2sql.runtime.scouts import Scouts
 from ss2sql.runtime.shaping import PATH_FORMS, with_stars
+from ss2sql.runtime.variables import foretold
 from ss2sql.vtables.snapshots import may_move
 from ss2sql.walk import walk
 
 if TYPE_CHECKING:
+    from ss2sql.explained.explanation import Explanation
     from ss2sql.runtime.host import SessionHost
 
 Engine: TypeAlias = Literal["auto", "database", "native"]
@@ -55,20 +59,22 @@ class CompiledQuery:
 
     def _make(self, variable: Callable[[str], Any]) -> None:
         """Rewrites and lowers the query, or compiles it to Python."""
-        host = self.host
+        host, started = self.host, time.perf_counter()
+        self.made = False  # until all is: Ctrl-C may come before that
         self.world = host.world(variable)
         query, self.rewrites = optimise(self.written, host.disabled, self.world)
         self.query = query
         self.lowered: SqlQuery | None = None
-        self.reason = "engine='native' was asked for"
+        self.reason, self.cures = "engine='native' was asked for", tuple[str, ...]()
         self.refusal = None
         if self.wanted != "native":
             try:
                 self.lowered = lower(query, host.sql_names, disabled=host.disabled)
                 self.rewrites = (*self.rewrites, *self.lowered.applied)
             except UnsupportedError as error:
-                self.reason = error.message
+                self.reason, self.cures = error.message, tuple(error.hints)
                 self.refusal = error if self.demanded else None
+        self.lowering_seconds = time.perf_counter() - started
         self.native = None if self.lowered or self.refusal else NativeQuery(query)
         self.bounded: SqlQuery | None = None
         self.scouts = Scouts(query, self._scout) if self.lowered and takes_arrays(query) else None
@@ -79,6 +85,7 @@ class CompiledQuery:
         self.arguments = [compile_statement(expr) for expr in query.representation.arguments]
         self.named = {name: compile_statement(expr) for name, expr in query.representation.named}
         self.moves = may_move(query)
+        self.made = True
 
     def _constant(self, expr: plan.Expr | None) -> Callable[[Run], Any] | None:
         return None if expr is None else compile_statement(expr)
@@ -100,7 +107,7 @@ class CompiledQuery:
 
     def answer(self, run: Run) -> Answer:
         """Runs the query; its answer becomes the run's last one. The value of a search is made when it is read."""
-        if not self.world.holds(run.source):
+        if not (self.made and self.world.holds(run.source)):
             self._make(run.source)
         if self.refusal is not None:
             raise self.refusal
@@ -109,13 +116,13 @@ class CompiledQuery:
         paths = query.search is not None and not query.aggregated
         form, shapes = query.representation, self.host.shapes
         sink = Rows(columns, None if paths else [], [] if paths else None, plain=self.plain, hidden=form.hidden)
-        run.sink = (sink, self.engine)
+        run.sink = Sink(sink, self.engine, query)
         with self.host.memories.query(self.moves):
             rows = with_stars(query, self._database_rows(run, sink) if self.lowered else self._native_rows(run, sink))
         arguments = tuple(argument(run) for argument in self.arguments)
         named = {name: argument(run) for name, argument in self.named.items()}
         status: Status = "maximum" if self._ended_by_maximum(run, rows) else "complete"
-        make = partial(shapes.represent, form, rows, arguments, named)
+        make = run.stats.timed("shape", partial(shapes.represent, form, rows, arguments, named))
         answer = run.answer = Answer(rows.shown(), make, self.engine, status, query.columns)
         if not (shapes.is_built_in(form) and form.name in PATH_FORMS and rows.paths is not None):
             answer.value  # noqa: B018 - it may fail, which has to be now
@@ -137,9 +144,15 @@ class CompiledQuery:
             value = bound[parameter.name] = parameter.bound(self._binding(parameter.expr)(run))
             return value
 
-        lowered = self.lowered_for(run)
+        def careful() -> SqlQuery:
+            """The statement that takes nothing for granted."""
+            run.lowered[self] = lower(self.query, host.sql_names, cut=True, careful=True, disabled=host.disabled)
+            return run.lowered[self]
+
+        host = self.host
+        lowered = run.lowered[self] = self.lowered_for(run)
         try:
-            extras = self.host.database.execute(lowered, run, evaluate, self.careful, sink, most, self.scouts)
+            extras = host.database.execute(lowered, run, evaluate, careful, sink, most, self.scouts)
         except ExecutionError as error:
             if error.code != "X009" or self.demanded or not isinstance(error.__cause__, _TOO_MUCH):
                 raise
@@ -166,10 +179,6 @@ class CompiledQuery:
             self.bounded = lower(query, self.host.sql_names, cut=True, disabled=self.host.disabled)
         return self.bounded
 
-    def careful(self) -> SqlQuery:
-        """The statement that takes nothing for granted."""
-        return lower(self.query, self.host.sql_names, cut=True, careful=True, disabled=self.host.disabled)
-
     def _scout(self, query: plan.Query) -> SqlQuery:
         return lower(query, self.host.sql_names, careful=True, disabled=self.host.disabled)
 
@@ -184,13 +193,10 @@ class CompiledQuery:
     ) -> int | None:
         if compute is None or expr is None:
             return None
-        value = compute(run)
-        if isinstance(value, bool) or not isinstance(value, int) or value < least:
-            hint = f"write a whole number of at least {least}"
-            raise ExecutionError(
-                "X006", f"{word} needs a whole number of at least {least}, not {value!r}", expr.span, (hint,)
-            )
-        return value
+        try:
+            return whole(compute(run), least, word)
+        except ExecutionError as error:
+            raise error.located(expr.span) from None
 
     def _ended_by_maximum(self, run: Run, rows: Rows) -> bool:
         if self.query.search is None or (self.query.search.maximum is None and run.maximum is None):
@@ -200,13 +206,17 @@ class CompiledQuery:
 
     def sql(self, run: Run | None = None) -> Sql:
         """The text that runs, with the values of its parameters: those that it had in a run, else those in the text."""
-        if self.lowered is None:
+        lowered = self.shown(run)
+        if lowered is None:
             return Sql(f"-- no SQL: {self.reason}")
-        parameters = self.lowered.parameters
-        values = {p.name: p.bound(p.expr.value) for p in parameters if isinstance(p.expr, plan.Constant)}
+        values = {p.name: p.bound(p.expr.value) for p in lowered.parameters if isinstance(p.expr, plan.Constant)}
         if run is not None:
             values.update(run.bound.get(self, ()))
-        return Sql(self.lowered.text, values, modules=self.lowered.modules)
+        return Sql(lowered.text, values, modules=lowered.modules)
+
+    def shown(self, run: Run | None) -> SqlQuery | None:
+        """The statement that a run has executed last, else the one that would run."""
+        return self.lowered if run is None or self.lowered is None else run.lowered.get(self, self.lowered)
 
 
 _TOO_MUCH = (apsw.SQLError, apsw.TooBigError)
@@ -233,28 +243,26 @@ class CompiledStatement:
         self._compile(statement, generation, variable)
 
     def _compile(self, statement: plan.Statement, generation: int, variable: Callable[[str], Any]) -> None:
+        function, queries = with_room(lambda: self._function(statement.expr, variable))
+        self.function: Callable[[Run], Any] = function
+        self.queries: list[CompiledQuery] = queries
         self.statement = statement
-        self.generation = generation
-        self.variable = variable
-        self.function: Callable[[Run], Any]
         self.looked_at: dict[str, Any] = {}  # values of variables that are of the types that the plan relies on
-        with_room(self._make)
+        self.generation = generation  # last: what was broken off before is made anew
 
-    def _make(self) -> None:
-        expr = self.statement.expr
-        self.queries: list[CompiledQuery] = []
+    def _function(
+        self, expr: plan.Expr, variable: Callable[[str], Any]
+    ) -> tuple[Callable[[Run], Any], list[CompiledQuery]]:
+        """What computes the statement, and the queries in it."""
+        queries: list[CompiledQuery] = []
+
+        def compiled(query: plan.Query) -> CompiledQuery:
+            queries.append(CompiledQuery(self.host, query, self.engine, variable))
+            return queries[-1]
+
         if isinstance(expr, plan.Subquery):
-            self.function = self._compiled(expr.query).located_answer
-        else:
-            self.function = compile_statement(expr, self._dispatch)
-
-    def _dispatch(self, query: plan.Query) -> Callable[[Run], Any]:
-        return self._compiled(query).value
-
-    def _compiled(self, query: plan.Query) -> CompiledQuery:
-        compiled = CompiledQuery(self.host, query, self.engine, self.variable)
-        self.queries.append(compiled)
-        return compiled
+            return compiled(expr.query).located_answer, queries
+        return compile_statement(expr, lambda query: compiled(query).value), queries
 
     @property
     def is_query(self) -> bool:
@@ -304,29 +312,7 @@ def _type_of(run: Run, name: str) -> Type:
 
 def script_sql(statements: Sequence[CompiledStatement], run: Run | None = None) -> Sql:
     """The texts of all statements as one, each with its own parameters in `statements`."""
-    texts = [statement.sql(run) for statement in statements]
-    if len(texts) == 1:
-        return texts[0]
-    parameters = {name: value for text in texts for name, value in text.parameters.items()}
-    modules = {name: columns for text in texts for name, columns in text.modules.items()}
-    joined = "\n\n".join(text if text.startswith("--") else f"{text};" for text in texts)
-    return Sql(joined, parameters, tuple(texts), modules)
-
-
-def _foretold(
-    host: SessionHost, assigned: Mapping[str, plan.Constant | None], values: Mapping[str, Any]
-) -> Callable[[str], Any]:
-    """The values that variables will have, going by the statements before; KeyError where that is not known."""
-
-    def variable(name: str) -> Any:
-        if name in assigned:
-            constant = assigned[name]
-            if constant is None:
-                raise KeyError(name)
-            return constant.value
-        return values[name] if name in values else host.names.source(name)
-
-    return variable
+    return joined_sql([statement.sql(run) for statement in statements])
 
 
 class Query:
@@ -354,19 +340,23 @@ class Query:
         self._statements: dict[Engine, list[CompiledStatement]] = {}
 
     def statements(
-        self, engine: Engine | None = None, values: Mapping[str, Any] | None = None
+        self, engine: Engine | None = None, values: Mapping[str, Any] | None = None, stats: Stats | None = None
     ) -> list[CompiledStatement]:
         """The compiled statements for an engine; `values` are those of parameters, as far as they are known."""
         chosen = engine or self._engine
         if chosen not in self._statements:
-            self._statements[chosen] = self._compiled(chosen, values or {})
+            started = time.perf_counter()
+            made = self._statements[chosen] = self._compiled(chosen, values or {})
+            if stats is not None:
+                lowering = sum(query.lowering_seconds for statement in made for query in statement.queries)
+                stats.seconds |= {"lower": lowering, "compile": time.perf_counter() - started - lowering}
         return self._statements[chosen]
 
     def _compiled(self, engine: Engine, values: Mapping[str, Any]) -> list[CompiledStatement]:
         statements = []
         assigned: dict[str, plan.Constant | None] = {}
         for tree, part in zip(self._script.statements, self._program.statements, strict=True):
-            variable = _foretold(self._host, dict(assigned), values)
+            variable = foretold(self._host.names, dict(assigned), values)
             statements.append(CompiledStatement(self._host, tree, part, engine, self._generation, variable))
             for node in walk(part.expr):
                 if isinstance(node, (plan.Assign, plan.TemporalAssign, plan.AssignLate)):
@@ -374,6 +364,11 @@ class Query:
             if isinstance(part.expr, plan.Assign) and isinstance(part.expr.value, plan.Constant):
                 assigned[part.expr.name] = part.expr.value
         return statements
+
+    @cached_property
+    def call_places(self) -> dict[str, Places]:
+        """Where the script calls functions of the user; empty where that is not known."""
+        return call_places(*(statement.expr for statement in self._program.statements))
 
     @property
     def plan(self) -> plan.Program:
@@ -383,9 +378,13 @@ class Query:
     def sql(self) -> Sql:
         return script_sql(self.statements())
 
-    def explain(self) -> str:
-        """What becomes of the script: engines, rewrites, which functions are inlined or called and why, the SQL."""
-        return explain(outline(self.statements()))
+    def explain(self) -> Explanation:
+        """What becomes of the script, as `Result.explain` says it, without what only a run can tell."""
+        from ss2sql.explained.explanation import explain
+        from ss2sql.explained.outline import outline
+
+        missing = [name for name in self.parameters if name not in self._host.names]
+        return explain(outline(self.statements()), missing=missing)
 
     def run(self, engine: Engine | None = None, timeout: float | None = None, maximum: int | None = None,
             workers: int = 1, max_rows: int | None = None, **variables: Any) -> Result:  # fmt: skip
@@ -394,7 +393,7 @@ class Query:
         if missing:
             hints = [f"run(..., {', '.join(f'{name}=...' for name in missing)})"]
             for name in variables:
-                if name not in self.parameters and name not in self._host.names:
+                if name not in self.parameters and similar(name, missing):  # others may be columns of a missing source
                     hints.append(f"'{name}' is no parameter of the script")
             raise ResolveError("R009", f"the script needs a value for {', '.join(missing)}", hints=hints)
         return self._execute(self, engine, timeout, maximum, workers, max_rows, variables)

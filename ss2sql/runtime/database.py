@@ -67,6 +67,7 @@ class Execution:
         self.failed = False  # whether a function has raised
         self.ahead: Ahead | None = None  # for functions that take arrays
         self.elements: dict[Any, Walked] = {}
+        self.outermost: Any = None  # the cursor of the first list that was walked
         self.readings = snapshot.begin(run.host.memories.now)  # of worlds
 
     def value_source(self) -> Span | None:
@@ -87,8 +88,9 @@ class Execution:
 class Database:
     """The connection of a session with everything registered that lowered queries need."""
 
-    def __init__(self, connection: apsw.Connection, memo_limit: int) -> None:
+    def __init__(self, connection: apsw.Connection, memo_limit: int, begun: Sequence[Run] = ()) -> None:
         self.connection = connection
+        self.begun = begun  # the runs of the session, the innermost last
         self.stack: list[Execution] = []
         self.modules: set[str] = set()
         self.worlds = WorldModules(connection, lambda: self.current)
@@ -118,11 +120,7 @@ class Database:
 
     def _bound(self, scalar: Callable[..., Any]) -> Callable[..., Any]:
         stack = self.stack
-
-        def function(*arguments: Any) -> Any:
-            return scalar(stack[-1].pool, *arguments)
-
-        return function
+        return lambda *arguments: scalar(stack[-1].pool, *arguments)
 
     def _factory(self, factory: Callable[[Pool], Any]) -> Callable[[], Any]:
         def make() -> Any:
@@ -181,9 +179,10 @@ class Database:
         )
         self.modules.add(name)
 
-    def _walk(self, value: Any, columns: tuple[str, ...]) -> Walked:
+    def _walk(self, value: Any, columns: tuple[str, ...], cursor: Any) -> Walked:
         """The elements of a value as columns of SQL values; kept, for inner loops ask again and again."""
         execution = self.current
+        execution.outermost = execution.outermost or cursor
         key = (value, type(value), columns)
         found = execution.elements.get(key)
         if found is None:
@@ -199,11 +198,16 @@ class Database:
         return found
 
     def _progress(self) -> bool:
+        """Ends the run where it has to end. What is written into the file is written to its end."""
+        if self.connection.txn_state() == apsw.SQLITE_TXN_WRITE:
+            return False
         if self.stack:
             run = self.current.run
             if run.progress is not None:
-                run.progress.entered = self.search.entered
+                run.progress.look(self.current.outermost, self.search)
             run.check()
+        elif self.begun:
+            self.begun[-1].check()
         return False
 
     # --- execution -------------------------------------------------------------------------------------
@@ -300,15 +304,16 @@ class Database:
             raise OtherFormError
         cursor = self.connection.cursor()
         try:
-            cursor.execute(lowered.text, values)
+            late = lowered.late
+            cursor.execute(lowered.text if late is None else late.text, values)
             plain, searches = lowered.plain_rows, lowered.query.search is not None
             if (plain or not searches) and not lowered.keys and not lowered.orders:
                 # The rows are all that is wanted. Plain ones, and ends of paths, are what SQLite gives as it is.
-                given = islice(cursor, most)
+                given = islice(cursor if late is None else late.rows(execution.readings, cursor), most)
                 rows = given if execution.run.max_rows is None else _within(given, execution.run.max_rows)
                 if not searches:
                     assert sink.rows is not None
-                    sink.rows.extend(rows if plain else map(decoder(pool, lowered.outputs), rows))
+                    sink.rows.extend(rows if plain or late is not None else map(decoder(pool, lowered.outputs), rows))
                     return [((), ())] * len(sink.rows)
                 paths = self._paths(lowered, execution, sink, tuple)
                 paths.extend(rows)
@@ -318,7 +323,7 @@ class Database:
             cursor.close(True)  # else an error that somebody keeps would keep the statement open, and the file locked
 
     def _paths(self, lowered: SqlQuery, execution: Execution, sink: Rows, decode: Callable[[Row], Row]) -> Paths:
-        paths = sink.paths = Paths(None if lowered.bookkeeping.all_results else self.search.kept_row(), decode)
+        paths = sink.paths = Paths(None if lowered.bookkeeping.all_results else self.search.kept_steps(), decode)
         execution.results = paths.__len__
         return paths
 
@@ -383,9 +388,7 @@ def _has_other_form(pool: Pool, values: Mapping[str, Any]) -> bool:
 
 def _encoded(pool: Pool, parameter: Parameter, evaluate: Callable[[Parameter], Any]) -> Any:
     value = evaluate(parameter)
-    if parameter.flag:
-        return int(value)
-    return _as_bound(pool, value)
+    return int(value) if parameter.flag else _as_bound(pool, value)
 
 
 def _as_bound(pool: Pool, value: Any) -> Any:

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from ss2sql.errors import Cancelled, Stopped
+from ss2sql.errors import Cancelled, Timeout
+from ss2sql.explained.outline import outline
 from ss2sql.runtime.compiled import CompiledStatement, Engine, Query, script_sql
-from ss2sql.runtime.explain import outline
+from ss2sql.runtime.interrupts import under_way
 from ss2sql.runtime.opening import check_bound, check_engine
 from ss2sql.runtime.progress import progress_of
-from ss2sql.runtime.result import Answer, Result
+from ss2sql.runtime.result import Answer, Result, Status
 from ss2sql.runtime.run import Run, Stats
 from ss2sql.runtime.values import fresh, normalise
 from ss2sql.runtime.workers import IN_WORKER
@@ -43,36 +44,61 @@ class Options:
         check_bound("max_rows", self.max_rows, 0)
 
 
-def execute(
-    host: SessionHost, query: Query, options: Options, variables: Mapping[str, Any], compile_seconds: float
-) -> Result:
+def attended(host: SessionHost, work: Callable[[Run], Result]) -> Result:
+    """What `work` gives, a new run, which hears of Ctrl-C and `interrupt` from here on.
+
+    Raises Cancelled and Timeout with what was found until then; whoever was interrupted hears of nothing else.
+    """
+    run: Run | None = None
+    try:
+        run = Run(host, Stats())
+        with under_way(run):
+            host.begun.append(run)
+            try:
+                result = work(run)
+            finally:
+                host.begun.remove(run)
+        if not run.interrupted:
+            return result
+    except KeyboardInterrupt:
+        pass
+    except Exception as error:
+        if isinstance(error, Cancelled):
+            error.partial = _partial(run, "cancelled")
+        elif run is not None and run.interrupted:
+            raise _cancelled(run) from error
+        elif isinstance(error, Timeout):
+            error.partial = _partial(run, "timeout")
+        raise
+    raise _cancelled(run) from None
+
+
+def _cancelled(run: Run | None) -> Cancelled:
+    cancelled = Cancelled("T002", "the run was interrupted")
+    cancelled.partial = _partial(run, "cancelled")
+    return cancelled
+
+
+def execute(host: SessionHost, query: Query, options: Options, variables: Mapping[str, Any], run: Run) -> Result:
     """Runs a compiled script and gives the result of its last statement."""
     options.check()
-    run = Run(host, Stats(), _deadline(host, options.timeout), max_rows=options.max_rows)
+    run.deadline, run.max_rows = _deadline(host, options.timeout), options.max_rows
     run.arguments = {name: normalise(value, f"the variable '{name}'") for name, value in variables.items()}
-    run.stats.seconds["compile"] = compile_seconds
-    started = time.perf_counter()
-    statements = query.statements(options.engine, run.arguments)
-    run.stats.seconds["lower"] = time.perf_counter() - started
+    statements = run.statements = query.statements(options.engine, run.arguments, run.stats)
+    run.call_places = query.call_places
     run.foreteller = _foreteller(host, run, options.workers)
     run.progress = None if host.runs else progress_of(run, options.progress)  # one inside of another shows none
     host.runs.append(run)
     started = time.perf_counter()
     try:
         value = _last_value(host, run, statements, options.maximum)
-    except Stopped as stopped:
-        stopped.partial = _partial(run, "timeout" if stopped.code == "T001" else "cancelled")
-        raise
-    except KeyboardInterrupt:
-        cancelled = Cancelled("T002", "the run was interrupted")
-        cancelled.partial = _partial(run, "cancelled")
-        raise cancelled from None
     finally:
         host.runs.remove(run)
         run.graph = None
         if run.progress is not None:
             run.progress.end()
-        run.stats.seconds["run"] = time.perf_counter() - started
+        run.stats.spend("run", started)
+        run.stats.seconds["run"] -= run.stats.seconds.get("shape", 0.0)  # what was shaped meanwhile
     if run.foreteller is not None:
         run.foreteller.close()
     return _result(run, statements, value)
@@ -81,8 +107,11 @@ def execute(
 def _last_value(host: SessionHost, run: Run, statements: Sequence[CompiledStatement], maximum: int | None) -> Any:
     value: Any = None
     for statement in statements:
+        run.check()
         run.maximum = maximum if statement is statements[-1] else None
-        run.answer = run.graph = None
+        run.answer = run.sink = run.graph = None
+        if run.progress is not None:
+            run.progress.begin()
         host.forget_stable(run)
         value = statement.value(run)
     return value
@@ -99,7 +128,7 @@ def _result(run: Run, statements: Sequence[CompiledStatement], value: Any) -> Re
         run.stats,
         script_sql(statements, run),
         answer,
-        outline(statements),
+        outline(statements, run),
     )
 
 
@@ -122,9 +151,12 @@ def _deadline(host: SessionHost, seconds: float | None) -> float | None:
     return min((moment for moment in times if moment is not None), default=None)
 
 
-def _partial(run: Run, status: str) -> Result | None:
-    if run.sink is None:
+def _partial(run: Run | None, status: Status) -> Result | None:
+    """What the query has found that was running; None where there was none."""
+    if run is None or run.sink is None:
         return None
-    rows, engine = run.sink
-    answer = Answer(rows.shown(), None, engine, status)  # type: ignore[arg-type]
-    return Result(None, engine, answer.status, run.stats, script_sql([]), answer)
+    rows, engine = run.sink.rows, run.sink.engine
+    shown = run.answer.rows if run.answer is not None else rows.shown()
+    form = None if run.sink.query is None else run.sink.query.representation
+    answer = Answer(shown, None, engine, status, form=form)
+    return Result(None, engine, status, run.stats, script_sql([]), answer, outline(run.statements, run))

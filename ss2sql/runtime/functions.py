@@ -95,7 +95,8 @@ def user_function(
     if name not in BUILTINS:  # `in` is the name of an operator
         check_name(name)
     if not callable(function):
-        raise SessionError("S002", f"'{name}' is a {type(function).__name__}, not a function")
+        hint = f"give the function without calling it; a value is given by session.set('{name}', value)"
+        raise SessionError("S002", f"'{name}' is a {type(function).__name__}, not a function", hints=(hint,))
     if volatility not in (None, "immutable", "stable", "volatile"):
         raise SessionError("S002", f"volatility is 'immutable', 'stable' or 'volatile', not {volatility!r}")
     takes = arity(function)

@@ -55,7 +55,8 @@ class SessionHost:
         self.connection = connection
         self.disabled = disabled
         self.memo_limit = 0 if "memo" in disabled else MEMO_LIMIT
-        self.database = Database(connection, self.memo_limit)
+        self.begun: list[Run] = []  # what runs, or is compiled to run, the innermost last
+        self.database = Database(connection, self.memo_limit, self.begun)
         self.memories = Memories()
         self.tables = Tables(connection)
         self.shapes = Shapes()

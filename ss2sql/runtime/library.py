@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors import ExecutionError
-from ss2sql.runtime.messages import check, float_overflow, show
+from ss2sql.runtime.messages import CURES, check, float_overflow, show
 from ss2sql.runtime.ordering import NUMBERS, compare, sorted_values
 from ss2sql.runtime.values import freeze, truth
 
@@ -15,6 +15,14 @@ if TYPE_CHECKING:
     from fractions import Fraction
 
 RANGE_LIMIT = 10_000_000
+
+
+_MISFITS = {
+    type(None): "leave None out with WHERE",
+    str: "int(...) and float(...) make numbers of text",
+    dict: "the rows of a query are dicts; SELECT one column, and end the query with AS list",
+    list: "give the numbers themselves, as one flat list",
+}
 
 
 def _wrong(message: str, hint: str) -> ExecutionError:
@@ -35,7 +43,7 @@ def _numbers(function: str, values: Sequence[Any]) -> set[type]:
     if kinds <= NUMBERS:
         return kinds
     wrong = next(value for value in values if type(value) not in NUMBERS)
-    hint = "leave None out with WHERE" if wrong is None else "int(...) and float(...) make numbers of text"
+    hint = _MISFITS.get(type(wrong), f"{function} works on numbers alone")
     raise _wrong(f"{function} works on numbers, not on {show(wrong)}", hint)
 
 
@@ -74,7 +82,7 @@ def total(values: Any) -> Any:
 
 def total_of_integers(values: list[int]) -> int:
     """The sum of integers."""
-    return int(check(sum(values)))
+    return int(check(sum(values), CURES["sum"]))
 
 
 def total_of_floats(values: list[float]) -> float:
@@ -170,7 +178,7 @@ def numbers_from(*bounds: Any) -> list[int]:
 
 def absolute(value: Any) -> Any:
     """The number without its sign."""
-    return check(abs(_number("abs", value)))
+    return check(abs(_number("abs", value)), CURES["abs"])
 
 
 def rounded(value: Any, digits: Any = None) -> Any:
@@ -179,7 +187,10 @@ def rounded(value: Any, digits: Any = None) -> Any:
     try:
         if digits is None:
             return check(round(value))
-        places = _integer("round", digits)
+        if type(digits) is not int and type(digits) is not bool:
+            message = f"round takes a whole number of decimal places, not {show(digits)}"
+            raise _wrong(message, "round(x, 2) keeps two of them")
+        places = int(digits)
         if type(value) is float:
             return check(round(value, places))
     except OverflowError:
@@ -228,9 +239,9 @@ def text(value: Any) -> str:
 def to_integer(value: Any) -> int:
     """The integer that a text stands for; of a number, its whole part."""
     if type(value) in NUMBERS:
-        return int(check(int(value)))
+        return int(check(int(value), CURES["int"]))
     try:
-        return int(check(int(_text("int", value))))
+        return int(check(int(_text("int", value)), CURES["int"]))
     except ValueError:
         raise _wrong(
             f"int cannot read {show(value)}", "int reads digits; int(float(...)) also reads fractions"
@@ -244,7 +255,9 @@ def to_float(value: Any) -> float:
     try:
         number = float(_text("float", value))
     except ValueError:
-        raise _wrong(f"float cannot read {show(value)}", "float reads numbers such as '1.5' or '2e3'") from None
+        raise _wrong(
+            f"float cannot read {show(value)}", "float reads numbers with a point, such as '1.5' or '2e3'"
+        ) from None
     if not math.isfinite(number):
         message = f"{show(value)} is not a finite number"
         raise ExecutionError("X004", message, hints=("floats have to be finite; None can say that there is no value",))
@@ -254,4 +267,9 @@ def to_float(value: Any) -> float:
 def _text(function: str, value: Any) -> str:
     if type(value) is str:
         return value
-    raise _wrong(f"{function} works on numbers and strings, not on {show(value)}", "lists are converted one by one")
+    hint = (
+        "leave None out, or write IF(x == None; ...; ...)"
+        if value is None
+        else "the elements of a list are converted one by one"
+    )
+    raise _wrong(f"{function} works on numbers and strings, not on {show(value)}", hint)

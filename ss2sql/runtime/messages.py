@@ -56,8 +56,21 @@ def too_deep(subject: str) -> ExecutionError:
     )
 
 
-def check(value: Any) -> Any:
+FLOATS = "make one of the operands a float, for example with float(...)"
+# What to do about an integer that is too large, where these functions gave it.
+CURES = {
+    "int": "an integer has 64 bits; float(...) holds larger numbers",
+    "abs": "write abs(float(x)): a float can be larger",
+    "sum": "add floats, for example SELECT float(x)",
+}
+
+
+def check(value: Any, cure: str = FLOATS) -> Any:
     """The result of arithmetic, if it is a value: integers within 64 bits, finite floats.
+
+    Args:
+        value: the result.
+        cure: what to do about an integer that is too large.
 
     Raises:
         ExecutionError: X004 for any other number.
@@ -69,17 +82,19 @@ def check(value: Any) -> Any:
         raise ExecutionError(
             "X004",
             f"integer overflow: {show(value)} does not fit into 64 bits",
-            hints=("make one of the operands a float, for example with float(...)",),
+            hints=(cure,),
         )
     if kind is float and not isfinite(value):
         raise float_overflow()
     if kind is complex:
-        raise ExecutionError(
-            "X004",
-            f"the result {show(value)} is a complex number",
-            hints=("a negative number has no real fractional power; use abs(...) or a whole exponent",),
-        )
+        raise complex_result(f"the result {show(value)}")
     return value
+
+
+def complex_result(what: str) -> ExecutionError:
+    """The error for a power that is no real number."""
+    hint = "a negative number has no real fractional power; use abs(...) or a whole exponent"
+    return ExecutionError("X004", f"{what} is a complex number", hints=(hint,))
 
 
 def float_overflow() -> ExecutionError:

@@ -43,17 +43,25 @@ def open_connection(path: str | os.PathLike[str] | None, read_only: bool) -> aps
         for pragma in MEMORY:
             connection.execute(pragma)
     except apsw.Error as error:
-        raise SessionError("S002", f"{path} cannot be opened as a SQLite database: {error}") from error
+        hint = "the folder has to exist, and the file has to be a SQLite database"
+        raise SessionError("S002", f"{path} cannot be opened as a SQLite database: {error}", hints=(hint,)) from error
     return connection
 
 
-def source_of(script: str | Path) -> Source:
+def source_of(script: str | Path | Source) -> Source:
     """The text of a script with its name. Raises SessionError S002 for a file that cannot be read."""
     if isinstance(script, Path):
         try:
             return Source(script.read_text(encoding="utf-8"), str(script))
-        except (OSError, UnicodeDecodeError) as error:
-            raise SessionError("S002", f"the script {script} cannot be read: {error}") from error
+        except OSError as error:
+            message = f"the script {script} cannot be read: {error.strerror}"
+            raise SessionError("S002", message, hints=("look for the file and its name",)) from error
+        except UnicodeDecodeError as error:
+            message = f"the script {script} cannot be read: {error}"
+            raise SessionError("S002", message, hints=("a script is text in UTF-8",)) from error
+    if isinstance(script, Source):
+        return script
     if not isinstance(script, str):
-        raise SessionError("S002", f"a script is text or a pathlib.Path, not {type(script).__name__}")
+        hint = "bytes become text with decode()" if isinstance(script, bytes) else "put the script into quotes"
+        raise SessionError("S002", f"a script is text or a pathlib.Path, not {type(script).__name__}", hints=(hint,))
     return Source(script)

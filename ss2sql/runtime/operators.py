@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ss2sql.errors import ExecutionError, did_you_mean
-from ss2sql.runtime.messages import check, float_overflow, show
+from ss2sql.runtime.messages import check, complex_result, float_overflow, show
 from ss2sql.runtime.ordering import NUMBERS
 
 _INTEGERS = frozenset({int, bool})
@@ -84,11 +84,14 @@ def power(base: Any, exponent: Any) -> Any:
         message = f"integer overflow: {base} ^ {exponent} does not fit into 64 bits"
         raise ExecutionError("X004", message, hints=("make the base a float, for example with float(...)",))
     try:
-        return check(base**exponent)
+        result = base**exponent
     except ZeroDivisionError:
         raise _by_zero(base, "^", exponent) from None
     except OverflowError:
         raise float_overflow() from None
+    if type(result) is complex:
+        raise complex_result(f"{show(base)} ^ {show(exponent)}")
+    return check(result)
 
 
 def neg(value: Any) -> Any:

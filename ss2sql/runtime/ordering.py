@@ -78,12 +78,22 @@ def _no_order(left: Any, right: Any, first: Any, second: Any, symbol: str) -> Ex
         message += f", because of {show(first)} and {show(second)}"
     kinds = {type(first), type(second)}
     if NoneType in kinds:
-        hint = "None has no order: test for it first, for example IF(x == None; ...; ...)"
+        hint = _without_none(first, second, symbol)
     elif str in kinds and kinds & NUMBERS:
         hint = "make both of one kind with int(...), float(...) or str(...)"
+    elif kinds == {dict}:
+        hint = "rows have no order of their own: sort them in a query, with ORDER BY a column"
     else:
         hint = "numbers have an order among themselves, and so have strings and lists; == and != work on everything"
     return ExecutionError("X001", message, hints=(hint,))
+
+
+def _without_none(left: Any, right: Any, symbol: str) -> str:
+    """What to write so that None is not compared."""
+    if symbol == "and":
+        return "None has no order: leave it out, for example with WHERE x != None"
+    sides = ["x" if value is None else show(value, 20) for value in (left, right)]
+    return f"None has no order: ask for it first, as in x != None AND {sides[0]} {symbol} {sides[1]}"
 
 
 def sorted_values(values: Sequence[Any], descending: bool = False) -> list[Any]:

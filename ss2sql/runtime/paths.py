@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from bisect import bisect_left
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from itertools import islice
+from operator import itemgetter
 from typing import Any, TypeAlias, overload
 
 from ss2sql.runtime.rows import Row
 
 # A result as the statement gives it: the number of the step, that of its parent (0: none), and its row.
 End: TypeAlias = tuple[Any, ...]
+
+# The numbers of the parents, and the rows, of steps by their numbers, which a list counts from 1.
+Kept: TypeAlias = Sequence[tuple[int, Row]] | Mapping[int, tuple[int, Row]]
 
 
 def lengths_of(paths: Sequence[Sequence[Row]]) -> Iterator[int]:
@@ -19,19 +26,20 @@ def lengths_of(paths: Sequence[Sequence[Row]]) -> Iterator[int]:
 class Paths(Sequence[list[Row]]):
     """A list of paths, each a list of rows.
 
-    `kept` gives for each step that others come from its parent's number and its row in SQL values, which `decode`
-    makes a row; it is None where every such step is a result itself. A path is walked back from its end until it
+    `kept` has each step that others come from, its parent's number and its row in SQL values, which `decode` makes a
+    row; it is None where every such step is a result itself. A path is walked back from its end until it
     meets the one that was read before: so neighbours, which share their beginnings, cost their differences.
     """
 
     def __init__(
         self,
-        kept: Callable[[int], tuple[int, Row]] | None,
+        kept: Kept | None,
         decode: Callable[[Row], Row],
         ends: Sequence[End] = (),
         all_ends: Sequence[End] | None = None,
     ) -> None:
-        self._kept = kept
+        self._all_kept = kept
+        self._kept = None if kept is None else kept.__getitem__
         self._decode = decode
         self._ends: list[End] = list(ends)
         self._all_ends = self._ends if all_ends is None else all_ends
@@ -50,7 +58,7 @@ class Paths(Sequence[list[Row]]):
         if isinstance(positions, range) and positions == range(len(self)):
             return self
         ends = [self._ends[position] for position in positions]
-        return Paths(self._kept, self._decode, ends, self._all_ends)
+        return Paths(self._all_kept, self._decode, ends, self._all_ends)
 
     def cells(self) -> Iterator[list[Any]]:
         """The paths, each as one flat list of values, row after row; nobody may change one before the last is made."""
@@ -89,6 +97,38 @@ class Paths(Sequence[list[Row]]):
             if self._kept is None:
                 known[number] = length + 1
             yield length + 1
+
+    def kept_by_level(self) -> Counter[int]:
+        """How many steps were kept at each distance from the start; a step has a greater number than its parent."""
+        kept = self._all_kept or {}
+        entered = kept.items() if isinstance(kept, Mapping) else islice(enumerate(kept), 1, None)
+        steps: Iterable[tuple[int, int]] = ((number, parent) for number, (parent, _) in entered)
+        if isinstance(kept, Mapping):
+            steps = sorted({*steps, *((end[0], end[1]) for end in self._all_ends)})
+        levels = {0: 0}
+        for number, parent in steps:
+            levels[number] = levels[parent] + 1
+        counts = Counter(levels.values())
+        del counts[0]
+        return counts
+
+    def depth(self, most: int) -> tuple[int, bool]:
+        """How far from the start the last result is, where every step is one; whether that is all, after `most` looks.
+
+        A step has a greater number than its parent; breadth first the results are in the order of their numbers, depth
+        first the parent of one is not far before it.
+        """
+        ends, place, depth = self._ends, len(self._ends) - 1, 0
+        wanted = ends[-1][0] if ends and self._kept is None else 0
+        for _ in range(most):
+            if not wanted or place < 0:
+                break
+            if ends[place][0] == wanted:
+                wanted, depth, place = ends[place][1], depth + 1, place - 1
+                continue
+            found = bisect_left(ends, wanted, 0, place, key=itemgetter(0))
+            place = found if ends[found][0] == wanted else place - 1
+        return depth, not wanted
 
     def __len__(self) -> int:
         return len(self._ends)

@@ -116,10 +116,13 @@ class Pool:
         """The value of the language; it is shared and must not be changed."""
         if type(value) is not bytes:
             return value
+        found = self._objects.get(value)  # first, for to fail takes 0.5 us, and joins of worlds come here for each pair
+        if found is not None:
+            return found
         try:
             return self.plain(value)
         except KeyError:
-            return self._objects.get(value, value)
+            return value
 
     def plain(self, handle: bytes) -> Any:
         """The value behind a handle of plain data, for who does not change it. KeyError for all other BLOBs."""
@@ -136,10 +139,13 @@ class Pool:
         """A copy of the value for Python code, which may change it; opaque objects are the same objects."""
         if type(value) is not bytes:
             return value
+        found = self._objects.get(value)
+        if found is not None:
+            return fresh(found)
         try:
             return loads(self.marshalled[value])
         except KeyError:
-            return fresh(self.decode(value))
+            return value
 
     def key(self, value: Any) -> Any:
         """One SQL value for all equal values: SQLite's `IS` and Python's `==` on keys are the language's equality.

@@ -1,7 +1,10 @@
 """One line on the terminal that says how far a long run is.
 
+    12 s | [####......] 42% | 402,116 steps, 33,509/s | depth 7 | 12 results
+
 It appears after a second, is written anew ten times a second at the most, and is gone in the end. It has neither
-colours nor control codes but for the carriage return, so it looks the same everywhere.
+colours nor control codes but for the carriage return, so it looks the same everywhere. The bar is there where the total
+is known: of the elements of the first source, or of the results that a search ends with.
 """
 
 from __future__ import annotations
@@ -10,16 +13,21 @@ import os
 import shutil
 import sys
 import time
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Protocol
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, Protocol
 
+from ss2sql import plan
 from ss2sql.errors import SessionError
+from ss2sql.runtime.paths import Paths
 
 if TYPE_CHECKING:
     from ss2sql.runtime.run import Run
+    from ss2sql.runtime.search_functions import Kept, SearchState
 
 FIRST = 1.0  # seconds before the line appears
 AGAIN = 0.1  # seconds until it is written anew
+BAR = 10  # characters of the bar
+DEEPEST = 100_000  # steps that are walked to find out how deep the search is, 5 ms
 
 
 class Stream(Protocol):
@@ -46,7 +54,11 @@ def progress_of(run: Run, wanted: str | bool) -> Progress | None:
 
 
 class Progress:
-    """The line of one run. `show` is called again and again while it works, `end` when it is over."""
+    """The line of one run. `show` is called again and again while it works, `end` when it is over.
+
+    Executors say here how far they are: `search` is the state of the search that SQLite runs, `reached` the rows on the
+    path of a native search, or the way back from where it is.
+    """
 
     def __init__(self, run: Run, stream: Stream, clock: Callable[[], float], width: Callable[[], int]) -> None:
         self._run = run
@@ -55,18 +67,36 @@ class Progress:
         self._width = width
         self._started = clock()
         self._due = self._started + FIRST
-        self.entered = 0  # steps of the search that SQLite runs
         self._shown = 0  # characters of the line as it stands there
+        self._walked: tuple[Any, int, int] | None = None  # what is walked, how much of it is done, and of how much
+        self.search: SearchState | None = None
+        self.reached: Any = None
+
+    def look(self, cursor: Any, search: SearchState) -> None:
+        """Notes where the statement is that SQLite runs; `cursor` walks the first list that it reads."""
+        self.search = search
+        if cursor is not None:
+            self.walk(cursor, cursor.position, cursor.length)
+
+    def walk(self, source: object, done: int, total: int) -> None:
+        """Notes how many elements of a source are done; those of the first one count, all others are inside of it."""
+        if self._walked is None or self._walked[0] is source or self._walked[1] >= self._walked[2]:
+            self._walked = (source, done, total)
+
+    def begin(self) -> None:
+        """Forgets what the statement before has noted."""
+        self._walked = self.reached = self.search = None
 
     def show(self) -> None:
         """Writes the line if it is time to."""
         now = self._clock()
         if now >= self._due:
             self._due = now + AGAIN
-            self._write(progress_text(self._run, now - self._started, self.entered))
+            self._write(self.text(now - self._started))
 
     def end(self) -> None:
         """Takes the line away."""
+        self.begin()
         if self._shown:
             self._write("")
 
@@ -77,21 +107,83 @@ class Progress:
         self._stream.write(f"\r{text}{blanks}" if text else f"\r{blanks}\r")
         self._stream.flush()
 
+    def text(self, seconds: float) -> str:
+        """What the run has done in so many seconds."""
+        stats, graph = self._run.stats, self._run.graph
+        results = None if self._run.sink is None else _results(self._run)
+        parts = [f"{seconds:.0f} s"]
+        part = self._part(results or 0)
+        if part is not None:
+            parts.append(f"[{'#' * int(part * BAR):.<{BAR}}] {part:.0%}")
+        if graph is not None:
+            parts.append(f"{_count(len(stats.levels), 'level')} of MEMORIZE")
+            parts.append(_count(len(graph.rows) - 1, "row"))
+        steps = stats.generated or (0 if self.search is None else self.search.entered)
+        if steps:
+            parts.append(f"{_count(steps, 'step')}, {steps / seconds:,.0f}/s")
+        depth, whole = (0, True) if graph is not None else self._depth()
+        if depth and (whole or depth > DEEPEST // 2):
+            parts.append(f"depth {depth:,}{'' if whole else '+'}")
+        if results is not None:
+            rate = f", {results / seconds:,.0f}/s" if results and not steps else ""
+            parts.append(_count(results, "result") + rate)
+        return " | ".join(parts)
 
-def progress_text(run: Run, seconds: float, entered: int = 0) -> str:
-    """What a run has done in so many seconds; `entered` counts the steps of a search that are not yet in its stats."""
-    stats, graph = run.stats, run.graph
-    parts = [f"{seconds:.0f} s"]
-    if graph is not None:
-        parts.append(f"{_count(len(stats.levels), 'level')} of MEMORIZE")
-        parts.append(_count(len(graph.rows) - 1, "row"))
-    steps = stats.generated or entered
-    if steps:
-        parts.append(f"{_count(steps, 'step')}, {steps / seconds:,.0f}/s")
-    if run.sink is not None:
-        rows = run.sink[0]
-        parts.append(_count(len((rows.rows if rows.paths is None else rows.paths) or ()), "result"))
-    return " | ".join(parts)
+    def _part(self, results: int) -> float | None:
+        """How much is done, from 0 to 1; None where nobody can know."""
+        bound = bound_of(self._run)
+        parts = [results / bound] if bound else []
+        query = None if self._run.sink is None else self._run.sink.query
+        flat = query is None or query.search is None  # a search walks its sources again for every step
+        if flat and self._walked is not None and self._walked[1] < self._walked[2]:
+            parts.append(self._walked[1] / self._walked[2])
+        return min(max(parts), 1.0) if parts else None
+
+    def _depth(self) -> tuple[int, bool]:
+        """The steps from the start to where the search is, 0 where there is none; and whether these are all."""
+        if isinstance(self.reached, list):
+            return len(self.reached) + 1, True
+        if self.search is not None:
+            if self.search.entered or self.search.by_turns:
+                return depth_of(self.search.kept_steps())
+            paths = None if self._run.sink is None else self._run.sink.rows.paths
+            return paths.depth(DEEPEST) if isinstance(paths, Paths) else (0, True)
+        depth, way = 0, self.reached
+        while way is not None and depth < DEEPEST:
+            way, depth = way[0], depth + 1
+        return (0 if self.reached is None else depth + 1), way is None
+
+
+def depth_of(kept: list[Kept] | dict[int, Kept]) -> tuple[int, bool]:
+    """How far from the start the step is that was kept last, by the numbers of parents; and whether that is all."""
+    number: int = next(reversed(kept), 0) if isinstance(kept, dict) else len(kept) - 1
+    depth = 0
+    while number and depth < DEEPEST:
+        number, depth = kept[number][0], depth + 1
+    return depth, not number
+
+
+def bound_of(run: Run) -> int | None:
+    """How many results the query that runs ends with, as far as the script or the run say so."""
+    query = None if run.sink is None else run.sink.query
+    if query is None:
+        return None
+    bounds: list[plan.Expr | None] = []
+    if query.search is not None:
+        bounds.append(query.search.maximum)
+    if not query.order and not query.group:
+        bounds.append(query.limit)
+    known = [bound.value for bound in bounds if isinstance(bound, plan.Constant) and type(bound.value) is int]
+    if run.maximum is not None and query.search is not None:
+        known.append(run.maximum)
+    return min(known, default=None)
+
+
+def _results(run: Run) -> int:
+    assert run.sink is not None
+    rows = run.sink.rows
+    found: Sequence[Any] = (rows.rows if rows.paths is None else rows.paths) or ()
+    return len(found)
 
 
 def _count(number: int, word: str) -> str:

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from ss2sql import plan
 from ss2sql.kinds import Type
-from ss2sql.results import files, frames, graphs, show
+from ss2sql.results import files, frames, fresh_row, graphs, rows_of, show
 from ss2sql.runtime.paths import lengths_of
-from ss2sql.runtime.rows import Row, Rows, free_name
+from ss2sql.runtime.rows import Row, Rows, free_name, row_maker
 from ss2sql.runtime.run import Stats
-from ss2sql.runtime.values import fresh
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from ss2sql.runtime.compiled import CompiledQuery
+    from ss2sql.explained.explanation import Explanation
+    from ss2sql.explained.outline import OutlinedStatement
 
 Status: TypeAlias = Literal["complete", "maximum", "timeout", "cancelled"]
 
@@ -48,11 +48,22 @@ class Sql(str):
         return self
 
 
+def joined_sql(texts: Sequence[Sql]) -> Sql:
+    """The texts of several statements as one, each with its own parameters in `statements`."""
+    if len(texts) == 1:
+        return texts[0]
+    parameters = {name: value for text in texts for name, value in text.parameters.items()}
+    modules = {name: columns for text in texts for name, columns in text.modules.items()}
+    joined = "\n\n".join(text if text.startswith("--") else f"{text};" for text in texts)
+    return Sql(joined, parameters, tuple(texts), modules)
+
+
 @dataclass(slots=True)
 class Answer:
     """What one query of a script gave: rows as the executor left them, what AS makes of them, the engine.
 
-    `outputs` are the columns of the query in the plan, as far as it is known.
+    `outputs` are the columns of the query in the plan, as far as it is known; `form` is what AS asks for, where the run
+    ended before there was a value.
     """
 
     rows: Rows
@@ -61,6 +72,7 @@ class Answer:
     status: Status = "complete"
     outputs: tuple[plan.Output, ...] = ()
     made: Any = None
+    form: plan.Representation | None = None
 
     @property
     def types(self) -> dict[str, Type]:
@@ -91,7 +103,7 @@ class Result:
     stats: Stats
     sql: Sql
     answer: Answer | None = field(default=None)
-    outline: list[tuple[str, list[CompiledQuery]]] = field(default_factory=list)
+    outline: tuple[OutlinedStatement, ...] = ()
 
     @property
     def value(self) -> Any:
@@ -116,18 +128,11 @@ class Result:
             return []
         rows = self.answer.rows
         assert rows.paths is not None
-        return list(map(list, rows.paths)) if rows.plain else [[_fresh_row(row) for row in path] for path in rows.paths]
+        return list(map(list, rows.paths)) if rows.plain else [[fresh_row(row) for row in path] for path in rows.paths]
 
     def __iter__(self) -> Iterator[Row]:
-        if self.answer is None:
-            yield (self.value,)
-        elif self.answer.rows.paths is not None:
-            for number, path in enumerate(self.answer.rows.paths, 1):
-                for step, row in enumerate(path, 1):
-                    yield (number, step, *_fresh_row(row))
-        else:
-            rows = self.answer.rows.rows or ()
-            yield from rows if self.answer.rows.plain else map(_fresh_row, rows)
+        """The rows as tuples. They know the names of the columns, so that `pandas.DataFrame(result)` has them."""
+        return map(row_maker(self.columns), rows_of(self))
 
     def __len__(self) -> int:
         if self.answer is None:
@@ -135,11 +140,15 @@ class Result:
         rows = self.answer.rows
         return len(rows.rows or ()) if rows.paths is None else sum(lengths_of(rows.paths))
 
-    def explain(self) -> str:
-        """What became of the script: see `Query.explain`; functions are shown with the number of their calls."""
-        from ss2sql.runtime.explain import explain  # it knows compiled scripts, which know results
+    def explain(self) -> Explanation:
+        """What became of the script, and what the run has done: a text, whose `as_dict()` gives the same as data.
 
-        return explain(self.outline, self.stats)
+        Engines and why, rewrites, functions with the number of their calls, SQLite's plan in words, the SQL with the
+        values that were bound, the time of each stage, the levels of a search.
+        """
+        from ss2sql.explained.explanation import explain  # it knows compiled scripts, which know results
+
+        return explain(self.outline, self)
 
     # --- what it can become ----------------------------------------------------------------------------
 
@@ -192,12 +201,15 @@ class Result:
     def csv(self, path: str | Path | None = None) -> str | None:
         """The rows as CSV, with a line of names, written to a file or given as text.
 
-        None is an empty field, lists, dicts and bools are written as in JSON.
+        None is an empty field; lists, dicts, bools and dates are written as in JSON.
         """
         return files.write(files.csv_text(self), path)
 
     def json(self, path: str | Path | None = None) -> str | None:
-        """The value as JSON, written to a file or given as text; sets and arrays are lists, objects their repr."""
+        """The value as JSON, written to a file or given as text.
+
+        Sets and arrays are lists, dates are as in ISO 8601, other objects their repr.
+        """
         return files.write(files.json_text(self.value), path)
 
     def parquet(self, path: str | Path) -> None:
@@ -220,9 +232,10 @@ class Result:
 
         Args:
             ax: the Axes to draw on; without it a new figure. On Axes in space, paths in space are drawn as such.
-            kind: "auto" chooses. Of a search: "paths" over a plane, "graph" of its rows by step, "lengths", a count of
-                paths. Of an array of two dimensions, as AS plane gives it: "heat". Of other rows: "bars" for a label
-                and a number, "line", "points".
+            kind: "auto" chooses. Of a search: "paths" over a plane, or over a map that the Axes show, "graph" of its
+                rows by step, "tree" of its paths, "costs" so far at each step, "lengths", a count of paths. Of an array
+                of two dimensions, as AS plane gives it: "heat". Of other rows: "bars" for a label and a number, "line",
+                "points".
             most: how many paths or bars are drawn; else 1000 paths, 40 bars, a graph of up to 150 rows.
             title: in place of what was counted.
 
@@ -236,7 +249,3 @@ class Result:
         from ss2sql.results.plots import plot  # it imports NumPy at once
 
         return plot(self, ax, kind, most, title)
-
-
-def _fresh_row(row: Row) -> Row:
-    return tuple(map(fresh, row))

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Protocol
+from time import perf_counter
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias, TypeVar
 
 from ss2sql import plan
 from ss2sql.errors import Cancelled, Timeout
@@ -15,7 +16,11 @@ from ss2sql.vtables.frames.frame import Frame
 from ss2sql.vtables.memories import Memories
 
 if TYPE_CHECKING:
+    from ss2sql.lowering.parameters import SqlQuery
     from ss2sql.runtime.remembered.keeper import GraphKeeper
+
+T = TypeVar("T")
+Places: TypeAlias = frozenset[tuple[int, int]]  # stretches of the script
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,17 +40,26 @@ class Level:
         return self.steps - self.rows
 
 
+class Sink(NamedTuple):
+    """Where the results of the query that runs are put, with its engine."""
+
+    rows: Rows
+    engine: str
+    query: plan.Query | None = None
+
+
 @dataclass(slots=True)
 class Stats:
     """What a run has done so far.
 
     `calls` counts real calls of user functions by name (a remembered value is no call), `remembered` those
     answered from the memo; `generated` counts steps that were evaluated, `expanded` those that went on,
-    `pruned` those dropped because their row was there before. `seconds` holds the time of each stage. Of functions
-    that take arrays `calls` counts rows that were computed, `blocks` how often the function was called. `levels` are
-    those of the graph of the last search with MEMORIZE, `backward` those that it found from the goal. `notes` say
-    what was not done as asked or hoped for, and why. `graph` is the number of its remembered graph, if it has one, and
-    `remembered_steps` counts the steps that such graphs knew.
+    `pruned` those dropped because their row was there before. `seconds` holds the time of each stage: `parse`,
+    `resolve`, `lower`, `compile` (to Python), `run` and `shape`, which of a search grows when its value is first read.
+    Of functions that take arrays `calls` counts rows that were computed, `blocks` how often the function was called.
+    `levels` are those of the graph of the last search with MEMORIZE, `backward` those that it found from the goal.
+    `notes` say what was not done as asked or hoped for, and why. `graph` is the number of its remembered graph, if it
+    has one, and `remembered_steps` counts the steps that such graphs knew.
     """
 
     calls: Counter[str] = field(default_factory=Counter)
@@ -60,6 +74,22 @@ class Stats:
     graph: int | None = None
     remembered_steps: int = 0
     seconds: dict[str, float] = field(default_factory=dict)
+
+    def timed(self, stage: str, work: Callable[[], T]) -> Callable[[], T]:
+        """The work, whose time counts for a stage whenever it is done."""
+
+        def measured() -> T:
+            started = perf_counter()
+            try:
+                return work()
+            finally:
+                self.spend(stage, started)
+
+        return measured
+
+    def spend(self, stage: str, started: float) -> None:
+        """Counts the time since then for a stage."""
+        self.seconds[stage] = self.seconds.get(stage, 0.0) + perf_counter() - started
 
 
 class Host(Protocol):
@@ -94,11 +124,13 @@ class Run:
     - `shape(query, rows, arguments, named)`: the value that `AS` makes of rows, as a language value.
     - `table_rows(source)`: all rows of a table of the database, in its order, values of its columns in order.
 
-    `sink` holds the rows found so far by the query that runs, and its engine; `answer` what the last query gave,
-    `bound` the values that each lowered query was given for its parameters. `ahead` holds for each native query
-    that runs, the innermost last, what is coming for functions that take arrays (ahead.py). `foreteller` has calls made
-    by other processes (workers/), `progress` shows how far the run is (progress.py), where these are wanted; `graph` is
-    the one that MEMORIZE works on; `knows(state)` says whether the steps from a state of its level are remembered.
+    `sink` holds the rows found so far by the query that runs; `answer` what the last query gave. `statements` are
+    those of the script; `lowered` is the SQL that each of their queries has run, `bound` are the values for its
+    parameters. `ahead` holds for each native query that runs, the innermost last, what is coming for functions that
+    take arrays (ahead.py). `foreteller` has calls made by other processes (workers/), `progress` shows how far the run
+    is (progress.py), where these are wanted; `graph` is the one that MEMORIZE works on; `knows(state)` says whether
+    the steps from a state of its level are remembered. `call_places` is where the script calls functions of the user,
+    as far as that is known.
     """
 
     host: Host
@@ -108,16 +140,19 @@ class Run:
     max_rows: int | None = None
     maximum: int | None = None
     arguments: dict[str, Any] = field(default_factory=dict)
-    sink: tuple[Rows, str] | None = None
+    sink: Sink | None = None
     answer: Any = None
     snapshots: dict[str, Any] = field(default_factory=dict)
     callables: dict[str, Callable[..., Any]] = field(default_factory=dict)
     ahead: list[Any] = field(default_factory=list)
+    statements: list[Any] = field(default_factory=list)
+    lowered: dict[object, SqlQuery] = field(default_factory=dict)
     bound: dict[object, dict[str, Any]] = field(default_factory=dict)
     foreteller: Any = None
     progress: Any = None
     graph: Any = None
     knows: Any = None
+    call_places: Mapping[str, Places] = field(default_factory=dict)
 
     @property
     def watched(self) -> bool:
@@ -132,7 +167,9 @@ class Run:
             self.progress.show()
         if self.deadline is not None and time.monotonic() >= self.deadline:
             raise Timeout(
-                "T001", "the run took longer than its timeout", hints=("raise timeout=, or bound the search",)
+                "T001",
+                "the run took longer than its timeout",
+                hints=("raise timeout=, or bound the search, for example with MAXIMUM, UNIQUE or STOP WITH",),
             )
 
     def variable(self, name: str) -> Any:

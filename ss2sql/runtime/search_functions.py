@@ -168,9 +168,9 @@ class SearchState:
             return row[0] if self.plain else self.key(row[0])
         return row if self.plain else tuple(map(self.key, row))
 
-    def kept_row(self) -> Callable[[int], Kept]:
-        """Gives of a step that others come from its parent's number and its row."""
-        return self.kept.__getitem__ if self.by_turns else self.rows.__getitem__
+    def kept_steps(self) -> list[Kept] | dict[int, Kept]:
+        """The steps that others come from, by number; or all that entered."""
+        return self.kept if self.by_turns else self.rows
 
     # --- steps that are evaluated on entering ----------------------------------------------------------
 

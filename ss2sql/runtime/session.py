@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import time
 import weakref
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -11,20 +10,22 @@ from types import TracebackType
 from typing import Any, TypeVar, overload
 
 from ss2sql import plan
-from ss2sql.errors import SessionError, did_you_mean
+from ss2sql.errors import SessionError, Source, did_you_mean
 from ss2sql.frontend.parser import parse
 from ss2sql.frontend.resolve import resolve
 from ss2sql.lowering.rewrites import REWRITES
 from ss2sql.runtime.compiled import Engine, Query
-from ss2sql.runtime.executing import Options, execute
+from ss2sql.runtime.executing import Options, attended, execute
 from ss2sql.runtime.functions import UserFunction, check_name, user_function
 from ss2sql.runtime.host import SessionHost
+from ss2sql.runtime.interrupts import whole
 from ss2sql.runtime.native.deep import with_room
 from ss2sql.runtime.opening import check_engine, name_of, open_connection
 from ss2sql.runtime.opening import source_of as source_of
 from ss2sql.runtime.progress import check_progress
 from ss2sql.runtime.remembered.listing import Graphs, listed
 from ss2sql.runtime.result import Result
+from ss2sql.runtime.run import Run, Stats
 from ss2sql.runtime.tables import path_of
 from ss2sql.runtime.temporal import TemporalFile
 from ss2sql.runtime.triggers import Trigger
@@ -132,6 +133,7 @@ class Session:
 
         return register if function is None else register(function)
 
+    @whole
     def _register(self, entry: UserFunction) -> Callable[..., Any]:
         self._check_open()
         self.host.register(entry)
@@ -152,6 +154,7 @@ class Session:
 
         return register
 
+    @whole
     def attach(self, name: str, source: Any) -> None:
         """Makes a Python object known under a name; scripts see it as it is when they run.
 
@@ -184,6 +187,7 @@ class Session:
         else:
             self.host.names.attach(name, source)
 
+    @whole
     def detach(self, name: str) -> None:
         """Forgets what was attached under the name. Raises KeyError where nothing is."""
         self._check_open()
@@ -205,6 +209,7 @@ class Session:
         self._check_open()
         return described(name, self.host.tables, self.host.names.worlds)
 
+    @whole
     def set(self, name: str, value: Any) -> None:
         """Sets a script variable to a copy of the value. Raises ExecutionError X004 for NaN and its like."""
         self._check_name(name)
@@ -231,23 +236,32 @@ class Session:
 
     # --- running ---------------------------------------------------------------------------------------
 
-    def compile(self, script: str | Path, engine: Engine = "auto") -> Query:
+    def compile(self, script: str | Path | Source, engine: Engine = "auto") -> Query:
         """Parses, resolves and lowers a script once; names that it does not know become its parameters.
 
         Raises ParseError and ResolveError, UnsupportedError if `engine` is "database" and that is impossible.
         """
         return self._compile(script, engine, {}, open_names=True)
 
-    def _compile(self, script: str | Path, engine: Engine, values: Mapping[str, Any], open_names: bool) -> Query:
+    def _compile(
+        self,
+        script: str | Path | Source,
+        engine: Engine,
+        values: Mapping[str, Any],
+        open_names: bool,
+        stats: Stats | None = None,
+    ) -> Query:
         self._check_open()
         check_engine(engine)
-        tree = parse(source_of(script))
-        program = with_room(lambda: resolve(tree, self.host.catalog(values, open_names)))
+        stats = stats or Stats()
+        tree = stats.timed("parse", lambda: parse(source_of(script)))()
+        catalog = self.host.catalog(values, open_names)
+        program = stats.timed("resolve", lambda: with_room(lambda: resolve(tree, catalog)))()
         return Query(self.host, self.execute, tree, program, engine)
 
     def run(
         self,
-        script: str | Path,
+        script: str | Path | Source,
         engine: Engine = "auto",
         timeout: float | None = None,
         maximum: int | None = None,
@@ -258,7 +272,7 @@ class Session:
         """Runs a script.
 
         Args:
-            script: its text, or the path of a file.
+            script: its text, the path of a file, or a text with the name that errors show.
             engine: "auto" (the database unless lowering objects), "database" (an error instead) or "native".
             timeout: seconds, in place of the session's.
             maximum: bounds the results of the last statement's search, like MAXIMUM.
@@ -275,11 +289,14 @@ class Session:
             Cancelled, whose `partial` is the result so far; whatever a registered function raised, with a
             note that names the line of the script.
         """
-        started = time.perf_counter()
-        values = {name: normalise(value, f"the variable '{name}'") for name, value in variables.items()}
-        query = self._compile(script, engine, values, open_names=False)
-        seconds = time.perf_counter() - started
-        return self.execute(query, engine, timeout, maximum, workers, max_rows, values, seconds)
+
+        def work(run: Run) -> Result:
+            options = self._options(engine, timeout, maximum, workers, max_rows)
+            values = {name: normalise(value, f"the variable '{name}'") for name, value in variables.items()}
+            query = self._compile(script, engine, values, open_names=False, stats=run.stats)
+            return execute(self.host, query, options, values, run)
+
+        return attended(self.host, work)
 
     def eval(self, script: str | Path, **variables: Any) -> Any:
         """The value of a script: `run(script, **variables).value`."""
@@ -294,13 +311,21 @@ class Session:
         workers: int,
         max_rows: int | None,
         variables: Mapping[str, Any],
-        compile_seconds: float = 0.0,
     ) -> Result:
-        """Runs a compiled script; `Query.run` and `Session.run` end here."""
-        self._check_open()
+        """Runs a compiled script; `Query.run` ends here."""
+
+        def work(run: Run) -> Result:
+            self._check_open()
+            options = self._options(engine, timeout, maximum, workers, max_rows)
+            return execute(self.host, query, options, variables, run)
+
+        return attended(self.host, work)
+
+    def _options(
+        self, engine: Engine | None, timeout: float | None, maximum: int | None, workers: int, max_rows: int | None
+    ) -> Options:
         seconds = self.timeout if timeout is None else timeout
-        options = Options(engine, seconds, maximum, workers, max_rows, self.progress)
-        return execute(self.host, query, options, variables, compile_seconds)
+        return Options(engine, seconds, maximum, workers, max_rows, self.progress)
 
     # --- triggers --------------------------------------------------------------------------------------
 
@@ -331,9 +356,10 @@ class Session:
 
     def interrupt(self) -> None:
         """Ends all runs of the session, from any thread; they raise Cancelled."""
-        for run in self.host.runs:
+        for run in list(self.host.begun):
             run.interrupted = True
 
+    @whole
     def close(self) -> None:
         """Closes the connection; the session cannot run scripts any more. Closing twice does no harm."""
         self.host.silence()

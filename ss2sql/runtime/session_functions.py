@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from inspect import signature
 from typing import Any
 
 from ss2sql.errors import ExecutionError, did_you_mean
-from ss2sql.runtime.builtins import BUILTINS
+from ss2sql.runtime.builtins import BUILTINS, usage
 from ss2sql.runtime.functions import UserFunction
 from ss2sql.runtime.values import fresh
 from ss2sql.runtime.variables import Variables
@@ -45,7 +46,17 @@ class SessionFunctions:
         if name not in texts:
             hints = did_you_mean(str(name), texts) or ("help() lists all of them",)
             raise ExecutionError("X007", f"there is no function '{name}'", hints=hints)
-        return f"{name}: {texts[name]}"
+        return f"{self._call(name)}: {texts[name]}"
+
+    def _call(self, name: str) -> str:
+        """How a function is called."""
+        entry = self.functions.get(name) or self.world_functions.get(name)
+        if entry is None:
+            return usage(name)
+        try:
+            return f"{name}({', '.join(signature(entry.function).parameters)})"
+        except (TypeError, ValueError):  # functions in C may have no signature
+            return name
 
     def _texts(self) -> dict[str, str]:
         texts = {name: entry.text for name, entry in BUILTINS.items() if name not in ("item", "slice")}

@@ -7,7 +7,7 @@ from inspect import signature
 from typing import Any
 
 from ss2sql import plan
-from ss2sql.errors import Error, RepresentationError
+from ss2sql.errors import Error, RepresentationError, note_place
 from ss2sql.runtime import representations
 from ss2sql.runtime.paths import Paths
 from ss2sql.runtime.representations.base import ASKS
@@ -74,9 +74,25 @@ class Shapes:
             raise error.located(form.span) from None
         except TypeError as error:
             if error.__traceback__ is not None and error.__traceback__.tb_next is not None:
+                self._note(error, form)
                 raise  # it was raised inside the function, not by the call of it
-            message = f"AS {form.name} cannot take these arguments: {str(error).partition('() ')[2] or error}"
+            message = f"AS {form.name} {self._refused(form.name, len(arguments), str(error))}"
             raise RepresentationError("V001", message, form.span, (self._usage(form.name),)) from error
+        except Exception as error:
+            self._note(error, form)
+            raise
+
+    def _note(self, error: Exception, form: plan.Representation) -> None:
+        """Says on an exception of the user where its representation is asked for."""
+        note_place(error, form.name, [form.span] if form.span else [], "representation")
+
+    def _refused(self, name: str, given: int, reason: str) -> str:
+        """What is wrong with the arguments: Python counts the table, which nobody wrote, among them."""
+        _, *parameters = signature(self.functions[name]).parameters.values()
+        most = sum(p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD) for p in parameters)
+        if given > most and not any(p.kind is p.VAR_POSITIONAL for p in parameters):
+            return f"takes {f'at most {most}' if most else 'no'} argument{'' if most == 1 else 's'}, not {given}"
+        return f"cannot take these arguments: {reason.partition('() ')[2] or reason}"
 
     def _usage(self, name: str) -> str:
         """How the representation is called."""

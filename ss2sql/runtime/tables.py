@@ -75,7 +75,9 @@ class Tables:
             self.connection.execute(f"ATTACH ? AS {quoted(name)}", (str(path),))
             self.connection.execute(f"PRAGMA {quoted(name)}.cache_size = {CACHE_SIZE}")
         except apsw.Error as error:
-            raise SessionError("S002", f"{path} is not a SQLite file that can be read: {error}") from error
+            hint = "an encrypted or damaged file cannot be attached, nor one of another program"
+            message = f"{path} is not a SQLite file that can be read: {error}"
+            raise SessionError("S002", message, hints=(hint,)) from error
         self.files[name] = path
 
     def detach(self, name: str) -> None:
@@ -84,7 +86,8 @@ class Tables:
             try:
                 self.connection.execute(f"DETACH {quoted(name)}")
             except apsw.Error as error:
-                raise SessionError("S002", f"the file '{name}' cannot be let go: {error}") from error
+                hint = "wait until the query that reads it has ended"
+                raise SessionError("S002", f"the file '{name}' cannot be let go: {error}", hints=(hint,)) from error
             self._known.clear()
             del self.files[name]
 

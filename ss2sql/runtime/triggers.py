@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from ss2sql.errors import SessionError
+from ss2sql.errors import SessionError, note_once
 from ss2sql.runtime.values import freeze, normalise
 
 if TYPE_CHECKING:
@@ -63,7 +63,14 @@ class Trigger:
             if self._known == known:
                 return False
             self.changes += 1
-            self.callback(self.value)
+            try:
+                self.callback(self.value)
+            except Exception as error:
+                name = getattr(self.callback, "__name__", repr(self.callback))
+                span = self.query.plan.statements[-1].span
+                place = f"{span.place} has changed\n  {span.line} | {span.source.line(span.line)}"
+                note_once(error, f"raised by the function '{name}', called because the value at {place}")
+                raise
             return True
         finally:
             self._running = False
@@ -87,7 +94,8 @@ class Triggers:
         if isinstance(every, bool) or not isinstance(every, (int, float)) or not (0 < every < math.inf):
             raise SessionError("S002", f"every={every!r} is no time to wait", hints=("give seconds, more than 0",))
         if not callable(callback):
-            raise SessionError("S002", f"a {type(callback).__name__} cannot be called back")
+            hint = "give a function of one argument, the new value"
+            raise SessionError("S002", f"a {type(callback).__name__} cannot be called back", hints=(hint,))
         trigger = Trigger(query, float(every), callback, self.clock())
         self.all.append(trigger)
         return trigger

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
+from ss2sql import plan
 from ss2sql.errors import ExecutionError
 from ss2sql.frontend import ast
 from ss2sql.runtime.run import Run
@@ -127,3 +128,19 @@ class Variables:
     def _save(self, name: str) -> None:
         if self.file is not None:
             self.file.save(self.temporals, name)
+
+
+def foretold(
+    names: Variables, assigned: Mapping[str, plan.Constant | None], values: Mapping[str, Any]
+) -> Callable[[str], Any]:
+    """The values that variables will have, going by the statements before; KeyError where that is not known."""
+
+    def variable(name: str) -> Any:
+        if name in assigned:
+            constant = assigned[name]
+            if constant is None:
+                raise KeyError(name)
+            return constant.value
+        return values[name] if name in values else names.source(name)
+
+    return variable

@@ -76,6 +76,7 @@ class Blocks:
         self.reading = reading
         self.method = method
         self.rows = rows
+        self.single = len(reading.schema.groups[group].parts) == 1  # a block of values, not of tuples
         self.first_fits, self.fit = reading.schema.quick_test(group), reading.schema.block_test(group)
         self.alone = _one_by_one(reading, group, self._single, rows)
         self.keys: Sequence[Hashable] = ()  # that were given when the last block was fetched
@@ -87,7 +88,11 @@ class Blocks:
         if len(block) > 1:
             try:
                 found = self.method(block)
+                if self.single:
+                    found = list(zip(found, strict=True))
                 if len(found) == len(block) and self.first_fits(found[0]) and self.fit(found):
+                    if self.reading.once:  # the same memory again is still in the cache: a scan takes 20 % less
+                        self.rows.clear()
                     self.rows.update(zip(block, found, strict=True))
                     return self.rows[key]
             except Exception:

@@ -16,10 +16,10 @@ from ss2sql.lowering.sources import sql_names
 from ss2sql.runtime.pool import Pool
 from ss2sql.vtables.attached import AttachedTable
 from ss2sql.vtables.cursor import Cursor
+from ss2sql.vtables.filling import Filling, filling_for
 from ss2sql.vtables.names import PLACE, quoted
 from ss2sql.vtables.reading import Reading
-from ss2sql.vtables.schema import failure
-from ss2sql.vtables.snapshots import first_place
+from ss2sql.vtables.schema import Schema, failure
 
 if TYPE_CHECKING:
     from ss2sql.runtime.database import Execution
@@ -91,7 +91,8 @@ class WorldModules:
         if table is None:
             raise failure(f"the table '{name}' is not attached any more")
         execution = self.current()
-        return execution.readings.of(table.table, first_place(table, (execution.query,))), execution.pool
+        readings = execution.readings
+        return readings.of(table.table, readings.places.get(table)), execution.pool
 
     def forget(self, tables: Iterable[AttachedTable]) -> None:
         """Lets go of tables that are attached no longer."""
@@ -126,11 +127,19 @@ class WorldModule:
         self.required = required
         self.signature = signature
         self.current = current
+        self._fillings: dict[tuple[int, ...], Filling] = {}
 
     @property
     def first_parameter(self) -> int:
         """The number of the first hidden column."""
         return len(self.columns) + 1
+
+    def filling(self, schema: Schema, numbers: tuple[int, ...]) -> Filling:
+        """How the columns with these numbers are noted for each row; made once, 0.1 ms."""
+        known = self._fillings.get(numbers)
+        if known is None:
+            known = self._fillings[numbers] = filling_for(schema, numbers)
+        return known
 
     def Connect(  # noqa: N802 - the name is SQLite's
         self, connection: apsw.Connection, module: str, database: str, table: str, *arguments: str

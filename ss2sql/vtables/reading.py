@@ -7,24 +7,40 @@ again and again. A query that may move the world itself reads from a copy, which
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable, Sequence
-from typing import Any, NamedTuple
+from functools import cache
+from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors import Error, Span
 from ss2sql.kinds import INT_MAX, INT_MIN
 from ss2sql.runtime.values import freeze
 from ss2sql.vtables.base import Element, Filter, Table, TableFunction, Where
+from ss2sql.vtables.cleaning import Clean
 from ss2sql.vtables.fetching import Fetch, fetcher
+from ss2sql.vtables.layouts import Place
 from ss2sql.vtables.memories import Remembered, Remembering
 from ss2sql.vtables.schema import Guarded, Schema, broken, schema_of
+
+if TYPE_CHECKING:
+    from ss2sql.vtables.attached import AttachedTable
 
 Read = Callable[[Any], Any]
 MOST_KEPT = 10_000  # lists of keys, and of rows of table functions
 
 
 class Readings:
-    """The tables that one query reads. What adapters remember meanwhile is in `remembered`, by world."""
+    """The tables that one query reads. What adapters remember meanwhile is in `remembered`, by world.
 
-    def __init__(self, remembered: Remembered | None = None) -> None:
+    `once` says that the query walks one table, once; `places` are those of tables in its text.
+    """
+
+    def __init__(
+        self,
+        remembered: Remembered | None = None,
+        once: bool = False,
+        places: Iterable[tuple[AttachedTable, Span | None]] = (),
+    ) -> None:
+        self.once = once
+        self.places = dict(places)
         self._tables: dict[Table | TableFunction, Reading] = {}
         self._memories: Remembered = {} if remembered is None else remembered
 
@@ -38,16 +54,8 @@ class Readings:
             schema = schema_of(table)
             shared = self.of(schema.walked, span) if schema.walked is not None else None
             memory = self._memories.setdefault(table.world, {})
-            known = self._tables[table] = Reading(schema, shared, memory, span)
+            known = self._tables[table] = Reading(schema, shared, memory, span, self.once)
         return known
-
-
-class GroupReader(NamedTuple):
-    """What is known of a group by key, what asks the world for it, and the columns that it consists of."""
-
-    known: Callable[[Any], tuple[Any, ...] | None]
-    fetch: Fetch
-    names: tuple[str, ...]
 
 
 class Reading:
@@ -59,15 +67,19 @@ class Reading:
         shared: Reading | None = None,
         memory: dict[str, Any] | None = None,
         span: Span | None = None,
+        once: bool = False,
     ) -> None:
         self.schema = schema
+        self.once = once  # whether the query is through with an element when it comes to the next block
         self.span = span
         self.memory = {} if memory is None else memory
         self.table = schema.table
         self._lists: dict[Hashable, list[Any]] = {}  # keys, or rows, by what was asked for
         self._rows: dict[str, dict[Hashable, tuple[Any, ...]]] = {name: {} for name in schema.groups}
+        self._fetches: dict[str, Fetch] = {}
         self._elements: dict[Hashable, Element] = {}
         self._numbers: dict[Hashable, int] = {}
+        self._handles: dict[str, dict[Hashable, Any]] = {}
         self.given: Sequence[Hashable] = ()  # the keys that were given last, of which columns will be read
         self._taken: list[Any] | None = None
         self._shared = shared
@@ -81,6 +93,7 @@ class Reading:
 
         A key that is looked up takes a way of its own: a join does it for each of its rows.
         """
+        self.once = False  # SQLite may ask for the parts of an OR one after the other
         if len(values) == 1 and type(values[0]) is int and demands[0] == self._lookup and self._taken is None:
             key = values[0]
             found = self._lists.get(key)
@@ -179,24 +192,34 @@ class Reading:
         if name == table.key:
             return schema.cleaners[name]
         group = schema.group_of[name]
-        rows, place = self._rows[group], schema.groups[group].index(name)
-        fetch = fetcher(self, table, group, rows)
+        known = self._rows[group].get
+        return _reader(schema.groups[group].places[name])(known, self.fetch(group))
 
-        def read(key: Hashable) -> Any:
-            row = rows.get(key)
-            return (fetch(key) if row is None else row)[place]
-
-        return read
-
-    def group_reader(self, name: str) -> GroupReader | None:
-        """How to read the group of a column; None for a column without one."""
+    def fetch(self, group: str) -> Fetch:
+        """What asks the world for a group; one for all its columns, for blocks grow with what is read."""
         if self._shared is not None:
-            return self._shared.group_reader(name)
-        schema, table = self.schema, self.table
-        if not isinstance(table, Table) or name == table.key:
-            return None
-        group = schema.group_of[name]
-        return GroupReader(self._rows[group].get, fetcher(self, table, group, self._rows[group]), schema.groups[group])
+            return self._shared.fetch(group)
+        found = self._fetches.get(group)
+        if found is None:
+            assert isinstance(self.table, Table)
+            found = self._fetches[group] = fetcher(self, self.table, group, self._rows[group])
+        return found
+
+    def known(self, group: str) -> Callable[[Any], tuple[Any, ...] | None]:
+        """What has been read of a group, by key."""
+        return (self if self._shared is None else self._shared)._rows[group].get
+
+    def handles(self, name: str) -> dict[Hashable, Any]:
+        """The SQL values of a column, or of the elements, by key: for columns whose values do not travel as they are.
+
+        To encode a value takes 1 to 2 us, and joins come back for the same elements.
+        """
+        return (self if self._shared is None else self._shared)._handles.setdefault(name, {})
+
+    @property
+    def clean_key(self) -> Clean | None:
+        """What makes a key a value of the column that it is, if it is one."""
+        return self.schema.cleaners.get(getattr(self.schema.keyed, "key", ""))
 
     # --- the snapshot ----------------------------------------------------------------------------------
 
@@ -213,6 +236,16 @@ class Reading:
             for key in keys:
                 read(key)
         self._taken = keys
+
+
+@cache
+def _reader(place: Place) -> Callable[[Callable[[Any], Any], Fetch], Read]:
+    """Makes what reads the column at a place, of what is known, else of what it fetches."""
+    lines = ["def make(known, fetch):", " def read(key):", "  values = known(key)", "  if values is None:"]
+    lines += ["   values = fetch(key)", f"  return {place.code('values')}", " return read"]
+    made: dict[str, Any] = {}
+    exec("\n".join(lines), made)  # a text of this file, with nothing but numbers in it from elsewhere
+    return made["make"]  # type: ignore[no-any-return]
 
 
 def own_key(value: Any, world: Any) -> Any:

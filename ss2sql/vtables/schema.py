@@ -7,7 +7,7 @@ in float columns floats, tuples lists. What does not fit the declaration is refu
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from itertools import chain, starmap
 from math import hypot
 from typing import Any
@@ -16,6 +16,7 @@ from ss2sql.errors import Error, ExecutionError, SessionError, Span, did_you_mea
 from ss2sql.kinds import Kind, Type
 from ss2sql.vtables.base import LARGEST, OPERATORS, Column, Element, Gone, Table, TableFunction, World, WorldFunction
 from ss2sql.vtables.cleaning import Clean, cleaner, kind_of, quick_test
+from ss2sql.vtables.layouts import Layout
 
 
 def schema_of(table: Table | TableFunction) -> Schema:
@@ -50,7 +51,9 @@ class Schema:
         for column in self.columns:
             self._declare(column)
         self.texts = frozenset(name for name, kind in self.kinds.items() if kind.only(Kind.STR | Kind.NONE))
-        self.groups: dict[str, tuple[str, ...]] = {}  # of each group its columns
+        self.groups: dict[str, Layout] = {}  # of each group its columns
+        self.quick_tests: dict[str, Callable[[Any], bool]] = {}  # of each group; see `quick_test` and `block_test`
+        self.block_tests: dict[str, Callable[[Sequence[Any]], bool]] = {}
         self.arrays: frozenset[str] = frozenset()
         self.blocks: frozenset[str] = frozenset()
         self.group_of: dict[str, str] = {}
@@ -98,24 +101,36 @@ class Schema:
             raise self._refuse("it has no method keys(where)")
         self.arrays, self.blocks = frozenset(table.arrays), frozenset(table.blocks)
         for group, text in chain(table.groups.items(), table.arrays.items(), table.blocks.items()):
-            names = self.groups[group] = tuple(text.split())
             if not callable(getattr(table, group, None)):
                 raise self._refuse(f"the group '{group}' has no method of this name")
-            if group in self.blocks and len(names) < 2:
-                raise self._refuse(f"the group '{group}' is a block of one column", "declare it in `groups`")
-            for name in names:
-                if name not in self.kinds:
-                    raise self._refuse(
-                        f"the group '{group}' gives '{name}', which is no column", *did_you_mean(name, self.kinds)
-                    )
-                if name in self.group_of or name == table.key:
-                    raise self._refuse(f"the column '{name}' is given twice")
-                self.group_of[name] = group
+            self._read_group(table, group, text)
         if table.key and table.key not in self.kinds:
             raise self._refuse(f"its key '{table.key}' is no column", *did_you_mean(table.key, self.kinds))
         for name in self.kinds:
             if name not in self.group_of and name != table.key:
                 raise self._refuse(f"the column '{name}' is in no group", f'groups = {{"{name}": "{name}"}}')
+
+    def _read_group(self, table: Table, group: str, text: str) -> None:
+        try:
+            layout = self.groups[group] = Layout(text)
+        except ValueError as error:
+            raise self._refuse(f"the group '{group}': {error}") from None
+        for name in layout.names:
+            if name not in self.kinds:
+                raise self._refuse(
+                    f"the group '{group}' gives '{name}', which is no column", *did_you_mean(name, self.kinds)
+                )
+            if name in self.group_of or name == table.key or layout.names.count(name) > 1:
+                raise self._refuse(f"the column '{name}' is given twice")
+            self.group_of[name] = group
+        wrong = layout.contradiction(self.kinds)
+        if wrong is None and group in self.arrays and not layout.is_flat:
+            wrong = "it gives arrays, one for each column"
+        if wrong is not None:
+            raise self._refuse(f"the group '{group}': {wrong}")
+        tested = quick_test(layout.tested(self.kinds)) if len(layout.parts) > 1 or group in self.blocks else None
+        self.quick_tests[group] = tested or _never
+        self.block_tests[group] = self._block_test(layout)
 
     def _read_places(self, table: Table) -> None:
         for name, text in table.places.items():
@@ -153,24 +168,32 @@ class Schema:
     # --- values ----------------------------------------------------------------------------------------
 
     def row(self, group: str, raw: Any) -> tuple[Any, ...]:
-        """What a group has given for one key, as values of the language."""
-        names = self.groups[group]
-        if len(names) == 1:
-            return (self.cleaners[names[0]](raw),)
-        return self.cleaned(names, raw, f"the group '{group}'")
+        """What a group has given for one key, as values of the language; tuples within it stay tuples."""
+        layout = self.groups[group]
+        if len(layout.parts) == 1:
+            return layout.cleaned(self.cleaners, (raw,))
+        try:
+            return layout.cleaned(self.cleaners, raw)
+        except (TypeError, ValueError):
+            raise self._miscounted(layout.heads, raw, f"the group '{group}'") from None
 
     def quick_test(self, group: str) -> Callable[[Any], bool]:
         """Whether a tuple is what `row` would make of it; in doubt it is not. It takes 0.2 us, `row` 1.1."""
-        names = self.groups[group]
-        fits = quick_test([self.kinds[name] for name in names]) if len(names) > 1 else None
-        return fits or _never
+        return self.quick_tests[group]
 
     def block_test(self, group: str) -> Callable[[Sequence[Any]], bool]:
         """The same for a block of tuples, whose values are of the right types; only how large they are is seen."""
-        kinds = [self.kinds[name] for name in self.groups[group]]
-        if all(kind.only(Kind.FLOAT | Kind.BOOL) for kind in kinds):
+        return self.block_tests[group]
+
+    def _block_test(self, layout: Layout) -> Callable[[Sequence[Any]], bool]:
+        kinds = layout.tested(self.kinds)
+        if all(isinstance(kind, Kind) and kind in _HAVE_SIZE for kind in kinds):
             return _within_limits
-        fits = self.quick_test(group)
+        if all(isinstance(kind, tuple) and set(kind) <= _HAVE_SIZE for kind in kinds):
+            return lambda rows: _within_limits(chain.from_iterable(rows))
+        if kinds == (Kind.STR,):
+            return lambda rows: all(map(str.isascii, chain.from_iterable(rows)))
+        fits = quick_test(kinds) or _never
         return lambda rows: all(map(fits, rows))
 
     def cleaned(self, names: Sequence[str], raw: Any, giver: str) -> tuple[Any, ...]:
@@ -179,13 +202,16 @@ class Schema:
         try:
             return tuple([cleaners[name](value) for name, value in zip(names, raw, strict=True)])
         except (TypeError, ValueError):
-            count = f"{len(raw)} values" if hasattr(raw, "__len__") else f"a {type(raw).__name__}"
-            text = f"{giver} of {self.title} gives {count} for the {len(names)} columns {', '.join(names)}"
-            raise failure(text) from None
+            raise self._miscounted(names, raw, giver) from None
+
+    def _miscounted(self, names: Sequence[str], raw: Any, giver: str) -> ExecutionError:
+        count = f"{len(raw)} values" if hasattr(raw, "__len__") else f"a {type(raw).__name__}"
+        text = f"{giver} of {self.title} gives {count} for the {len(names)} columns {', '.join(names)}"
+        return failure(text)
 
     def rows_of_arrays(self, group: str, raw: Any, keys: Sequence[Hashable]) -> Iterator[tuple[Any, ...]]:
         """What a group of arrays has given, key by key."""
-        names = self.groups[group]
+        names = self.groups[group].names
         arrays = [raw] if len(names) == 1 else list(raw)
         if len(arrays) != len(names):
             raise failure(f"the group '{group}' of {self.title} gives {len(arrays)} arrays for {len(names)} columns")
@@ -210,11 +236,13 @@ class Schema:
             if group in self.blocks:
                 (raw,) = raw
         rows = self.rows_of_arrays(group, raw, [key]) if group in self.arrays else iter([self.row(group, raw)])
-        row = next(rows)
-        return row[self.groups[group].index(name)]
+        return self.groups[group].places[name].of(next(rows))
 
 
-def _within_limits(rows: Sequence[Any]) -> bool:
+_HAVE_SIZE = {Kind.FLOAT, Kind.BOOL}
+
+
+def _within_limits(rows: Iterable[Any]) -> bool:
     """Whether floats are as large as they may be. 0.1 us for six of them, a test of each value takes 0.3."""
     return sum(starmap(hypot, rows)) <= LARGEST  # false where one is NaN
 
@@ -249,7 +277,8 @@ def broken(schema: Schema, error: Exception, key: Hashable = None) -> Error:
     if isinstance(error, Gone):
         reason = f": {error}" if str(error) else ""
         return failure(f"{what} no longer exists{reason}", "ask for the elements anew: SELECT ... FROM the world")
-    return failure(f"{what} cannot be read: {type(error).__name__}: {error}")
+    hint = "the adapter raised it: its traceback is that of error.__cause__"
+    return failure(f"{what} cannot be read: {type(error).__name__}: {error}", hint)
 
 
 def failure(message: str, *hints: str) -> ExecutionError:

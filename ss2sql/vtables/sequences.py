@@ -42,8 +42,8 @@ class Walked(dict[int, Sequence[SqlValue]]):
         return column
 
 
-# Walks a value for a module with these columns.
-Walk: TypeAlias = Callable[[SqlValue, tuple[str, ...]], Walked]
+# Walks a value for a module with these columns, and for the cursor that asks.
+Walk: TypeAlias = Callable[[SqlValue, tuple[str, ...], Any], Walked]
 NOTHING = Walked(None, 0, 0, lambda number: ())
 
 ARGUMENT = "source value"  # the hidden column; the blank keeps it apart from the names of users
@@ -107,7 +107,7 @@ class _Cursor:
         self.length = 0
 
     def Filter(self, number: int, name: str, arguments: Sequence[SqlValue]) -> None:  # noqa: N802
-        self.columns = self.module.walk(arguments[0], self.module.columns)
+        self.columns = self.module.walk(arguments[0], self.module.columns, self)
         self.length = self.columns.length
         self.position = 0
 

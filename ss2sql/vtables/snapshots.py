@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from typing import TYPE_CHECKING, Any
@@ -19,19 +19,26 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
-    """The columns that a query copies when it begins, by table; none where it reads the world as it is."""
+    """The columns that a query copies when it begins, by table; none where it reads the world as it is.
+
+    `once` says that it reads each element in one go: of what it has read nothing has to be kept. `places` are those
+    where the query first has its tables in FROM.
+    """
 
     columns: tuple[tuple[AttachedTable, Span | None, tuple[str, ...]], ...] = ()
+    once: bool = False
+    places: tuple[tuple[AttachedTable, Span | None], ...] = ()
 
     def begin(self, remembered: Remembered | None = None) -> Readings:
         """What a run of the query reads, with the copy made. Worlds put what they remember into `remembered`."""
-        readings = Readings(remembered)
+        readings = Readings(remembered, self.once, self.places)
         for table, place, columns in self.columns:
             readings.of(table.table, place).take(columns)
         return readings
 
 
 NO_SNAPSHOT = Snapshot()
+_SOURCES = (plan.ValueSource, plan.TableSource, plan.QuerySource, plan.WorldSource)
 
 
 def snapshot_for(roots: Collection[Any]) -> Snapshot:
@@ -41,8 +48,11 @@ def snapshot_for(roots: Collection[Any]) -> Snapshot:
     """
     nodes = list(chain.from_iterable(map(walk, roots)))
     sources = [node for node in nodes if isinstance(node, plan.WorldSource)]
-    if not sources or not any(map(_may_move, nodes)):
+    if not sources:
         return NO_SNAPSHOT
+    places = tuple((table, first_place(table, roots)) for table in {source.table: None for source in sources})
+    if not any(map(_may_move, nodes)):
+        return Snapshot((), _reads_once(nodes), places)
     texts = any(isinstance(node, plan.Eval) for node in nodes)
     columns: dict[AttachedTable, dict[str, None]] = {}
     for source in sources:
@@ -52,7 +62,20 @@ def snapshot_for(roots: Collection[Any]) -> Snapshot:
         for node in nodes:
             if isinstance(node, plan.Column) and node.source == source.id:
                 wanted[node.name] = None
-    return Snapshot(tuple((table, first_place(table, roots), tuple(wanted)) for table, wanted in columns.items()))
+    copied = tuple((table, first_place(table, roots), tuple(wanted)) for table, wanted in columns.items())
+    return Snapshot(copied, places=places)
+
+
+def _reads_once(nodes: Sequence[Any]) -> bool:
+    """Whether these parts of a plan have one source, which is walked once, and no function that looks ahead in it."""
+    queries = [node for node in nodes if isinstance(node, plan.Query)]
+    return (
+        len(queries) == 1
+        and sum(isinstance(node, _SOURCES) for node in nodes) == 1
+        and queries[0].search is None
+        and not queries[0].group
+        and all(node.function.builtin for node in nodes if isinstance(node, plan.Call))
+    )
 
 
 def first_place(table: AttachedTable, roots: Iterable[Any]) -> Span | None:

@@ -34,6 +34,7 @@ REWRITES: dict[str, Rewrite] = {
     "lookup": by_lowering,
     "positions": by_lowering,
     "cells": by_lowering,
+    "late": by_lowering,
 }
 
 

@@ -83,8 +83,12 @@ class WayBack:
         bound = self.hunt.bound
         return not self.last or (bound is not None and depth + self.depth >= bound)
 
+    def chosen(self, depth: int, elements: list[Any], state: State) -> list[Any]:
+        """Those elements of a state of that level which still lead to the goal in time."""
+        return [elements[position] for position in self._positions(depth, state)]
+
     def steps(self, depth: int) -> Steps:
-        """The steps from the states of a level, those of them that still lead to the goal in time."""
+        """The steps over them."""
         return partial(self._steps, depth)
 
     def _steps(self, depth: int, state: State, seen: Any) -> Iterator[Any]:
@@ -94,12 +98,14 @@ class WayBack:
         return self.pieces.steps_over(lasts, seen)
 
     def lasts(self, depth: int, state: State) -> list[Last]:
-        """The elements of a state of that level which still lead to the goal in time, with the state."""
+        """The same elements as the clauses take them, with the state."""
+        return [self.elements[position] + state for position in self._positions(depth, state)]
+
+    def _positions(self, depth: int, state: State) -> list[int]:
         bound = self.hunt.bound
         assert bound is not None
         known = self.edges.get(self.key(state), ())
-        positions = sorted(position for position, left in known if depth + left <= bound)
-        return [self.elements[position] + state for position in positions]
+        return sorted(position for position, left in known if depth + left <= bound)
 
 
 def _key_of_one(state: State) -> Hashable:

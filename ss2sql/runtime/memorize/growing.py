@@ -7,8 +7,10 @@ The graph grows by levels: a level are the rows that were first reached by so ma
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Container, Hashable, Iterable, Iterator
 from functools import partial
+from itertools import islice
 from typing import TypeAlias
 
 from ss2sql import plan
@@ -18,7 +20,7 @@ from ss2sql.runtime.memorize.by_length import paths_by_length
 from ss2sql.runtime.memorize.by_weight import paths_by_weight
 from ss2sql.runtime.memorize.graph import Graph
 from ss2sql.runtime.memorize.pieces import Last
-from ss2sql.runtime.native.searches.step import Found, Hunt, State, Steps
+from ss2sql.runtime.native.searches.step import Choose, Found, Grow, Hunt, Node, Nodes, State, Steps
 from ss2sql.runtime.remembered.steps import Remembering
 from ss2sql.runtime.run import Level
 
@@ -28,8 +30,11 @@ Elements: TypeAlias = Callable[[State], Iterable[Last]]
 def memorize(hunt: Hunt) -> Iterator[Found]:
     """The paths of at most `hunt.bound` steps, shortest first."""
     graph = grown(hunt)
-    for edges in paths_by_length(graph):
-        yield graph.found(edges)
+    first = graph.first_path()
+    if first is not None:
+        yield graph.found(first)
+        for edges in islice(paths_by_length(graph), 1, None):
+            yield graph.found(edges)
 
 
 def memorize_weighted(hunt: Hunt) -> Iterator[Found]:
@@ -44,17 +49,18 @@ def grown(hunt: Hunt) -> Graph:
     keeper = hunt.run.host.graphs
     memory = None if keeper is None else keeper.remembering(hunt)
     if memory is None:
-        return _grown(hunt, hunt.steps, way_back(hunt), None)
+        return _grown(hunt, hunt.grow, way_back(hunt), None)
     with memory:
-        return _grown(hunt, memory.steps, None, memory)
+        return _grown(hunt, growth(memory.steps), None, memory)
 
 
-def _grown(hunt: Hunt, steps: Steps, way: WayBack | None, memory: Remembering | None) -> Graph:
+def _grown(hunt: Hunt, grow: Grow, way: WayBack | None, memory: Remembering | None) -> Graph:
     graph = hunt.run.graph = Graph(hunt.check, hunt.bound)
     hunt.flush()
     numbers: dict[Hashable, int] = {}
     level, levels = [(0, hunt.start)], list[Level]()
     hunt.stats.levels, hunt.stats.backward = levels, []
+    most = hunt.run.max_rows
     while level and (hunt.bound is None or len(levels) < hunt.bound):
         depth = len(levels)
         if memory is not None:
@@ -63,7 +69,14 @@ def _grown(hunt: Hunt, steps: Steps, way: WayBack | None, memory: Remembering | 
         rows, edges, steps_before = len(graph.rows), len(graph.targets), hunt.stats.generated
         leading = way if way and way.leads(depth) else None
         states = _prepared(hunt, level, numbers, None if leading is None else partial(leading.lasts, depth))
-        level = _next_level(hunt, leading.steps(depth) if leading else steps, graph, numbers, states)
+        onward, choose = grow, None
+        if leading is not None and leading.pieces.chooses:
+            choose = partial(leading.chosen, depth)
+        elif leading is not None:
+            onward = growth(leading.steps(depth))
+        level = onward(graph, states, numbers, sys.maxsize if most is None else most + 1, choose)
+        if most is not None and len(graph.rows) - 1 > most:
+            raise _too_many(hunt.query, most)
         hunt.flush()
         edges = len(graph.targets) - edges
         levels.append(Level(len(graph.rows) - rows, edges, hunt.stats.generated - steps_before - edges))
@@ -78,22 +91,23 @@ def _prepared(
     return level if foreteller is None else foreteller.blocks(hunt, level, numbers, elements)
 
 
-def _next_level(
-    hunt: Hunt, steps: Steps, graph: Graph, numbers: dict[Hashable, int], level: Iterable[tuple[int, State]]
-) -> list[tuple[int, State]]:
-    """Adds the steps from the nodes of a level to the graph, and gives the nodes of the next level that go on."""
-    following_level = []
-    most = hunt.run.max_rows
-    for node, state in level:
-        for row, goal, following, key, weight, _, last in steps(state, numbers):
-            if goal is not None:
-                numbers[key] = graph.add_node(row, goal)
-                if following is not None:
-                    following_level.append((numbers[key], following))
-            graph.add_edge(node, numbers[key], weight, last)
-        if most is not None and len(graph.rows) - 1 > most:
-            raise _too_many(hunt.query, most)
-    return following_level
+def growth(steps: Steps) -> Grow:
+    """The growth of a graph by steps that are given one by one, each evaluated when it is asked for."""
+
+    def grow(graph: Graph, level: Nodes, seen: dict[Hashable, int], most: int, _: Choose | None) -> list[Node]:
+        following_level = []
+        for node, state in level:
+            for row, goal, following, key, weight, _, last in steps(state, seen):
+                if goal is not None:
+                    seen[key] = graph.add_node(row, goal)
+                    if following is not None:
+                        following_level.append((seen[key], following))
+                graph.add_edge(node, seen[key], weight, last)
+            if len(graph.rows) > most:
+                break
+        return following_level
+
+    return grow
 
 
 def _too_many(query: plan.Query, most: int) -> ExecutionError:

@@ -26,7 +26,8 @@ class Pieces:
     `elements(state)` yields the elements of a state in source order, each as the `last` that the others take. `row`
     gives the row of a step, and what stands for it where rows are compared; `ends` and `is_goal` ask STOP WITH and
     WHERE of it and take the state after the step where it is known; `weigh` gives its cost, or its probability where
-    `probable`; `follow` gives the state after it. `plain`: all elements are values of the language.
+    `probable`; `follow` gives the state after it. `plain`: all elements are values of the language. `chooses`: the
+    search in one piece can be told by their positions which elements to try, see `Grow`.
     """
 
     probable: bool
@@ -39,6 +40,7 @@ class Pieces:
     goals: Callable[[State], list[State]] | None
     before: Callable[[Last], tuple[State, Hashable] | None] | None
     plain: bool
+    chooses: bool
 
     def steps(self, state: State, seen: Container[Hashable]) -> Iterator[Step]:
         """The steps from a state, as the search in one piece gives them."""

@@ -19,7 +19,7 @@ from ss2sql import plan
 from ss2sql.kinds import INT_MAX, INT_MIN, NOTHING, Kind, Type
 from ss2sql.runtime import operator_types
 from ss2sql.runtime.library import total_of_floats, total_of_integers
-from ss2sql.runtime.messages import check
+from ss2sql.runtime.messages import CURES, check
 from ss2sql.runtime.native.pen import Pen
 from ss2sql.runtime.native.unit import Unit
 from ss2sql.walk import choices
@@ -166,7 +166,8 @@ class Inline:
         if not corners or max(corners) > most or len(test) == 1:
             test.append(pen.constant(near))
         inside = ast.Compare(test[0], [ast.LtE() for _ in test[1:]], test[1:], **pen.at)
-        return pen.either(inside, value.again, pen.call(self.unit.helper(check), value.again))
+        cure = [pen.constant(CURES[self.name])] if self.name in CURES else []
+        return pen.either(inside, value.again, pen.call(self.unit.helper(check), value.again, *cure))
 
     def _guessed(self) -> ast.expr | None:
         """Operands of kinds that are not known, as numbers if that is what they are."""

@@ -2,8 +2,8 @@
 
 The generated function `rows(...)` is a generator. It first evaluates START WITH and the sources that are read once,
 then yields None, then the results: paths, or, where something has to be done with them later, pairs of a path and its
-keys, see flat.py. With MEMORIZE it is a function that gives the state of START WITH, the generator function
-`steps(state, seen)`, the function `keys(last)`, and the pieces of pieces.py.
+keys, see flat.py. With MEMORIZE it is a function that gives the state of START WITH, the function `grow` of
+searches/memorized.py, the function `keys(last)`, and the pieces of pieces.py.
 """
 
 from __future__ import annotations
@@ -15,11 +15,10 @@ from typing import TYPE_CHECKING
 from ss2sql import plan
 from ss2sql.runtime.native.expressions import expression
 from ss2sql.runtime.native.flat import key_expressions
-from ss2sql.runtime.native.loop_code import FRAME, LoopCode, assigned
-from ss2sql.runtime.native.loops import Loops
+from ss2sql.runtime.native.loop_code import FRAME, GROWTH_FRAME, LoopCode, assigned
 from ss2sql.runtime.native.pieces import pieces
 from ss2sql.runtime.native.searches import SEARCHES
-from ss2sql.runtime.native.searches.memorized import STEPS
+from ss2sql.runtime.native.searches.memorized import GROW
 from ss2sql.runtime.native.step_code import StepCode, StepLoops
 from ss2sql.runtime.native.unit import Body
 
@@ -40,7 +39,7 @@ def finder(builder: Builder, query: plan.Query, body: Body, aggregates: Sequence
     keys = key_expressions(query, aggregates)
     find_keys = unit.local("keys") if keys else None
     memorized = search.repeats == "memorize"
-    loops = Loops(builder, query, body) if memorized else StepLoops(builder, query, body)
+    loops = StepLoops(builder, query, body)
     loops.read_once()
     if memorized:
         written = _memorized(builder, query, body, loops, here, find_keys)
@@ -54,7 +53,7 @@ def finder(builder: Builder, query: plan.Query, body: Body, aggregates: Sequence
 
 
 def _loop(
-    builder: Builder, query: plan.Query, body: Body, loops: Loops, here: list[str], keys: str | None
+    builder: Builder, query: plan.Query, body: Body, loops: StepLoops, here: list[str], keys: str | None
 ) -> list[ast.stmt]:
     """The loop of the search. What is done for each state has a `Body`, but is no function of its own."""
     assert query.search is not None
@@ -68,21 +67,22 @@ def _loop(
 
 
 def _memorized(
-    builder: Builder, query: plan.Query, outer: Body, loops: Loops, here: list[str], keys: str | None
+    builder: Builder, query: plan.Query, outer: Body, loops: StepLoops, here: list[str], keys: str | None
 ) -> list[ast.stmt]:
     """The functions that MEMORIZE asks."""
     unit, pen = builder.unit, builder.unit.pen_at(query.span)
     # A search is no step, so its start does not count as one that went on.
     expanded = unit.counter("expanded", outer)
     outer.add(pen.increase(expanded, -1))
-    body = Body(unit, unit.local("steps"), ["came", "seen"], outer)
-    unit.counter(expanded, body)
+    body = Body(unit, unit.local("grow"), ["graph", "level", "seen", "most", "choose"], outer)
     step = StepCode(builder, query, body, loops)
-    body.blocks[0] = LoopCode(step, here, keys).written(STEPS)
+    body.blocks[0] = LoopCode(step, here, keys).written(GROW, GROWTH_FRAME)
     body.define()
+    loops.counts_steps = True
+    chooses = step.has_list and not loops.lookups
     find_keys = pen.constant(None) if keys is None else pen.name(keys)
     state = pen.pack(*map(pen.name, here))
-    return [pen.back(pen.pack(state, pen.name(body.name), find_keys, pieces(builder, query, outer, loops)))]
+    return [pen.back(pen.pack(state, pen.name(body.name), find_keys, pieces(builder, query, outer, loops, chooses)))]
 
 
 def _define_keys(builder: Builder, query: plan.Query, outer: Body, name: str, keys: Sequence[plan.Expr]) -> None:

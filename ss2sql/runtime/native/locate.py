@@ -112,7 +112,8 @@ def placed(error: Exception) -> Exception:
             error.located(span)
             _relate(error, trail)
     else:
-        note_place(error, page.function(position), [span] if span else [])
+        evals = [place for place, _ in _evals(trail) if place != span]
+        note_place(error, page.function(position), [span] if span else [], evals=evals)
     return error
 
 
@@ -135,12 +136,17 @@ def _without_value(name: str, error: NameError) -> ExecutionError:
 
 def _relate(error: Error, trail: list[tuple[Page, Position, bool]]) -> None:
     """Adds the places of the evals around the error, innermost first."""
+    for place in _evals(trail):
+        if place[0] != error.span and place not in error.related:
+            error.related += (place,)
+
+
+def _evals(trail: list[tuple[Page, Position, bool]]) -> Iterator[tuple[Span, str]]:
+    """The evals around the place where a trail ends, innermost first, as an Error relates to them."""
     for page, position, _ in reversed(trail):
         span = page.span(position)
-        if span is not None and span != error.span and page.is_eval(position):
-            place = (span, EVAL_LABEL)
-            if place not in error.related:
-                error.related += (place,)
+        if span is not None and page.is_eval(position):
+            yield span, EVAL_LABEL
 
 
 def _trail(traceback: TracebackType | None) -> Iterator[tuple[Page, Position, bool]]:

@@ -17,7 +17,7 @@ from ss2sql.kinds import Kind
 from ss2sql.runtime.native.calls import exact_key
 from ss2sql.runtime.native.expressions import PLAIN, expression
 from ss2sql.runtime.native.facts import Facts
-from ss2sql.runtime.native.items import accompanied, columns_of, in_parts, rows_of_frame, table_rows
+from ss2sql.runtime.native.items import accompanied, columns_of, in_parts, in_sight, rows_of_frame, table_rows
 from ss2sql.runtime.native.lookups import (
     Lookup,
     found_in,
@@ -69,6 +69,7 @@ class Loops:
         }
         own_function = query.search is None and not inside and not owner.parameters
         self.alone = own_function and len(self.sources) == 1 and not any(self.lateral)
+        self.outermost = own_function and len(self.sources) > 1 and not self.lateral[0]
         self.items: dict[int, str] = {}  # by source: what is read once
         self.ready: dict[int, ast.expr] = {}  # the same inside of other loops, where it has no name
         self.lookups: dict[int, list[Lookup]] = {}  # by source: what its loop looks up
@@ -217,6 +218,8 @@ class Loops:
         names = (name, self.frozen.get(source.id), unit.keys.get(source.id))
         if self.alone and body.level == 0:
             items = pen.call(unit.helper(in_parts), pen.name("run"), items)
+        elif self.outermost and body.level == 0 and source is self.sources[0]:
+            items = pen.call(unit.helper(in_sight), pen.name("run"), items)
         body.loop([word for word in names if word is not None], items, pen)
         body.levels[source.id] = body.level
         return body

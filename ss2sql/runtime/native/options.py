@@ -9,12 +9,18 @@ from ss2sql.errors import ExecutionError
 from ss2sql.kinds import Kind, Type
 from ss2sql.runtime.values import NUMBERS, show
 
+_AT_LEAST = {
+    "COST": "a negative cost would make longer paths ever cheaper",
+    "HEURISTIC": "what is left of the way costs at least 0, and HEURISTIC says no more than that",
+}
+
 
 def whole(value: Any, least: int, word: str) -> int:
     """The value of LIMIT, MAXIMUM or MEMORIZE; raises ExecutionError X006 if it is not a number of at least `least`."""
     if type(value) is not int or value < least:
         message = f"{word} needs a whole number of at least {least}, not {show(value)}"
-        raise ExecutionError("X006", message, hints=(f"write a whole number of at least {least}",))
+        hint = "int(...) makes a whole number" if type(value) in (str, float) else f"for example {word} 10"
+        raise ExecutionError("X006", message, hints=(hint,))
     return value
 
 
@@ -46,5 +52,6 @@ def is_known(promised: Type, check: Callable[[Any], Any]) -> bool:
 def _positive(value: Any, word: str) -> Any:
     if type(value) not in NUMBERS or value < 0:
         message = f"{word} needs a number of at least 0, not {show(value)}"
-        raise ExecutionError("X006", message, hints=("a negative cost would make longer paths ever cheaper",))
+        reason = _AT_LEAST[word] if type(value) in NUMBERS else f"a cost is a number, for example {word} 1"
+        raise ExecutionError("X006", message, hints=(reason,))
     return value

@@ -59,12 +59,17 @@ def meter_of(run: Run) -> Callable[[int, int, int], int]:
     return meter
 
 
-def steps_pace_of(run: Run) -> Callable[[int, int, int], int]:
-    """The same for searches that count from one look to the next; gives the number of steps until then."""
-    count, pace = counts_of(run), Pace(run).next
+def steps_pace_of(run: Run) -> Callable[[int, int, int, Any], int]:
+    """The same for searches that count from one look to the next; gives the number of steps until then.
 
-    def meter(generated: int, expanded: int, pruned: int) -> int:
+    `reached` is where the search is: the rows on its path, or the way back to the start.
+    """
+    count, pace, progress = counts_of(run), Pace(run).next, run.progress
+
+    def meter(generated: int, expanded: int, pruned: int, reached: Any) -> int:
         count(generated, expanded, pruned)
+        if progress is not None:
+            progress.reached = reached
         return pace(0)
 
     return meter

@@ -36,7 +36,7 @@ def can_be_taken_apart(builder: Builder, query: plan.Query) -> bool:
     return all(fact.steady and OWN_GROUP not in fact.groups for fact in facts)
 
 
-def pieces(builder: Builder, query: plan.Query, outer: Body, loops: Loops) -> ast.expr:
+def pieces(builder: Builder, query: plan.Query, outer: Body, loops: Loops, chooses: bool) -> ast.expr:
     """The generated functions, in the order of the fields of `Pieces`; None where the search stays in one piece."""
     pen = builder.unit.pen_at(query.span)
     if not can_be_taken_apart(builder, query):
@@ -57,7 +57,7 @@ def pieces(builder: Builder, query: plan.Query, outer: Body, loops: Loops) -> as
     probable = pen.constant(query.search.order == "probability")
     plain = not any(source.id in builder.unit.tuples or source.id in builder.unit.worlds for source in query.sources)
     functions = (pen.constant(None) if name is None else pen.name(name) for name in names)
-    return pen.pack(probable, *functions, pen.constant(plain))
+    return pen.pack(probable, *functions, pen.constant(plain), pen.constant(chooses))
 
 
 class _Writer:

@@ -19,6 +19,7 @@ from ss2sql.runtime.native.call_code import is_remembered, keyed_elements, remem
 from ss2sql.runtime.native.expressions import expression
 from ss2sql.runtime.native.lookups import Lookup, lookup
 from ss2sql.runtime.native.loops import Loops, read_by_sources
+from ss2sql.runtime.native.new_calls import call_places, new_calls, ways_of
 from ss2sql.runtime.native.unit import Body
 from ss2sql.runtime.values import freeze
 from ss2sql.walk import parts
@@ -31,10 +32,15 @@ MOST_INSIDE = 8  # loops over sources inside of the loop of the search; Python n
 
 
 class StepLoops(Loops):
-    """The loops over the sources of a search, whose innermost turns are its steps and are counted as such."""
+    """The loops over the sources of a search, whose innermost turns are its steps.
+
+    Steps are counted by the loop of the search, see loop_code.py, unless `counts_steps` is set.
+    """
+
+    counts_steps = False
 
     def _count(self, body: Body, innermost: bool) -> None:
-        if not innermost:
+        if not innermost or self.counts_steps:
             super()._count(body, innermost)
 
 
@@ -44,7 +50,7 @@ class StepCode:
     `words` says what the clauses that have been written leave behind, see loop_code.py.
     """
 
-    def __init__(self, builder: Builder, query: plan.Query, body: Body, loops: Loops) -> None:
+    def __init__(self, builder: Builder, query: plan.Query, body: Body, loops: StepLoops) -> None:
         assert query.search is not None
         self.builder = builder
         self.unit = builder.unit
@@ -67,6 +73,7 @@ class StepCode:
         body.count([*read_by_sources(query), *self.outputs, *self.clauses, *self.connect])
         self._look_up()
         self._accompany()
+        self._forget_calls()
 
     # --- elements --------------------------------------------------------------------------------------
 
@@ -84,7 +91,7 @@ class StepCode:
         source = self.query.sources[0]
         alone = len(self.query.sources) == 1 and not isinstance(source, plan.WorldSource)
         # Nothing stands before the step that may drop an element.
-        self.has_list = alone and not loop.body and isinstance(self.loops, StepLoops)
+        self.has_list = alone and not loop.body
         return loop
 
     def _generate(self) -> None:
@@ -136,6 +143,25 @@ class StepCode:
             if frozen or source.id in keyed:
                 self.loops.accompany(source, frozen, source.id in keyed)
 
+    def _forget_calls(self) -> None:
+        """Lets calls do without a memory that are made once for each state and element, see new_calls.py."""
+        unit, source = self.unit, self.query.sources[0].id
+        items = self.loops.items.get(source)
+        if items is None or source in self.loops.lookups or source in unit.tuples:
+            return
+        for call in new_calls(self.query, unit.analysis):
+            keyed = source in unit.keys
+            key = unit.analysis.of(call).key
+            assert key is not None
+            places = unit.constant(call_places(self.query)[call.function.name], "places")
+            function, name = unit.constant(call.function, "function"), unit.local(f"{call.function.name}_of")
+            known = [self.pen.name(word) for word in ("run", function, places, items)]
+            single = not keyed and source not in self.loops.frozen
+            flags = [self.pen.constant(keyed), self.pen.constant(single)]
+            self.loops.owner.add(self.pen.assign(name, self.pen.call(unit.helper(ways_of), *known, *flags)))
+            self.loops.owner.locals.append(name)
+            self.body.new_calls[key] = name
+
     # --- what can be said before -----------------------------------------------------------------------
 
     @property
@@ -184,7 +210,7 @@ class StepCode:
         self._row = [value for value, _ in columns]
         frozen = [key for _, key in columns]
         same = len(frozen) > 1 and frozen == self._row
-        if same or self.search.repeats == "memorize":  # else the row is made when its step leaves a trace
+        if same:  # else the row is made when its step leaves a trace
             self._pack_row()
         key = frozen[0] if len(frozen) == 1 else pen.name("row") if same else pen.pack(*frozen)
         if not isinstance(key, ast.Name):

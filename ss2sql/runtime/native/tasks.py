@@ -106,11 +106,11 @@ class Task:
 
     def _memorized(self, search: plan.Search, bound: int | None, outer: tuple[Any, ...]) -> Generator[Any, None, None]:
         """The paths of the graph that MEMORIZE makes."""
-        start, steps, keys, pieces = self.find(*outer)
+        start, grow, keys, pieces = self.find(*outer)
         query, stats, check = self.form.query, self.run.stats, self.run.check
         taken_apart, flush = pieces and Pieces(*pieces), self.flush or (lambda: None)
         keyed = keys is not None
-        hunt = Hunt(start, steps, search.order, bound, stats, check, query, self.run, taken_apart, flush, keyed)
+        hunt = Hunt(start, grow, search.order, bound, stats, check, query, self.run, taken_apart, flush, keyed)
         find = SEARCHES[search.order, search.repeats]
         assert not isinstance(find, str)
         return self._paths(find(hunt), keys)

@@ -67,6 +67,7 @@ class Body:
     counts: Counter[int] = field(default_factory=Counter)
     slots: dict[int, str] = field(default_factory=dict)
     known: list[dict[int, str]] = field(default_factory=lambda: [{}])
+    new_calls: dict[int, str] = field(default_factory=dict)
     before: Body | None = None
     sure: bool = True
     trusting: bool = False
@@ -233,7 +234,7 @@ class Unit:
         self.page = Page(span.source)
         self.pen = self.pen_at(span)
         self.analysis = analysis
-        self.namespace: dict[str, Any] = {PAGE: self.page}
+        self.namespace: dict[str, Any] = {"__name__": __name__, PAGE: self.page}
         self.root = Body(self, "bound", ["run"], None)
         self.names: dict[int, str] = {}
         self.states: dict[tuple[int, str], str] = {}

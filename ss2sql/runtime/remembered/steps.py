@@ -13,7 +13,7 @@ from typing import Any, TypeAlias
 
 import apsw
 
-from ss2sql.errors import ExecutionError
+from ss2sql.errors import ExecutionError, Stopped
 from ss2sql.runtime.memorize.pieces import Last, Pieces, State
 from ss2sql.runtime.native.searches.step import Hunt, Step
 from ss2sql.runtime.remembered.graph import MOST_HELD, Edge, GraphInFile, Node
@@ -25,6 +25,8 @@ from ss2sql.runtime.run import Stats
 # Writing may take one part in so many of the time, so a search with many small levels writes several together.
 SHARE = 20
 PART = 0.5  # seconds after which a part of a level is written
+MOST_EDGES = 2_500  # that are written in one transaction, which takes 25 ms
+MOMENT = 0.02  # seconds after which a run that was stopped begins no other one
 
 Ask: TypeAlias = Callable[[Node, Edge, Last, Row], Any]
 _IN_THE_WAY = (apsw.BusyError, apsw.LockedError, apsw.FullError, apsw.ReadOnlyError, apsw.IOError, apsw.CantOpenError)
@@ -89,7 +91,7 @@ class Remembering:
         try:
             name = self.changed() if self._pending or self._wrote else None
             if name is None:
-                self._write()
+                self._write(kind is not None and issubclass(kind, (Stopped, KeyboardInterrupt)))
             else:
                 self._disown(name)
         except ExecutionError:
@@ -137,29 +139,42 @@ class Remembering:
         passed = perf_counter() - self._written
         return bool(self._pending) and passed >= least and passed >= SHARE * self._seconds
 
-    def _write(self) -> None:
-        """Writes what is new; where somebody else is in the way that has to wait."""
-        store = self.graph.store
-        if self.off or not (store.writable and (self._pending or self.graph.number)):
-            return
+    def _write(self, stopped: bool = False) -> None:
+        """Writes what is new, in parts, so that a run can be stopped between them.
+
+        Of one that is `stopped` already as much is written as a moment is enough for; the rest is found out anew.
+        """
         started = perf_counter()
-        try:
-            if self._pending or store.is_stale(self.graph.number):
-                self.graph.write(self._pending, self._complete)
-        except NotKept as reason:
-            self._give_up(reason)
-            return
-        except _IN_THE_WAY as error:
-            self._hindered = str(error)
-        except apsw.Error as error:
-            raise spoilt(str(error)) from error
-        else:
-            self._wrote = True
-            for node in self._pending:
-                node.touched = False
-            self._pending.clear()
+        while self._write_part() and self._pending:
+            if not stopped:
+                self.hunt.check()
+            elif perf_counter() - started > MOMENT:
+                break
         self._written = perf_counter()
         self._seconds = self._written - started
+
+    def _write_part(self) -> bool:
+        """Writes some states; where somebody else is in the way that has to wait, and the answer is no."""
+        store = self.graph.store
+        if self.off or not (store.writable and (self._pending or self.graph.number)):
+            return False
+        part = self._pending[: _first(self._pending)]
+        try:
+            if part or store.is_stale(self.graph.number):
+                self.graph.write(part, self._complete)
+        except NotKept as reason:
+            self._give_up(reason)
+            return False
+        except _IN_THE_WAY as error:
+            self._hindered = str(error)
+            return False
+        except apsw.Error as error:
+            raise spoilt(str(error)) from error
+        self._wrote = True
+        for node in part:
+            node.touched = False
+        del self._pending[: len(part)]
+        return True
 
     def _disown(self, name: str) -> None:
         """Gives up a graph that nobody would find again: a function keeps something in what it reads."""
@@ -301,3 +316,13 @@ class Remembering:
             return value
 
         return ask
+
+
+def _first(nodes: Sequence[Node]) -> int:
+    """How many of the nodes are written together."""
+    edges = 0
+    for number, node in enumerate(nodes, 1):
+        edges += len(node.edges or ())
+        if edges >= MOST_EDGES:
+            return number
+    return len(nodes)

@@ -15,6 +15,7 @@ from typing import Any
 import apsw
 
 from ss2sql.errors import ExecutionError
+from ss2sql.runtime.interrupts import whole
 
 TABLES = {
     "ss2sql_graphs": """
@@ -202,6 +203,7 @@ class Store:
             " levels, created, used FROM ss2sql_graphs AS g ORDER BY id"
         )
 
+    @whole
     def drop(self, graph: int | None) -> None:
         """Removes a graph. Raises ExecutionError X009 where the file cannot be written."""
         try:

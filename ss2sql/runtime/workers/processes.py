@@ -148,6 +148,7 @@ def _started() -> subprocess.Popen[bytes]:
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         env={**os.environ, IN_WORKER: "1"},
+        start_new_session=True,  # Ctrl-C in a terminal is not for it, not even before it can say so
     )
     _send(process, ("begin", list(sys.path), os.getcwd(), sys.getrecursionlimit()))
     return process

@@ -35,26 +35,21 @@ class Bodies(Table):
         Column("colour", list | None, "", "red, green, blue and opacity, from 0 to 1; None if it cannot be seen"),
     )
     places = PLACES
-    # Lists stand apart from numbers, though the same call gives both: numbers are taken as they are, block by block.
     blocks: ClassVar[Mapping[str, str]] = {
-        "place": "x y z posX posY posZ",
-        "turn": "qx qy qz qw",
-        "movement": "vx vy vz wx wy wz",
+        "called": "name",
+        "stand": "pos(x=posX y=posY z=posZ) quat(qx qy qz qw)",
+        "movement": "velocity=linearVelocity(vx vy vz) angularVelocity(wx wy wz)",
         "matter": "mass hasBody friction restitution",
+        "sensing": "isSensor",
     }
     groups: ClassVar[Mapping[str, str]] = {
-        "called": "name",
-        "spot": "pos",
-        "quaternion": "quat",
         "angles": "rot",
         "pose": "pose",
         "around": "aabb",
-        "speed": "velocity linearVelocity angularVelocity",
         "size": "volume",
         "push": "force torque",
         "look": "colour",
         "form": f"{SHAPE} isRobot isEnabled",
-        "sensing": "isSensor",
         "itself": "obj",
     }
 
@@ -67,6 +62,7 @@ class Bodies(Table):
         self._velocity = world.calls.numbered("getBaseVelocity")
         self._dynamics = world.calls.numbered("getDynamicsInfo")
         self._joints = world.calls.numbered("getNumJoints")
+        self._info = world.calls.numbered("getBodyInfo")
 
     def keys(self, where: Where) -> list[int]:
         world = self.world
@@ -83,21 +79,24 @@ class Bodies(Table):
 
     # --- blocks ----------------------------------------------------------------------------------------
 
-    def place(self, keys: Sequence[int]) -> list[Any]:
+    def called(self, keys: Sequence[int]) -> list[str]:
         try:
-            return [pos + pos for pos, _ in map(self._where, keys, repeat(self._client))]
+            if self.world.names:
+                return list(map(self.world.name_of, keys))
+            info, client = self._info, self._client
+            return [info(key, client)[1].decode(errors="replace") or f"body_{key}" for key in keys]
         except self.error as error:
             raise self._reason(keys, error) from None
 
-    def turn(self, keys: Sequence[int]) -> list[Any]:
+    def stand(self, keys: Sequence[int]) -> list[Any]:
         try:
-            return [quat for _, quat in map(self._where, keys, repeat(self._client))]
+            return list(map(self._where, keys, repeat(self._client)))
         except self.error as error:
             raise self._reason(keys, error) from None
 
     def movement(self, keys: Sequence[int]) -> list[Any]:
         try:
-            return [velocity + spin for velocity, spin in map(self._velocity, keys, repeat(self._client))]
+            return list(map(self._velocity, keys, repeat(self._client)))
         except self.error as error:
             raise self._reason(keys, error) from None
 
@@ -115,6 +114,12 @@ class Bodies(Table):
             raise self._reason(keys, error) from None
         return rows
 
+    def sensing(self, keys: Sequence[int]) -> list[bool]:
+        sensors = self.world.sensors
+        for key in keys:
+            self.world.present(key)
+        return [key in sensors for key in keys]
+
     def _reason(self, keys: Sequence[int], error: Exception) -> Exception:
         """Why the simulator refused: a body is gone, or something else."""
         for key in keys:
@@ -123,40 +128,15 @@ class Bodies(Table):
 
     # --- groups ----------------------------------------------------------------------------------------
 
-    def called(self, key: int) -> str:
-        try:
-            return self.world.name_of(key)  # type: ignore[no-any-return]
-        except self.error as error:
-            raise self._reason([key], error) from None
-
-    def spot(self, key: int) -> Any:
-        return self._point_and_turn(key)[0]
-
-    def quaternion(self, key: int) -> Any:
-        return self._point_and_turn(key)[1]
-
     def angles(self, key: int) -> Any:
-        return self.calls.getEulerFromQuaternion(self._point_and_turn(key)[1])
+        return self.calls.getEulerFromQuaternion(self.stand([key])[0][1])
 
     def pose(self, key: int) -> Any:
-        pos, quat = self._point_and_turn(key)
+        ((pos, quat),) = self.stand([key])
         return (*pos, *quat)
-
-    def _point_and_turn(self, key: int) -> Any:
-        try:
-            return self._where(key, self._client)
-        except self.error as error:
-            raise self._reason([key], error) from None
 
     def around(self, key: int) -> Box:
         return box_of(self.world, key)
-
-    def speed(self, key: int) -> tuple[Any, ...]:
-        try:
-            velocity, spin = self._velocity(key, self._client)
-        except self.error as error:
-            raise self._reason([key], error) from None
-        return velocity, velocity, spin
 
     def size(self, key: int) -> float | None:
         total = 0.0
@@ -195,10 +175,6 @@ class Bodies(Table):
         if shapes:
             return FORM_ROWS["compound", robot]
         return FORM_ROWS["terrain" if self._is_terrain(key) else "ghost", robot]
-
-    def sensing(self, key: int) -> bool:
-        self.world.present(key)
-        return key in self.world.sensors
 
     def itself(self, key: int) -> Element:
         self.world.present(key)

@@ -36,6 +36,9 @@ class Functions(BodyWorld):
         """A point that a script means: itself, or where a body or one of its links is."""
         if isinstance(value, (list, Element)):
             return super().point(value)
+        known = self.memory.get("places")  # within a query that moves nothing
+        if known is not None and type(value) is int and value in known.at:
+            return known.at[value]  # type: ignore[no-any-return]
         return pose_of(self, (self.body(value), value[1] if isinstance(value, tuple) else -1))[0]
 
     def box(self, name: str, value: Any) -> Any:

@@ -7,27 +7,70 @@ outside of their shape, and, until the next step, those that the last step moved
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from math import dist
+from math import dist, floor
 from typing import Any
 
 import numpy as np
 
+from ss2sql.vtables.bodies import FAR
+
 AXES = ("x", "y", "z")
+MOST = 60  # bodies in cells: a look at each takes 0.1 us
+SIDES = 1e-6, 1e9  # metres: between these are those of cells
 SLACK = 1e-6  # metres and parts: distances that are computed in two ways differ by less
 
 
 class Places:
-    """The ids and positions of all bodies at one moment. Asking for neighbours takes 10 us among 1,000."""
+    """The ids and positions of all bodies at one moment. Asking for neighbours takes 4 us among 1,000.
+
+    Small boxes are looked up in cells, as wide as the first box that was asked for; others in arrays.
+    """
 
     def __init__(self, world: Any) -> None:
-        where = world.calls.getBasePositionAndOrientation
+        where, number = world.calls.numbered("getBasePositionAndOrientation"), world.calls.number
         self.ids: list[int] = world.ids()
-        self._points = [where(body)[0] for body in self.ids]
+        self._points = [where(body, number)[0] for body in self.ids]
+        self.at = dict(zip(self.ids, self._points, strict=True))
         points = np.array(self._points, dtype=float).reshape(len(self.ids), 3)
         self._order = np.argsort(points[:, 0], kind="stable")  # along x, where a range leaves few of them
         self._axes = points[self._order].T.copy()
         self._along = self._axes[0].tolist()
         self._numbers = np.array(self.ids, dtype=np.int64)
+        self._side = 0.0  # of the cells, once there are any
+        self._cells: dict[tuple[int, int, int], list[int]] = {}
+
+    def _fill_cells(self, side: float) -> None:
+        self._side = side
+        for place, (x, y, z) in enumerate(self._points):
+            if abs(x) + abs(y) + abs(z) <= FAR:  # which is false where one is NaN
+                self._cells.setdefault((floor(x / side), floor(y / side), floor(z / side)), []).append(place)
+
+    def _in_cells(self, *ranges: tuple[float, float]) -> list[int] | None:
+        """The same as `_within`; None where the box is large, or what it holds: arrays take 15 us then as before."""
+        (ax, bx), (ay, by), (az, bz) = ranges
+        widest = max(bx - ax, by - ay, bz - az)
+        if not (SIDES[0] <= widest <= SIDES[1] and max(map(abs, (ax, ay, az))) <= 1e6 * widest):
+            return None
+        if not self._side:
+            self._fill_cells(widest)
+        side, cells = self._side, self._cells
+        if widest > 2 * side:
+            return None
+        found: list[int] = []
+        for i in range(floor(ax / side), floor(bx / side) + 1):
+            for j in range(floor(ay / side), floor(by / side) + 1):
+                for k in range(floor(az / side), floor(bz / side) + 1):
+                    found += cells.get((i, j, k), ())
+        if len(found) > MOST:
+            return None
+        points = self._points
+        inside = []
+        for place in found:
+            x, y, z = points[place]
+            if ax <= x <= bx and ay <= y <= by and az <= z <= bz:
+                inside.append(place)
+        inside.sort()
+        return inside
 
     def _within(self, *ranges: tuple[float, float]) -> Any:
         """The places in `ids` of the bodies within ranges, in their order."""
@@ -43,7 +86,10 @@ class Places:
 
     def between(self, *ranges: tuple[float, float]) -> list[int]:
         """The bodies whose x, y and z lie within ranges, ends included."""
-        return self._numbers[self._within(*ranges)].tolist()  # type: ignore[no-any-return]
+        found = self._in_cells(*ranges)
+        if found is None:
+            return self._numbers[self._within(*ranges)].tolist()  # type: ignore[no-any-return]
+        return [self.ids[place] for place in found]
 
     def near(self, point: tuple[float, ...], radius: float) -> list[int]:
         """The bodies whose centres are at most this far from a point; one of two numbers is on the floor plan."""

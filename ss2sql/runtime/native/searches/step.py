@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Hashable, Iterator, Sequence
+from collections.abc import Callable, Container, Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from ss2sql import plan
 from ss2sql.runtime.memorize.pieces import Pieces
 from ss2sql.runtime.rows import Row
 from ss2sql.runtime.run import Run, Stats
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.memorize.graph import Graph
 
 State: TypeAlias = tuple[Any, ...]
 
@@ -20,6 +23,15 @@ Step: TypeAlias = tuple[Row, bool | None, State | None, Hashable, Any, Any, Any]
 
 Steps: TypeAlias = Callable[[State, Container[Hashable]], Iterator[Step]]
 
+# `grow(graph, level, seen, most, choose)` adds the steps from the nodes of a level to the graph, each evaluated in
+# source order, and gives the nodes that go on: numbers with states. `seen` has the numbers of rows by what stands for
+# them. It ends early when the graph has more than `most` rows and the start. `choose(elements, state)`, where it is
+# given, says which elements of a single list are tried.
+Node: TypeAlias = tuple[int, State]
+Nodes: TypeAlias = Iterable[Node]
+Choose: TypeAlias = Callable[[list[Any], State], list[Any]]
+Grow: TypeAlias = Callable[["Graph", Nodes, dict[Hashable, int], int, Choose | None], list[Node]]
+
 # A result: the rows of its path, and the last part of its last step.
 Found: TypeAlias = tuple[Sequence[Row], Any]
 
@@ -28,15 +40,14 @@ Found: TypeAlias = tuple[Sequence[Row], Any]
 class Hunt:
     """One run of a search.
 
-    `steps(state, seen)` yields the steps from a state in source order, each evaluated when it is asked for;
-    those whose frozen rows are in `seen` are dropped. `bound` is MEMORIZE's. `stats` counts rows that an order
-    drops by itself. `check` ends the run if it has to end; who works for long without asking for steps calls
-    it. `query` is what is searched for in `run`. `pieces` are the clauses of a search with MEMORIZE that can be taken
-    apart. `flush` brings `stats` up to date. `keyed`: GROUP BY or ORDER BY ask for the last part of a result.
+    `grow` makes a level of the graph. `bound` is MEMORIZE's. `check` ends the run if it has to end; who works for long
+    without making steps calls it. `query` is what is searched for in `run`. `pieces` are the clauses of a search that
+    can be taken apart. `flush` brings `stats` up to date. `keyed`: GROUP BY or ORDER BY ask for the last part of a
+    result.
     """
 
     start: State
-    steps: Steps
+    grow: Grow
     order: plan.Order
     bound: int | None
     stats: Stats

@@ -1,0 +1,68 @@
+"""`ss2sql repl`: the shell."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ss2sql.cli.endings import CTRL_C, SCRIPT, reports_errors
+from ss2sql.cli.given import session_for, session_options
+from ss2sql.cli.output import SHOWN, Count
+from ss2sql.cli.run import run_options
+
+
+@click.command("repl")
+@session_options
+@run_options
+@click.option(
+    "--format",
+    "form",
+    type=click.Choice(["table", "json", "csv"]),
+    default="table",
+    show_default=True,
+    help="How results are printed.",
+)
+@click.option(
+    "--show",
+    type=Count(),
+    default=SHOWN,
+    show_default=True,
+    metavar="N|all",
+    help="So many rows or paths of a table are shown.",
+)
+@click.option("--history/--no-history", default=True, help="Whether what is typed is remembered for the next time.")
+@reports_errors
+def command(
+    function_files: tuple[Path, ...],
+    worlds: tuple[str, ...],
+    database: str | None,
+    parameters: tuple[tuple[str, str], ...],
+    progress: bool | None,
+    form: str,
+    history: bool,
+    **options: Any,
+) -> None:
+    """Runs statements as they are typed. Without a terminal it reads them from standard input."""
+    typed = sys.stdin.isatty()
+    if typed:
+        from ss2sql.results import package
+
+        package("prompt_toolkit", "repl", "the shell")
+    from ss2sql.shell.settings import Settings
+    from ss2sql.shell.shell import Shell
+
+    with session_for(function_files, worlds, database, parameters, "auto" if progress is None else progress) as session:
+        shell = Shell(session, Settings(format=form, **options))
+        if typed:
+            from ss2sql.shell.terminal import Terminal
+
+            Terminal(shell, history).run()
+            return
+        from ss2sql.shell.piped import run_piped
+
+        run_piped(shell, sys.stdin.buffer)
+    if shell.failed:
+        sys.exit(CTRL_C if shell.cancelled else SCRIPT)

@@ -1,0 +1,92 @@
+"""The keywords for people: each as it is written, what it is, and a line about it. The words are the grammar's."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Literal, TypeAlias
+
+from ss2sql.frontend.options import ORDERS, REPEATS
+from ss2sql.frontend.table import load
+from ss2sql.frontend.text import RESERVED
+from ss2sql.frontend.trouble import CLAUSES, OPTIONS, PAIRS, VALUES
+
+Sort: TypeAlias = Literal["clause", "option", "operator", "constant", "other"]
+
+# What is said of a keyword where it is offered or asked for. A test compares the keys with the grammar.
+TEXTS = {
+    "SELECT": "the columns of the result",
+    "FROM": "the sources; the last one varies fastest",
+    "WHERE": "which rows are results; in a search: which step is a goal",
+    "START WITH": "the state in which a search starts: name = value, ...",
+    "CONNECT BY": "makes the query a search: options, then name = the value in the next state, ...",
+    "STOP WITH": "which step is the last of its path",
+    "GROUP BY": "one row, or one part of the result, for each value",
+    "HAVING": "which groups are kept",
+    "ORDER BY": "the order of the result, ASC or DESC",
+    "LIMIT": "at most so many rows, groups or paths",
+    "AS": "what the result becomes; it ends the query",
+    "DEPTH FIRST": "every path, children before siblings",
+    "BREADTH FIRST": "every path, shorter before longer",
+    "COST": "the cost of a step, at least 0; cheapest paths first",
+    "HEURISTIC": "with COST: what the rest of the path costs at least",
+    "PROBABILITY": "the probability of a step; likeliest paths first",
+    "NO CYCLE": "no row occurs twice on a path",
+    "UNIQUE": "each row is reached once in the whole search",
+    "MAXIMUM": "the search ends with so many results",
+    "MEMORIZE": "every path without a repeated row, from a graph that is built once; a number bounds the steps",
+    "ASC": "rising",
+    "DESC": "falling",
+    "IF": "IF(condition; then; else)",
+    "AND": "both; the right side is asked only if the left one is true",
+    "OR": "one or both; the right side is asked only if the left one is false",
+    "XOR": "one of both",
+    "NOT": "the other truth",
+    "IN": "whether a list, a dict or a string has it",
+    "this": "the element of the first source",
+    "True": "the truth",
+    "False": "its opposite",
+    "None": "no value",
+}
+_SPELLED = {word.upper(): word for word in ("this", "True", "False", "None")}
+CONSTANTS = VALUES & RESERVED
+ONE_OF = (frozenset(ORDERS), frozenset(REPEATS))  # options of which a search has at most one
+
+
+@dataclass(frozen=True, slots=True)
+class Keyword:
+    """A keyword of one word or two. `reserved` ones are never names."""
+
+    text: str
+    sort: Sort
+    about: str
+    reserved: bool
+
+
+@cache
+def words() -> frozenset[str]:
+    """Every word of the grammar, in capitals."""
+    kinds = {symbol for row in load().rows for symbol in row if symbol.isalpha() and symbol.isupper()}
+    return frozenset(kinds - (VALUES - RESERVED))
+
+
+@cache
+def keywords() -> dict[str, Keyword]:
+    """The keywords by their first word, in capitals, in alphabetical order."""
+    seconds = set(PAIRS.values())
+    return {word: _keyword(word) for word in sorted(words() - seconds)}
+
+
+def _keyword(word: str) -> Keyword:
+    text = f"{word} {PAIRS[word]}" if word in PAIRS else _SPELLED.get(word, word)
+    return Keyword(text, _sort(word), TEXTS.get(text, ""), word in RESERVED)
+
+
+def _sort(word: str) -> Sort:
+    if word in CLAUSES:
+        return "clause"
+    if word in OPTIONS:
+        return "option"
+    if word in CONSTANTS:
+        return "constant"
+    return "operator" if word in RESERVED and word != "IF" else "other"

@@ -1,0 +1,100 @@
+"""The TextMate grammar, for VS Code, Sublime Text, GitHub and others that read such grammars.
+
+`python -m ss2sql.editor.textmate` writes it; a test compares the file with what would be written. Regular expressions
+do not know where a word is a keyword: those that may also be names count as keywords unless a `=`, or at once a `.`,
+`[` or `{` follows, and those of two words only together.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from ss2sql.editor.keywords import Keyword, keywords
+
+FILE = Path(__file__).with_name("selectscript.tmLanguage.json")
+_SCOPES = {
+    "clause": "keyword.control.clause", "option": "keyword.other.option", "operator": "keyword.operator.word",
+    "constant": "constant.language", "other": "keyword.control",
+}  # fmt: skip
+
+
+def grammar() -> dict[str, Any]:
+    """The grammar as JSON data."""
+    return {
+        "$schema": "https://raw.githubusercontent.com/martinring/tmlanguage/master/tmlanguage.json",
+        "name": "SelectScript",
+        "scopeName": "source.selectscript",
+        "fileTypes": ["ss"],
+        "patterns": [*_comments(), *_strings(), *_numbers(), *_keywords(), *_others()],
+    }
+
+
+def text() -> str:
+    """The file."""
+    return json.dumps(grammar(), indent=2, ensure_ascii=False) + "\n"
+
+
+def _scope(name: str) -> str:
+    return f"{name}.selectscript"
+
+
+def _comments() -> list[dict[str, Any]]:
+    return [
+        {"name": _scope("comment.line.number-sign"), "match": "#.*$"},
+        {"name": _scope("comment.block"), "begin": r"/\*", "end": r"\*/"},
+    ]
+
+
+def _strings() -> list[dict[str, Any]]:
+    return [_string('"', "double"), _string("'", "single")]
+
+
+def _string(quote: str, name: str) -> dict[str, Any]:
+    """A string ends with its quote, or with a line whose end no backslash hides."""
+    escape = r"\\(?:x\h{2}|u\h{4}|U\h{8}|N\{[^}]*\}|.|$)"
+    return {
+        "name": _scope(f"string.quoted.{name}"),
+        "begin": quote,
+        "end": rf"{quote}|(?<!\\)$",
+        "patterns": [{"name": _scope("constant.character.escape"), "match": escape}],
+    }
+
+
+def _numbers() -> list[dict[str, Any]]:
+    point = r"(?:[0-9]+\.[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|[0-9]+[eE][+-]?[0-9]+"
+    return [
+        {"name": _scope("constant.numeric.float"), "match": rf"(?<!\w)(?:{point})"},
+        {"name": _scope("constant.numeric.integer"), "match": r"(?<!\w)[0-9]+"},
+    ]
+
+
+def _keywords() -> list[dict[str, Any]]:
+    found = [{"name": _scope("support.type.representation"),
+              "match": rf"(?i)(?<=\b{keywords()['AS'].text}\s)\s*[^\W\d]\w*"}]  # fmt: skip
+    for reserved in (True, False):
+        ahead, behind = (r"(?<!\w)", "") if reserved else (r"(?<![\w.])", r"(?![.\[{]|\s*=(?!=))")
+        for sort, scope in _SCOPES.items():
+            chosen = [word for word in keywords().values() if word.sort == sort and word.reserved == reserved]
+            if chosen:
+                found.append({"name": _scope(scope), "match": rf"(?i){ahead}(?:{_either(chosen)})(?!\w){behind}"})
+    return found
+
+
+def _either(chosen: Iterable[Keyword]) -> str:
+    return "|".join(word.text.replace(" ", r"\s+") for word in chosen)
+
+
+def _others() -> list[dict[str, Any]]:
+    return [
+        {"name": _scope("entity.name.function"), "match": r"[^\W\d]\w*(?=\s*\()"},
+        {"name": _scope("variable.other"), "match": r"[^\W\d]\w*"},
+        {"name": _scope("keyword.operator"), "match": r"==|!=|<>|<=|>=|[-+*/%^=<>]"},
+        {"name": _scope("punctuation"), "match": r"[()\[\]{},;:.]"},
+    ]
+
+
+if __name__ == "__main__":
+    FILE.write_text(text(), encoding="utf-8")

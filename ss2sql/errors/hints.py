@@ -1,0 +1,29 @@
+"""Known names that are nearly the one that was written."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+FEW = 8  # so many names can all be shown
+
+
+def similar(name: str, known: Iterable[str]) -> list[str]:
+    """The known names, three at most, that are spelt nearly like this one; one that differs in its case is it alone."""
+    lowered = {one.lower(): one for one in sorted(set(known), reverse=True)}
+    if name.lower() in lowered:
+        return [lowered[name.lower()]]
+    close = get_close_matches(name.lower(), list(lowered), n=3, cutoff=0.6)
+    # get_close_matches misses a name that merely lost its tail (mov for moves): offer prefixes as well.
+    close += [one for one in sorted(lowered) if one not in close and len(name) > 1 and one.startswith(name.lower())]
+    return [lowered[one] for one in close[:3]]
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> tuple[str, ...]:
+    """Hints with the closest known names, or all names where there are few."""
+    names = sorted(set(known))
+    if close := similar(name, names):
+        return ("did you mean " + " or ".join(f"'{one}'" for one in close) + "?",)
+    if 0 < len(names) <= FEW:
+        return ("known here: " + ", ".join(names),)
+    return ()

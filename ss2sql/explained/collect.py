@@ -1,0 +1,221 @@
+"""Finds out what there is to tell of a script: engines, rewrites, functions, SQLite's plan, the run."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+import apsw
+
+from ss2sql import plan
+from ss2sql.explained.endless import endless
+from ss2sql.explained.facts import (
+    FunctionFacts,
+    LevelTable,
+    ParameterFacts,
+    PlanLine,
+    QueryFacts,
+    RunFacts,
+    ScriptFacts,
+    StatementFacts,
+)
+from ss2sql.explained.outline import OutlinedQuery, OutlinedStatement
+from ss2sql.explained.python_plan import plan_in_python
+from ss2sql.explained.sqlite_plan import plan_of
+from ss2sql.explained.words import REWRITES, cut, search_words
+from ss2sql.frontend.inline import Body
+from ss2sql.frontend.inliner import Site
+from ss2sql.lowering.rewrites.inline import sites
+from ss2sql.runtime.functions import UserFunction
+from ss2sql.runtime.memorize.reverse import reverse_of
+from ss2sql.runtime.native.deep import with_room
+from ss2sql.runtime.paths import Paths, lengths_of
+from ss2sql.runtime.remembered.keeper import calls
+from ss2sql.runtime.run import Stats
+from ss2sql.runtime.values import show
+from ss2sql.walk import functions
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.result import Result
+
+MOST_TEXT = 70  # characters of a value that is bound, and of what the script says
+
+
+def facts_of(outlined: Sequence[OutlinedStatement], result: Result | None, missing: Sequence[str] = ()) -> ScriptFacts:
+    """Everything about the statements, and about the run that has given a result."""
+    stats = None if result is None else result.stats
+    statements = tuple(
+        StatementFacts(statement.text, tuple(_query(query, stats) for query in statement.queries))
+        for statement in outlined
+    )
+    return ScriptFacts(statements, None if result is None else _run(result), tuple(missing))
+
+
+def _query(outlined: OutlinedQuery, stats: Stats | None) -> QueryFacts:
+    lowered, query = outlined.lowered, outlined.query
+    lines, missing = _plan(outlined)
+    return QueryFacts(
+        text=outlined.written.span.text,
+        engine="database" if lowered else "native",
+        reason="all of it can be said in SQL" if lowered else outlined.reason,
+        cures=() if lowered else tuple(filter(None, map(_cure, outlined.cures))),
+        search=search_words(query),
+        rewrites={name: REWRITES[name] for name in outlined.rewrites},
+        functions=tuple(_functions(outlined, stats)),
+        notes=tuple(_notes(outlined, stats)),
+        warnings=tuple(endless(query)) if stats is None else (),
+        plan=lines,
+        plan_missing=missing,
+        afterwards=tuple(_afterwards(outlined)),
+        sql=lowered.text if lowered else None,
+        parameters=tuple(_parameters(outlined)),
+    )
+
+
+def _cure(hint: str) -> str:
+    """What can be done, where the hint of `engine="database"` knows more than to ask for less."""
+    return hint.removesuffix("leave the engine to ss2sql").removesuffix(", or ")
+
+
+def _plan(outlined: OutlinedQuery) -> tuple[tuple[PlanLine, ...], str | None]:
+    """What the engine does; SQLite's plan, or why there is none any more."""
+    if outlined.lowered is None:
+        return plan_in_python(outlined.query), None
+    try:
+        return plan_of(outlined), None
+    except apsw.ConnectionClosedError:
+        return (), "the session is closed"
+    except apsw.Error as error:
+        return (), str(error)
+
+
+def _parameters(outlined: OutlinedQuery) -> Iterator[ParameterFacts]:
+    for parameter in outlined.lowered.parameters if outlined.lowered else ():
+        name = parameter.name
+        value = show(outlined.parameters[name], MOST_TEXT) if name in outlined.parameters else None
+        yield ParameterFacts(name, cut(parameter.expr.span.text, MOST_TEXT), value)
+
+
+def _afterwards(outlined: OutlinedQuery) -> Iterator[str]:
+    """What SQL has left over."""
+    lowered, query = outlined.lowered, outlined.query
+    if lowered is None:
+        return
+    if query.order and lowered.orders:
+        yield "sorts the results for ORDER BY"
+    if query.limit is not None and not lowered.limited:
+        yield "keeps as many results as LIMIT says"
+    if query.group and not query.aggregated:
+        yield "puts the results into groups"
+
+
+# --- functions -----------------------------------------------------------------------------------------
+
+
+def _functions(outlined: OutlinedQuery, stats: Stats | None) -> Iterator[FunctionFacts]:
+    """The functions of the user that the query calls, in the order in which they are written."""
+    off = "inline" in outlined.host.disabled
+    found = [] if off else with_room(lambda: sites(outlined.written))
+    names = dict.fromkeys(function.name for function in functions(outlined.written) if not function.builtin)
+    for name in names:
+        entry = outlined.host.functions.get(name)
+        if entry is not None:
+            yield _function(entry, [site for site in found if site.function.name == name], off, stats)
+
+
+def _function(entry: UserFunction, found: list[Site], off: bool, stats: Stats | None) -> FunctionFacts:
+    body = entry.body
+    inlined = []
+    for limit in dict.fromkeys(site.limit for site in found if site.reason is None):
+        assert isinstance(body, Body)
+        beyond = "" if limit is None else f"; called for numbers beyond {limit:,}"
+        inlined.append(f"{entry.name}({', '.join(body.parameters)}) is inlined: {body.text}{beyond}")
+    reasons = [site.reason for site in found if site.reason is not None]
+    if not found:
+        reasons = [f"it {body}" if isinstance(body, str) else _switched_off(off)]
+    return FunctionFacts(
+        name=entry.name,
+        inlined=tuple(inlined),
+        called=tuple(dict.fromkeys(reasons)),
+        volatility=entry.volatility,
+        volatility_reason=f"{'it ' if entry.inferred else ''}{entry.reason}",
+        calls=None if stats is None else stats.calls[entry.name],
+        remembered=None if stats is None else stats.remembered[entry.name],
+        blocks=None if stats is None or entry.name not in stats.blocks else stats.blocks[entry.name],
+    )
+
+
+def _switched_off(off: bool) -> str:
+    if off:
+        return "the rewrite inline is switched off"
+    return "a built-in function or operator that it uses is replaced"
+
+
+# --- searches with MEMORIZE ----------------------------------------------------------------------------
+
+
+def _notes(outlined: OutlinedQuery, stats: Stats | None) -> Iterator[str]:
+    query = outlined.query
+    if outlined.lowered is not None or query.search is None or query.search.repeats != "memorize":
+        return
+    yield from _ends(query, stats, outlined.host.graphs is not None and calls(query))
+    if stats is not None and stats.graph is not None:
+        steps = "1 step was" if stats.remembered_steps == 1 else f"{stats.remembered_steps:,} steps were"
+        yield f"graph: remembered, with the number {stats.graph} in ss2sql_graphs; {steps} known from there"
+
+
+def _ends(query: plan.Query, stats: Stats | None, remembered: bool) -> Iterator[str]:
+    """Whether MEMORIZE searches from both ends, and why not."""
+    reverse = reverse_of(query)
+    if isinstance(reverse, str):
+        yield f"searched from the start only: {reverse}"
+        return
+    if remembered:
+        yield "searched from the start only: its graph is remembered"
+        return
+    undone = [call for expr in reverse.before if expr is not None for call in functions(expr)]
+    names = dict.fromkeys(f"the {function.name}" for function in undone if function.inverse_of)
+    how = f"by {' and '.join(names)}" if names else "because sums of whole numbers can be undone"
+    if stats is None:
+        yield f"searched from both ends, from the goal {how}"
+    elif stats.backward:
+        back = "1 level" if len(stats.backward) == 1 else f"{len(stats.backward)} levels"
+        yield f"searched from both ends: {back} back from the goal {how}"
+
+
+# --- the run -------------------------------------------------------------------------------------------
+
+
+def _run(result: Result) -> RunFacts:
+    stats = result.stats
+    rows = None if result.answer is None else result.answer.rows
+    return RunFacts(
+        status=result.status,
+        engine=result.engine,
+        rows=len(result),
+        paths=None if rows is None or rows.paths is None else len(rows.paths),
+        generated=stats.generated,
+        expanded=stats.expanded,
+        pruned=stats.pruned,
+        seconds=dict(stats.seconds),
+        levels=_levels(result),
+        notes=tuple(stats.notes),
+    )
+
+
+def _levels(result: Result) -> LevelTable | None:
+    """The graph of MEMORIZE by levels; of other searches the results, and the steps that SQLite has kept."""
+    if result.stats.levels:
+        table = ((n, x.rows, x.steps, x.repeated, x.pruned) for n, x in enumerate(result.stats.levels, 1))
+        return LevelTable("the graph of MEMORIZE", ("level", "rows", "steps", "repeated", "pruned"), tuple(table))
+    paths = None if result.answer is None else result.answer.rows.paths
+    if not paths:
+        return None
+    results = Counter(lengths_of(paths))
+    kept = paths.kept_by_level() if isinstance(paths, Paths) else {}
+    levels = range(1, max((*results, *kept)) + 1)
+    if kept:
+        rows = tuple((level, kept.get(level, 0), results[level]) for level in levels)
+        return LevelTable("the search by level", ("level", "kept", "results"), rows)
+    return LevelTable("the search by level", ("level", "results"), tuple((level, results[level]) for level in levels))

@@ -1,0 +1,45 @@
+"""What `explain()` gives: a text that is also data."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+from ss2sql.explained.collect import facts_of
+from ss2sql.explained.facts import ScriptFacts
+from ss2sql.explained.outline import OutlinedStatement
+from ss2sql.explained.text import text_of
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.result import Result
+
+
+class Explanation(str):
+    """The text of an explanation; `as_dict` has the same as data."""
+
+    facts: ScriptFacts
+
+    def __new__(cls, facts: ScriptFacts) -> Explanation:
+        self = super().__new__(cls, text_of(facts))
+        self.facts = facts
+        return self
+
+    def as_dict(self) -> dict[str, Any]:
+        """Everything that the text says, and SQLite's own words, as dicts, lists, numbers, texts and None."""
+        made: dict[str, Any] = _with_lists(asdict(self.facts))
+        return made
+
+
+def _with_lists(value: Any) -> Any:
+    """The value with lists in the place of tuples."""
+    if isinstance(value, dict):
+        return {key: _with_lists(item) for key, item in value.items()}
+    return list(map(_with_lists, value)) if isinstance(value, tuple) else value
+
+
+def explain(
+    outlined: Sequence[OutlinedStatement], result: Result | None = None, missing: Sequence[str] = ()
+) -> Explanation:
+    """For every statement and query which engine runs it and why, what became of it, and what the run has done."""
+    return Explanation(facts_of(outlined, result, missing))

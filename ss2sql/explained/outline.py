@@ -1,0 +1,64 @@
+"""What a result keeps of the compiled queries behind it, so that it can be explained later on.
+
+A compiled query is made anew when what it relied on has changed, so its parts are noted as they were in this run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from ss2sql import plan
+from ss2sql.lowering.parameters import SqlQuery
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.compiled import CompiledQuery, CompiledStatement
+    from ss2sql.runtime.host import SessionHost
+    from ss2sql.runtime.run import Run
+
+
+@dataclass(frozen=True, slots=True)
+class OutlinedQuery:
+    """One query: as it is written and after the rewrites; what SQLite runs, or why it does not, and what would help.
+
+    `parameters` are the values that are bound, as far as they are known.
+    """
+
+    host: SessionHost
+    written: plan.Query
+    query: plan.Query
+    lowered: SqlQuery | None
+    reason: str
+    cures: tuple[str, ...]
+    rewrites: tuple[str, ...]
+    parameters: Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class OutlinedStatement:
+    """The text of a statement and its queries."""
+
+    text: str
+    queries: tuple[OutlinedQuery, ...]
+
+
+def outline(statements: Iterable[CompiledStatement], run: Run | None = None) -> tuple[OutlinedStatement, ...]:
+    """The statements as they are compiled now, with the values that a run has bound."""
+    return tuple(
+        OutlinedStatement(statement.tree.span.text, tuple(_outlined(query, run) for query in statement.queries))
+        for statement in statements
+    )
+
+
+def _outlined(query: CompiledQuery, run: Run | None) -> OutlinedQuery:
+    return OutlinedQuery(
+        query.host,
+        query.written,
+        query.query,
+        query.shown(run),
+        query.reason,
+        query.cures,
+        query.rewrites,
+        query.sql(run).parameters,
+    )

@@ -1,0 +1,61 @@
+"""What the native executor does for a query, in the same words as SQLite's plan."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from ss2sql import plan
+from ss2sql.explained.facts import PlanLine
+from ss2sql.explained.words import cut, queue_words
+
+LONGEST = 60  # characters of what is walked
+
+
+def plan_in_python(query: plan.Query) -> tuple[PlanLine, ...]:
+    """The loops over the sources, and around them the search."""
+    search = query.search
+    if search is None:
+        return (*_loops(query, 0), *_endings(query))
+    if search.repeats == "memorize":
+        first = {"cost": "the cheapest", "probability": "the likeliest"}.get(search.order, "the shortest")
+        lines = (
+            PlanLine(0, "makes the graph of rows level by level; for each row that is new:"),
+            *_loops(query, 1),
+            PlanLine(0, f"gives the paths of the graph, {first} first"),
+        )
+    else:
+        lines = (
+            PlanLine(0, "searches step by step:"),
+            PlanLine(1, f"takes the steps that wait one by one, {queue_words(query)}"),
+            *_loops(query, 1, inner=True),
+            PlanLine(0, "gives the results as the search finds them"),
+        )
+    return (*lines, *_endings(query))
+
+
+def _loops(query: plan.Query, depth: int, inner: bool = False) -> Iterator[PlanLine]:
+    """The loops, each one inside of those before it."""
+    for number, source in enumerate(query.sources):
+        yield PlanLine(depth, f"{'for each of them, ' if number or inner else ''}{_loop(source)}")
+
+
+def _loop(source: plan.Source) -> str:
+    match source:
+        case plan.TableSource():
+            words = f"reads every row of {source.table}"
+        case plan.WorldSource():
+            words = f"reads every element of {source.table.title}"
+        case plan.QuerySource():
+            words = f"finds the rows of ({cut(source.query.span.text, LONGEST)})"
+        case plan.ValueSource():
+            words = f"walks the elements of {cut(source.value.span.text or source.name, LONGEST)}"
+    return words if source.name == "this" or words.endswith(source.name) else f"{words} (as {source.name})"
+
+
+def _endings(query: plan.Query) -> Iterator[PlanLine]:
+    if query.group:
+        yield PlanLine(0, "puts them into groups")
+    if query.order:
+        yield PlanLine(0, "sorts them for ORDER BY")
+    if query.limit is not None:
+        yield PlanLine(0, "keeps as many as LIMIT says")

@@ -1,0 +1,77 @@
+"""The words for rewrites, searches and stages."""
+
+from __future__ import annotations
+
+from ss2sql import plan
+from ss2sql.lowering.strategies import guard_of, order_of
+
+REWRITES = {
+    "inline": "calls of Python functions became the expressions that they compute",
+    "fold": "what is made of constants alone was computed beforehand",
+    "unnest": "a nested query over a list that is known became plain conditions",
+    "split": "conditions were taken apart, so that each is asked as early as possible",
+    "near": "a distance became ranges of coordinates, which the world is asked for",
+    "early": "conditions that can fail are asked as soon as their sources are known",
+    "hoist": "calls that depend on the first sources alone are made once for each of their rows",
+    "lookup": "what a step must equal is looked up, not found by trying all",
+    "positions": "elements of short lists are read as columns",
+    "cells": "indexes into lists of numbers became places in a block of bytes",
+    "late": "SQLite finds keys of a world alone; the columns that are shown are read of these",
+}
+
+STAGES = {
+    "parse": "the text becomes a tree",
+    "resolve": "names get their meanings and types",
+    "lower": "queries become SQL",
+    "compile": "everything else becomes Python",
+    "run": "rows are found",
+    "shape": "rows become what AS asks for",
+}
+
+QUEUES = {
+    "depth first": "the deepest first",
+    "breadth first": "the oldest first",
+    "cost": "the cheapest first",
+    "probability": "the likeliest first",
+}
+
+
+def search_words(query: plan.Query) -> dict[str, str]:
+    """The strategy of a search: each of its keywords, and what can be relied on."""
+    search = query.search
+    if search is None:
+        return {}
+    order, guard = order_of(search), guard_of(search)
+    found = {}
+    if search.repeats != "memorize" or search.weight is not None:
+        found[order.keyword] = _sentence(order.promise.partition(";")[0])  # behind it is something about HEURISTIC
+    if search.repeats == "memorize" and search.weight is not None:
+        promise = "every path without a repeated row up to the bound"
+        found[guard.keyword] = f"{promise}, {'the cheapest' if search.order == 'cost' else 'the likeliest'} first"
+    elif guard.keyword:
+        found[guard.keyword] = _sentence(guard.promise)
+    if search.heuristic is not None:
+        found["HEURISTIC"] = "steps that seem closer to a goal are taken earlier (A*)"
+    if search.maximum is not None:
+        found["MAXIMUM"] = f"the search ends after so many results: {search.maximum.span.text or 'as given'}"
+    return found
+
+
+def queue_words(query: plan.Query) -> str:
+    """Which of the steps that wait is taken next."""
+    search = query.search
+    if search is None:
+        return "the oldest first"
+    if search.heuristic is not None:
+        return "the one with the least cost and estimate together first"
+    return QUEUES[search.order]
+
+
+def cut(text: str, most: int) -> str:
+    """A piece of a script on one line, of at most so many characters."""
+    line = " ".join(text.split())
+    return line if len(line) <= most else f"{line[: most - 3]}..."
+
+
+def _sentence(text: str) -> str:
+    return text[0].lower() + text[1:].rstrip(".")

@@ -1,0 +1,155 @@
+"""What to write instead of a name that nothing has: functions of SQL and Python, methods, texts without quotes."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from ss2sql import plan
+from ss2sql.errors import ResolveError, Span, did_you_mean, similar
+from ss2sql.frontend import ast
+from ss2sql.frontend.builder import COMMENT
+
+if TYPE_CHECKING:
+    from ss2sql.frontend.catalog import Catalog
+    from ss2sql.frontend.scope import Scope
+
+_HIDDEN = frozenset({"item", "slice"})  # functions that are written as operators
+_MEAN = "did you mean '{0}'?"
+
+# Functions that other languages have, and what is written here; {0} and {1} are the arguments of the call.
+_FOREIGN: dict[str, str] = {
+    "coalesce": "write IF({0} != None; {0}; {1})", "ifnull": "write IF({0} != None; {0}; {1})",
+    "nvl": "write IF({0} != None; {0}; {1})", "nullif": "write IF({0} == {1}; None; {0})",
+    "iif": "write IF(condition; then; else)", "decode": "write IF(condition; then; else)",
+    "concat": "strings are joined with +: {0} + {1}", "substr": "a part of a string is {0}[from:to], counted from 0",
+    "substring": "a part of a string is {0}[from:to], counted from 0", "mid": "a part of a string is {0}[from:to]",
+    "left": "the beginning of a string is {0}[:n]", "right": "the end of a string is {0}[-n:]",
+    "length": "write len({0})", "size": "write len({0})", "avg": "write average({0})", "mean": "write average({0})",
+    "distinct": "write uniq({0})", "unique": "write uniq({0})", "set": "write uniq({0})",
+    "power": "write {0} ^ {1}", "exists": "write [] != ({0})", "now": "getTime() gives the time in seconds",
+    "append": "a list is not changed, a new one is made: {0} + [{1}]", "cast": "write int({0}), float({0}) or str({0})",
+    "extend": "a list is not changed, a new one is made: {0} + {1}",
+}  # fmt: skip
+# Functions of Python that a session can be given as they are.
+OF_PYTHON: dict[str, str] = {
+    **dict.fromkeys(("upper", "ucase", "toupper"), "str.upper"), **dict.fromkeys(("lower", "lcase"), "str.lower"),
+    **dict.fromkeys(("trim", "strip"), "str.strip"), "ltrim": "str.lstrip", "rtrim": "str.rstrip",
+    **{name: f"str.{name}" for name in ("replace", "split", "startswith", "endswith", "title", "format", "join")},
+    **{name: f"math.{name}" for name in ("floor", "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "exp", "log",
+                                         "log2", "log10", "hypot", "degrees", "radians", "gcd")},
+    **dict.fromkeys(("ceil", "ceiling"), "math.ceil"), "ln": "math.log",
+    **dict.fromkeys(("rand", "random"), "random.random"),
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where a name stands: inside a query, where there is a `this`; as an operand, where it may be a text.
+
+    `sources` are those in sight.
+    """
+
+    inside: bool
+    operand: bool
+    sources: tuple[plan.Source, ...]
+
+    def quoted(self) -> str | None:
+        """A source that is a text, which would be a table in other languages."""
+        values = (source.value for source in self.sources if isinstance(source, plan.ValueSource))
+        return next((one.value for one in values if isinstance(one, plan.Constant) and type(one.value) is str), None)
+
+
+def unknown_function(tree: ast.Call, catalog: Catalog, variables: Collection[str]) -> ResolveError:
+    """The error for a call of a function that there is not."""
+    name = tree.function
+    every = (*catalog.functions, *catalog.world_functions)
+    known = [one for one in every if one not in _HIDDEN and "." not in one]
+    if name in variables:
+        hints: Sequence[str] = (f"'{name}' is a variable: write it without parentheses",)
+    elif same := [one for one in known if one.lower() == name.lower()]:
+        hints = (_MEAN.format(same[0]),)
+    else:
+        hints = _elsewhere(name, tree.arguments) or did_you_mean(name, known)
+    hints = hints or ("register it with session.function; help() lists the known ones",)
+    return ResolveError("R002", f"unknown function '{name}'", word(tree.span, name), hints)
+
+
+def _elsewhere(name: str, arguments: Sequence[ast.Expr]) -> tuple[str, ...]:
+    """What stands here for a function of another language."""
+    lowered = name.lower()
+    if lowered in OF_PYTHON:
+        return (f"session.function('{name}', {OF_PYTHON[lowered]}) registers Python's",)
+    if lowered not in _FOREIGN:
+        return ()
+    given = [argument.span.text for argument in arguments]
+    texts = [text if len(text) <= 40 else "..." for text in given[:2]]
+    return (_FOREIGN[lowered].format(*texts, *("..." for _ in range(2 - len(texts)))),)
+
+
+def unknown_method(tree: ast.Call, catalog: Catalog, variables: Collection[str]) -> ResolveError:
+    """The error for `owner.function(...)`, where the owner is no world or has no such function."""
+    owner, name = tree.owner or "", tree.function
+    place = word(tree.span, f"{owner}.{name}")
+    world = catalog.worlds.get(owner)
+    if world is not None:
+        hints = did_you_mean(name, world.offered())
+        return ResolveError("R002", f"the world '{owner}' has no function '{name}'", place, hints)
+    if owner in variables:
+        return ResolveError("R002", f"values have no methods, and '{owner}' is no world", place, _call(tree, catalog))
+    message = f"there is no world '{owner}' with a function '{name}'"
+    if similar(owner, catalog.worlds):
+        hints = did_you_mean(owner, catalog.worlds)
+    elif name in catalog.functions:
+        hints = (f"'{name}' is a function by itself: write {name}(...)",)
+    else:
+        hints = _elsewhere(name, tree.arguments) or ("help() lists the functions there are",)
+    return ResolveError("R002", message, place, hints)
+
+
+def _call(tree: ast.Call, catalog: Catalog) -> tuple[str, ...]:
+    """What is written for the method of a value."""
+    owner, name = tree.owner or "", tree.function
+    subject = ast.Name(owner, span=word(tree.span, owner))
+    there = _elsewhere(name, (subject, *tree.arguments))
+    if name.lower() in _FOREIGN:
+        return there
+    call = f"write {name}({owner}{', ...' if tree.arguments else ''})"
+    return (call,) if name in catalog.functions else (f"{call}, with a function that is registered", *there)
+
+
+def unknown_name(name: str, span: Span, catalog: Catalog, known: Sequence[str], place: Place) -> ResolveError:
+    """The error for a bare name."""
+    if name in catalog.functions:
+        hints: tuple[str, ...] = (f"'{name}' is a function: write {name}({'this' if place.inside else '...'})",)
+        hints += (f"its name as a text is '{name}'",) if place.operand and not place.inside else ()
+    elif any(source.name == name for source in place.sources):
+        hints = (f"'{name}' is a source: write {name}.this",)
+    elif name.upper() in ("NULL", "NIL"):
+        hints = ("write None",)
+    elif (table := place.quoted()) is not None and not similar(name, known):
+        hints = (f"a source in quotes is a text; write FROM {table if table.isidentifier() else 'name'}",)
+        if not table.isidentifier():
+            hints += ("a file is read in Python and attached: session.attach('name', data)",)
+    elif span.source.text[: span.start].rstrip(" ").endswith("--"):
+        hints = (f"-- does not start a comment: {COMMENT}",)
+    else:
+        given = f"assign it before, or give it from Python: run(script, {name}=...)"
+        hints = did_you_mean(name, known) or (given,)
+        if place.operand and not similar(name, known):
+            hints += (f"a text stands in quotes: '{name}'",)
+    return ResolveError("R001", f"unknown name '{name}'", span, hints)
+
+
+def word(span: Span, name: str) -> Span:
+    """The name that a stretch begins with, where it is written like this."""
+    return Span(span.source, span.start, span.start + len(name)) if span.text.startswith(name) else span
+
+
+def over_all_rows(tree: ast.Call, scope: Scope | None) -> str:
+    """The function of one argument as it is called for all rows of its query, where that is short."""
+    value, sources = tree.arguments[0].span.text, scope.sources if scope else []
+    if len(sources) != 1 or sources[0].name != sources[0].span.text or len(value) > 40:
+        return f"{tree.function}(SELECT ... AS list)"
+    return f"{tree.function}(SELECT {value} FROM {sources[0].name} AS list)"

@@ -1,0 +1,44 @@
+"""How a cell ends that fails: errors of scripts as our message alone, those of the user's functions by their frames."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from ss2sql.errors import Error
+from ss2sql.errors import render_all as rendered
+
+OWN = (str(Path(__file__).parent.parent), "src/")  # src/ is apsw
+
+
+def told_shortly(error: Exception, shell: Any) -> Exception:
+    """The same exception, which IPython shows as we want: it asks exceptions for `_render_traceback_`."""
+    lines: Callable[[], list[str]]
+    if isinstance(error, Error):
+        color = getattr(shell, "colors", "nocolor").lower() != "nocolor"
+        lines = lambda: [rendered(error, color)]  # noqa: E731
+    elif not getattr(error, "_ss2sql_noted", False):
+        return error  # it does not come out of a function of the user
+    else:
+        frames = users_frames(error.__traceback__)
+        lines = lambda: shell.InteractiveTB.structured_traceback(type(error), error, frames)  # noqa: E731
+    try:
+        error._render_traceback_ = lines  # type: ignore[attr-defined]
+    except AttributeError:
+        return error  # exceptions with __slots__ take nothing; IPython then shows all frames
+    return error
+
+
+def users_frames(traceback: TracebackType | None) -> TracebackType | None:
+    """The frames of a traceback that are neither ours nor IPython's on the way to us."""
+    frames = []
+    while traceback is not None:
+        frames.append(traceback)
+        traceback = traceback.tb_next
+    kept: TracebackType | None = None
+    for frame in reversed(frames):
+        if not frame.tb_frame.f_code.co_filename.startswith(OWN):
+            kept = TracebackType(kept, frame.tb_frame, frame.tb_lasti, frame.tb_lineno)
+    return kept

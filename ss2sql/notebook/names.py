@@ -1,0 +1,143 @@
+"""What a script means by the names that it does not know: functions and values of the notebook.
+
+Only names that stand in the script are looked up, and only where the session has no meaning for them, so a variable
+`add` of the notebook never becomes the operator `+`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import fields, is_dataclass
+from difflib import get_close_matches
+from types import ModuleType
+from typing import Any
+
+from ss2sql.errors import ResolveError, Source
+from ss2sql.frontend import ast
+from ss2sql.frontend.parser import parse
+from ss2sql.frontend.resolve import resolve
+from ss2sql.runtime.native.deep import with_room
+from ss2sql.runtime.session import Session
+from ss2sql.runtime.values import SCALARS
+
+MISSING = object()
+UNKNOWN = ("R001", "R002", "R003")  # the codes of names, functions and sources that there are not
+
+
+class Offered:
+    """What one session was given of a notebook's names, so that it hears of changes.
+
+    `names` is the notebook's namespace, `hidden` are the names in it that are IPython's own.
+    """
+
+    def __init__(self, session: Session, names: Mapping[str, Any], hidden: Mapping[str, Any]) -> None:
+        self.session = session
+        self._names = names
+        self._hidden = hidden
+        self._functions: dict[str, Any] = {}
+        self._values: dict[str, Any] = {}  # as they are in the notebook
+        self._kept: dict[str, Any] = {}  # and as the session holds them
+
+    def offer(self, script: Source) -> None:
+        """Gives the session what the script uses of the notebook and the session does not know otherwise.
+
+        Raises ParseError, and SessionError for what a session cannot take.
+        """
+        tree = parse(script)
+        self._take_back()
+        for name in dict.fromkeys(_called(tree)):
+            found = self._find(name)
+            if callable(found) and self._is_new(name, found):
+                self._give_function(name, found)
+        given = True
+        while given:  # what is known by now may have columns, so other names are unknown
+            given = self._give_all(self._unknown(tree))
+
+    def told(self, error: ResolveError) -> ResolveError:
+        """The error, with hints at names of the notebook that are close to unknown ones."""
+        usable = [name for name in self._names if self._find(name) is not MISSING]
+        for one in error.errors:
+            unknown = one.span.text if one.code in UNKNOWN and one.span is not None else ""
+            for name in get_close_matches(unknown, usable, n=1):
+                if not any(f"'{name}'" in hint for hint in one.hints):
+                    one.with_hint(f"the notebook has '{name}'")
+        return error
+
+    def _find(self, name: str) -> Any:
+        """The notebook's meaning of a name; MISSING where it has none that a script could use."""
+        found = self._names.get(name, MISSING)
+        own = name in self._hidden and found is self._hidden[name]
+        return MISSING if own or name.startswith("_") or isinstance(found, ModuleType) else found
+
+    def _is_new(self, name: str, function: Any) -> bool:
+        """Whether the session knows no function of the name, or has another one from the notebook."""
+        host = self.session.host
+        if name in self._functions:
+            current = host.functions.get(name)
+            ours = current is not None and current.function is self._functions[name]
+            return ours and function is not self._functions[name]
+        return name not in host.catalog().functions and name not in host.world_functions
+
+    def _unknown(self, tree: ast.Script) -> tuple[str, ...]:
+        catalog = self.session.host.catalog(open_names=True)
+        try:
+            return with_room(lambda: resolve(tree, catalog)).parameters
+        except ResolveError:
+            return ()  # running the script says what is wrong
+
+    def _give_all(self, names: Iterable[str]) -> bool:
+        return sum(map(self._give, names)) > 0
+
+    def _give(self, name: str) -> bool:
+        """Gives the session one name; False where the notebook does not know it either."""
+        found = self._find(name)
+        if found is MISSING:
+            return False
+        if callable(found):
+            if not self._is_new(name, found):
+                return False
+            self._give_function(name, found)
+            return True
+        if type(found) in SCALARS:
+            self.session.set(name, found)
+        else:
+            self.session.attach(name, found)
+        self._values[name] = found
+        self._kept[name] = self._held(name)
+        return True
+
+    def _give_function(self, name: str, function: Any) -> None:
+        self.session.function(name, function)
+        self._functions[name] = function
+
+    def _take_back(self) -> None:
+        """Forgets the values that the notebook does not have any more; those that a script has set stay as they are."""
+        for name, value in list(self._values.items()):
+            if self._held(name) is not self._kept[name]:
+                del self._values[name], self._kept[name]  # it is the session's own now
+            elif self._find(name) is not value:
+                self._drop(name)
+                del self._values[name], self._kept[name]
+
+    def _held(self, name: str) -> Any:
+        names = self.session.host.names
+        return names.attached.get(name, names.values.get(name, MISSING))
+
+    def _drop(self, name: str) -> None:
+        if name in self.session.host.names.values:
+            self.session.host.names.forget(name)
+        else:
+            self.session.detach(name)
+
+
+def _called(tree: Any) -> Iterator[str]:
+    """The functions that a script calls by their names."""
+    stack = [tree]
+    while stack:
+        node = stack.pop()
+        if isinstance(node, ast.Call) and node.owner is None:
+            yield node.function
+        if isinstance(node, tuple):
+            stack.extend(node)
+        elif is_dataclass(node) and type(node).__module__ == ast.__name__:
+            stack.extend(getattr(node, field.name) for field in fields(node))

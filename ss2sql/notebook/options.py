@@ -1,0 +1,111 @@
+"""The first line of `%%ss`: options, a name for the result, and what belongs to the script already."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+from ss2sql.errors import did_you_mean
+from ss2sql.runtime.compiled import ENGINES, Engine
+
+WORD = re.compile(r"\s*(-o|--?[a-z][\w-]*)(?=\s|=|$)")
+VALUE = re.compile(r"(?:\s*=\s*|\s+)(?!-)(\S+)")
+TARGET = re.compile(r"\s*([^\W\d]\w*)\s*<<(?=\s|$)")
+
+
+class WrongOption(Exception):  # noqa: N818 - told by IPython as wrong usage
+    """An option that there is not, or with a value that it does not take."""
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """What the first line asks for.
+
+    `output` is the variable for the result; `quiet`: it was named with `<<`, so nothing is shown. `rest` is what
+    stands behind the options.
+    """
+
+    engine: Engine = "auto"
+    timeout: float | None = None
+    maximum: int | None = None
+    session: str | None = None
+    show: int | None = None
+    explain: bool = False
+    sql: bool = False
+    output: str | None = None
+    quiet: bool = False
+    rest: str = ""
+
+
+def _engine(text: str) -> str:
+    if text not in ENGINES:
+        raise WrongOption(f"--engine is one of {', '.join(ENGINES)}, not {text}")
+    return text
+
+
+def _seconds(text: str) -> float:
+    try:
+        seconds = float(text)
+    except ValueError:
+        seconds = -1.0
+    if not 0 <= seconds < float("inf"):
+        raise WrongOption(f"--timeout takes seconds, not {text}")
+    return seconds
+
+
+def _count(name: str, least: int) -> Callable[[str], int]:
+    def count(text: str) -> int:
+        if not text.isdecimal() or int(text) < least:
+            raise WrongOption(f"{name} takes a whole number of at least {least}, not {text}")
+        return int(text)
+
+    return count
+
+
+def _name(text: str) -> str:
+    if not text.isidentifier():
+        raise WrongOption(f"{text} is not a name for a variable")
+    return text
+
+
+# What makes a value of each option's text; None for those without one.
+READERS: dict[str, tuple[str, Callable[[str], Any] | None]] = {
+    "--engine": ("engine", _engine),
+    "--timeout": ("timeout", _seconds),
+    "--maximum": ("maximum", _count("--maximum", 1)),
+    "--session": ("session", _name),
+    "--show": ("show", _count("--show", 0)),
+    "--explain": ("explain", None),
+    "--sql": ("sql", None),
+    "-o": ("output", _name),
+    "--output": ("output", _name),
+}
+
+
+def read(line: str) -> Options:
+    """The options of a line. Raises WrongOption."""
+    found: dict[str, Any] = {}
+    position = 0
+    while word := WORD.match(line, position):
+        if word[1] not in READERS:
+            hints = did_you_mean(word[1], READERS) or (f"the options are {', '.join(READERS)}",)
+            raise WrongOption(f"%ss knows no option {word[1]}; {hints[0]}")
+        field, reader = READERS[word[1]]
+        position = word.end()
+        if reader is None:
+            found[field] = True
+            continue
+        value = VALUE.match(line, position)
+        if value is None:
+            raise WrongOption(f"{word[1]} needs a value")
+        found[field] = reader(value[1])
+        position = value.end()
+    options = Options(**found)
+    if target := TARGET.match(line, position):
+        if options.output is not None:
+            raise WrongOption(f"the result has two names, {options.output} and {target[1]}")
+        options = replace(options, output=target[1], quiet=True)
+        position = target.end()
+    return replace(options, rest=line[position:])

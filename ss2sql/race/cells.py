@@ -1,0 +1,63 @@
+"""How a race is run, and what comes of it."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from statistics import median
+from typing import Any
+
+from ss2sql.runtime.compiled import Engine
+
+
+@dataclass(frozen=True, slots=True)
+class Rules:
+    """How a race is run: who takes part, how often each runs after a first time, and for how many seconds at most.
+
+    `strategies` are options of CONNECT BY as a user writes them; "all" stands for all that suit the search. With
+    `memory` each runs once more, slowly, to see how much memory it takes.
+    """
+
+    engines: tuple[Engine, ...] = ("database", "native")
+    strategies: tuple[str, ...] = ("all",)
+    repeat: int = 5
+    timeout: float = 10.0
+    memory: bool = False
+
+
+@dataclass(slots=True)
+class Cell:
+    """What one strategy came to on one engine.
+
+    `seconds` are those of its runs, `missing` says why there are none. `answer` is its answer in a few words: `same` if
+    it is that of the script as written, in whatever order, `forbidden` if the language forbids it. `paths` is None of
+    what is no search. `steps` and `calls` are those of one run.
+    """
+
+    strategy: str
+    engine: str
+    seconds: list[float] = field(default_factory=list)
+    compile_seconds: float | None = None
+    paths: int | None = None
+    rows: int | None = None
+    steps: int = 0
+    calls: dict[str, int] = field(default_factory=dict)
+    memory: int | None = None
+    answer: str = ""
+    same: bool = False
+    forbidden: bool = False
+    missing: str | None = None
+
+    @property
+    def name(self) -> str:
+        return f"{self.strategy} in {self.engine}" if self.strategy else self.engine
+
+    @property
+    def best(self) -> float | None:
+        return min(self.seconds, default=None)
+
+    @property
+    def middle(self) -> float | None:
+        return median(self.seconds) if self.seconds else None
+
+    def as_dict(self) -> dict[str, Any]:
+        return asdict(self) | {"best": self.best, "median": self.middle}

@@ -1,0 +1,171 @@
+"""The heats of a race, one for each statement that is a search: who runs, and when."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from ss2sql import plan
+from ss2sql.errors import Cancelled, Error, SessionError, Source, Timeout, UnsupportedError
+from ss2sql.frontend import ast
+from ss2sql.frontend.parser import parse
+from ss2sql.frontend.resolve import resolve
+from ss2sql.race.cells import Cell, Rules
+from ss2sql.race.jury import Finished, Jury
+from ss2sql.race.lineup import Strategy, lineup, strategy_of
+from ss2sql.race.timing import compiled, timed
+from ss2sql.results import found_paths
+from ss2sql.runtime.native.deep import with_room
+from ss2sql.runtime.session import Session
+from ss2sql.walk import walk
+
+NO_SEARCH = ""  # in place of a strategy
+
+
+@dataclass(slots=True)
+class Heat:
+    """One statement of a script, `tree`, with its plan; its cells as they come, and what else there is to say."""
+
+    session: Session
+    rules: Rules
+    tree: ast.Expr
+    cells: list[Cell] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    reference: str | None = None
+
+    @property
+    def text(self) -> str:
+        return " ".join(self.tree.span.text.split())
+
+    @property
+    def forbidden(self) -> list[Cell]:
+        return [cell for cell in self.cells if cell.forbidden]
+
+    @property
+    def search(self) -> ast.Query | None:
+        """The search that is the statement, or what it assigns."""
+        tree = self.tree.value if isinstance(self.tree, ast.Assign) else self.tree
+        return tree if isinstance(tree, ast.Query) and tree.connect else None
+
+    def run(self) -> Iterator[Cell]:
+        """Runs the cells; each is given out twice, when it begins and when it is done."""
+        search = self.search
+        own = Strategy(search.options if search else ())
+        name = own.name if search else NO_SEARCH
+        jury = Jury.of(_query(compiled(self.session, self.tree, "auto").plan.statements[0].expr), name)
+        yield from self._strategy(own, name, jury)
+        if search is None:
+            return
+        for strategy in self._others(search, own, jury):
+            yield from self._strategy(strategy, strategy.name, jury)
+        self._explain(own, jury)
+
+    def _others(self, search: ast.Query, own: Strategy, jury: Jury) -> list[Strategy]:
+        """The strategies beside the script's own; the longest path that that has found bounds MEMORIZE."""
+        first = jury.reference
+        paths = found_paths(first.result) if first is not None and first.result is not None else None
+        longest = max(map(len, paths), default=None) if paths is not None else None
+        found: dict[str, Strategy] = {}
+        for text in self.rules.strategies:
+            suited = lineup(search, longest) if text == "all" else [strategy_of(text, search.options)]
+            found.update((strategy.name, strategy) for strategy in suited)
+        found.pop(own.name, None)
+        return list(found.values())
+
+    def _explain(self, own: Strategy, jury: Jury) -> None:
+        self.reference = None if jury.reference is None else jury.reference.cell.strategy
+        if self.reference not in (None, own.name):
+            self.notes.append(
+                f"{own.name}, as written, did not finish, so the others are compared with {self.reference}."
+            )
+        if jury.unnamed and any("SELECT does not name" in cell.answer for cell in self.cells):
+            self.notes.append(
+                "MEMORIZE and UNIQUE keep one state for each row: what they find is promised only where SELECT names "
+                "all that STOP WITH, WHERE and CONNECT BY read."
+            )
+
+    def _strategy(self, strategy: Strategy, name: str, jury: Jury) -> Iterator[Cell]:
+        for engine in self.rules.engines:
+            cell = Cell(name, engine)
+            yield cell
+            self.cells.append(cell)
+            finished = self._finished(strategy, cell, jury)
+            if finished is not None:
+                jury.judge(finished)
+            yield cell
+
+    def _finished(self, strategy: Strategy, cell: Cell, jury: Jury) -> Finished | None:
+        """Runs a cell; the cell tells what kept it from giving an answer. The first error of the script is raised."""
+        engine: Any = cell.engine
+        try:
+            started = time.perf_counter()
+            query = compiled(self.session, self._variant(strategy), engine)
+            cell.compile_seconds = time.perf_counter() - started
+            result = timed(self.session, query, self.rules, cell)
+        except UnsupportedError as error:
+            cell.missing = error.message.rstrip(".")
+        except Timeout as stopped:
+            cell.seconds.clear()
+            paths = found_paths(stopped.partial) if stopped.partial is not None else None
+            cell.missing = f"over {self.rules.timeout:g} s" + (f", {len(paths):,} paths by then" if paths else "")
+        except Cancelled:
+            cell.missing = "cancelled"
+            raise
+        except Exception as error:
+            if jury.reference is None and cell.strategy == self.cells[0].strategy:
+                raise
+            kind = error.code if isinstance(error, Error) else type(error).__name__
+            cell.missing = f"{kind}: {error.message if isinstance(error, Error) else error}"
+            return Finished(strategy, cell, None, None, kind)
+        else:
+            paths = found_paths(result)
+            cell.paths, cell.rows = None if paths is None else len(paths), len(result)
+            return Finished(strategy, cell, _query(query.plan.statements[0].expr), result)
+        return None
+
+    def _variant(self, strategy: Strategy) -> ast.Expr:
+        """The statement with the options of a strategy."""
+        search, tree = self.search, self.tree
+        if search is None:
+            return tree
+        changed = replace(search, options=strategy.options)
+        return replace(tree, value=changed) if isinstance(tree, ast.Assign) else changed
+
+
+def _query(expr: plan.Expr) -> plan.Query | None:
+    """The query that a statement is, or that it assigns."""
+    value = expr.value if isinstance(expr, plan.Assign) else expr
+    return value.query if isinstance(value, plan.Subquery) else None
+
+
+def heats(session: Session, source: Source, rules: Rules) -> Iterator[Heat]:
+    """The heats of a script, in its order; each has to be run before the next one is asked for.
+
+    Its statements are the searches; the last query where there is none. The statements between them run as they are.
+    Raises SessionError S002 where there is no query, and what compiling and running the script raises.
+    """
+    tree = parse(source)
+    program = with_room(lambda: resolve(tree, session.host.catalog()))
+    raced = _raced([statement.expr for statement in program.statements])
+    for number, statement in enumerate(tree.statements[: raced[-1] + 1]):
+        if number in raced:
+            heat = Heat(session, rules, statement)
+            if heat.search is None and _has(program.statements[number].expr, plan.Search):
+                heat.notes.append("the search stands inside of another expression, so only the engines are raced.")
+            yield heat
+        if number < raced[-1]:
+            compiled(session, statement, "auto").run()
+
+
+def _raced(statements: Sequence[plan.Expr]) -> list[int]:
+    for kind in (plan.Search, plan.Query):
+        found = [number for number, expr in enumerate(statements) if _has(expr, kind)]
+        if found:
+            return found if kind is plan.Search else found[-1:]
+    raise SessionError("S002", "the script has no query", hints=("bench races queries, searches above all",))
+
+
+def _has(expr: plan.Expr, kind: type) -> bool:
+    return any(isinstance(node, kind) for node in walk(expr))

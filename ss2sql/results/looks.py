@@ -1,0 +1,81 @@
+"""What all pictures have in common: colours that colour-blind people tell apart, titles, legends, refusals.
+
+The colours are those of Okabe and Ito, https://jfly.uni-koeln.de/color/.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NoReturn
+
+from ss2sql.errors import RepresentationError
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.result import Result
+
+BLUE, ORANGE, GREEN, PURPLE, RED, SKY = "#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#56B4E9"
+PALETTE = (BLUE, ORANGE, GREEN, PURPLE, RED, SKY)
+PALE, FRAME, INK = "#e9eef4", "#444444", "black"
+FEW = len(PALETTE)  # paths that have a colour and a name each
+
+
+def refuse(message: str, *hints: str) -> NoReturn:
+    raise RepresentationError("V001", message, hints=hints)
+
+
+def styles(number: int, total: int, wider: float) -> dict[str, Any]:
+    """How the line of a path looks: few have a colour each, among many only the first one has.
+
+    Where few may lie on each other, the later ones are `wider` and stand out at the sides.
+    """
+    if total <= FEW:
+        width = 1.8 + wider * (number - 1)
+        return {"color": PALETTE[number - 1], "lw": width, "label": f"path {number}", "solid_capstyle": "round"}
+    if number == 1:
+        return {"color": RED, "lw": 2.5, "label": "path 1"}
+    return {"color": BLUE, "alpha": max(0.04, min(0.6, 12 / total)), "lw": 1.5}
+
+
+def ends(ax: Any, starts: Any, goals: Any, width: int = 2) -> None:
+    """The marks of first and last steps."""
+    if starts is not None:
+        ax.scatter(*starts.T[:width], s=55, color=GREEN, edgecolor="white", zorder=40, label="first step")
+    ax.scatter(*goals.T[:width], s=120, marker="*", color=INK, edgecolor="white", zorder=41, label="last step")
+
+
+def legend(ax: Any) -> None:
+    """The names of the lines, the first path first; beside the picture unless a map has its colours there."""
+    handles, labels = ax.get_legend_handles_labels()
+    named = dict(sorted(zip(labels, handles, strict=True), key=lambda pair: (not pair[0].startswith("path"), pair[0])))
+    if ax.images:
+        ax.legend(list(named.values()), list(named), loc="best", framealpha=0.85)
+    else:
+        corner = (-0.1, 1) if ax.name == "3d" else (1, 1)
+        ax.legend(list(named.values()), list(named), loc="upper left", bbox_to_anchor=corner, frameon=False)
+
+
+def open_frame(ax: Any) -> None:
+    ax.spines[["top", "right"]].set_visible(False)
+
+
+def whole_numbers(axis: Any) -> None:
+    """Marks at whole numbers only."""
+    from matplotlib.ticker import MaxNLocator
+
+    axis.set_major_locator(MaxNLocator(integer=True))
+
+
+def counted(result: Result, total: int, lengths: Sequence[int]) -> str:
+    """A title: how many paths there are, how many of them are drawn, and how long these are."""
+    least, greatest = min(lengths), max(lengths)
+    steps = f"{least} step{'' if greatest == 1 else 's'}" if least == greatest else f"{least} to {greatest} steps"
+    return f"{paths_drawn(total, len(lengths))} of {steps}{ended(result)}"
+
+
+def paths_drawn(total: int, drawn: int) -> str:
+    return f"{total} path{'' if total == 1 else 's'}" if drawn == total else f"the first {drawn} of {total} paths"
+
+
+def ended(result: Result) -> str:
+    """The status in a title, if it is worth a word."""
+    return "" if result.status == "complete" else f" ({result.status})"

@@ -1,0 +1,175 @@
+"""The paths of a search as lines: over a plane, what they cost so far at each step, and how long they are."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import accumulate, islice
+from operator import mul
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+
+from ss2sql import plan
+from ss2sql.results.looks import BLUE, FEW, counted, ended, ends, legend, open_frame, paths_drawn, refuse, styles
+from ss2sql.results.looks import whole_numbers as whole
+from ss2sql.runtime.paths import lengths_of
+from ss2sql.runtime.rows import Row
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.result import Result
+
+Found: TypeAlias = Sequence[Sequence[Row]]
+
+MOST_PATHS = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class Places:
+    """Where rows are: what finds it, the names of the axes, and whether these are of one unit."""
+
+    of: Callable[[Row], Sequence[float]]
+    names: tuple[str, ...] = ()
+    alike: bool = True
+
+
+def places(columns: Sequence[str], rows: Sequence[Row]) -> Places | None:
+    """Where rows are; None where they are nowhere.
+
+    It is the only list of two or three numbers in the rows, or else two or three columns of numbers. Rows with other
+    lists or dicts are nowhere: they are states of a puzzle, and the lists of two numbers in them its moves.
+    """
+    if not rows:
+        return None
+    indexes = range(len(columns))
+    structured = [i for i in indexes if any(isinstance(row[i], (list, dict)) for row in rows)]
+    if structured:
+        (index, *others) = structured
+        return None if others or not all(is_point(row[index]) for row in rows) else Places(lambda row: row[index])
+    numbers = [i for i in indexes if all(is_number(row[i]) for row in rows)]
+    if len(numbers) not in (2, 3):
+        return None
+    names = tuple(columns[i] for i in numbers)
+    alike = tuple(name.lower()[-1:] for name in names[:2]) == ("x", "y")
+    return Places(lambda row: tuple(row[i] for i in numbers), names, alike)
+
+
+def is_point(value: Any) -> bool:
+    return isinstance(value, list) and len(value) in (2, 3) and all(map(is_number, value))
+
+
+def is_number(value: Any) -> bool:
+    return type(value) in (int, float)
+
+
+# --- over a plane --------------------------------------------------------------------------------------
+
+
+def draw_paths(result: Result, paths: Found, where: Places, ax: Any, most: int | None) -> str:
+    """One line for each path, over whatever the Axes show; the first one lies on top, and so do the ends of all."""
+    drawn = [np.array([where.of(row) for row in path], dtype=float) for path in islice(paths, most or MOST_PATHS)]
+    solid = getattr(ax, "name", "") == "3d" and all(line.shape[1] == 3 for line in drawn)
+    width = 3 if solid else 2
+    over = bool(ax.images)  # a map is there already: its labels and its area stay
+    _lines(ax, [line.T[:width] for line in drawn], wider=1.5)
+    starts, goals = (np.unique([line[end] for line in drawn], axis=0) for end in (0, -1))
+    ends(ax, starts, goals, width)
+    if not over:
+        for axis, name in zip("xyz"[:width], where.names or "xyz", strict=False):
+            getattr(ax, f"set_{axis}label")(name)
+        if where.alike:
+            ax.set_aspect("equal", adjustable="datalim")
+        ax.grid(alpha=0.25)
+    legend(ax)
+    return counted(result, len(paths), [len(line) for line in drawn])
+
+
+def _lines(ax: Any, lines: Sequence[Any], wider: float = 0.0) -> None:
+    """The lines, the first one on top; a map, whose colours may be theirs, is kept away by white."""
+    total = len(lines)
+    for number, line in reversed(list(enumerate(lines, 1))):
+        style = styles(number, total, wider)
+        marks = {"marker": "o", "markersize": 4 + wider * (number - 1)} if total <= FEW else {}
+        if ax.images:
+            ax.plot(*line, color="white", lw=style["lw"] + 2, alpha=style.get("alpha"), zorder=2)
+        ax.plot(*line, zorder=2 + 20 / number, **marks, **style)
+
+
+# --- what they cost ------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Weights:
+    """The column that says what a step costs, or how likely it is."""
+
+    index: int
+    name: str
+    likely: bool
+
+
+def weights(result: Result, paths: Found) -> Weights | str:
+    """The weights of steps: the column with what COST or PROBABILITY says, or the one named `cost`; else a hint."""
+    names = result.columns[2:]
+    query = _query(result)
+    search = None if query is None else query.search
+    expr = None if search is None else search.weight
+    likely = search is not None and search.order == "probability"
+    found = [index for index, name in enumerate(names) if name.lower() == ("probability" if likely else "cost")]
+    if query is not None and expr is not None:
+        found = [index for index, output in enumerate(query.columns) if output.expr == expr] + found
+    for index in found:
+        if all(is_number(row[index]) for path in paths for row in path):
+            return Weights(index, "probability" if likely else "cost", likely)
+    if expr is not None and expr.span.text:
+        return f"select what a step costs: SELECT ..., to({expr.span.text}, {'probability' if likely else 'cost'})"
+    return "select a column with the name cost that says what a step costs: SELECT ..., to(length, cost)"
+
+
+def _query(result: Result) -> plan.Query | None:
+    """The query that the paths are from, as it is written."""
+    queries = [query.written for statement in result.outline[-1:] for query in statement.queries]
+    return queries[-1] if queries else None
+
+
+def draw_costs(result: Result, paths: Found, given: Weights, ax: Any, most: int | None) -> str:
+    """For each path what it comes to, step by step: the sum of its costs, or the product of its probabilities."""
+    rows = [[row[given.index] for row in path] for path in islice(paths, most or MOST_PATHS)]
+    totals = [
+        list(accumulate(steps, mul, initial=1.0) if given.likely else accumulate(steps, initial=0)) for steps in rows
+    ]
+    _lines(ax, [(range(len(line)), line) for line in totals])
+    ends(ax, None, np.unique([(len(line) - 1, line[-1]) for line in totals], axis=0))
+    whole(ax.xaxis)
+    ax.set_xlabel("step")
+    ax.set_ylabel(f"{given.name} so far")
+    ax.grid(alpha=0.25)
+    open_frame(ax)
+    legend(ax)
+    least, greatest = (f"{end(line[-1] for line in totals):.4g}" for end in (min, max))
+    spread = least if least == greatest else f"{least} to {greatest}"
+    return f"{paths_drawn(len(paths), len(totals))}, {given.name} {spread}{ended(result)}"
+
+
+def chosen_weights(result: Result, paths: Found) -> Weights:
+    """The weights, or the error that says how to have some."""
+    found = weights(result, paths)
+    if isinstance(found, str):
+        refuse("plot() does not find what the steps cost", found)
+    return found
+
+
+# --- how long they are ---------------------------------------------------------------------------------
+
+
+def draw_lengths(result: Result, paths: Found, ax: Any) -> str:
+    counts = Counter(lengths_of(paths))
+    bars = ax.bar(list(counts), list(counts.values()), color=BLUE)
+    ax.bar_label(bars, padding=2)
+    whole(ax.xaxis)
+    whole(ax.yaxis)
+    ax.set_xlabel("steps of a path")
+    ax.set_ylabel("paths")
+    ax.margins(y=0.1)
+    open_frame(ax)
+    return counted(result, len(paths), [length for length, count in counts.items() for _ in range(count)])

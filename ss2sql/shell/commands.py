@@ -1,0 +1,293 @@
+"""The dot commands, a row each: what is written behind them, what they are for, and what they do."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, TypeAlias
+
+from ss2sql.cli.endings import note
+from ss2sql.cli.given import register, value_of, world_of
+from ss2sql.editor.keywords import keywords
+from ss2sql.errors import Source, did_you_mean
+from ss2sql.runtime.messages import show as written
+from ss2sql.runtime.opening import source_of
+from ss2sql.shell.known import Function, Known
+from ss2sql.shell.settings import SETTINGS, Broken, CommandError, change, told
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.result import Result
+    from ss2sql.shell.shell import Shell
+
+Takes: TypeAlias = Literal["nothing", "script", "file", "setting", "function", "table", "variable", "help"]
+
+EXAMPLE = "SELECT this, this ^ 2 FROM range(5) WHERE this > 1;"
+WIDE = 100  # characters of a line in lists
+MOST_READ = 20  # files that read each other
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """A dot command: `form` is how it is written, `takes` what stands behind it, `about` a line for lists."""
+
+    form: str
+    about: str
+    takes: Takes
+    do: Callable[[Shell, str], None]
+    example: str = ""
+
+    @property
+    def name(self) -> str:
+        return self.form.split()[0]
+
+
+def run_command(shell: Shell, line: str) -> None:
+    """Does what a line says. Raises CommandError, what the script of the command raises, and Leave."""
+    name, _, rest = line.strip().partition(" ")
+    command = COMMANDS.get(name) or COMMANDS.get(name.lower())
+    if command is None:
+        hints = did_you_mean(name, COMMANDS) or (".help lists all of them",)
+        raise CommandError(f"there is no command '{name}'", *hints)
+    if command.takes == "nothing" and rest.strip():
+        raise CommandError(f"{command.name} takes nothing, not {rest.strip()}")
+    command.do(shell, rest.strip())
+
+
+# --- help and lists ------------------------------------------------------------------------------------
+
+
+def _help(shell: Shell, name: str) -> None:
+    if not name:
+        shell.say(overview())
+        return
+    command = COMMANDS.get(name) or COMMANDS.get(f".{name}")
+    keyword = keywords().get(name.upper().split()[0])
+    if command is not None:
+        example = f"\n  {command.example}" if command.example else ""
+        shell.say(f"{command.form}: {command.about}{example}")
+    elif keyword is not None:
+        shell.say(f"{keyword.text}: {keyword.about}")
+    else:
+        _functions(shell, name)
+
+
+def overview() -> str:
+    """What there is, for somebody who has never seen the shell."""
+    lines = ["A statement ends with ; and may take several lines. For example:", "", f"  {EXAMPLE}", ""]
+    lines += _columns((entry.form, entry.about) for entry in COMMANDS.values())
+    lines += ["", ".sql, .explain and .plot without more are about the last statement.",
+              "Tab completes, Ctrl-R searches the history, Ctrl-C clears the line or cancels a run, Ctrl-D leaves.",
+              ".help NAME explains a command, a function or a keyword: .help CONNECT BY"]  # fmt: skip
+    return "\n".join(lines)
+
+
+def _tables(shell: Shell, name: str) -> None:
+    known = Known(shell.session)
+    if name:
+        shell.say(shell.session.describe(name))
+    elif not known.tables:
+        shell.say("there are no tables; .attach NAME FILE.db brings those of a SQLite file\n"
+                  "lists and data frames are variables: .variables")  # fmt: skip
+    else:
+        names = {table: ", ".join(known.columns(table.partition("(")[0])) for table in known.tables}
+        shell.say("\n".join(_columns(names.items(), cut=True)))
+
+
+def _functions(shell: Shell, name: str) -> None:
+    known = Known(shell.session)
+    every = {**known.representations, **known.functions}
+    if not name:
+        own = [entry for entry in known.functions.values() if not entry.built_in]
+        built_in = [entry for entry in known.functions.values() if entry.built_in]
+        lines = [*_described(own), *([""] if own else []), *_described(built_in)]
+        lines += ["", "behind AS:", *_described(known.representations.values())]
+        shell.say("\n".join(lines))
+    elif name in every:
+        (line,) = _described([every[name]])
+        shell.say(line.strip() + ("" if name in known.functions else f"\n  SELECT ... FROM ... AS {name}"))
+    else:
+        raise CommandError(f"there is no function, command or keyword '{name}'", *did_you_mean(name, every))
+
+
+def _variables(shell: Shell, _: str) -> None:
+    found = Known(shell.session).variables
+    shell.say("\n".join(_columns(found.items(), cut=True)) if found else "there are no variables; x = 1; makes one")
+
+
+def _described(entries: Iterable[Function]) -> list[str]:
+    return _columns((entry.call, entry.about) for entry in entries)
+
+
+def _columns(rows: Iterable[tuple[str, str]], cut: bool = False) -> list[str]:
+    """Lines of two columns."""
+    table = list(rows)
+    width = max((len(first) for first, _ in table if len(first) < WIDE // 3), default=0)
+    lines = [f"  {first:<{width}}  {second}".rstrip() for first, second in table]
+    return [line if len(line) <= WIDE or not cut else line[: WIDE - 3] + "..." for line in lines]
+
+
+# --- what scripts may use ------------------------------------------------------------------------------
+
+
+def _set(shell: Shell, rest: str) -> None:
+    name, _, value = rest.partition(" ")
+    if not value.strip():
+        raise CommandError(".set takes a name and a value", ".set start [[2,1],[],[]]")
+    shell.session.set(name, value_of(value.strip()))
+    note(f"{name} = {written(shell.session.get(name), WIDE)}")
+
+
+def _attach(shell: Shell, rest: str) -> None:
+    name, _, what = rest.partition(" ") if " " in rest else rest.partition("=")
+    what = what.strip()
+    if not name or not what:
+        raise CommandError(".attach takes a name and what is attached", ".attach staff staff.db",
+                           ".attach space ss2sql.scenes:chaos")  # fmt: skip
+    path = Path(what).expanduser()
+    if ":" in what:
+        shell.session.attach(*world_of(f"{name}={what}"))
+    elif path.is_file():
+        shell.session.attach(name, path)
+    else:
+        raise CommandError(f"there is no file {what}", "an object of Python is MODULE:OBJECT")
+    known = Known(shell.session)
+    found = [table for table in known.tables if table.split("(")[0].split(".")[0] == name]
+    about = [f"{name}: {known.variables[name]}"] if name in known.variables else []
+    note("\n".join(about) if about or not found else f"tables: {', '.join(found)}")
+
+
+def _load(shell: Shell, rest: str) -> None:
+    if not rest:
+        raise CommandError(".load takes a file of Python functions", ".load functions.py")
+    path = Path(rest).expanduser()
+    if not path.is_file():
+        raise CommandError(f"there is no file {rest}")
+    found = register(shell.session, path)
+    note(f"functions: {', '.join(found)}" if found else f"{rest} has no functions")
+
+
+def _read(shell: Shell, rest: str) -> None:
+    if not rest:
+        raise CommandError(".read takes a file of statements", ".read hanoi.ss")
+    source = source_of(Path(rest).expanduser())
+    if shell.reading > MOST_READ:
+        raise CommandError(f"{rest} is read by a file that it reads itself")
+    shell.reading += 1
+    try:
+        if not shell.run(source.text, source.name):
+            raise Broken
+    finally:
+        shell.reading -= 1
+
+
+# --- the last statement --------------------------------------------------------------------------------
+
+
+def _source(shell: Shell, text: str) -> str | Source:
+    if text:
+        return text
+    if shell.last is None:
+        raise CommandError("nothing has run yet", "run a statement first, or write one behind the command")
+    return shell.last.source
+
+
+def _sql(shell: Shell, text: str) -> None:
+    result = shell.last.result if shell.last is not None and not text else None
+    sql = result.sql if result is not None else shell.session.compile(_source(shell, text)).sql
+    if not sql.strip():
+        shell.say("no query: it runs in Python as it is written")
+        return
+    values = [f"-- :{name} = {value!r}" for name, value in sql.parameters.items()]
+    shell.say_sql("\n".join([str(sql), *values]))
+
+
+def _explain(shell: Shell, text: str) -> None:
+    result = shell.last.result if shell.last is not None and not text else None
+    shell.say(result.explain() if result is not None else shell.session.compile(_source(shell, text)).explain())
+
+
+def _plot(shell: Shell, rest: str) -> None:
+    from ss2sql.cli.plot import KINDS, PICTURES
+
+    if shell.last is None or shell.last.result is None:
+        raise CommandError("there is no result to draw", "run a query first")
+    kind, path = "auto", None
+    for word in rest.split():
+        if word in KINDS:
+            kind = word
+        elif Path(word).suffix.lower() in PICTURES:
+            path = Path(word).expanduser()
+        else:
+            raise CommandError(f".plot takes a file that ends in {', '.join(PICTURES)}, and what is drawn, not {word}",
+                               f"what can be drawn: {', '.join(KINDS)}")  # fmt: skip
+    draw(shell, shell.last.result, kind, path)
+
+
+def draw(shell: Shell, result: Result, kind: str, path: Path | None) -> None:
+    """Draws a result: into a file, else into a window, else, where there is no screen, into a new file."""
+    from ss2sql.results import package
+
+    pyplot = package("matplotlib.pyplot", "plot", ".plot")
+    figure = result.plot(kind=kind).figure
+    try:
+        if path is None and pyplot.get_backend().lower() not in WINDOWLESS:
+            note("close the window to go on")
+            pyplot.show()
+            return
+        path = path or next(one for one in _numbered("plot", ".png") if not one.exists())
+        figure.savefig(path)
+        note(f"written to {path}")
+    except OSError as error:
+        raise CommandError(f"{path} cannot be written: {error.strerror or error}") from error
+    finally:
+        pyplot.close(figure)
+
+
+WINDOWLESS = ("agg", "cairo", "pdf", "pgf", "ps", "svg", "template")
+
+
+def _numbered(name: str, ending: str) -> Iterable[Path]:
+    yield Path(f"{name}{ending}")
+    number = 2
+    while True:
+        yield Path(f"{name}-{number}{ending}")
+        number += 1
+
+
+def _leave(shell: Shell, _: str) -> None:
+    from ss2sql.shell.shell import Leave
+
+    raise Leave
+
+
+def _setting(name: str) -> Command:
+    entry = SETTINGS[name]
+
+    def do(shell: Shell, text: str) -> None:
+        if text:
+            note(change(shell.settings, name, text))
+        else:
+            shell.say(told(shell.settings, name))
+
+    return Command(f".{name} [{entry.form}]", entry.about, "setting", do)
+
+
+_ALL = (
+    Command(".help [NAME]", "this list, or what a command, function or keyword does", "help", _help),
+    Command(".tables [NAME]", "the tables that FROM finds, or the columns of one", "table", _tables),
+    Command(".functions [NAME]", "the functions, or what one does", "function", _functions),
+    Command(".variables", "the variables and what they hold", "nothing", _variables),
+    Command(".set NAME VALUE", "gives a variable a value", "variable", _set, ".set start [[2,1],[],[]]"),
+    Command(".attach NAME WHAT", "a SQLite file, or MODULE:OBJECT of Python, under a name", "file", _attach,
+            ".attach staff staff.db"),
+    Command(".load FILE.py", "registers the functions of a Python file", "file", _load),
+    Command(".read FILE", "runs the statements of a file", "file", _read),
+    Command(".sql [SCRIPT]", "the SQL that a script becomes", "script", _sql, f".sql {EXAMPLE}"),
+    Command(".explain [SCRIPT]", "where queries run and why, and what was called how often", "script", _explain),
+    Command(".plot [FILE] [KIND]", "draws the last result, in a window or in a file", "file", _plot,
+            ".plot paths.png graph"),
+    *map(_setting, SETTINGS),
+    Command(".exit", "leaves, as Ctrl-D does", "nothing", _leave),
+)  # fmt: skip
+COMMANDS = {entry.name: entry for entry in _ALL}

@@ -1,0 +1,227 @@
+"""What could stand at the cursor: keywords that the grammar takes there, and the names that are in sight."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, TypeAlias
+
+from ss2sql.editor.keywords import ONE_OF, Keyword, keywords
+from ss2sql.shell.commands import COMMANDS
+from ss2sql.shell.known import Function, Known
+from ss2sql.shell.pieces import piece_at
+from ss2sql.shell.settings import SETTINGS
+from ss2sql.shell.sight import Sight, open_call, sight
+
+Kind: TypeAlias = Literal["keyword", "function", "variable", "table", "column", "representation", "command", "value"]
+
+IN_ORDER = ("WHERE", "START", "CONNECT", "STOP")  # clauses that stand in this order
+SORTS = ("clause", "option", "other", "operator", "constant")  # the order of keywords in lists
+ANY_ORDER = ("GROUP", "ORDER", "LIMIT")  # and behind them these
+
+
+@dataclass(frozen=True, slots=True)
+class Suggestion:
+    """A text that takes the place of the last `length` characters before the cursor."""
+
+    text: str
+    length: int
+    kind: Kind
+    about: str = ""
+    shown: str = ""  # what is listed, where that is not the text
+
+
+def suggestions(text: str, cursor: int, known: Known) -> list[Suggestion]:
+    """What could stand at the cursor of the text, the likeliest first."""
+    piece = piece_at(text, cursor)
+    if piece.is_command:
+        head = piece.text.split(maxsplit=1)
+        statement = COMMANDS[head[0]].takes == "script" if head[0] in COMMANDS else False
+        begun = text[piece.start : cursor]
+        if not (statement and " " in begun):
+            return list(_of_command(begun, known))
+        start = piece.start + len(head[0])
+        return list(_of_statement(text[start : piece.end], cursor - start, known))
+    if not text[piece.start : cursor].strip("."):
+        dots = cursor - piece.start
+        first = [] if dots else _of_statement("", 0, known)
+        return [*(Suggestion(name, dots, "command", entry.about) for name, entry in COMMANDS.items() if dots), *first]
+    return list(_of_statement(text[piece.start : max(piece.end, cursor)], cursor - piece.start, known))
+
+
+def signature(text: str, cursor: int, known: Known) -> tuple[Function, int] | None:
+    """The function or representation whose call the cursor is in, and which argument is being written."""
+    piece = piece_at(text, cursor)
+    call = open_call(text[piece.start : cursor], cursor - piece.start)
+    if call is None:
+        return None
+    found = known.representations.get(call.name.lower()) if call.is_representation else known.functions.get(call.name)
+    return None if found is None else (found, call.argument)
+
+
+# --- statements ----------------------------------------------------------------------------------------
+
+
+def _of_statement(statement: str, cursor: int, known: Known) -> Iterable[Suggestion]:
+    here = sight(statement, cursor)
+    if here.in_text:
+        return []
+    if here.owner or here.after == ".":
+        return _fitting(here.word, _of_owner(here, known))
+    words = list(_fitting(here.word, _keywords(here)))
+    names = list(_fitting(here.word, _names(here, known)))
+    first = here.word.isupper() or not here.wants_value or not here.after
+    return [*words, *names] if first else [*names, *words]
+
+
+def _fitting(word: str, found: Iterable[Suggestion]) -> Iterator[Suggestion]:
+    """Those that begin with the word in any case, each once; what is there already is no suggestion."""
+    seen = set()
+    for one in found:
+        if one.text.lower().startswith(word.lower()) and one.text != word and one.text not in seen:
+            seen.add(one.text)
+            yield Suggestion(one.text, len(word), one.kind, one.about, one.shown)
+
+
+def _keywords(here: Sight) -> Iterator[Suggestion]:
+    for word, keyword in sorted(keywords().items(), key=lambda item: SORTS.index(item[1].sort)):
+        if (here.expected is None or word in here.expected) and not _is_spent(word, keyword, here.seen):
+            text = f"{keyword.text}(" if word == "IF" else keyword.text
+            yield Suggestion(text, 0, "keyword", keyword.about, keyword.text)
+    for keyword in keywords().values():  # the second of two words
+        first, _, second = keyword.text.partition(" ")
+        if second and here.after == first and (here.expected is None or second in here.expected):
+            yield Suggestion(second, 0, "keyword", keyword.about)
+
+
+def _is_spent(word: str, keyword: Keyword, seen: tuple[str, ...]) -> bool:
+    """Whether a clause or option cannot be written (again) in this query."""
+    if keyword.sort == "option":
+        return word in seen or any(keyword.text in group and _has_one(group, seen) for group in ONE_OF)
+    if word in IN_ORDER:
+        later = IN_ORDER[IN_ORDER.index(word) :] + ANY_ORDER
+        return any(clause in seen for clause in later) or (word == "STOP" and "CONNECT" not in seen)
+    return word in ANY_ORDER and word in seen
+
+
+def _has_one(group: Iterable[str], seen: tuple[str, ...]) -> bool:
+    return any(text.split()[0] in seen for text in group)
+
+
+def _names(here: Sight, known: Known) -> Iterator[Suggestion]:
+    if here.after == "AS":
+        for entry in known.representations.values():
+            bracket = "(" if entry.parameters else ""
+            yield Suggestion(entry.name + bracket, 0, "representation", entry.about, entry.call)
+        return
+    if here.expected is not None and "NAME" not in here.expected:
+        return
+    if not here.wants_value:  # only a name can stand here, which is about to be assigned to
+        if "CONNECT" in here.seen:
+            yield from (Suggestion(name, 0, "variable", "of START WITH") for name in here.states)
+        return
+    if here.clause == "FROM":
+        yield from _tables(known)
+        yield from _variables(here, known)
+    else:
+        yield from _columns(here, known)
+        yield from _variables(here, known)
+        yield from _aliases(here)
+    yield from _functions(known)
+    if here.clause != "FROM":
+        yield from _tables(known)
+
+
+def _columns(here: Sight, known: Known) -> Iterator[Suggestion]:
+    for source in here.sources:
+        found = dict.fromkeys(source.columns, "") or known.columns(source.origin)
+        for name, about in found.items():
+            yield Suggestion(name, 0, "column", f"{source.name}: {about}" if about else f"of {source.name}")
+
+
+def _variables(here: Sight, known: Known) -> Iterator[Suggestion]:
+    yield from (Suggestion(name, 0, "variable", "of START WITH") for name in here.states)
+    yield from (Suggestion(name, 0, "variable", about) for name, about in known.variables.items())
+
+
+def _aliases(here: Sight) -> Iterator[Suggestion]:
+    yield from (Suggestion(one.name, 0, "table", f"source {one.origin}".rstrip()) for one in here.sources if one.name)
+
+
+def _functions(known: Known) -> Iterator[Suggestion]:
+    for entry in known.functions.values():
+        yield Suggestion(f"{entry.name}(", 0, "function", entry.about, entry.call)
+
+
+def _tables(known: Known) -> Iterator[Suggestion]:
+    for name, about in known.tables.items():
+        text, bracket, _ = name.partition("(")
+        yield Suggestion(text + bracket, 0, "table", about, name)
+
+
+def _of_owner(here: Sight, known: Known) -> Iterator[Suggestion]:
+    """What can stand behind `owner.`: columns of a source, or tables of a world or file."""
+    sources = [one for one in here.sources if one.name == here.owner]
+    if here.owner.lower() == "this":
+        sources = here.sources[:1]
+    if here.clause != "FROM" or here.owner not in known.owners:
+        for source in sources:
+            found = dict.fromkeys(source.columns, "") or known.columns(source.origin)
+            yield from (Suggestion(name, 0, "column", about) for name, about in found.items())
+        if sources and here.owner.lower() != "this":
+            yield Suggestion("this", 0, "keyword", f"the element of {here.owner}")
+    if not sources or here.clause == "FROM":
+        for table in known.owners.get(here.owner, ()):
+            full = next((name for name in known.tables if name.partition("(")[0] == f"{here.owner}.{table}"), "")
+            bracket = "(" if "(" in full else ""
+            yield Suggestion(table + bracket, 0, "table", known.tables.get(full, ""), full.partition(".")[2] or table)
+
+
+# --- dot commands --------------------------------------------------------------------------------------
+
+
+def _of_command(begun: str, known: Known) -> Iterator[Suggestion]:
+    name, blank, rest = begun.partition(" ")
+    if not blank:
+        found = (Suggestion(one, 0, "command", entry.about) for one, entry in COMMANDS.items())
+        yield from _fitting(name, found)
+        return
+    command = COMMANDS.get(name)
+    if command is None:
+        return
+    rest = rest.lstrip()
+    match command.takes:
+        case "setting":
+            entry = SETTINGS[name[1:]]
+            yield from _fitting(rest, (Suggestion(choice, 0, "value") for choice in entry.choices))
+        case "file":
+            yield from _files(rest.rpartition(" ")[2])
+        case "function":
+            every = {**known.functions, **known.representations}
+            yield from _fitting(rest, (Suggestion(one, 0, "function", every[one].about) for one in every))
+        case "table":
+            names = dict.fromkeys([*known.owners, *(name.partition("(")[0] for name in known.tables)])
+            yield from _fitting(rest, (Suggestion(one, 0, "table", known.tables.get(one, "")) for one in names))
+        case "variable" if " " not in rest:
+            yield from _fitting(rest, (Suggestion(one, 0, "variable", text) for one, text in known.variables.items()))
+        case "help":
+            every = {**known.functions, **known.representations}
+            texts = {**{one: entry.about for one, entry in COMMANDS.items()},
+                     **{word.text: word.about for word in keywords().values()},
+                     **{one: every[one].about for one in every}}  # fmt: skip
+            yield from _fitting(rest, (Suggestion(one, 0, "value", text) for one, text in texts.items()))
+        case _:
+            return
+
+
+def _files(begun: str) -> Iterator[Suggestion]:
+    """Files and folders whose paths begin so."""
+    folder, slash, name = begun.rpartition("/")
+    try:
+        found = sorted(Path(f"{folder}/" if slash else ".").expanduser().iterdir())
+    except OSError:
+        return
+    for path in found:
+        if path.name.startswith(name) and (name.startswith(".") or not path.name.startswith(".")):
+            yield Suggestion(path.name + ("/" if path.is_dir() else ""), len(name), "value")

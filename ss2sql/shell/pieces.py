@@ -1,0 +1,125 @@
+"""Text that was typed, cut into statements and dot commands."""
+
+from __future__ import annotations
+
+import re
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from ss2sql.errors import Source
+from ss2sql.frontend.text import CLOSING, OPENING, Token, cut
+
+_NOTHING = re.compile(r"(?:[\s;]+|#[^\r\n]*|/\*[\s\S]*?\*/)*")
+_COMMAND = re.compile(r"\.[A-Za-z][^\r\n]*")
+MOST_LINES = 100_000  # of a pipe that are counted; a script may be 256 KiB, and the lines before it are part of it
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """A statement with its `;`, or the line of a dot command, and where it begins.
+
+    `complete` is false of what has no end yet, `hopeless` true where no end could help, as behind a string that is not
+    closed on its line.
+    """
+
+    text: str
+    start: int
+    complete: bool = True
+    hopeless: bool = False
+
+    @property
+    def is_command(self) -> bool:
+        return _COMMAND.match(self.text) is not None
+
+    @property
+    def end(self) -> int:
+        return self.start + len(self.text)
+
+    def source(self, whole: str, name: str, lines_before: int = 0) -> Source:
+        """The piece as a script, at the line and column where it stands in what was typed."""
+        lines = lines_before + whole.count("\n", 0, self.start)
+        column = self.start - (whole.rfind("\n", 0, self.start) + 1)
+        blank = "\n" * lines + " " * column if lines <= MOST_LINES else ""
+        return Source(blank + self.text, name)
+
+
+def pieces(text: str) -> Iterator[Piece]:
+    """The statements and commands of a text, one after the other. A command begins where a statement could."""
+    position = _skipped(text, 0)
+    while position < len(text):
+        command = _COMMAND.match(text, position)
+        found = Piece(command[0].rstrip(), position) if command else _statement(text, position)
+        yield found
+        position = _skipped(text, found.end)
+
+
+def _skipped(text: str, position: int) -> int:
+    match = _NOTHING.match(text, position)
+    return match.end() if match else position
+
+
+def _statement(text: str, start: int) -> Piece:
+    depth, hopeless, last = 0, False, start
+    for token in cut(text, start):
+        last = token.end
+        if token.kind == "OPEN_STRING" and not _goes_on(token, text):
+            hopeless = True
+            if token.text.rstrip().endswith(";"):  # it has most likely swallowed the end
+                return Piece(text[start:last], start)
+        depth = max(0, depth + (token.kind in OPENING) - (token.kind in CLOSING))
+        if token.kind == ";" and depth == 0:
+            return Piece(text[start:last], start)
+    return Piece(text[start:].rstrip(), start, False, hopeless)
+
+
+def _goes_on(token: Token, text: str) -> bool:
+    """Whether a string that is not closed may go on in the next line, which is not there yet."""
+    hidden = len(token.text) - len(token.text.rstrip("\\"))
+    return hidden % 2 == 1 and not text[token.end :].strip()
+
+
+def _last(text: str) -> Piece | None:
+    return next(iter(deque(pieces(text), maxlen=1)), None)
+
+
+def is_ready(text: str) -> bool:
+    """Whether what was typed can run: it is complete, or more lines would not help.
+
+    A line left empty behind a `;` says that there is no more to come, though a bracket be open.
+    """
+    last = _last(text)
+    if last is None:
+        return not text.strip() or text.rstrip().endswith(";")
+    if last.complete or last.hopeless:
+        return True
+    before, line_end, line = text.rpartition("\n")
+    return bool(line_end) and not line.strip() and before.rstrip().endswith(";")
+
+
+def open_bracket(text: str) -> str:
+    """The innermost bracket that is open, or `/*`; nothing where only a `;` is missing."""
+    last = _last(text)
+    if last is None or last.complete:
+        return ""
+    found: list[str] = []
+    for token in cut(last.text):
+        if token.kind == "OPEN_COMMENT":
+            return "/*"
+        if token.kind in OPENING:
+            found.append(token.kind)
+        elif token.kind in CLOSING and found:
+            found.pop()
+    return found[-1] if found else ""
+
+
+def piece_at(text: str, cursor: int) -> Piece:
+    """The piece that the cursor is in or right behind; one with blanks and comments where something new would begin."""
+    start = 0
+    for piece in pieces(text):
+        if piece.start <= cursor and (cursor < piece.end or not piece.text.endswith(";") or not piece.complete):
+            following = text[piece.end : cursor]
+            if not following.strip() and ("\n" not in following or not piece.is_command):
+                return piece
+        start = min(piece.end, cursor)
+    return Piece(text[start:cursor], start, False)

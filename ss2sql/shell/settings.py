@@ -1,0 +1,132 @@
+"""What a user can set in the shell: a row each, read by the dot command of its name."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from ss2sql.cli.output import FORMATS, SHOWN
+from ss2sql.cli.run import ENGINES
+
+
+class CommandError(Exception):
+    """A dot command that cannot be done: what is wrong, and what to do."""
+
+    def __init__(self, message: str, *hints: str) -> None:
+        super().__init__(message)
+        self.hints = hints
+
+    def __str__(self) -> str:
+        return "\n".join([f"error: {self.args[0]}", *(f"  = help: {hint}" for hint in self.hints)])
+
+
+class Broken(Exception):  # noqa: N818 - the error itself has been told
+    """A file that was read has failed."""
+
+
+@dataclass(slots=True)
+class Settings:
+    """How statements run, and how results are shown."""
+
+    engine: str = "auto"
+    format: str = "table"
+    show: int = SHOWN
+    timeout: float | None = None
+    maximum: int | None = None
+    max_rows: int | None = None
+    workers: int = 1
+    timer: bool = False
+
+    def for_run(self) -> dict[str, Any]:
+        """The options of a run."""
+        names = ("engine", "timeout", "maximum", "max_rows", "workers")
+        return {name: getattr(self, name) for name in names}
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """A setting: its name, what may be given, how that is read, and what it is for."""
+
+    name: str
+    form: str
+    about: str
+    read: Callable[[str], Any]
+    choices: tuple[str, ...] = ()
+
+
+def _choice(*choices: str) -> Callable[[str], Any]:
+    def read(text: str) -> str:
+        if text.lower() not in choices:
+            raise ValueError
+        return text.lower()
+
+    return read
+
+
+def _whole(least: int, **words: Any) -> Callable[[str], Any]:
+    """A number of at least `least`, or one of the words for something else."""
+
+    def read(text: str) -> Any:
+        if text.lower() in words:
+            return words[text.lower()]
+        number = int(text)
+        if number < least:
+            raise ValueError
+        return number
+
+    return read
+
+
+def _seconds(text: str) -> float | None:
+    if text.lower() == "off":
+        return None
+    number = float(text)
+    if not 0 <= number < float("inf"):
+        raise ValueError
+    return number
+
+
+def _switch(text: str) -> bool:
+    return {"on": True, "off": False}[text.lower()]
+
+
+FORMS = tuple(form for form in FORMATS if form in ("table", "json", "csv"))  # others are not for terminals
+SETTINGS = {
+    entry.name: entry
+    for entry in (
+        Setting("engine", "|".join(ENGINES), "where queries run", _choice(*ENGINES), ENGINES),
+        Setting("format", "|".join(FORMS), "how results are printed", _choice(*FORMS), FORMS),
+        Setting("show", "N|all", "how many rows or paths of a table are shown", _whole(0, all=sys.maxsize), ("all",)),
+        Setting("timer", "on|off", "whether the time of a run is told", _switch, ("on", "off")),
+        Setting("timeout", "SECONDS|off", "when a run is broken off", _seconds, ("off",)),
+        Setting("maximum", "N|off", "at most so many results of a search", _whole(1, off=None), ("off",)),
+        Setting("workers", "N", "processes for the calls that MEMORIZE makes", _whole(1)),
+    )
+}
+
+
+def shown(value: Any) -> str:
+    """A value as it would be written in the command."""
+    if value is None or value is False:
+        return "off"
+    if value is True:
+        return "on"
+    return "all" if value == sys.maxsize else f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def change(settings: Settings, name: str, text: str) -> str:
+    """Sets what the text says; gives the line that tells what is set now."""
+    entry = SETTINGS[name]
+    try:
+        setattr(settings, name, entry.read(text))
+    except (ValueError, KeyError):
+        raise CommandError(f".{name} takes {entry.form.replace('|', ' or ')}, not {text}") from None
+    return f"{name}: {shown(getattr(settings, name))}"
+
+
+def told(settings: Settings, name: str) -> str:
+    """What is set, and what could be."""
+    entry = SETTINGS[name]
+    return f"{name}: {shown(getattr(settings, name))}   (.{name} {entry.form}: {entry.about})"

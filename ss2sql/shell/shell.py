@@ -1,0 +1,182 @@
+"""The shell without its terminal: runs what was typed, piece by piece, and prints what comes of it."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ss2sql.cli.endings import UserError, note, told, wants_color, writes_json
+from ss2sql.cli.output import output_of
+from ss2sql.cli.run import as_data, run_script
+from ss2sql.errors import Cancelled, Error, Source, Stopped, render_all
+from ss2sql.frontend import ast
+from ss2sql.frontend.parser import parse
+from ss2sql.runtime.messages import show as written
+from ss2sql.shell.pieces import Piece, pieces
+from ss2sql.shell.settings import Broken, CommandError, Settings
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.result import Result
+    from ss2sql.runtime.session import Session
+
+TYPED = "<script>"  # the name of what is typed, in errors
+MOST_ASSIGNED = 100  # characters of a value that was assigned
+MOST_VALUE = 4000  # characters of any other
+
+
+class Leave(Exception):  # noqa: N818 - no error
+    """The user wants to go."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ran:
+    """A statement that ran, with its result if it has one."""
+
+    source: Source
+    result: Result | None
+
+
+class Shell:
+    """A session with its settings, and the statement that ran last."""
+
+    def __init__(self, session: Session, settings: Settings | None = None) -> None:
+        self.session = session
+        self.settings = settings or Settings()
+        self.last: Ran | None = None
+        self.failed = False  # whether anything has
+        self.cancelled = False  # whether Ctrl-C has ended anything
+        self.reading = 0  # files that are being read, one inside of the other
+
+    def run(self, text: str, name: str = TYPED, lines_before: int = 0) -> bool:
+        """Runs the statements and commands of a text up to the first that fails; says whether none did.
+
+        Raises Leave where one of them is `.exit`.
+        """
+        return all(self.run_piece(piece, text, name, lines_before) for piece in pieces(text))
+
+    def run_piece(self, piece: Piece, text: str, name: str = TYPED, lines_before: int = 0) -> bool:
+        """Runs one of them, and prints its result or what went wrong."""
+        try:
+            if piece.is_command:
+                from ss2sql.shell.commands import run_command  # it knows shells
+
+                run_command(self, piece.text)
+            else:
+                self._run_statement(piece.source(text, name, lines_before))
+        except Broken:  # which has been told
+            return False
+        except (Error, UserError, CommandError, click.ClickException, KeyboardInterrupt) as error:
+            self.complain(error)
+            return False
+        return True
+
+    def _run_statement(self, source: Source) -> None:
+        self.last = Ran(source, None)
+        try:
+            result = run_script(self.session, source, **self.settings.for_run())
+        except Stopped as stopped:
+            self.complain(stopped)  # at once: to print what was found may take a while
+            if stopped.partial is not None and len(stopped.partial):
+                table = self.settings.format == "table"
+                self.print(stopped.partial if table else as_data(self.session, stopped.partial))
+            raise Broken from None
+        self.last = Ran(source, result)
+        self.print(result, _assigned(source) if result.answer is None else None)
+        if self.settings.timer:
+            self.say(_seconds(result))
+
+    # --- printing --------------------------------------------------------------------------------------
+
+    def print(self, result: Result, assigned: str | None = None) -> None:
+        """Prints a result; of an assignment a note, for its value is in the variable."""
+        settings = self.settings
+        if assigned is not None:
+            note(f"{assigned} = {written(result.value, MOST_ASSIGNED)}")
+        elif settings.format != "table" or result.answer is not None:
+            output_of(settings.format, None, settings.show).write(result)
+        elif result.value is not None:
+            self.say(_cut(str(result.value)))
+
+    def say(self, text: str) -> None:
+        """Prints a line of what was asked for."""
+        click.echo(text)
+
+    def complain(self, error: BaseException) -> None:
+        """Prints what went wrong."""
+        self.failed = True
+        self.cancelled |= isinstance(error, (Cancelled, KeyboardInterrupt))
+        sys.stdout.flush()
+        if isinstance(error, Error):
+            _respell(error)
+        click.echo(_message(error), err=True, color=wants_color(sys.stderr))
+
+    def say_sql(self, text: str) -> None:
+        """Prints SQL, with colors where these are wanted."""
+        if wants_color(sys.stdout):
+            from pygments import highlight
+            from pygments.formatters import TerminalFormatter
+            from pygments.lexers import SqlLexer
+
+            text = highlight(text, SqlLexer(), TerminalFormatter()).rstrip("\n")
+        self.say(text)
+
+
+# Hints speak to users of Python; this is the same in the shell.
+SPELLINGS = (
+    (re.compile(r"^raise timeout="), "give more time with .timeout SECONDS"),
+    (re.compile(r"raise max_rows$"), "start the shell with a larger --max-rows"),
+    (re.compile(r"engine='(\w+)'"), r".engine \1"),
+    (re.compile(r"from Python: run\(script, (\w+)=\.\.\.\)"), r"with .set \1 VALUE"),
+    (re.compile(r"from Python: session\.attach\(name, list\)"), "with .set NAME VALUE or .attach NAME WHAT"),
+)
+
+
+def _respell(error: Error) -> None:
+    """Makes hints speak of dot commands."""
+    for one in error.errors:
+        for pattern, spelling in SPELLINGS:
+            one.hints = tuple(pattern.sub(spelling, hint) for hint in one.hints)
+
+
+def _message(error: BaseException) -> str:
+    match error:
+        case Error() | UserError() if writes_json():
+            found = error.errors if isinstance(error, Error) else (error,)
+            return "\n".join(json.dumps(one.as_dict(), ensure_ascii=False) for one in found)
+        case Cancelled() | KeyboardInterrupt():
+            return "cancelled" + (told(error) if isinstance(error, Cancelled) else "")
+        case Stopped():
+            return f"{render_all(error, wants_color(sys.stderr))}{told(error)}"
+        case Error():
+            return render_all(error, wants_color(sys.stderr))
+        case click.ClickException():
+            return f"error: {error.format_message()}"
+        case _:
+            return str(error)
+
+
+def _assigned(source: Source) -> str | None:
+    """The name that a statement assigns to, if that is all it does."""
+    (statement, *_) = parse(source).statements
+    match statement:
+        case ast.Assign(name=name) | ast.TemporalAssign(name=name):
+            return str(name)
+        case _:
+            return None
+
+
+def _cut(text: str) -> str:
+    if len(text) <= MOST_VALUE:
+        return text
+    return f"{text[:MOST_VALUE]}...\n{len(text):,} characters, the first {MOST_VALUE:,} shown; `.format json` shows all"
+
+
+def _seconds(result: Result) -> str:
+    parts: dict[str, Any] = result.stats.seconds
+    stages = ", ".join(f"{name} {seconds:.3f}" for name, seconds in parts.items())
+    return f"{sum(parts.values()):.3f} s: {stages}"

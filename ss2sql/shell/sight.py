@@ -1,0 +1,225 @@
+"""Where the cursor stands: what may follow there, and which sources, variables and calls are in sight.
+
+The grammar's own automaton runs over the statement up to the cursor and says which tokens fit. Names come from the
+whole statement, for FROM stands behind the columns that are asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from ss2sql.editor.keywords import words
+from ss2sql.editor.marks import marked
+from ss2sql.errors import ParseError, Source
+from ss2sql.frontend import text
+from ss2sql.frontend.parser import read
+from ss2sql.frontend.query_builder import Builder
+from ss2sql.frontend.table import load
+from ss2sql.frontend.text import CLOSING, OPENING, Token
+from ss2sql.frontend.trouble import CLAUSES, Trouble
+
+
+@dataclass(frozen=True, slots=True)
+class Named:
+    """A source of FROM: what it is called in the query, and what it is: the name of a table or variable, or the
+    columns of a query.
+    """
+
+    name: str
+    origin: str
+    columns: tuple[str, ...] = ()
+
+
+@dataclass(slots=True)
+class Sight:
+    """What is in sight at the cursor.
+
+    `word` is what has been written of the word there, `owner` the name in front of its dot. `expected` are the kinds of
+    token that the grammar would take, None where the text before does not fit it; `clause` is what is being read, as
+    errors call it. `seen` are the keywords that this query has before the cursor.
+    """
+
+    word: str = ""
+    owner: str = ""
+    in_text: bool = False
+    expected: frozenset[str] | None = None
+    clause: str = ""
+    after: str = ""
+    seen: tuple[str, ...] = ()
+    sources: list[Named] = field(default_factory=list)
+    states: list[str] = field(default_factory=list)
+
+    @property
+    def wants_value(self) -> bool:
+        """Whether an expression could begin here."""
+        return self.expected is None or {"NAME", "INTEGER"} <= self.expected
+
+
+def sight(statement: str, cursor: int) -> Sight:
+    """What is in sight at a place of a statement."""
+    before = list(text.cut(statement[:cursor]))
+    if _is_text(before, statement, cursor):
+        return Sight(in_text=True)
+    found = Sight()
+    if before and before[-1].end == cursor and _is_word(before[-1]):
+        found.word = before.pop().text
+    if before and before[-1].kind == ".":
+        found.owner = before[-2].text if len(before) > 1 and before[-2].kind in ("NAME", "THIS") else "?"
+    found.after = (before[-1].keyword or before[-1].kind) if before else ""
+    _ask_grammar(found, statement[: before[-1].end if before else 0])
+    _look_around(found, statement, cursor)
+    return found
+
+
+def _is_word(token: Token) -> bool:
+    return token.kind == "NAME" or token.kind in words()
+
+
+def _is_text(before: Sequence[Token], statement: str, cursor: int) -> bool:
+    """Whether the cursor is in a string or a comment, or behind a number that may go on."""
+    if before and before[-1].kind in ("OPEN_STRING", "OPEN_COMMENT", "BAD_NUMBER"):
+        return True
+    if before and before[-1].kind in ("INTEGER", "FLOAT") and before[-1].end == cursor:
+        return True
+    line = statement.rfind("\n", 0, cursor) + 1
+    start = max(line, before[-1].end if before else 0)
+    return "#" in statement[start:cursor]
+
+
+def _ask_grammar(found: Sight, before: str) -> None:
+    source = Source(before)
+    try:
+        tokens = text.tokens(source)
+    except ParseError:
+        return
+    outcome = read(load(), Builder(source), tokens, 0, len(tokens) - 1)
+    if isinstance(outcome, Trouble) and outcome.index == len(tokens) - 1:
+        found.expected, found.clause = outcome.expected, outcome.clause
+
+
+# --- names in the whole statement ----------------------------------------------------------------------
+
+
+def _look_around(found: Sight, statement: str, cursor: int) -> None:
+    tokens = marked(statement)
+    groups = _groups(tokens)
+    around = _around(tokens, cursor)
+    start = cursor - len(found.word)
+    own = [token for token, group in zip(tokens, groups, strict=True) if group == around[-1]]
+    begun = max((token.start for token in own if token.kind == "SELECT" and token.start < start), default=-1)
+    found.seen = tuple(token.kind for token in own if begun <= token.start < start and token.kind in words())
+    for group in reversed(around):  # the innermost query first
+        for index, token in enumerate(tokens):
+            if groups[index] == group and token.kind == "FROM":
+                found.sources += _sources(tokens, groups, index)
+            elif groups[index] == group and token.kind == "START":
+                found.states += _assigned(tokens, groups, index)
+
+
+def _groups(tokens: Sequence[Token]) -> list[int]:
+    """For each token the place of the bracket around it, -1 outside of all; brackets are outside of themselves."""
+    groups: list[int] = []
+    stack = [-1]
+    for index, token in enumerate(tokens):
+        if token.kind in CLOSING and len(stack) > 1:
+            stack.pop()
+        groups.append(stack[-1])
+        if token.kind in OPENING:
+            stack.append(index)
+    return groups
+
+
+def _around(tokens: Sequence[Token], cursor: int) -> list[int]:
+    """The places of the brackets around the cursor, the outermost first, behind -1."""
+    stack = [-1]
+    for index, token in enumerate(tokens):
+        if token.start >= cursor:
+            break
+        if token.kind in OPENING:
+            stack.append(index)
+        elif token.kind in CLOSING and len(stack) > 1:
+            stack.pop()
+    return stack
+
+
+def _parts(tokens: Sequence[Token], groups: Sequence[int], start: int, group: int) -> list[list[int]]:
+    """What stands between the commas of a clause from `start` on: places of tokens, without the inside of brackets."""
+    found: list[list[int]] = [[]]
+    for index in range(start, len(tokens)):
+        kind = tokens[index].kind
+        if groups[index] < group or (groups[index] == group and (kind in CLAUSES or kind == ";")):
+            break
+        if groups[index] == group and kind == ",":
+            found.append([])
+        elif groups[index] == group:
+            found[-1].append(index)
+    return [part for part in found if part]
+
+
+def _sources(tokens: Sequence[Token], groups: Sequence[int], place: int) -> list[Named]:
+    """The sources of the FROM at a place."""
+    found = []
+    for part in _parts(tokens, groups, place + 1, groups[place]):
+        kinds = [tokens[index].kind for index in part]
+        named = kinds[:2] == ["NAME", "="]
+        name = tokens[part[0]].text if kinds[0] == "NAME" else ""
+        rest = part[2:] if named else part
+        words_of_rest = [tokens[index].text for index in rest]
+        kinds = kinds[2:] if named else kinds
+        if kinds[:3] == ["NAME", ".", "NAME"]:
+            found.append(Named(name if named else words_of_rest[2], ".".join(words_of_rest[::2][:2])))
+        elif kinds[:1] == ["NAME"]:
+            found.append(Named(name, words_of_rest[0]))
+        elif kinds[:1] == ["("]:
+            found.append(Named(name, "", _columns_of_query(tokens, groups, rest[0])))
+        elif named:
+            found.append(Named(name, ""))
+    return found
+
+
+def _columns_of_query(tokens: Sequence[Token], groups: Sequence[int], bracket: int) -> tuple[str, ...]:
+    """The names of the columns of a query in parentheses, as far as its text says them."""
+    if bracket + 1 >= len(tokens) or tokens[bracket + 1].kind != "SELECT":
+        return ()
+    found = []
+    for part in _parts(tokens, groups, bracket + 2, bracket):
+        kinds = [tokens[index].kind for index in part]
+        if kinds == ["NAME"] or kinds == ["NAME", ".", "NAME"]:
+            found.append(tokens[part[-1]].text)
+        elif kinds[:3] == ["NAME", "(", ")"]:
+            naming = tokens[part[0]].text == "to" and tokens[part[-1] - 1].kind == "NAME"
+            found.append(tokens[part[-1] - 1].text if naming else tokens[part[0]].text)
+    return tuple(found)
+
+
+def _assigned(tokens: Sequence[Token], groups: Sequence[int], place: int) -> list[str]:
+    """The names that START WITH at a place assigns to; the `WITH` behind it may be missing."""
+    start = place + 2 if place + 1 < len(tokens) and tokens[place + 1].kind == "WITH" else place + 1
+    parts = _parts(tokens, groups, start, groups[place])
+    return [tokens[part[0]].text for part in parts if [tokens[index].kind for index in part[:2]] == ["NAME", "="]]
+
+
+# --- calls ---------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class OpenCall:
+    """The call that the cursor is in: its name, which argument is being written, whether it stands behind AS."""
+
+    name: str
+    argument: int
+    is_representation: bool
+
+
+def open_call(statement: str, cursor: int) -> OpenCall | None:
+    """The innermost call around a place of a statement."""
+    tokens = list(text.cut(statement[:cursor]))
+    for bracket in reversed(_around(tokens, cursor + 1)[1:]):
+        ahead = tokens[bracket - 1] if bracket else None
+        if tokens[bracket].kind != "(" or ahead is None or ahead.kind != "NAME":
+            continue
+        groups = _groups(tokens)
+        commas = sum(token.kind == "," and group == bracket for token, group in zip(tokens, groups, strict=True))
+        return OpenCall(ahead.text, commas, bracket > 1 and tokens[bracket - 2].kind == "AS")
+    return None

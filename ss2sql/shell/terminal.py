@@ -1,0 +1,187 @@
+"""The shell on a terminal: what prompt_toolkit shows and asks for."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+from prompt_toolkit import PromptSession
+from prompt_toolkit.auto_suggest import AutoSuggestFromHistory
+from prompt_toolkit.completion import CompleteEvent, Completer, Completion
+from prompt_toolkit.document import Document
+from prompt_toolkit.filters import has_completions, has_focus, is_searching
+from prompt_toolkit.formatted_text import StyleAndTextTuples
+from prompt_toolkit.history import FileHistory, History, InMemoryHistory
+from prompt_toolkit.key_binding import KeyBindings, KeyPressEvent
+from prompt_toolkit.lexers import PygmentsLexer
+from prompt_toolkit.output import create_output
+from prompt_toolkit.styles import Style
+
+import ss2sql
+from ss2sql.shell.colors import PROMPTS, STYLE, ShellLexer
+from ss2sql.shell.commands import EXAMPLE
+from ss2sql.shell.completion import signature, suggestions
+from ss2sql.shell.history import history_file, is_kept
+from ss2sql.shell.known import Known
+from ss2sql.shell.pieces import is_ready, open_bracket
+from ss2sql.shell.settings import SETTINGS, Settings, shown
+from ss2sql.shell.shell import Leave, Shell
+
+PROMPT, MORE = PROMPTS
+# What newcomers type to get out or to get help, each alone on a line.
+PLAIN_WORDS = {"exit": ".exit", "quit": ".exit", "\\q": ".exit", "help": ".help", "?": ".help", "\\h": ".help"}
+
+
+def meant(text: str, shell: Shell) -> str:
+    """What was typed, or the dot command that a newcomer most likely means by it."""
+    word = text.strip().removesuffix(";").strip()
+    return PLAIN_WORDS.get(word.lower(), text) if word not in shell.session.host.names else text
+
+
+class Terminal:
+    """The loop of a shell: asks, runs, asks again. Tests give `input` and `output` of prompt_toolkit."""
+
+    def __init__(self, shell: Shell, remembers: bool = True, **streams: Any) -> None:
+        self.shell = shell
+        self.known = Known(shell.session)
+        if "output" not in streams:
+            streams["output"] = create_output(always_prefer_tty=True)  # results may go to a file
+        self.prompts: PromptSession[str] = PromptSession(
+            PROMPT,
+            multiline=True,
+            prompt_continuation=lambda width, line, wrapped: MORE if not wrapped else "",
+            lexer=PygmentsLexer(ShellLexer),
+            completer=_Completer(self),
+            complete_while_typing=True,
+            auto_suggest=AutoSuggestFromHistory(),
+            history=self._history(remembers),
+            bottom_toolbar=lambda: self.toolbar(self.prompts.default_buffer.document),
+            key_bindings=self._keys(),
+            style=Style.from_dict(STYLE),
+            include_default_pygments_style=False,
+            enable_open_in_editor=True,
+            tempfile_suffix=".ss",
+            **streams,
+        )
+
+    def run(self) -> None:
+        """Asks and runs until the user leaves."""
+        welcome = f"""ss2sql {ss2sql.__version__}: SelectScript on SQLite. Statements end with ;  for example
+  {EXAMPLE}
+.help shows what there is, Tab completes, Ctrl-D leaves."""
+        print(welcome, file=sys.stdout if sys.stdout.isatty() else sys.stderr)  # results alone go to a file
+        while True:
+            try:
+                self.shell.run(meant(self.prompts.prompt(), self.shell))
+            except (EOFError, Leave):
+                return
+            except KeyboardInterrupt:
+                continue
+            finally:
+                self.known = Known(self.shell.session)
+
+    def _history(self, remembers: bool) -> History:
+        if not remembers:
+            return InMemoryHistory()
+        try:
+            return _Remembered(history_file())
+        except (OSError, RuntimeError) as error:  # RuntimeError: there is no home
+            print(f"what you type will not be remembered: {error}", file=sys.stderr)
+            return InMemoryHistory()
+
+    # --- keys ------------------------------------------------------------------------------------------
+
+    def _keys(self) -> KeyBindings:
+        keys = KeyBindings()
+
+        @keys.add("enter", filter=has_focus("DEFAULT_BUFFER") & ~is_searching)
+        def enter(event: KeyPressEvent) -> None:
+            """Takes the completion that is chosen, runs what is complete, or begins a new line."""
+            buffer = event.current_buffer
+            if buffer.complete_state is not None and buffer.complete_state.current_completion is not None:
+                buffer.complete_state = None
+            elif "\n" not in buffer.document.text_after_cursor and self._is_ready(buffer.text):
+                buffer.validate_and_handle()
+            else:
+                buffer.newline(copy_margin=False)
+
+        @keys.add("tab", filter=has_focus("DEFAULT_BUFFER") & has_completions)
+        def tab(event: KeyPressEvent) -> None:
+            """Takes the only completion, or chooses the next one."""
+            buffer = event.current_buffer
+            assert buffer.complete_state is not None
+            found = buffer.complete_state.completions
+            if len(found) == 1 and buffer.complete_state.current_completion is None:
+                buffer.apply_completion(found[0])
+            else:
+                buffer.complete_next()
+
+        return keys
+
+    def _is_ready(self, text: str) -> bool:
+        return is_ready(text) or meant(text, self.shell) != text
+
+    # --- the line at the bottom ------------------------------------------------------------------------
+
+    def toolbar(self, document: Document) -> StyleAndTextTuples:
+        """The call that the cursor is in, or what to do next."""
+        found = signature(document.text, document.cursor_position, self.known)
+        if found is not None:
+            entry, argument = found
+            return list(_signature(entry.name, entry.parameters or (), argument, entry.about))
+        return [("", self._hint(document.text))]
+
+    def _hint(self, text: str) -> str:
+        bracket = open_bracket(text)
+        if "\n" in text and bracket:
+            how = "Enter runs it all the same, and " if is_ready(text) else ""
+            return f" {bracket} is open; {how}Ctrl-C clears"
+        if "\n" in text and not is_ready(text):
+            return " a statement ends with ;  Ctrl-C clears"
+        changed = [
+            f"{name} {shown(getattr(self.shell.settings, name))}"
+            for name in SETTINGS
+            if getattr(self.shell.settings, name) != getattr(Settings(), name)
+        ]
+        return " " + "   ".join([*changed, ".help", "Tab completes", "Ctrl-D leaves"])
+
+
+def _signature(name: str, parameters: tuple[str, ...], argument: int, about: str) -> Iterator[tuple[str, str]]:
+    """A call with the argument that is being written, and what the function is for."""
+    yield "", f" {name}("
+    for index, parameter in enumerate(parameters):
+        repeats = index == len(parameters) - 1 and parameter.startswith("*")
+        style = "class:argument" if index == argument or (repeats and argument > index) else ""
+        yield from (("", ", " if index else ""), (style, parameter))
+    yield "", f")  {about}"
+
+
+class _Completer(Completer):
+    """The suggestions of completion.py; while typing only where a word has begun."""
+
+    def __init__(self, terminal: Terminal) -> None:
+        self.terminal = terminal
+
+    def get_completions(self, document: Document, complete_event: CompleteEvent) -> Iterable[Completion]:
+        before = document.text_before_cursor
+        if not complete_event.completion_requested and not (before[-1:].isalnum() or before[-1:] in ("_", ".")):
+            return
+        for one in suggestions(document.text, document.cursor_position, self.terminal.known):
+            yield Completion(
+                one.text, -one.length, display=one.shown or one.text, display_meta=one.about, style=f"class:{one.kind}"
+            )
+
+
+class _Remembered(FileHistory):
+    """A history that keeps to itself what it is not told to keep, and does without its file where it has to."""
+
+    def append_string(self, string: str) -> None:
+        if is_kept(string):
+            super().append_string(string)
+
+    def store_string(self, string: str) -> None:
+        try:
+            super().store_string(string)
+        except OSError:  # a full disk does not end a session; the entry is in memory
+            return

@@ -1,0 +1,79 @@
+"""Running command lines: in this process, and as processes of their own."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from typing import Any
+
+from click.testing import CliRunner, Result
+
+from ss2sql.cli import main
+
+FUNCTIONS = '''
+import math
+from dataclasses import dataclass
+from math import sqrt as root
+
+__secret = 7
+
+def double(x):
+    """Twice the value."""
+    return 2 * x
+
+def broken(x):
+    helper = x + "a"
+    return helper
+
+def lone():
+    return "\\ud800"
+
+def _hidden(x):
+    return x
+
+@dataclass
+class Body:
+    mass: float
+
+print("loading")
+'''
+
+ENDLESS = "SELECT this FROM [1, 2] START WITH n = 0 CONNECT BY n = n + 1"
+
+
+def call(*arguments: str, stdin: str | bytes | None = None) -> Result:
+    answer = CliRunner().invoke(main, arguments, input=stdin, env={"COLUMNS": "100"})
+    if answer.exception is not None and not isinstance(answer.exception, SystemExit):
+        raise answer.exception
+    return answer
+
+
+def good(*arguments: str, stdin: str | bytes | None = None) -> str:
+    answer = call(*arguments, stdin=stdin)
+    assert (answer.exit_code, answer.stderr) == (0, "")
+    return answer.stdout
+
+
+def bad(code: int, *arguments: str, stdin: str | bytes | None = None) -> str:
+    answer = call(*arguments, stdin=stdin)
+    assert (answer.exit_code, answer.stdout) == (code, "")
+    return answer.stderr
+
+
+def value(*arguments: str, stdin: str | bytes | None = None) -> Any:
+    return json.loads(good("run", *arguments, "--format", "json", stdin=stdin))
+
+
+def process(*arguments: str, **environment: str) -> subprocess.Popen[str]:
+    command = [sys.executable, "-m", "ss2sql.cli", *arguments]
+    return subprocess.Popen(
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        stdin=subprocess.PIPE,
+        text=True,
+        encoding="utf-8",
+        env={**os.environ, **environment},
+    )

@@ -1,0 +1,343 @@
+"""Scripts of every kind of run, and what presses Ctrl-C while they run: for tests, and for benchmarks/interrupts.py.
+
+Each kind has a session of its own, the true answer of its script, and a look at whether the session is as it was.
+"""
+
+from __future__ import annotations
+
+import json
+import mmap
+import signal
+import struct
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from random import Random
+from tempfile import NamedTemporaryFile
+from types import FrameType
+from typing import Any
+
+import apsw
+import worker_functions
+
+import ss2sql
+from ss2sql.vtables import Column, Table, World
+
+PRODUCT = "SELECT a.this, b.this FROM a = range({n}), b = range({n}) WHERE a.this * b.this % 7 == 3;"
+NUMBERS = "SELECT a.this, b.this FROM a = range({n}), b = range({n}) WHERE a.this % 3 == b.this % 5"
+WALK = """SELECT hop(n, this) FROM [1, 2, 3, 4, 5] WHERE hop(n, this) % 5 == 0
+START WITH n = 1, level = 1
+CONNECT BY NO CYCLE MAXIMUM 1000 n = hop(n, this), level = level + 1 STOP WITH level == 7;"""
+GRAPH = """SELECT hop(n, this) FROM [1, 2, 3, 4, 5] WHERE hop(n, this) % 5 == 0
+START WITH n = 1 CONNECT BY MEMORIZE {bound} MAXIMUM 1500 n = hop(n, this);"""
+PRESS = """
+import mmap, os, signal, sys, time
+shared = mmap.mmap(os.open(sys.argv[1], os.O_RDWR), 24)
+CLOCK = ~os.getppid() << 3 | 2  # of the processor time that another process has had
+for line in sys.stdin:
+    number, times, delay = map(float, line.split())
+    until = time.monotonic() + delay
+    while time.monotonic() < until:
+        time.sleep(max(0, min(0.001, until - time.monotonic() - 0.0005)))
+    shared[8:] = struct.pack("dd", time.monotonic(), time.clock_gettime(CLOCK))
+    for _ in range(int(times)):
+        os.kill(os.getppid(), signal.SIGINT)
+    shared[:8] = struct.pack("d", number)
+""".replace("sys, time", "struct, sys, time")
+
+
+class Numbers(Table):
+    """Numbers with their squares and cubes."""
+
+    name, key = "numbers", "n"
+    columns = (Column("n", int), Column("square", int), Column("cube", int))
+    groups = {"powers": "square cube"}
+
+    def keys(self, where: Any) -> range:
+        return range(150)
+
+    def powers(self, key: int) -> tuple[int, int]:
+        return slow(key) * key // 2, key**3
+
+
+class NumberWorld(World):
+    tables = (Numbers,)
+
+    def __init__(self) -> None:
+        super().__init__()
+
+
+def slow(number: int) -> int:
+    """Twice the number, in about 20 us."""
+    total = 0
+    for _ in range(400):
+        total += 2
+    return number * 2 + total - 800
+
+
+def hop(place: int, step: int) -> int:
+    return (place * 7 + step * 5 + slow(3) // 2) % 5003
+
+
+@dataclass
+class Kind:
+    """A session with a script, and what it gives where nobody interrupts it."""
+
+    name: str
+    session: ss2sql.Session
+    script: str
+    arguments: dict[str, Any] = field(default_factory=dict)
+    before: Callable[[], object] = lambda: None  # makes every run as long as the first one
+    first: list[Any] = field(default_factory=list)  # what the first statement gives, where there are two
+    answer: list[Any] = field(default_factory=list)
+    seconds: float = 0.0
+
+    def run(self) -> ss2sql.Result:
+        return self.session.run(self.script, **self.arguments)
+
+    def learn(self) -> None:
+        """Finds the true answer, and how long it takes."""
+        for _ in range(2):
+            self.before()
+            started = time.perf_counter()
+            self.answer = _results(self.run())
+            self.seconds = time.perf_counter() - started
+        assert len(self.answer) > 10, self.name
+
+    def check(self, partial: ss2sql.Result | None) -> int:
+        """Looks at what was found, and at the session. Gives the number of results that were found."""
+        found = 0
+        if partial is not None:
+            assert partial.status == "cancelled"
+            assert isinstance(partial.explain(), str)
+            rows = _results(partial)
+            found = len(rows)
+            assert rows in (self.answer[:found], self.first[:found]), self.name
+        check_session(self.session)
+        return found
+
+    def check_answer(self) -> None:
+        """Whether the session still gives the right answer."""
+        self.before()
+        assert _results(self.run()) == self.answer, self.name
+
+
+def _results(result: ss2sql.Result) -> list[Any]:
+    return result.paths or list(result)
+
+
+def check_session(session: ss2sql.Session) -> None:
+    """Whether nothing of a run is left in a session, which can answer."""
+    host = session.host
+    assert (host.runs, host.begun, host.database.stack) == ([], [], [])
+    assert not host.connection.in_transaction
+    assert [memo.plain for memo in host.database.memos.values() if memo.plain] == []
+    assert host.connection.status(apsw.SQLITE_DBSTATUS_CACHE_USED)[0] >= 0
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    assert session.eval("SELECT this + 1 FROM [1, 2] AS list;") == [2, 3]
+    assert session.eval("SELECT this FROM [1, 2] WHERE this == 2 START WITH n = 0 CONNECT BY NO CYCLE n = this;")
+
+
+def kinds(folder: Path, *wanted: str) -> Iterator[Kind]:
+    """Sessions for runs of all kinds, or of those that are wanted, one after the other."""
+    for name, make in MAKERS.items():
+        if not wanted or name in wanted:
+            with ss2sql.connect(folder / f"{name}.db") as session:
+                kind = make(name, session)
+                kind.learn()
+                yield kind
+
+
+def _sql(name: str, session: ss2sql.Session) -> Kind:
+    return Kind(name, session, PRODUCT.format(n=150))
+
+
+def _sorted(name: str, session: ss2sql.Session) -> Kind:
+    return Kind(name, session, NUMBERS.format(n=150) + " ORDER BY -b.this, a.this;")
+
+
+def _statements(name: str, session: ss2sql.Session) -> Kind:
+    session.function("slow", slow, volatility="stable")
+    script = "x = SELECT slow(this) FROM range(500) AS list; SELECT slow(this), 1 FROM x;"
+    return Kind(name, session, script, first=[(2 * n,) for n in range(500)])
+
+
+def _table(name: str, session: ss2sql.Session) -> Kind:
+    connection = session.host.connection
+    with connection:
+        connection.execute("CREATE TABLE edges(a INTEGER, b INTEGER)")
+        connection.executemany("INSERT INTO edges VALUES (?, ?)", [(n, n + k) for n in range(4000) for k in (1, 2, 3)])
+    return Kind(name, session, "SELECT a, b FROM edges ORDER BY -b, a AS dict;")
+
+
+def _function(name: str, session: ss2sql.Session) -> Kind:
+    session.function("slow", slow, volatility="volatile")
+    return Kind(name, session, "SELECT slow(this) FROM range(1500);", {"engine": "database"})
+
+
+def _world(name: str, session: ss2sql.Session) -> Kind:
+    session.attach("numbers", NumberWorld())
+    script = "SELECT a.n, b.square FROM a = numbers, b = numbers WHERE a.square % 5 == b.n % 7;"
+    return Kind(name, session, script)
+
+
+def _native(name: str, session: ss2sql.Session) -> Kind:
+    session.function("hop", hop)
+    return Kind(name, session, WALK, {"engine": "native"})
+
+
+def _search(name: str, session: ss2sql.Session) -> Kind:
+    session.function("hop", hop)
+    return Kind(name, session, WALK, {"engine": "database"})
+
+
+def _memorize(name: str, session: ss2sql.Session) -> Kind:
+    session.function("hop", hop, volatility="immutable")
+    return Kind(name, session, GRAPH.format(bound=5), before=lambda: session.graphs().drop())
+
+
+def _parallel(name: str, session: ss2sql.Session) -> Kind:
+    session.function("hop", worker_functions.laborious, volatility="immutable")
+    return Kind(name, session, GRAPH.format(bound=4), {"workers": 2}, before=lambda: session.graphs().drop())
+
+
+MAKERS: dict[str, Callable[[str, ss2sql.Session], Kind]] = {
+    "sql": _sql,
+    "function": _function,
+    "world": _world,
+    "native": _native,
+    "memorize": _memorize,
+    "parallel": _parallel,
+    "search": _search,
+    "sorted": _sorted,
+    "statements": _statements,
+    "table": _table,
+}
+
+
+class Presser:
+    """Another process, which presses Ctrl-C after a delay, once or several times."""
+
+    def __init__(self) -> None:
+        self.file = NamedTemporaryFile()  # noqa: SIM115
+        self.file.write(bytes(24))
+        self.file.flush()
+        self.shared = mmap.mmap(self.file.fileno(), 24)  # the last press: its number, the time, the processor's
+        self.number = 0
+        command = [sys.executable, "-c", PRESS, self.file.name]
+        self.process = subprocess.Popen(command, stdin=subprocess.PIPE, bufsize=0, start_new_session=True)
+
+    def shoot(self, work: Callable[[], object], delay: float, times: int = 1) -> BaseException | None:
+        """What the work has ended with; None where that was before Ctrl-C.
+
+        `late` and `late_busy` say how long after it, by the clock and in seconds of the processor.
+        """
+        assert self.process.stdin is not None
+        ended: list[tuple[BaseException | None, float, float]] = []
+        self.number += 1
+        try:
+            self.process.stdin.write(b"%d %d %f\n" % (self.number, times, delay))
+            try:
+                work()
+            except (ss2sql.Cancelled, KeyboardInterrupt) as raised:
+                ended.append((raised, time.monotonic(), time.process_time()))
+            else:
+                ended.append((None, time.monotonic(), time.process_time()))
+        except KeyboardInterrupt as second:
+            if not ended:
+                ended.append((second.__context__ or second, time.monotonic(), time.process_time()))
+        while True:
+            with suppress(KeyboardInterrupt):  # it came late, or once more
+                while struct.unpack("d", self.shared[:8])[0] != self.number:
+                    time.sleep(0.0005)
+                break
+        error, when, busy = ended[0]
+        pressed, busy_then = struct.unpack("dd", self.shared[8:])
+        self.late, self.late_busy = when - pressed, busy - busy_then
+        return error
+
+    def close(self) -> None:
+        assert self.process.stdin is not None
+        self.process.stdin.close()
+        self.process.wait()
+        self.shared.close()
+        self.file.close()
+
+
+@contextmanager
+def pressing() -> Iterator[Presser]:
+    """Somebody who presses Ctrl-C, handled in Python's way for as long as it lasts."""
+    with as_usual():
+        presser = Presser()
+        try:
+            yield presser
+        finally:
+            presser.close()
+
+
+@contextmanager
+def as_usual() -> Iterator[None]:
+    """Ctrl-C does what it does in Python; a shell's job in the background ignores it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+class PressAt:
+    """Presses Ctrl-C at a line that Python comes to, counted from the first one: a trace function."""
+
+    def __init__(self, line: int) -> None:
+        self.left = line
+        self.lines = 0
+
+    def __call__(self, frame: FrameType, event: str, argument: Any) -> PressAt:
+        self.lines += 1
+        self.left -= 1
+        if not self.left:
+            handler: Any = signal.getsignal(signal.SIGINT)
+            handler(signal.SIGINT, frame)
+        return self
+
+
+def press_at(line: int, work: Callable[[], object]) -> tuple[BaseException | None, int]:
+    """What the work ends with where Ctrl-C is pressed at a line, and how many lines there were."""
+    press, before = PressAt(line), sys.gettrace()
+    try:
+        sys.settrace(press)
+        try:
+            work()
+        finally:
+            sys.settrace(before)
+    except (ss2sql.Cancelled, KeyboardInterrupt) as error:
+        return error, press.lines
+    return None, press.lines
+
+
+def many(kind: Kind, presser: Presser, count: int, dice: Random) -> Iterator[None]:
+    """Presses Ctrl-C in so many runs, once or twice, and looks at what is left; a turn for each."""
+    done = 0
+    while done < count:
+        kind.before()
+        error = presser.shoot(kind.run, dice.uniform(0, kind.seconds), dice.choice((1, 1, 2)))
+        kind.check(error.partial if isinstance(error, ss2sql.Cancelled) else None)
+        if isinstance(error, ss2sql.Cancelled):  # else it was pressed before the run or after it
+            done += 1
+            yield
+    kind.check_answer()
+
+
+def main(folder: str, count: str, seed: str, *wanted: str) -> None:
+    """Prints how many runs of each kind were cancelled."""
+    with pressing() as presser:
+        for kind in kinds(Path(folder), *wanted):
+            print(json.dumps([kind.name, sum(1 for _ in many(kind, presser, int(count), Random(seed)))]), flush=True)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

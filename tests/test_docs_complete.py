@@ -1,0 +1,150 @@
+"""Everything that users can write or call has its place in the documentation: these tests count."""
+
+import importlib
+import re
+from html import unescape
+
+import click
+import pytest
+from pages import ROOT
+
+import ss2sql
+from ss2sql.cli import COMMANDS, main
+from ss2sql.errors import CODES
+from ss2sql.frontend.options import ORDERS as ORDER_WORDS
+from ss2sql.frontend.options import REPEATS
+from ss2sql.frontend.queries import SYNONYMS
+from ss2sql.frontend.text import CONTEXTUAL, RESERVED
+from ss2sql.lowering.rewrites import REWRITES
+from ss2sql.lowering.strategies import GUARDS, ORDERS
+from ss2sql.lowering.unsupported import RULES
+from ss2sql.runtime.builtins import BUILTINS
+from ss2sql.runtime.representations import ALL
+from ss2sql.vtables.mujoco import MuJoCoWorld
+from ss2sql.vtables.ode import OdeWorld
+from ss2sql.vtables.openrave import OpenRaveWorld
+from ss2sql.vtables.pybullet import PyBulletWorld
+
+DOCS = ROOT / "docs"
+MORE_OPTIONS = ("HEURISTIC", "MAXIMUM")  # of CONNECT BY, beside orders and rules
+
+
+def page(name):
+    return (DOCS / f"{name}.md").read_text("utf-8")
+
+
+def pages():
+    return [path for path in sorted(DOCS.rglob("*.md")) if "_build" not in path.parts]
+
+
+def first_cells(text):
+    """What stands as code in the first cells of tables."""
+    cells = re.findall(r"^\| (`[^|]*`) \|", text, re.MULTILINE)
+    return [name for cell in cells for name in re.findall(r"`([^`]*)`", cell)]
+
+
+# --- the command line ----------------------------------------------------------------------------------
+
+
+def options():
+    for name in COMMANDS:
+        command = main.get_command(click.Context(main), name)
+        for option in command.params:
+            if isinstance(option, click.Option) and not option.hidden:
+                yield pytest.param(name, max(option.opts, key=len), id=f"{name} {option.name}")
+
+
+@pytest.mark.parametrize("name", list(COMMANDS))
+def test_every_command_is_shown_in_use(name):
+    shown = {
+        path.stem for path in pages() if re.search(rf"^(\$ )?ss2sql {name}\b", path.read_text("utf-8"), re.MULTILINE)
+    }
+    assert shown, f"no page shows `ss2sql {name} ...`"
+
+
+@pytest.mark.parametrize(("name", "option"), list(options()))
+def test_every_option_is_in_the_section_of_its_command(name, option):
+    section = page("commands").split(f"\n## `ss2sql {name}`\n")[1].split("\n## ")[0]
+    assert re.search(rf"{option}\b", section)
+
+
+# --- the language --------------------------------------------------------------------------------------
+
+
+def test_every_function_has_its_row():
+    assert sorted(first_cells(page("functions"))) == sorted(BUILTINS)
+
+
+@pytest.mark.parametrize("word", sorted(RESERVED | CONTEXTUAL))
+def test_every_keyword_is_in_the_grammar(word):
+    assert f'"{word}"'.lower() in page("grammar").lower()
+
+
+@pytest.mark.parametrize("word", [*ORDER_WORDS, *REPEATS, *MORE_OPTIONS])
+def test_every_option_of_connect_by_is_on_the_page_of_searches(word):
+    assert re.search(rf"^\| .*`[^`]*\b{word}\b", page("searches"), re.MULTILINE)
+
+
+@pytest.mark.parametrize("strategy", [*ORDERS.values(), *(guard for guard in GUARDS.values() if guard.keyword)])
+def test_every_strategy_has_a_page_with_a_script_and_what_becomes_of_it(strategy):
+    name = strategy.name.replace(" ", "_")
+    text = page(f"strategies/{name}" if (DOCS / "strategies" / f"{name}.md").exists() else name)
+    assert re.search(rf"^CONNECT BY .*\b{strategy.keyword}\b", text, re.MULTILINE | re.IGNORECASE)
+    assert "\n```sql\n" in text
+    assert "## When the database wins" in text
+    assert f"| `{strategy.keyword}` |" in page("strategies/index")
+
+
+# --- what sessions offer -------------------------------------------------------------------------------
+
+
+def test_every_representation_has_its_row():
+    known = {*ALL, *SYNONYMS, *PyBulletWorld.representations}
+    assert {cell.partition("(")[0] for cell in first_cells(page("representations"))} == known
+
+
+def test_every_switch_is_in_the_table_of_rewrites():
+    assert set(first_cells(page("sql").split("## Rewrites")[1].split("\n## ")[0])) == {*REWRITES, "memo"}
+    assert "`remember`" in page("sql")
+
+
+@pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule.reason)
+def test_every_reason_to_run_natively_is_in_the_design_notes(rule):
+    assert rule.reason in page("design")
+
+
+@pytest.mark.parametrize("name", ss2sql.__all__)
+def test_every_public_name_is_in_the_api(name):
+    assert re.search(rf"ss2sql\.{name}\b", page("api"))
+
+
+@pytest.mark.parametrize("kind", [PyBulletWorld, MuJoCoWorld, OdeWorld, OpenRaveWorld], ids=lambda kind: kind.__name__)
+def test_every_column_of_a_simulator_is_on_its_page(kind):
+    names = [column.name for table in kind.tables for column in getattr(table, "columns", ())]
+    assert len(names) > 40
+    assert set(names) <= set(first_cells(page(kind.__module__.split(".")[2])))
+
+
+def test_every_error_code_is_in_the_index():
+    folder = sorted((DOCS / "errors").glob("*.md")) if (DOCS / "errors").exists() else []
+    text = "\n".join([page("errors"), *(path.read_text("utf-8") for path in folder)])
+    assert [code for code in CODES if not re.search(rf"^#+ {code}\b", text, re.MULTILINE)] == []
+
+
+# --- diagrams ------------------------------------------------------------------------------------------
+
+
+def test_railroad_diagrams_hold_every_word_of_their_rules(monkeypatch):
+    pytest.importorskip("docutils")
+    monkeypatch.syspath_prepend(str(DOCS))
+    railroad = importlib.import_module("railroad")
+    named = [
+        name for names in re.findall(r"^```{railroad} (.*)$", page("grammar"), re.MULTILINE) for name in names.split()
+    ]
+    assert len(named) == len(set(named)) > 20
+    for name in named:
+        words = re.findall(r"<text[^>]*>([^<]*)</text>", railroad.svg(name))
+        rule = re.search(rf"^{name} = (.*?) ;$", page("grammar"), re.MULTILINE | re.DOTALL)[1]
+        rule = re.sub(r"\s+", " ", rule)
+        inside = {word.strip('"') for word in re.findall(r'"[^"]*"|\w+', rule)}
+        assert set(map(unescape, words)) - {name} == inside - {name}  # what calls itself may have become a loop

@@ -1,0 +1,220 @@
+"""How errors look: marks below lines, several lines, wide characters, colour; and errors as data."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import pytest
+
+import ss2sql
+from ss2sql.errors import CODES, Error, Source, Span, render, render_all, several
+
+
+def at(text: str, part: str, number: int = 1) -> Span:
+    """The stretch of a text that is the `number`-th of a part."""
+    start = -1
+    for _ in range(number):
+        start = text.index(part, start + 1)
+    return Span(Source(text, "s.ss"), start, start + len(part))
+
+
+def shown(error: Error, color: bool = False) -> list[str]:
+    """The rendered lines behind the sentence."""
+    return render(error, color).split("\n")[1:]
+
+
+def test_one_place() -> None:
+    error = Error("R001", "unknown name 'b'", at("a +\n b + c", "b"), ["write a"])
+    assert render(error) == (
+        """error[R001]: unknown name 'b'
+ --> s.ss:2:2
+  |
+2 |  b + c
+  |  ^
+  = help: write a"""
+    )
+
+
+def test_no_place() -> None:
+    assert render(Error("S001", "the session is closed", hints=["open one"])) == (
+        "error[S001]: the session is closed\n  = help: open one"
+    )
+
+
+def test_the_gutter_is_as_wide_as_the_largest_number() -> None:
+    text = "\n" * 9 + "a"
+    related = [(Span(Source(text, "s.ss"), 8, 9), "before")]
+    assert shown(Error("P001", "no", at(text, "a"), ["do"], related)) == [
+        "  --> s.ss:10:1", "   |", "10 | a", "   | ^",
+        "  --> s.ss:9:1: before", "   |", " 9 |", "   | -", "   = help: do",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("related", "expected"),
+    [
+        (["c"], ["1 | a b c d", "  |   ^ - c here"]),
+        (["a"], ["1 | a b c d", "  | - ^", "  | |", "  | a here"]),
+        (["a", "d"], ["1 | a b c d", "  | - ^   - d here", "  | |", "  | a here"]),
+        (["c", "d"], ["1 | a b c d", "  |   ^ - - d here", "  |     |", "  |     c here"]),
+        (["a", "c", "d"], ["1 | a b c d", "  | - ^ - - d here", "  | |   |", "  | |   c here", "  | a here"]),
+        (["b c"], ["1 | a b c d", "  |   ^", "  |", "1 | a b c d", "  |   --- b c here"]),
+    ],
+)
+def test_what_has_to_do_with_it_stands_on_the_same_line(related: list[str], expected: list[str]) -> None:
+    text = "a b c d"
+    source = at(text, "b")
+    places = [(Span(source.source, text.index(part), text.index(part) + len(part)), f"{part} here") for part in related]
+    assert shown(Error("P001", "no", source, related=places))[2:] == expected
+
+
+def test_what_has_to_do_with_it_on_another_line_or_in_another_text() -> None:
+    own = at("a\nb", "b")
+    other = at("eval(x)", "x")
+    error = Error("P001", "no", own, related=[(Span(own.source, 0, 1), "first"), (other, "read here")])
+    assert shown(error) == [
+        " --> s.ss:2:1", "  |", "2 | b", "  | ^", "  |", "1 | a", "  | - first",
+        " --> s.ss:1:6: read here", "  |", "1 | eval(x)", "  |      -",
+    ]  # fmt: skip
+
+
+def test_several_lines() -> None:
+    text = "SELECT a\nFROM b\nWHERE c;"
+    whole = Span(Source(text, "s.ss"), 0, len(text) - 1)
+    assert shown(Error("P009", "no", whole)) == [
+        " --> s.ss:1:1", "  |", "1 | / SELECT a", "2 | | FROM b", "3 | | WHERE c;", "  | |_______^",
+    ]  # fmt: skip
+
+
+def test_several_lines_that_begin_within_one() -> None:
+    text = "x = (1 +\n  2)"
+    assert shown(Error("X004", "no", Span(Source(text, "s.ss"), 4, len(text)))) == [
+        " --> s.ss:1:5", "  |", "1 |   x = (1 +", "  |  _____^", "2 | |   2)", "  | |____^",
+    ]  # fmt: skip
+
+
+def test_many_lines_are_shown_by_their_beginning_and_their_end() -> None:
+    text = "\n".join(f"line {number}" for number in range(1, 21))
+    lines = shown(Error("P009", "no", Span(Source(text, "s.ss"), 0, len(text))))
+    assert lines == [
+        "  --> s.ss:1:1", "   |", " 1 | / line 1", " 2 | | line 2", " 3 | | line 3", " 4 | | line 4", "...  |",
+        "20 | | line 20", "   | |_______^",
+    ]  # fmt: skip
+
+
+def test_a_line_break_at_the_end_of_a_stretch_shows_no_further_line() -> None:
+    text = "abc\n"
+    assert shown(Error("P001", "no", Span(Source(text, "s.ss"), 0, 4)))[-1] == "  | ^^^"
+
+
+@pytest.mark.parametrize(
+    ("text", "part", "line", "marks"),
+    [
+        ("\tx + y", "y", "    x + y", "        ^"),
+        ("x\t+ y", "+ y", "x    + y", "     ^^^"),
+        ("'日本' + y", "y", "'日本' + y", "         ^"),
+        ("'日本' + y", "'日本'", "'日本' + y", "^^^^^^"),
+        ("'e\u0301' + y", "y", "'e\u0301' + y", "      ^"),
+        ("'\x1b[31m' + y", "y", "'␛[31m' + y", "          ^"),
+        ("'\x7f\x00' + y", "y", "'␡␀' + y", "       ^"),
+        ("'\u202e' + y", "y", "'\ufffd' + y", "      ^"),
+        ("'\ud800' + y", "y", "'\ufffd' + y", "      ^"),
+        ("'\U0001f600' + y", "y", "'\U0001f600' + y", "       ^"),
+    ],
+    ids=lambda value: ascii(value)[:20],
+)
+def test_marks_stand_below_what_they_mark(text: str, part: str, line: str, marks: str) -> None:
+    assert shown(Error("P001", "no", at(text, part)))[2:] == [f"1 | {line}", f"  | {marks}"]
+
+
+@pytest.mark.parametrize("place", [0, 1, 59, 60, 61, 119, 120, 200, 499])
+@pytest.mark.parametrize("filler", ["a", "日"])
+def test_a_long_line_is_cut_around_its_place(place: int, filler: str) -> None:
+    text = filler * place + "X" + filler * (499 - place)
+    _, _, line, marks = shown(Error("P001", "no", at(text, "X")))
+    cells = "".join("##" if char == "日" else char for char in line)
+    assert cells[marks.index("^")] == "X"
+    assert len(cells) <= 4 + 120 + 6
+    assert line.endswith("...") == (place < 430)
+
+
+def test_a_line_that_fits_is_not_cut() -> None:
+    text = "a" * 119 + "X"
+    assert shown(Error("P001", "no", at(text, "X")))[2:] == [f"1 | {text}", f"  | {' ' * 119}^"]
+
+
+# --- colour --------------------------------------------------------------------------------------------
+
+ANSI = re.compile(r"\x1b\[[\d;]*m")
+
+
+def every_kind() -> list[Error]:
+    text = "a b\nc d\ne"
+    own = at(text, "b")
+    return [
+        Error("P001", "no", own, ["do", "or do"], [(at(text, "a"), "here"), (at(text, "c d"), "there")]),
+        Error("P001", "no", Span(own.source, 2, 9), ["do"]),
+        Error("S001", "no", hints=["do"]),
+    ]
+
+
+@pytest.mark.parametrize("number", range(3))
+def test_colour_changes_nothing_else(number: int) -> None:
+    error = every_kind()[number]
+    assert "\x1b" not in render(error)
+    assert "\x1b" not in str(error)
+    assert ANSI.sub("", render(error, color=True)) == render(error)
+    assert render(error, color=True).count("\x1b[0m") * 2 == render(error, color=True).count("\x1b")
+
+
+def test_what_is_coloured() -> None:
+    text = render(every_kind()[0], color=True)
+    assert text.startswith("\x1b[1;31merror[P001]\x1b[0m\x1b[1m: no\x1b[0m")
+    assert "\x1b[1;31m^\x1b[0m" in text
+    assert "\x1b[1;34m-\x1b[0m" in text
+    assert "\x1b[1;36mhelp\x1b[0m: do" in text
+
+
+def test_a_script_cannot_colour_its_error() -> None:
+    with ss2sql.connect() as session, pytest.raises(Error) as caught:
+        session.run("x = '\x1b[31m'; nmae;")
+    assert "\x1b" not in str(caught.value)
+
+
+# --- several at once, and data -------------------------------------------------------------------------
+
+
+def test_all_errors_stand_in_the_order_of_their_places() -> None:
+    text = "a b"
+    error = several([Error("R001", "second", at(text, "b")), Error("R002", "first", at(text, "a"))])
+    assert render_all(error) == f"{render(error.errors[0])}\n\n{render(error.errors[1])}" == str(error)
+    assert [one.message for one in error.errors] == ["first", "second"]
+    assert render(error) == render(error.errors[0])
+    assert ANSI.sub("", render_all(error, color=True)) == render_all(error)
+
+
+def test_an_error_as_data() -> None:
+    text = "a\n  b +\nc"
+    own = Span(Source(text, "s.ss"), 4, 9)
+    error = Error("X002", "no", own, ["do", "or do"], [(Span(own.source, 0, 1), "here")])
+    assert error.as_dict() == {
+        "code": "X002", "title": "division by zero", "message": "no", "file": "s.ss", "line": 2, "column": 3,
+        "end_line": 3, "end_column": 2, "hints": ["do", "or do"],
+        "related": [{"message": "here", "file": "s.ss", "line": 1, "column": 1, "end_line": 1, "end_column": 2}],
+        "documentation": "docs/errors/X002.md",
+    }  # fmt: skip
+    assert json.loads(json.dumps(error.as_dict())) == error.as_dict()
+
+
+def test_an_error_without_a_place_as_data() -> None:
+    found = Error("S001", "no").as_dict()
+    assert [found[key] for key in ("file", "line", "column", "end_line", "end_column")] == [None] * 5
+    assert found["related"] == found["hints"] == []
+
+
+def test_every_code_says_what_it_means_why_and_what_to_do() -> None:
+    for code in CODES.values():
+        for text in (code.explanation, code.why, code.cure):
+            assert re.fullmatch(r"\S.*[.]", text, re.DOTALL), (code.code, text)
+        assert code.page.endswith(f"{code.code}.md")

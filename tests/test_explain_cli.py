@@ -1,0 +1,104 @@
+"""`ss2sql explain`: with and without a run, as text and as JSON."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner, Result
+
+from ss2sql.cli import main
+
+COUNT = "SELECT n FROM [1] START WITH n = 1 CONNECT BY n = n + 1 {};"
+FUNCTIONS = '''
+def double(x):
+    """Prints, so it is volatile."""
+    print("called")
+    return 2 * x
+'''
+
+
+@pytest.fixture(autouse=True)
+def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "functions.py").write_text(FUNCTIONS)
+
+
+def call(*arguments: str) -> Result:
+    return CliRunner().invoke(main, ["explain", *arguments])
+
+
+def facts(*arguments: str) -> Any:
+    found = call(*arguments, "--format", "json")
+    assert found.exit_code == 0
+    return json.loads(found.stdout)
+
+
+def test_nothing_is_run_without_analyze() -> None:
+    found = call("-e", "SELECT double(this) FROM [1, 2];", "--functions", "functions.py")
+    assert found.exit_code == 0
+    assert "called" not in found.stderr
+    assert "double is volatile: it calls print" in found.stdout
+    assert "the run:" not in found.stdout
+
+
+def test_analyze_runs_and_tells_what_was_done() -> None:
+    found = call("-e", "SELECT double(this) FROM [1, 2];", "--functions", "functions.py", "--analyze")
+    assert found.exit_code == 0
+    assert found.stderr.count("called") == 2
+    assert "called\n" not in found.stdout
+    assert "(2 calls)" in found.stdout
+    assert "the run: complete, 2 rows, " in found.stdout
+
+
+def test_json_has_what_the_text_has() -> None:
+    found = facts("-e", COUNT.format("STOP WITH n == 4"), "--analyze")
+    run = found["run"]
+    assert (run["status"], run["paths"], run["generated"]) == ("complete", 3, 4)
+    assert {"parse", "resolve", "lower", "compile", "run", "shape"} == set(run["seconds"])
+    assert facts("-e", "1 + 1;")["statements"] == [{"text": "1 + 1", "queries": []}]
+
+
+def test_parameters_files_and_engines() -> None:
+    Path("query.ss").write_text("SELECT this FROM numbers WHERE this > least;")
+    given = ("query.ss", "-p", "numbers", "[1, 2]", "-p", "least", "1")
+    assert facts(*given)["statements"][0]["queries"][0]["engine"] == "database"
+    (query,) = facts(*given, "--engine", "native")["statements"][0]["queries"]
+    assert (query["engine"], query["sql"]) == ("native", None)
+    assert [line["sqlite"] for line in query["plan"]] == [None]
+
+
+def test_options_of_a_run_need_one() -> None:
+    for option in (("--timeout", "1"), ("--maximum", "1"), ("--workers", "2"), ("--max-rows", "1")):
+        found = call("-e", "1;", *option)
+        assert found.exit_code == 2
+        assert f"{option[0]} is about a run: give --analyze, too" in found.stderr
+    assert facts("-e", COUNT.format(""), "--analyze", "--maximum", "3")["run"]["status"] == "maximum"
+
+
+def test_a_run_that_is_broken_off_is_explained_nevertheless() -> None:
+    found = call("-e", COUNT.format(""), "--analyze", "--timeout", "0.1")
+    assert found.exit_code == 124
+    assert "the run: timeout, " in found.stdout
+    assert "T001" in found.stderr
+
+
+def test_a_search_without_an_end_is_told_before_it_runs() -> None:
+    assert "warning: nothing shows that this search ends" in call("-e", COUNT.format("")).stdout
+    assert "warning" not in call("-e", COUNT.format("STOP WITH n == 4")).stdout
+
+
+def test_errors_end_it() -> None:
+    found = call("-e", "SELECT nothing FROM [1];", "--analyze")
+    assert (found.exit_code, found.stdout) == (1, "")
+    assert "R001" in found.stderr
+    assert call("-e", "SELECT FROM [1];").exit_code == 1
+
+
+def test_names_without_a_value_are_told() -> None:
+    script = ("-e", "SELECT this FROM [1] WHERE this > least AND this < most;")
+    assert call(*script).stdout.startswith("needs a value for least, most\n")
+    assert call(*script, "-p", "least", "1").stdout.startswith("needs a value for most\n")
+    assert facts(*script, "-p", "least", "1", "-p", "most", "2")["missing"] == []

@@ -1,0 +1,330 @@
+"""Ctrl-C and `interrupt` at any moment: the run is cancelled, what was found is there, the session is as it was."""
+
+from __future__ import annotations
+
+import gc
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import tracemalloc
+from collections.abc import Iterator
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import interrupting
+import pytest
+from interrupting import NumberWorld, as_usual, check_session, press_at
+from sessions import both, write
+from worker_runs import declare, graph, processes_of
+
+import ss2sql
+from ss2sql.runtime import interrupts
+from ss2sql.runtime.tables import Tables
+
+SIX = ("sql", "function", "world", "native", "memorize", "parallel")
+
+
+@pytest.fixture
+def usual() -> Iterator[None]:
+    with as_usual():
+        yield
+
+
+def press(*_: Any) -> None:
+    signal.raise_signal(signal.SIGINT)
+
+
+@pytest.mark.parametrize("kind", SIX)
+def test_of_a_hundred_runs_a_hundred_are_cancelled(tmp_path: Path, kind: str) -> None:
+    program = [sys.executable, interrupting.__file__, str(tmp_path), "17", "1", kind]
+    done = subprocess.run(program, capture_output=True, text=True, timeout=300)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert json.loads(done.stdout) == [kind, 17]
+
+
+HOP = "SELECT hop(n, this) FROM [1, 2, 3] START WITH n = 1, level = 1"
+LITTLE = {
+    "flat": "SELECT a.this, b.this FROM a = range(4), b = range(5) WHERE a.this <> b.this ORDER BY b.this AS rows;",
+    "search": f"{HOP} CONNECT BY NO CYCLE n = hop(n, this), level = level + 1 STOP WITH level == 3;",
+    "memorize": f"{HOP} CONNECT BY MEMORIZE 3 n = hop(n, this), level = level + 1;",
+    "statements": "x = SELECT hop(this, 1) FROM range(9) AS list; y{3.0} = len(x); SELECT this FROM x;",
+    "world": "SELECT n, square FROM numbers WHERE n < 9;",
+}
+
+
+@both
+@pytest.mark.usefixtures("usual")
+@pytest.mark.parametrize("name", LITTLE)
+def test_at_any_line(file: Path, engine: Any, name: str) -> None:
+    if (name, engine) == ("memorize", "database"):
+        engine = "auto"
+    dice = Random(1)
+    with ss2sql.connect(file) as ss:
+        ss.function("hop", interrupting.hop, volatility="immutable")
+        ss.attach("numbers", NumberWorld())
+        query = ss.compile(LITTLE[name], engine=engine)
+        answer = ss.run(LITTLE[name], engine=engine).value
+        for work in (lambda: ss.run(LITTLE[name], engine=engine), query.run):
+            ss.graphs().drop()
+            _, lines = press_at(0, work)
+            for line in sorted(dice.sample(range(40, lines - 20), 12)):
+                ss.graphs().drop()
+                error, _ = press_at(line, work)
+                assert isinstance(error, ss2sql.Cancelled), line
+                assert error.partial is None or error.partial.status == "cancelled"
+                check_session(ss)
+                assert query.run().value == ss.run(LITTLE[name], engine=engine).value == answer, line
+
+
+@pytest.mark.usefixtures("usual")
+def test_a_compiled_script_that_was_being_made_anew(ss: ss2sql.Session) -> None:
+    ss.set("x", [1, 2])
+    query = ss.compile("SELECT this + 1 FROM x WHERE this IN x AS list;")
+    assert query.run().value == [2, 3]
+    for line in range(1, 6_000, 500):
+        ss.set("x", [1, 2])
+        assert query.run().value == [2, 3]
+        ss.set("x", [0.5, 4, 5])
+        error, _ = press_at(line, query.run)
+        assert error is None or isinstance(error, (ss2sql.Cancelled, KeyboardInterrupt))
+        assert query.run().value == [1.5, 5, 6]
+
+
+@both
+@pytest.mark.usefixtures("usual")
+def test_a_function_of_the_user_ends_at_once(ss: ss2sql.Session, engine: Any) -> None:
+    went_on = []
+
+    def function(x):
+        press()
+        went_on.append(x)
+        return x
+
+    ss.function("f", function, volatility="volatile")
+    with pytest.raises(ss2sql.Cancelled) as caught:
+        ss.run("SELECT f(this) FROM [1, 2];", engine=engine)
+    assert went_on == []
+    assert list(caught.value.partial) == []
+    check_session(ss)
+
+
+@both
+@pytest.mark.usefixtures("usual")
+@pytest.mark.parametrize("answer", ["go on", "raise"])
+def test_a_function_that_catches_it_cannot_hold_the_run_up(ss: ss2sql.Session, engine: Any, answer: str) -> None:
+    def stubborn(x):
+        try:
+            press()
+        except KeyboardInterrupt:
+            if answer == "raise":
+                raise ValueError("what?") from None
+        return x
+
+    ss.function("stubborn", stubborn, volatility="volatile")
+    with pytest.raises(ss2sql.Cancelled) as caught:
+        ss.run("SELECT stubborn(this) FROM range(5);", engine=engine)
+    assert isinstance(caught.value.__cause__, ValueError) == (answer == "raise")
+    check_session(ss)
+
+
+@both
+@pytest.mark.usefixtures("usual")
+def test_runs_inside_of_runs_end_together(ss: ss2sql.Session, engine: Any) -> None:
+    other = ss2sql.connect()
+    other.function("press", press)
+    inner = []
+
+    def call(x):
+        try:
+            other.run("SELECT press(this) FROM [1];", engine=engine)
+        except ss2sql.Cancelled as error:
+            inner.append(error.partial.status)
+        return x
+
+    ss.function("call", call, volatility="volatile")
+    with pytest.raises(ss2sql.Cancelled):
+        ss.run("SELECT call(this) FROM [1, 2];", engine=engine)
+    assert inner == ["cancelled"]
+    check_session(ss)
+    check_session(other)
+    other.close()
+
+
+def test_whoever_handles_ctrl_c_in_another_way_still_does(ss: ss2sql.Session) -> None:
+    pressed = []
+    before = signal.signal(signal.SIGINT, lambda *_: pressed.append(1))
+    try:
+        ss.function("press", press)
+        assert ss.eval("SELECT press(this) FROM [1, 2] AS list;") == [None, None]
+        assert pressed == [1, 1]
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("usual")
+def test_a_handler_that_a_function_sets_stays(ss: ss2sql.Session) -> None:
+    def handler(*_):
+        return None
+
+    ss.function("set_one", lambda x: signal.signal(signal.SIGINT, handler) and None, volatility="volatile")
+    ss.run("set_one(1);")
+    assert signal.getsignal(signal.SIGINT) is handler
+
+
+@pytest.mark.usefixtures("usual")
+def test_other_threads_leave_it_alone(ss: ss2sql.Session) -> None:
+    seen = []
+    ss.function("look", lambda x: seen.append(signal.getsignal(signal.SIGINT)), volatility="volatile")
+    thread = threading.Thread(target=lambda: ss.run("look(1);"))
+    thread.start()
+    thread.join()
+    assert seen == [signal.default_int_handler]
+
+
+@pytest.mark.usefixtures("usual")
+def test_pressed_again_it_ends_the_run_wherever_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    def own() -> None:
+        pass
+
+    frame = sys._getframe()
+    monkeypatch.setattr(interrupts, "may_break", lambda frame: False)
+    with interrupts.under_way(None):
+        handler: Any = signal.getsignal(signal.SIGINT)
+        handler(signal.SIGINT, frame)
+        handler(signal.SIGINT, frame)  # at once: a nervous finger
+        monkeypatch.setattr(interrupts, "PATIENCE", -1)
+        with pytest.raises(KeyboardInterrupt):
+            handler(signal.SIGINT, frame)
+        interrupts._ctrl_c.pressed = None
+
+
+@pytest.mark.usefixtures("usual")
+def test_what_is_no_run_is_finished_first(file: Path, staff: Path) -> None:
+    world = NumberWorld()
+    for line in range(1, 1500, 100):
+        ss = ss2sql.connect()
+        error, _ = press_at(line, lambda ss=ss: ss.attach("numbers", world))
+        here = ss.host.names.worlds.keys()
+        assert here == {"numbers"} if ss.host.world_functions else not here
+        assert ("numbers" in ss.tables()) == bool(here)
+        press_at(line % 60 + 1, lambda ss=ss: ss.attach("data", staff))
+        assert ("staff" in ss.tables()) == ("data" in ss.host.tables.files)
+        press_at(line % 200 + 1, ss.close)
+        ss.close()
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_interrupt_while_a_script_is_compiled(ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    find = Tables.names
+
+    def names(self: Tables) -> list[str]:
+        ss.interrupt()
+        return find(self)
+
+    monkeypatch.setattr(Tables, "names", names)
+    with pytest.raises(ss2sql.Cancelled) as caught:
+        ss.run("1 + 1;")
+    assert caught.value.partial is None
+    monkeypatch.undo()
+    assert ss.eval("1 + 1;") == 2
+
+
+def test_reading_a_large_table_to_compile_ends_too(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    numbers = "WITH RECURSIVE t(n) AS (SELECT 1 UNION ALL SELECT n + 1 FROM t LIMIT 20000) SELECT n FROM t"
+    write(file, f"CREATE TABLE big AS {numbers}")
+    with ss2sql.connect(file) as ss:
+        read, bounded = Tables._indexes, []
+
+        def indexes(self: Tables, *arguments: Any) -> Any:
+            ss.interrupt()
+            return read(self, *arguments)
+
+        monkeypatch.setattr(Tables, "_indexes", indexes)
+        monkeypatch.setattr(Tables, "_bounded", lambda *_: bounded.append(1))
+        with pytest.raises(ss2sql.Cancelled):
+            ss.run("SELECT n FROM big;")
+        assert bounded == []  # the kinds of its values come first, which takes 60,000 steps of SQLite
+        monkeypatch.undo()
+        assert len(ss.run("SELECT n FROM big;")) == 20_000
+
+
+def test_a_graph_is_written_in_parts_of_whole_states(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from ss2sql.runtime.remembered import steps  # what a session imports first
+
+    monkeypatch.setattr(steps, "MOST_EDGES", 6)
+    monkeypatch.setattr(steps, "MOMENT", -1.0)
+    script = LITTLE["memorize"]
+    with ss2sql.connect(file) as ss:
+        ss.function("hop", interrupting.hop, volatility="immutable")
+        answer = ss.run(script).value
+        ss.graphs().drop()
+        write_part = steps.Remembering._write_part
+        parts = []
+
+        def counted(self: steps.Remembering) -> bool:
+            parts.append(len(self._pending))
+            ss.interrupt()
+            return write_part(self)
+
+        monkeypatch.setattr(steps.Remembering, "_write_part", counted)
+        with pytest.raises(ss2sql.Cancelled):
+            ss.run(script)
+        monkeypatch.undo()
+        (kept,) = ss.graphs()
+        rows = ss.host.connection.execute(
+            "SELECT n.steps, count(e.row) FROM ss2sql_nodes n LEFT JOIN ss2sql_edges e ON e.source = n.id GROUP BY n.id"
+        ).fetchall()
+        assert set(rows) <= {(3, 3), (None, 0)}
+        assert kept.edges % 3 == 0
+        assert kept.edges
+        assert len(parts) >= 1
+        assert ss.run(script).value == answer
+
+
+def test_the_partial_result_is_that_of_the_statement_that_ran(ss: ss2sql.Session) -> None:
+    ss.function("stop", lambda x: ss.interrupt(), volatility="volatile")
+    with pytest.raises(ss2sql.Cancelled) as caught:
+        ss.run("SELECT this FROM [1, 2]; stop(1); SELECT this FROM [3];")
+    assert caught.value.partial is None
+    with pytest.raises(ss2sql.Cancelled) as caught:
+        ss.run("SELECT this FROM [1, 2]; SELECT stop(this), this FROM [3, 4];", engine="native")
+    assert caught.value.partial.columns == ("stop", "this")
+
+
+def test_what_is_finished_is_found_though_the_press_came_late(ss: ss2sql.Session) -> None:
+    ss.representation("late")(lambda table: ss.interrupt())
+    with pytest.raises(ss2sql.Cancelled) as caught:
+        ss.run("SELECT this FROM [3, 1, 2] ORDER BY this AS late;")
+    assert list(caught.value.partial) == [(1,), (2,), (3,)]
+
+
+def test_processes_are_out_of_reach_of_the_terminal(eager: None, ss: ss2sql.Session) -> None:
+    declare(ss, "onward")
+    ss.run(graph(), workers=2)
+    assert processes_of(ss)
+    assert all(os.getsid(process.pid) != os.getsid(0) for process in processes_of(ss))
+
+
+@pytest.mark.usefixtures("usual")
+def test_cancelled_runs_leave_nothing_in_memory(ss: ss2sql.Session) -> None:
+    ss.function("press", lambda x: press() if x == 30 else x, volatility="volatile")
+
+    def runs(count: int) -> None:
+        for _ in range(count):
+            with pytest.raises(ss2sql.Cancelled):
+                ss.run("SELECT press(this) FROM range(100);")
+
+    runs(5)
+    gc.collect()
+    tracemalloc.start()
+    try:
+        before = tracemalloc.get_traced_memory()[0]
+        runs(100)
+        gc.collect()
+        assert tracemalloc.get_traced_memory()[0] - before < 500_000
+    finally:
+        tracemalloc.stop()

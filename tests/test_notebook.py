@@ -1,0 +1,314 @@
+"""The magics `%%ss` and `%ss`, in a shell of IPython; and in a kernel, where Ctrl-C has to work."""
+
+from __future__ import annotations
+
+import atexit
+import re
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("IPython")
+
+from IPython.core.displaypub import CapturingDisplayPublisher
+from IPython.core.interactiveshell import InteractiveShell
+
+import ss2sql
+from ss2sql.notebook.options import Options, WrongOption, read
+
+PAGE = Path(__file__).parent.parent / "docs" / "notebook.md"
+
+
+class Notebook:
+    """Runs cells and says what they show."""
+
+    def __init__(self, shell: Any, capture: pytest.CaptureFixture[str]) -> None:
+        self.shell = shell
+        self._capture = capture
+        shell.display_pub = CapturingDisplayPublisher(parent=shell)
+        self.run("%load_ext ss2sql")
+
+    def run(self, text: str) -> str:
+        """All that a cell shows, as text; an error is a part of it."""
+        self.shell.display_pub.outputs.clear()
+        self._capture.readouterr()
+        self.outcome = self.shell.run_cell(text, store_history=True)
+        self.error = self.outcome.error_in_exec
+        shown = [output["data"]["text/plain"] for output in self.shell.display_pub.outputs]
+        printed = self._capture.readouterr()
+        return "\n".join([*shown, printed.out + printed.err]).rstrip("\n")
+
+    def html(self) -> list[str]:
+        return [output["data"]["text/html"] for output in self.shell.display_pub.outputs]
+
+    def __getitem__(self, name: str) -> Any:
+        return self.shell.user_ns[name]
+
+
+@pytest.fixture
+def notebook(capsys: pytest.CaptureFixture[str]) -> Iterator[Notebook]:
+    InteractiveShell.clear_instance()
+    shell = InteractiveShell.instance(colors="nocolor", history_load_length=0)  # type: ignore[no-untyped-call]
+    shell.history_manager.enabled = False
+    yield Notebook(shell, capsys)
+    shell.run_line_magic("unload_ext", "ss2sql")
+    shell.atexit_operations()
+    atexit.unregister(shell.atexit_operations)
+    InteractiveShell.clear_instance()
+
+
+# --- the first line ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("", Options()), ("SELECT this", Options(rest="SELECT this")), ("-1", Options(rest="-1")),
+        ("plan <<", Options(output="plan", quiet=True)), (" plan<< 7", Options(output="plan", quiet=True, rest=" 7")),
+        ("--engine native --timeout 2.5 --maximum=3 1 + 1",
+         Options(engine="native", timeout=2.5, maximum=3, rest=" 1 + 1")),
+        ("-o plan --show 0 --explain", Options(output="plan", show=0, explain=True)),
+        ("--session ss --sql plan <<", Options(session="ss", sql=True, output="plan", quiet=True)),
+        ("plan < 3", Options(rest="plan < 3")), ("v{5.0} = 3", Options(rest="v{5.0} = 3")),
+    ],
+)  # fmt: skip
+def test_options(line: str, expected: Options) -> None:
+    assert read(line) == expected
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("--enigne native", "did you mean '--engine'?"), ("--engine oracle", "auto, database, native"),
+        ("--engine", "needs a value"), ("--timeout --sql", "needs a value"), ("--timeout soon", "seconds"),
+        ("--timeout nan", "seconds"), ("--maximum 0", "at least 1"), ("--show -1", "needs a value"), ("-o 1x", "1x"),
+        ("-o a b <<", "two names, a and b"),
+    ],
+)  # fmt: skip
+def test_wrong_options(line: str, words: str) -> None:
+    with pytest.raises(WrongOption, match=re.escape(words)):
+        read(line)
+
+
+def test_wrong_options_are_told_without_a_traceback(notebook: Notebook) -> None:
+    assert (
+        notebook.run("%%ss --enigne native\n1") == "UsageError: %ss knows no option --enigne; did you mean '--engine'?"
+    )
+    assert "%ss needs a script" in notebook.run("%ss")
+    assert "ghost is no session" in notebook.run("%%ss --session ghost\n1")
+
+
+# --- results -------------------------------------------------------------------------------------------
+
+
+def test_a_cell_shows_its_result_although_it_ends_with_a_semicolon(notebook: Notebook) -> None:
+    assert notebook.run("%%ss\nSELECT this FROM range(2);").splitlines()[-1] == "2 rows, database"
+    assert "<table" in notebook.html()[0]
+
+
+def test_results_in_variables(notebook: Notebook) -> None:
+    assert notebook.run("%%ss plan <<\nSELECT this FROM range(2) AS list;") == ""
+    assert notebook["plan"].value == [0, 1]
+    assert notebook.run("%%ss -o other --maximum 1\nSELECT 7 FROM [1] START WITH n = 0 CONNECT BY n = n + 1;") != ""
+    assert notebook["other"].status == "maximum"
+    notebook.run("third = %ss SELECT this FROM range(3) AS list;")
+    assert notebook["third"].value == [0, 1, 2]
+    assert isinstance(notebook["third"], ss2sql.Result)
+
+
+def test_how_much_is_shown(notebook: Notebook) -> None:
+    shown = notebook.run("%%ss --show 2\nSELECT this FROM range(100);")
+    assert shown.splitlines()[-1] == "100 rows, the first 2 shown, database"
+    assert notebook.html()[0].count("<tr>") == 3
+    assert notebook.run("%%ss --sql\nSELECT this FROM [1, 2] WHERE this > 1;").startswith("SELECT\n  this.this")
+    explained = notebook.run("%%ss --explain --engine native\nSELECT this FROM [1, 2] WHERE this > 1;")
+    assert "engine: native" in explained
+
+
+def test_sql_runs_nothing(notebook: Notebook) -> None:
+    notebook.run("seen = []\ndef see(x):\n    seen.append(x)\n    return x")
+    notebook.run("%%ss --sql\nSELECT see(this) FROM [1];")
+    assert notebook["seen"] == []
+    assert notebook.error is None
+
+
+def test_python_does_not_expand_what_is_the_scripts_own(notebook: Notebook) -> None:
+    notebook.run("x = 'wrong'")
+    notebook.run("temporal = %ss v{5.0} = 3")
+    assert notebook["temporal"].value == 3
+
+
+# --- names of the notebook -----------------------------------------------------------------------------
+
+
+def test_functions_and_values(notebook: Notebook) -> None:
+    notebook.run("def double(x):\n    return 2 * x\nnumbers = [1, 2]\nfactor = 10")
+    notebook.run("%%ss found <<\nSELECT double(this) * factor FROM numbers AS list;")
+    assert notebook["found"].value == [20, 40]
+    notebook.run("def double(x):\n    return 3 * x\nnumbers.append(3)\nfactor = 1")
+    notebook.run("%%ss found <<\nSELECT double(this) * factor FROM numbers AS list;")
+    assert notebook["found"].value == [3, 6, 9]
+    notebook.run("%%ss found <<\nSELECT double FROM numbers AS list;")  # a function of `this`
+    assert notebook["found"].value == [3, 6, 9]
+
+
+def test_a_name_that_is_gone_is_unknown(notebook: Notebook) -> None:
+    notebook.run("numbers = [1, 2]\n")
+    assert "2 rows" in notebook.run("%%ss\nSELECT this FROM numbers;")
+    notebook.run("del numbers")
+    assert "error[R003]: unknown source 'numbers'" in notebook.run("%%ss\nSELECT this FROM numbers;")
+
+
+def test_data_frames(notebook: Notebook) -> None:
+    pytest.importorskip("pandas")
+    notebook.run("import pandas as pd\nframe = pd.DataFrame({'a': [1, 2, 3]})\nleast = 1")
+    notebook.run("%%ss found <<\nSELECT a FROM frame WHERE a > least AS list;")
+    assert notebook["found"].value == [2, 3]
+    notebook.run("frame = pd.DataFrame({'b': [5]})")
+    notebook.run("%%ss found <<\nSELECT * FROM frame AS list;")
+    assert notebook["found"].value == [5]
+
+
+def test_a_column_comes_before_a_variable_of_the_notebook(notebook: Notebook) -> None:
+    notebook.run("rows = [{'a': 1}, {'a': 2}]\na = 7\nb = 8")
+    notebook.run("%%ss found <<\nSELECT a, b FROM rows AS list;")
+    assert notebook["found"].value == [1, 8, 2, 8]
+
+
+def test_what_the_script_knows_comes_first(notebook: Notebook) -> None:
+    notebook.run("def add(a, b):\n    return 0\ndef count(x):\n    return 'wrong'\ndef own(x):\n    return 'wrong'")
+    notebook.run("%%ss found <<\n[1 + 2, count([5, 6])];")
+    assert notebook["found"].value == [3, 2]
+    notebook.run("import ss2sql\nss = ss2sql.connect()\nss.function('own', lambda x: 'right')\nss.set('n', 1)\nn = 2")
+    notebook.run("%%ss --session ss found <<\n[own(1), n];")
+    assert notebook["found"].value == ["right", 1]
+
+
+def test_names_that_a_script_assigns_are_not_looked_up(notebook: Notebook) -> None:
+    notebook.run("total = 100")
+    notebook.run("%%ss found <<\ntotal = 1; total + 1;")
+    assert notebook["found"].value == 2
+    assert notebook["total"] == 100
+    notebook.run("%%ss found <<\ntotal + 1;")  # it is the session's now
+    assert notebook["found"].value == 2
+
+
+def test_what_is_never_looked_up(notebook: Notebook) -> None:
+    notebook.run("import math\n_private = 1\n")
+    for name in ("math", "_private", "Out", "get_ipython", "quit", "open"):
+        assert "error[R0" in notebook.run(f"%%ss\n{name};"), name
+    assert "error[R002]" in notebook.run("%%ss\nquit();")
+
+
+# --- sessions ------------------------------------------------------------------------------------------
+
+
+def test_sessions(notebook: Notebook) -> None:
+    notebook.run("%%ss\nx = 1;")
+    notebook.run("import ss2sql\nss = ss2sql.connect()")
+    assert "error[R001]" in notebook.run("%%ss --session ss\nx;")
+    notebook.run("%ss --session ss")
+    notebook.run("%%ss\ny = 2;")
+    assert notebook["ss"].get("y") == 2
+
+
+def test_unloading_closes_the_notebooks_own_session(notebook: Notebook) -> None:
+    notebook.run("%%ss\nx = 1;")
+    notebook.run("%reload_ext ss2sql")
+    assert "error[R001]" in notebook.run("%%ss\nx;")
+    notebook.run("%unload_ext ss2sql")
+    assert "not found" in notebook.run("%%ss\n1;")
+    notebook.run("%load_ext ss2sql")
+
+
+# --- errors --------------------------------------------------------------------------------------------
+
+
+def test_errors_of_scripts_have_no_traceback(notebook: Notebook) -> None:
+    shown = notebook.run("%%ss --engine native\nSELECT this\nFROM nowhere;")
+    assert shown.startswith("error[R003]: unknown source 'nowhere'\n --> In[2]:3:6\n")
+    assert "Traceback" not in shown
+    assert isinstance(notebook.error, ss2sql.ResolveError)  # the cell has failed, so "run all" stops here
+    assert " --> In[3]:1:" in notebook.run("%ss 1 + nothing")
+    shown = notebook.run("import ss2sql\nss2sql.connect().run('nothing')")
+    assert "Traceback" in shown  # Python code has one as always
+
+
+def test_an_unknown_name_that_is_nearly_one_of_the_notebook(notebook: Notebook) -> None:
+    notebook.run("numbers = [1, 2]\ndef double(x):\n    return 2 * x")
+    assert "the notebook has 'numbers'" in notebook.run("%%ss\nSELECT this FROM nmbers;")
+    assert "the notebook has 'double'" in notebook.run("%%ss\ndoubel(1);")
+
+
+def test_exceptions_of_the_users_functions_keep_theirs(notebook: Notebook) -> None:
+    notebook.run("def bad(x):\n    return x / 0")
+    shown = notebook.run("%%ss\nSELECT bad(this) FROM [1];")
+    assert "return x / 0" in shown
+    assert "ZeroDivisionError: division by zero" in shown
+    assert "raised by the function 'bad', called at In[3]:2:8" in shown
+    assert "ss2sql/" not in shown.replace("\\", "/")
+
+
+def test_a_timeout_leaves_what_was_found(notebook: Notebook) -> None:
+    shown = notebook.run(
+        "%%ss --timeout 0.2 --show 1 -o part\nSELECT this FROM [1] START WITH n = 0 CONNECT BY n = n + 1;"
+    )
+    assert "error[T001]" in shown
+    assert notebook["part"].status == "timeout"
+    assert len(notebook["part"]) > 0
+    assert "the first 1 path" in shown
+
+
+def test_the_examples_of_the_page(notebook: Notebook, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Cells of the page are `ipython` blocks; a `text` block behind one is what it shows."""
+    monkeypatch.chdir(tmp_path)
+    blocks = re.findall(r"^```(\w+)\n(.*?)^```$", PAGE.read_text("utf-8"), re.MULTILINE | re.DOTALL)
+    shown: str | None = None
+    tested = 0
+    for kind, body in blocks:
+        if kind == "ipython" and body != "%load_ext ss2sql\n":  # which has been the first cell already
+            shown = notebook.run(body.rstrip("\n"))
+        elif kind == "text" and shown is not None:
+            assert [line.rstrip() for line in body.splitlines()] == [line.rstrip() for line in shown.splitlines()]
+            shown = None
+            tested += 1
+    assert tested >= 3
+
+
+# --- a kernel ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("engine", ["database", "native"])
+def test_interrupting_the_kernel_leaves_what_was_found(engine: str) -> None:
+    pytest.importorskip("ipykernel")
+    manager_of = pytest.importorskip("jupyter_client").manager
+    manager, client = manager_of.start_new_kernel(kernel_name="python3")
+    try:
+        client.execute_interactive("%load_ext ss2sql", timeout=60)
+        client.execute_interactive(
+            "from pathlib import Path\ndef begun(x):\n    print('begun', flush=True)\n    return x"
+        )
+        script = f"%%ss --engine {engine} --timeout 60 --show 1 -o part\nbegun(1);\n"
+        script += "SELECT this FROM [1] START WITH n = 0 CONNECT BY n = n + 1;"
+        told: list[str] = []
+
+        def hear(message: dict[str, Any]) -> None:
+            if message["msg_type"] == "stream" and "begun" in message["content"]["text"]:
+                time.sleep(0.5)
+                manager.interrupt_kernel()
+            elif message["msg_type"] == "error":
+                told.append("\n".join(message["content"]["traceback"]))
+
+        reply = client.execute_interactive(script, timeout=60, output_hook=hear)
+        assert reply["content"]["status"] == "error"
+        assert "error[T002]" in re.sub(r"\x1b\[[\d;]*m", "", told[0])
+        reply = client.execute_interactive(
+            "", user_expressions={"found": "part.status, len(part) > 0"}, timeout=60, output_hook=hear
+        )
+        assert reply["content"]["user_expressions"]["found"]["data"]["text/plain"] == "('cancelled', True)"
+    finally:
+        client.stop_channels()
+        manager.shutdown_kernel(now=True)

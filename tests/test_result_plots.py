@@ -1,0 +1,191 @@
+"""Pictures of searches: their trees, what their paths cost, paths over a map; marks that do not depend on colours."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import accumulate
+from operator import mul
+from typing import Any
+
+import matplotlib
+import networkx
+import pytest
+from matplotlib import colors, pyplot
+
+import ss2sql
+from ss2sql.cli.plot import KINDS as KINDS_OF_COMMAND
+from ss2sql.results.graph_plot import MOST_NODES, tree
+from ss2sql.results.looks import PALETTE
+from ss2sql.results.plots import KINDS
+
+matplotlib.use("Agg")
+
+ROADS = [("Ulm", "Augsburg", 80), ("Ulm", "Stuttgart", 95), ("Augsburg", "Munich", 60), ("Stuttgart", "Munich", 190),
+         ("Munich", "Passau", 190), ("Augsburg", "Passau", 240)]  # fmt: skip
+SEARCH = """SELECT {} FROM (SELECT * FROM roads WHERE src == at) WHERE dst == 'Passau' START WITH at = 'Ulm'
+CONNECT BY {} at = dst STOP WITH dst == 'Passau';"""
+BINARY = "SELECT this FROM [0, 1] WHERE n == {0} START WITH n = 1 CONNECT BY n = n + 1 STOP WITH n == {0};"
+
+
+@pytest.fixture(scope="module")
+def ss() -> Iterator[ss2sql.Session]:
+    with ss2sql.connect() as session:
+        session.attach(
+            "roads", [{"src": src, "dst": dst, "length": length, "p": 1 - length / 400} for src, dst, length in ROADS]
+        )
+        yield session
+
+
+@pytest.fixture(autouse=True)
+def _no_figures() -> Iterator[None]:
+    yield
+    pyplot.close("all")
+
+
+def points(ax: Any) -> list[list[tuple[float, float]]]:
+    """The lines with a name, by name."""
+    named = sorted((line.get_label(), line) for line in ax.lines if not line.get_label().startswith("_"))
+    return [[tuple(point) for point in line.get_xydata().tolist()] for _, line in named]
+
+
+# --- costs ---------------------------------------------------------------------------------------------
+
+
+def test_costs_add_up_along_a_path(ss: ss2sql.Session) -> None:
+    result = ss.run(SEARCH.format("dst, length", "COST length"))
+    ax = result.plot(kind="costs")
+    wanted = [
+        [(float(step), float(total)) for step, total in enumerate(accumulate((row[1] for row in path), initial=0))]
+        for path in result.paths
+    ]
+    assert points(ax) == wanted
+    assert [path[-1][1] for path in wanted] == [320, 330, 475]
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("step", "cost so far")
+    assert ax.get_title() == "3 paths, cost 320 to 475"
+
+
+def test_probabilities_are_multiplied(ss: ss2sql.Session) -> None:
+    result = ss.run(SEARCH.format("p, dst", "PROBABILITY p"))
+    ax = result.plot(kind="costs", most=1)
+    (line,) = points(ax)
+    assert [y for _, y in line] == pytest.approx(list(accumulate((row[0] for row in result.paths[0]), mul, initial=1)))
+    assert ax.get_ylabel() == "probability so far"
+    assert ax.get_title().startswith("the first 1 of 3 paths, probability ")
+
+
+def test_a_column_named_cost_will_do(ss: ss2sql.Session) -> None:
+    result = ss.run(SEARCH.format("dst, to(length * 2, cost)", ""))
+    assert [line[-1][1] for line in points(result.plot(kind="costs"))] == [660, 640, 950]
+
+
+@pytest.mark.parametrize(
+    ("columns", "options", "hint"),
+    [("dst", "COST length + 1", r"to\(length \+ 1, cost\)"), ("dst", "", "column with the name cost"),
+     ("dst, to(dst, cost)", "", "column with the name cost"),
+     ("dst", "PROBABILITY p", r"to\(p, probability\)")],
+)  # fmt: skip
+def test_costs_that_nobody_selected(ss: ss2sql.Session, columns: str, options: str, hint: str) -> None:
+    result = ss.run(SEARCH.format(columns, options))
+    with pytest.raises(ss2sql.RepresentationError, match=hint) as caught:
+        result.plot(kind="costs")
+    assert caught.value.code == "V001"
+
+
+# --- trees ---------------------------------------------------------------------------------------------
+
+
+def test_paths_share_their_beginnings_in_a_tree(ss: ss2sql.Session) -> None:
+    result = ss.run(BINARY.format(3))
+    made, drawn = tree(networkx, result.paths, None)
+    assert drawn == 8
+    assert networkx.is_arborescence(made)
+    assert len(made) == 1 + 2 + 4 + 8
+    assert sum(goal for _, goal in made.nodes(data="goal")) == 8
+    assert result.plot(kind="tree").get_title() == "the tree of 8 paths, 14 steps"
+
+
+def test_goals_inside_of_a_tree(ss: ss2sql.Session) -> None:
+    result = ss.run("SELECT this FROM [0] START WITH n = 1 CONNECT BY n = n + 1 STOP WITH n == 4;")
+    made, drawn = tree(networkx, result.paths, None)
+    assert (len(made), drawn, [goal for _, goal in made.nodes(data="goal")]) == (4, 3, [False, True, True, True])
+
+
+def test_a_tree_has_as_many_paths_as_fit(ss: ss2sql.Session) -> None:
+    result = ss.run(BINARY.format(10))
+    made, drawn = tree(networkx, result.paths, None)
+    assert 1 < drawn < 1024
+    assert len(made) <= MOST_NODES
+    assert result.plot(kind="tree", most=2).get_title() == "the tree of the first 2 of 1024 paths, 11 steps"
+
+
+def test_branches_do_not_cross(ss: ss2sql.Session) -> None:
+    result = ss.run(BINARY.format(4))
+    ax = result.plot(kind="tree")
+    places = ax.collections[0].get_offsets().tolist()
+    assert len({tuple(place) for place in places}) == 31
+    for layer in range(1, 6):
+        heights = [y for x, y in places if x == layer]
+        assert heights == sorted(heights, reverse=True)
+
+
+# --- looks ---------------------------------------------------------------------------------------------
+
+
+def test_paths_over_a_map(ss: ss2sql.Session) -> None:
+    ground = ss.run("SELECT [x.this, y.this], 1 FROM x = range(4), y = range(3) AS plane('XY', [0, 0], [4, 3, 1]);")
+    ax = ground.plot()
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("x in m", "y in m")
+    limits = ax.axis()
+    walk = ss.run("SELECT [n, this] FROM [0, 1] WHERE n == 3 START WITH n = 1 CONNECT BY n = n + 1 STOP WITH n == 3;")
+    assert walk.plot(ax, most=3) is ax
+    assert len(points(ax)) == 3
+    assert ax.axis() == limits
+    assert ax.get_xlabel() == "x in m"
+
+
+def test_a_plane_names_its_axes(ss: ss2sql.Session) -> None:
+    ax = ss.run("SELECT [0.5, 0.5, 0.5], 1 FROM [1] AS plane('yz', [0, 0], [2, 2, 1]);").plot()
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("y in m", "z in m")
+
+
+def test_first_and_last_steps_differ_in_more_than_colour(ss: ss2sql.Session) -> None:
+    ax = ss.run(SEARCH.format("dst", "")).plot()
+    nodes = ax.collections[0]
+    assert len(set(nodes.get_linewidths())) == 2  # a ring around the first steps
+    grey = {
+        round(sum(w * c for w, c in zip((0.3, 0.59, 0.11), face[:3], strict=True)), 1)
+        for face in nodes.get_facecolors()
+    }
+    assert len(grey) == 2  # goals are darker
+
+
+def test_colours_are_told_apart_without_red_and_green() -> None:
+    """For people without red cones, the colours differ in lightness or from blue to yellow."""
+    seen = []
+    for name in PALETTE:
+        red, green, blue = colors.to_rgb(name)
+        yellow = 0.11 * red + 0.89 * green
+        seen.append((yellow, blue))
+    pairs = [(a, b) for index, a in enumerate(seen) for b in seen[index + 1 :]]
+    assert min(abs(a[0] - b[0]) + abs(a[1] - b[1]) for a, b in pairs) > 0.15
+
+
+def test_counts_have_no_fractions(ss: ss2sql.Session) -> None:
+    ax = ss.run("SELECT src, count(*) FROM roads GROUP BY src;").plot()
+    ax.figure.canvas.draw()
+    assert all(float(tick) == int(tick) for tick in ax.get_xticks())
+
+
+def test_texts_at_one_place_are_one(ss: ss2sql.Session) -> None:
+    ax = ss.run("SELECT [1, this % 2], str(this) FROM range(4);").plot()
+    assert sorted(text.get_text() for text in ax.texts) == ["0, 2", "1, 3"]
+
+
+def test_the_command_draws_all_kinds() -> None:
+    assert KINDS_OF_COMMAND == KINDS
+
+
+@pytest.mark.parametrize("kind", ["paths", "graph", "tree", "costs", "lengths"])
+def test_kinds_of_searches_need_one(ss: ss2sql.Session, kind: str) -> None:
+    with pytest.raises(ss2sql.RepresentationError, match="search"):
+        ss.run("SELECT this FROM [1, 2];").plot(kind=kind)

@@ -1,0 +1,464 @@
+"""The shell without a terminal: cutting what is typed, running it, dot commands, pipes, the history's file."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import signal
+import sqlite3
+import stat
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+import ss2sql
+from ss2sql.cli import main
+from ss2sql.shell import history
+from ss2sql.shell.commands import COMMANDS
+from ss2sql.shell.pieces import is_ready, open_bracket, pieces
+from ss2sql.shell.piped import run_piped
+from ss2sql.shell.settings import SETTINGS, Settings
+from ss2sql.shell.shell import Leave, Shell
+
+ENDLESS = "SELECT this FROM [1, 2] START WITH n = 0 CONNECT BY n = n + 1;"
+FUNCTIONS = '''
+def twice(x):
+    """Twice the value."""
+    return 2 * x
+
+def broken(x):
+    return x + "a"
+'''
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    monkeypatch.setenv("COLUMNS", "100")
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    (tmp_path / "functions.py").write_text(FUNCTIONS)
+    return tmp_path
+
+
+@pytest.fixture
+def shell():
+    with ss2sql.connect() as session:
+        yield Shell(session)
+
+
+def said(shell: Shell, text: str, capsys: pytest.CaptureFixture[str]) -> tuple[str, str]:
+    """What a text has the shell print, on stdout and on stderr."""
+    shell.run(text)
+    return capsys.readouterr()
+
+
+def texts(typed: str) -> list[str]:
+    return [piece.text for piece in pieces(typed)]
+
+
+# --- cutting -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("typed", "expected"),
+    [
+        ("", []),
+        ("  # nothing\n", []),
+        (";;", []),
+        ("1; 2;", ["1;", "2;"]),
+        ("1; 2", ["1;", "2"]),
+        ("IF(a; b; c); 2;", ["IF(a; b; c);", "2;"]),
+        ("'a;b'; \"c;\";", ["'a;b';", '"c;";']),
+        ("1 # a;\n + 2; /* ; */ 3;", ["1 # a;\n + 2;", "3;"]),
+        (".tables\n1;", [".tables", "1;"]),
+        ("# first\n.sql SELECT 'it; # /* (\n.5 + 1;", [".sql SELECT 'it; # /* (", ".5 + 1;"]),
+        ("x\n.y;", ["x\n.y;"]),
+        ("a); b;", ["a);", "b;"]),
+        ("'open; 2;\n3;", ["'open; 2;", "3;"]),
+    ],
+)  # fmt: skip
+def test_typed_text_is_cut_into_statements_and_commands(typed: str, expected: list[str]) -> None:
+    assert texts(typed) == expected
+
+
+def test_pieces_know_where_they_stand() -> None:
+    typed = "1;\n  .help\n\n 2;"
+    assert [typed[piece.start : piece.end] for piece in pieces(typed)] == ["1;", ".help", "2;"]
+    assert [piece.is_command for piece in pieces(typed)] == [False, True, False]
+
+
+@pytest.mark.parametrize(
+    ("typed", "ready"),
+    [
+        ("", True), ("1;", True), ("1", False), ("1; 2", False), ("SELECT a\nFROM b;", True), ("(1;", False),
+        ("(1;\n", True), ("(1;\n2", False), ("1 /* ;", False), ("1; # more", True), (".help", True),
+        ("x = 'open", True),
+        ("x = 'a\\", False), ("x = 'a\\\nb';", True), ("IF(a; b", False), ("1;\n.tables", True),
+        ("1\n\n", False),
+    ],
+)  # fmt: skip
+def test_when_enter_runs_what_was_typed(typed: str, ready: bool) -> None:
+    assert is_ready(typed) is ready
+
+
+def test_the_bracket_that_is_open() -> None:
+    assert [open_bracket(text) for text in ("f(1, [2", "f([2]", "1 + /* a", "1 +", "f(1);", "")] == [
+        "[", "(", "/*", "", "", ""]  # fmt: skip
+
+
+# --- statements ----------------------------------------------------------------------------------------
+
+
+def test_results_are_tables_and_assignments_a_line_beside_them(shell: Shell, capsys) -> None:
+    out, err = said(shell, "x = [3, 1];\nSELECT this FROM x; len(x); None; v{5} = 2;", capsys)
+    assert out.splitlines()[-2:] == ["2 rows, database", "2"]
+    assert "│    3 │" in out
+    assert err.splitlines() == ["x = [3, 1]", "v = 2"]
+    assert not shell.failed
+
+
+def test_long_values_are_cut(shell: Shell, capsys) -> None:
+    out, err = said(shell, "x = range(1000); range(10000);", capsys)
+    assert err.startswith("x = [0, 1, 2")
+    assert len(err) < 120
+    assert len(out) < 5000
+    assert "characters, the first" in out
+
+
+def test_an_error_shows_the_line_and_the_session_goes_on(shell: Shell, capsys) -> None:
+    out, err = said(shell, "x = 1;\n  y = zz; x = 2;", capsys)
+    assert out == ""
+    assert err.splitlines()[:6] == [
+        "x = 1",
+        "error[R001]: unknown name 'zz'",
+        " --> <script>:2:7",
+        "  |",
+        "2 |   y = zz;",
+        "  |       ^^",
+    ]  # fmt: skip
+    assert ".set zz VALUE" in err or "known here" in err
+    assert shell.failed
+    assert said(shell, "x;", capsys) == ("1\n", "")  # what stood behind the error has not run
+
+
+def test_an_exception_of_the_users_function(shell: Shell, capsys) -> None:
+    assert said(shell, ".load functions.py", capsys) == ("", "functions: twice, broken\n")
+    _, err = said(shell, "1;\n broken(2);", capsys)
+    assert "TypeError" in err
+    assert "called at <script>:2:2" in err
+    assert "ss2sql" not in err
+    assert said(shell, "twice(4);", capsys) == ("8\n", "")
+
+
+def test_a_run_that_is_broken_off_shows_what_it_found(shell: Shell, capsys) -> None:
+    shell.settings.timeout = 0.2
+    out, err = said(shell, ENDLESS, capsys)
+    assert err.startswith("error[T001]")
+    assert ".timeout SECONDS" in err
+    assert out.splitlines()[-1].endswith(", timeout")
+    assert "1 → 1" in out
+    assert said(shell, "1 + 1;", capsys) == ("2\n", "")
+
+
+@pytest.mark.parametrize("engine", ["database", "native"])
+def test_ctrl_c_ends_the_run_only(engine: str, shell: Shell, capsys) -> None:
+    shell.settings.engine = engine
+    begun = threading.Event()
+
+    @shell.session.function
+    def start(x):
+        begun.set()
+        return x
+
+    def press() -> None:
+        begun.wait(30)
+        time.sleep(0.2)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    pressing = threading.Thread(target=press)
+    pressing.start()
+    try:
+        out, err = said(shell, f"start(1); {ENDLESS}", capsys)
+    finally:
+        pressing.join()
+        signal.signal(signal.SIGINT, before)
+    assert err.startswith("cancelled\n")
+    assert out.splitlines()[-1].endswith(", cancelled")
+    assert said(shell, "1 + 1;", capsys) == ("2\n", "")
+
+
+def test_settings_change_runs(shell: Shell, capsys) -> None:
+    assert said(shell, ".maximum 2\n.format json", capsys) == ("", "maximum: 2\nformat: json\n")
+    assert json.loads(said(shell, ENDLESS, capsys)[0]) == [[{"this": 1}], [{"this": 1}, {"this": 1}]]
+    said(shell, ".maximum off\n.format table\n.engine native\n.show 1", capsys)
+    out, _ = said(shell, "SELECT this FROM [1, 2];", capsys)
+    assert out.splitlines()[-1] == "2 rows, the first 1 shown, native"
+    assert said(shell, ".timer on\n1;", capsys)[0].splitlines()[-1].count(" s: ") == 1
+
+
+# --- dot commands --------------------------------------------------------------------------------------
+
+
+def test_help_names_every_command_and_has_an_example(shell: Shell, capsys) -> None:
+    out, _ = said(shell, ".help", capsys)
+    assert [line for line in COMMANDS if f"  {line} " not in out] == []
+    example = next(line for line in out.splitlines() if "SELECT" in line)
+    assert "rows, database" in said(shell, example, capsys)[0]
+    for name in COMMANDS:
+        assert said(shell, f".help {name}", capsys)[0].startswith(name)
+    assert said(shell, ".help connect by", capsys)[0].startswith("CONNECT BY: ")
+    assert said(shell, ".help len", capsys)[0].startswith("len(value)")
+    assert "did you mean 'len'?" in said(shell, ".help lenn", capsys)[1]
+
+
+def test_what_does_not_exist(shell: Shell, capsys) -> None:
+    for line, said_of_it in (
+        (".tabels", "did you mean '.tables'?"), (".engine oracle", "auto or database or native, not oracle"),
+        (".maximum 0", "N or off, not 0"), (".timer perhaps", "on or off"), (".timeout -1", "SECONDS or off, not -1"),
+        (".exit now", "takes nothing"), (".set x", ".set start"), (".attach staff", ".attach staff staff.db"),
+        (".attach staff nowhere.db", "no file nowhere.db"), (".load nowhere.py", "no file nowhere.py"),
+        (".read nowhere.ss", "nowhere.ss cannot be read"), (".sql", "nothing has run yet"), (".plot", "no result"),
+        (".tables nowhere", "nowhere"), (".attach w nowhere:world", "nowhere"), (".load", ".load functions.py"),
+    ):  # fmt: skip
+        out, err = said(shell, line, capsys)
+        assert out == "", line
+        assert err.startswith("error"), line
+        assert said_of_it in err, line
+
+
+def test_every_setting_shows_and_takes_what_it_shows(shell: Shell, capsys) -> None:
+    for name in SETTINGS:
+        shown = said(shell, f".{name}", capsys)[0].split()[1]
+        assert said(shell, f".{name} {shown}", capsys) == ("", f"{name}: {shown}\n")
+    assert shell.settings == Settings()
+
+
+def test_variables(shell: Shell, capsys) -> None:
+    assert said(shell, ".variables", capsys)[0].startswith("there are no variables")
+    said(shell, ".set start [[2, 1], [], []]\n.set name Ada", capsys)
+    assert shell.session.variables() == {"name": "Ada", "start": [[2, 1], [], []]}
+    out, _ = said(shell, ".variables", capsys)
+    assert [line.split()[0] for line in out.splitlines()] == ["name", "start"]
+
+
+def test_tables_of_a_file(shell: Shell, capsys) -> None:
+    assert said(shell, ".tables", capsys)[0].startswith("there are no tables")
+    with sqlite3.connect("staff.db") as connection:
+        connection.executescript("CREATE TABLE staff(id, name); INSERT INTO staff VALUES (1, 'Ada')")
+    connection.close()
+    assert said(shell, ".attach work staff.db", capsys) == ("", "tables: work.staff\n")
+    assert said(shell, ".tables", capsys)[0].split() == ["work.staff", "id,", "name"]
+    assert said(shell, ".tables work.staff", capsys)[0].splitlines()[0] == "FROM work.staff"
+    assert "│ Ada  │" in said(shell, "SELECT name FROM work.staff;", capsys)[0]
+
+
+def test_objects_of_modules(shell: Shell, folder: Path, capsys) -> None:
+    (folder / "somewhere.py").write_text("people = [{'name': 'Ada'}]\n")
+    for line in (".attach people somewhere:people", ".attach people=somewhere:people"):
+        assert said(shell, line, capsys)[1].startswith("people: list")
+    assert "│ Ada  │" in said(shell, "SELECT name FROM people;", capsys)[0]
+
+
+def test_functions(shell: Shell, capsys) -> None:
+    said(shell, ".load functions.py", capsys)
+    out, _ = said(shell, ".functions", capsys)
+    lines = [line.strip() for line in out.splitlines()]
+    assert lines[:2] == ["broken(x)", "twice(x)   Twice the value."]  # the user's own come first
+    assert any(line.startswith("len(value)") for line in lines)
+    assert any(line.startswith("plane(") for line in lines)
+    assert said(shell, ".functions twice", capsys)[0].split() == ["twice(x)", "Twice", "the", "value."]
+
+
+def test_a_file_is_read_up_to_its_first_error(shell: Shell, folder: Path, capsys) -> None:
+    (folder / "inner.ss").write_text("a = 1;\n.format json\nb = zz;\nc = 3;\n")
+    (folder / "outer.ss").write_text(".read inner.ss\nd = 4;\n")
+    out, err = said(shell, ".read outer.ss\ne = 5;", capsys)
+    assert out == ""
+    assert err.startswith("a = 1\nformat: json\nerror[R001]")
+    assert " --> inner.ss:3:5" in err
+    assert shell.session.variables() == {"a": 1}
+    (folder / "circle.ss").write_text(".read circle.ss")
+    assert "reads itself" in said(shell, ".read circle.ss", capsys)[1]
+
+
+def test_sql_and_explain_of_the_last_statement_or_of_a_script(shell: Shell, capsys) -> None:
+    said(shell, "SELECT this FROM [1, 2] WHERE this > 1;", capsys)
+    out, _ = said(shell, ".sql", capsys)
+    assert "this.this > 1" in out
+    assert "-- :p1 = [1, 2]" in out
+    assert "engine: database" in said(shell, ".explain", capsys)[0]
+    assert "this < 3" in said(shell, ".sql SELECT this FROM range(9) WHERE this < 3;", capsys)[0].replace(
+        '"range".', ""
+    )
+    assert "SELECT a FROM b" in said(shell, ".explain SELECT a FROM b;", capsys)[0]
+    said(shell, "1 + 1;", capsys)
+    assert "no query" in said(shell, ".sql", capsys)[0]
+    said(shell, "SELECT zz FROM range(2);", capsys)
+    assert "error[R001]" not in said(shell, ".explain", capsys)[1]  # zz is a parameter then
+
+
+def test_plot_writes_a_file(shell: Shell, folder: Path, capsys, monkeypatch) -> None:
+    pytest.importorskip("matplotlib").use("agg")
+    said(shell, "SELECT this, to(this ^ 2, square) FROM range(4);", capsys)
+    assert said(shell, ".plot squares.png line", capsys) == ("", "written to squares.png\n")
+    assert (folder / "squares.png").read_bytes().startswith(b"\x89PNG")
+    for name in ("plot.png", "plot-2.png"):  # no picture takes the place of another
+        assert said(shell, ".plot", capsys)[1] == f"written to {name}\n"
+    assert "x.gif" in said(shell, ".plot x.gif", capsys)[1]
+    assert "cannot be written" in said(shell, ".plot nowhere/x.png", capsys)[1]
+
+
+def test_exit(shell: Shell) -> None:
+    with pytest.raises(Leave):
+        shell.run("1;\n.exit\n2;")
+
+
+# --- pipes ---------------------------------------------------------------------------------------------
+
+
+def piped(text: str, *options: str) -> Result:
+    answer = CliRunner().invoke(main, ["repl", *options], input=text)
+    assert answer.exception is None or isinstance(answer.exception, SystemExit)
+    return answer
+
+
+def test_statements_come_from_a_pipe() -> None:
+    answer = piped("x = 1;\nSELECT this\n  FROM [x];\n.set y 2\nx + y", "--format", "json")
+    assert answer.stdout == '[{"this": 1}]\n3\n'
+    assert (answer.exit_code, answer.stderr) == (0, "x = 1\ny = 2\n")
+    assert piped("").stdout == ""
+
+
+def test_a_pipe_goes_on_after_an_error_and_ends_with_code_1() -> None:
+    answer = piped("a = 1;\nb = zz;\nc = 3; d = zz;\n\n 'open;\na + c;\n")
+    assert answer.stdout == "4\n"
+    assert [line for line in answer.stderr.splitlines() if "-->" in line] == [
+        " --> <stdin>:2:5", " --> <stdin>:3:12", " --> <stdin>:5:2"]  # fmt: skip
+    assert answer.exit_code == 1
+
+
+def test_a_pipe_ends_at_exit() -> None:
+    assert piped("1;\n.exit\n2;").stdout == "1\n"
+
+
+def test_options_of_run_are_those_of_the_shell() -> None:
+    options = ["--functions", "functions.py", "-p", "n", "[1, 2]", "--engine", "native", "--show", "1"]
+    lines = piped("twice(3); SELECT this FROM n;", *options).stdout.splitlines()
+    assert (lines[0], lines[-1]) == ("6", "2 rows, the first 1 shown, native")
+    lines = piped(".timeout\n.maximum\n", "--timeout", "3", "--maximum", "4").stdout.splitlines()
+    assert [line.split()[:2] for line in lines] == [["timeout:", "3"], ["maximum:", "4"]]
+
+
+def test_a_statement_runs_before_the_pipe_ends(shell: Shell, capsys) -> None:
+    seen: list[str] = []
+
+    class Stream(io.RawIOBase):
+        lines = iter([b"1;\n", b"2\n", b";\n"])
+
+        def __iter__(self):
+            return self
+
+        def __next__(self):
+            seen.append(capsys.readouterr().out)
+            return next(self.lines)
+
+    run_piped(shell, Stream())  # type: ignore[arg-type]
+    assert seen == ["", "1\n", "", "2\n"]
+
+
+def test_a_long_statement_is_not_read_again_with_every_line(shell: Shell, capsys, monkeypatch) -> None:
+    cuts = []
+    monkeypatch.setattr("ss2sql.shell.piped.pieces", lambda text: cuts.append(text) or pieces(text))
+    run_piped(shell, io.BytesIO(b"x = [\n" + b"1,\n" * 1000 + b"1];\n"))
+    assert len(cuts) <= 2
+    assert capsys.readouterr().err.startswith("x = [1, 1, 1")
+
+
+def test_text_that_is_no_text() -> None:
+    answer = piped(b"1;\n\xff;\n")  # type: ignore[arg-type]
+    assert (answer.exit_code, answer.stdout) == (1, "1\n")
+    assert "line 2 of the standard input cannot be read" in answer.stderr
+
+
+def test_as_a_process() -> None:
+    command = [sys.executable, "-m", "ss2sql.cli", "repl"]
+    answer = subprocess.run(command, input="1 + 1;\n", capture_output=True, text=True, timeout=60)
+    assert (answer.returncode, answer.stdout, answer.stderr) == (0, "2\n", "")
+
+
+def test_ctrl_c_ends_a_pipe(folder: Path) -> None:
+    (folder / "begun.py").write_text("from pathlib import Path\ndef begun():\n    Path('begun').touch()\n")
+    command = [sys.executable, "-m", "ss2sql.cli", "repl", "--functions", "begun.py"]
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with subprocess.Popen(command, text=True, **pipes) as answer:
+        try:
+            answer.stdin.write(f"begun(); {ENDLESS} 7;\n8;\n")
+            answer.stdin.flush()
+            for _ in range(600):
+                if (folder / "begun").exists():
+                    break
+                time.sleep(0.05)
+            time.sleep(0.2)
+            answer.send_signal(signal.SIGINT)
+            out, err = answer.communicate(timeout=60)
+        finally:
+            answer.kill()
+    assert answer.returncode == 130
+    assert err.startswith("cancelled\n")
+    assert out.splitlines()[-1].endswith(", cancelled")
+
+
+# --- the history's file --------------------------------------------------------------------------------
+
+
+def test_the_history_is_for_its_owner_alone(folder: Path) -> None:
+    before = os.umask(0)
+    try:
+        path = history.history_file()
+    finally:
+        os.umask(before)
+    assert path == folder / "state" / "ss2sql" / "history"
+    assert stat.S_IMODE(path.stat().st_mode) == 0o600
+    assert stat.S_IMODE(path.parent.stat().st_mode) == 0o700
+    path.chmod(0o644)
+    assert stat.S_IMODE(history.history_file().stat().st_mode) == 0o600
+
+
+def test_the_history_follows_no_link(folder: Path) -> None:
+    path = history.history_file()
+    path.unlink()
+    (folder / "other").write_text("precious")
+    path.symlink_to(folder / "other")
+    with pytest.raises(OSError, match="history"):
+        history.history_file()
+    assert (folder / "other").read_text() == "precious"
+
+
+def test_the_history_is_in_the_home_where_xdg_says_nothing(folder: Path, monkeypatch) -> None:
+    monkeypatch.setenv("HOME", str(folder))
+    for value in ("", "relative/folder"):
+        monkeypatch.setenv("XDG_STATE_HOME", value)
+        assert history.state_folder() == folder / ".local" / "state" / "ss2sql"
+
+
+def test_the_history_does_not_grow_for_ever(monkeypatch) -> None:
+    from prompt_toolkit.history import FileHistory
+
+    monkeypatch.setattr(history, "KEPT", 10)
+    path = history.history_file()
+    for number in range(25):
+        FileHistory(str(path)).store_string(f"{number};\n{number} again;")
+    kept = list(FileHistory(str(history.history_file())).load_history_strings())
+    assert kept == [f"{number};\n{number} again;" for number in range(24, 14, -1)]
+
+
+def test_what_begins_with_a_blank_is_not_kept() -> None:
+    assert [history.is_kept(text) for text in ("1;", " 1;", "", "\n")] == [True, False, False, False]
