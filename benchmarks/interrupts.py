@@ -2,8 +2,8 @@
 
     .venv/bin/python benchmarks/interrupts.py [PRESSES]
 
-For each kind of run it prints the median and the worst time until the run has ended, by the clock, and in seconds of the
-processor, in which other programs on the machine do not count.
+For each kind of run it prints the median and the worst time until the run has ended: by the clock, and in seconds of
+the processor, in which other programs on the machine do not count.
 """
 
 from __future__ import annotations

@@ -207,7 +207,7 @@ def test_what_is_no_run_is_finished_first(file: Path, staff: Path) -> None:
     world = NumberWorld()
     for line in range(1, 1500, 100):
         ss = ss2sql.connect()
-        error, _ = press_at(line, lambda ss=ss: ss.attach("numbers", world))
+        press_at(line, lambda ss=ss: ss.attach("numbers", world))
         here = ss.host.names.worlds.keys()
         assert here == {"numbers"} if ss.host.world_functions else not here
         assert ("numbers" in ss.tables()) == bool(here)

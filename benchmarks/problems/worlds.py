@@ -83,6 +83,30 @@ def scan_of_client(size: int) -> Work:
     return Work(run)
 
 
+def scan_with_lists(size: int) -> Work:
+    client, _ = simulation(size)
+    import pybullet
+
+    number = client._client
+    where, dynamics, joints = pybullet.getBasePositionAndOrientation, pybullet.getDynamicsInfo, pybullet.getNumJoints
+    info, id_at = pybullet.getBodyInfo, pybullet.getBodyUniqueId
+
+    def run() -> list[Any]:
+        rows = []
+        count = pybullet.getNumBodies(physicsClientId=number)
+        for body in sorted([id_at(place, physicsClientId=number) for place in range(count)]):
+            name = info(body, physicsClientId=number)[1].decode() or f"body_{body}"
+            mass = dynamics(body, -1, physicsClientId=number)[0]
+            for link in range(joints(body, physicsClientId=number)):
+                mass += dynamics(body, link, physicsClientId=number)[0]
+            pos, quat = where(body, physicsClientId=number)
+            x, y, z = pos
+            rows.append((body, name, mass, x, y, z, list(pos), list(quat)))
+        return rows
+
+    return Work(run)
+
+
 def look_up(size: int) -> Work:
     client, ids = simulation(size)
     import pybullet
@@ -115,7 +139,27 @@ def near(size: int) -> Work:
     return Work(run)
 
 
+def near_asking(size: int) -> Work:
+    """The nested loop, with positions asked for in it."""
+    client, _ = simulation(size)
+    import pybullet
+
+    number, where = client._client, pybullet.getBasePositionAndOrientation
+
+    def run() -> list[Any]:
+        count = pybullet.getNumBodies(physicsClientId=number)
+        ids = sorted([pybullet.getBodyUniqueId(place, physicsClientId=number) for place in range(count)])
+
+        def at(body: int) -> Any:
+            return where(body, physicsClientId=number)[0]
+
+        return [(a, b) for a in ids for b in ids if a != b and dist(at(a), at(b)) <= 1]
+
+    return Work(run)
+
+
 COLUMNS = "SELECT id, x, y, z, vx, vy, vz, mass FROM space AS rows;"
+LISTS = "SELECT id, name, mass, x, y, z, pos, quat FROM space AS rows;"
 BY_ID = "SELECT b.mass FROM a = wanted, b = space WHERE b.id == a.this AS rows;"
 NEAR = "SELECT a.id, b.id FROM a = space, b = space WHERE a.id != b.id AND distance(a.this, b.this) <= 1 AS rows;"
 
@@ -137,10 +181,18 @@ PROBLEMS = (
         Target(1.5), Target(1.5, contender="native"),
     ),
     problem(
+        "scan-lists", "8 columns with names and lists, beside a loop over the functions of the module", 2_000, LISTS,
+        scan_with_lists, Target(2.0), Target(2.0, contender="native"),
+    ),
+    problem(
         "lookup", "the mass of each body by its id, in a join", 2_000, BY_ID, look_up,
         Target(0.02, None), Target(0.02, None, "native"),
     ),
     problem(
         "near", "pairs within 1 m, beside a nested loop over positions that were asked for once", 1_000, NEAR, near,
+    ),
+    problem(
+        "near-asking", "the same, beside a nested loop that asks for each position", 1_000, NEAR, near_asking,
+        Target(0.02), Target(0.02, contender="native"),
     ),
 )  # fmt: skip

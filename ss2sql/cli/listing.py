@@ -25,22 +25,6 @@ if TYPE_CHECKING:
 
 Entry: TypeAlias = dict[str, str]  # the first key is the name; the last is text that may be long
 
-WHAT_REWRITES_DO = {
-    "inline": "puts the expression that a function returns in the place of its call",
-    "fold": "computes what is made of constants before the query runs",
-    "unnest": "makes conditions of a nested query over a known list, and reads constant texts for eval",
-    "split": "flattens AND and OR, moves NOT inwards, drops repeated parts, makes IN of several ==",
-    "near": "asks a world only for the box around a point where distance(this, point) <= 1",
-    "early": "asks conditions that can fail as soon as their sources are bound",
-    "hoist": "computes a call or nested query once for the sources that it depends on",
-    "lookup": "looks up the rows that a step of a search can go to",
-    "positions": "reads this[0] of short lists as a column of their source",
-    "cells": "finds grid[y][x], and [x, y] IN points, by its place in a BLOB",
-    "late": "asks SQLite for the keys of a world's elements, and reads what is shown of them afterwards",
-    "memo": "remembers calls of immutable and stable functions while a query runs",
-    "remember": "keeps the graphs of MEMORIZE in the session's file",
-}
-
 
 # --- what there is -------------------------------------------------------------------------------------
 
@@ -106,7 +90,9 @@ def _errors() -> Iterable[Entry]:
 
 
 def _rewrites() -> Iterable[Entry]:
-    for name, text in WHAT_REWRITES_DO.items():
+    from ss2sql.runtime.session import SWITCHES
+
+    for name, text in SWITCHES.items():
         yield {"name": name, "text": text}
 
 

@@ -23,9 +23,10 @@ from ss2sql.explained.facts import (
 from ss2sql.explained.outline import OutlinedQuery, OutlinedStatement
 from ss2sql.explained.python_plan import plan_in_python
 from ss2sql.explained.sqlite_plan import plan_of
-from ss2sql.explained.words import REWRITES, cut, search_words
+from ss2sql.explained.words import cut, search_words
 from ss2sql.frontend.inline import Body
 from ss2sql.frontend.inliner import Site
+from ss2sql.lowering.rewrites import REWRITES
 from ss2sql.lowering.rewrites.inline import sites
 from ss2sql.runtime.functions import UserFunction
 from ss2sql.runtime.memorize.reverse import reverse_of
@@ -61,7 +62,7 @@ def _query(outlined: OutlinedQuery, stats: Stats | None) -> QueryFacts:
         reason="all of it can be said in SQL" if lowered else outlined.reason,
         cures=() if lowered else tuple(filter(None, map(_cure, outlined.cures))),
         search=search_words(query),
-        rewrites={name: REWRITES[name] for name in outlined.rewrites},
+        rewrites={name: REWRITES[name].done for name in outlined.rewrites},
         functions=tuple(_functions(outlined, stats)),
         notes=tuple(_notes(outlined, stats)),
         warnings=tuple(endless(query)) if stats is None else (),

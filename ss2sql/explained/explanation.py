@@ -25,6 +25,10 @@ class Explanation(str):
         self.facts = facts
         return self
 
+    def __repr__(self) -> str:
+        """The text itself: what a shell or a notebook shows of it."""
+        return str(self)
+
     def as_dict(self) -> dict[str, Any]:
         """Everything that the text says, and SQLite's own words, as dicts, lists, numbers, texts and None."""
         made: dict[str, Any] = _with_lists(asdict(self.facts))

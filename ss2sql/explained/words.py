@@ -5,20 +5,6 @@ from __future__ import annotations
 from ss2sql import plan
 from ss2sql.lowering.strategies import guard_of, order_of
 
-REWRITES = {
-    "inline": "calls of Python functions became the expressions that they compute",
-    "fold": "what is made of constants alone was computed beforehand",
-    "unnest": "a nested query over a list that is known became plain conditions",
-    "split": "conditions were taken apart, so that each is asked as early as possible",
-    "near": "a distance became ranges of coordinates, which the world is asked for",
-    "early": "conditions that can fail are asked as soon as their sources are known",
-    "hoist": "calls that depend on the first sources alone are made once for each of their rows",
-    "lookup": "what a step must equal is looked up, not found by trying all",
-    "positions": "elements of short lists are read as columns",
-    "cells": "indexes into lists of numbers became places in a block of bytes",
-    "late": "SQLite finds keys of a world alone; the columns that are shown are read of these",
-}
-
 STAGES = {
     "parse": "the text becomes a tree",
     "resolve": "names get their meanings and types",

@@ -91,8 +91,8 @@ def lower(
         select.set("with_", exp.With(expressions=copies_of(selects.copies)))
     read_late: Late | None = None
     if shown_late:
-        keys_alone = sql.with_outputs(select, list(shown_late.values()))
-        read_late = late(query, tuple(shown_late), dialect.print(keys_alone))
+        select = sql.with_outputs(select, list(shown_late.values()))
+        read_late = late(query, tuple(shown_late))
         needs.applied["late"] = None
     return SqlQuery(
         query,

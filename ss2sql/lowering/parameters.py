@@ -158,8 +158,8 @@ class SqlQuery:
     say what SQL has done of ORDER BY and LIMIT. `plain` are the parameters whose handles stand for all values
     that equal theirs, as long as no other form of such a value turns up. `ahead` says that something may be
     evaluated that the language would not evaluate, so that what fails may be no error; `plain_rows` that the
-    rows consist of numbers, strings and None. `snapshot` is that of worlds, `late` what runs where their columns are
-    read when the rows are there. `applied` names the rewrites that lowering has applied.
+    rows consist of numbers, strings and None. `snapshot` is that of worlds, `late` what makes the rows where the
+    statement gives keys of worlds alone. `applied` names the rewrites that lowering has applied.
     """
 
     query: plan.Query

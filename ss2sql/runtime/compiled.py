@@ -180,7 +180,8 @@ class CompiledQuery:
         return self.bounded
 
     def _scout(self, query: plan.Query) -> SqlQuery:
-        return lower(query, self.host.sql_names, careful=True, disabled=self.host.disabled)
+        # A scout wants the values themselves.
+        return lower(query, self.host.sql_names, careful=True, disabled={*self.host.disabled, "late"})
 
     def _most(self, run: Run) -> int | None:
         expr = self.query.search.maximum if self.query.search else None

@@ -305,7 +305,7 @@ class Database:
         cursor = self.connection.cursor()
         try:
             late = lowered.late
-            cursor.execute(lowered.text if late is None else late.text, values)
+            cursor.execute(lowered.text, values)
             plain, searches = lowered.plain_rows, lowered.query.search is not None
             if (plain or not searches) and not lowered.keys and not lowered.orders:
                 # The rows are all that is wanted. Plain ones, and ends of paths, are what SQLite gives as it is.

@@ -35,7 +35,11 @@ from ss2sql.vtables.describe import described, tables_in_sight
 from ss2sql.vtables.frames import reader_of
 
 F = TypeVar("F", bound=Callable[..., Any])
-SWITCHES = ("memo", "remember", *REWRITES)
+SWITCHES = {  # what `disable` switches off
+    **{name: rewrite.does for name, rewrite in REWRITES.items()},
+    "memo": "remembers calls of immutable and stable functions while a query runs",
+    "remember": "keeps the graphs of MEMORIZE in the session's file",
+}
 
 
 def connect(

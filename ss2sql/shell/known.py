@@ -147,7 +147,7 @@ class Known:
     def _rows(self, text: str, bindings: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
         try:
             return self.host.connection.execute(text, bindings).fetchall()
-        except apsw.Error:  # somebody writes the file just now: the script will say so
+        except apsw.Error:  # a view of a table that is gone, for instance: the script will say so
             return []
 
 

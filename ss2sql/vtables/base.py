@@ -125,21 +125,23 @@ class Where(dict[str, Filter]):
 class Table:
     """One kind of elements of a world. An adapter derives a class and declares it in `World.tables`.
 
-    `groups` maps the name of a method to the columns that it gives: `{"pose": "x y z"}` needs `def pose(self, key)`,
-    which returns their values in this order; a group of one column returns the value itself. Every column is in one
-    group, but the one named by `key`, which is the key itself. Without a `key` column, keys may be any hashable value,
-    for example a pair of numbers.
+    `groups` maps the name of a method to the columns that it gives: `{"pose": "x y z"}` needs `def pose(self,
+    key)`, which returns their values in this order; a group of one column returns the value itself. Where a value
+    is a tuple, `{"pose": "pos(x=posX y z) quat"}` names what is in it: `pos` is the list, `x` and `posX` its first
+    value. Every column is in one group, but the one named by `key`, which is the key itself. Without a `key`
+    column, keys may be any hashable value, for example a pair of numbers.
 
-    `arrays` does the same for simulators that hold everything in arrays: `def pose(self, keys)` gets the keys of all
-    elements that are wanted and returns one array per column (a group of one column: the array itself). `blocks` does
-    it for simulators that answer quickly, with values that are numbers, strings or None of just the declared types:
-    `def pose(self, keys)` gets the keys of the next few elements and returns a list of tuples, one for each. These
-    values are taken as they are; only that floats lie within 1e100 is looked after.
+    `arrays` does the same for simulators that hold everything in arrays: `def pose(self, keys)` gets the keys of
+    all elements that are wanted and returns one array per column (a group of one column: the array itself).
+    `blocks` does it for simulators that answer quickly, with values that are numbers, strings or None of just the
+    declared types: `def pose(self, keys)` gets the keys of the next few elements and returns a list of tuples, one
+    for each (a block of one column: a list of values). These values are taken as they are; only that floats lie
+    within 1e100 is looked after.
 
     `places` says what stands where: `{"this": "x y z", "pos": "x y z"}`. With "this" the world promises that its
     function `distance` measures the straight way from the point [x, y, z] of an element, to a point, to one of two
-    numbers on the floor plan, or to another element that has a place; any other name is a list column that holds just
-    this point. What is near something is then asked of `keys` by ranges of x, y and z.
+    numbers on the floor plan, or to another element that has a place; any other name is a list column that holds
+    just this point. What is near something is then asked of `keys` by ranges of x, y and z.
     """
 
     name: ClassVar[str] = ""

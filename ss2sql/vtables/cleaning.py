@@ -157,10 +157,21 @@ def _lists(kinds: Sequence[Type], giver: str) -> Clean:
 _TESTS = {
     Kind.FLOAT: "type({0}) is float and LOW <= {0} <= HIGH",
     Kind.INT: "type({0}) is int and LEAST <= {0} <= GREATEST",
-    Kind.STR: "type({0}) is str and {0}.isascii()",
+    Kind.STR: "type({0}) is str and ({0}.isascii() or WRITTEN({0}))",
     Kind.BOOL: "({0} is True or {0} is False)",
 }
-_LIMITS = {"LOW": -LARGEST, "HIGH": LARGEST, "LEAST": INT_MIN, "GREATEST": INT_MAX}
+
+
+def can_be_written(text: str) -> bool:
+    """Whether a text can be written as UTF-8."""
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+_NAMES = {"LOW": -LARGEST, "HIGH": LARGEST, "LEAST": INT_MIN, "GREATEST": INT_MAX, "WRITTEN": can_be_written}
 
 
 Kinds: TypeAlias = "tuple[Kind | tuple[Kind, ...], ...]"  # of values; a tuple for one that is a tuple itself
@@ -190,7 +201,7 @@ def quick_test(kinds: Kinds) -> Callable[[Any], bool] | None:
     except KeyError:
         return None
     lines.append(f" return {' and '.join(tests)}")
-    made: dict[str, Any] = dict(_LIMITS)
+    made: dict[str, Any] = dict(_NAMES)
     exec("\n".join(lines), made)  # a text of this file, with nothing in it from elsewhere
     return made["fits"]  # type: ignore[no-any-return]
 

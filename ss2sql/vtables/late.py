@@ -26,13 +26,12 @@ Cell: TypeAlias = tuple[int, int | None, Place | None]  # source, group; a key h
 
 @dataclass(frozen=True, slots=True)
 class Late:
-    """What makes the rows of a query from keys, which `text` asks for.
+    """What makes the rows of a query from keys, which its SQL asks for.
 
     `tables` are the tables of the sources, with the places where errors show them; `groups` are (source, group), in
     the order in which they are first shown.
     """
 
-    text: str
     tables: tuple[tuple[AttachedTable, Span], ...]
     groups: tuple[tuple[int, str], ...]
     cells: tuple[Cell, ...]
@@ -66,7 +65,7 @@ def late_columns(query: plan.Query) -> tuple[plan.Column, ...]:
     return tuple(keys.values()) if len(keys) < plain or plain < len(shown) else ()
 
 
-def late(query: plan.Query, keys: Sequence[plan.Column], text: str) -> Late:
+def late(query: plan.Query, keys: Sequence[plan.Column]) -> Late:
     """How the rows of a query are made of these keys."""
     worlds = {source.id: source for source in query.sources if isinstance(source, plan.WorldSource)}
     number_of = {key.source: number for number, key in enumerate(keys)}
@@ -84,7 +83,7 @@ def late(query: plan.Query, keys: Sequence[plan.Column], text: str) -> Late:
             number = groups.setdefault((source, group), len(groups))
             cells.append((source, number, schema.groups[group].places[expr.name]))
     tables = tuple((worlds[key.source].table, worlds[key.source].span) for key in keys)
-    return Late(text, tables, tuple(groups), tuple(cells))
+    return Late(tables, tuple(groups), tuple(cells))
 
 
 @cache

@@ -15,7 +15,7 @@ from typing import Any
 from ss2sql.errors import Error, ExecutionError, SessionError, Span, did_you_mean
 from ss2sql.kinds import Kind, Type
 from ss2sql.vtables.base import LARGEST, OPERATORS, Column, Element, Gone, Table, TableFunction, World, WorldFunction
-from ss2sql.vtables.cleaning import Clean, cleaner, kind_of, quick_test
+from ss2sql.vtables.cleaning import Clean, can_be_written, cleaner, kind_of, quick_test
 from ss2sql.vtables.layouts import Layout
 
 
@@ -192,7 +192,7 @@ class Schema:
         if all(isinstance(kind, tuple) and set(kind) <= _HAVE_SIZE for kind in kinds):
             return lambda rows: _within_limits(chain.from_iterable(rows))
         if kinds == (Kind.STR,):
-            return lambda rows: all(map(str.isascii, chain.from_iterable(rows)))
+            return lambda rows: can_be_written("".join(chain.from_iterable(rows)))
         fits = quick_test(kinds) or _never
         return lambda rows: all(map(fits, rows))
 

@@ -9,13 +9,11 @@ always does the same in its way.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from typing import TypeAlias
+from dataclasses import dataclass
 
 from ss2sql import plan
 from ss2sql.lowering.rewrites import fold, inline, near, split, unnest
 from ss2sql.lowering.rewrites.world import World
-
-Rewrite: TypeAlias = Callable[[plan.Query, World], plan.Query]
 
 
 def by_lowering(query: plan.Query, world: World) -> plan.Query:
@@ -23,18 +21,65 @@ def by_lowering(query: plan.Query, world: World) -> plan.Query:
     return query
 
 
+@dataclass(frozen=True, slots=True)
+class Rewrite:
+    """What a rewrite `does`, what is `done` to a query where it has fired, both in words, and how."""
+
+    does: str
+    done: str
+    apply: Callable[[plan.Query, World], plan.Query] = by_lowering
+
+
 REWRITES: dict[str, Rewrite] = {
-    "inline": inline.rewrite,
-    "fold": fold.rewrite,
-    "unnest": unnest.rewrite,
-    "split": split.rewrite,
-    "near": near.rewrite,
-    "early": by_lowering,
-    "hoist": by_lowering,
-    "lookup": by_lowering,
-    "positions": by_lowering,
-    "cells": by_lowering,
-    "late": by_lowering,
+    "inline": Rewrite(
+        "puts the expression that a function returns in the place of its call",
+        "calls of Python functions became the expressions that they compute",
+        inline.rewrite,
+    ),
+    "fold": Rewrite(
+        "computes what is made of constants before the query runs",
+        "what is made of constants alone was computed beforehand",
+        fold.rewrite,
+    ),
+    "unnest": Rewrite(
+        "makes conditions of a nested query over a known list, and reads constant texts for eval",
+        "a nested query over a list that is known became plain conditions",
+        unnest.rewrite,
+    ),
+    "split": Rewrite(
+        "flattens AND and OR, moves NOT inwards, drops repeated parts, makes IN of several ==",
+        "conditions were taken apart, so that each is asked as early as possible",
+        split.rewrite,
+    ),
+    "near": Rewrite(
+        "asks a world only for the box around a point where distance(this, point) <= 1",
+        "a distance became ranges of coordinates, which the world is asked for",
+        near.rewrite,
+    ),
+    "early": Rewrite(
+        "asks conditions that can fail as soon as their sources are bound",
+        "conditions that can fail are asked as soon as their sources are known",
+    ),
+    "hoist": Rewrite(
+        "computes a call or nested query once for the sources that it depends on",
+        "calls that depend on the first sources alone are made once for each of their rows",
+    ),
+    "lookup": Rewrite(
+        "looks up the rows that a step of a search can go to",
+        "what a step must equal is looked up, not found by trying all",
+    ),
+    "positions": Rewrite(
+        "reads this[0] of short lists as a column of their source",
+        "elements of short lists are read as columns",
+    ),
+    "cells": Rewrite(
+        "finds grid[y][x], and [x, y] IN points, by its place in a BLOB",
+        "indexes into lists of numbers became places in a block of bytes",
+    ),
+    "late": Rewrite(
+        "asks SQLite for the keys of a world's elements, and reads what is shown of them afterwards",
+        "SQLite finds keys of a world alone; the columns that are shown are read of these",
+    ),
 }
 
 
@@ -46,7 +91,7 @@ def optimise(
     changed: list[str] = []
     for name, rewrite in REWRITES.items():
         if name not in disabled:
-            before, query = query, rewrite(query, world)
+            before, query = query, rewrite.apply(query, world)
             if query is not before:
                 changed.append(name)
     return query, tuple(changed)

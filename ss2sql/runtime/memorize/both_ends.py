@@ -17,8 +17,8 @@ from itertools import islice
 from typing import Any
 
 from ss2sql.errors import Stopped
+from ss2sql.runtime.memorize.hunt import Hunt, Steps
 from ss2sql.runtime.memorize.pieces import Last, Pieces, State
-from ss2sql.runtime.native.searches.step import Hunt, Steps
 from ss2sql.runtime.run import Level
 from ss2sql.runtime.values import freeze
 

@@ -20,7 +20,7 @@ from typing import Any, TypeAlias
 from ss2sql.runtime.memorize.bounds import Bounds, Way
 from ss2sql.runtime.memorize.by_length import PATIENCE, paths_by_length
 from ss2sql.runtime.memorize.graph import Graph
-from ss2sql.runtime.native.searches.step import Place, Trail
+from ss2sql.runtime.ways import Place, Trail
 
 # Bound, path as edges, whether the path goes on; then its total, its last node, its place, and the way that is known to
 # give the bound. The first three differ always.

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from ss2sql.runtime.native.searches.step import Found
+from ss2sql.runtime.memorize.hunt import Found
 from ss2sql.runtime.rows import Row
 
 FAR = 2**62  # no goal can be reached

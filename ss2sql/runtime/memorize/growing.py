@@ -19,8 +19,8 @@ from ss2sql.runtime.memorize.both_ends import WayBack, balanced, way_back
 from ss2sql.runtime.memorize.by_length import paths_by_length
 from ss2sql.runtime.memorize.by_weight import paths_by_weight
 from ss2sql.runtime.memorize.graph import Graph
+from ss2sql.runtime.memorize.hunt import Choose, Found, Grow, Hunt, Node, Nodes, State, Steps
 from ss2sql.runtime.memorize.pieces import Last
-from ss2sql.runtime.native.searches.step import Choose, Found, Grow, Hunt, Node, Nodes, State, Steps
 from ss2sql.runtime.remembered.steps import Remembering
 from ss2sql.runtime.run import Level
 

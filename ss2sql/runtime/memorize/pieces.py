@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 from ss2sql.runtime.rows import Row
 
 if TYPE_CHECKING:
-    from ss2sql.runtime.native.searches.step import Step
+    from ss2sql.runtime.memorize.hunt import Step
 
 State: TypeAlias = tuple[Any, ...]
 Last: TypeAlias = tuple[Any, ...]  # the elements of a step and the state before it

@@ -25,8 +25,9 @@ from heapq import heappop, heappush
 from typing import Any
 
 from ss2sql.runtime.native.pace import SHORT, Parts, counts_of, steps_pace_of
-from ss2sql.runtime.native.searches.step import TAKEN, Trail, path_to
+from ss2sql.runtime.native.searches.best_first import TAKEN
 from ss2sql.runtime.native.step_code import StepCode
+from ss2sql.runtime.ways import Trail, path_to
 
 # The first `yield` is where START WITH and the sources that are read once have been evaluated.
 FRAME = """

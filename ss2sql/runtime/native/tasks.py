@@ -9,9 +9,10 @@ from itertools import islice
 from typing import Any
 
 from ss2sql import plan
+from ss2sql.runtime.memorize.hunt import Found, Hunt
 from ss2sql.runtime.memorize.pieces import Pieces
 from ss2sql.runtime.native.endings import Ending, Form, too_many
-from ss2sql.runtime.native.searches import SEARCHES, Found, Hunt
+from ss2sql.runtime.native.searches import SEARCHES
 from ss2sql.runtime.rows import Row, Rows
 from ss2sql.runtime.run import Run
 

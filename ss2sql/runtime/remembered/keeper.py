@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from ss2sql import plan
 from ss2sql.errors import Error, Stopped
+from ss2sql.runtime.memorize.hunt import Hunt
 from ss2sql.runtime.messages import show
-from ss2sql.runtime.native.searches.step import Hunt
 from ss2sql.runtime.remembered.graph import Clause, Described, GraphInFile
 from ss2sql.runtime.remembered.keys import Keys, calls_functions, costs_nothing, follows_state
 from ss2sql.runtime.remembered.steps import Remembering, tell

@@ -14,8 +14,8 @@ from typing import Any, TypeAlias
 import apsw
 
 from ss2sql.errors import ExecutionError, Stopped
+from ss2sql.runtime.memorize.hunt import Hunt, Step
 from ss2sql.runtime.memorize.pieces import Last, Pieces, State
-from ss2sql.runtime.native.searches.step import Hunt, Step
 from ss2sql.runtime.remembered.graph import MOST_HELD, Edge, GraphInFile, Node
 from ss2sql.runtime.remembered.store import spoilt
 from ss2sql.runtime.remembered.texts import NotKept
@@ -25,8 +25,8 @@ from ss2sql.runtime.run import Stats
 # Writing may take one part in so many of the time, so a search with many small levels writes several together.
 SHARE = 20
 PART = 0.5  # seconds after which a part of a level is written
-MOST_EDGES = 2_500  # that are written in one transaction, which takes 25 ms
-MOMENT = 0.02  # seconds after which a run that was stopped begins no other one
+MOST_EDGES = 1_500  # that are written in one transaction, which takes 15 ms
+MOMENT = 0.01  # seconds after which a run that was stopped begins no other one
 
 Ask: TypeAlias = Callable[[Node, Edge, Last, Row], Any]
 _IN_THE_WAY = (apsw.BusyError, apsw.LockedError, apsw.FullError, apsw.ReadOnlyError, apsw.IOError, apsw.CantOpenError)

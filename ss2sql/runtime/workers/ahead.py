@@ -13,8 +13,8 @@ from contextlib import contextmanager
 from typing import Any, TypeAlias
 
 from ss2sql.errors import Stopped
+from ss2sql.runtime.memorize.hunt import Hunt
 from ss2sql.runtime.memorize.pieces import Last, Pieces, State
-from ss2sql.runtime.native.searches.step import Hunt
 
 Elements: TypeAlias = Callable[[State], Iterable[Last]]
 

@@ -21,9 +21,9 @@ from typing import Any, TypeAlias
 from ss2sql import plan
 from ss2sql.errors import Stopped
 from ss2sql.runtime.functions import UserFunction
+from ss2sql.runtime.memorize.hunt import Hunt
 from ss2sql.runtime.memorize.pieces import State
 from ss2sql.runtime.native.calls import Result, checked_call, settle_calls
-from ss2sql.runtime.native.searches.step import Hunt
 from ss2sql.runtime.run import Run
 from ss2sql.runtime.workers.ahead import Ahead, Elements, PendingError
 from ss2sql.runtime.workers.child import NO_VALUE, pickled

@@ -1,7 +1,7 @@
 """The orders of search: one file each, and the table of what combines with what.
 
 An order is a text in Python, the loop of the search with words for the clauses of the query, see native/loop_code.py.
-`step.py` says what all share. MEMORIZE has a room of its own, `runtime/memorize/`, and asks for its steps one by one.
+MEMORIZE has a room of its own, `runtime/memorize/`; its text makes a level of the graph.
 """
 
 from __future__ import annotations
@@ -10,11 +10,10 @@ from collections.abc import Callable, Iterator
 
 from ss2sql import plan
 from ss2sql.runtime.memorize.growing import memorize, memorize_weighted
+from ss2sql.runtime.memorize.hunt import Found, Hunt
 from ss2sql.runtime.native.searches.best_first import BEST_FIRST, BEST_FIRST_UNIQUE
 from ss2sql.runtime.native.searches.breadth_first import BREADTH_FIRST
 from ss2sql.runtime.native.searches.depth_first import DEPTH_FIRST
-from ss2sql.runtime.native.searches.step import Found as Found
-from ss2sql.runtime.native.searches.step import Hunt as Hunt
 
 SEARCHES: dict[tuple[plan.Order, plan.Repeats], str | Callable[[Hunt], Iterator[Found]]] = {
     ("depth first", "allowed"): DEPTH_FIRST,

@@ -8,6 +8,8 @@ follow each other, so there is one entry for both.
 
 from textwrap import indent
 
+TAKEN = -2  # less than every total
+
 # Every path, or with NO CYCLE every path on which no row occurs twice.
 BEST_FIRST = """
 queue = []

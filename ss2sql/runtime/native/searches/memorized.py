@@ -1,7 +1,7 @@
 """The steps from the states of one level for MEMORIZE, which makes nodes and edges of its graph of them.
 
 `level` has the numbers of the nodes that are expanded with the states behind them; what is returned are those of the
-next level that go on. See `Grow` in step.py and the graph in memorize/graph.py.
+next level that go on. See `Grow` in memorize/hunt.py and the graph in memorize/graph.py.
 """
 
 GROW = """

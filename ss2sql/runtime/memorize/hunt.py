@@ -1,4 +1,4 @@
-"""What all orders of search share: steps, the way back from a step to the start, and the path of NO CYCLE."""
+"""One run of a search with MEMORIZE, and what its parts hand to each other: steps, levels, results."""
 
 from __future__ import annotations
 
@@ -57,57 +57,3 @@ class Hunt:
     pieces: Pieces | None = None
     flush: Callable[[], None] = lambda: None
     keyed: bool = True
-
-
-# A step with the way back: that of the step before it (None: the start), its row. Paths share their beginnings, so that
-# the cost of a step does not depend on the length of its path.
-Way: TypeAlias = tuple[Any, Row]
-
-# The same with its frozen row and its depth: what `Trail` asks for.
-Place: TypeAlias = tuple[Any, Row, Hashable, int]
-
-
-def path_to(way: Way | Place | None) -> tuple[Row, ...]:
-    """The rows from the start to the end of a way.
-
-    They are a tuple, for the garbage collector soon leaves tuples of plain rows alone, but not lists. Where there are
-    many paths, a third of the time of a search went into looking through them.
-    """
-    rows: list[Row] = []
-    while way is not None:
-        rows.append(way[1])
-        way = way[0]
-    return tuple(rows[::-1])
-
-
-class Trail:
-    """The frozen rows on the path to one place, for NO CYCLE.
-
-    The set of rows follows the search from place to place: it gives up what lies only on the old path and
-    takes what lies only on the new one. In depth-first order that is a row or two for each move, and in no
-    order more than the two paths.
-    """
-
-    def __init__(self) -> None:
-        self.keys: set[Hashable] = set()
-        self._place: Place | None = None
-
-    def move_to(self, place: Place | None) -> None:
-        """Makes `keys` those of the path to a place."""
-        old, new = self._place, place
-        self._place = place
-        gained: list[Hashable] = []
-        while old is not new:
-            # The deeper of the two goes back a step, until both are the same place.
-            if new is None or (old is not None and old[3] >= new[3]):
-                assert old is not None
-                self.keys.discard(old[2])
-                old = old[0]
-            else:
-                gained.append(new[2])
-                new = new[0]
-        self.keys.update(gained)
-
-
-# Less than every total.
-TAKEN = -2
