@@ -241,6 +241,10 @@ def test_the_engine_is_chosen() -> None:
     assert "error[U001]" in bad(1, "run", "-e", "SELECT eval(this) FROM ['1'];", "--engine", "database")
 
 
+def test_an_unknown_function_may_be_in_a_file() -> None:
+    assert "--functions FILE.py; 'ss2sql list functions' lists the known ones" in call("run", "-e", "foo(1)").stderr
+
+
 # --- how a run ends ------------------------------------------------------------------------------------
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import os
 from collections import Counter
 from math import dist, hypot, pi
@@ -29,7 +28,6 @@ from bullet_rooms import (
     stir,
     values,
 )
-from pages import ROOT
 
 from ss2sql.scenes import Sensor, chaos
 from ss2sql.scenes.bullet import connect
@@ -369,13 +367,3 @@ def test_a_scene_brings_names_forces_and_its_clock(client: Any) -> None:
     assert set(seen) <= set(scene.names)
     assert len(seen) > 5
     assert max(values(session, "SELECT aabb[1][0] FROM space WHERE hasBody(this) AS list")) < 6
-
-
-def test_the_page_shows_what_is_declared() -> None:
-    spec = importlib.util.spec_from_file_location("generate", ROOT / "docs" / "generate.py")
-    assert spec is not None
-    assert spec.loader is not None
-    generate = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(generate)
-    page = (ROOT / "docs" / "pybullet.md").read_text("utf-8")
-    assert page == generate.world_page(page)

@@ -145,6 +145,7 @@ def test_an_error_shows_the_line_and_the_session_goes_on(shell: Shell, capsys) -
     ]  # fmt: skip
     assert ".set zz VALUE" in err or "known here" in err
     assert shell.failed
+    assert "help: load it with .load FILE.py; .functions lists the known ones" in said(shell, "foo(1);", capsys)[1]
     assert said(shell, "x;", capsys) == ("1\n", "")  # what stood behind the error has not run
 
 

@@ -57,7 +57,9 @@ def command(
                 _print(stopped.partial.explain(), form)
             raise
         result.value  # noqa: B018 - the time that AS takes is to be told, too
-        _print(result.explain(), form)
+        with beside_results():  # functions may print when they are called again
+            found = result.explain(levels=True)
+        _print(found, form)
 
 
 def _refuse_options_of_runs() -> None:

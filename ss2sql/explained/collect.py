@@ -20,6 +20,7 @@ from ss2sql.explained.facts import (
     ScriptFacts,
     StatementFacts,
 )
+from ss2sql.explained.levels import levels_of
 from ss2sql.explained.outline import OutlinedQuery, OutlinedStatement
 from ss2sql.explained.python_plan import plan_in_python
 from ss2sql.explained.sqlite_plan import plan_of
@@ -43,14 +44,16 @@ if TYPE_CHECKING:
 MOST_TEXT = 70  # characters of a value that is bound, and of what the script says
 
 
-def facts_of(outlined: Sequence[OutlinedStatement], result: Result | None, missing: Sequence[str] = ()) -> ScriptFacts:
-    """Everything about the statements, and about the run that has given a result."""
+def facts_of(
+    outlined: Sequence[OutlinedStatement], result: Result | None, missing: Sequence[str] = (), levels: bool = False
+) -> ScriptFacts:
+    """Everything about the statements, and about the run that has given a result, with its `levels` counted."""
     stats = None if result is None else result.stats
     statements = tuple(
         StatementFacts(statement.text, tuple(_query(query, stats) for query in statement.queries))
         for statement in outlined
     )
-    return ScriptFacts(statements, None if result is None else _run(result), tuple(missing))
+    return ScriptFacts(statements, None if result is None else _run(result, levels), tuple(missing))
 
 
 def _query(outlined: OutlinedQuery, stats: Stats | None) -> QueryFacts:
@@ -188,9 +191,10 @@ def _ends(query: plan.Query, stats: Stats | None, remembered: bool) -> Iterator[
 # --- the run -------------------------------------------------------------------------------------------
 
 
-def _run(result: Result) -> RunFacts:
+def _run(result: Result, by_level: bool) -> RunFacts:
     stats = result.stats
     rows = None if result.answer is None else result.answer.rows
+    levels, notes = _levels(result, by_level)
     return RunFacts(
         status=result.status,
         engine=result.engine,
@@ -200,12 +204,27 @@ def _run(result: Result) -> RunFacts:
         expanded=stats.expanded,
         pruned=stats.pruned,
         seconds=dict(stats.seconds),
-        levels=_levels(result),
-        notes=tuple(stats.notes),
+        levels=levels,
+        notes=(*stats.notes, *notes),
     )
 
 
-def _levels(result: Result) -> LevelTable | None:
+def _levels(result: Result, by_level: bool) -> tuple[LevelTable | None, tuple[str, ...]]:
+    """The levels of a search, counted where that is wanted, and why they could not be."""
+    counted = levels_of(result) if by_level and not result.stats.levels else "not wanted"
+    if isinstance(counted, str):
+        wanted = by_level and not result.stats.levels and result.stats.generated
+        return _known_levels(result), (f"steps are not counted by level: {counted}",) if wanted else ()
+    paths = None if result.answer is None else result.answer.rows.paths
+    results = Counter(lengths_of(paths or ()))
+    rows = tuple(
+        (number, level.generated, level.expanded, level.pruned, results[number])
+        for number, level in enumerate(counted, 1)
+    )
+    return LevelTable("the search by level", ("level", "generated", "expanded", "pruned", "results"), rows), ()
+
+
+def _known_levels(result: Result) -> LevelTable | None:
     """The graph of MEMORIZE by levels; of other searches the results, and the steps that SQLite has kept."""
     if result.stats.levels:
         table = ((n, x.rows, x.steps, x.repeated, x.pruned) for n, x in enumerate(result.stats.levels, 1))

@@ -43,7 +43,10 @@ def _with_lists(value: Any) -> Any:
 
 
 def explain(
-    outlined: Sequence[OutlinedStatement], result: Result | None = None, missing: Sequence[str] = ()
+    outlined: Sequence[OutlinedStatement],
+    result: Result | None = None,
+    missing: Sequence[str] = (),
+    levels: bool = False,
 ) -> Explanation:
     """For every statement and query which engine runs it and why, what became of it, and what the run has done."""
-    return Explanation(facts_of(outlined, result, missing))
+    return Explanation(facts_of(outlined, result, missing, levels))

@@ -135,6 +135,8 @@ class Expressions:
                 return exp.Not(this=sql.operand(self.condition(operand, env)))
             case plan.If():
                 return self.conditional(expr, env)
+            case plan.MakeList() if not can_fail(expr) and is_fixed(expr):
+                return self.needs.bind(expr)
             case plan.MakeList(items=items):
                 return sql.call("list", *(self.value(item, env) for item in items))
             case plan.GroupKey(query=query, index=index):
@@ -173,7 +175,7 @@ class Expressions:
         node = native(self, expr, env) if native else None
         if node is not None:
             return node
-        if not can_fail(expr) and _is_fixed(expr):
+        if not can_fail(expr) and is_fixed(expr):
             return self.needs.bind(expr, None, is_flag(expr.type))
         node = guarded(self, expr, env)
         if node is not None:
@@ -236,7 +238,7 @@ class Expressions:
         return sql.call(f"group_{expr.function}", argument, self.place(expr.span))
 
 
-def _is_fixed(expr: plan.Expr) -> bool:
+def is_fixed(expr: plan.Expr) -> bool:
     """Whether an expression is made of constants and script variables alone, so that it has one value per run."""
     return all(isinstance(part, (plan.Constant, plan.Variable, plan.Call, plan.MakeList)) for part in walk(expr))
 

@@ -91,7 +91,7 @@ def lower(
         select.set("with_", exp.With(expressions=copies_of(selects.copies)))
     read_late: Late | None = None
     if shown_late:
-        select = sql.with_outputs(select, list(shown_late.values()))
+        select = sql.with_outputs(select, [_key_alone(query, key, node) for key, node in shown_late.items()])
         read_late = late(query, tuple(shown_late))
         needs.applied["late"] = None
     return SqlQuery(
@@ -113,6 +113,20 @@ def lower(
         late=read_late,
         applied=tuple(needs.applied),
     )
+
+
+def _key_alone(query: plan.Query, key: plan.Column, node: sql.Node) -> sql.Node:
+    """The column of a key, with what is read of it afterwards as a comment."""
+    exprs = [output.expr for output in query.columns]
+    read = [expr.name if isinstance(expr, plan.Column) else "this" for expr in exprs if _source_of(expr) == key.source]
+    names = ", ".join(name for name in dict.fromkeys(read) if name != key.name)
+    if names and "*/" not in names:
+        node.add_comments([f"then {names if len(names) <= 60 else names[:57] + '...'}"])
+    return node
+
+
+def _source_of(expr: plan.Expr) -> int | None:
+    return expr.source if isinstance(expr, (plan.Column, plan.Element)) else None
 
 
 def _cut_by_sql(query: plan.Query) -> bool:

@@ -41,6 +41,13 @@ def _has_one_form(kind: Type) -> bool:
     return kind.item.only(Kind.INT | Kind.STR | Kind.NONE) or _has_one_form(kind.item)
 
 
+def _is_known(expr: plan.Expr) -> bool:
+    """Whether the value is bound before the statement runs."""
+    from ss2sql.lowering.expressions import can_fail, is_fixed
+
+    return isinstance(expr, (plan.Constant, plan.Variable)) or (is_fixed(expr) and not can_fail(expr))
+
+
 def _by_handle(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
     """Structured values that are compared by their handles, which saves a Python call of 0.4 us.
 
@@ -53,7 +60,7 @@ def _by_handle(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
         nodes = [lowering.value(argument, env) for argument in call.arguments]
     elif not lowering.needs.careful:
         for known, other in ((first, second), (second, first)):
-            if isinstance(known, (plan.Constant, plan.Variable)) and _has_one_form(known.type):
+            if _is_known(known) and _has_one_form(known.type):
                 nodes = [lowering.value(other, env), lowering.needs.plain_parameter(known)]
                 break
     if nodes is None:

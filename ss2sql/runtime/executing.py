@@ -6,7 +6,7 @@ import os
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from ss2sql.errors import Cancelled, Timeout
 from ss2sql.explained.outline import outline
@@ -22,6 +22,8 @@ from ss2sql.runtime.workers import IN_WORKER
 if TYPE_CHECKING:
     from ss2sql.runtime.host import SessionHost
     from ss2sql.runtime.workers.foretelling import Foreteller
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +46,7 @@ class Options:
         check_bound("max_rows", self.max_rows, 0)
 
 
-def attended(host: SessionHost, work: Callable[[Run], Result]) -> Result:
+def attended(host: SessionHost, work: Callable[[Run], T]) -> T:
     """What `work` gives, a new run, which hears of Ctrl-C and `interrupt` from here on.
 
     Raises Cancelled and Timeout with what was found until then; whoever was interrupted hears of nothing else.
@@ -101,7 +103,7 @@ def execute(host: SessionHost, query: Query, options: Options, variables: Mappin
         run.stats.seconds["run"] -= run.stats.seconds.get("shape", 0.0)  # what was shaped meanwhile
     if run.foreteller is not None:
         run.foreteller.close()
-    return _result(run, statements, value)
+    return _result(host, run, statements, value)
 
 
 def _last_value(host: SessionHost, run: Run, statements: Sequence[CompiledStatement], maximum: int | None) -> Any:
@@ -117,7 +119,27 @@ def _last_value(host: SessionHost, run: Run, statements: Sequence[CompiledStatem
     return value
 
 
-def _result(run: Run, statements: Sequence[CompiledStatement], value: Any) -> Result:
+def _recount(
+    host: SessionHost, arguments: dict[str, Any], maximum: int | None
+) -> Callable[[Callable[[Run], Any]], Any]:
+    """What has something done by another run under the same conditions. It keeps nothing of the run that was."""
+
+    def recount(work: Callable[[Run], Any]) -> Any:
+        def again(run: Run) -> Any:
+            run.arguments, run.maximum = arguments, maximum
+            host.runs.append(run)
+            try:
+                host.forget_stable(run)
+                return work(run)
+            finally:
+                host.runs.remove(run)
+
+        return attended(host, again)
+
+    return recount
+
+
+def _result(host: SessionHost, run: Run, statements: Sequence[CompiledStatement], value: Any) -> Result:
     answer = run.answer if statements[-1].is_query else None
     engines = [compiled.engine for statement in statements for compiled in statement.queries]
     used = answer.engine if answer is not None else (engines[-1] if engines else "native")
@@ -129,6 +151,7 @@ def _result(run: Run, statements: Sequence[CompiledStatement], value: Any) -> Re
         script_sql(statements, run),
         answer,
         outline(statements, run),
+        _recount(host, run.arguments, run.maximum),
     )
 
 

@@ -19,6 +19,7 @@ from _signal import signal as set_handler
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import wraps
+from inspect import CO_GENERATOR
 from types import FrameType
 from typing import ParamSpec, TypeVar
 
@@ -66,6 +67,8 @@ def may_break(frame: FrameType | None) -> bool:
     while frame is not None:
         name = frame.f_globals.get("__name__") or ""
         if name.startswith(_OWN):
+            if frame.f_code.co_flags & CO_GENERATOR:  # it may be closed by whoever forgets it: an error would be lost
+                return False
             if not name.startswith(_HELPERS):
                 return name.startswith(_PURE)
         elif name == "weakref":  # nobody would hear of an error there

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from ss2sql.explained.explanation import Explanation
     from ss2sql.explained.outline import OutlinedStatement
+    from ss2sql.runtime.run import Run
 
 Status: TypeAlias = Literal["complete", "maximum", "timeout", "cancelled"]
 
@@ -104,6 +105,7 @@ class Result:
     sql: Sql
     answer: Answer | None = field(default=None)
     outline: tuple[OutlinedStatement, ...] = ()
+    recount: Callable[[Callable[[Run], Any]], Any] | None = field(default=None, compare=False)
 
     @property
     def value(self) -> Any:
@@ -140,15 +142,19 @@ class Result:
         rows = self.answer.rows
         return len(rows.rows or ()) if rows.paths is None else sum(lengths_of(rows.paths))
 
-    def explain(self) -> Explanation:
+    def explain(self, levels: bool = False) -> Explanation:
         """What became of the script, and what the run has done: a text, whose `as_dict()` gives the same as data.
 
         Engines and why, rewrites, functions with the number of their calls, SQLite's plan in words, the SQL with the
         values that were bound, the time of each stage, the levels of a search.
+
+        Args:
+            levels: whether to go through a search once more, natively, to count its steps level by level: how many were
+                generated, expanded and pruned. Of MEMORIZE that is known without.
         """
         from ss2sql.explained.explanation import explain  # it knows compiled scripts, which know results
 
-        return explain(self.outline, self)
+        return explain(self.outline, self, levels=levels)
 
     # --- what it can become ----------------------------------------------------------------------------
 

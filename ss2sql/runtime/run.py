@@ -130,7 +130,7 @@ class Run:
     take arrays (ahead.py). `foreteller` has calls made by other processes (workers/), `progress` shows how far the run
     is (progress.py), where these are wanted; `graph` is the one that MEMORIZE works on; `knows(state)` says whether
     the steps from a state of its level are remembered. `call_places` is where the script calls functions of the user,
-    as far as that is known.
+    as far as that is known; `by_level` counts the steps of its search, where that is wanted.
     """
 
     host: Host
@@ -152,6 +152,7 @@ class Run:
     progress: Any = None
     graph: Any = None
     knows: Any = None
+    by_level: Any = None
     call_places: Mapping[str, Places] = field(default_factory=dict)
 
     @property

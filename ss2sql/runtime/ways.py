@@ -28,6 +28,14 @@ def path_to(way: Way | Place | None) -> tuple[Row, ...]:
     return tuple(rows[::-1])
 
 
+def depth_of(way: Way | Place | None) -> int:
+    """The number of steps on a way."""
+    depth = 0
+    while way is not None:
+        depth, way = depth + 1, way[0]
+    return depth
+
+
 class Trail:
     """The frozen rows on the path to one place, for NO CYCLE.
 

@@ -128,6 +128,7 @@ class Shell:
 
 # Hints speak to users of Python; this is the same in the shell.
 SPELLINGS = (
+    (re.compile(r"^register it with session\.function; help\(\)"), "load it with .load FILE.py; .functions"),
     (re.compile(r"^raise timeout="), "give more time with .timeout SECONDS"),
     (re.compile(r"raise max_rows$"), "start the shell with a larger --max-rows"),
     (re.compile(r"engine='(\w+)'"), r".engine \1"),

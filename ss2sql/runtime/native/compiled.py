@@ -25,15 +25,19 @@ if TYPE_CHECKING:
 
 
 class NativeQuery:
-    """A query that stands by itself, compiled to Python once, to be run many times."""
+    """A query that stands by itself, compiled to Python once, to be run many times.
 
-    def __init__(self, query: plan.Query) -> None:
+    The steps of a search are counted `by_level` on demand, see by_level.py.
+    """
+
+    def __init__(self, query: plan.Query, by_level: bool = False) -> None:
         self.query = query
         self._takes_arrays = takes_arrays(query)
         analysis = Analysis((query,))
         self._levels = analysis.levels
         with deep(self._levels):
             unit = Unit(query.span, analysis)
+            unit.by_level = query if by_level else None
             nested = Builder(unit).query(query, unit.root)
             self._module = unit.module(unit.pen.name(nested.task))
             self._bound = unit.compiled(self._module)

@@ -24,10 +24,11 @@ from functools import cache
 from heapq import heappop, heappush
 from typing import Any
 
+from ss2sql.runtime.native.by_level import at_level_of
 from ss2sql.runtime.native.pace import SHORT, Parts, counts_of, steps_pace_of
 from ss2sql.runtime.native.searches.best_first import TAKEN
 from ss2sql.runtime.native.step_code import StepCode
-from ss2sql.runtime.ways import Trail, path_to
+from ss2sql.runtime.ways import Trail, depth_of, path_to
 
 # The first `yield` is where START WITH and the sources that are read once have been evaluated.
 FRAME = """
@@ -72,7 +73,7 @@ if generated >= due:
 
 PLACE = "(way, row, key, 1 if way is None else way[3] + 1)"
 
-HELPERS: tuple[Callable[..., Any], ...] = (deque, heappop, heappush, path_to, Parts, Trail)
+HELPERS: tuple[Callable[..., Any], ...] = (deque, depth_of, heappop, heappush, path_to, Parts, Trail)
 
 # What words stand for: expressions, lists of names, or values that are known beforehand.
 Words = Mapping[str, Any]
@@ -109,7 +110,12 @@ class LoopCode:
             "likeliest": search.order == "probability",
             "settled": step.is_settled,
             "together": False,
+            "leveled": step.unit.by_level is step.query,
         }
+        if known["leveled"]:
+            run, unit = self.pen.name("run"), step.unit
+            at_level = unit.bind("levels", "at_level", self.pen.call(unit.helper(at_level_of), run), self.pen)
+            known["at_level"] = self.pen.name(at_level)
         if step.query.where is None:
             known["goal"] = True
         if not step.may_end:

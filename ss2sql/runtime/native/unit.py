@@ -227,7 +227,8 @@ class Unit:
     `names` and `states` give the local names of sources and START WITH variables, `tuples` the columns of the
     sources whose elements are tuples (of those that are `bare`, a name stands for the one column that is read),
     `elements` the types of those whose elements are values. `worlds` are the tables of those that walk keys of a world.
-    `keys` names the exact keys that elements come with, see calls.py.
+    `keys` names the exact keys that elements come with, see calls.py. `by_level` is the search whose steps are counted
+    level by level, see by_level.py.
     """
 
     def __init__(self, span: Span, analysis: Analysis, parameters: tuple[str, ...] = ()) -> None:
@@ -245,6 +246,7 @@ class Unit:
         self.keys: dict[int, str] = {}
         self.bindings: list[ast.stmt] = []
         self.definitions: list[ast.stmt] = []
+        self.by_level: plan.Query | None = None
         self._bound: dict[Any, str] = {}
         self._count = 0
 

@@ -22,6 +22,8 @@ if no_cycle:
 while True:
     if no_cycle:
         trail.move_to(way)
+    if leveled:
+        at_level(depth_of(way), generated, pruned, True)
     for element in elements:
         ROW
         if no_cycle and key in seen:
@@ -67,6 +69,8 @@ total = -1 if likeliest else 0
 way = None
 best = {}
 while True:
+    if leveled:
+        at_level(depth_of(way), generated, pruned, True)
     for element in elements:
         ROW
         known = best.get(key)
@@ -111,6 +115,8 @@ best = {}  # the least total of a path to each row so far
 taken = {}  # those at which rows came out of the queue
 given = set()
 while True:
+    if leveled:
+        at_level(depth_of(way), generated, pruned, True)
     for element in elements:
         ROW
         known = taken.get(key)

@@ -14,6 +14,8 @@ if no_cycle:
 while True:
     if no_cycle:
         trail.move_to(way)
+    if leveled:
+        at_level(depth_of(way), generated, pruned, True)
     for element in elements:
         ROW
         if compared and key in seen:

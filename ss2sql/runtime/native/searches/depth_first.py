@@ -6,6 +6,8 @@ stack = []
 if compared:
     seen = set()  # the rows on the path, or with UNIQUE all rows so far
 while True:
+    if leveled:
+        at_level(len(path), generated, pruned, True)
     turns = iter(elements)
     while True:
         for element in turns:
@@ -35,6 +37,8 @@ while True:
             path.pop()
             if no_cycle:
                 seen.discard(key)
+            if leveled:
+                at_level(len(path), generated, pruned, False)
             continue
         break
 """

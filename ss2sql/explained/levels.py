@@ -1,0 +1,49 @@
+"""What a search did level by level, counted by going through it once more.
+
+While a search runs its steps are counted together: to tell their levels apart would cost time in its innermost loop.
+So a second, native run of the same search counts them, where nobody can notice that functions are called again.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ss2sql import plan
+from ss2sql.runtime.native import NativeQuery
+from ss2sql.runtime.native.by_level import ByLevel, LevelCount
+from ss2sql.runtime.native.facts import Analysis
+from ss2sql.walk import walk
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.result import Result
+    from ss2sql.runtime.run import Run
+
+
+def levels_of(result: Result) -> list[LevelCount] | str:
+    """The steps of the result's search by level, or why they cannot be counted."""
+    query = result.outline[-1].queries[-1].query if result.outline and result.outline[-1].queries else None
+    if result.answer is None or query is None or query.search is None:
+        return "the result is not that of a search"
+    reason = _why_not(query)
+    if reason is None and result.status not in ("complete", "maximum"):
+        reason = "the search was broken off"
+    if reason is not None or result.recount is None:
+        return reason or "the search cannot be run again"
+    found: list[LevelCount] = result.recount(lambda run: _counted(query, run))
+    return found
+
+
+def _why_not(query: plan.Query) -> str | None:
+    if not Analysis((query,)).of(query).steady:
+        return "what it calls or assigns is not to be done twice"
+    if any(isinstance(node, plan.WorldSource) for node in walk(query)):
+        return "it reads a world"
+    return None
+
+
+def _counted(query: plan.Query, run: Run) -> list[LevelCount]:
+    run.by_level = ByLevel(run.stats)
+    NativeQuery(query, by_level=True).rows(run)
+    run.by_level.settle()
+    levels: list[LevelCount] = run.by_level.levels
+    return levels

@@ -1,0 +1,62 @@
+"""Counting the steps of a search level by level, for who wants to look closely: see explained/levels.py.
+
+A level are the steps that are so many steps from the start. The loop of the search says whenever it begins, or comes
+back, to the steps from another state; what has been counted since the time before belongs to the state before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from ss2sql.runtime.run import Run, Stats
+
+
+@dataclass(slots=True)
+class LevelCount:
+    """The steps of one level: how many were tried, how many of these led on, and how many a guard kept out."""
+
+    generated: int = 0
+    expanded: int = 0
+    pruned: int = 0
+
+
+@dataclass(slots=True)
+class ByLevel:
+    """The counts of one run, by level."""
+
+    stats: Stats
+    levels: list[LevelCount] = field(default_factory=list)
+    depth: int = 0
+    generated: int = 0
+    pruned: int = 0
+
+    def at(self, depth: int, generated: int, pruned: int, first: bool) -> None:
+        """The search turns to the steps from a state at this depth, for the `first` time or again.
+
+        `generated` and `pruned` are what it has not yet told the run.
+        """
+        self.settle(generated, pruned)
+        self.depth = depth
+        if first and depth:
+            self._level(depth).expanded += 1
+
+    def settle(self, generated: int = 0, pruned: int = 0) -> None:
+        """Notes what was counted since the last time."""
+        generated, pruned = generated + self.stats.generated, pruned + self.stats.pruned
+        if (generated, pruned) != (self.generated, self.pruned):
+            level = self._level(self.depth + 1)
+            level.generated += generated - self.generated
+            level.pruned += pruned - self.pruned
+            self.generated, self.pruned = generated, pruned
+
+    def _level(self, number: int) -> LevelCount:
+        while len(self.levels) < number:
+            self.levels.append(LevelCount())
+        return self.levels[number - 1]
+
+
+def at_level_of(run: Run) -> Callable[[int, int, int, bool], None]:
+    assert run.by_level is not None
+    at: Callable[[int, int, int, bool], None] = run.by_level.at
+    return at
