@@ -6,10 +6,10 @@ VENV := .venv
 PY := $(VENV)/bin/python
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test nightly lint golden bench docs clean
+.PHONY: help demo test nightly release-check lint golden bench docs clean
 
 help:            ## this list
-	@sed -n 's/^\([a-z]*\): .*## \(.*\)/  make \1\t\2/p; s/^\(help\): *## \(.*\)/  make \1\t\2/p' Makefile
+	@sed -n 's/^\([a-z-]*\): .*## \(.*\)/  make \1\t\2/p; s/^\(help\): *## \(.*\)/  make \1\t\2/p' Makefile
 
 demo: $(VENV)/demo.stamp     ## runs the examples: scripts, the SQL they become, their rows
 	$(PY) examples/demo.py
@@ -17,9 +17,15 @@ demo: $(VENV)/demo.stamp     ## runs the examples: scripts, the SQL they become,
 test: $(VENV)/dev.stamp      ## runs all tests, those of the examples and the documentation included
 	$(PY) -m pytest
 
+RANDOM := $(addprefix tests/test_,agreement.py partitions.py second_opinion.py rewrites.py inline_random.py)
+
 nightly: $(VENV)/dev.stamp   ## the random tests, many more of them: 20,000 programs, 5,000 queries of each world
 	SS2SQL_PROGRAMS=20000 SS2SQL_WORLD_QUERIES=5000 SS2SQL_SCENES=200 \
-		$(PY) -m pytest tests/test_agreement.py tests/test_world_queries.py tests/test_pybullet.py
+		$(PY) -m pytest $(RANDOM) tests/test_world_queries.py tests/test_pybullet.py
+
+release-check: $(VENV)/dev.stamp ## the random tests before a release: 100,000 programs, by another seed if SS2SQL_SEED is set
+	SS2SQL_PROGRAMS=100000 SS2SQL_WORLD_QUERIES=5000 SS2SQL_SCENES=200 \
+		$(PY) -m pytest $(RANDOM) tests/test_world_queries.py tests/test_pybullet.py
 
 lint: $(VENV)/dev.stamp      ## ruff and mypy
 	$(PY) -m ruff check .

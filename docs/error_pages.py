@@ -66,6 +66,8 @@ ss.run("SELECT first(this) FROM [1, 2, 3];")""",
     "S001": 'ss.close()\nss.run("1;")',
     "S002": 'ss.function("two words", len)',
     "S003": "ss2sql.scenes.chaos()  # without PyBullet",
+    "S004": 'ss.function("ask", lambda x: pool.submit(ss.eval, "1 + 1;").result())\n'
+    'ss.run("ask(1);")  # it waits for a thread',
 }
 
 

@@ -80,13 +80,29 @@ def executor_outcome(case: ProgramCase, engine: str, **options: Any) -> Outcome 
         return Outcome(exact(value), printed=output.getvalue().rstrip("\n"))
 
 
+@dataclass(frozen=True)
+class Trial:
+    """What the reference and each executor made of a program."""
+
+    expected: Outcome
+    outcomes: dict[str, Outcome | None]
+
+    @property
+    def differences(self) -> list[str]:
+        """One line per executor that disagrees with the reference."""
+        return [
+            f"{engine}: {outcome}\nreference: {self.expected}"
+            for engine, outcome in self.outcomes.items()
+            # A list function on what is certainly no list is refused before the run; the reference notices it later.
+            if outcome is not None and outcome != self.expected and outcome.error != "R008"
+        ]
+
+
+def trial(case: ProgramCase) -> Trial:
+    """Runs the program on all three."""
+    return Trial(reference_outcome(case), {engine: executor_outcome(case, engine) for engine in ("native", "database")})
+
+
 def differences(case: ProgramCase) -> list[str]:
     """One line per executor that disagrees with the reference."""
-    expected = reference_outcome(case)
-    found = []
-    for engine in ("native", "database"):
-        outcome = executor_outcome(case, engine)
-        # A list function on what is certainly no list is refused before the run; the reference notices it later.
-        if outcome is not None and outcome != expected and outcome.error != "R008":
-            found.append(f"{engine}: {outcome}\nreference: {expected}")
-    return found
+    return trial(case).differences

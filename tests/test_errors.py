@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -57,6 +58,17 @@ def worker_that_dies(session: Session) -> None:
     session.run(script, workers=2)
 
 
+def in_another_thread(session: Session) -> None:
+    """A function that waits for another thread, which runs a script of the same session."""
+
+    def ask(x: int) -> int:
+        with ThreadPoolExecutor(1) as pool:
+            return pool.submit(session.eval, "1 + 1;").result()
+
+    session.function("ask", ask)
+    session.run("ask(1);")
+
+
 FROM_PYTHON: dict[str, Callable[[Session], object]] = {
     "P004": lambda session: session.run("x = 1;" * 100_000),
     "P005": lambda session: session.run("(" * 10_000 + "1" + ")" * 10_000),
@@ -70,6 +82,7 @@ FROM_PYTHON: dict[str, Callable[[Session], object]] = {
     "S001": run_when_closed,
     "S002": lambda session: session.function("two words", len),
     "S003": lambda session: package("a_package_that_is_missing"),
+    "S004": in_another_thread,
 }
 
 

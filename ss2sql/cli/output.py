@@ -14,6 +14,7 @@ import click
 
 from ss2sql.cli.endings import note, wants_color
 from ss2sql.errors import SessionError
+from ss2sql.errors.visible import visible
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -136,7 +137,7 @@ def counted(result: Result) -> str:
 
 def echo(text: str) -> None:
     """Prints a line of a result."""
-    click.echo(text)
+    click.echo(visible(text))
 
 
 def console() -> Console:
@@ -162,7 +163,7 @@ def _print(result: Result, form: str, shown: int) -> None:
 def _table(result: Result, shown: int, target: Console) -> None:
     """A table, or the value of a script that does not end with a query."""
     if result.answer is None:
-        target.file.write(f"{result.value}\n")
+        target.file.write(visible(f"{result.value}\n"))
     else:
         result.show(shown, target)
 

@@ -310,4 +310,12 @@ CODES: dict[str, Code] = _table(
         "Simulators, data frames and plots come with packages of their own, which ss2sql does not ask of everybody.",
         "Run the line of the message, `pip install \"ss2sql[...]\"`.",
     ),
+    (
+        "S004", "session in use",
+        "The session is in use in another thread, or belongs to the process that this one is a copy of.",
+        "Two scripts at once in one session would read each other's values. A file that is open in two processes by "
+        "way of `fork` can be damaged.",
+        "Open a session in each thread and in each process, or let threads take turns with a lock. `interrupt` and "
+        "`close` may be called from any thread.",
+    ),
 )  # fmt: skip

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 from unicodedata import bidirectional, category, east_asian_width
 
 from ss2sql.errors.places import Span
+from ss2sql.errors.visible import visible
 
 if TYPE_CHECKING:
     from ss2sql.errors.family import Error
@@ -45,7 +46,7 @@ def render(error: Error, color: bool = False) -> str:
     if error.span is not None:
         spans.append(error.span)
     page = _Page(max((len(str(span.source.line_column(span.end)[0])) for span in spans), default=1), color)
-    code, message = page.paint(RED, f"error[{error.code}]"), page.paint(BOLD, f": {error.message}")
+    code, message = page.paint(RED, f"error[{error.code}]"), page.paint(BOLD, f": {visible(error.message)}")
     page.lines.append(code + message)
     if error.span is not None:
         own = _Mark(error.span, "^", RED)
@@ -106,7 +107,7 @@ class _Page:
         return f"{style}{text}\x1b[0m" if self.color and text else text
 
     def help(self, hint: str) -> str:
-        return f"{self.paint(CYAN, 'help')}: {hint}"
+        return f"{self.paint(CYAN, 'help')}: {visible(hint)}"
 
     def place(self, mark: _Mark) -> None:
         label = f": {mark.label}" if mark.label else ""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
+from ss2sql.errors.visible import visible
 from ss2sql.explained.facts import (
     FunctionFacts,
     LevelTable,
@@ -32,7 +33,7 @@ def text_of(facts: ScriptFacts) -> str:
             lines.extend(f"   {line}".rstrip() for line in _query(query))
     if facts.run is not None:
         lines.extend(_run(facts.run))
-    return "\n".join(lines)
+    return visible("\n".join(lines))
 
 
 def _query(query: QueryFacts) -> Iterator[str]:

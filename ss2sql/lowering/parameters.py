@@ -137,7 +137,7 @@ class Needs:
 
     def elements(self, columns: tuple[str, ...]) -> str:
         """The name of the virtual table that walks a list whose elements have these columns."""
-        name = "elements" if not columns else "elements_" + "_".join(columns)
+        name = sql.module_of(columns)
         self.modules[name] = columns
         return name
 

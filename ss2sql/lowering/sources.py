@@ -44,10 +44,10 @@ def sql_names(columns: tuple[str, ...]) -> dict[str, str]:
     # SQLite calls a column otherwise that is to be called true; one that is called rowid hides the real one.
     taken, names = {"this", "true", "false", "rowid"}, {}
     for name in columns:
-        candidate, count = name, 1
+        candidate, count = sql.written(name), 1
         while candidate.lower() in taken:
             count += 1
-            candidate = f"{name}_{count}"
+            candidate = f"{sql.written(name)}_{count}"
         taken.add(candidate.lower())
         names[name] = candidate
     return names

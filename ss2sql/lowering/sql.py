@@ -13,6 +13,9 @@ Node: TypeAlias = exp.Expr
 
 MOST_IN_ROW = 250  # parts joined by AND or OR without parentheses
 _PLAIN_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
+_UNWRITTEN = re.compile("[\0\ud800-\udfff]")
+_PLAIN_COLUMN = re.compile(r"(?:(?!\d+\Z)[^_A-Z\0\ud800-\udfff]+|this_\d+)\Z")
+_MARKED = re.compile("[A-Z^,\0\ud800-\udfff]")
 _WORDS = frozenset(apsw.keywords) | {"TRUE", "FALSE"}
 
 
@@ -27,7 +30,27 @@ SQLITE_FUNCTIONS = _sqlite_functions()
 def identifier(name: str) -> exp.Identifier:
     """A name, quoted where SQLite would take it for something else."""
     plain = _PLAIN_NAME.match(name) and name.upper() not in _WORDS
-    return exp.Identifier(this=name, quoted=not plain)
+    return exp.Identifier(this=written(name), quoted=not plain)
+
+
+def written(name: str) -> str:
+    """A name without what no text of SQL can hold: the character 0, and halves of surrogate pairs."""
+    return _UNWRITTEN.sub("\N{REPLACEMENT CHARACTER}", name)
+
+
+def module_of(columns: tuple[str, ...]) -> str:
+    """The name of the virtual table that walks lists with these columns; no other columns have it.
+
+    It stays apart where SQLite, which sees no case, would take two for one, as it would `a_b` and `a, b`.
+    """
+    if all(_PLAIN_COLUMN.match(name) for name in columns):
+        return "_".join(("elements", *columns))
+    return "elements " + ", ".join(_MARKED.sub(_marked, name) for name in columns)
+
+
+def _marked(found: re.Match[str]) -> str:
+    char = found.group()
+    return f"^{char.lower()}" if " " <= char <= "~" else f"^{{{ord(char):x}}}"
 
 
 def column(name: str, table: str | None = None) -> exp.Column:
@@ -45,8 +68,13 @@ def number(value: int | float) -> Node:
     return exp.Neg(this=literal) if text.startswith("-") else literal
 
 
-def string(value: str) -> exp.Literal:
-    return exp.Literal.string(value)
+def string(value: str) -> Node:
+    """A text; the character 0, which would end the statement, is computed."""
+    parts: list[Node] = [exp.Literal.string(part) for part in value.split("\0")]
+    result = parts[0]
+    for part in parts[1:]:
+        result = exp.DPipe(this=exp.DPipe(this=result, expression=call("char", number(0))), expression=part)
+    return result if len(parts) == 1 else exp.Paren(this=result)
 
 
 def null() -> exp.Null:

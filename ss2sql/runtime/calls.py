@@ -21,6 +21,10 @@ if TYPE_CHECKING:
 _MISSING = object()
 
 
+class HeldError(Exception):
+    """A StopIteration of a function on its way through SQLite: by itself it would only end the walk over the rows."""
+
+
 def sql_function(function: UserFunction, memo: Memo, stack: list[Execution]) -> Callable[..., Any]:
     """What SQLite calls. The memo is that of the innermost execution, whoever puts it there."""
     name, body = function.name, function.function
@@ -50,8 +54,11 @@ def sql_function(function: UserFunction, memo: Memo, stack: list[Execution]) -> 
         except Exception as error:
             execution.failed = True
             note_place(error, name, execution.calls.get(name, ()))
+            passing = HeldError(error) if isinstance(error, StopIteration) else error
             if remember:
-                memo.failures[dumps(arguments, 2)] = error
+                memo.failures[dumps(arguments, 2)] = passing
+            if passing is not error:
+                raise passing from None
             raise
         other: OtherFormError | None = None
         try:
@@ -67,6 +74,15 @@ def sql_function(function: UserFunction, memo: Memo, stack: list[Execution]) -> 
             if remember:
                 memo.failures[dumps(arguments, 2)] = located
             raise located from None
+        except Exception as error:  # the result is an object that fails when it is looked at, such as a generator
+            execution.failed = True
+            note_place(error, name, execution.calls.get(name, ()))
+            passing = HeldError(error) if isinstance(error, StopIteration) else error
+            if remember:
+                memo.failures[dumps(arguments, 2)] = passing
+            if passing is not error:
+                raise passing from None
+            raise
         # What was proved of plain data says nothing of other objects.
         if remember and (whole or not function.inferred):
             memo.keep(arguments, encoded)

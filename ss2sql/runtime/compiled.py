@@ -119,7 +119,7 @@ class CompiledQuery:
         run.sink = Sink(sink, self.engine, query)
         with self.host.memories.query(self.moves):
             rows = with_stars(query, self._database_rows(run, sink) if self.lowered else self._native_rows(run, sink))
-        arguments = tuple(argument(run) for argument in self.arguments)
+        arguments = tuple([argument(run) for argument in self.arguments])  # a generator changes StopIteration
         named = {name: argument(run) for name, argument in self.named.items()}
         status: Status = "maximum" if self._ended_by_maximum(run, rows) else "complete"
         make = run.stats.timed("shape", partial(shapes.represent, form, rows, arguments, named))

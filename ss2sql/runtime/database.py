@@ -24,6 +24,7 @@ from ss2sql.runtime.ahead import ROOM, Ahead
 from ss2sql.runtime.calls import Members, Parts, builtin_function, located_final, sql_function
 from ss2sql.runtime.decoding import decoder
 from ss2sql.runtime.functions import Memo, UserFunction
+from ss2sql.runtime.guard import Guard
 from ss2sql.runtime.native.options import cost, heuristic, probability
 from ss2sql.runtime.paths import Paths
 from ss2sql.runtime.pool import FALSE, TRUE, OtherFormError, Pool
@@ -90,6 +91,7 @@ class Database:
 
     def __init__(self, connection: apsw.Connection, memo_limit: int, begun: Sequence[Run] = ()) -> None:
         self.connection = connection
+        self.guard = guard = Guard(connection)
         self.begun = begun  # the runs of the session, the innermost last
         self.stack: list[Execution] = []
         self.modules: set[str] = set()
@@ -98,18 +100,18 @@ class Database:
         self.memos: dict[str, Memo] = {}  # of each function of the user, for the execution that runs
         self.memo_limit = memo_limit
         for name, scalar in SCALAR_FUNCTIONS.items():
-            connection.create_scalar_function(name, self._bound(scalar))
+            guard.scalar(name, self._bound(scalar))
         for name, factory in AGGREGATE_FUNCTIONS.items():
-            connection.create_aggregate_function(name, self._factory(factory))
+            guard.aggregate(name, self._factory(factory))
         for name, arguments in FUNCTIONS.items():
-            connection.create_scalar_function(name, getattr(self.search, name), arguments)
-        connection.create_scalar_function("reached", cast(Any, self.search.reached_value), 1)
-        connection.create_scalar_function("next_number", cast(Any, next_number), 0)
+            guard.scalar(name, getattr(self.search, name), arguments)
+        guard.scalar("reached", self.search.reached_value, 1)
+        guard.scalar("next_number", next_number, 0)
         for name, check in (("cost", cost), ("heuristic", heuristic), ("probability", probability)):
-            connection.create_scalar_function(f"step_{name}", self._weight_function(check), 2)
+            guard.scalar(f"step_{name}", self._weight_function(check), 2)
         self.register_builtin("field", column_of)
         for name, same in (("eq", True), ("ne", False)):
-            connection.create_scalar_function(name, self._equality(same))
+            guard.scalar(name, self._equality(same))
         connection.set_progress_handler(self._progress, CHECK_EVERY)
 
     @property
@@ -159,15 +161,14 @@ class Database:
 
     def register_builtin(self, name: str, python: Callable[..., Any]) -> None:
         """A built-in function on values of the language; its last SQL argument is the place of the call."""
-        function = builtin_function(name, python, self.stack, name in PREDICATES)
-        self.connection.create_scalar_function(builtin_name(name), function)
+        self.guard.scalar(builtin_name(name), builtin_function(name, python, self.stack, name in PREDICATES))
 
     def register_user(self, function: UserFunction, sql_name: str) -> None:
         """A function of the user; see calls.py."""
         memo = self.memos.setdefault(function.name, Memo(self.memo_limit))
         memo.limit = max(self.memo_limit, ROOM) if function.vectorized else self.memo_limit
         called = (SqlCaller if function.vectorized else sql_function)(function, memo, self.stack)
-        self.connection.create_scalar_function(sql_name, called)
+        self.guard.scalar(sql_name, called)
 
     def _module(self, name: str, columns: tuple[str, ...]) -> None:
         """Registers the virtual table for lists whose elements have these columns, once."""
@@ -251,7 +252,7 @@ class Database:
 
     def cursor_of(self, lowered: SqlQuery, pool: Pool, evaluate: Callable[[Parameter], Any]) -> apsw.Cursor:
         """The rows of a statement that runs beside another one; the caller closes them."""
-        return self.connection.cursor().execute(lowered.text, self._values(lowered, pool, evaluate))
+        return self.guard.execute(lowered.text, self._values(lowered, pool, evaluate))
 
     def _values(self, lowered: SqlQuery, pool: Pool, evaluate: Callable[[Parameter], Any]) -> dict[str, Any]:
         """The values to be bound, when the statement's virtual tables are there."""
@@ -305,7 +306,7 @@ class Database:
         cursor = self.connection.cursor()
         try:
             late = lowered.late
-            cursor.execute(lowered.text, values)
+            self.guard.execute(lowered.text, values, cursor)
             plain, searches = lowered.plain_rows, lowered.query.search is not None
             if (plain or not searches) and not lowered.keys and not lowered.orders:
                 # The rows are all that is wanted. Plain ones, and ends of paths, are what SQLite gives as it is.
@@ -337,7 +338,7 @@ class Database:
         execution = Execution(run, calls=dict.fromkeys(self.memos, ()))
         with self._running(execution):
             values = {name: _as_bound(execution.pool, value) for name, value in sql.parameters.items()}
-            return [tuple(map(execution.pool.decode, row)) for row in self.connection.execute(sql, values)]
+            return [tuple(map(execution.pool.decode, row)) for row in self.guard.execute(sql, values)]
 
     def _results(
         self, lowered: SqlQuery, execution: Execution, cursor: apsw.Cursor, sink: Rows

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from ss2sql.errors import Cancelled, Timeout
 from ss2sql.explained.outline import outline
+from ss2sql.runtime.calls import HeldError
 from ss2sql.runtime.compiled import CompiledStatement, Engine, Query, script_sql
 from ss2sql.runtime.interrupts import under_way
 from ss2sql.runtime.opening import check_bound, check_engine
@@ -54,7 +55,7 @@ def attended(host: SessionHost, work: Callable[[Run], T]) -> T:
     run: Run | None = None
     try:
         run = Run(host, Stats())
-        with under_way(run):
+        with under_way(run), host.turns:
             host.begun.append(run)
             try:
                 result = work(run)
@@ -71,6 +72,8 @@ def attended(host: SessionHost, work: Callable[[Run], T]) -> T:
             raise _cancelled(run) from error
         elif isinstance(error, Timeout):
             error.partial = _partial(run, "timeout")
+        elif isinstance(error, HeldError):
+            raise error.args[0] from None
         raise
     raise _cancelled(run) from None
 
@@ -84,6 +87,7 @@ def _cancelled(run: Run | None) -> Cancelled:
 def execute(host: SessionHost, query: Query, options: Options, variables: Mapping[str, Any], run: Run) -> Result:
     """Runs a compiled script and gives the result of its last statement."""
     options.check()
+    host.ready()
     run.deadline, run.max_rows = _deadline(host, options.timeout), options.max_rows
     run.arguments = {name: normalise(value, f"the variable '{name}'") for name, value in variables.items()}
     statements = run.statements = query.statements(options.engine, run.arguments, run.stats)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Collection, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import apsw
 
 from ss2sql import plan
-from ss2sql.errors import Error, Source
+from ss2sql.errors import Error, SessionError, Source
 from ss2sql.frontend import ast
 from ss2sql.frontend.catalog import Catalog
 from ss2sql.frontend.parser import parse
@@ -32,6 +33,7 @@ from ss2sql.runtime.shaping import Shapes, with_stars
 from ss2sql.runtime.tables import Tables
 from ss2sql.runtime.temporal import TemporalFile, TemporalStore
 from ss2sql.runtime.triggers import Triggers
+from ss2sql.runtime.turns import Turns
 from ss2sql.runtime.variables import Variables
 from ss2sql.runtime.vectorized import NativeCaller
 from ss2sql.vtables import base
@@ -53,6 +55,7 @@ class SessionHost:
         self, connection: apsw.Connection, file: TemporalFile | None, read_only: bool, disabled: frozenset[str]
     ) -> None:
         self.connection = connection
+        self.turns = Turns(self._release, in_file=file is not None)
         self.disabled = disabled
         self.memo_limit = 0 if "memo" in disabled else MEMO_LIMIT
         self.begun: list[Run] = []  # what runs, or is compiled to run, the innermost last
@@ -63,6 +66,7 @@ class SessionHost:
         self.functions: dict[str, UserFunction] = {}
         self.world_functions: dict[str, UserFunction] = {}  # by the names that scripts use
         self.sql_names: dict[str, str] = {}
+        self.late: dict[str, str] = {}  # names and SQL names of functions that the database does not know yet
         self.planned: dict[str, UserFunction] = {}  # by the names that plans use
         self.generation = 0
         self.runs: list[Run] = []
@@ -103,7 +107,29 @@ class SessionHost:
         before, self.sql_names = self.sql_names, sql_names(self.planned)
         for name, sql_name in self.sql_names.items():
             if name in changed or before.get(name) != sql_name:
+                self.late[name] = sql_name
+        with suppress(apsw.BusyError):  # a function that registers functions, called by SQLite
+            self.register_late()
+
+    def register_late(self) -> None:
+        """Tells the database of the functions that it does not know yet.
+
+        Raises apsw.BusyError where a statement that runs may call one of them: none of it has changed then.
+        """
+        for name, sql_name in list(self.late.items()):
+            if name in self.planned:  # else it was of a world that has gone
                 self.database.register_user(self.planned[name], sql_name)
+            del self.late[name]
+
+    def ready(self) -> None:
+        """Sees to it that a run finds the functions as they are. Raises SessionError S004 where it cannot."""
+        if self.late:
+            try:
+                self.register_late()
+            except apsw.BusyError:
+                message = f"the function '{next(iter(self.late))}' was registered anew while a query runs"
+                hints = ("register functions between queries",)
+                raise SessionError("S004", message, hints=hints) from None
 
     def attach_world(self, name: str, world: base.World) -> None:
         """Makes a world known: its tables, its functions, and its representations where there are none of the name.
@@ -133,6 +159,12 @@ class SessionHost:
         """Ends those of `workers`, if there are any."""
         if self.processes is not None:
             self.processes.end()
+
+    def _release(self) -> None:
+        self.silence()
+        self.end_processes()
+        if self.turns.here:
+            self.connection.close()
 
     def _detached(self, world: AttachedWorld) -> None:
         self.database.worlds.forget(world.tables.values())

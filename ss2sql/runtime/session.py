@@ -18,7 +18,7 @@ from ss2sql.runtime.compiled import Engine, Query
 from ss2sql.runtime.executing import Options, attended, execute
 from ss2sql.runtime.functions import UserFunction, check_name, user_function
 from ss2sql.runtime.host import SessionHost
-from ss2sql.runtime.interrupts import whole
+from ss2sql.runtime.interrupts import under_way
 from ss2sql.runtime.native.deep import with_room
 from ss2sql.runtime.opening import check_engine, name_of, open_connection
 from ss2sql.runtime.opening import source_of as source_of
@@ -29,6 +29,7 @@ from ss2sql.runtime.run import Run, Stats
 from ss2sql.runtime.tables import path_of
 from ss2sql.runtime.temporal import TemporalFile
 from ss2sql.runtime.triggers import Trigger
+from ss2sql.runtime.turns import in_turn
 from ss2sql.runtime.values import fresh, normalise
 from ss2sql.vtables import adapter_of, refuse_unknown
 from ss2sql.vtables.describe import described, tables_in_sight
@@ -137,7 +138,7 @@ class Session:
 
         return register if function is None else register(function)
 
-    @whole
+    @in_turn
     def _register(self, entry: UserFunction) -> Callable[..., Any]:
         self._check_open()
         self.host.register(entry)
@@ -158,7 +159,7 @@ class Session:
 
         return register
 
-    @whole
+    @in_turn
     def attach(self, name: str, source: Any) -> None:
         """Makes a Python object known under a name; scripts see it as it is when they run.
 
@@ -191,7 +192,7 @@ class Session:
         else:
             self.host.names.attach(name, source)
 
-    @whole
+    @in_turn
     def detach(self, name: str) -> None:
         """Forgets what was attached under the name. Raises KeyError where nothing is."""
         self._check_open()
@@ -200,11 +201,13 @@ class Session:
         self.host.tables.detach(name)
         self.host.names.forget(name)
 
+    @in_turn
     def tables(self) -> dict[str, tuple[str, ...]]:
         """The columns of everything that FROM finds as a table: tables of the database, and those of worlds."""
         self._check_open()
         return tables_in_sight(self.host.tables, self.host.names.worlds)
 
+    @in_turn
     def describe(self, name: str) -> str:
         """The columns of a table; of a world those of all its tables, with units and texts, and its functions.
 
@@ -213,7 +216,7 @@ class Session:
         self._check_open()
         return described(name, self.host.tables, self.host.names.worlds)
 
-    @whole
+    @in_turn
     def set(self, name: str, value: Any) -> None:
         """Sets a script variable to a copy of the value. Raises ExecutionError X004 for NaN and its like."""
         self._check_name(name)
@@ -230,6 +233,7 @@ class Session:
         """All script variables with copies of their values, by name."""
         return self.host.names.copies()
 
+    @in_turn
     def graphs(self) -> Graphs:
         """The graphs that searches with MEMORIZE have left in the session's file, the oldest first.
 
@@ -363,13 +367,15 @@ class Session:
         for run in list(self.host.begun):
             run.interrupted = True
 
-    @whole
     def close(self) -> None:
-        """Closes the connection; the session cannot run scripts any more. Closing twice does no harm."""
-        self.host.silence()
-        self.host.end_processes()
-        self.host.connection.close()
+        """Closes the connection; the session cannot run scripts any more. Closing twice does no harm.
+
+        What runs is ended first, as by `interrupt`: in a function of the user, or in another thread.
+        """
         self._closed = True
+        self.interrupt()
+        with under_way():
+            self.host.turns.close()
 
     def __enter__(self) -> Session:
         return self

@@ -7,6 +7,7 @@ from inspect import signature
 from typing import Any
 
 from ss2sql.errors import ExecutionError, did_you_mean
+from ss2sql.errors.visible import visible
 from ss2sql.runtime.builtins import BUILTINS, usage
 from ss2sql.runtime.functions import UserFunction
 from ss2sql.runtime.values import fresh
@@ -31,7 +32,7 @@ class SessionFunctions:
 
     def _print(self, *values: Any) -> Any:
         """Prints the values with blanks between them and gives the last one."""
-        print(*map(fresh, values))
+        print(*(visible(str(fresh(value))) for value in values))
         return values[-1] if values else None
 
     def _help(self, name: Any = None) -> str:
@@ -43,7 +44,7 @@ class SessionFunctions:
             lines = [f"{known:<12} {text}" for known, text in sorted(self._texts().items())]
             return "\n".join(lines)
         texts = self._texts()
-        if name not in texts:
+        if type(name) is not str or name not in texts:  # a list could not even be looked up
             hints = did_you_mean(str(name), texts) or ("help() lists all of them",)
             raise ExecutionError("X007", f"there is no function '{name}'", hints=hints)
         return f"{self._call(name)}: {texts[name]}"
@@ -70,7 +71,7 @@ class SessionFunctions:
         variables = self.names.copies()
         if name is None:
             return variables
-        if name not in variables:
+        if type(name) is not str or name not in variables:
             hints = did_you_mean(str(name), variables) or ("var() gives all of them",)
             raise ExecutionError("X007", f"there is no variable '{name}'", hints=hints)
         return variables[name]

@@ -9,6 +9,7 @@ from typing import Any
 from ss2sql import plan
 from ss2sql.errors import Error, RepresentationError, note_place
 from ss2sql.runtime import representations
+from ss2sql.runtime.messages import show
 from ss2sql.runtime.paths import Paths
 from ss2sql.runtime.representations.base import ASKS
 from ss2sql.runtime.rows import Row, Rows
@@ -51,7 +52,7 @@ class Shapes:
 
         if rows.groups is None:
             return whole(None)
-        return {fresh(key): whole(positions) for key, positions in rows.groups}
+        return {_own_key(key, form): whole(positions) for key, positions in rows.groups}
 
     def _shaped(
         self,
@@ -124,3 +125,14 @@ def with_stars(query: plan.Query, rows: Rows) -> Rows:
     """The rows of a query, with those columns taken apart that SELECT * could not know beforehand."""
     stars = frozenset(index for index, output in enumerate(query.columns) if output.star)
     return rows.with_stars(stars) if stars else rows
+
+
+def _own_key(value: Any, form: plan.Representation) -> Any:
+    """The value of a group as a key of a dict."""
+    own = fresh(value)
+    try:
+        hash(own)
+    except Exception as error:
+        hint = "group by its parts, or by its text"
+        raise RepresentationError("V001", f"{show(own)} cannot be the key of a group", form.span, (hint,)) from error
+    return own

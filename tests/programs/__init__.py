@@ -3,11 +3,12 @@
 `programs()` is a Hypothesis strategy of `ProgramCase`. Its parts, in order of control flow: `case` is the program
 with its variables, functions and tables, `choices` turns drawn bytes into decisions, `library` holds the Python
 functions, `expressions` writes expressions, `flat` queries, `searches` hierarchical queries, `scripts` whole
-programs; `features` reports what a script uses.
+programs; `features` reports what a script uses, `score` what a run of many came to.
 """
 
 from .case import ProgramCase
 from .features import features
+from .score import Score
 from .scripts import programs
 
-__all__ = ["ProgramCase", "features", "programs"]
+__all__ = ["ProgramCase", "Score", "features", "programs"]

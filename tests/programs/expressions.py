@@ -42,7 +42,7 @@ TEMPLATES = {
         (5, "({int} - {int})"),
         (5, "({int} * {int})"),
         (4, "({int} % {int})"),
-        (3, "IF({bool}; {int}; {int})"),
+        (5, "IF({bool}; {int}; {int})"),
         (2, "len({list})"),
         (2, "-{int}"),
         (2, "same({int})"),
@@ -86,7 +86,7 @@ TEMPLATES = {
         (2, "({bool} XOR {bool})"),
         (4, "even({int})"),
         (3, "({maybe} == None)"),
-        (2, "IF({bool}; {bool}; {bool})"),
+        (4, "IF({bool}; {bool}; {bool})"),
         (1, "IF({bool}; {bool})"),
         (1, "({int} IN {any})"),
         (2, "{int}"),
@@ -142,9 +142,9 @@ AGGREGATING = {
 
 # Texts that are read when they run, and volatile functions: not with GROUP BY, where an equal text is the same key.
 READ_LATE = {
-    "int": ((1, 'eval("{int}")'), (1, 'eval("{int} + 1")'), (4, "tick()"), (3, "blink({int})")),
-    "any": ((1, 'eval("{any}")'), (1, "[box({int}), 1]"), (1, "tick()")),
-    "bool": ((1, 'eval("{int} < {int}")'), (1, "({any} == box({int}))"), (1, "(box({int}) IN [box({int}), 1])")),
+    "int": ((2, 'eval("{int}")'), (2, 'eval("{int} + 1")'), (5, "tick()"), (4, "blink({int})")),
+    "any": ((4, 'eval("{any}")'), (2, "[box({int}), 1]"), (3, "tick()"), (3, "body({int})"), (2, "picky({any})")),
+    "bool": ((2, 'eval("{int} < {int}")'), (2, "({any} == box({int}))"), (1, "(box({int}) IN [box({int}), 1])")),
 }
 
 Parts = tuple[str, ...]  # texts and kinds in turn, a text first and last

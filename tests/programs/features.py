@@ -12,6 +12,31 @@ from ss2sql.frontend.parser import parse
 
 AGGREGATES = frozenset({"count", "sum", "min", "max", "average"})
 
+# What random programs have to cover: every one of these is in at least LEAST percent of them.
+LEAST = 5
+NAMED = (
+    *("flat query", "search", "several statements", "nested query", "assignment in a query", "star"),
+    *("flat WHERE", "flat GROUP BY", "flat HAVING", "flat ORDER BY", "flat LIMIT"),
+    *("flat aggregates", "flat partitions"),
+    *("search WHERE", "STOP WITH", "search GROUP BY", "search HAVING", "search ORDER BY", "search LIMIT"),
+    *("search aggregates", "search partitions"),
+    *("no options", "DEPTH FIRST", "BREADTH FIRST", "COST", "HEURISTIC", "PROBABILITY"),
+    *("MEMORIZE", "NO CYCLE", "UNIQUE", "MAXIMUM"),
+    *("no AS", "AS dict", "AS list", "AS rows", "AS value", "AS val", "AS set", "AS void"),
+    *("1 sources", "2 sources", "3 sources", "lateral source", "source that mentions the state", "source query"),
+    *("source call", "source listliteral", "source name"),
+    *("state int", "state float", "state str", "state list", "state nested list"),
+    *("if", "and", "or", "xor", "not", "literal NoneType", "index", "function eval", "function print"),
+    *("function that raises", "function that changes its argument", "volatile function", "opaque objects"),
+)
+GROUPED = {
+    "function that raises": ("picky", "lookup", "strange"),
+    "function that changes its argument": ("grow", "flip", "shift"),
+    "volatile function": ("tick", "blink"),
+    "opaque objects": ("body", "box"),
+}
+GROUP_OF = {function: group for group, functions in GROUPED.items() for function in functions}
+
 
 def features(script: str) -> set[str]:
     """The clauses, options, representations, operators and functions of a script, and some of their combinations."""
@@ -42,6 +67,8 @@ def of_node(node: Any) -> Iterator[str]:
             yield f"operator {function}"
         case ast.Call(function=function, star=star):
             yield f"function {function}{'(*)' if star else ''}"
+            if function in GROUP_OF:
+                yield GROUP_OF[function]
         case ast.Literal(value=value):
             yield f"literal {type(value).__name__}"
         case ast.Script() | ast.Name() | ast.From() | ast.OrderKey() | ast.Option() | ast.Representation():
@@ -65,7 +92,7 @@ def of_query(query: ast.Query) -> Iterator[str]:
     }
     written = [name for name, clause in clauses.items() if clause]
     kind = "search" if query.connect else "flat"
-    yield from (f"{kind} {name}" for name in written)
+    yield from ("STOP WITH" if name == "STOP WITH" else f"{kind} {name}" for name in written)
     if query.group:
         aggregated = any(isinstance(part, ast.Call) and part.function in AGGREGATES for part in walk(query.columns))
         yield f"{kind} {'aggregates' if aggregated else 'partitions'}"
@@ -74,6 +101,7 @@ def of_query(query: ast.Query) -> Iterator[str]:
         yield f"options {' + '.join(words)}" if words else "no options"
         yield from words
         yield f"{len(query.start)} variables"
+        yield from (f"state {state_kind(assign.value)}" for assign in query.start)
     yield from of_sources(query)
     if any(
         isinstance(part, (ast.Assign, ast.TemporalAssign)) for part in walk((query.columns, query.where, query.order))
@@ -81,6 +109,20 @@ def of_query(query: ast.Query) -> Iterator[str]:
         yield "assignment in a query"
     if any(isinstance(part, ast.Query) for part in walk((query.columns, query.where, query.stop))):
         yield f"nested query in a {kind}"
+        yield "nested query"
+
+
+def state_kind(start: Any) -> str:
+    """What a variable of the state holds, by the value that it starts with."""
+    match start:
+        case ast.Literal(value=value):
+            return type(value).__name__
+        case ast.ListLiteral(items=items) if any(isinstance(item, ast.ListLiteral) for item in items):
+            return "nested list"
+        case ast.ListLiteral():
+            return "list"
+        case _:
+            return "of an expression"
 
 
 def of_sources(query: ast.Query) -> Iterator[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -12,6 +13,15 @@ from .expressions import EVERYTHING, PLAIN, Expressions, Sight
 INTS = (1, 2, 3, 0, -1, 4, 2)
 NUMS = (1, 0.5, 1.0, 2, 2.5, True, 0)
 MIXED: tuple[Any, ...] = (None, 1, 1.0, True, "a", [1], [1.0], 0, "", [], [[]], 2.5, "1")
+
+# How the parts of a condition are joined; mostly not at all.
+CONDITIONS = ((44, ""), (6, "{} AND {}"), (6, "{} OR {}"), (24, "{} XOR {}"), (20, "NOT {}"))
+
+# Columns of functions that are seldom called otherwise: read late, volatile, raising, of opaque objects.
+SPECIAL = (
+    (26, "tick()"), (26, "blink({int})"), (14, 'eval("{int} + 1")'), (11, "picky({int})"), (5, "lookup({int} % 4)"),
+    (5, "strange({int})"), (13, "body({int})"), (13, "box({int})"), (40, 'print("row", {any})'),
+)  # fmt: skip
 
 # Variables: the kind of their elements, and how their values are made.
 VARIABLES: dict[str, tuple[str, Callable[[Choices], Any]]] = {
@@ -90,8 +100,10 @@ class Flat(Expressions):
         """One source. It may mention what is in sight: earlier sources of the same query, or rows around it."""
         choices = self.choices
         ints = [text for text in sight.texts["int"] if "(" not in text]
-        if ints and choices.chance(55):
+        if ints and choices.chance(75):
             return self.lateral(alias, choices.pick(ints))
+        if sight.texts["any"] and choices.chance(30):
+            return Origin(f"{f'{alias} = ' if alias else ''}[{choices.pick(sight.texts['any'])}, 1]", alias, "any")
         form = choices.weighted(
             (40, "variable"),
             (8, "literal"),
@@ -105,7 +117,7 @@ class Flat(Expressions):
         prefix = f"{alias} = " if alias else ""
         match form:
             case "variable":
-                name = choices.pick(("xs", "ys", "fs", "ss", "bs", "ms", "ls", "ps"))
+                name = choices.pick(("xs", "ys", "fs", "ss", "bs", "ms", "ls", "ps", "xs", "ys"))
                 return Origin(prefix + self.variable(name), alias or name, VARIABLES[name][0])
             case "rows":
                 self.variables.setdefault("rs", rows(choices))
@@ -207,7 +219,8 @@ class Flat(Expressions):
     def condition(self, sight: Sight, depth: int = 2) -> str:
         if self.nesting < 2 and self.choices.chance(12):
             return self.nested_condition(sight)
-        return self.expr("bool", sight, depth)
+        form = self.choices.weighted(*CONDITIONS)
+        return re.sub("{}", lambda _: self.expr("bool", sight, depth - 1), form) or self.expr("bool", sight, depth)
 
     def nested_condition(self, sight: Sight) -> str:
         kind, value = self.choices.pick((("int", "int"), ("any", "any")))
@@ -228,7 +241,9 @@ class Flat(Expressions):
     def column(self, sight: Sight) -> str:
         """One column of SELECT."""
         choices = self.choices
-        form = choices.weighted((60, "any"), (10, "nested"), (8, "to"), (6, "value"), (12, "row"), (4, "print"))
+        form = choices.weighted(
+            (60, "any"), (10, "nested"), (8, "to"), (6, "value"), (12, "row"), (10, "print"), (76, "special")
+        )
         if form == "nested" and self.nesting < 2:
             return self.nested(sight, "int", "list")
         if form == "value" and self.nesting < 2:
@@ -240,13 +255,20 @@ class Flat(Expressions):
             return choices.pick(sight.texts["row"])
         if form == "print" and self.nesting == 0:
             return f'print("row", {self.expr("any", sight, 1)})'
+        if form == "special" and self.templates is EVERYTHING and self.nesting == 0:
+            return self.special(sight)
         return self.expr("any", sight, choices.below(3))
+
+    def special(self, sight: Sight) -> str:
+        """A call of a function of SPECIAL."""
+        text = self.choices.weighted(*SPECIAL)
+        return self.call(re.sub(r"\{(\w+)\}", lambda hole: self.leaf(hole[1], sight), text))
 
     def flat(self, sight: Sight | None = None) -> str:
         """A whole query without CONNECT BY."""
         choices = self.choices
-        grouped = choices.chance(25)
-        text, own, origins = self.sources(sight or Sight(), choices.weighted((55, 1), (32, 2), (13, 3)))
+        grouped = choices.chance(44)
+        text, own, origins = self.sources(sight or Sight(), choices.weighted((45, 1), (37, 2), (18, 3)))
         self.templates = PLAIN if grouped else EVERYTHING
         where = f" WHERE {self.condition(own)}" if choices.chance(60) else ""
         if grouped:
@@ -259,7 +281,7 @@ class Flat(Expressions):
 
     def select_list(self, sight: Sight, origins: list[Origin]) -> str:
         choices = self.choices
-        if choices.chance(10):
+        if choices.chance(21):
             return "*"
         if choices.chance(5) and origins[0].kind == "int":
             names = choices.some(("half", "even", "near"), 1, 2)
@@ -282,11 +304,9 @@ class Flat(Expressions):
         )
 
     def representation(self, sight: Sight) -> str:
-        names = ["list", "dict", "rows", "value", "val", "void", "List", "set"]
-        if sight.texts["row"]:
-            names.remove("set")  # a dict has no fixed form in a Python set
-        if "box" in self.uses and "set" in names:
-            names.remove("set")
+        names = ["list", "dict", "rows", "value", "val", "void", "List"]
+        if not sight.texts["row"] and "box" not in self.uses:
+            names += ["set", "Set", "set"]  # a dict has no fixed form in a Python set
         return f" AS {self.choices.pick(names)}" if self.choices.chance(75) else ""
 
     # Groups
@@ -314,12 +334,12 @@ class Flat(Expressions):
     def grouping(self, sight: Sight) -> tuple[str, list[str]]:
         """SELECT and the clauses after WHERE of a query with GROUP BY: one row per group, or partitions."""
         choices = self.choices
-        partition = choices.chance(40)
+        partition = choices.chance(53)
         keys = [self.key(sight) for _ in range(choices.weighted((75, 1), (25, 2)))]
         if partition:
             keys = [f"[{key}]" if key.endswith("this") else key for key in keys]
         having = ""
-        if choices.chance(35):
+        if choices.chance(60):
             tested = choices.pick((self.aggregate(sight), keys[0], "count(*)"))
             having = f" HAVING {tested} {choices.pick(('>', '==', '<=', '!='))} {choices.pick(('1', '2', '0'))}"
         group = f"GROUP BY {', '.join(keys)}{having}"

@@ -15,10 +15,10 @@ from .searches import Searches
 DECISIONS = 320  # bytes per program; when they are used up the rest is as simple as it can be
 
 FORMS = (
-    (92, "flat"),
-    (84, "search"),
-    (18, "expression"),
-    (18, "assigning"),
+    (78, "flat"),
+    (108, "search"),
+    (12, "expression"),
+    (16, "assigning"),
     (10, "late"),
     (10, "named"),
     (8, "inner search"),

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import re
+
 from .expressions import EVERYTHING, PLAIN, Sight
 from .flat import Flat
-from .machines import MACHINES, Machine
+from .machines import MACHINES, Machine, floats, towers, words
 
 ORDERS = (
-    (26, ""),
-    (8, "DEPTH FIRST"),
-    (14, "BREADTH FIRST"),
-    (20, "COST"),
-    (10, "COST HEURISTIC"),
-    (16, "PROBABILITY"),
+    (6, ""),
+    (22, "DEPTH FIRST"),
+    (22, "BREADTH FIRST"),
+    (8, "COST"),
+    (26, "COST HEURISTIC"),
+    (22, "PROBABILITY"),
 )
-GUARDS = ((30, ""), (22, "NO CYCLE"), (24, "UNIQUE"), (20, "MEMORIZE"), (4, "NO CYCLE UNIQUE"))
+GUARDS = ((34, ""), (21, "NO CYCLE"), (23, "UNIQUE"), (18, "MEMORIZE"), (4, "NO CYCLE UNIQUE"))
 
 
 Pair = tuple[str, str]
@@ -26,9 +28,12 @@ class Searches(Flat):
     def search(self, sight: Sight | None = None) -> str:
         """A whole query with CONNECT BY, over one of the machines."""
         c = self.choices
-        machine = c.pick(MACHINES)(c)
+        machine = c.weighted(*((2 if make in (towers, words, floats) else 1, make) for make in MACHINES))(c)
         self.needs(machine)
         order, guard = c.weighted(*ORDERS), c.weighted(*GUARDS)
+        bare = c.chance(13)  # no option at all
+        if bare:
+            order = guard = ""
         if guard == "MEMORIZE":
             order = {"COST HEURISTIC": "COST", "DEPTH FIRST": "", "BREADTH FIRST": ""}.get(order, order)
         sight = sight or Sight()
@@ -40,16 +45,17 @@ class Searches(Flat):
             exact = True
         levels = 0 if exact and order == "COST HEURISTIC" and guard != "NO CYCLE" else self.levels(machine, guard)
         start, connect = self.state(machine, sight, levels)
-        grouped = c.chance(18)
+        grouped = c.chance(14 if guard else 52)
         self.templates = PLAIN if grouped else EVERYTHING
         where, stop = self.conditions(machine, sight, levels, exact)
         shown, ending = self.shown(machine, sight, exact, levels) if not grouped else self.parted(machine, sight, guard)
         self.templates = EVERYTHING
-        names = ["list", "dict", "rows", "void", "value"] if "this" in shown else ["list", "dict", "rows", "val", "set"]
-        representation = f" AS {c.pick(names)}" if c.chance(75) else ""
+        names = ["void", "value", "val"] if "this" in shown else ["val", "set", "set"]
+        representation = f" AS {c.pick(('list', 'dict', 'rows', *names))}" if c.chance(75) else ""
+        options = "" if bare else self.options(machine, order, guard)
         return (
             f"SELECT {shown} FROM {machine.sources}{where} START WITH {assigned(start)} "
-            f"CONNECT BY {self.options(machine, order, guard)}{assigned(connect)}{stop}{ending}{representation}"
+            f"CONNECT BY {options}{assigned(connect)}{stop}{ending}{representation}"
         )
 
     def needs(self, machine: Machine) -> None:
@@ -96,7 +102,8 @@ class Searches(Flat):
         parts = [machine.must_stop] if machine.must_stop else []
         parts += [f"level >= {levels}"] if levels else []
         parts += [c.pick(stops)] if c.chance(35) else []
-        where = "" if c.chance(15) else f" WHERE {c.pick(goals)}"
+        goal = c.weighted((80, "{}"), (12, "NOT ({})"), (12, "({}) XOR {}"))
+        where = "" if c.chance(15) else " WHERE " + re.sub("{}", lambda _: c.pick(goals), goal)
         return where, f" STOP WITH {' OR '.join(parts)}" if parts else ""
 
     def shown(self, machine: Machine, sight: Sight, exact: bool, levels: int) -> tuple[str, str]:
@@ -104,20 +111,20 @@ class Searches(Flat):
         c = self.choices
         columns = list(machine.row) if exact or c.chance(60) else []
         columns += [c.pick(machine.others)] if not columns or (not exact and c.chance(40)) else []
+        columns += [self.special(sight)] if levels and not exact and c.chance(30) else []
         columns += ["level"] if levels and not exact and c.chance(20) else []
         order = ""
         if c.chance(20):
             order = f"ORDER BY {c.pick((*machine.ints, *machine.row, *machine.others))}{c.pick(('', ' DESC'))}"
-        limit = self.limit() if c.chance(40) else ""
-        clauses = c.shuffled([clause for clause in (order, limit) if clause])
+        clauses = c.shuffled([clause for clause in (order, self.limit()) if clause])
         return ", ".join(columns), "".join(f" {clause}" for clause in clauses)
 
     def parted(self, machine: Machine, sight: Sight, guard: str) -> tuple[str, str]:
         """SELECT and the ending of a search with GROUP BY: rows of aggregates, or partitions of paths."""
         c = self.choices
         key = c.pick((*machine.ints, *machine.others[:1]))
-        having = f" HAVING count(*) {c.pick(('>', '<='))} {c.below(3)}" if c.chance(35) else ""
-        if not guard and c.chance(50):
+        having = f" HAVING count(*) {c.pick(('>', '<='))} {c.below(3)}" if c.chance(55) else ""
+        if not guard and c.chance(75):
             aggregates = ", ".join(self.aggregate(sight) for _ in range(1 + c.below(2)))
             order = c.pick(("", f" ORDER BY {key} DESC", " ORDER BY count(*)"))
             return f"{key}, {aggregates}", f" GROUP BY {key}{having}{order}"

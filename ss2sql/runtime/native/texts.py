@@ -39,9 +39,12 @@ class Texts(dict[str, Callable[..., Any]]):
         self.run = run
         self.sight = sight
 
-    def __missing__(self, text: Any) -> Callable[..., Any]:
-        if not isinstance(text, str):
+    def __getitem__(self, text: Any) -> Callable[..., Any]:
+        if type(text) is not str:  # a list could not even be looked up
             raise ExecutionError("X007", f"eval reads a text, not {show(text)}", hints=("put it into quotes",))
+        return super().__getitem__(text)
+
+    def __missing__(self, text: str) -> Callable[..., Any]:
         statements = self.run.host.resolve_text(text, self.sight.scope)
         function = self[text] = compiled(statements, self.sight)(self.run)
         return function

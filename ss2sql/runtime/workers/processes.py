@@ -120,6 +120,7 @@ class _Crew:
 
     def __init__(self, functions: list[Sent], size: int) -> None:
         self.size = size
+        self.parent = os.getpid()
         self.tasks: Tasks = SimpleQueue()
         self.ready, self.over = threading.Event(), threading.Event()
         self.processes = [_started() for _ in range(size)]
@@ -128,6 +129,8 @@ class _Crew:
             threading.Thread(target=_serve, args=arguments, name="ss2sql worker", daemon=True).start()
 
     def end(self) -> None:
+        if os.getpid() != self.parent:  # a copy of the process that started them, made by `fork`
+            return
         self.over.set()
         with suppress(Empty):
             while True:

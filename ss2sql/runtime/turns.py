@@ -1,0 +1,77 @@
+"""One thread at a time uses a session; who closes it while a script runs ends that first."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Callable
+from functools import wraps
+from typing import TYPE_CHECKING, Concatenate, ParamSpec, TypeVar
+
+from ss2sql.errors import SessionError
+from ss2sql.runtime.interrupts import under_way
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.session import Session
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+class Turns:
+    """Who uses the connection of a session: one thread, which may come again while it is there.
+
+    Two runs at once would read each other's values. A second thread does not wait, for the first one may wait for it.
+    """
+
+    def __init__(self, release: Callable[[], None], in_file: bool) -> None:
+        self._lock = threading.RLock()
+        self._depth = 0
+        self._release = release
+        self._closed = False
+        self._process = os.getpid()
+        self._in_file = in_file
+
+    @property
+    def here(self) -> bool:
+        """Whether this is the process that has opened the session, and no copy made by `fork`."""
+        return os.getpid() == self._process
+
+    def __enter__(self) -> None:
+        if self._in_file and not self.here:  # the locks of SQLite on a file are not those of the copy
+            hint = "connect to the file anew in each process"
+            raise SessionError("S004", "the session belongs to the process that this one is a copy of", hints=(hint,))
+        if not self._lock.acquire(blocking=False):
+            hints = ("give each thread a session of its own, or let them take turns with a lock",)
+            raise SessionError("S004", "the session is in use in another thread", hints=hints)
+        self._depth += 1
+
+    def __exit__(self, *_: object) -> None:
+        self._depth -= 1
+        self._lock.release()
+        if self._closed:
+            self._end_if_free()
+
+    def close(self) -> None:
+        """Gives back what the session holds, now or when the last one leaves."""
+        self._closed = True
+        self._end_if_free()
+
+    def _end_if_free(self) -> None:
+        if self._lock.acquire(blocking=False):  # else whoever is there does it
+            try:
+                if not self._depth:
+                    self._release()
+            finally:
+                self._lock.release()
+
+
+def in_turn(work: Callable[Concatenate[Session, P], T]) -> Callable[Concatenate[Session, P], T]:
+    """Decorator: a method of a session that uses its connection, and that Ctrl-C does not break off in the middle."""
+
+    @wraps(work)
+    def unbroken(session: Session, /, *arguments: P.args, **named: P.kwargs) -> T:
+        with under_way(), session.host.turns:
+            return work(session, *arguments, **named)
+
+    return unbroken
