@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ss2sql.cli.endings import SCRIPT, UserError, end, note, reports_errors
-from ss2sql.cli.given import script, script_options, session_for
+from ss2sql.cli.given import Given, script_options
 from ss2sql.cli.output import check_folder, console, echo, not_written
 from ss2sql.errors import Error
 
@@ -62,12 +62,7 @@ def _checked_strategies(context: click.Context, parameter: click.Parameter, valu
               help="A picture of the times, PNG, SVG or PDF by its name.")  # fmt: skip
 @reports_errors
 def command(
-    file: str | None,
-    text: str | None,
-    function_files: tuple[Path, ...],
-    worlds: tuple[str, ...],
-    database: str | None,
-    parameters: tuple[tuple[str, str], ...],
+    given: Given,
     engine: str,
     strategies: tuple[str, ...],
     repeat: int,
@@ -80,13 +75,13 @@ def command(
     from ss2sql.race import Rules, heats
     from ss2sql.runtime.session import source_of
 
-    source = script(file, text)
+    source = given.script
     for path in (json_file, plot_file):
         if path is not None:
             check_folder(path)
     rules = Rules(ENGINES[engine], strategies, repeat, timeout, memory)  # type: ignore[arg-type]
     run: list[Heat] = []
-    with session_for(function_files, worlds, database, parameters, progress=False) as session:
+    with given.session(progress=False) as session:
         try:
             for heat in heats(session, source_of(source), rules):
                 if run:

@@ -100,8 +100,10 @@ def _entry(title: str, message: str, place: dict[str, Any] | None = None, **more
 
 # Hints speak to users of Python; this is the same on a command line.
 SPELLINGS = (
-    (re.compile(r"^register it with session\.function; help\(\) lists"),
-     "name its file with --functions FILE.py; 'ss2sql list functions' lists"),
+    (
+        re.compile(r"^register it with session\.function; help\(\) lists"),
+        "name its file with --functions FILE.py; 'ss2sql list functions' lists",
+    ),
     (re.compile(r"^raise timeout=, "), "raise --timeout, "),
     (re.compile(r"raise max_rows$"), "raise --max-rows"),
     (re.compile(r"engine='(\w+)'"), r"--engine \1"),

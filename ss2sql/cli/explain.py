@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 from click.core import ParameterSource
 
 from ss2sql.cli.endings import reports_errors
-from ss2sql.cli.given import beside_results, script, script_options, session_for
+from ss2sql.cli.given import Given, beside_results, script_options
 from ss2sql.cli.output import echo
 from ss2sql.cli.run import run_options, run_script
 from ss2sql.errors import Stopped
@@ -29,22 +28,17 @@ FORMATS = ("text", "json")
 @run_options
 @reports_errors
 def command(
-    file: str | None,
-    text: str | None,
-    function_files: tuple[Path, ...],
-    worlds: tuple[str, ...],
-    database: str | None,
-    parameters: tuple[tuple[str, str], ...],
+    given: Given,
     analyze: bool,
     form: str,
     progress: bool | None,
     **options: Any,
 ) -> None:
     """Tells how a script is run: engines, rewrites, calls, SQLite's plan in words, the SQL."""
-    source = script(file, text)
+    source = given.script
     if not analyze:
         _refuse_options_of_runs()
-    with session_for(function_files, worlds, database, parameters, "auto" if progress is None else progress) as session:
+    with given.session(progress) as session:
         if not analyze:
             with beside_results():
                 found = session.compile(source, options["engine"]).explain()

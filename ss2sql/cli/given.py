@@ -10,8 +10,8 @@ import runpy
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, fields
+from functools import partial, wraps
 from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -50,59 +50,74 @@ SCRIPT_OPTIONS = (
 )
 
 
+@dataclass(frozen=True, slots=True)
+class Given:
+    """What the options say: what scripts may use, values for their names, and which script is meant, if one is."""
+
+    function_files: tuple[Path, ...] = ()
+    worlds: tuple[str, ...] = ()
+    database: str | None = None
+    parameters: tuple[tuple[str, str], ...] = ()
+    file: str | None = None
+    text: str | None = None
+
+    @property
+    def script(self) -> str | Path | Source:
+        """The script; standard input is read each time."""
+        if (self.file is None) == (self.text is None):
+            raise click.UsageError("give a script: a FILE, - for standard input, or -e TEXT", _context())
+        if self.text is not None:
+            return self.text
+        assert self.file is not None
+        if self.file != "-":
+            return Path(self.file)
+        try:
+            return Source(sys.stdin.buffer.read().decode("utf-8"), "<stdin>")
+        except UnicodeDecodeError as error:
+            raise SessionError("S002", f"the script on standard input cannot be read: {error}") from error
+
+    def session(self, progress: bool | None = None) -> Session:
+        """A session with all of it; without a word about `progress` it is shown on a terminal."""
+        from ss2sql.runtime.session import connect  # half a second, which completion and --help need not wait for
+
+        shown: str | bool = "auto" if progress is None else progress
+        session = connect(self.database, progress=shown, read_only=self.database is not None)
+        for path in self.function_files:
+            register(session, path)
+        for world in self.worlds:
+            session.attach(*world_of(world))
+        for name, text in self.parameters:
+            session.set(name, value_of(text))
+        return session
+
+
+NOTHING_GIVEN = Given()
+
+
 def script_options(command: F) -> F:
-    """Adds the options that say which script is meant and what it may use."""
-    return _with(SCRIPT_OPTIONS, command)
+    """Adds the options that say which script is meant and what it may use; the command takes them as `given`."""
+    return _given(SCRIPT_OPTIONS, command)
 
 
 def uses_options(command: F) -> F:
     """Adds those that say what scripts may use, where there is no script."""
-    return _with(USES_OPTIONS, command)
+    return _given(USES_OPTIONS, command)
 
 
 def session_options(command: F) -> F:
     """Adds those that say what scripts may use, and values for their names, where the scripts come later."""
-    return _with((*USES_OPTIONS, PARAMETER), command)
+    return _given((*USES_OPTIONS, PARAMETER), command)
 
 
-def _with(options: tuple[Callable[[F], F], ...], command: F) -> F:
+def _given(options: tuple[Callable[[F], F], ...], command: F) -> F:
+    @wraps(command)
+    def gathered(**values: Any) -> Any:
+        own = {field.name: values.pop(field.name) for field in fields(Given) if field.name in values}
+        return command(given=Given(**own), **values)
+
     for option in reversed(options):
-        command = option(command)
-    return command
-
-
-def script(file: str | None, text: str | None) -> str | Path | Source:
-    """What the options mean by the script."""
-    if (file is None) == (text is None):
-        raise click.UsageError("give a script: a FILE, - for standard input, or -e TEXT", _context())
-    if text is not None:
-        return text
-    assert file is not None
-    if file != "-":
-        return Path(file)
-    try:
-        return Source(sys.stdin.buffer.read().decode("utf-8"), "<stdin>")
-    except UnicodeDecodeError as error:
-        raise SessionError("S002", f"the script on standard input cannot be read: {error}") from error
-
-
-def session_for(
-    function_files: tuple[Path, ...],
-    worlds: tuple[str, ...],
-    database: str | None,
-    parameters: tuple[tuple[str, str], ...],
-    progress: str | bool = "auto",
-) -> Session:
-    from ss2sql.runtime.session import connect  # half a second, which completion and --help need not wait for
-
-    session = connect(database, progress=progress, read_only=database is not None)
-    for path in function_files:
-        register(session, path)
-    for world in worlds:
-        session.attach(*world_of(world))
-    for name, text in parameters:
-        session.set(name, value_of(text))
-    return session
+        gathered = option(gathered)
+    return gathered  # type: ignore[return-value]
 
 
 @contextmanager

@@ -7,13 +7,12 @@ import json
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from importlib.util import find_spec
-from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 import click
 
 from ss2sql.cli.endings import reports_errors
-from ss2sql.cli.given import session_for, uses_options
+from ss2sql.cli.given import NOTHING_GIVEN, Given, uses_options
 from ss2sql.cli.output import console, echo
 
 if TYPE_CHECKING:
@@ -116,13 +115,11 @@ FIXED: dict[str, Callable[[], Iterable[Entry]]] = {
 }
 
 
-def entries_of(
-    topic: str, function_files: tuple[Path, ...] = (), worlds: tuple[str, ...] = (), database: str | None = None
-) -> list[Entry]:
+def entries_of(topic: str, given: Given = NOTHING_GIVEN) -> list[Entry]:
     """What there is of a topic, with what the user names."""
     if topic in FIXED:
         return list(FIXED[topic]())
-    with session_for(function_files, worlds, database, ()) as session:
+    with given.session() as session:
         return list(OF_SESSION[topic](session))
 
 
@@ -153,9 +150,7 @@ def _complete_name(context: click.Context, parameter: click.Parameter, incomplet
 def command(
     topic: str | None,
     words: tuple[str, ...],
-    function_files: tuple[Path, ...],
-    worlds: tuple[str, ...],
-    database: str | None,
+    given: Given,
     form: str,
 ) -> None:
     """Lists functions, representations, strategies, worlds, errors, rewrites.
@@ -163,14 +158,14 @@ def command(
     TOPIC is one of these words; without it they are told. With NAME only the one of that name.
     """
     name = " ".join(words) or None  # as NO CYCLE
-    if topic == "worlds" and worlds:
-        with session_for(function_files, worlds, database, ()) as session:
+    if topic == "worlds" and given.worlds:
+        with given.session() as session:
             _describe(session, name, form)
         return
     if topic is None:
         entries: list[Entry] = [{"name": word, "text": text} for word, text in TOPICS.items()]
     else:
-        entries = _named(entries_of(topic, function_files, worlds, database), name, topic)
+        entries = _named(entries_of(topic, given), name, topic)
     if form == "json":
         echo(json.dumps(entries, ensure_ascii=False, indent=2))
     elif name is not None:

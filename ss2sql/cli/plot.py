@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from ss2sql.cli.endings import note, reports_errors
-from ss2sql.cli.given import script, script_options, session_for
+from ss2sql.cli.given import Given, script_options
 from ss2sql.cli.output import check_folder, counted, not_written
 from ss2sql.cli.run import run_options, run_script
 from ss2sql.errors import Stopped
@@ -46,12 +46,7 @@ def _checked_size(context: click.Context, parameter: click.Parameter, value: str
 @run_options
 @reports_errors
 def command(
-    file: str | None,
-    text: str | None,
-    function_files: tuple[Path, ...],
-    worlds: tuple[str, ...],
-    database: str | None,
-    parameters: tuple[tuple[str, str], ...],
+    given: Given,
     progress: bool | None,
     output: Path,
     kind: str,
@@ -61,13 +56,13 @@ def command(
     **options: Any,
 ) -> None:
     """Runs a script and draws its result as a picture."""
-    source = script(file, text)
+    source = given.script
     check_folder(output)
     from ss2sql.results import package
 
     package("matplotlib", "plot", "plot").use("agg")  # no window, and no screen needed
     stopped: Stopped | None = None
-    with session_for(function_files, worlds, database, parameters, "auto" if progress is None else progress) as session:
+    with given.session(progress) as session:
         try:
             result = run_script(session, source, **options)
         except Stopped as error:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import sys
-from pathlib import Path
 from typing import Any
 
 import click
 
 from ss2sql.cli.endings import CTRL_C, SCRIPT, reports_errors
-from ss2sql.cli.given import session_for, session_options
+from ss2sql.cli.given import Given, session_options
 from ss2sql.cli.output import SHOWN, Count
 from ss2sql.cli.run import run_options
 
@@ -36,10 +35,7 @@ from ss2sql.cli.run import run_options
 @click.option("--history/--no-history", default=True, help="Whether what is typed is remembered for the next time.")
 @reports_errors
 def command(
-    function_files: tuple[Path, ...],
-    worlds: tuple[str, ...],
-    database: str | None,
-    parameters: tuple[tuple[str, str], ...],
+    given: Given,
     progress: bool | None,
     form: str,
     history: bool,
@@ -54,7 +50,7 @@ def command(
     from ss2sql.shell.settings import Settings
     from ss2sql.shell.shell import Shell
 
-    with session_for(function_files, worlds, database, parameters, "auto" if progress is None else progress) as session:
+    with given.session(progress) as session:
         shell = Shell(session, Settings(format=form, **options))
         if typed:
             from ss2sql.shell.terminal import Terminal

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ss2sql.cli.endings import UserError, note, reports_errors
-from ss2sql.cli.given import beside_results, script, script_options, session_for
+from ss2sql.cli.given import Given, beside_results, script_options
 from ss2sql.cli.output import output_of, output_options
 from ss2sql.errors import Error, Source, Stopped, WorkersWarning
 
@@ -47,12 +47,7 @@ def run_options(command: Any) -> Any:
 @output_options
 @reports_errors
 def command(
-    file: str | None,
-    text: str | None,
-    function_files: tuple[Path, ...],
-    worlds: tuple[str, ...],
-    database: str | None,
-    parameters: tuple[tuple[str, str], ...],
+    given: Given,
     progress: bool | None,
     form: str | None,
     output: Path | None,
@@ -60,9 +55,9 @@ def command(
     **options: Any,
 ) -> None:
     """Runs a script: FILE, - for standard input, or -e TEXT."""
-    source = script(file, text)
+    source = given.script
     wanted = output_of(form, output, shown)
-    with session_for(function_files, worlds, database, parameters, "auto" if progress is None else progress) as session:
+    with given.session(progress) as session:
         try:
             result = run_script(session, source, **options)
         except Stopped as stopped:

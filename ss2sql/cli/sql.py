@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import click
 
 from ss2sql.cli.endings import reports_errors
-from ss2sql.cli.given import script, script_options, session_for
+from ss2sql.cli.given import Given, script_options
 from ss2sql.cli.output import echo
 
 STAGES = ("ast", "plan", "sql")
@@ -44,17 +43,12 @@ def _complete_dialect(context: click.Context, parameter: click.Parameter, incomp
 )
 @reports_errors
 def command(
-    file: str | None,
-    text: str | None,
-    function_files: tuple[Path, ...],
-    worlds: tuple[str, ...],
-    database: str | None,
-    parameters: tuple[tuple[str, str], ...],
+    given: Given,
     stage: str,
     dialect: str | None,
 ) -> None:
     """Shows what a script becomes: its syntax tree, its plan, or the SQL that runs."""
-    source = script(file, text)
+    source = given.script
     if dialect is not None and stage != "sql":
         raise click.UsageError("--dialect goes with --stage sql", click.get_current_context())
     if stage == "ast":
@@ -66,7 +60,7 @@ def command(
         return
     from ss2sql.plan_tree import plan_tree
 
-    with session_for(function_files, worlds, database, parameters) as session:
+    with given.session() as session:
         query = session.compile(source)
         echo(plan_tree(query.plan).rstrip() if stage == "plan" else _sql_text(query.sql))
 
