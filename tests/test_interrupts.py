@@ -10,6 +10,7 @@ import subprocess
 import sys
 import threading
 import tracemalloc
+import weakref
 from collections.abc import Iterator
 from pathlib import Path
 from random import Random
@@ -110,6 +111,44 @@ def test_a_function_of_the_user_ends_at_once(ss: ss2sql.Session, engine: Any) ->
     assert went_on == []
     assert list(caught.value.partial) == []
     check_session(ss)
+
+
+class Pressing:
+    """An object whose end is the moment when Ctrl-C is pressed."""
+
+    def __del__(self) -> None:
+        press()
+
+
+def in_the_collector() -> None:
+    def callback(phase: str, info: dict[str, int]) -> None:
+        if phase == "start":
+            press()
+
+    gc.callbacks.append(callback)
+    try:
+        gc.collect()
+    finally:
+        gc.callbacks.remove(callback)
+
+
+def in_a_finaliser() -> None:
+    weakref.finalize(NumberWorld(), press)
+
+
+@both
+@pytest.mark.usefixtures("usual")
+@pytest.mark.parametrize("moment", [Pressing, in_the_collector, in_a_finaliser])
+def test_where_python_forgets_errors_none_is_raised(ss: ss2sql.Session, engine: Any, moment: Any) -> None:
+    @ss.function(volatility="volatile")
+    def step(x: int) -> int:
+        if x == 3:
+            moment()  # an error there would be printed and forgotten, which pytest counts as one of its own
+        return x
+
+    with pytest.raises(ss2sql.Cancelled) as caught:
+        ss.run("SELECT step(this) FROM range(20000) AS list;", engine=engine)
+    assert caught.value.partial is None or len(caught.value.partial) < 20000
 
 
 @both

@@ -9,6 +9,7 @@ take long, and in the stages that only compute a value from others.
 
 from __future__ import annotations
 
+import gc
 import sys
 import threading
 import time
@@ -64,6 +65,8 @@ _ctrl_c = _CtrlC()
 
 def may_break(frame: FrameType | None) -> bool:
     """Whether a run may end at once where it is: in code of the user, and in stages that only compute."""
+    if any(map(_unheard, _callers(frame))):
+        return False
     while frame is not None:
         name = frame.f_globals.get("__name__") or ""
         if name.startswith(_OWN):
@@ -71,12 +74,26 @@ def may_break(frame: FrameType | None) -> bool:
                 return False
             if not name.startswith(_HELPERS):
                 return name.startswith(_PURE)
-        elif name == "weakref":  # nobody would hear of an error there
-            return False
         elif name and name.partition(".")[0] not in _LIBRARIES:  # what is generated has no name
             return True
         frame = frame.f_back
     return True
+
+
+def _callers(frame: FrameType | None) -> Iterator[FrameType]:
+    while frame is not None:
+        yield frame
+        frame = frame.f_back
+
+
+def _unheard(frame: FrameType) -> bool:
+    """Whether Python prints and forgets an error that leaves this frame."""
+    code = frame.f_code
+    return (
+        code.co_name == "__del__"
+        or frame.f_globals.get("__name__") == "weakref"
+        or any(getattr(callback, "__code__", None) is code for callback in gc.callbacks)
+    )
 
 
 @contextmanager
