@@ -85,7 +85,10 @@ def prepare_script(problem: Problem, size: int, engine: str) -> Measured:
     def run() -> Any:
         last[:] = []
         last.append(query.run())
-        return last[0].value
+        return last[0].value if script.shaped else last[0]
+
+    def answer(found: Any) -> Any:
+        return problem.answer(found if script.shaped else found.paths)
 
     def facts() -> dict[str, Any]:
         result = last[0]
@@ -97,7 +100,7 @@ def prepare_script(problem: Problem, size: int, engine: str) -> Measured:
             "calls": dict(result.stats.calls),
         }
 
-    return Measured(run, problem.answer, facts)
+    return Measured(run, answer, facts)
 
 
 def measure(name: str, size: int, contender: str, repeat: int, budget: float) -> dict[str, Any]:

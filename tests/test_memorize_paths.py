@@ -246,8 +246,8 @@ def test_ways_that_are_cheap_but_too_long() -> None:
 def test_maximum_takes_no_step_beyond_the_last_path(monkeypatch: pytest.MonkeyPatch) -> None:
     asked = []
 
-    def counted(graph: Graph) -> Iterator[Sequence[int]]:
-        for number, path in enumerate(ByLength(graph).paths(), 1):
+    def counted(graph: Graph, marks: Sequence[Any] | None) -> Iterator[list[Any]]:
+        for number, path in enumerate(ByLength(graph, marks).paths(), 1):
             asked.append(number)
             yield path
 

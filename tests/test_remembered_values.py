@@ -180,3 +180,40 @@ def test_random_queries_one_after_the_other(seed: int, tmp_path: Path) -> None:
         assert calls(sessions[0].run(script)) == 0, script
     for ss in sessions:
         ss.close()
+
+
+AROUND = [[0, 1], [1, 0], [0, -1], [-1, 0.0], [1.0, True]]
+
+
+@pytest.mark.parametrize(
+    "row", ["plus(place, this)", "plus(place, this), place[0] + this[0]", "this, plus(place, this)"]
+)
+def test_rows_that_are_read_meet_those_that_are_made(tmp_path: Path, row: str) -> None:
+    """Half of the graph is in the file, the other half is found out, and equal numbers are one row."""
+
+    def plus(place: list[float], step: list[float]) -> list[float]:
+        return [place[0] + step[0], place[1] + step[1]]
+
+    def free(place: list[float]) -> bool:
+        return -2 <= place[0] <= 2 and -2 <= place[1] <= 2
+
+    def run(ss: ss2sql.Session, bound: int) -> ss2sql.Result:
+        ss.function("plus", plus)
+        ss.function("free", free, volatility="immutable")
+        ss.set("around", AROUND)
+        return ss.run(
+            f"SELECT {row} FROM around WHERE plus(place, this) == [2, 1] START WITH place = [0, 0]"
+            f" CONNECT BY MEMORIZE {bound} MAXIMUM 60 place = plus(place, this)"
+            " STOP WITH plus(place, this) == [2, 1] OR not free(plus(place, this)) AS rows;"
+        )
+
+    with ss2sql.connect() as ss:
+        wanted = run(ss, 6)
+    file = tmp_path / "graphs.db"
+    with ss2sql.connect(file) as ss:
+        run(ss, 3)
+    with ss2sql.connect(file) as ss:
+        found = run(ss, 6)
+    assert found.stats.remembered_steps
+    assert len(wanted.value) == 60
+    assert found.value == wanted.value

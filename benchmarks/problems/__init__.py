@@ -11,6 +11,7 @@ from problems import (
     jugs,
     map,
     memorize,
+    navigation,
     nested,
     particles,
     plans,
@@ -21,7 +22,8 @@ from problems import (
 from problems.base import Problem
 
 SUBJECTS = (
-    plans, hanoi, nested, map, puzzle, jugs, grid, memorize, reach, hierarchy, particles, worlds, chain, compiling,
+    plans, hanoi, nested, map, puzzle, jugs, grid, memorize, reach, hierarchy, particles, worlds, navigation,
+    chain, compiling,
 )  # fmt: skip
 PROBLEMS: dict[str, Problem] = {problem.name: problem for subject in SUBJECTS for problem in subject.PROBLEMS}
 

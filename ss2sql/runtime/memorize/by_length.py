@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import islice
+from typing import Any
 
 from ss2sql.runtime.memorize.careful import Careful
 from ss2sql.runtime.memorize.graph import FAR, Graph
@@ -23,17 +24,18 @@ CHECK_EVERY = 1023
 PATIENCE = 10  # 14,000 paths of Hanoi with 4 disks need 1.5, a crowded grid of 7 x 7 nodes 0.7
 
 
-def paths_by_length(graph: Graph) -> Iterator[Sequence[int]]:
-    """The paths from the start to a goal as lists of edges. Each is read before the next one is asked for."""
-    return ByLength(graph).paths()
+def paths_by_length(graph: Graph, marks: Sequence[Any] | None = None) -> Iterator[list[Any]]:
+    """The paths from the start to a goal as lists of edges, or of what `marks` has in place of each edge."""
+    return ByLength(graph, marks).paths()
 
 
 class ByLength:
     """The paths of one graph: by the quick walk until it loses its way, then by the careful one."""
 
-    def __init__(self, graph: Graph) -> None:
+    def __init__(self, graph: Graph, marks: Sequence[Any] | None = None) -> None:
         self.graph = graph
-        self.quick = Quick(graph)
+        self.marks: Sequence[Any] = range(len(graph.targets)) if marks is None else marks
+        self.quick = Quick(graph, self.marks)
         self.careful: Careful | None = None
 
     @property
@@ -41,18 +43,15 @@ class ByLength:
         """How many edges were looked at."""
         return self.quick.steps + (self.careful.steps if self.careful else 0)
 
-    def paths(self) -> Iterator[Sequence[int]]:
-        """The paths from the start to a goal as lists of edges."""
+    def paths(self) -> Iterator[list[Any]]:
+        """The paths from the start to a goal as lists of marks."""
         quick = self.quick
         length = quick.first()
         while length <= self.graph.longest:
-            given = 0
-            for path in quick.paths(length):
-                yield path
-                given += 1
+            yield from quick.paths(length)
             if quick.lost:
-                self.careful = Careful(self.graph)
-                yield from islice(self.careful.paths(length), given, None)
+                self.careful = Careful(self.graph, self.marks)
+                yield from islice(self.careful.paths(length), quick.given, None)
                 return
             length = quick.longer
 
@@ -60,48 +59,52 @@ class ByLength:
 class Quick:
     """The walks over one graph. `even` and `odd` are the distances to a goal in an even and odd number of steps."""
 
-    def __init__(self, graph: Graph) -> None:
+    def __init__(self, graph: Graph, marks: Sequence[Any]) -> None:
         self.graph = graph
+        self.marks = marks
         self.even, self.odd = _distances(graph)
-        # Of the nodes that were entered, the edges that lead somewhere.
-        self.edges: list[list[tuple[int, int]] | None] = [None] * len(graph.rows)
+        # Of the nodes that were entered, the edges that lead somewhere: their marks, and the nodes that they lead to.
+        self.edges: list[list[tuple[Any, int]] | None] = [None] * len(graph.rows)
         self.longer = FAR
-        self.turns = 0
         self.steps = 0  # edges of the nodes that were left again
         self.patience = PATIENCE * (len(graph.rows) + len(graph.targets))
         self.trusted = self.patience  # how many steps may be taken before the next path
         self.lost = False
+        self.given = 0  # paths of this length
 
     def first(self) -> int:
         """The length of the shortest paths."""
         return min(self.even[0], self.odd[0])
 
-    def paths(self, length: int) -> Iterator[Sequence[int]]:
-        """The paths of this length; `longer` is then the next length that is worth a walk.
+    def paths(self, length: int) -> Iterator[list[Any]]:
+        """The paths of this length as lists of marks; `longer` is then the next length that is worth a walk.
 
-        Ends with `lost` where too many ways lead nowhere.
+        Ends with `lost` where too many ways lead nowhere, after so many as `given`.
         """
+        self.graph.check()
         self.longer = FAR
+        self.given = turns = 0
         goals, edges = self.graph.goals, self.edges
         distances = (self.even, self.odd)
         visited = bytearray(len(goals))
-        path: list[int] = []
+        path: list[Any] = []
         nodes: list[int] = []
         stack = [iter(self._edges(0))]
         while stack:
             left = length - len(stack)  # steps that are left after the next one
             distance = distances[left & 1]
-            for edge, node in stack[-1]:
+            for mark, node in stack[-1]:
                 if visited[node]:
                     continue
                 if not left:
                     if goals[node]:
                         self.trusted = self.steps + self.patience
-                        yield [*path, edge]
+                        self.given += 1
+                        yield [*path, mark]
                     if self.longer > length + 1:
                         self._note_beyond(node, length)
                 elif distance[node] <= left:
-                    path.append(edge)
+                    path.append(mark)
                     nodes.append(node)
                     visited[node] = 1
                     stack.append(iter(edges[node] or self._edges(node)))
@@ -115,22 +118,19 @@ class Quick:
                     node = nodes.pop()
                     visited[node] = 0
                     self.steps += len(edges[node] or ())
-                if self._gives_up():
+                turns += 1  # counted here: a method that does it takes a twentieth of the walk
+                if not turns & CHECK_EVERY:
+                    self.graph.check()
+                if self.steps > self.trusted:
+                    self.lost = True
                     return
 
-    def _edges(self, node: int) -> list[tuple[int, int]]:
-        """The edges out of a node with the nodes that they lead to; those that lead nowhere are left out."""
-        even, odd, targets = self.even, self.odd, self.graph.targets
-        pairs = [(edge, targets[edge]) for edge in self.graph.edges[node]]
+    def _edges(self, node: int) -> list[tuple[Any, int]]:
+        """The edges out of a node as `edges` has them; those that lead nowhere are left out."""
+        even, odd, targets, marks = self.even, self.odd, self.graph.targets, self.marks
+        pairs = [(marks[edge], targets[edge]) for edge in self.graph.edges[node]]
         known = self.edges[node] = [pair for pair in pairs if even[pair[1]] < FAR or odd[pair[1]] < FAR]
         return known
-
-    def _gives_up(self) -> bool:
-        self.turns += 1
-        if not self.turns & CHECK_EVERY:
-            self.graph.check()
-        self.lost = self.steps > self.trusted
-        return self.lost
 
     def _note_beyond(self, node: int, depth: int) -> None:
         """Notes the length of the shortest walk that goes on from a node which is the last one now."""

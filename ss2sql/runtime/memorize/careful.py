@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from heapq import heappop, heappush
+from typing import Any
 
 from ss2sql.runtime.memorize.graph import FAR, Graph
 
@@ -38,14 +39,15 @@ class Branch:
 class Careful:
     """The walks over one graph. `steps` counts the edges that were looked at."""
 
-    def __init__(self, graph: Graph) -> None:
+    def __init__(self, graph: Graph, marks: Sequence[Any]) -> None:
         self.graph = graph
         self.longest = graph.longest
         self.near = graph.steps_to_goals([0 if goal else FAR for goal in graph.goals])
         near, targets = self.near, graph.targets
         # Edges that lead nowhere are left out once and for all.
-        self.edges = [[edge for edge in edges if near[targets[edge]] < FAR] for edges in graph.edges]
-        self.targets = [[targets[edge] for edge in edges] for edges in self.edges]
+        kept = [[edge for edge in edges if near[targets[edge]] < FAR] for edges in graph.edges]
+        self.marks = [[marks[edge] for edge in edges] for edges in kept]
+        self.targets = [[targets[edge] for edge in edges] for edges in kept]
         self.visited = bytearray(len(near))
         self.kept = 0
         self.steps = 0
@@ -53,17 +55,17 @@ class Careful:
         self._known: list[int] = []  # a way to a goal from the last node of the path, backwards
         self._known_from: Branch | None = None
 
-    def paths(self, length: int) -> Iterator[Sequence[int]]:
-        """The paths of at least this length as lists of edges."""
+    def paths(self, length: int) -> Iterator[list[Any]]:
+        """The paths of at least this length as lists of the marks of their edges."""
         root = self._branch(0, 1)
         while length < FAR:
             yield from self._paths(root, length)
             length = min(root.bounds, default=FAR)
 
-    def _paths(self, branch: Branch, length: int) -> Iterator[Sequence[int]]:
+    def _paths(self, branch: Branch, length: int) -> Iterator[list[Any]]:
         """The paths of this length."""
-        edges, visited = self.edges, self.visited
-        path: list[int] = []
+        marks, visited = self.marks, self.visited
+        path: list[Any] = []
         above: list[tuple[Branch, Iterator[tuple[int, int]], int]] = []
         rest: Iterator[tuple[int, int]] = enumerate(branch.bounds)
         while True:
@@ -71,7 +73,7 @@ class Careful:
                 if bound > length:
                     continue
                 if len(path) + 1 == length:
-                    yield [*path, edges[branch.node][at]]
+                    yield [*path, marks[branch.node][at]]
                     branch.bounds[at] = self._beyond(self.targets[branch.node][at], length)
                     continue
                 kid = branch.kids.get(at) or self._entered(branch, at, len(path) + 1, length)
@@ -79,7 +81,7 @@ class Careful:
                     continue
                 self._look_at(kid.node)
                 visited[kid.node] = 1
-                path.append(edges[branch.node][at])
+                path.append(marks[branch.node][at])
                 above.append((branch, rest, at))
                 branch, rest = kid, enumerate(kid.bounds)
                 break

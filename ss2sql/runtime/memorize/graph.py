@@ -54,8 +54,11 @@ class Graph:
 
     def found(self, path: Sequence[int]) -> Found:
         """The result for a path, given as edges."""
-        nodes = map(self.targets.__getitem__, path)
-        return list(map(self.rows.__getitem__, nodes)), self.lasts[path[-1]] if self.lasts else None
+        return [self.rows[self.targets[edge]] for edge in path], self.lasts[path[-1]] if self.lasts else None
+
+    def marks(self) -> list[Row] | None:
+        """For each edge the row that it leads to, where a result is nothing but its rows."""
+        return None if self.lasts else list(map(self.rows.__getitem__, self.targets))
 
     def first_path(self) -> list[int] | None:
         """The first of the shortest paths in source order, as edges; None where no goal was reached.

@@ -10,7 +10,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Container, Hashable, Iterable, Iterator
 from functools import partial
-from itertools import islice
+from itertools import islice, repeat
 from typing import TypeAlias
 
 from ss2sql import plan
@@ -33,15 +33,15 @@ def memorize(hunt: Hunt) -> Iterator[Found]:
     first = graph.first_path()
     if first is not None:
         yield graph.found(first)
-        for edges in islice(paths_by_length(graph), 1, None):
-            yield graph.found(edges)
+        marks = graph.marks()
+        others = islice(paths_by_length(graph, marks), 1, None)
+        yield from map(graph.found, others) if marks is None else zip(others, repeat(None))
 
 
 def memorize_weighted(hunt: Hunt) -> Iterator[Found]:
     """The paths of at most `hunt.bound` steps, cheapest or likeliest first."""
     graph = grown(hunt)
-    for edges in paths_by_weight(graph, hunt.order == "probability"):
-        yield graph.found(edges)
+    yield from map(graph.found, paths_by_weight(graph, hunt.order == "probability"))
 
 
 def grown(hunt: Hunt) -> Graph:

@@ -27,7 +27,8 @@ class Pieces:
     gives the row of a step, and what stands for it where rows are compared; `ends` and `is_goal` ask STOP WITH and
     WHERE of it and take the state after the step where it is known; `weigh` gives its cost, or its probability where
     `probable`; `follow` gives the state after it. `plain`: all elements are values of the language. `chooses`: the
-    search in one piece can be told by their positions which elements to try, see `Grow`.
+    search in one piece can be told by their positions which elements to try, see `Grow`. `freezers` has for each column
+    what makes of its value the stand-in that `row` gives.
     """
 
     probable: bool
@@ -41,6 +42,12 @@ class Pieces:
     before: Callable[[Last], tuple[State, Hashable] | None] | None
     plain: bool
     chooses: bool
+    freezers: tuple[Callable[[Any], Hashable], ...]
+
+    def key_of(self, row: Row) -> Hashable:
+        """What stands for a row that was not made by `row`."""
+        keys = tuple(frozen(value) for frozen, value in zip(self.freezers, row, strict=True))
+        return keys if len(keys) > 1 else keys[0]
 
     def steps(self, state: State, seen: Container[Hashable]) -> Iterator[Step]:
         """The steps from a state, as the search in one piece gives them."""

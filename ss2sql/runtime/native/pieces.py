@@ -17,8 +17,8 @@ from ss2sql.runtime.native import options
 from ss2sql.runtime.native.expressions import expression
 from ss2sql.runtime.native.facts import OWN_GROUP
 from ss2sql.runtime.native.loops import Loops
+from ss2sql.runtime.native.step_code import freezer
 from ss2sql.runtime.native.unit import UNSET, Body
-from ss2sql.runtime.values import freeze
 from ss2sql.walk import walk
 
 if TYPE_CHECKING:
@@ -57,7 +57,8 @@ def pieces(builder: Builder, query: plan.Query, outer: Body, loops: Loops, choos
     probable = pen.constant(query.search.order == "probability")
     plain = not any(source.id in builder.unit.tuples or source.id in builder.unit.worlds for source in query.sources)
     functions = (pen.constant(None) if name is None else pen.name(name) for name in names)
-    return pen.pack(probable, *functions, pen.constant(plain), pen.constant(chooses))
+    freezers = pen.pack(*(pen.name(writer.unit.helper(freezer(expr))) for expr in writer.outputs))
+    return pen.pack(probable, *functions, pen.constant(plain), pen.constant(chooses), freezers)
 
 
 class _Writer:
@@ -91,7 +92,7 @@ class _Writer:
         keys = []
         for expr, value in zip(self.outputs, values, strict=True):
             plain = expr.type.only(Kind.NONE | Kind.NUMBER | Kind.STR)
-            keys.append(value if plain else pen.call(self.unit.helper(freeze), value))
+            keys.append(value if plain else pen.call(self.unit.helper(freezer(expr)), value))
         body.add(pen.back(pen.pack(pen.pack(*values), keys[0] if len(keys) == 1 else pen.pack(*keys))))
         body.define()
         return body.name

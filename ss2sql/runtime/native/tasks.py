@@ -6,6 +6,7 @@ from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass
 from functools import partial
 from itertools import islice
+from operator import itemgetter
 from typing import Any
 
 from ss2sql import plan
@@ -117,8 +118,11 @@ class Task:
         return self._paths(find(hunt), keys)
 
     def _paths(self, found: Iterator[Found], keys: Callable[[Any], Row] | None) -> Generator[Any, None, None]:
-        for path, last in found:
-            yield path if keys is None else (None if self.form.query.aggregated else path, keys(last))
+        if keys is None:
+            yield from map(itemgetter(0), found)
+        else:
+            for path, last in found:
+                yield None if self.form.query.aggregated else path, keys(last)
 
     def _stream(self, found: Iterator[Any], results: list[Any], limit: int | None, most: int | None) -> None:
         """Fills `results`, of which there must not be more than `most`."""

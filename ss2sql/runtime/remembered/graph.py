@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import gc
-from collections.abc import Hashable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from operator import is_
@@ -13,7 +13,6 @@ from ss2sql.runtime.memorize.pieces import State
 from ss2sql.runtime.remembered.store import Store, spoilt
 from ss2sql.runtime.remembered.texts import text_of, values_of
 from ss2sql.runtime.rows import Row
-from ss2sql.runtime.values import freeze
 
 MOST_HELD = 200_000  # of each kind of thing that stays in memory, to be read again where need be
 
@@ -85,13 +84,21 @@ class Described:
 
 
 class GraphInFile:
-    """A graph in the tables of a file."""
+    """A graph in the tables of a file. `key_of` gives what stands for a row where the search compares rows."""
 
-    def __init__(self, store: Store, key: str, described: Described, clauses: Sequence[Clause]) -> None:
+    def __init__(
+        self,
+        store: Store,
+        key: str,
+        described: Described,
+        clauses: Sequence[Clause],
+        key_of: Callable[[Row], Hashable],
+    ) -> None:
         self.store = store
         self.key = key
         self.described = described
         self.clauses = clauses
+        self.key_of = key_of
         self.number: int | None = None
         self.made = False  # by this search
         self.era = 0  # how often somebody has dropped the graph
@@ -163,7 +170,7 @@ class GraphInFile:
         new = [text for text in texts if text not in self._rows]
         for text, values in zip(new, values_of(new), strict=True):
             row = tuple(values)
-            self._rows[text] = row, freeze(row[0]) if len(row) == 1 else tuple(map(freeze, row))
+            self._rows[text] = row, self.key_of(row)
 
     def _decode_states(self, numbers: Iterable[int]) -> None:
         found = self.store.states([number for number in numbers if number not in self._nodes])
@@ -228,7 +235,10 @@ class GraphInFile:
         numbers = {id(node): node.number for node in nodes if node.number is not None}
         new = {id(node): node.written() for node in nodes if node.number is None}
         texts = list(dict.fromkeys(new.values()))
-        made = dict(zip(texts, self.store.make_nodes(graph, texts), strict=True))
+        found = self.store.make_nodes(graph, texts)
+        if len(found) != len(texts):
+            raise spoilt("a state that was written cannot be found")
+        made = dict(zip(texts, found, strict=True))
         return numbers | {identity: made[text] for identity, text in new.items()}
 
     def _check(self, nodes: Iterable[Node]) -> None:

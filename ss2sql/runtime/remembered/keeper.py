@@ -76,7 +76,7 @@ class GraphKeeper:
                 clauses.append(Clause(keys.clause(kind, clause), kind, clause.span.text))
         elements = hunt.pieces.plain and any(follows_state(s, query) and calls_functions(s) for s in query.sources)
         follows = all(costs_nothing(expr) for _, expr in search.connect)
-        graph = GraphInFile(self.store, key, described, clauses)
+        graph = GraphInFile(self.store, key, described, clauses, hunt.pieces.key_of)
         return Remembering(hunt, graph, places, settling, follows, elements, keys.changed)
 
 
