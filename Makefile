@@ -6,7 +6,7 @@ VENV := .venv
 PY := $(VENV)/bin/python
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test nightly release-check lint golden bench docs clean
+.PHONY: help demo test nightly release-check fuzz coverage mutants compat lint golden bench docs clean
 
 help:            ## this list
 	@sed -n 's/^\([a-z-]*\): .*## \(.*\)/  make \1\t\2/p; s/^\(help\): *## \(.*\)/  make \1\t\2/p' Makefile
@@ -17,7 +17,8 @@ demo: $(VENV)/demo.stamp     ## runs the examples: scripts, the SQL they become,
 test: $(VENV)/dev.stamp      ## runs all tests, those of the examples and the documentation included
 	$(PY) -m pytest
 
-RANDOM := $(addprefix tests/test_,agreement.py partitions.py second_opinion.py rewrites.py inline_random.py)
+RANDOM := $(addprefix tests/test_,agreement.py partitions.py second_opinion.py rewrites.py inline_random.py \
+	program_laws.py scene_programs.py)
 
 nightly: $(VENV)/dev.stamp   ## the random tests, many more of them: 20,000 programs, 5,000 queries of each world
 	SS2SQL_PROGRAMS=20000 SS2SQL_WORLD_QUERIES=5000 SS2SQL_SCENES=200 \
@@ -26,6 +27,21 @@ nightly: $(VENV)/dev.stamp   ## the random tests, many more of them: 20,000 prog
 release-check: $(VENV)/dev.stamp ## the random tests before a release: 100,000 programs, by another seed if SS2SQL_SEED is set
 	SS2SQL_PROGRAMS=100000 SS2SQL_WORLD_QUERIES=5000 SS2SQL_SCENES=200 \
 		$(PY) -m pytest $(RANDOM) tests/test_world_queries.py tests/test_pybullet.py
+
+fuzz: $(VENV)/fuzz.stamp     ## texts that try to break parser and compiler; 20 minutes, or SS2SQL_FUZZ_SECONDS
+	$(PY) tests/fuzz.py
+
+# Tests that draw their programs by chance are left out: what they reach, others have to reach every time.
+coverage: $(VENV)/dev.stamp  ## which lines and branches no test reaches; fails below 95 %, below 100 % of frontend and lowering
+	$(PY) -m coverage run -m pytest $(addprefix --ignore=,$(RANDOM))
+	$(PY) -m coverage report --include='ss2sql/frontend/*,ss2sql/lowering/*' --fail-under=100
+	$(PY) -m coverage report --fail-under=95
+
+mutants: $(VENV)/dev.stamp   ## small changes of the lowering and the resolver that no test sees; fails above 10 in 100
+	$(PY) tests/mutants.py
+
+compat: $(VENV)/compat.stamp ## the oldest and the newest packages that are allowed, under every Python that is here
+	$(PY) tests/compat.py
 
 lint: $(VENV)/dev.stamp      ## ruff and mypy
 	$(PY) -m ruff check .
@@ -64,6 +80,14 @@ $(VENV)/demo.stamp: $(VENV)/package.stamp
 
 $(VENV)/dev.stamp: $(VENV)/package.stamp
 	$(PY) -m pip install --quiet --disable-pip-version-check --editable ".[dev]"
+	@touch $@
+
+$(VENV)/fuzz.stamp: $(VENV)/dev.stamp
+	$(PY) -m pip install --quiet --disable-pip-version-check --editable ".[fuzz]"
+	@touch $@
+
+$(VENV)/compat.stamp: $(VENV)/package.stamp
+	$(PY) -m pip install --quiet --disable-pip-version-check uv
 	@touch $@
 
 $(VENV)/bench.stamp: $(VENV)/package.stamp

@@ -58,6 +58,10 @@ SHOWN = {
     "R009": 'ss.compile("SELECT this * factor FROM [1]").run()',
     "U001": 'ss.run("n = 0; SELECT (n = n + 1) FROM [1]", engine="database")',
     "X010": 'ss.run("SELECT this FROM [1, 2, 3]", max_rows=2)',
+    "X014": """ss = ss2sql.connect(max_size=2**18)
+ss.run("t = 'ha'; SELECT len(t = t + t) FROM range(40)")""",
+    "T003": """ss = ss2sql.connect(max_memory=500_000_000)
+ss.run("SELECT n FROM [1, 2] WHERE n < 0 START WITH n = 1 CONNECT BY BREADTH FIRST n = n + this")""",
     "X012": """ss.function("first", lambda numbers: numbers[:1], vectorized=True)
 ss.run("SELECT first(this) FROM [1, 2, 3];")""",
     "X013": "ss.run(script, workers=2)  # and the function onward ends its process",

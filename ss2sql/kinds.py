@@ -7,7 +7,7 @@ type is a promise: every value of the expression belongs to one of its kinds and
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
 from enum import Flag
 from functools import reduce
 from itertools import chain
@@ -218,6 +218,17 @@ def without_bounds(t: Type) -> Type:
     columns = None if t.columns is None else tuple((name, without_bounds(column)) for name, column in t.columns)
     positions = None if t.positions is None else tuple(map(without_bounds, t.positions))
     return Type(t.kinds, None, None, item, columns, positions)
+
+
+def shallow(t: Type, detail: int = _DETAIL) -> Type:
+    """The type without what lies deep inside. Columns stand in it twice, so each level doubles who looks at all."""
+    if t.item is None and t.columns is None and t.positions is None:
+        return t
+    if not detail:
+        return Type(t.kinds, t.low, t.high)
+    item = None if t.item is None else shallow(t.item, detail - 1)
+    columns = None if t.columns is None else tuple((name, shallow(column, detail - 1)) for name, column in t.columns)
+    return replace(t, item=item, columns=columns)
 
 
 def covers(wide: Type, narrow: Type) -> bool:

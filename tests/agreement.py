@@ -59,7 +59,8 @@ def session_for(case: ProgramCase, **options: Any) -> ss2sql.Session:
         ss.attach(name, value)
     for name, rows in case.tables.items():
         columns = list(rows[0])
-        ss.host.connection.execute(f'CREATE TABLE "{name}"({", ".join(columns)})')
+        quoted = ", ".join(f'"{column}"' for column in columns)
+        ss.host.connection.execute(f'CREATE TABLE "{name}"({quoted})')
         marks = ", ".join("?" * len(columns))
         ss.host.connection.executemany(f'INSERT INTO "{name}" VALUES ({marks})', [tuple(r.values()) for r in rows])
     return ss

@@ -1,13 +1,8 @@
-"""Golden cases: a script in a file, with its plan, its SQL and its answer. See cases/README.md for the form of a file.
-
-`python tests/golden.py` prints what every case gives, one line of JSON each, without a look at the expectations.
-"""
+"""Golden cases: a script in a file, with its plan, its SQL and its answer. cases/README.md tells the form of a file."""
 
 from __future__ import annotations
 
 import io
-import json
-import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass, field
@@ -163,13 +158,3 @@ def error_text(error: BaseException) -> str:
         return str(error)
     notes: Sequence[str] = getattr(error, "__notes__", ())
     return "\n".join([f"{type(error).__name__}: {error}", *notes])
-
-
-def report() -> Iterator[str]:
-    """One line of JSON for each case: its name and its sections."""
-    for case in cases():
-        yield json.dumps([case.name, dict(run(case).sections)])
-
-
-if __name__ == "__main__":
-    sys.stdout.writelines(line + "\n" for line in report())

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 WALL = 4
+NAME = "abc"
 EDGES = (0, 9)
 STEP = 1
 STEP = 2  # bound twice
@@ -128,12 +129,59 @@ def head(s):
     return s[:1] + s[1:3]
 
 
+def perhaps(x):  # noqa: RET503
+    if x:
+        return "yes"
+
+
+def letter(x):
+    return x in NAME
+
+
+def truth(x):
+    return bool(x)
+
+
+def switched(x, on=True, off=False, nothing=0):
+    if not off and (on and not nothing):
+        return (on and x, off and x, x and on, off or x, nothing or x, [on, nothing])
+    return "never"
+
+
+def decided(x, on=True, off=False):
+    return "all" if on and x > 0 else "some" if off and x < 0 else "none" if x == 0 or off else "other"
+
+
 # --- not one expression of the language -------------------------------------------------------------------
 
 
 def several(x):
     x += 1
     return x
+
+
+def late_name(x):
+    return y[0] + (y := [x])[0]  # noqa: F821, F841
+
+
+def every_other(x):
+    return x[::2]
+
+
+def spreads(x):
+    return cost(*x)
+
+
+def gives_twice(x):
+    return cost(x, a=x)
+
+
+def gives_too_few(x):
+    return cost(b=x)
+
+
+def gives_what_is_not_taken(x):
+    return cost(x, c=x)
 
 
 def floored(x):

@@ -23,6 +23,7 @@ from ss2sql.errors import Source
 from ss2sql.frontend.parser import parse
 
 COUNT = int(os.environ.get("SS2SQL_PROGRAMS", "1000"))
+assert COUNT > 0, "SS2SQL_PROGRAMS sets how many programs are tried: not none"
 SEED = int(os.environ.get("SS2SQL_SEED", "2015"))
 PART = 1000
 SCORE = Score(SEED)
@@ -86,14 +87,21 @@ def test_paths_of_random_searches_replay() -> None:
 
 
 def test_score(capsys: pytest.CaptureFixture[str]) -> None:
-    if not SCORE.programs:
-        pytest.skip("no programs were tried")
+    assert SCORE.programs > 0, "no programs were tried: run the whole file"
     SCORE.write(Path(__file__).parent.parent / "out" / "score.json")
     with capsys.disabled():
         print("\n" + SCORE.text())
     assert SCORE.differences == 0
+    assert SCORE.programs == COUNT
     assert SCORE.notes["in the database"] > SCORE.programs / 4
     assert SCORE.found["search"] > SCORE.programs / 5
+
+
+@pytest.mark.parametrize("shown", ["box(this)", "[1, [box(this)]]", "pair(box(this))"])
+def test_what_has_no_hash_is_no_member_of_a_set(shown: str) -> None:
+    tried = trial(ProgramCase(f"SELECT {shown} FROM [1, 2] AS set", uses=("box", "pair")))
+    assert tried.expected.error == "V001"
+    assert tried.differences == []
 
 
 def test_every_feature_is_named() -> None:

@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import json
-import os
 import re
-import subprocess
-import sys
 from functools import cache
 from typing import Any
 
@@ -126,26 +122,3 @@ def test_there_are_many_cases() -> None:
     assert len(CASES) >= 100
     assert len([case for case in CASES if "error" in case.expected]) >= 45
     assert len({case.title for case in CASES}) == len(CASES)
-
-
-# --- the same under every hash seed --------------------------------------------------------------------
-
-
-def test_outcomes_do_not_depend_on_the_hash_seed() -> None:
-    first, *others = [read(process) for process in [reporter(seed) for seed in "012"]]
-    assert len(first) == len(CASES)
-    for other in others:
-        for one, same in zip(first, other, strict=True):
-            assert one == same
-
-
-def reporter(seed: str) -> subprocess.Popen[str]:
-    """A process with this hash seed that prints what all cases give."""
-    environment = {**os.environ, "PYTHONHASHSEED": seed, "PYTHONPATH": os.fspath(golden.FOLDER.parent)}
-    return subprocess.Popen([sys.executable, golden.__file__], env=environment, stdout=subprocess.PIPE, text=True)
-
-
-def read(process: subprocess.Popen[str]) -> list[Any]:
-    output, _ = process.communicate()
-    assert process.returncode == 0
-    return [json.loads(line) for line in output.splitlines()]

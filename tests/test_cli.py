@@ -10,6 +10,7 @@ import signal
 import sqlite3
 import sys
 import time
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -64,7 +65,8 @@ def test_p_takes_two_words() -> None:
 def test_what_was_meant() -> None:
     assert "No such command 'rnu'. Did you mean 'run'?" in bad(2, "rnu")
     assert "The commands are run, " in bad(2, "xyzzy")
-    assert "Did you mean '--engine'?" in bad(2, "run", "-e", "1", "--enginge", "native")
+    told = bad(2, "run", "-e", "1", "--enginge", "native")
+    assert "Did you mean --engine?" in told.replace("'", "")  # older ones of click have no quotes there
     assert "there is no dialect 'mysql'; SQL can be written in: sqlite" in bad(
         2, "sql", "-e", "1", "--dialect", "mysql"
     )
@@ -126,7 +128,7 @@ def test_any_name_can_be_given() -> None:
 
 
 def test_tables_of_a_database(folder: Path) -> None:
-    with sqlite3.connect("staff.db") as connection:
+    with closing(sqlite3.connect("staff.db")) as connection, connection:
         connection.executescript("CREATE TABLE staff(id, name); INSERT INTO staff VALUES (1, 'Ada')")
     connection.close()
     before = (folder / "staff.db").read_bytes()
@@ -348,7 +350,7 @@ def test_sql_runs_nothing(folder: Path) -> None:
 
 
 def test_sql_knows_functions_parameters_and_tables(folder: Path) -> None:
-    with sqlite3.connect("staff.db") as connection:
+    with closing(sqlite3.connect("staff.db")) as connection, connection:
         connection.executescript("CREATE TABLE staff(id, name)")
     connection.close()
     script = "SELECT name FROM staff WHERE id == wanted AND id != other;"

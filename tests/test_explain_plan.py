@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import sqlite3
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from ss2sql.explained.sqlite_plan import SENTENCES
 @pytest.fixture(scope="module")
 def ss(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ss2sql.Session]:
     path = tmp_path_factory.mktemp("data") / "map.db"
-    with sqlite3.connect(path) as file:
+    with closing(sqlite3.connect(path)) as file, file:
         file.executescript(
             """CREATE TABLE edge(src, dst, len); CREATE INDEX start_index ON edge(src);
                CREATE TABLE town(id INTEGER PRIMARY KEY, name); INSERT INTO edge VALUES (1, 2, 5), (2, 3, 5);

@@ -1,9 +1,7 @@
-"""Worlds that go wrong, full disks, threads, copies of processes, and sessions by the thousand."""
+"""Full disks, damaged files, threads, copies of processes, and results that would fill the memory."""
 
 from __future__ import annotations
 
-import os
-import resource
 import subprocess
 import sys
 import threading
@@ -12,70 +10,10 @@ from typing import Any
 
 import apsw
 import pytest
-from faulty import GARBAGE, MishapError, attempt, limited
+from faulty import attempt, limited
 from sessions import both, code_of
 
 import ss2sql
-from ss2sql.vtables import Column, Table, World
-
-MANY = 2000 if os.environ.get("SS2SQL_FAULTS") == "all" else 150
-
-
-class Things(Table):
-    """Ten things, one of which goes wrong."""
-
-    name, key = "things", "n"
-    columns = (Column("n", int), Column("x", float))
-    groups = {"place": "x"}
-
-    def keys(self, where: Any) -> Any:
-        return self.world.source.fault("keys", range(10))
-
-    def place(self, key: int) -> Any:
-        return self.world.source.fault("place", float(key))
-
-
-class ThingWorld(World):
-    tables = (Things,)
-
-
-class Source:
-    def __init__(self) -> None:
-        self.at, self.left, self.wrong = "", 0, lambda: None
-
-    def fault(self, place: str, value: Any) -> Any:
-        self.left -= place == self.at
-        return self.wrong() if place == self.at and not self.left else value
-
-
-def crash() -> Any:
-    raise MishapError("no")
-
-
-@both
-@pytest.mark.parametrize("place", ["keys", "place"])
-def test_worlds(ss: ss2sql.Session, engine: Any, place: str) -> None:
-    source = Source()
-    world = ThingWorld()
-    world.source = source
-    ss.attach("things", world)
-    script = "SELECT n, x FROM things WHERE x > 2 AS rows;"
-    answer = ss.run(script, engine=engine).value
-    assert answer == [(n, float(n)) for n in range(3, 10)]
-    wrongs = {**(GARBAGE if place == "place" else {}), "crash": crash}
-    for kind, wrong in wrongs.items():
-        for k in (1, 4):
-            source.at, source.left, source.wrong = place, k, wrong
-            with limited(20):
-                error = attempt(lambda: ss.run(script, engine=engine))
-            assert error is None or isinstance(error, ss2sql.Error), (kind, error)
-            assert error is None or error.code in ("X004", "X011")
-            if kind == "crash" and not source.left:
-                assert type(error.__cause__) is MishapError  # type: ignore[union-attr]
-            source.at = ""
-            assert ss.run(script, engine=engine).value == answer
-            assert not ss.host.database.stack
-
 
 # --- files ---------------------------------------------------------------------------------------------
 
@@ -206,28 +144,6 @@ def test_a_copy_of_the_process(file: Path) -> None:
 
 
 # --- memory --------------------------------------------------------------------------------------------
-
-
-def resident() -> int:
-    with Path("/proc/self/statm").open() as file:
-        return int(file.read().split()[1]) * resource.getpagesize()
-
-
-@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="there is no /proc")
-def test_closed_sessions_leave_nothing() -> None:
-    def use() -> None:
-        with ss2sql.connect() as ss:
-            ss.function("f", lambda x: x + 1, volatility="stable")
-            ss.attach("t", list(range(50)))
-            assert ss.eval("SELECT f(this) FROM t WHERE f(this) > 48 AS list;") == [49, 50]
-            attempt(lambda: ss.run("SELECT f(this) / 0 FROM t;"))
-
-    for _ in range(60):  # what Python and SQLite keep for themselves
-        use()
-    before = resident()
-    for _ in range(MANY):
-        use()
-    assert resident() - before < 10_000_000
 
 
 def test_max_rows_ends_what_would_fill_the_memory(ss: ss2sql.Session, engine: Any) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import inspect
 import itertools
+import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -18,11 +20,16 @@ from inline_samples import (
     constant,
     cost,
     counts_a_tuple,
+    decided,
     decides,
     default,
     either,
+    every_other,
     floored,
     formatted,
+    gives_too_few,
+    gives_twice,
+    gives_what_is_not_taken,
     go,
     greatest,
     head,
@@ -30,7 +37,9 @@ from inline_samples import (
     inc,
     keyed,
     large,
+    late_name,
     length,
+    letter,
     loops,
     mean,
     member,
@@ -38,6 +47,7 @@ from inline_samples import (
     named,
     neither,
     pair,
+    perhaps,
     raises,
     rebound,
     record,
@@ -47,19 +57,25 @@ from inline_samples import (
     several,
     sign,
     sine,
+    spreads,
     square,
     starred,
     swapped,
+    switched,
     taxi,
     text,
     through,
+    truth,
     tuple_default,
     whole,
 )
+from purity_samples import Load, load
 from sessions import both
 
 import ss2sql
 from ss2sql.frontend.inline import Body, body_of
+
+__all__ = ["load"]  # the fixture
 
 Numbers = [0, 1, -2, 5, 7]
 Floats = [0.0, -0.0, 1.5, -2.25, 4.0]
@@ -99,6 +115,11 @@ INLINED: list[tuple[Callable[..., Any], str, list[Any], list[Any]]] = [
     (apart, "[a.this, 1], [2, b.this]", Numbers, Floats),
     (head, "a.this", ["", "a", "abcd"], [1]),
     (head, "a.this", [[], [1], [1, 2, 3, 4]], [1]),
+    (perhaps, "a.this", Mixed, [1]),
+    (switched, "a.this", Mixed, [1]),
+    (decided, "a.this", Numbers, [1]),
+    (letter, "a.this", ["a", "", "bc", "x"], [1]),
+    (truth, "a.this", Mixed, [1]),
 ]
 
 
@@ -155,6 +176,12 @@ def _plain(value: Any) -> Any:
         (several, "is more than one expression"),
         (raises, "is more than one expression"),
         (floored, "the operator //"),
+        (late_name, "is more than one expression"),
+        (every_other, "a slice with a step"),
+        (spreads, "calls cost with arguments that cannot be told apart"),
+        (gives_twice, "calls cost with arguments that cannot be told apart"),
+        (gives_too_few, "calls cost with the wrong arguments"),
+        (gives_what_is_not_taken, "calls cost with the wrong arguments"),
         (sine, "calls math.sin"),
         (method, "calls x.upper"),
         (attribute, "reads 'x.real'"),
@@ -179,6 +206,30 @@ def test_bodies_that_the_language_does_not_have(function: Callable[..., Any], re
     found = body_of(function)
     assert isinstance(found, str)
     assert reason in found
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("return " + " + ".join(["x"] * 101), "is too long"),
+        ("\n    ".join(f"if x == {number}: pass" for number in range(8)), "is too long"),
+    ],
+    ids=["many operators", "many conditions"],
+)
+def test_bodies_that_are_too_large(load: Load, text: str, reason: str) -> None:
+    assert body_of(load(f"def f(x):\n    {text}\n").f) == reason
+
+
+def test_a_body_is_followed_as_deep_as_python_goes(load: Load) -> None:
+    function = load("def f(x): return " + "abs(" * 150 + "x" + ")" * 150).f
+    limit = sys.getrecursionlimit()
+    assert isinstance(body_of(function), Body)
+    sys.setrecursionlimit(len(inspect.stack()) + 200)
+    try:
+        found = body_of(function)
+    finally:
+        sys.setrecursionlimit(limit)
+    assert found == "is nested too deeply to be followed"
 
 
 def test_what_a_body_says_of_itself() -> None:

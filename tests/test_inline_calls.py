@@ -190,6 +190,25 @@ def test_a_function_of_a_row_reads_its_columns(table: ss2sql.Session, engine: An
 
 
 @both
+def test_rows_and_lists_that_would_be_made_again_go_to_the_function(table: ss2sql.Session, engine: Any) -> None:
+    table.attach("rows", [{"a": 1}, {"a": 2}])
+    table.function("equal", lambda row, other: row == other)
+    table.function("kept", lambda row: [row, 1])
+    table.function("either", lambda row: row if row["a"] > 1 else row or 0)
+    table.function("total", lambda pair: pair[0] + pair[1])
+    scripts = {
+        "SELECT equal(r.this, s.this) FROM r = rows, s = rows AS list;": [True, False, False, True],
+        "SELECT kept(this) FROM rows AS list;": [[{"a": 1}, 1], [{"a": 2}, 1]],
+        "SELECT either(this) FROM rows AS list;": [{"a": 1}, {"a": 2}],
+        "SELECT total([this] + [1]) FROM [1, 2] AS list;": [2, 3],  # the list would be made twice
+    }
+    for script, value in scripts.items():
+        result = table.run(script, engine=engine)
+        assert result.value == value
+        assert sum(result.stats.calls.values()) == len(value)
+
+
+@both
 def test_large_numbers_are_left_to_the_function(table: ss2sql.Session, engine: Any) -> None:
     table.function("f", lambda n: n * 3 + 1)
     script = "SELECT f(id) FROM t AS list;"

@@ -130,10 +130,15 @@ def test_a_limit_keeps_results_within_what_is_allowed() -> None:
         assert len(host.query(f"SELECT this FROM l {order} LIMIT 5").rows(host.start(max_rows=5)).rows or ()) == 5
 
 
-def test_rows_of_inner_queries_are_not_counted() -> None:
+def test_rows_of_inner_queries_are_counted_where_they_become_a_value() -> None:
     host = FakeHost(l=list(range(100)))
     script = "SELECT len((SELECT this FROM l AS list)) FROM [1] AS value"
-    assert host.query(script).value(host.start(max_rows=1)) == 100
+    assert host.query(script).value(host.start(max_rows=100)) == 100
+    with pytest.raises(ExecutionError) as refused:
+        host.query(script).value(host.start(max_rows=99))
+    assert refused.value.code == "X010"
+    source = "SELECT x FROM (SELECT to(this, x) FROM l) WHERE x == 7 AS value"
+    assert host.query(source).value(host.start(max_rows=1)) == 7
 
 
 # --- depth and width -----------------------------------------------------------------------------------

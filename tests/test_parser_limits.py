@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import json
 import logging
+import runpy
+import sys
 import time
+from pathlib import Path
 from typing import Any
 
 import lark
@@ -105,6 +108,21 @@ def test_a_table_of_another_grammar_is_not_used(tmp_path: Any, monkeypatch: pyte
             stale.write_text(json.dumps(content), encoding="utf-8")
         monkeypatch.setattr(table, "TABLE", stale)
         assert table.load.__wrapped__() == shipped
+
+
+def test_powers_of_powers_nest() -> None:
+    script("^".join(["2"] * 200))
+    assert code("^".join(["2"] * 203)) == "P005"
+
+
+def test_the_module_writes_the_table(monkeypatch: pytest.MonkeyPatch) -> None:
+    written: list[str] = []
+    monkeypatch.setattr(Path, "write_text", lambda _, content, **__: written.append(content))
+    monkeypatch.delitem(sys.modules, "ss2sql.frontend.table")
+    runpy.run_module("ss2sql.frontend.table", run_name="__main__")
+    monkeypatch.undo()
+    shipped = json.loads(table.TABLE.read_text(encoding="utf-8"))
+    assert [json.loads(content) | {"lark": ""} for content in written] == [shipped | {"lark": ""}]
 
 
 def test_write_table_writes_what_is_shipped(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -287,6 +287,51 @@ IMMUTABLE = {
         from __future__ import annotations
         def f(x: Unknown) -> Unknown: return x
         """,
+    "a partial of a function": """
+        import functools
+        def g(x, y): return [x, y]
+        f = functools.partial(g, 1)
+        """,
+    "annotations of several types": """
+        def f(a):
+            x: tuple[int, str] = (a, "a")
+            def g(y: dict[str, list[int]]) -> tuple[int, ...]: return y
+            return g({}), x
+        """,
+    "a name for a name": """
+        import math
+        def f(x):
+            root = math.sqrt
+            again = root
+            return sorted(x, key=again), again(x)
+        """,
+    "a format under two names": """
+        FORMAT = "{} m"
+        def f(x):
+            text = FORMAT
+            return text.format(x)
+        """,
+    "patterns that bind names in the module": """
+        match [1, {"a": 2, "b": 3}]:
+            case [first, {"a": second}]: pass
+            case [first, *others]: pass
+            case {"a": third, **rest}: pass
+        async def neighbour(): pass
+        def f(x): return x + 1
+        """,
+    "an import from, repeated": """
+        from math import sqrt
+        from math import sqrt
+        def f(x): return sqrt(x)
+        """,
+    "a closure around a closure": """
+        def outer(n):
+            def middle(m):
+                def f(x): return x + n + m
+                return f
+            return middle
+        f = outer(1)(2)
+        """,
     "an import repeated": """
         import math
         import math

@@ -88,6 +88,12 @@ VOLATILE = {
     "a call of an argument's part": ("def f(gs, x): return gs[0](x)", "calls 'gs[0]'"),
     "a call of a loop variable": ("def f(gs, x): return [g(x) for g in gs]", "calls 'g'"),
     "an argument as a key": ("def f(xs, g): return sorted(xs, key=g)", "calls its argument 'g'"),
+    "a function's result as a key": (
+        "def g(): return len\ndef f(x): return sorted(x, key=g())",
+        "calls the result of 'g()'",
+    ),
+    "a helper as a key": ("def g(x): print(x)\ndef f(x): return sorted(x, key=g)", "calls g, which calls print"),
+    "what a module does not have": ("import math\ndef f(x): return math.root(x)", "'math.root'", "does not exist"),
     "an argument for map": ("def f(xs, g): return list(map(g, xs))", "calls its argument 'g'"),
     "an argument for reduce": (
         "import functools\ndef f(xs, g): return functools.reduce(g, xs)",

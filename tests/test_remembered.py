@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import apsw
@@ -97,7 +98,7 @@ def test_what_connect_by_calls_answers_the_clauses(file: Path) -> None:
         assert [len(path) for path in again.value] == [7, *[8] * 4, *[9] * 16]
         assert again.value != first.value
         assert calls(again) == 0
-    with sqlite3.connect(file) as plain:
+    with closing(sqlite3.connect(file)) as plain, plain:
         assert plain.execute("SELECT count(*) FROM ss2sql_verdicts").fetchone() == (0,)
 
 
@@ -169,7 +170,7 @@ def test_each_of_the_known_states_has_all_of_its_steps(file: Path) -> None:
         ss.function("near", near)
         with pytest.raises(ZeroDivisionError):
             ss.run(script)
-    with sqlite3.connect(file) as plain:
+    with closing(sqlite3.connect(file)) as plain, plain:
         counts = plain.execute(
             "SELECT n.steps, count(e.row) FROM ss2sql_nodes n LEFT JOIN ss2sql_edges e ON e.source = n.id GROUP BY n.id"
         ).fetchall()
@@ -244,7 +245,7 @@ def test_graphs_can_be_listed_and_dropped(file: Path) -> None:
         assert calls(run(ss, bound=3)) > 0
         ss.graphs().drop()
         assert len(ss.graphs()) == 0
-    with sqlite3.connect(file) as plain:
+    with closing(sqlite3.connect(file)) as plain, plain:
         for table in ("graphs", "nodes", "edges", "clauses", "verdicts"):
             assert plain.execute(f"SELECT count(*) FROM ss2sql_{table}").fetchone() == (0,)
 
@@ -282,7 +283,7 @@ def test_a_graph_that_is_dropped_meanwhile_is_begun_again(file: Path) -> None:
             again = ss.run(script, goal=6, first=1)
             assert again.value == first.value
         assert calls(again) == 0
-    with sqlite3.connect(file) as plain:
+    with closing(sqlite3.connect(file)) as plain, plain:
         orphans = "SELECT count(*) FROM ss2sql_edges WHERE source NOT IN (SELECT id FROM ss2sql_nodes)"
         assert plain.execute(orphans).fetchone() == (0,)
 

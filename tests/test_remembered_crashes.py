@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 from remembering import MAZE, calls, connect, fresh, output, process, run
@@ -88,7 +89,7 @@ def test_two_processes_at_once(tmp_path: Path) -> None:
     value, called, graphs = json.loads(output(process(tmp_path, SEARCH + "print(json.dumps(search(6, 8)))")))
     assert value == fresh(goal=6, bound=8, limit=4000)
     assert called == 0
-    with sqlite3.connect(tmp_path / "graphs.db") as plain:
+    with closing(sqlite3.connect(tmp_path / "graphs.db")) as plain, plain:
         counts = plain.execute(
             "SELECT n.steps, count(e.row) FROM ss2sql_nodes n LEFT JOIN ss2sql_edges e ON e.source = n.id GROUP BY n.id"
         ).fetchall()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 import sqlite3
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -89,7 +90,7 @@ def test_values_of_rows_and_states(tmp_path: Path) -> None:
         again = ss.run(SCRIPT, number=number - 1)
         assert repr(again.value) == repr(expected)
         assert calls(again) == 0
-    with sqlite3.connect(file) as plain:
+    with closing(sqlite3.connect(file)) as plain, plain:
         assert plain.execute(
             "SELECT min(json_valid(row)), min(json_valid(state)) FROM ss2sql_edges, ss2sql_nodes"
         ).fetchone() == (1, 1)

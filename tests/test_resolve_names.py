@@ -86,6 +86,11 @@ def test_the_first_match_wins(ss: ss2sql.Session, engine: Any, script: str, valu
         ("x.this;", [("R003", "x.this")]),
         ("SELECT 1 FROM a = [b.this], b = [1];", [("R003", "b.this")]),
         ("SELECT 1 FROM t, t;", [("R013", "t")]),
+        ("SELECT 1 FROM t START WITH x = 1, x = 2 CONNECT BY x = 3;", [("R013", "x")]),
+        ("SELECT 1 FROM t LIMIT len(1, 2);", [("R005", "len(1, 2)")]),
+        ("round(1, 2, 3);", [("R005", "round(1, 2, 3)")]),
+        ("eval('1', 2);", [("R005", "eval('1', 2)")]),
+        ("eval();", [("R005", "eval()")]),
         ("SELECT 1 FROM x = t, x = u;", [("R013", "x = u")]),
         ("SELECT 1 FROM f;", [("R003", "f")]),
         ("SELECT 1 FROM t.a;", [("R003", "t.a")]),
@@ -219,3 +224,32 @@ def test_a_text_is_not_offered_where_a_name_is_nearly_right(ss: ss2sql.Session) 
 
 def test_a_variable_that_start_with_lacks_is_one_error(ss: ss2sql.Session) -> None:
     assert errors(ss, "SELECT a, n FROM t CONNECT BY n = n + 1 STOP WITH n == 3;") == [("R001", "n")]
+
+
+def test_a_function_and_a_column_of_two_sources_share_a_name(ss: ss2sql.Session) -> None:
+    ss.attach("v", [{"len": 1}])
+    ss.attach("w", [{"len": 2}])
+    assert errors(ss, "SELECT len, v.len FROM v, w;") == [("R004", "len")]
+
+
+def test_an_argument_is_given_twice(ss: ss2sql.Session) -> None:
+    ss.function("f", lambda a, b=0: [a, b])
+    assert ss.eval("SELECT this FROM f(1, b = 2) AS list;") == [1, 2]
+    found = message(ss, "SELECT this FROM f(1, a = 2);")
+    assert "'f' gets the argument 'a' twice" in found
+    assert "keep one of them: argument 1 is 'a'" in found
+
+
+def test_numbers_of_arguments_in_words(ss: ss2sql.Session) -> None:
+    assert "'round' takes 1 to 2 arguments, not 3" in message(ss, "round(1, 2, 3);")
+    assert "'print' takes 1 or more arguments, not 0" in message(ss, "print();")
+    assert "'len' takes 1 argument, not 2" in message(ss, "len(1, 2);")
+
+
+@engines
+def test_a_column_as_a_source(ss: ss2sql.Session, engine: Any) -> None:
+    ss.attach("rooms", [{"doors": [1, 2]}, {"doors": []}, {"doors": [3]}])
+    assert ss.run("SELECT d.this FROM r = rooms, d = r.doors AS list;", engine=engine).value == [1, 2, 3]
+    assert ss.run("SELECT d.this FROM r = t, d = r.a AS list;", engine=engine).value == [1, 3]
+    ss.attach("record", {"a": 1, "b": [2]})
+    assert ss.run("SELECT a, b FROM record AS rows;", engine=engine).value == [(1, [2])]

@@ -116,6 +116,8 @@ def test_functions_of_the_user_are_not_run() -> None:
     assert isinstance(folded("1 + 2", add=lambda a, b: [a, b]), plan.Call)
     assert isinstance(folded("print(1)"), plan.Call)
     assert isinstance(folded("range(2000)"), plan.Call)  # a long list is better made when it is needed
+    assert isinstance(folded("range(1, 1000)"), plan.Constant)
+    assert isinstance(folded("range(1, 1001)"), plan.Call)
 
 
 def test_the_sql_has_the_value() -> None:

@@ -134,6 +134,13 @@ def test_neighbours_in_nested_queries(ss: ss2sql.Session, space: Space, engine: 
     assert space.given == 20 + 5
 
 
+def test_a_query_without_a_condition_has_no_box(ss: ss2sql.Session, space: Space, engine: Any) -> None:
+    assert ss.run("SELECT id FROM space LIMIT 2 AS list", engine=engine).value == [1, 2]
+    inner = "(SELECT to(id, k) FROM space)"
+    script = f"SELECT q.k FROM q = {inner}, space WHERE space.id == q.k AND distance(space.this, 3) < 1.5 AS list"
+    assert ss.run(script, engine=engine).value == [2, 3, 4]
+
+
 def test_neighbours_in_another_world(ss: ss2sql.Session, space: Space, engine: Any) -> None:
     other = Space({7: (2.5, 0.0, 0.0), 8: (30.0, 0.0, 0.0)})
     ss.attach("other", other)

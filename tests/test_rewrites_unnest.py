@@ -9,6 +9,7 @@ from sessions import ENGINES
 
 import ss2sql
 
+MANY = [*range(99)]  # more than a sum of conditions would be made of
 BOTH: tuple[list[str], ...] = ([], ["unnest"])
 
 
@@ -25,6 +26,19 @@ BOTH: tuple[list[str], ...] = ([], ["unnest"])
         ("(SELECT this FROM [a.this, b.this] WHERE this > 2 AS list) AND b.this == 1", [3, 1]),
         ("len(SELECT this FROM [a.this, b.this] WHERE this == 2 AS list) == 2", [2, 2]),
         ("len(SELECT this, 1 FROM [a.this, b.this] WHERE this == 2 AS list) >= 3", [2, 2]),
+        (
+            "len(SELECT this, 1 FROM [a.this, b.this] WHERE this == 2 AS list) > 1 AND b.this < 3",
+            [1, 2, 2, 1, 2, 2, 3, 2],
+        ),
+        ("len(SELECT this, 1 FROM [a.this, b.this] WHERE this == 2 AS list) < 2", [1, 1, 1, 3, 3, 1, 3, 3]),
+        ("len(SELECT this, 1 FROM [a.this, b.this] WHERE this == 2 AS list) == 3", []),
+        (f"len(SELECT this FROM {MANY} WHERE this < a.this AS list) > 2 AND b.this == 1", [3, 1]),
+        ("b.this == 1 AND 2 / a.this IN (SELECT this FROM [a.this, 9] WHERE this < 2 AS list)", []),
+        (
+            "a.this IN (SELECT (SELECT c.this FROM c = [d.this + 2] AS value) FROM d = [0, 1] AS list) AND b.this == 2",
+            [2, 2, 3, 2],
+        ),
+        ("[] == (SELECT c.this FROM c = zip([1], [2])[0] WHERE c.this == a.this AS list)", [3, 1, 3, 2, 3, 3]),
         ("count(SELECT this FROM [a.this, b.this, 2] WHERE this == 2 AS list) < 2", [1, 1, 1, 3, 3, 1, 3, 3]),
         ("len(SELECT this FROM [a.this, b.this] WHERE this > 0 AS list) > 2", []),
         ("a.this IN (SELECT this + 1 FROM [b.this] AS list)", [2, 1, 3, 2]),

@@ -40,7 +40,7 @@ def test_hostile_scripts_reach_nothing_and_change_nothing(
     before, folder = path.read_bytes(), tmp_path / "here"
     folder.mkdir()
     monkeypatch.chdir(folder)
-    with ss2sql.connect(path, progress=False) as ss:
+    with ss2sql.connect(path, progress=False, max_size=2**20) as ss:
         ss.function("f", lambda x=None: x, volatility="immutable")
         ss.set("xs", [1, [2, "b"], None])
         canary = hostile.Canary()

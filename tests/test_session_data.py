@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -108,7 +109,7 @@ def test_a_file_is_attached_by_its_path(ss: ss2sql.Session, staff: Path, engine:
 
 def test_attaching_under_the_same_name_replaces(ss: ss2sql.Session, staff: Path, tmp_path: Path) -> None:
     other = tmp_path / "other.db"
-    with sqlite3.connect(other) as connection:
+    with closing(sqlite3.connect(other)) as connection, connection:
         connection.executescript("CREATE TABLE staff(id, nick TEXT); INSERT INTO staff VALUES (9, 'Zed')")
     connection.close()
     ss.attach("firm", staff)

@@ -12,6 +12,7 @@ import subprocess
 import sys
 import threading
 import time
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -252,7 +253,7 @@ def test_variables(shell: Shell, capsys) -> None:
 
 def test_tables_of_a_file(shell: Shell, capsys) -> None:
     assert said(shell, ".tables", capsys)[0].startswith("there are no tables")
-    with sqlite3.connect("staff.db") as connection:
+    with closing(sqlite3.connect("staff.db")) as connection, connection:
         connection.executescript("CREATE TABLE staff(id, name); INSERT INTO staff VALUES (1, 'Ada')")
     connection.close()
     assert said(shell, ".attach work staff.db", capsys) == ("", "tables: work.staff\n")

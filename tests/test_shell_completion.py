@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -51,7 +52,7 @@ class Space(World):
 
 @pytest.fixture
 def known(tmp_path: Path):
-    with sqlite3.connect(tmp_path / "staff.db") as connection:
+    with closing(sqlite3.connect(tmp_path / "staff.db")) as connection, connection:
         connection.executescript("CREATE TABLE staff(id, name, boss); CREATE VIEW bosses AS SELECT boss FROM staff")
     connection.close()
     with ss2sql.connect() as session:
@@ -186,7 +187,7 @@ def test_long_lists_are_not_read_for_their_columns(known: Known) -> None:
 
 
 def test_a_view_that_is_broken_does_not_end_the_shell(tmp_path: Path) -> None:
-    with sqlite3.connect(tmp_path / "broken.db") as connection:
+    with closing(sqlite3.connect(tmp_path / "broken.db")) as connection, connection:
         connection.executescript("CREATE TABLE a(x); CREATE VIEW broken AS SELECT * FROM a; DROP TABLE a")
     connection.close()
     with ss2sql.connect(tmp_path / "broken.db") as session:

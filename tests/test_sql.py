@@ -75,6 +75,7 @@ def test_a_query_without_python_runs_in_any_sqlite() -> None:
         "INSERT INTO staff VALUES (1, NULL, 'a', 9.5), (2, 1, 'b', 7), (3, 1, 'c', 8.25), (4, 2, 'd', 3)"
     )
     assert plain.execute(result.sql).fetchall() == result.value == [("c", 8.25), ("b", 7.0)]
+    plain.close()
 
 
 def test_the_text_that_is_shown_is_the_text_that_sqlite_gets() -> None:

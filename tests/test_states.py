@@ -111,6 +111,14 @@ def test_types_of_states(source: str, start: str, connect: str, stop: str, expec
     assert ", ".join(f"{name}: {shown(kind)}" for name, kind in types.items()) == expected
 
 
+def test_searches_within_searches_within_searches() -> None:
+    inner = "SELECT z FROM [1] START WITH z = y CONNECT BY z = z + 1 STOP WITH z == 3 AS list"
+    middle = f"SELECT len({inner}) FROM [1] START WITH y = x CONNECT BY y = y + 1 STOP WITH y == 3 AS list"
+    script = f"SELECT x, len({middle}) FROM [1] START WITH x = 1 CONNECT BY x = x + 1 STOP WITH x == 3 AS rows;"
+    # From x on there is a path for every length of at most 3 - x: the step that stops is no goal.
+    assert session().eval(script) == [[(1, 2)], [(1, 2), (2, 1)]]
+
+
 def test_replaced_operators_prove_nothing() -> None:
     ss = session()
     ss.function("add", lambda a, b: "x")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -218,7 +219,7 @@ def test_the_table_of_the_file_is_not_in_the_way(tmp_path: Path, clock: Clock) -
         with pytest.raises(ss2sql.ResolveError) as caught:
             ss.run("SELECT this FROM ss2sql;")
         assert "ss2sql_temporal" not in str(caught.value)
-    with sqlite3.connect(path) as plain:
+    with closing(sqlite3.connect(path)) as plain, plain:
         rows = plain.execute("SELECT name, time, value, keep FROM ss2sql_temporal ORDER BY name").fetchall()
     plain.close()
     assert rows == [("a", 100.0, "1", 5.0), ("b", 100.0, "2", 5.0)]

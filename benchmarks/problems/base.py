@@ -19,8 +19,8 @@ class Script:
     """What ss2sql runs: text, and what the session holds.
 
     `functions` are registered, a pair with the volatility that it names. `file` is a SQLite file whose tables the
-    script reads, `attached` are worlds by name. Where it is not `shaped`, the rows of the paths are found, but the value
-    that AS makes of them, a copy of every row of every path, is not asked for.
+    script reads, `attached` are worlds by name. Where it is not `shaped`, the rows of the paths are found, but nobody
+    asks for the value that AS makes of them, a copy of every row of every path.
     """
 
     text: str

@@ -15,6 +15,7 @@ from typing import Any, NoReturn, TextIO, TypeVar
 import click
 
 from ss2sql.errors import Cancelled, Error, Stopped, Timeout, render_all
+from ss2sql.errors.visible import visible
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -71,7 +72,7 @@ class UserError(Exception):
         own = (str(Path(__file__).parent.parent), "src/", "<frozen ")  # src/ is apsw
         frames = [frame for frame in shown.stack if not frame.filename.startswith(own)]
         shown.stack = traceback.StackSummary.from_list(frames)
-        super().__init__("".join(shown.format()).rstrip())
+        super().__init__(visible("".join(shown.format()).rstrip()))
         self.error = error
         self.frame = frames[-1] if frames else None
 
@@ -179,7 +180,7 @@ def end(text: str, entry: dict[str, Any], code: int) -> NoReturn:
 
 def note(text: str) -> None:
     """Says something beside the result that is no error."""
-    _say(json.dumps(_entry("note", text), ensure_ascii=False) if writes_json() else text)
+    _say(json.dumps(_entry("note", text), ensure_ascii=False) if writes_json() else visible(text))
 
 
 def _say(text: str) -> None:

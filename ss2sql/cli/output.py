@@ -21,6 +21,10 @@ if TYPE_CHECKING:
 
     from ss2sql.runtime.result import Result
 
+    _OfRows = click.ParamType[int]
+else:
+    _OfRows = click.ParamType  # which takes no parameter before click 8.4
+
 F = TypeVar("F", bound=Callable[..., Any])
 
 FORMATS = ("table", "json", "csv", "arrow", "parquet")
@@ -34,7 +38,7 @@ SHOWN = 20  # rows of a table
 FILE_WIDE = 120  # characters of a table in a file
 
 
-class Count(click.ParamType[int]):
+class Count(_OfRows):
     """A number of rows, or `all`."""
 
     name = "rows"

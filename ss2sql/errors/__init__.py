@@ -16,6 +16,7 @@ from ss2sql.errors.codes import Code as Code
 from ss2sql.errors.family import Cancelled as Cancelled
 from ss2sql.errors.family import Error as Error
 from ss2sql.errors.family import ExecutionError as ExecutionError
+from ss2sql.errors.family import OutOfMemory as OutOfMemory
 from ss2sql.errors.family import ParseError as ParseError
 from ss2sql.errors.family import RepresentationError as RepresentationError
 from ss2sql.errors.family import ResolveError as ResolveError

@@ -275,6 +275,14 @@ CODES: dict[str, Code] = _table(
         "Run once with `workers=1`, where the function runs in this process and shows what is wrong.",
     ),
     (
+        "X014", "value too large",
+        "The script made a text, list or dict of more bytes than `max_size` allows.",
+        "Text that is added to itself forty times is longer than any memory. `l = [l, l]` needs none, but who looks "
+        "at it never comes to an end.",
+        "See whether the value is meant to grow like that. Keep numbers in place of long texts, or raise "
+        "`connect(max_size=...)`.",
+    ),
+    (
         "V001", "representation failed",
         "The rows do not fit the representation, or its arguments are wrong.",
         "A form asks something of its rows: a set needs values that can be compared, a plane needs bodies.",
@@ -291,6 +299,14 @@ CODES: dict[str, Code] = _table(
         "The run was interrupted.",
         "Somebody pressed Ctrl-C or called `session.interrupt`. What was found is in `error.partial`.",
         "The session works on: run the script again when there is time.",
+    ),
+    (
+        "T003", "out of memory",
+        "The run took more memory than it may, `max_memory`, or than there is.",
+        "A search keeps the rows that it has reached, and a result all of its rows. What was found until `max_memory` "
+        "is in `error.partial`.",
+        "Bound the search: MAXIMUM, STOP WITH or MEMORIZE with a number; bound results with LIMIT or "
+        "`max_rows`.",
     ),
     (
         "S001", "session is closed",

@@ -111,6 +111,10 @@ class Cancelled(Stopped):
     """The run was interrupted; `partial` holds what was found."""
 
 
+class OutOfMemory(Stopped):
+    """The run took more memory than it may, or than there is; `partial` holds what was found, where that is known."""
+
+
 class SessionError(Error):
     """A session was used wrongly from Python: closed, or given something that it cannot register."""
 

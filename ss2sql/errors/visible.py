@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import re
 
-_OBEYED = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
+OBEYED = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
 
 
 def visible(text: str) -> str:
     """The text with `\\x1b` for an escape character, and so on. Ends of lines and tabs stay what they are."""
-    return text if text.isascii() and text.isprintable() else _OBEYED.sub(_escaped, text)
+    return text if text.isascii() and text.isprintable() else OBEYED.sub(_escaped, text)
 
 
 def _escaped(found: re.Match[str]) -> str:

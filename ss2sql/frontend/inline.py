@@ -118,7 +118,7 @@ def _read(function: Any, around: tuple[FunctionType, ...]) -> Body:
     given = dict(zip(reversed(names), reversed(function.__defaults__ or ()), strict=False))
     given.update(function.__kwdefaults__ or {})
     expression = _as_expression(node)
-    reader = _Reader(Frame(function, located, _unfollowed, Findings()), (*around, function))
+    reader = _Reader(Frame(function, located, None, Findings()), (*around, function))
     expr = reader.read(expression, result=True)
     defaults = {name: _constant(value) for name, value in given.items()}
     return Body(names, defaults, expr, ast.unparse(expression), frozenset(_used(expr)), reader.gives_tuple)
@@ -131,10 +131,6 @@ def _used(expr: plan.Expr) -> Iterator[str]:
             yield function.name
         else:
             yield from function.body.uses
-
-
-def _unfollowed(function: FunctionType) -> Frame:
-    raise Unproven("calls a function that is not followed")
 
 
 def _as_expression(node: FunctionNode) -> ast.expr:

@@ -109,10 +109,9 @@ class Instance:
                 return self._made(plan.Not(denied, span=self.span))
             case plan.If(condition=condition, then=(then,), otherwise=(otherwise,)):
                 return self._choice(self._truth(condition, env), then, otherwise, env, asked)
-            case plan.MakeList(items=items):
-                return self._list(tuple(self._build(item, env) for item in items))
             case _:
-                raise AssertionError(f"no part of a body: {node}")
+                assert isinstance(node, plan.MakeList), "bodies have no other parts"
+                return self._list(tuple(self._build(item, env) for item in node.items))
 
     def _truth(self, node: plan.Expr, env: Env) -> plan.Expr:
         return self._build(node, env, asked=True)

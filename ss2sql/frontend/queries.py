@@ -15,7 +15,7 @@ from ss2sql.frontend.scope import Scope, column_of, element_of, is_settled
 from ss2sql.frontend.sources import open_sources
 from ss2sql.frontend.states import settle_states
 from ss2sql.frontend.worlds import is_function_of_this
-from ss2sql.kinds import ANY, NONE, Kind, Type, list_of, union
+from ss2sql.kinds import ANY, NONE, Kind, Type, list_of, shallow, union
 from ss2sql.runtime.rows import free_name
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ def _optional(resolver: Resolver, tree: ast.Expr | None, scope: Scope | None) ->
 
 def _search(resolver: Resolver, tree: ast.Query, scope: Scope, outer: Scope | None) -> plan.Search | None:
     """Opens the sources and, where there is CONNECT BY, resolves the hierarchical clauses."""
-    if not tree.connect and not tree.options:
+    if not tree.connect:
         for clause, part in (("START WITH", tree.start), ("STOP WITH", tree.stop)):
             if part:
                 place = part[0].span if isinstance(part, tuple) else part.span
@@ -98,9 +98,6 @@ def _start(resolver: Resolver, tree: ast.Query, scope: Scope) -> tuple[tuple[str
 
 def _check_assigned(resolver: Resolver, tree: ast.Query, scope: Scope) -> None:
     known = [assign.name for assign in tree.start]
-    if not tree.connect:
-        hint = "name what changes from step to step: CONNECT BY name = expr"
-        resolver.errors.append(ResolveError("R012", "CONNECT BY assigns nothing", tree.options[0].span, (hint,)))
     for assign in tree.connect:
         if assign.name not in known:
             hints = did_you_mean(assign.name, known) or (f"add START WITH {assign.name} = ...",)
@@ -189,6 +186,7 @@ def _representation(resolver: Resolver, tree: ast.Representation | None, outer: 
         hints = did_you_mean(name, known)
         if not similar(name, known) and not (tree.arguments or tree.named):
             hints += (f"to name a source write FROM {tree.name} = ...",)
+        hints = hints or (f"register it with session.representation; known are {', '.join(sorted(known))}",)
         resolver.errors.append(ResolveError("R006", f"unknown representation '{tree.name}'", tree.span, hints))
     arguments = resolver.all(tree.arguments, outer)
     named = tuple((a.name, resolver.guarded(resolver.expression, a.value, outer)) for a in tree.named)
@@ -197,13 +195,13 @@ def _representation(resolver: Resolver, tree: ast.Representation | None, outer: 
 
 def _value_type(query: plan.Query) -> Type:
     """The type of what the query gives, where a representation of the language makes it."""
-    kinds = [output.expr.type for output in query.columns]
+    kinds = [shallow(output.expr.type) for output in query.columns]
     if any(output.label for output in query.columns):
         return ANY
     rows = Type(Kind.LIST)
     match query.representation.name:
         case "dict":
-            columns = tuple((output.name, output.expr.type) for output in query.columns)
+            columns = tuple((output.name, kind) for output, kind in zip(query.columns, kinds, strict=True))
             rows = Type(Kind.LIST, item=Type(Kind.DICT, columns=columns), columns=columns)
         case "list" | "set":
             item = union(kinds)

@@ -276,11 +276,11 @@ class Resolver:
         if tree.owner is not None:
             return self.call_of_world(tree, scope)
         function = self.catalog.functions.get(name)
+        known: tuple[plan.Expr, ...] | None = None  # resolved once: calls in calls would double with every level
         if name in self.catalog.world_functions and (function is None or function.builtin):
-            arguments = self.all(tree.arguments, scope)
-            kinds = [argument.type for argument in arguments]
-            if function is None or any(kind.may(Kind.OBJECT) or kind.only(Kind.STR) for kind in kinds):  # or its name
-                return world_call(self, name, arguments, scope, span)
+            known = (self.all if function is None else self.operands)(tree.arguments, scope)
+            if function is None or any(a.type.may(Kind.OBJECT) or a.type.only(Kind.STR) for a in known):  # or its name
+                return world_call(self, name, known, scope, span)
         if function is None:
             raise unknown_function(tree, self.catalog, self.variables())
         if function.builtin and name == "to":
@@ -292,15 +292,15 @@ class Resolver:
         if tree.star:
             hints = ("add GROUP BY, or count the rows of a query: len(SELECT ... FROM ...)",)
             raise ResolveError("R008", "count(*) alone takes a star, and counts the rows of a group", span, hints)
-        arguments = self.operands(tree.arguments, scope)
+        arguments = self.operands(tree.arguments, scope) if known is None else known
         if function.builtin and name == "eval":
             self.check_arity(function, len(arguments), span)
             return self.eval(arguments[0], scope, span)
         if is_aggregate(function) and len(arguments) == 1 and not grouped and not arguments[0].type.may(Kind.LIST):
             hint = AGGREGATE_HINT.format(query=over_all_rows(tree, scope))
             raise ResolveError("R008", f"{name} needs a list, and this is not one", span, (hint,))
-        levels = scope.outwards() if scope else ()
-        self.inliner.sources.update((source.id, source) for level in levels for source in level.sources)
+        for level in scope.outwards() if scope else ():
+            self.inliner.sources.update((source.id, source) for source in level.sources)
         return self.inliner.typed(self.call(name, arguments, span, span))
 
     def element_call(self, name: str, source: plan.Source, scope: Scope | None, span: Span) -> plan.Expr | None:

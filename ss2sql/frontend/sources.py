@@ -75,9 +75,10 @@ def by_position(tree: ast.Call, parameters: tuple[str, ...] | None) -> tuple[ast
     for name, argument in named.items():
         if parameters is not None and name not in known[len(given) :]:
             message = f"'{tree.function}' has no argument '{name}'"
+            hints = did_you_mean(name, known) or (f"help('{tree.function}') shows how it is called",)
             if name in known:
                 message = f"'{tree.function}' gets the argument '{name}' twice"
-            hints = did_you_mean(name, known) or (f"help('{tree.function}') shows how it is called",)
+                hints = (f"keep one of them: argument {known.index(name) + 1} is '{name}'",)
             raise ResolveError("R005", message, argument.name_span, hints)
     for name in known[len(given) : len(given) + len(named)]:
         if name not in named:

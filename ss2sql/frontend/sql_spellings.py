@@ -173,11 +173,12 @@ def _modifier(t: Trouble) -> ParseError | None:
 
 def _distinct(t: Trouble) -> str:
     """The query behind DISTINCT without it, so far as it has one column and is short."""
-    depth, commas, end = 0, 0, t.index
-    for token in t.tokens[t.index :]:
+    depth, commas, index, end = 0, 0, t.index, t.index
+    while (token := t.tokens[index]).kind not in (";", "AS", END):
         depth += (token.kind in OPENING) - (token.kind in CLOSING)
-        if depth < 0 or token.kind in (";", "AS", END):
+        if depth < 0:
             break
+        index += 1
         commas += depth == 0 and token.kind == ","
         end = token.end
     text = " ".join(t.source.text[t.found.start : end].split())

@@ -94,7 +94,10 @@ def unknown_method(tree: ast.Call, catalog: Catalog, variables: Collection[str])
     place = word(tree.span, f"{owner}.{name}")
     world = catalog.worlds.get(owner)
     if world is not None:
-        hints = did_you_mean(name, world.offered())
+        if name in world.tables:
+            hints: tuple[str, ...] = (f"{owner}.{name} is a table: write FROM {owner}.{name}(...)",)
+        else:
+            hints = did_you_mean(name, world.offered()) or (f"help({owner}) lists what it has",)
         return ResolveError("R002", f"the world '{owner}' has no function '{name}'", place, hints)
     if owner in variables:
         return ResolveError("R002", f"values have no methods, and '{owner}' is no world", place, _call(tree, catalog))

@@ -45,7 +45,7 @@ def element(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
     if not all(index.type.only(WHOLE) and is_number(index.type) for index in indexes):
         return None
     nodes = [lowering.lower(index, env) for index in indexes]
-    sizes = [container.type.size, container.type.item.size if container.type.item and len(indexes) > 1 else None]
+    sizes = [container.type.size, container.type.item.size if container.type.item else None]
     cells = lowering.needs.packed(container, packing)
     found = _value_at(lowering, cells, _place(nodes, sizes[1 : len(nodes)]), _leaf(container.type, len(indexes)))
     if all(_is_inside(index, size, env.facts) for index, size in zip(indexes, sizes, strict=False)):

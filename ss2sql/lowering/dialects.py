@@ -25,13 +25,30 @@ class _ShortParentheses(_Base):
         inside = self.sql(expression, "this")
         if len(inside) <= SHORT and "\n" not in inside:
             return f"({inside})"
-        return super().paren_sql(expression)
+        # Not sqlglot's own method: it would print the inside again, and so on within it, 2 ^ depth times.
+        return f"({self.seg(self.indent(inside), sep='')}{self.seg(')', sep='')}"
+
+
+class _Sqlite(_ShortParentheses):
+    """What later releases of sqlglot 30 do, for all of them: the text is the same whichever prints it."""
+
+    SUPPORTS_TABLE_ALIAS_COLUMNS = True  # nothing but a CTE is given any; early ones leave them out
+
+    def nullsafeeq_sql(self, expression: exp.NullSafeEQ) -> str:
+        return self.binary(expression, "IS")
+
+    def nullsafeneq_sql(self, expression: exp.NullSafeNEQ) -> str:
+        return self.binary(expression, "IS NOT")
+
+
+_OWN = {"sqlite": _Sqlite}
 
 
 @cache
 def _printer(name: str) -> type[Generator]:
     """The class that prints a dialect of sqlglot."""
-    return type("Printer", (_ShortParentheses, sqlglot.Dialect.get_or_raise(name).generator_class), {})
+    own = _OWN.get(name, _ShortParentheses)
+    return type("Printer", (own, sqlglot.Dialect.get_or_raise(name).generator_class), {})
 
 
 @dataclass(frozen=True, slots=True)

@@ -229,8 +229,7 @@ class EnteringStep:
 
 def _unless(stop: plan.Expr, goal: plan.Expr) -> plan.Expr | None:
     """STOP WITH for a step that is no goal, None where it never stops: `STOP WITH there OR far` stops only if far."""
-    if is_volatile(goal):
-        return stop
+    assert not is_volatile(goal), "a search that calls volatile functions is not lowered"
     parts = stop.parts if isinstance(stop, plan.Or) else (stop,)
     left = tuple(part for part in parts if part != goal)
     if len(left) == len(parts):

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TypeAlias, assert_never
+from typing import TypeAlias
 
 from sqlglot import exp
 
@@ -143,12 +143,9 @@ class Expressions:
                 return env.groups[(query, index)]
             case plan.Aggregate():
                 return self.aggregate(expr, env)
-            case plan.Subquery(query=query, type=kind):
-                return self.unboxed(self.subquery(query, env), kind)
-            case plan.Assign() | plan.TemporalAssign() | plan.AssignLate() | plan.Temporal() | plan.Eval():
-                raise AssertionError("declared in unsupported.py, so it never comes here")
             case _:
-                assert_never(expr)
+                assert isinstance(expr, plan.Subquery), "all others are declared in unsupported.py"
+                return self.unboxed(self.subquery(expr.query, env), expr.type)
 
     def constant(self, expr: plan.Constant) -> Node:
         value = expr.value

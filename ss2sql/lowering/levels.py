@@ -78,7 +78,8 @@ class Levels:
                 return (query,)
             case plan.WorldSource(arguments=arguments):
                 return arguments
-            case plan.TableSource():
+            case _:
+                assert isinstance(source, plan.TableSource)
                 return ()
 
     def _is_loud(self, source: plan.Source, position: int) -> bool:

@@ -143,16 +143,16 @@ def _membership(lowering: Expressions, call: plan.Call, env: Env) -> Node | None
     known = items.type.item if items.type.kinds == Kind.LIST else None
     if known is None or not same_class(item.type, known) or known.may(Kind.BOOL):
         return membership(lowering, call, env)
+    if not isinstance(items, (plan.Constant, plan.Variable)):
+        return None  # before the item is lowered: who comes next would lower it again, and all within it
     this = sql.operand(lowering.lower(item, env))
     if isinstance(items, plan.Constant) and len(items.value) <= MOST_MEMBERS:
         members = [lowering.constant(plan.Constant(value, known, span=items.span)) for value in items.value]
         test = exp.In(this=this, expressions=members)
-    elif isinstance(items, (plan.Constant, plan.Variable)):
+    else:
         label = lowering.needs.label("members")
         walked = sql.table_function(lowering.needs.elements(()), [lowering.lower(items, env)], label)
         test = exp.In(this=this, query=sql.scalar(sql.select([sql.column("this", label)], [walked])))
-    else:
-        return None
     return test if call.function.name == "in" else exp.Not(this=exp.Paren(this=test))
 
 

@@ -8,6 +8,7 @@ from typing import Any, Literal, TypeAlias
 
 from ss2sql import plan
 from ss2sql.errors import Span
+from ss2sql.errors.visible import visible
 from ss2sql.lowering import sql
 from ss2sql.lowering.packing import Packing
 from ss2sql.lowering.sql import Node
@@ -120,7 +121,7 @@ class Needs:
         if isinstance(bound.expr, plan.Constant):
             text = bound.expr.span.text or repr(bound.expr.value)
             # The text of the literal is shown beside it; anything that could end the comment is left out.
-            shown = " ".join(text.split())
+            shown = visible(" ".join(text.split()))
             if "*/" not in shown and "/*" not in shown:
                 node.add_comments([shown if len(shown) <= 60 else shown[:57] + "..."])
         return node

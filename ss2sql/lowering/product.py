@@ -271,7 +271,8 @@ def _may_be_none(source: plan.Source) -> bool:
             return query.representation.name not in ("dict", "list", "rows")
         case plan.WorldSource(arguments=arguments):
             return any(argument.type.may(Kind.NONE) for argument in arguments)
-        case plan.TableSource():
+        case _:
+            assert isinstance(source, plan.TableSource)
             return False
 
 

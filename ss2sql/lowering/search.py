@@ -226,7 +226,7 @@ class SearchLowering(ABC):
         if name not in self.positions:
             names = ["this", *sql_names(self.selects.needs.modules[item.this.name]).values()]
             self.positions[name] = free_name("position", {column.lower() for column in names})
-            columns: list[Node] = [sql.column(column) for column in names]
+            columns: list[Node] = [sql.column(column) for column in (*names, "rowid")]  # the last may be the witness
             walked = sql.table_function(item.this.name, [node.copy() for node in item.this.expressions], label)
             select = sql.select([sql.alias(sql.column("rowid"), self.positions[name]), *columns], [walked])
             self._copy(name, select)
@@ -241,7 +241,7 @@ class SearchLowering(ABC):
         if name not in self.positions:
             names = ["this", *sql_names(tuple(name for name, _ in self.selects.needs.worlds[label].columns)).values()]
             self.positions[name] = free_name("position", {column.lower() for column in names})
-            columns: list[Node] = [sql.column(column) for column in names]
+            columns: list[Node] = [sql.column(column) for column in (*names, PLACE)]  # the last may be the witness
             place = sql.alias(sql.column(PLACE), self.positions[name])
             self._copy(name, sql.select([place, *columns], [item.copy()]))
         return sql.table(name, label)

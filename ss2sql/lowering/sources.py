@@ -44,10 +44,11 @@ def sql_names(columns: tuple[str, ...]) -> dict[str, str]:
     # SQLite calls a column otherwise that is to be called true; one that is called rowid hides the real one.
     taken, names = {"this", "true", "false", "rowid"}, {}
     for name in columns:
-        candidate, count = sql.written(name), 1
+        plain, count = sql.harmless(name), 1
+        candidate = plain
         while candidate.lower() in taken:
             count += 1
-            candidate = f"{sql.written(name)}_{count}"
+            candidate = f"{plain}_{count}"
         taken.add(candidate.lower())
         names[name] = candidate
     return names
@@ -103,7 +104,7 @@ def _inside(query: plan.Query) -> set[int]:
 def _table(selects: Selects, source: plan.TableSource) -> Opened:
     label = selects.needs.label(source.name)
     selects.tables[label] = source
-    schema = None if source.schema == "main" else source.schema
+    schema = None if source.schema == "main" and not sql.may_be_module(source.table) else source.schema
     columns: dict[str, Node] = {name: sql.column(name, label) for name, _ in source.columns}
     for name in source.collated:
         columns[name] = exp.Collate(this=columns[name], expression=exp.Var(this="BINARY"))

@@ -9,13 +9,16 @@ from typing import TypeAlias
 import apsw
 from sqlglot import exp
 
+from ss2sql.errors.visible import OBEYED
+
 Node: TypeAlias = exp.Expr
 
 MOST_IN_ROW = 250  # parts joined by AND or OR without parentheses
 _PLAIN_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
 _UNWRITTEN = re.compile("[\0\ud800-\udfff]")
-_PLAIN_COLUMN = re.compile(r"(?:(?!\d+\Z)[^_A-Z\0\ud800-\udfff]+|this_\d+)\Z")
-_MARKED = re.compile("[A-Z^,\0\ud800-\udfff]")
+_SURROGATE = re.compile("[\ud800-\udfff]")
+_PLAIN_COLUMN = re.compile(r"(?:(?!\d+\Z)[^_A-Z]+|this_\d+)\Z")
+_MARKED = re.compile(f"[A-Z^,]|{OBEYED.pattern}")
 _WORDS = frozenset(apsw.keywords) | {"TRUE", "FALSE"}
 
 
@@ -38,14 +41,29 @@ def written(name: str) -> str:
     return _UNWRITTEN.sub("\N{REPLACEMENT CHARACTER}", name)
 
 
+def harmless(name: str) -> str:
+    """A name of our own choice, without characters that a terminal would obey."""
+    return OBEYED.sub("\N{REPLACEMENT CHARACTER}", name)
+
+
+def can_be_text(value: str) -> bool:
+    """Whether SQL can hold the text as a literal."""
+    return not _SURROGATE.search(value)
+
+
 def module_of(columns: tuple[str, ...]) -> str:
     """The name of the virtual table that walks lists with these columns; no other columns have it.
 
     It stays apart where SQLite, which sees no case, would take two for one, as it would `a_b` and `a, b`.
     """
-    if all(_PLAIN_COLUMN.match(name) for name in columns):
+    if all(_PLAIN_COLUMN.match(name) and not OBEYED.search(name) for name in columns):
         return "_".join(("elements", *columns))
     return "elements " + ", ".join(_MARKED.sub(_marked, name) for name in columns)
+
+
+def may_be_module(name: str) -> bool:
+    """Whether a table's name may be that of such a virtual table, so that its schema has to be written too."""
+    return name.lower().startswith("elements")
 
 
 def _marked(found: re.Match[str]) -> str:
@@ -69,11 +87,11 @@ def number(value: int | float) -> Node:
 
 
 def string(value: str) -> Node:
-    """A text; the character 0, which would end the statement, is computed."""
-    parts: list[Node] = [exp.Literal.string(part) for part in value.split("\0")]
+    """A text; characters that a terminal would obey, and 0, which would end the statement, are computed."""
+    parts: list[Node] = [exp.Literal.string(part) for part in OBEYED.split(value)]
     result = parts[0]
-    for part in parts[1:]:
-        result = exp.DPipe(this=exp.DPipe(this=result, expression=call("char", number(0))), expression=part)
+    for char, part in zip(OBEYED.findall(value), parts[1:], strict=True):
+        result = exp.DPipe(this=exp.DPipe(this=result, expression=call("char", number(ord(char)))), expression=part)
     return result if len(parts) == 1 else exp.Paren(this=result)
 
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from ss2sql.errors import Error, note_place
 from ss2sql.runtime.functions import Memo, UserFunction
 from ss2sql.runtime.pool import OtherFormError, Pool
+from ss2sql.runtime.sizes import MAKERS
 
 if TYPE_CHECKING:
     from ss2sql.runtime.database import Execution
@@ -115,17 +116,20 @@ def builtin_function(
 ) -> Callable[..., Any]:
     """A built-in function on values of the language; its last SQL argument is the place of the call."""
 
+    makes = name in MAKERS
+
     def function(*arguments: Any) -> Any:
         execution = stack[-1]
         run, pool = execution.run, execution.pool
         if run.interrupted or run.deadline is not None:
             run.check()
         try:
-            result = python(*map(pool.decode, arguments[:-1]))
+            make = pool.sizes.maker(name, python) if makes else python
+            result = make(*map(pool.decode, arguments[:-1]))
             return int(result) if predicate else pool.encode_foreign(result, name)
         except Error as error:
             execution.failed = True
-            raise error.located(execution.span(arguments[-1])) from None
+            raise error.located(execution.span(arguments[-1])) from error.__cause__
 
     quick = QUICK.get(name)
     return function if quick is None else quick(function, stack)

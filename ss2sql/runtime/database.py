@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import islice
-from typing import Any, cast
+from typing import Any
 
 import apsw
 
@@ -19,12 +19,11 @@ from ss2sql.errors import Error, ExecutionError, Span, Stopped
 from ss2sql.lowering.expressions import PREDICATES, builtin_name
 from ss2sql.lowering.packing import Packed
 from ss2sql.lowering.parameters import Bookkeeping, Parameter, Shown, SqlQuery
-from ss2sql.lowering.sources import sql_names
 from ss2sql.runtime.ahead import ROOM, Ahead
 from ss2sql.runtime.calls import Members, Parts, builtin_function, located_final, sql_function
 from ss2sql.runtime.decoding import decoder
 from ss2sql.runtime.functions import Memo, UserFunction
-from ss2sql.runtime.guard import Guard
+from ss2sql.runtime.guard import UNREADABLE, Guard, own_error
 from ss2sql.runtime.native.options import cost, heuristic, probability
 from ss2sql.runtime.paths import Paths
 from ss2sql.runtime.pool import FALSE, TRUE, OtherFormError, Pool
@@ -38,7 +37,7 @@ from ss2sql.runtime.sql_functions import AGGREGATE_FUNCTIONS, SCALAR_FUNCTIONS, 
 from ss2sql.runtime.vectorized import SqlCaller
 from ss2sql.vtables.frames.frame import Frame
 from ss2sql.vtables.module import WorldModules
-from ss2sql.vtables.sequences import Elements, Walked
+from ss2sql.vtables.sequences import ListModules, Walked
 from ss2sql.vtables.snapshots import NO_SNAPSHOT, Snapshot
 from ss2sql.walk import walk
 
@@ -60,7 +59,7 @@ class Execution:
         self.run = run
         self.query = query
         self.calls = calls
-        self.pool = Pool()
+        self.pool = Pool(run.sizes)
         self.parts = Parts(self.pool)
         self.members = Members(self.pool)
         self.book = Bookkeeping()
@@ -69,7 +68,7 @@ class Execution:
         self.ahead: Ahead | None = None  # for functions that take arrays
         self.elements: dict[Any, Walked] = {}
         self.outermost: Any = None  # the cursor of the first list that was walked
-        self.readings = snapshot.begin(run.host.memories.now)  # of worlds
+        self.readings = snapshot.begin(run.host.memories.now, run.check)  # of worlds
 
     def value_source(self) -> Span | None:
         """The place of the first source that is a value; a bad one is most likely this."""
@@ -94,7 +93,7 @@ class Database:
         self.guard = guard = Guard(connection)
         self.begun = begun  # the runs of the session, the innermost last
         self.stack: list[Execution] = []
-        self.modules: set[str] = set()
+        self.lists = ListModules(connection, self._walk)
         self.worlds = WorldModules(connection, lambda: self.current)
         self.search = SearchState()
         self.memos: dict[str, Memo] = {}  # of each function of the user, for the execution that runs
@@ -170,16 +169,6 @@ class Database:
         called = (SqlCaller if function.vectorized else sql_function)(function, memo, self.stack)
         self.guard.scalar(sql_name, called)
 
-    def _module(self, name: str, columns: tuple[str, ...]) -> None:
-        """Registers the virtual table for lists whose elements have these columns, once."""
-        if name in self.modules:
-            return
-        module = Elements(self._walk, columns, tuple(sql_names(columns).values()))
-        self.connection.create_module(
-            name, cast(Any, module), use_bestindex_object=True, eponymous=True, eponymous_only=True, read_only=True
-        )
-        self.modules.add(name)
-
     def _walk(self, value: Any, columns: tuple[str, ...], cursor: Any) -> Walked:
         """The elements of a value as columns of SQL values; kept, for inner loops ask again and again."""
         execution = self.current
@@ -252,12 +241,22 @@ class Database:
 
     def cursor_of(self, lowered: SqlQuery, pool: Pool, evaluate: Callable[[Parameter], Any]) -> apsw.Cursor:
         """The rows of a statement that runs beside another one; the caller closes them."""
-        return self.guard.execute(lowered.text, self._values(lowered, pool, evaluate))
+        return self._begin(lowered.text, lowered.modules, self._values(lowered, pool, evaluate))
+
+    def _begin(
+        self, text: str, modules: Iterable[str], values: Mapping[str, Any], cursor: apsw.Cursor | None = None
+    ) -> apsw.Cursor:
+        """The cursor on the rows of a statement, whose virtual tables may have to come in front of tables first."""
+        try:
+            return self.guard.execute(text, values, cursor)
+        except apsw.SQLError:
+            if not self.lists.come_first(modules):
+                raise
+            return self.guard.execute(text, values, cursor)
 
     def _values(self, lowered: SqlQuery, pool: Pool, evaluate: Callable[[Parameter], Any]) -> dict[str, Any]:
         """The values to be bound, when the statement's virtual tables are there."""
-        for name, columns in lowered.modules.items():
-            self._module(name, columns)
+        self.lists.make(lowered.modules)
         return {parameter.name: _encoded(pool, parameter, evaluate) for parameter in lowered.parameters}
 
     @contextmanager
@@ -271,10 +270,10 @@ class Database:
             yield
         except Stopped as stopped:
             raise stopped.located(execution.query.span if execution.query else None) from None
-        except apsw.Error as error:
-            hints = ("run it with engine='native'",)
-            span = execution.query.span if execution.query else None
-            raise ExecutionError("X009", f"SQLite: {error}", span, hints) from error
+        except UNREADABLE as error:
+            if execution.failed and isinstance(error, UnicodeDecodeError):
+                raise  # it comes from a function of the user
+            raise own_error(error, run).located(execution.query.span if execution.query else None) from error
         finally:
             self.stack.pop()
             for name, memo in memos.items():
@@ -306,7 +305,7 @@ class Database:
         cursor = self.connection.cursor()
         try:
             late = lowered.late
-            self.guard.execute(lowered.text, values, cursor)
+            self._begin(lowered.text, lowered.modules, values, cursor)
             plain, searches = lowered.plain_rows, lowered.query.search is not None
             if (plain or not searches) and not lowered.keys and not lowered.orders:
                 # The rows are all that is wanted. Plain ones, and ends of paths, are what SQLite gives as it is.
@@ -333,12 +332,11 @@ class Database:
 
         This is how text that was lowered in one session runs in another that has the same functions.
         """
-        for name, columns in sql.modules.items():
-            self._module(name, columns)
+        self.lists.make(sql.modules)
         execution = Execution(run, calls=dict.fromkeys(self.memos, ()))
         with self._running(execution):
             values = {name: _as_bound(execution.pool, value) for name, value in sql.parameters.items()}
-            return [tuple(map(execution.pool.decode, row)) for row in self.guard.execute(sql, values)]
+            return [tuple(map(execution.pool.decode, row)) for row in self._begin(sql, sql.modules, values)]
 
     def _results(
         self, lowered: SqlQuery, execution: Execution, cursor: apsw.Cursor, sink: Rows

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from ss2sql.errors import Cancelled, Timeout
+from ss2sql.errors import Cancelled, OutOfMemory, Timeout
 from ss2sql.explained.outline import outline
 from ss2sql.runtime.calls import HeldError
 from ss2sql.runtime.compiled import CompiledStatement, Engine, Query, script_sql
@@ -16,7 +16,8 @@ from ss2sql.runtime.interrupts import under_way
 from ss2sql.runtime.opening import check_bound, check_engine
 from ss2sql.runtime.progress import progress_of
 from ss2sql.runtime.result import Answer, Result, Status
-from ss2sql.runtime.run import Run, Stats
+from ss2sql.runtime.run import Run, Stats, memory_in_use, out_of_memory
+from ss2sql.runtime.sizes import Sizes
 from ss2sql.runtime.values import fresh, normalise
 from ss2sql.runtime.workers import IN_WORKER
 
@@ -50,11 +51,12 @@ class Options:
 def attended(host: SessionHost, work: Callable[[Run], T]) -> T:
     """What `work` gives, a new run, which hears of Ctrl-C and `interrupt` from here on.
 
-    Raises Cancelled and Timeout with what was found until then; whoever was interrupted hears of nothing else.
+    Raises Cancelled, Timeout and OutOfMemory with what was found until then; whoever was interrupted hears of nothing
+    else.
     """
     run: Run | None = None
     try:
-        run = Run(host, Stats())
+        run = Run(host, Stats(), sizes=Sizes(host.max_size))
         with under_way(run), host.turns:
             host.begun.append(run)
             try:
@@ -72,6 +74,10 @@ def attended(host: SessionHost, work: Callable[[Run], T]) -> T:
             raise _cancelled(run) from error
         elif isinstance(error, Timeout):
             error.partial = _partial(run, "timeout")
+        elif isinstance(error, OutOfMemory):
+            error.partial = _partial(run, "memory")
+        elif isinstance(error, MemoryError):
+            raise out_of_memory(error) from None
         elif isinstance(error, HeldError):
             raise error.args[0] from None
         raise
@@ -89,6 +95,7 @@ def execute(host: SessionHost, query: Query, options: Options, variables: Mappin
     options.check()
     host.ready()
     run.deadline, run.max_rows = _deadline(host, options.timeout), options.max_rows
+    run.ceiling, run.sizes.rows = _ceiling(host), run.max_rows
     run.arguments = {name: normalise(value, f"the variable '{name}'") for name, value in variables.items()}
     statements = run.statements = query.statements(options.engine, run.arguments, run.stats)
     run.call_places = query.call_places
@@ -166,9 +173,9 @@ def _foreteller(host: SessionHost, run: Run, workers: int) -> Foreteller | None:
     from ss2sql.runtime.workers.foretelling import Foreteller
     from ss2sql.runtime.workers.processes import Processes
 
-    if host.processes is None:
-        host.processes = Processes()
-    return Foreteller(run, workers, host.processes, host.planned, host.memo_limit > 0)
+    if not host.held:
+        host.held.append(Processes())
+    return Foreteller(run, workers, host.held[0], host.planned, host.memo_limit > 0)
 
 
 def _deadline(host: SessionHost, seconds: float | None) -> float | None:
@@ -176,6 +183,14 @@ def _deadline(host: SessionHost, seconds: float | None) -> float | None:
     times = [run.deadline for run in host.runs]
     times.append(None if seconds is None else time.monotonic() + seconds)
     return min((moment for moment in times if moment is not None), default=None)
+
+
+def _ceiling(host: SessionHost) -> int | None:
+    """The bytes that the process may hold; a run inside of another one has no more."""
+    if host.max_memory is None:
+        return None
+    ceilings = [run.ceiling for run in host.runs if run.ceiling is not None]
+    return min(ceilings, default=(memory_in_use() or 0) + host.max_memory)
 
 
 def _partial(run: Run | None, status: Status) -> Result | None:

@@ -13,11 +13,21 @@ from typing import Any
 
 import apsw
 
+from ss2sql.errors import Error, ExecutionError
+from ss2sql.runtime.run import Run, no_memory
+
 # Functions of SQLite itself that lowering writes.
 OWN = frozenset(
     {"abs", "char", "coalesce", "count", "instr", "length", "max", "min", "row_number", "sqrt", "substr", "typeof"}
 )
-LENGTH = 2**28  # bytes of one text or BLOB; SQLite's own limit is four times as large
+
+
+# What reading a file may raise: a text in it may be no UTF-8.
+UNREADABLE = (apsw.Error, UnicodeDecodeError)
+
+
+class TooLargeToBindError(apsw.TooBigError):
+    """A value that Python gave is larger than SQLite takes. No row was evaluated, so the query can run natively."""
 
 
 class Guard:
@@ -52,6 +62,10 @@ class Guard:
         self._looks, self._text = True, text
         try:
             return cursor.execute(text, values)
+        except apsw.TooBigError as error:
+            if self._looks:  # it has not begun
+                raise TooLargeToBindError(str(error)) from None
+            raise
         finally:
             self._looks = False
 
@@ -83,4 +97,12 @@ def lock_down(connection: apsw.Connection) -> None:
     connection.config(apsw.SQLITE_DBCONFIG_ENABLE_LOAD_EXTENSION, 0)
     connection.config(apsw.SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0)
     connection.config(apsw.SQLITE_DBCONFIG_DEFENSIVE, 1)
-    connection.limit(apsw.SQLITE_LIMIT_LENGTH, LENGTH)
+
+
+def own_error(error: apsw.Error | UnicodeDecodeError, run: Run) -> Error:
+    """The error of a run whose statement SQLite broke off."""
+    if isinstance(error, apsw.TooBigError) and not isinstance(error, TooLargeToBindError):
+        return run.sizes.too_large("a text")
+    if isinstance(error, apsw.NoMemError):
+        return no_memory()
+    return ExecutionError("X009", f"SQLite: {error}", hints=("run it with engine='native'",))

@@ -30,8 +30,9 @@ from ss2sql.runtime.rows import Rows
 from ss2sql.runtime.run import Run
 from ss2sql.runtime.session_functions import SessionFunctions
 from ss2sql.runtime.shaping import Shapes, with_stars
+from ss2sql.runtime.sizes import Sizes
 from ss2sql.runtime.tables import Tables
-from ss2sql.runtime.temporal import TemporalFile, TemporalStore
+from ss2sql.runtime.temporal import TemporalFile, TemporalStore, moment_of
 from ss2sql.runtime.triggers import Triggers
 from ss2sql.runtime.turns import Turns
 from ss2sql.runtime.variables import Variables
@@ -39,9 +40,16 @@ from ss2sql.runtime.vectorized import NativeCaller
 from ss2sql.vtables import base
 from ss2sql.vtables.attached import AttachedWorld, WorldFunctions
 from ss2sql.vtables.memories import Memories
+from ss2sql.vtables.schema import failure
 
 if TYPE_CHECKING:
     from ss2sql.runtime.workers.processes import Processes
+
+
+def end_all(held: list[Processes]) -> None:
+    """Ends the processes of `workers`."""
+    for processes in held:
+        processes.end()
 
 
 class SessionHost:
@@ -52,17 +60,26 @@ class SessionHost:
     """
 
     def __init__(
-        self, connection: apsw.Connection, file: TemporalFile | None, read_only: bool, disabled: frozenset[str]
+        self,
+        connection: apsw.Connection,
+        file: TemporalFile | None,
+        read_only: bool,
+        disabled: frozenset[str],
+        max_size: int,
+        max_memory: int | None,
     ) -> None:
         self.connection = connection
+        self.max_size = max_size
+        self.max_memory = max_memory
         self.turns = Turns(self._release, in_file=file is not None)
         self.disabled = disabled
         self.memo_limit = 0 if "memo" in disabled else MEMO_LIMIT
         self.begun: list[Run] = []  # what runs, or is compiled to run, the innermost last
         self.database = Database(connection, self.memo_limit, self.begun)
+        connection.limit(apsw.SQLITE_LIMIT_LENGTH, max_size)
         self.memories = Memories()
         self.tables = Tables(connection)
-        self.shapes = Shapes()
+        self.shapes = Shapes(max_size)
         self.functions: dict[str, UserFunction] = {}
         self.world_functions: dict[str, UserFunction] = {}  # by the names that scripts use
         self.sql_names: dict[str, str] = {}
@@ -70,27 +87,34 @@ class SessionHost:
         self.planned: dict[str, UserFunction] = {}  # by the names that plans use
         self.generation = 0
         self.runs: list[Run] = []
-        self.processes: Processes | None = None  # those of `workers`, once there are any
+        self.held: list[Processes] = []  # those of `workers`, once there are any
         temporals = TemporalStore(self._clock)
         self.triggers = Triggers(self._clock)
         self.listened: list[list[Callable[[], object]]] = []  # to whom scenes tell that they have stepped
         self.graph_store: Store | None = None
         self.graphs: GraphKeeper | None = None
         if file is not None:
-            file.load(temporals)
+            try:
+                file.load(temporals)
+            except BaseException:
+                connection.close()
+                raise
             self.graph_store = self.tables.graphs = Store(connection, not read_only)
             if "remember" not in disabled:
                 self.graphs = GraphKeeper(self.graph_store, self._entry, self._worlds)
         self.names = Variables(temporals, None if read_only else file)
         self.names.let_go = self._detached
-        self.own = SessionFunctions(self.names, self.functions, self.world_functions)
+        self.own = SessionFunctions(self.names, self.functions, self.world_functions, max_size)
         for name, builtin in BUILTINS.items():
             if name not in ("eq", "ne"):  # of these the database has its own
                 self.database.register_builtin(name, builtin.python or self.own.function(name))
 
     def _entry(self, name: str) -> UserFunction:
-        """A function by the name that plans use."""
-        return self.planned[name]
+        """A function by the name that plans use. Raises ExecutionError X011 where it has gone with its world."""
+        try:
+            return self.planned[name]
+        except KeyError:
+            raise failure(f"the function '{name}' belongs to a world that is not attached any more") from None
 
     def _worlds(self) -> list[AttachedWorld]:
         return list(self.names.worlds.values())
@@ -155,10 +179,14 @@ class SessionHost:
         self.listened.clear()
         self.triggers.all.clear()
 
+    @property
+    def processes(self) -> Processes | None:
+        """The processes of `workers`, if there are any."""
+        return self.held[0] if self.held else None
+
     def end_processes(self) -> None:
         """Ends those of `workers`, if there are any."""
-        if self.processes is not None:
-            self.processes.end()
+        end_all(self.held)
 
     def _release(self) -> None:
         self.silence()
@@ -268,10 +296,11 @@ class SessionHost:
 
     def call(self, function: plan.Function, run: Run) -> Callable[..., Any]:
         if function.builtin:
-            return BUILTINS[function.name].python or self.own.function(function.name)
+            python = BUILTINS[function.name].python or self.own.function(function.name)
+            return run.sizes.maker(function.name, python)
         known = run.callables.get(function.name)
         if known is None:
-            entry = self.planned[function.inverse_of or function.name]
+            entry = self._entry(function.inverse_of or function.name)
             if function.inverse_of:
                 known = unremembered_call(entry.inverted(), run)
             else:
@@ -289,13 +318,17 @@ class SessionHost:
         """The time of getTime(): the user's own, else that of the first world that has a clock, else the computer's."""
         entry = self.functions.get("getTime")
         if entry:
-            return float(entry.function())
-        times = (attached.world.time for attached in self.names.worlds.values())
-        moment = next((moment for moment in times if moment is not None), None)
-        return time.time() if moment is None else float(moment)
+            return moment_of(entry.function(), "the function 'getTime'")
+        for attached in self.names.worlds.values():
+            moment = attached.time()
+            if moment is not None:
+                return moment_of(moment, f"the clock of {attached.name}")
+        return time.time()
 
     def temporal(self, name: str, when: Any) -> Any:
-        return self.names.temporal(name, when)
+        value = self.names.temporal(name, when)
+        Sizes(self.max_size).checked(value)
+        return value
 
     def store_temporal(self, name: str, keep: Any, value: Any) -> None:
         self.names.store_temporal(name, keep, value)
@@ -305,4 +338,6 @@ class SessionHost:
 
     def shape(self, query: plan.Query, rows: Rows, arguments: tuple[Any, ...], named: dict[str, Any]) -> Any:
         raw = self.shapes.represent(query.representation, with_stars(query, rows), arguments, named)
-        return self.shapes.language_value(query.representation.name, raw)
+        value = self.shapes.language_value(query.representation.name, raw)
+        Sizes(self.max_size).checked(value)
+        return value

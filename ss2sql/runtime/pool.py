@@ -15,6 +15,7 @@ from typing import Any
 from ss2sql.kinds import INT_MAX, INT_MIN
 from ss2sql.runtime.border import SCALARS, is_shallow, needs_no_check, normalise
 from ss2sql.runtime.messages import too_deep
+from ss2sql.runtime.sizes import Sizes
 from ss2sql.runtime.values import Opaque, freeze, fresh, several_forms, truth
 
 # SQLite takes the number that a BLOB begins with for its truth. The zero byte ends this number, and makes
@@ -25,6 +26,8 @@ TRUE = _TRUTHY + b"ss2sql-true"
 FALSE = _FALSY + b"ss2sql-false"
 _EMPTY = dumps([], 2)
 
+SMALL = 1000  # bytes of marshal: what has fewer is neither large nor deep
+_LARGE = bytes(SMALL)
 VALUES_LIMIT = 100_000  # decoded values that are kept beside their bytes
 
 
@@ -42,10 +45,11 @@ class Pool:
 
     __slots__ = (
         *("_classes", "_handles", "_keys", "_made", "_objects", "_tag", "_values"),
-        *("marshalled", "mixed", "pure", "watched"),
+        *("marshalled", "mixed", "pure", "sizes", "watched"),
     )
 
-    def __init__(self) -> None:
+    def __init__(self, sizes: Sizes | None = None) -> None:
+        self.sizes = sizes or Sizes()
         self._tag = urandom(6)
         self._made = 0
         # What tells values apart -> handle: marshal bytes; of objects, which have none, see _exact.
@@ -76,6 +80,13 @@ class Pool:
         except ValueError:
             return self._encode_objects(value)
         return self._handles.get(marshalled) or self._add(marshalled, marshalled, value)
+
+    def made(self, value: Any) -> Any:
+        """The same of a list or dict that the script made. Raises ExecutionError X014 or X004 where it is too large."""
+        encoded = self.encode(value)
+        if type(encoded) is bytes and len(self.marshalled.get(encoded, _LARGE)) >= SMALL:
+            self.sizes.checked(value)
+        return encoded
 
     def keep(self, source: Any) -> bytes:
         """A handle for a data frame, which is walked and never compared."""

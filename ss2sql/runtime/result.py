@@ -12,7 +12,7 @@ from ss2sql.kinds import Type
 from ss2sql.results import files, frames, fresh_row, graphs, rows_of, show
 from ss2sql.runtime.paths import lengths_of
 from ss2sql.runtime.rows import Row, Rows, free_name, row_maker
-from ss2sql.runtime.run import Stats
+from ss2sql.runtime.run import Stats, out_of_memory
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ss2sql.explained.outline import OutlinedStatement
     from ss2sql.runtime.run import Run
 
-Status: TypeAlias = Literal["complete", "maximum", "timeout", "cancelled"]
+Status: TypeAlias = Literal["complete", "maximum", "timeout", "cancelled", "memory"]
 
 
 class Sql(str):
@@ -84,7 +84,10 @@ class Answer:
     def value(self) -> Any:
         """What AS makes of the rows, made when it is first asked for."""
         if self.make is not None:
-            self.made, self.make = self.make(), None
+            try:
+                self.made, self.make = self.make(), None
+            except MemoryError as error:
+                raise out_of_memory(error) from None
         return self.made
 
 
@@ -94,8 +97,8 @@ class Result:
 
     `value` is what AS asked for, exactly. `columns` and the rows of iteration are a table of it: the rows of
     a query as tuples; of a search one row per step, with the number of the path and of the step before it;
-    of any other value one row. `status` is `complete`, `maximum`, `timeout` or `cancelled`, `engine`
-    `database` or `native`. `sql` is the text that ran, `stats` what was counted (see Stats).
+    of any other value one row. `status` is `complete`, `maximum`, `timeout`, `cancelled` or `memory`,
+    `engine` `database` or `native`. `sql` is the text that ran, `stats` what was counted (see Stats).
     """
 
     given: Any = field(repr=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping
@@ -10,8 +11,9 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias, TypeVar
 
 from ss2sql import plan
-from ss2sql.errors import Cancelled, Timeout
+from ss2sql.errors import Cancelled, OutOfMemory, Timeout
 from ss2sql.runtime.rows import Rows
+from ss2sql.runtime.sizes import Sizes
 from ss2sql.vtables.frames.frame import Frame
 from ss2sql.vtables.memories import Memories
 
@@ -20,6 +22,7 @@ if TYPE_CHECKING:
     from ss2sql.runtime.remembered.keeper import GraphKeeper
 
 T = TypeVar("T")
+LOOK_EVERY = 0.002  # seconds between looks at the memory of the process, each of which takes 6 us
 Places: TypeAlias = frozenset[tuple[int, int]]  # stretches of the script
 
 
@@ -124,21 +127,26 @@ class Run:
     - `shape(query, rows, arguments, named)`: the value that `AS` makes of rows, as a language value.
     - `table_rows(source)`: all rows of a table of the database, in its order, values of its columns in order.
 
-    `sink` holds the rows found so far by the query that runs; `answer` what the last query gave. `statements` are
-    those of the script; `lowered` is the SQL that each of their queries has run, `bound` are the values for its
-    parameters. `ahead` holds for each native query that runs, the innermost last, what is coming for functions that
-    take arrays (ahead.py). `foreteller` has calls made by other processes (workers/), `progress` shows how far the run
-    is (progress.py), where these are wanted; `graph` is the one that MEMORIZE works on; `knows(state)` says whether
-    the steps from a state of its level are remembered. `call_places` is where the script calls functions of the user,
-    as far as that is known; `by_level` counts the steps of its search, where that is wanted.
+    `ceiling` bounds the bytes of memory of the process, which is looked at again at the time `next_look`. `sizes`
+    measures what the script makes, see sizes.py. `sink` holds the rows found so far by the query that runs; `answer`
+    what the last query gave. `statements` are those of the script; `lowered` is the SQL that each of their queries has
+    run, `bound` are the values for its parameters. `ahead` holds for each native query that runs, the innermost last,
+    what is coming for functions that take arrays (ahead.py). `foreteller` has calls made by other processes (workers/),
+    `progress` shows how far the run is (progress.py), where these are wanted; `graph` is the one that MEMORIZE works
+    on; `knows(state)` says whether the steps from a state of its level are remembered. `call_places` is where the
+    script calls functions of the user, as far as that is known; `by_level` counts the steps of its search, where that
+    is wanted.
     """
 
     host: Host
     stats: Stats = field(default_factory=Stats)
     deadline: float | None = None
+    ceiling: int | None = None
+    next_look: float = 0.0
     interrupted: bool = False
     max_rows: int | None = None
     maximum: int | None = None
+    sizes: Sizes = field(default_factory=Sizes)
     arguments: dict[str, Any] = field(default_factory=dict)
     sink: Sink | None = None
     answer: Any = None
@@ -158,14 +166,20 @@ class Run:
     @property
     def watched(self) -> bool:
         """Whether `check` has anything to say, now or later."""
-        return self.interrupted or self.deadline is not None
+        return self.interrupted or self.deadline is not None or self.ceiling is not None
 
     def check(self) -> None:
-        """Raises Cancelled or Timeout when the run has to end."""
+        """Raises Cancelled, Timeout or OutOfMemory when the run has to end."""
         if self.interrupted:
             raise Cancelled("T002", "the run was interrupted")
+        self.sizes.look()
         if self.progress is not None:
             self.progress.show()
+        if self.ceiling is not None and time.monotonic() >= self.next_look:
+            if (memory_in_use() or 0) > self.ceiling:
+                message = "the run took more memory than max_memory allows"
+                raise OutOfMemory("T003", message, hints=("bound the search or the result, or raise max_memory",))
+            self.next_look = time.monotonic() + LOOK_EVERY
         if self.deadline is not None and time.monotonic() >= self.deadline:
             raise Timeout(
                 "T001",
@@ -191,3 +205,28 @@ class Run:
         else:
             self.host.assign(name, value)
         return value
+
+
+def memory_in_use() -> int | None:
+    """The bytes of memory that the process holds now; None where the system does not say so."""
+    try:
+        with open("/proc/self/statm", "rb", buffering=0) as file:
+            return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    except OSError:
+        return None
+
+
+def out_of_memory(error: MemoryError) -> Exception:
+    """The error where Python had no memory; what a function of the user raises stays an exception of its own."""
+    frame = error.__traceback__
+    while frame is not None and frame.tb_next is not None:
+        frame = frame.tb_next
+    if frame is None or not str(frame.tb_frame.f_globals.get("__name__", "")).startswith("ss2sql."):
+        return error
+    return no_memory()
+
+
+def no_memory() -> OutOfMemory:
+    """The error where there is no memory left."""
+    hints = ("bound the search or the result, or the values in it: max_rows, max_size and max_memory do so",)
+    return OutOfMemory("T003", "there is not enough memory", hints=hints)

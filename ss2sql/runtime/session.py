@@ -10,22 +10,23 @@ from types import TracebackType
 from typing import Any, TypeVar, overload
 
 from ss2sql import plan
-from ss2sql.errors import SessionError, Source, did_you_mean
+from ss2sql.errors import SessionError, Source
 from ss2sql.frontend.parser import parse
 from ss2sql.frontend.resolve import resolve
 from ss2sql.lowering.rewrites import REWRITES
 from ss2sql.runtime.compiled import Engine, Query
 from ss2sql.runtime.executing import Options, attended, execute
 from ss2sql.runtime.functions import UserFunction, check_name, user_function
-from ss2sql.runtime.host import SessionHost
+from ss2sql.runtime.host import SessionHost, end_all
 from ss2sql.runtime.interrupts import under_way
 from ss2sql.runtime.native.deep import with_room
-from ss2sql.runtime.opening import check_engine, name_of, open_connection
+from ss2sql.runtime.opening import check_engine, check_known, check_sizes, name_of, open_connection
 from ss2sql.runtime.opening import source_of as source_of
 from ss2sql.runtime.progress import check_progress
 from ss2sql.runtime.remembered.listing import Graphs, listed
 from ss2sql.runtime.result import Result
 from ss2sql.runtime.run import Run, Stats
+from ss2sql.runtime.sizes import MOST
 from ss2sql.runtime.tables import path_of
 from ss2sql.runtime.temporal import TemporalFile
 from ss2sql.runtime.triggers import Trigger
@@ -49,6 +50,8 @@ def connect(
     progress: str | bool = "auto",
     read_only: bool = False,
     disable: Sequence[str] = (),
+    max_size: int = MOST,
+    max_memory: int | None = None,
 ) -> Session:
     """A new session.
 
@@ -59,11 +62,13 @@ def connect(
         progress: "auto", True or False: whether long runs show a line of progress on a terminal.
         read_only: opens the file without the right to change it.
         disable: names of optimisations to switch off: "memo", "remember", "inline" and others.
+        max_size: bytes of one value that a script makes, a text or a list: at least 262,144, at most 10**9.
+        max_memory: bytes by which the process may grow while a script runs; None for no limit. Only on Linux.
 
     Raises:
         SessionError: the file cannot be opened, or a name in `disable` is unknown.
     """
-    return Session(path, timeout, progress, read_only, disable)
+    return Session(path, timeout, progress, read_only, disable, max_size, max_memory)
 
 
 class Session:
@@ -76,20 +81,20 @@ class Session:
         progress: str | bool = "auto",
         read_only: bool = False,
         disable: Sequence[str] = (),
+        max_size: int = MOST,
+        max_memory: int | None = None,
     ) -> None:
-        unknown = [word for word in disable if word not in SWITCHES]
-        if unknown:
-            raise SessionError(
-                "S002", f"there is no optimisation '{unknown[0]}'", hints=did_you_mean(unknown[0], SWITCHES)
-            )
+        check_known("optimisation", disable, SWITCHES)
         check_progress(progress)
+        check_sizes(max_size, max_memory)
         connection = open_connection(path, read_only)
         self.timeout = timeout
         self.progress = progress
         self._closed = False
         file = None if path is None else TemporalFile(connection)
-        self.host = SessionHost(connection, file, read_only, frozenset(disable))
-        weakref.finalize(self, self.host.end_processes)  # apsw keeps the host of a session that nobody closes
+        self.host = SessionHost(connection, file, read_only, frozenset(disable), max_size, max_memory)
+        # apsw keeps the host of a session that nobody closes; a finalizer that did so too would keep all sessions.
+        weakref.finalize(self, end_all, self.host.held)
 
     # --- registration ----------------------------------------------------------------------------------
 
@@ -203,7 +208,7 @@ class Session:
 
     @in_turn
     def tables(self) -> dict[str, tuple[str, ...]]:
-        """The columns of everything that FROM finds as a table: tables of the database, and those of worlds."""
+        """The columns of all that FROM finds as a table, of the database and of worlds; none of an unreadable view."""
         self._check_open()
         return tables_in_sight(self.host.tables, self.host.names.worlds)
 
@@ -286,16 +291,17 @@ class Session:
             maximum: bounds the results of the last statement's search, like MAXIMUM.
             workers: processes for the calls of functions that a level of MEMORIZE needs. The result is the same, sooner
                 where calls are slow. A `WorkersWarning` says where that has no effect, and why.
-            max_rows: more results than that are an error, and more rows in the graph of MEMORIZE.
+            max_rows: more results than that are an error, also of a query inside of others that gives a list, and more
+                rows in the graph of MEMORIZE.
             variables: values for names of the script, for this run only.
 
         Returns:
             The result of the last statement.
 
         Raises:
-            ParseError, ResolveError, UnsupportedError, ExecutionError, RepresentationError; Timeout and
-            Cancelled, whose `partial` is the result so far; whatever a registered function raised, with a
-            note that names the line of the script.
+            ParseError, ResolveError, UnsupportedError, ExecutionError, RepresentationError; Timeout, OutOfMemory and
+            Cancelled, whose `partial` is the result so far; whatever a registered function raised, with a note that
+            names the line of the script.
         """
 
         def work(run: Run) -> Result:

@@ -10,6 +10,7 @@ from ss2sql.errors import ExecutionError, did_you_mean
 from ss2sql.errors.visible import visible
 from ss2sql.runtime.builtins import BUILTINS, usage
 from ss2sql.runtime.functions import UserFunction
+from ss2sql.runtime.sizes import MOST, Sizes
 from ss2sql.runtime.values import fresh
 from ss2sql.runtime.variables import Variables
 from ss2sql.vtables.describe import description
@@ -19,9 +20,14 @@ class SessionFunctions:
     """Methods named after the functions of the language."""
 
     def __init__(
-        self, names: Variables, functions: Mapping[str, UserFunction], world_functions: Mapping[str, UserFunction]
+        self,
+        names: Variables,
+        functions: Mapping[str, UserFunction],
+        world_functions: Mapping[str, UserFunction],
+        most: int = MOST,
     ) -> None:
         self.names = names
+        self.most = most  # bytes of a value
         self.functions = functions
         self.world_functions = world_functions
 
@@ -68,13 +74,14 @@ class SessionFunctions:
 
     def _var(self, name: str | None = None) -> Any:
         """All script variables as a dict, or the value of one."""
-        variables = self.names.copies()
         if name is None:
-            return variables
+            Sizes(self.most).checked(self.names.values)
+            return self.names.copies()
+        variables = self.names.values
         if type(name) is not str or name not in variables:
             hints = did_you_mean(str(name), variables) or ("var() gives all of them",)
             raise ExecutionError("X007", f"there is no variable '{name}'", hints=hints)
-        return variables[name]
+        return fresh(variables[name])
 
     def _clear(self) -> None:
         """Forgets all script variables."""

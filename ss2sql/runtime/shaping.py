@@ -13,6 +13,7 @@ from ss2sql.runtime.messages import show
 from ss2sql.runtime.paths import Paths
 from ss2sql.runtime.representations.base import ASKS
 from ss2sql.runtime.rows import Row, Rows
+from ss2sql.runtime.sizes import MOST, Sizes
 from ss2sql.runtime.values import Opaque, fresh, fresh_rows, normalise
 
 PATH_FORMS = frozenset({"dict", "list", "rows", "value"})  # which cannot fail
@@ -21,9 +22,13 @@ PLAIN = (bool, int, float, str, list, dict, type(None))
 
 
 class Shapes:
-    """The representations of a session, those of the language and the user's, by their names in lower case."""
+    """The representations of a session, those of the language and the user's, by their names in lower case.
 
-    def __init__(self) -> None:
+    What they make of rows has at most `most` bytes.
+    """
+
+    def __init__(self, most: int = MOST) -> None:
+        self.most = most
         self.functions: dict[str, Callable[..., Any]] = dict(representations.ALL)
 
     def represent(
@@ -36,19 +41,32 @@ class Shapes:
 
         if form.name == "void":
             return None
+        sizes, size = Sizes(self.most), 0
+
+        def own_rows(some: Sequence[Row]) -> list[Row]:
+            """Copies of rows, if there is room for them: until then rows may share their values."""
+            nonlocal size
+            size = sizes.rows_within(some, size)
+            return fresh_rows(some)
 
         def whole(positions: Sequence[int] | None) -> Any:
             results: Sequence[Any] = rows.rows if rows.paths is None else rows.paths  # type: ignore[assignment]
             chosen = results if positions is None else [results[index] for index in positions]
             if rows.paths is None:
-                return self._shaped(form, rows, chosen, arguments, named)
+                if form.name == "value" and self.is_built_in(form):
+                    chosen = chosen[:1]
+                own = list(chosen) if rows.plain else own_rows(chosen)
+                return self._shaped(form, rows.columns, own, arguments, named)
             if not arguments and not named and self.is_built_in(form) and form.name in PATH_FORMS:
                 if rows.plain and form.name == "list" and isinstance(chosen, Paths):
                     return list(chosen.cells())
                 represent, columns = representations.ALL[form.name], rows.columns
-                own = chosen if rows.plain else map(fresh_rows, chosen)
-                return [represent(representations.Table(columns, path)) for path in own]
-            return [self._shaped(form, rows, path, arguments, named) for path in chosen]
+                paths = chosen if rows.plain else map(own_rows, chosen)
+                return [represent(representations.Table(columns, path)) for path in paths]
+            return [
+                self._shaped(form, rows.columns, list(path) if rows.plain else own_rows(path), arguments, named)
+                for path in chosen
+            ]
 
         if rows.groups is None:
             return whole(None)
@@ -57,17 +75,16 @@ class Shapes:
     def _shaped(
         self,
         form: plan.Representation,
-        answer: Rows,
-        rows: Sequence[Row],
+        columns: tuple[str, ...],
+        own: list[Row],
         arguments: Sequence[Any],
         named: Mapping[str, Any],
     ) -> Any:
-        own = list(rows) if answer.plain else fresh_rows(rows)
-        table = representations.Table(answer.columns, own)
+        table = representations.Table(columns, own)
         if form.hidden:
             shown = -form.hidden
             seen, told = [row[:shown] for row in own], [row[shown:] for row in own]
-            table = representations.Table(answer.columns[:shown], seen, told, form.facts)
+            table = representations.Table(columns[:shown], seen, told, form.facts)
         given = {name: fresh(value) for name, value in named.items()}
         try:
             return self.functions[form.name](table, *map(fresh, arguments), **given)

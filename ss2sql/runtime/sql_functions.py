@@ -10,19 +10,21 @@ from ss2sql.runtime.builtins import AGGREGATES
 from ss2sql.runtime.pool import Pool
 from ss2sql.runtime.representations import Table, sets
 from ss2sql.runtime.sources import column_of, elements
-from ss2sql.runtime.values import truth
+from ss2sql.runtime.values import normalise, truth
 from ss2sql.vtables.frames.frame import Frame
 from ss2sql.vtables.sequences import Walked
+
+WHOLE = 2**63  # more rows than any query has
 
 
 def make_list(pool: Pool, *items: Any) -> Any:
     """`list(a, b)`: a list literal."""
-    return pool.encode(list(map(pool.decode, items)))
+    return pool.made(list(map(pool.decode, items)))
 
 
 def record(pool: Pool, *pairs: Any) -> Any:
     """`record('name', value, ...)`: a row as a dict."""
-    return pool.encode(dict(zip(pairs[::2], map(pool.decode, pairs[1::2]), strict=True)))
+    return pool.made(dict(zip(pairs[::2], map(pool.decode, pairs[1::2]), strict=True)))
 
 
 def truth_of(pool: Pool, value: Any) -> int:
@@ -82,51 +84,75 @@ class Collect:
     def __init__(self, pool: Pool) -> None:
         self.pool = pool
         self.values: list[Any] = []
+        self.room = pool.sizes.rows_of_a_list()
 
     def step(self, *row: Any) -> None:
-        self.values.extend(map(self.pool.decode, row))
+        if self.has_room():
+            self.values.extend(map(self.pool.decode, row))
+
+    def has_room(self) -> bool:
+        """Whether one more row is none too many. What raises here would not end the statement, so the run does."""
+        self.room -= 1
+        if self.room < 0:
+            self.pool.sizes.refused = self.pool.sizes.too_many_rows()
+        return self.room >= 0
 
     def final(self) -> Any:
-        return self.pool.encode(self.values)
+        """The value. Raises ExecutionError X010 or X014 where there were too many rows."""
+        self.pool.sizes.look()
+        return self.value()
+
+    def value(self) -> Any:
+        return self.pool.made(self.values)
 
 
 class CollectRows(Collect):
     """`collect_rows(a, b)`: a list of rows, each a list."""
 
     def step(self, *row: Any) -> None:
-        self.values.append(list(map(self.pool.decode, row)))
+        if self.has_room():
+            self.values.append(list(map(self.pool.decode, row)))
 
 
 class CollectRecords(Collect):
     """`collect_records('a', a, 'b', b)`: a list of rows, each a dict."""
 
     def step(self, *pairs: Any) -> None:
-        self.values.append(dict(zip(pairs[::2], map(self.pool.decode, pairs[1::2]), strict=True)))
+        if self.has_room():
+            self.values.append(dict(zip(pairs[::2], map(self.pool.decode, pairs[1::2]), strict=True)))
 
 
 class CollectSet(CollectRows):
     """`collect_set(a, b)`: the different values; inside a script a set is a sorted list."""
 
-    def final(self) -> Any:
+    def value(self) -> Any:
         rows = [tuple(row) for row in self.values]
-        return self.pool.encode_foreign(sets.represent(Table((), rows)), "AS set")
-
-
-class CollectValue(CollectRows):
-    """`collect_value(a, b)`: a of the first row, after all rows have been evaluated."""
-
-    def final(self) -> Any:
-        return self.pool.encode(self.values[0][0] if self.values else None)
+        return self.pool.made(normalise(sets.represent(Table((), rows)), "AS set"))
 
 
 class CollectNothing(Collect):
     """`collect_nothing(a, b)`: the rows are evaluated, the value is None."""
 
-    def step(self, *row: Any) -> None:
-        return
+    def __init__(self, pool: Pool) -> None:
+        super().__init__(pool)
+        self.room = WHOLE if pool.sizes.rows is None else pool.sizes.rows
 
-    def final(self) -> None:
+    def step(self, *row: Any) -> None:
+        self.has_room()
+
+    def value(self) -> Any:
         return None
+
+
+class CollectValue(Collect):
+    """`collect_value(a, b)`: a of the first row, after all rows have been evaluated; nobody keeps the others."""
+
+    def step(self, *row: Any) -> None:
+        if not self.values:
+            self.values.append(row[0])
+
+    def value(self) -> Any:
+        return self.values[0] if self.values else None
 
 
 def _aggregate(name: str) -> Callable[[Pool], Collect]:

@@ -17,6 +17,7 @@ import apsw
 from ss2sql import plan
 from ss2sql.errors import ExecutionError, SessionError
 from ss2sql.kinds import INT_MAX, INT_MIN, Kind, Type
+from ss2sql.runtime.guard import UNREADABLE
 from ss2sql.runtime.operator_types import MAX
 from ss2sql.runtime.remembered.store import Store
 
@@ -59,8 +60,11 @@ class Tables:
 
     def attach(self, name: str, path: Path) -> None:
         """Makes the tables of a SQLite file known as `name.table`. Raises SessionError S002 for any other file."""
-        if not path.is_file():
-            what = f"{path} is a folder" if path.is_dir() else f"there is no file {path}"
+        try:
+            what = "" if path.is_file() else f"{path} is a folder" if path.is_dir() else f"there is no file {path}"
+        except OSError as error:  # such as of a name that is too long
+            what = f"{path} cannot be read: {error.strerror}"
+        if what:
             raise SessionError("S002", what, hints=("give the path of a SQLite file",))
         if name.lower() in ("main", "temp"):
             raise SessionError("S002", f"'{name}' is the session's own database", hints=("choose another name",))
@@ -116,7 +120,7 @@ class Tables:
         try:
             with self.connection:  # all of it is read from one state of the file
                 source = self._read(home, exact, kind, bool(without_rowid))
-        except apsw.Error as error:
+        except UNREADABLE as error:
             hints = (f"look at the definition of the {kind} in the database",)
             raise ExecutionError("X009", f"the {kind} '{name}' cannot be read: {error}", hints=hints) from error
         self._known[(home, exact)] = (version, source)
@@ -132,7 +136,7 @@ class Tables:
         """The rows of a statement. Raises ExecutionError X009 where SQLite refuses it: the file may be locked."""
         try:
             return self.connection.execute(text, bindings).fetchall()
-        except apsw.Error as error:
+        except UNREADABLE as error:
             raise ExecutionError("X009", f"SQLite: {error}") from error
 
     def _version(self, schema: str) -> tuple[Any, ...] | None:

@@ -9,12 +9,13 @@ from __future__ import annotations
 import json
 from bisect import bisect_right
 from collections.abc import Callable
+from math import isfinite
 from typing import Any
 
 import apsw
 
-from ss2sql.errors import ExecutionError
-from ss2sql.runtime.values import show
+from ss2sql.errors import ExecutionError, SessionError
+from ss2sql.runtime.values import normalise, show
 
 
 def seconds(value: Any, what: str) -> float:
@@ -23,6 +24,22 @@ def seconds(value: Any, what: str) -> float:
         hint = "write a number: v{5.0} = x, v{-2.0}, or v{} for all values"
         raise ExecutionError("X007", f"{what} is a number of seconds, not {show(value)}", hints=(hint,))
     return value
+
+
+def moment_of(value: Any, giver: str) -> float:
+    """What a clock says, in seconds; raises ExecutionError X004 for what is no finite number."""
+    try:
+        moment = float(value)
+    except Exception as error:  # the value is the user's own, and so is how it becomes a number
+        raise _no_time(value, giver) from error
+    if not isfinite(moment):
+        raise _no_time(value, giver)
+    return moment
+
+
+def _no_time(value: Any, giver: str) -> ExecutionError:
+    hint = "a clock gives a number of seconds"
+    return ExecutionError("X004", f"{giver} says {show(value)}, which is no time", hints=(hint,))
 
 
 class TemporalStore:
@@ -72,6 +89,17 @@ class TemporalStore:
         """The value that `name` alone means."""
         return self.histories[name][-1][1]
 
+    def kept(self, name: str) -> tuple[list[tuple[float, Any]], float] | None:
+        """The history of a variable and how long its values are kept, to be restored; None where it has none."""
+        history = self.histories.get(name)
+        return None if history is None else (list(history), self.keeps[name])
+
+    def restore(self, name: str, before: tuple[list[tuple[float, Any]], float] | None) -> None:
+        """Makes a history what `kept` gave."""
+        self.drop(name)
+        if before is not None:
+            self.histories[name], self.keeps[name] = before
+
     def drop(self, name: str) -> None:
         self.histories.pop(name, None)
         self.keeps.pop(name, None)
@@ -88,15 +116,23 @@ class TemporalFile:
         self.connection = connection
 
     def load(self, store: TemporalStore) -> None:
-        """Fills the store with what an earlier session has kept."""
-        if not self.connection.execute("SELECT 1 FROM sqlite_schema WHERE name = 'ss2sql_temporal'").fetchall():
-            return
-        rows: list[tuple[Any, ...]] = self.connection.execute(
-            "SELECT name, time, value, keep FROM ss2sql_temporal ORDER BY rowid"
-        ).fetchall()
-        for name, moment, value, keep in rows:
-            store.histories.setdefault(name, []).append((moment, json.loads(value)))
-            store.keeps[name] = keep
+        """Fills the store with what an earlier session has kept. Raises SessionError S002 where that is damaged."""
+        try:
+            if not self.connection.execute("SELECT 1 FROM sqlite_schema WHERE name = 'ss2sql_temporal'").fetchall():
+                return
+            rows: list[tuple[Any, ...]] = self.connection.execute(
+                "SELECT name, time, value, keep FROM ss2sql_temporal ORDER BY rowid"
+            ).fetchall()
+            for row in rows:
+                name, moment, value, keep = _as_kept(*row)
+                store.histories.setdefault(name, []).append((moment, value))
+                store.keeps[name] = keep
+        except (apsw.Error, ExecutionError, ValueError, TypeError, RecursionError) as error:
+            hints = ("another program may be writing to the file, or it is damaged; the table can be dropped",)
+            message = f"the table ss2sql_temporal of the file cannot be read: {error}"
+            if isinstance(error, ExecutionError):
+                message = f"the table ss2sql_temporal of the file cannot be read: {error.message}"
+            raise SessionError("S002", message, hints=hints) from error
 
     def save(self, store: TemporalStore, name: str) -> None:
         """Puts the history of one variable, or its end, into the file."""
@@ -114,6 +150,13 @@ class TemporalFile:
         except apsw.Error as error:
             hints = ("open the session with read_only=True to keep temporal variables in memory",)
             raise ExecutionError("X009", f"'{name}' cannot be kept in the file: {error}", hints=hints) from error
+
+
+def _as_kept(name: Any, moment: Any, value: Any, keep: Any) -> tuple[str, float, Any, float]:
+    """A row of the table. Raises ValueError, TypeError or ExecutionError where it is none that was written here."""
+    if not (type(name) is str and type(value) is str and type(moment) is float and type(keep) is float):
+        raise ValueError("a row has values of other types")
+    return name, moment, normalise(json.loads(value), f"the variable '{name}'"), keep
 
 
 def _json(value: Any) -> str:

@@ -19,6 +19,7 @@ from ss2sql.kinds import INT_MIN
 from ss2sql.kinds import Opaque as Opaque
 from ss2sql.runtime.border import SCALARS as SCALARS
 from ss2sql.runtime.border import normalise as normalise
+from ss2sql.runtime.messages import DEPTH_LIMIT
 from ss2sql.runtime.messages import check as check
 from ss2sql.runtime.messages import show as show
 from ss2sql.runtime.messages import too_deep as too_deep
@@ -98,7 +99,7 @@ def freeze(value: Any) -> Hashable:
         except ValueError:
             return list, *map(freeze, value)
         except RecursionError:
-            raise too_deep("cannot compare") from None
+            return _deep_list_bytes(value)
     if kind is dict:
         return frozenset(zip(value, map(freeze, value.values()), strict=True))
     if kind is bytes:
@@ -116,6 +117,17 @@ class Form(bytes):
 def form_of(value: list[Any]) -> Form:
     """What `freeze` gives for a list of numbers, text, None, and lists of such."""
     return Form(dumps(_one_form(value), 2))
+
+
+def _deep_list_bytes(value: list[Any]) -> bytes:
+    """The same of a list that is nested too deeply for Python's usual stack."""
+    from ss2sql.runtime.native.deep import deep  # rarely needed, and the package imports this module
+
+    try:
+        with deep(DEPTH_LIMIT // 20):  # two frames for a level, most of which the usual stack has
+            return _list_bytes(value)
+    except RecursionError:
+        raise too_deep("cannot compare") from None
 
 
 def _list_bytes(value: list[Any]) -> bytes:

@@ -91,7 +91,13 @@ class Variables:
         self.late[name] = literal
 
     def forget(self, name: str) -> None:
-        """Makes room for a new meaning of a name."""
+        """Makes room for a new meaning. Raises ExecutionError X009 where the file does; nothing changes then."""
+        if name in self.temporals.histories:
+            self._change(name, lambda: self.temporals.drop(name))
+        self._let_go(name)
+
+    def _let_go(self, name: str) -> None:
+        """Forgets what the name means, its history apart."""
         self.values.pop(name, None)
         self.attached.pop(name, None)
         self.frames.pop(name, None)
@@ -99,9 +105,6 @@ class Variables:
         if world is not None:
             self.let_go(world)
         self.late.pop(name, None)
-        if name in self.temporals.histories:
-            self.temporals.drop(name)
-            self._save(name)
 
     def clear(self) -> None:
         """Forgets all script variables; what is attached stays."""
@@ -118,16 +121,23 @@ class Variables:
         return self.temporals.read(name, when)
 
     def store_temporal(self, name: str, keep: Any, value: Any) -> None:
-        """`name{keep} = value`."""
-        if name not in self.temporals.histories:
-            self.forget(name)
-        self.temporals.store(name, keep, value)
+        """`name{keep} = value`. Raises as `forget` does, and X007 for a wrong time."""
+        self._change(name, lambda: self.temporals.store(name, keep, value))
+        self._let_go(name)
         self.values[name] = value
-        self._save(name)
 
-    def _save(self, name: str) -> None:
-        if self.file is not None:
+    def _change(self, name: str, change: Callable[[], None]) -> None:
+        """Changes a history, in the file too; where that fails, it is what it was."""
+        if self.file is None:
+            change()
+            return
+        before = self.temporals.kept(name)
+        change()
+        try:
             self.file.save(self.temporals, name)
+        except BaseException:
+            self.temporals.restore(name, before)
+            raise
 
 
 def foretold(

@@ -14,6 +14,7 @@ from ss2sql.cli.endings import UserError, note, told, wants_color, writes_json
 from ss2sql.cli.output import output_of
 from ss2sql.cli.run import as_data, run_script
 from ss2sql.errors import Cancelled, Error, Source, Stopped, render_all
+from ss2sql.errors.visible import visible
 from ss2sql.frontend import ast
 from ss2sql.frontend.parser import parse
 from ss2sql.runtime.messages import show as written
@@ -104,7 +105,7 @@ class Shell:
 
     def say(self, text: str) -> None:
         """Prints a line of what was asked for."""
-        click.echo(text)
+        click.echo(visible(text))
 
     def complain(self, error: BaseException) -> None:
         """Prints what went wrong."""
@@ -117,13 +118,14 @@ class Shell:
 
     def say_sql(self, text: str) -> None:
         """Prints SQL, with colors where these are wanted."""
+        text = visible(text)
         if wants_color(sys.stdout):
             from pygments import highlight
             from pygments.formatters import TerminalFormatter
             from pygments.lexers import SqlLexer
 
             text = highlight(text, SqlLexer(), TerminalFormatter()).rstrip("\n")
-        self.say(text)
+        click.echo(text)
 
 
 # Hints speak to users of Python; this is the same in the shell.
@@ -156,9 +158,9 @@ def _message(error: BaseException) -> str:
         case Error():
             return render_all(error, wants_color(sys.stderr))
         case click.ClickException():
-            return f"error: {error.format_message()}"
+            return f"error: {visible(error.format_message())}"
         case _:
-            return str(error)
+            return visible(str(error))
 
 
 def _assigned(source: Source) -> str | None:

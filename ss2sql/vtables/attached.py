@@ -64,6 +64,15 @@ class AttachedWorld:
         self.principal = next(iter(self.tables.values()))
         self.functions = dict(_functions_of(world))
 
+    def time(self) -> Any:
+        """What the world's clock says. Raises ExecutionError X011 where that fails."""
+        try:
+            return self.world.time
+        except Error:
+            raise
+        except Exception as error:
+            raise broken(self.principal.schema, error) from error
+
     def offered(self) -> set[str]:
         """The names of its functions and columns, each of which can be called with an element."""
         return set(self.functions).union(*(table.schema.kinds for table in self.tables.values()))
@@ -149,7 +158,12 @@ class WorldFunctions:
         method, world = owner.functions[name][0], owner.world
         try:
             with Remembering(world, self.memories.of(world)):
-                world.check()
+                try:
+                    world.check()
+                except Error:
+                    raise
+                except Exception as error:
+                    raise broken(owner.principal.schema, error) from error
                 return method(*[own_key(argument, world) for argument in arguments])
         except Error:
             raise

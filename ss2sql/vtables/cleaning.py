@@ -14,6 +14,7 @@ from typing import Any, TypeAlias, Union, get_args, get_origin
 from ss2sql.errors import ExecutionError
 from ss2sql.kinds import ANY, BOOL, INT, INT_MAX, INT_MIN, LIST, NONE, STR, Kind, Type, list_of, union
 from ss2sql.runtime.border import normalise
+from ss2sql.runtime.messages import show
 from ss2sql.vtables.base import LARGEST
 
 Clean = Callable[[Any], Any]
@@ -93,7 +94,7 @@ def _integers(giver: str) -> Clean:
                 raise _misfit(giver, value, "an int")
         if INT_MIN <= value <= INT_MAX:
             return value
-        raise unfit(f"{giver} holds {value}, which does not fit into 64 bits")
+        raise unfit(f"{giver} holds {show(value)}, which does not fit into 64 bits")
 
     return clean
 
@@ -234,5 +235,4 @@ def _scalar(value: Any, giver: str) -> Any:
 
 
 def _misfit(giver: str, value: Any, wanted: str) -> ExecutionError:
-    shown = repr(value)
-    return unfit(f"{giver} holds {shown if len(shown) <= 60 else shown[:57] + '...'}, which is not {wanted}")
+    return unfit(f"{giver} holds {show(value)}, which is not {wanted}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
-from ss2sql.errors import SessionError, did_you_mean
+from ss2sql.errors import ExecutionError, SessionError, did_you_mean
 from ss2sql.plan_tree import type_text
 from ss2sql.vtables.attached import AttachedTable, AttachedWorld
 from ss2sql.vtables.cleaning import type_name
@@ -47,10 +47,17 @@ def column_rows(table: AttachedTable) -> Iterator[tuple[str, str, str, str, str]
 
 
 def tables_in_sight(tables: Tables, worlds: Mapping[str, AttachedWorld]) -> dict[str, tuple[str, ...]]:
-    """The columns of the tables of a database and of worlds, by what they are called in FROM."""
+    """The columns of the tables of a database and of worlds, by what they are called in FROM.
+
+    A view that cannot be read, because what it reads is gone, has none; the others are told all the same.
+    """
     found: dict[str, tuple[str, ...]] = {}
     for name in tables.names():
-        source = tables.find(None, name)
+        try:
+            source = tables.find(None, name)
+        except ExecutionError:
+            found[name] = ()
+            continue
         if source is not None:
             found[name] = tuple(column for column, _ in source.columns)
     for world in worlds.values():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
+from itertools import islice
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from ss2sql.errors import Error
@@ -89,7 +90,7 @@ class Blocks:
             try:
                 found = self.method(block)
                 if self.single:
-                    found = list(zip(found, strict=True))
+                    found = list(zip(islice(found, len(block) + 1), strict=True))
                 if len(found) == len(block) and self.first_fits(found[0]) and self.fit(found):
                     if self.reading.once:  # the same memory again is still in the cache: a scan takes 20 % less
                         self.rows.clear()

@@ -16,6 +16,7 @@ from ss2sql.runtime.values import freeze
 from ss2sql.vtables.base import Element, Filter, Table, TableFunction, Where
 from ss2sql.vtables.cleaning import Clean
 from ss2sql.vtables.fetching import Fetch, fetcher
+from ss2sql.vtables.given import listed, listed_keys
 from ss2sql.vtables.layouts import Place
 from ss2sql.vtables.memories import Remembered, Remembering
 from ss2sql.vtables.schema import Guarded, Schema, broken, schema_of
@@ -27,10 +28,15 @@ Read = Callable[[Any], Any]
 MOST_KEPT = 10_000  # lists of keys, and of rows of table functions
 
 
+def never_ended() -> None:
+    """What is asked where nothing can end the reading."""
+
+
 class Readings:
     """The tables that one query reads. What adapters remember meanwhile is in `remembered`, by world.
 
-    `once` says that the query walks one table, once; `places` are those of tables in its text.
+    `once` says that the query walks one table, once; `places` are those of tables in its text. `check` raises where
+    the run has to end.
     """
 
     def __init__(
@@ -38,8 +44,10 @@ class Readings:
         remembered: Remembered | None = None,
         once: bool = False,
         places: Iterable[tuple[AttachedTable, Span | None]] = (),
+        check: Callable[[], None] = never_ended,
     ) -> None:
         self.once = once
+        self.check = check
         self.places = dict(places)
         self._tables: dict[Table | TableFunction, Reading] = {}
         self._memories: Remembered = {} if remembered is None else remembered
@@ -54,7 +62,7 @@ class Readings:
             schema = schema_of(table)
             shared = self.of(schema.walked, span) if schema.walked is not None else None
             memory = self._memories.setdefault(table.world, {})
-            known = self._tables[table] = Reading(schema, shared, memory, span, self.once)
+            known = self._tables[table] = Reading(schema, shared, memory, span, self.once, self.check)
         return known
 
 
@@ -68,8 +76,10 @@ class Reading:
         memory: dict[str, Any] | None = None,
         span: Span | None = None,
         once: bool = False,
+        check: Callable[[], None] = never_ended,
     ) -> None:
         self.schema = schema
+        self.check = check
         self.once = once  # whether the query is through with an element when it comes to the next block
         self.span = span
         self.memory = {} if memory is None else memory
@@ -126,7 +136,7 @@ class Reading:
             if not self._checked:
                 world.check()
                 self._checked = True
-            return list(table.keys(where))
+            return listed_keys(table.keys(where), self.check, self.schema)
         except Error as error:
             raise error.located(self.span) from error.__cause__
         except Exception as error:
@@ -148,10 +158,12 @@ class Reading:
             given = [own_key(argument, table.world) for argument in arguments]
             with Guarded(schema, span=self.span), Remembering(table.world, self.memory):
                 table.world.check()
-                found = list(table.rows(*given))
-                if self._shared is None:
+                raw = table.rows(*given)
+                if self._shared is not None:
+                    found = listed_keys(raw, self.check, schema)
+                else:
                     names = tuple(schema.kinds)
-                    found = [schema.cleaned(names, row, "a row") for row in found]
+                    found = [schema.cleaned(names, row, "a row") for row in listed(raw, self.check)]
             self._keep(asked, found)
         if self._shared is not None:
             self._shared.given = found

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
-from itertools import chain, starmap
+from itertools import chain, islice, starmap
 from math import hypot
 from typing import Any
 
 from ss2sql.errors import Error, ExecutionError, SessionError, Span, did_you_mean
 from ss2sql.kinds import Kind, Type
+from ss2sql.runtime.messages import show
 from ss2sql.vtables.base import LARGEST, OPERATORS, Column, Element, Gone, Table, TableFunction, World, WorldFunction
 from ss2sql.vtables.cleaning import Clean, can_be_written, cleaner, kind_of, quick_test
 from ss2sql.vtables.layouts import Layout
@@ -212,12 +213,12 @@ class Schema:
     def rows_of_arrays(self, group: str, raw: Any, keys: Sequence[Hashable]) -> Iterator[tuple[Any, ...]]:
         """What a group of arrays has given, key by key."""
         names = self.groups[group].names
-        arrays = [raw] if len(names) == 1 else list(raw)
+        arrays = [raw] if len(names) == 1 else list(islice(raw, len(names) + 1))
         if len(arrays) != len(names):
             raise failure(f"the group '{group}' of {self.title} gives {len(arrays)} arrays for {len(names)} columns")
         columns: list[list[Any]] = []
         for name, array in zip(names, arrays, strict=True):
-            values = array.tolist() if hasattr(array, "tolist") else list(array)
+            values = array.tolist() if hasattr(array, "tolist") else list(islice(array, len(keys) + 1))
             if len(values) != len(keys):
                 size = f"{len(values)} values for {len(keys)} keys"
                 raise failure(f"the group '{group}' of {self.title} gives {size} in the column '{name}'")
@@ -273,12 +274,21 @@ class Guarded:
 
 def broken(schema: Schema, error: Exception, key: Hashable = None) -> Error:
     """The error for what an adapter has raised while it read the element with a key, or the keys."""
-    what = schema.title if key is None else f"{schema.title}[{key!r}]"
+    what = schema.title if key is None else f"{schema.title}[{show(key)}]"
+    reason = _said_by(error)
     if isinstance(error, Gone):
-        reason = f": {error}" if str(error) else ""
         return failure(f"{what} no longer exists{reason}", "ask for the elements anew: SELECT ... FROM the world")
     hint = "the adapter raised it: its traceback is that of error.__cause__"
-    return failure(f"{what} cannot be read: {type(error).__name__}: {error}", hint)
+    return failure(f"{what} cannot be read: {type(error).__name__}{reason}", hint)
+
+
+def _said_by(error: Exception) -> str:
+    """What an exception says, behind a colon; nothing where it says nothing, or fails when it is asked."""
+    try:
+        text = str(error)
+    except Exception:  # its class is the adapter's
+        return ""
+    return f": {text}" if text else ""
 
 
 def failure(message: str, *hints: str) -> ExecutionError:

@@ -7,11 +7,12 @@ is a hidden column, so it may come from a table to the left: that is what makes 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any, TypeAlias
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, TypeAlias, cast
 
 import apsw
 
+from ss2sql.lowering.sources import sql_names
 from ss2sql.vtables.names import quoted
 
 SqlValue: TypeAlias = Any
@@ -64,6 +65,42 @@ class Elements:
         return f'CREATE TABLE elements({shown}, "{ARGUMENT}" HIDDEN)', _Table(self)
 
     Create = Connect
+
+
+class ListModules:
+    """The modules of a connection, one for each set of columns; `walk` walks a value for them."""
+
+    def __init__(self, connection: apsw.Connection, walk: Walk) -> None:
+        self.connection = connection
+        self.walk = walk
+        self._made: set[str] = set()
+        self._first: set[str] = set()  # those that hide a table of the database
+
+    def make(self, wanted: Mapping[str, tuple[str, ...]]) -> None:
+        """Registers the modules with these names, for lists whose elements have these columns, where there are none."""
+        for name, columns in wanted.items():
+            if name not in self._made:
+                module = cast(Any, Elements(self.walk, columns, tuple(sql_names(columns).values())))
+                self.connection.create_module(
+                    name, module, use_bestindex_object=True, eponymous=True, eponymous_only=False, read_only=True
+                )
+                self._made.add(name)
+
+    def come_first(self, wanted: Iterable[str]) -> bool:
+        """Has the modules hide tables of the same names; whether there are any that they have not hidden before.
+
+        SQLite looks for a name among temporary tables before it looks elsewhere. Scripts still find the table that is
+        hidden: its schema stands before its name.
+        """
+        found = [name for name in wanted if name not in self._first and self._is_table(name)]
+        for name in found:
+            self.connection.execute(f"CREATE VIRTUAL TABLE temp.{quoted((name,))} USING {quoted((name,))}")
+            self._first.add(name)
+        return bool(found)
+
+    def _is_table(self, name: str) -> bool:
+        text = "SELECT 1 FROM pragma_table_list WHERE name = ? COLLATE NOCASE AND type IN ('table', 'view')"
+        return self.connection.execute(text, (name,)).fetchone() is not None
 
 
 class _Table:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from typing import TYPE_CHECKING, Any
@@ -29,9 +29,12 @@ class Snapshot:
     once: bool = False
     places: tuple[tuple[AttachedTable, Span | None], ...] = ()
 
-    def begin(self, remembered: Remembered | None = None) -> Readings:
-        """What a run of the query reads, with the copy made. Worlds put what they remember into `remembered`."""
-        readings = Readings(remembered, self.once, self.places)
+    def begin(self, remembered: Remembered | None, check: Callable[[], None]) -> Readings:
+        """What a run of the query reads, with the copy made. Worlds put what they remember into `remembered`.
+
+        `check` raises where the run has to end.
+        """
+        readings = Readings(remembered, self.once, self.places, check)
         for table, place, columns in self.columns:
             readings.of(table.table, place).take(columns)
         return readings

@@ -14,7 +14,7 @@ from ss2sql.frontend.parser import parse
 from . import queries, sight
 from .functions import BUILTINS, aggregate
 from .sight import Frame, LateList
-from .values import OPERATORS, Failure, fresh, incoming, item_at, slice_of
+from .values import OPERATORS, Failure, fresh, incoming, item_at, sized, slice_of
 
 
 class Reference:
@@ -94,7 +94,7 @@ class Reference:
                     raise Failure("R001", f"{source}.{name}")
                 return bound.column(name)
             case ast.ListLiteral(items=items):
-                return [self.evaluate(item, frame) for item in items]
+                return sized([self.evaluate(item, frame) for item in items])
             case ast.Index(value=value, index=index):
                 return item_at(self.evaluate(value, frame), self.evaluate(index, frame))
             case ast.Slice(value=value, lower=lower, upper=upper):
@@ -119,7 +119,7 @@ class Reference:
             case ast.Call():
                 return self.call(expr, frame)
             case ast.Query():
-                return incoming(queries.answer(self, expr, frame))
+                return sized(incoming(queries.answer(self, expr, frame)))
             case _:
                 assert_never(expr)
 
@@ -181,7 +181,7 @@ class Reference:
             return not self.operate("in", operands)
         if function in self.functions:
             return self.call_user(function, operands, {})
-        return OPERATORS[function](*operands)
+        return sized(OPERATORS[function](*operands))
 
     def call(self, expr: ast.Call, frame: Frame | None) -> Any:
         if expr.function not in self.functions:
@@ -216,13 +216,13 @@ class Reference:
         if name in OPERATORS:
             if len(arguments) != (1 if name == "neg" else 2) or named:
                 raise Failure("R005", name)
-            return OPERATORS[name](*arguments)
+            return sized(OPERATORS[name](*arguments))
         if name not in BUILTINS:
             raise Failure("R002", name)
         least, most, function = BUILTINS[name]
         if not least <= len(arguments) <= most or named:
             raise Failure("R005", name)
-        return function(*arguments)
+        return sized(function(*arguments))
 
     def call_user(self, name: str, arguments: list[Any], named: dict[str, Any]) -> Any:
         """Calls a Python function with deep copies and takes its result in; its exceptions pass as they are."""

@@ -26,6 +26,42 @@ class Failure(Exception):  # noqa: N818 - it stands for the error that a script 
         self.code = code
 
 
+MOST, DEEPEST = 10**9, 500  # of a value that a script makes: its size, and how deep it is nested
+
+
+def sized(value: Any) -> Any:
+    """A value that the script made, unless it is too large or too deep."""
+    if isinstance(value, str):
+        if len(value.encode("utf-8", "surrogatepass")) > MOST:
+            raise Failure("X014", "a text")
+    elif isinstance(value, (list, dict)):
+        size, depth = measure(value)
+        if size > MOST and count(value) > 16:
+            raise Failure("X014", "a list or dict")
+        if depth > DEEPEST:
+            raise Failure("X004", "nested too deeply")
+    return value
+
+
+def measure(value: Any) -> tuple[int, int]:
+    """The size and the depth of a list or dict: 8 for each value inside, 1 for each character of a text inside."""
+    size = depth = 0
+    for item in value if isinstance(value, list) else [*value, *value.values()]:
+        size += 8
+        if isinstance(item, str):
+            size += len(item)
+        elif isinstance(item, (list, dict)):
+            more, below = measure(item)
+            size, depth = size + more, max(depth, below)
+    return size, depth + 1
+
+
+def count(value: Any) -> int:
+    """The number of values in a list or dict, at any depth."""
+    items = value if isinstance(value, list) else [*value, *value.values()]
+    return len(items) + sum(count(item) for item in items if isinstance(item, (list, dict)))
+
+
 def fresh(value: Any) -> Any:
     """A deep copy; opaque objects are never copied."""
     if isinstance(value, list):
@@ -232,6 +268,17 @@ def hashable(value: Any) -> Any:
     return value
 
 
+def member(value: Any) -> Any:
+    """The value as a member of a Python set; neither a dict nor an object without a hash can be one."""
+    if isinstance(value, list):
+        return tuple(member(item) for item in value)
+    try:
+        hash(value)
+    except TypeError as error:
+        raise Failure("V001", repr(value)) from error
+    return value
+
+
 Row = list[tuple[str, Any]]  # the columns of one row by name, in the order of SELECT
 
 
@@ -247,7 +294,7 @@ def shape(representation: str, rows: Sequence[Row]) -> Any:
         case "value" | "val":
             return rows[0][0][1] if rows else None
         case "set":
-            return {hashable(value) for row in rows for _, value in row}
+            return {member(value) for row in rows for _, value in row}
         case "void":
             return None
         case _:

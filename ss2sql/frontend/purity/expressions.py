@@ -173,10 +173,9 @@ class Expressions(ABC):
                 self.frame.findings.changes = True
                 self.check(value, VALUE | OBJECT)
                 self.check(index, VALUE)
-            case ast.Attribute(attr=name):
-                raise Unproven(f"changes the attribute '{name}'")
             case _:
-                raise Unproven(f"assigns to '{ast.unparse(node)[:40]}'")
+                assert isinstance(node, ast.Attribute), "Python assigns to nothing else"
+                raise Unproven(f"changes the attribute '{node.attr}'")
 
     def nested(self, node: FunctionNode) -> None:
         arguments = node.args

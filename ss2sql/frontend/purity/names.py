@@ -98,11 +98,11 @@ def is_code(value: object) -> bool:
 
 @dataclass(slots=True, eq=False)
 class Frame:
-    """The names of one Python function. `frame_of` gives the frame of another function that it calls."""
+    """The names of one Python function. `frame_of` gives that of another that it calls, where calls are followed."""
 
     function: FunctionType
     located: Located
-    frame_of: Callable[[FunctionType], Frame]
+    frame_of: Callable[[FunctionType], Frame] | None
     findings: Findings
     root: Scope = field(init=False)
     _scopes: dict[ast.AST, Scope] = field(default_factory=dict)
@@ -299,6 +299,7 @@ class Frame:
         if type(target) is CACHED or type(target) is functools.partial:
             return self.given(wrapped(target), active)
         if type(target) is FunctionType:
+            assert self.frame_of is not None
             frame = self.frame_of(target)
             return frame.given(Local(frame.located.node, frame.root), active)
         return OBJECT if exception_class(target) else VALUE

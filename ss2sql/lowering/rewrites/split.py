@@ -74,8 +74,7 @@ def _not(node: plan.Not, operand: plan.Expr) -> plan.Expr:
 
 def _connected(node: Any) -> Any:
     """A conjunction or disjunction, whose parts are split already."""
-    if not isinstance(node, (plan.And, plan.Or)):
-        return node
+    assert isinstance(node, (plan.And, plan.Or))
     steady = not is_volatile(node)  # else a part may be another one when it is asked again
     flat = [one for part in map(_bare, node.parts) for one in (part.parts if type(part) is type(node) else (part,))]
     parts = list(dict.fromkeys(flat)) if steady else flat

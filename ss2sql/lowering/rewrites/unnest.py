@@ -155,11 +155,8 @@ class Unnest:
         match name:
             case "eq" | "ne":
                 least, rest = divmod(number, width)
-                if rest or least < 0:
-                    return constant(name == "ne", span)
-                if least:
-                    return self.total(name, rows, least, span)
-                return _none(rows, span) if name == "eq" else _some(rows, span)
+                assert number, "whether there are rows is asked in another way"
+                return constant(name == "ne", span) if rest or least < 0 else self.total(name, rows, least, span)
             case "lt" | "ge":
                 least = -(-number // width)
             case _:

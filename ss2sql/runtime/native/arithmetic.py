@@ -25,6 +25,7 @@ from ss2sql.runtime.native.unit import Unit
 from ss2sql.walk import choices
 
 _INTEGER = operator_types.INTEGER
+_NUMBER = Kind.NONE | Kind.NUMBER
 _PLAIN = Kind.NONE | Kind.NUMBER | Kind.STR
 
 _SMALL = 2**30 - 1  # integers up to here are compared in half the time; larger ones are left to `check`
@@ -114,11 +115,12 @@ class Inline:
     def _certain(self) -> ast.expr | None:
         """A call that cannot fail."""
         name, pen = self.name, self.pen
-        joins = name == "add" and (self._are(Kind.STR) or self._are(Kind.LIST))
+        if name == "add" and (self._are(Kind.STR) or self._are(Kind.LIST)):
+            return self._joined()
         if name == "pow" and self._are(_INTEGER) and _is_two(self.node.arguments[1]):
             base = self._held(self.arguments[0])
             return pen.binary(base.first, ast.Mult(), base.again)
-        if joins or (name in _SIGNS and self._are(Kind.NUMBER)):
+        if name in _SIGNS and self._are(Kind.NUMBER):
             return pen.binary(self.arguments[0], _SIGNS[name](), self.arguments[1])
         if name == "neg" and self._are(Kind.NUMBER):
             return pen.unary(ast.USub(), self.arguments[0])
@@ -126,6 +128,16 @@ class Inline:
         if same is not None and self._are(same[1]):
             return pen.call(same[0], *self.arguments)
         return None
+
+    def _joined(self) -> ast.expr:
+        """A sum of texts, or of lists, that is measured where it is long."""
+        pen, known = self.pen, self.types[0]
+        if known.only(Kind.LIST) and not all(t.item is not None and t.item.only(_NUMBER) for t in self.types):
+            return pen.call(self.unit.sizes("added", pen), *self.arguments)
+        value = self._held(pen.binary(self.arguments[0], ast.Add(), self.arguments[1]))
+        most = self.unit.sizes("plain" if known.only(Kind.STR) else "cells", pen)
+        small = pen.compare(pen.call("len", value.first), ast.LtE(), most)
+        return pen.either(small, value.again, pen.call(self.unit.sizes("checked", pen), value.again))
 
     # --- guards ----------------------------------------------------------------------------------------
 

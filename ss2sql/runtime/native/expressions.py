@@ -21,6 +21,7 @@ from ss2sql.runtime.native.pen import Pen
 from ss2sql.runtime.native.unit import Body
 from ss2sql.runtime.native.worlds import column_reader, element_reader
 from ss2sql.runtime.run import Run
+from ss2sql.runtime.sizes import FEW
 from ss2sql.runtime.sources import column_of
 from ss2sql.runtime.values import freeze
 
@@ -90,7 +91,8 @@ def _computed(builder: Builder, node: plan.Expr, body: Body, pen: Pen) -> ast.ex
             tested = build(condition)
             return pen.either(tested, *(_sequence(build_maybe(branch), pen) for branch in (then, otherwise)))
         case plan.MakeList(items=items):
-            return pen.array(*(build(item) for item in items))
+            made = pen.array(*(build(item) for item in items))
+            return made if _is_small(items) else pen.call(unit.sizes("checked", pen), made)
         case plan.GroupKey() | plan.Aggregate():
             return pen.name(body.groups[group_key(node)])
         case plan.Subquery():
@@ -101,6 +103,28 @@ def _computed(builder: Builder, node: plan.Expr, body: Body, pen: Pen) -> ast.ex
             return _variable_access(builder, node, build, pen)
         case _:
             assert_never(node)
+
+
+def _is_small(items: Sequence[plan.Expr]) -> bool:
+    """Whether a list of the values is small whatever they are: it holds numbers, or few values."""
+    types = [item.type for item in items]
+    return all(map(_holds_numbers, types)) or sum(map(_values_in, types)) <= FEW
+
+
+def _holds_numbers(known: Type) -> bool:
+    """Whether the values are numbers or None, or lists of a known length of such values."""
+    if known.only(Kind.NONE | Kind.NUMBER):
+        return True
+    return known.only(Kind.LIST) and known.positions is not None and all(map(_holds_numbers, known.positions))
+
+
+def _values_in(known: Type) -> int:
+    """The number of values that one of them is, with those inside of it; more than there may be if nobody knows."""
+    if known.only(PLAIN):
+        return 1
+    if known.only(Kind.LIST) and known.positions is not None:
+        return 1 + sum(map(_values_in, known.positions))
+    return FEW + 1
 
 
 def group_key(node: plan.GroupKey | plan.Aggregate) -> tuple[int, int]:

@@ -45,7 +45,8 @@ class Task:
 
     def value(self, *outer: Any) -> Any:
         """The query's value, as its representation makes it."""
-        return self.shaped(self.rows(outer), outer)
+        counted = self.form.query.representation.name != "value"  # of which the first row alone is kept
+        return self.shaped(self.rows(outer, counted=counted), outer)
 
     def shaped(self, rows: Rows, outer: tuple[Any, ...] = ()) -> Any:
         """What the query's representation makes of its answer."""
@@ -62,8 +63,12 @@ class Task:
         """The rows of a query whose results are rows, one by one where nothing follows after they were found."""
         return iter(self.tuples()) if self._is_keyed else self._found(None, ())
 
-    def rows(self, outer: tuple[Any, ...] = (), sink: Rows | None = None, outermost: bool = False) -> Rows:
-        """The answer of the query, in `sink` where one is given. The run's limits hold for the `outermost` query."""
+    def rows(
+        self, outer: tuple[Any, ...] = (), sink: Rows | None = None, outermost: bool = False, counted: bool = False
+    ) -> Rows:
+        """The answer of the query, in `sink` where one is given. The run's limits hold for the `outermost` query;
+        that of its rows for queries inside of others whose value is asked for, which are `counted`.
+        """
         form, query = self.form, self.form.query
         settings = Settings(*self.settings(*outer)) if self.settings else NO_SETTINGS
         every = self._found(settings.bound, outer)
@@ -77,7 +82,7 @@ class Task:
             answer.rows, answer.paths = results, None
         else:
             answer.rows, answer.paths = None, results
-        most = self.run.max_rows if outermost else None
+        most = self.run.max_rows if outermost or counted else None
         try:
             if self._is_keyed:
                 group = None if self.group is None else partial(_with_outer, self.group, outer)

@@ -26,6 +26,7 @@ from ss2sql.runtime.native.locate import PAGE, Page
 from ss2sql.runtime.native.pace import meter_of, pace_of
 from ss2sql.runtime.native.pen import Pen
 from ss2sql.runtime.run import Run
+from ss2sql.runtime.sizes import MAKERS
 from ss2sql.walk import parts
 
 UNSET = object()
@@ -285,12 +286,16 @@ class Unit:
         key = (function.name, function.builtin)
         if key not in self._bound:
             python = BUILTINS[function.name].python if function.builtin else None
-            if python is not None:
+            if python is not None and function.name not in MAKERS:
                 self._bound[key] = self.constant(python, function.name)
             else:
                 constant = pen.name(self.constant(function, "function"))
                 self.bind(key, function.name, pen.call(self.helper(callable_of), pen.name("run"), constant), pen)
         return self._bound[key]
+
+    def sizes(self, part: str, pen: Pen) -> ast.expr:
+        """What measures the values that are made, or a number that it goes by."""
+        return pen.name(self.bind(("sizes", part), part, pen.part(pen.part(pen.name("run"), "sizes"), part), pen))
 
     def variable(self, name: str, pen: Pen) -> ast.expr:
         """The value of a script variable: read once where nothing in the unit changes it, else each time."""

@@ -103,7 +103,7 @@ def _reading(unit: Unit, table: AttachedTable, pen: Pen) -> str:
 
 
 def readings_of(run: Run, snapshot: Snapshot) -> Readings:
-    return snapshot.begin(run.host.memories.now)
+    return snapshot.begin(run.host.memories.now, run.check)
 
 
 def reading_of(readings: Readings, known: tuple[Any, Span | None]) -> Reading:

@@ -14,6 +14,7 @@ from typing import Any, TypeAlias
 import apsw
 
 from ss2sql.errors import ExecutionError, Stopped
+from ss2sql.runtime.guard import UNREADABLE
 from ss2sql.runtime.memorize.hunt import Hunt, Step
 from ss2sql.runtime.memorize.pieces import Last, Pieces, State
 from ss2sql.runtime.remembered.graph import MOST_HELD, Edge, GraphInFile, Node
@@ -168,7 +169,7 @@ class Remembering:
         except _IN_THE_WAY as error:
             self._hindered = str(error)
             return False
-        except apsw.Error as error:
+        except UNREADABLE as error:
             raise spoilt(str(error)) from error
         self._wrote = True
         for node in part:

@@ -15,6 +15,7 @@ from typing import Any
 import apsw
 
 from ss2sql.errors import ExecutionError
+from ss2sql.runtime.guard import UNREADABLE
 from ss2sql.runtime.interrupts import whole
 
 TABLES = {
@@ -141,7 +142,7 @@ class Store:
             yield
         except (apsw.BusyError, apsw.LockedError):
             raise
-        except apsw.Error as error:
+        except UNREADABLE as error:
             raise spoilt(str(error)) from error
 
     def all(self, text: str, bindings: Sequence[Any] = ()) -> list[tuple[Any, ...]]:
@@ -186,8 +187,10 @@ class Store:
         """The number of a clause, which is made if need be."""
         new = "INSERT OR IGNORE INTO ss2sql_clauses(graph, key, kind, text) VALUES (?, ?, ?, ?)"
         self.all(new, (graph, key, kind, text))
-        (found,) = self.all("SELECT id FROM ss2sql_clauses WHERE graph = ? AND key = ?", (graph, key))
-        return int(found[0])
+        found = self.all("SELECT id FROM ss2sql_clauses WHERE graph = ? AND key = ?", (graph, key))
+        if len(found) != 1:
+            raise spoilt("a clause that was written cannot be found")
+        return int(found[0][0])
 
     def clauses(self, graph: int) -> dict[str, int]:
         """The numbers of the clauses of a graph, by their keys."""
@@ -210,7 +213,7 @@ class Store:
             with self.writing():
                 for text in _ONES_OF_A_GRAPH:
                     self.all(text, (graph,))
-        except apsw.Error as error:
+        except UNREADABLE as error:
             raise ExecutionError("X009", f"the remembered graph cannot be dropped: {error}") from error
 
     # --- nodes and edges -------------------------------------------------------------------------------

@@ -1,0 +1,193 @@
+"""How large the values are that a script makes, and the limit on it.
+
+Values are shared, so what a script makes can be far larger than the memory that it takes: `l = [l, l]`, forty times.
+Who prints, compares or copies such a value never comes to an end. So a value is measured where it is made. What
+Python gives is taken as it is.
+
+The size of a text is the bytes of its UTF-8. That of a list or dict is 8 for each value inside, at any depth, and 1 for
+each character of the texts among them; a list or dict of at most 16 values has room.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import chain
+from typing import Any
+
+from ss2sql.errors import ExecutionError
+from ss2sql.runtime import library, operators
+from ss2sql.runtime.messages import DEPTH_LIMIT, too_deep
+
+MOST = 10**9  # what SQLite allows a text at most
+LEAST = 2**18  # the length of a script, so of the texts in it
+CELL = 8  # bytes of a value inside of a list
+FEW = 16  # values in a list
+AT_ONCE = 4096  # rows
+LARGE = 1024  # lists of this size are measured once
+# Built-in functions that may give more than they take, and the methods that stand in for them.
+MAKERS = {"add": "added", "zip": "zipped", "range": "numbers", "str": "text"}
+
+Measure = tuple[int, int]  # size and depth
+_NESTING = frozenset({list, dict})
+
+
+class Sizes:
+    """Measures values for one run, and remembers the sizes of lists: of large ones, as long as `limit` has room."""
+
+    __slots__ = ("_held", "_known", "cells", "limit", "plain", "refused", "rows")
+
+    def __init__(self, limit: int = MOST) -> None:
+        self.limit = limit
+        self.plain = limit // 4  # characters of a text that fits whatever they are
+        self.cells = limit // CELL  # numbers of a list that fits
+        self.rows: int | None = None  # of the query that gives a value
+        self.refused: ExecutionError | None = None  # where it was found out, it could not be raised
+        self._known: dict[int, tuple[Any, Measure]] = {}  # by identity; the value itself keeps it from being given away
+        self._held = 0
+
+    # --- what values are made with -------------------------------------------------------------------------
+
+    def checked(self, value: Any) -> Any:
+        """The value, which was made just now. Raises ExecutionError X014 if it is too large, X004 if it is too deep."""
+        kind = type(value)
+        if kind is str:
+            if len(value) > self.plain and len(value.encode("utf-8", "surrogatepass")) > self.limit:
+                raise self.too_large("a text")
+        elif (kind is list and (len(value) > FEW or not _NESTING.isdisjoint(map(type, value)))) or kind is dict:
+            self._check(value, self._measure([value]))
+        return value
+
+    def added(self, left: Any, right: Any) -> Any:
+        """`left + right`."""
+        if type(left) is list and type(right) is list:
+            result = left + right
+            if len(result) > FEW:
+                (size, depth), (more, other) = self._measure([left]), self._measure([right])
+                self._check(result, (size + more, max(depth, other)))
+                return result
+            return result if _NESTING.isdisjoint(map(type, result)) else self.checked(result)
+        return self.checked(operators.add(left, right))
+
+    def zipped(self, *lists: Any) -> Any:
+        """`zip(a, b)`."""
+        if all(type(items) is list for items in lists):
+            self.room(CELL * (len(lists) + 1) * min(map(len, lists)))
+        return self.checked(library.zipped(*lists))
+
+    def numbers(self, *bounds: Any) -> Any:
+        """`range(...)`."""
+        if set(map(type, bounds)) <= {int, bool} and all(bounds[2:]):
+            self.room(CELL * len(range(*bounds)[: library.RANGE_LIMIT]))
+        return library.numbers_from(*bounds)
+
+    def text(self, value: Any) -> Any:
+        """`str(x)`."""
+        return self.checked(library.text(value))
+
+    def maker(self, name: str, python: Callable[..., Any]) -> Callable[..., Any]:
+        """A built-in function, whose results are measured where they may be larger than what it is given."""
+        own: Callable[..., Any] = getattr(self, MAKERS[name]) if name in MAKERS else python
+        return own
+
+    # --- measuring -----------------------------------------------------------------------------------------
+
+    def room(self, size: int) -> None:
+        """Raises ExecutionError X014 if there is no room for a list of this size."""
+        if size > self.limit:
+            raise self.too_large("a list")
+
+    def rows_within(self, rows: Sequence[Sequence[Any]], before: int) -> int:
+        """The size of rows and what came before them. Raises ExecutionError X014 if that is too large for a value."""
+        size = before
+        for start in range(0, len(rows), AT_ONCE):
+            size += self._measure(rows[start : start + AT_ONCE])[0]
+            if size > self.limit:
+                raise self.too_large("the result of a query")
+        return size
+
+    def _measure(self, level: Sequence[Any]) -> Measure:
+        """The size and the depth of lists, dicts or rows. Beyond the limits both are any that are beyond them.
+
+        All that lie at one depth are looked at together, 0.05 us for each, where one by one it would be 0.6.
+        """
+        size = depth = deepest = 0
+        while level and depth <= DEPTH_LIMIT:
+            if self._known:
+                level, more, deep = self._without_known(level)
+                size, deepest = size + more, max(deepest, deep and depth + deep)
+                if not level:
+                    break
+            depth += 1
+            if dict in set(map(type, level)):
+                level = [[*one, *one.values()] if type(one) is dict else one for one in level]
+            size += CELL * sum(map(len, level))
+            if size > self.limit:
+                break
+            items = level[0] if len(level) == 1 else list(chain.from_iterable(level))
+            kinds = set(map(type, items))
+            if str in kinds:
+                size += sum([len(item) for item in items if type(item) is str])
+            level = () if kinds.isdisjoint(_NESTING) else [item for item in items if type(item) in _NESTING]
+        return size, max(depth, deepest)
+
+    def _without_known(self, level: Sequence[Any]) -> tuple[list[Any], int, int]:
+        """The lists that nobody has measured, and of the others the size together and the greatest depth."""
+        unknown: list[Any] = []
+        size = depth = 0
+        for value in level:
+            known = self._known.get(id(value))
+            if known is None or known[0] is not value:
+                unknown.append(value)
+                continue
+            size += known[1][0]
+            depth = max(depth, known[1][1])
+            if size > self.limit:
+                break
+        return unknown, size, depth
+
+    def _check(self, value: Any, measure: Measure) -> None:
+        size, depth = measure
+        if size > self.limit and not _holds_few(value):
+            raise self.too_large("a dict" if type(value) is dict else "a list")
+        if depth > DEPTH_LIMIT:
+            raise too_deep("the script made")
+        if size > LARGE:
+            self._held += len(value)
+            if self._held > self.cells:
+                self._known.clear()
+                self._held = len(value)
+            self._known[id(value)] = value, measure
+
+    def look(self) -> None:
+        """Raises what was found out where it could not be raised."""
+        if self.refused is not None:
+            error, self.refused = self.refused, None
+            raise error
+
+    def rows_of_a_list(self) -> int:
+        """The most rows that a query may have which gives a list."""
+        return self.cells if self.rows is None else min(self.rows, self.cells)
+
+    def too_many_rows(self) -> ExecutionError:
+        """The error for a query whose rows are more than that."""
+        if self.rows is None or self.cells < self.rows:
+            return self.too_large("the result of a query")
+        hints = ("add LIMIT or MAXIMUM to the query, or raise max_rows",)
+        return ExecutionError("X010", f"the query has more than max_rows={self.rows} results", hints=hints)
+
+    def too_large(self, what: str) -> ExecutionError:
+        """The error for a value beyond the limit."""
+        message = f"the script made {what} of more than max_size={self.limit} bytes"
+        hint = "see whether it is meant to grow like that, keep less of it, or raise max_size"
+        return ExecutionError("X014", message, hints=(hint,))
+
+
+def _holds_few(value: Any) -> bool:
+    """Whether there are few values in a list or dict, at any depth."""
+    count, level = 0, [value]
+    while level and count <= FEW:
+        inside = level.pop()
+        items = [*inside, *inside.values()] if type(inside) is dict else inside
+        count += len(items)
+        level += [item for item in items[: FEW + 1] if type(item) in _NESTING]
+    return count <= FEW

@@ -1,0 +1,1 @@
+ 1 'ct NAME from NOT 2 SELECT this * 10 FROM [1, NOT NOT a =] WHERE  count(*)  > 1 AS list AS lsit;

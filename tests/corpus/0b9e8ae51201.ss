@@ -1,0 +1,2 @@
+sum([]);
+SELECT n FROM [1] WHERE n == 0 START WITH n = 0 CONNECT BY MAXIMUM 1 n = 1 / n;

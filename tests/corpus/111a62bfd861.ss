@@ -1,0 +1,1 @@
+SELECT age FROM people == 1 OR n == 1 OR n == 1 OR n , 1.0  WHERE name == Ada;

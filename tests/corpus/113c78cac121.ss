@@ -1,0 +1,1 @@
+SELECT b.title, n.title FROM b = shelf, n = shelf.beside(b.this) WHERE b.x > shelf AS rows;

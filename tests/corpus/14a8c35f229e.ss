@@ -1,0 +1,1 @@
+SELECT this FROM [1, 2] WHERE 0 <  'ab'[1:]  < 2;

@@ -1,0 +1,1 @@
+SELECT this FROM xs AS file("-", False);

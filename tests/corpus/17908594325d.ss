@@ -1,0 +1,1 @@
+[1, 2); FROM grid(width  -  2, depth = 3) 

@@ -1,0 +1,1 @@
+x = [1, 1e400]; src == node) START WITH node = 

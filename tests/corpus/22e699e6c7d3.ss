@@ -1,0 +1,1 @@
+ v{-1.0}  DISTINCT T city FM people;

@@ -1,0 +1,1 @@
+a =  heuristic x x = 1  = 3, x + 1]; b = ( = 9); [a, b, c, n, z, w = v  []  1, v];

@@ -1,0 +1,1 @@
+SELECT this FROM bodies LIMIT 1 WHERE age > 40  ORDER BY this;

@@ -1,0 +1,1 @@
+SELECT COUNT id DISTINCT city) (DISTINCT  x )  7  SELECT this  peopl [1, 2] + [10, 20]; SELECT e;

@@ -1,0 +1,1 @@
+SELECT name FROM people  id ;; SELECT city FROM people GROUP BY  len  ORDER BY count(*) DESC, city LIMIT 2 AS list;

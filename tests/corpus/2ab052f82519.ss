@@ -1,0 +1,1 @@
+SELECT  '\n'  FORM  2]), len ;

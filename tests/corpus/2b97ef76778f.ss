@@ -1,0 +1,1 @@
+ 1. ----  > (this) -- 'ab'[1:] -- { --- list  in ---x = -8 this, this ] ] FROM [1, ; x ^ ;0.5

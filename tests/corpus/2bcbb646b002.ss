@@ -1,0 +1,1 @@
+Select  '{'  AS   '' ()  SELECT city , age FROM people;

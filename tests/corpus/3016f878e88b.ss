@@ -1,0 +1,1 @@
+SELECT this FROM [[1], [1.0], [True], [2]] START WITH level = + CONNECT BY UNIQUE level = level 1 1 AS list;

@@ -1,0 +1,1 @@
+SELECT THIS FROM [1 sum(this) , 2]  %  0 <  PROBABILITY 0.5  <  list ;

@@ -1,0 +1,1 @@
+SELECT this FROM [1] START WITH n =  !=  CONNECT  '\u��̠' !=  CONNECT  '\ud83d'  n = n + 1 UNIQUE;

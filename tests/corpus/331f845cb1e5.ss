@@ -1,0 +1,1 @@
+SELECT this FROM space.near(0, 0, 0)[1] AS list;

@@ -1,0 +1,1 @@
+at(4.0) = - f(this)  == y; [x, getTime(), v{4.0; x = -x == y; [x,  columns (), v ( 4.0}] sum 

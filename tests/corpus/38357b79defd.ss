@@ -1,0 +1,1 @@
+SELECT * FROM people, n = [1, 2] WHERE name == IF(NOT NOT IF(IF("Ada"; 1; 2); 1; 2); 1; 2);

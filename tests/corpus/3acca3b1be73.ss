@@ -1,0 +1,1 @@
+ FROM bodies ORDER BY WHERE  ^  > 40  LIMIT 1 this; this;

@@ -1,0 +1,1 @@
+SELECT  len .this FROM n = [1,  v{} , 3] LIMIT this AS list) FR�� (SELECT [2 start  0] FROM xs)  ;  rows;

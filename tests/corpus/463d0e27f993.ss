@@ -1,0 +1,1 @@
+distance=0.2, distance=0.2; v{};

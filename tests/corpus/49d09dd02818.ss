@@ -1,0 +1,1 @@
+SELECT this, [this, this] FROM [1 ^ 1 ^ 1 ^ 1, 2.0, True, "x"] AS rows;

@@ -1,0 +1,1 @@
+SELECT   2   / this FROM [ help , ((  UN lis ] AS list;

@@ -1,0 +1,1 @@
+[7 , .51.1. True  1e3, 2.5E-1, 007  ,    [[1], 2]  eval   this ,  cost , "tab\there" -  "\x41\u00e9",  and ,  .5  ""];

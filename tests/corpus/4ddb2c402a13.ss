@@ -1,0 +1,1 @@
+SELECT x, g.z, g.z FROM a = [2, 2], a = [word, 2, 2]; connect 

@@ -1,0 +1,1 @@
+SELECT count(*) FROM [1, 1.0, True, "1", 2, None, None, 0, False + False str  GROUP BY this AS list;

@@ -1,0 +1,1 @@
+SELECT this FROM b = range(a >= this) + range(a.this);

@@ -1,0 +1,1 @@
+[["Ada", [޽��on", "Anne" STOP WITH p > 3 ] >  ["Alan" "Alan", [ , ["Victor"]], ["Grace", []]];

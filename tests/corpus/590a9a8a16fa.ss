@@ -1,0 +1,1 @@
+[7, 1.1., .5, 1e3, 2.5E-1, 007, "it's", 'say "hi"', 'it\'s', "tab\there", "\x41\u00e9",  and , "/* nor this */", ""];

@@ -1,0 +1,1 @@
+SELECT name FROM  ==  WHERE; FROM people WHERE;FROM people WHERE

@@ -1,0 +1,1 @@
+x = 0; y = (SELECT this, this FROM [1, 2, 1] AS set); [x[0][0], len(y), x[1] == [1, 1], 2 IN y];

@@ -1,0 +1,1 @@
+SELECT value, value == 9, BETWEEN 30 AND 50;  value == "ten" FROM mixed AS r�ws;

@@ -1,0 +1,1 @@
+SELECT this FROM [[1, 2], [2, [3]], [1.0, 2.0], [1, 2] AND [1, 2]] AS set;

@@ -1,0 +1,1 @@
+[[], [] AND [], (SELECT this FROM xs START WITH p = [] CONNECT BY NO CYCLE p = p + 1 AS list)];

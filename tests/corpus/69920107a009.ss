@@ -1,0 +1,1 @@
+SELECT this FROM bodies ORDER BY this not_a_number(this) FROM [ ;

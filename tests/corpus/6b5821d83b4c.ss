@@ -1,0 +1,1 @@
+Sme FT name FROM people WHERE age IS NOT NULL v{5} = 1 

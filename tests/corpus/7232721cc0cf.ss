@@ -1,0 +1,1 @@
+SELECT p. ], [] name FROM people ; P WHERE  True .age > 3AS

@@ -1,0 +1,1 @@
+SELECT 12 / 0 FROM [1, 2, 0] AS list;; SELECT 12 / 0 FROM [1, 2, 0] AS list;

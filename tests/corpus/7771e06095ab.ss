@@ -1,0 +1,1 @@
+ group  name  1e-320  who, age FROM people count(*) 

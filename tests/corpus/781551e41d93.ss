@@ -1,0 +1,1 @@
+INSERT Into 1);  {   

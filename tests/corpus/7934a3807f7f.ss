@@ -1,0 +1,1 @@
+ SELECT a.this, b.this FROM a = xs, b = [a.this, 1] , 2;

@@ -1,0 +1,1 @@
+SELECT this FROM neighbours(node) START WITH node = "S" CONNECT BY [[NO CYCLE]] UNIQUE node = this AS list;

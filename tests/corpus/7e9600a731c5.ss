@@ -1,0 +1,1 @@
+SELECT age, nkkkkkkkkkkkkkkkkkkkkkkkkkkkkkkkkkkkkkkame AS who FROM 

@@ -1,0 +1,1 @@
+SELECT 1e308 * 1e308 FROM [1, 10] AS list;

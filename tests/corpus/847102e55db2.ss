@@ -1,0 +1,1 @@
+SELECT e. e.name, f.name FROM e = employees, f = employees WHERE e.boss == f.boss AND e.id < f.id AS rows;

@@ -1,0 +1,1 @@
+SELECT p.nme FRO� p = people;

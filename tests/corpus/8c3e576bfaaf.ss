@@ -1,0 +1,2 @@
+SELECT
+ :  FROM  ;  ORDER BY this not_a_numberti(sh) from 

@@ -1,0 +1,1 @@
+ - F tick()  OM) 'a'  people ING age > 40;

@@ -1,0 +1,1 @@
+SELECT name FROM to  people WHERE agee > 3;

@@ -1,0 +1,1 @@
+SELECT name FROM employees  ^  1e308   LIMIT  { 1;

@@ -1,0 +1,1 @@
+ =  =  group ;   é  distance   edges}] v , FROM    probability   (node) START WITH  

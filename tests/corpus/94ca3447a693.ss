@@ -1,0 +1,1 @@
+SELECT name, age FROM people ORDER BY city, breadth  age DESC AS rows;

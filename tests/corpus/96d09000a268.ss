@@ -1,0 +1,2 @@
+n = 1; x = print(b.this !=
+d.this, n = n + 1, [1, "two"]); x;

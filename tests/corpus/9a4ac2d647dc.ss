@@ -1,0 +1,1 @@
+ not  = - vNOT1.0} ; x ^ NOT  SELECT this FROM xs  NOT ; NOT {- = None; '\ud83d'  [( =  this  n 0.5;

@@ -1,0 +1,1 @@
+SELECT city, count,*) FROM people LIMIT 2  WHERE this > 1  BY count towers (*) DESC( city DESC GROUP BY city AS rows;

@@ -1,0 +1,1 @@
+     where AGE ;   WHERE this > 1   >  LIMIT

@@ -1,0 +1,1 @@
+(((((SELECT not_a_number(this) FROM [1] AS list)))));

@@ -1,0 +1,1 @@
+SELECT 1 FROM xs WHERE ((((((((((((((this IN [1, this]) IN [1, this]) IN [1, this]) IN [1, this]) IN [1, this]) IN [1, this]) IN [1, this]) IN [1, this]) IN [1, this]) IN [1, this]) IN [1, this]) IN [1, this]) IN [1, this]) IN [1, this])

@@ -1,0 +1,3 @@
+ WHERE;
+'
+ ] '[1:]   n  None  name

@@ -1,0 +1,1 @@
+SELECT title, weightthis== this.weight x <= 0.1  shelf.xWHERE > 1 Oweight > 1 OR 'id ), 4 AS  ^ ;

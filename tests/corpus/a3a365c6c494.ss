@@ -1,0 +1,1 @@
+[pair(1), bag(2), array(3), scalar(1.5); (1.5 { , scalar(2 True  == 2];

@@ -1,0 +1,1 @@
+-----SELECT name.upper() FROM name.upper();

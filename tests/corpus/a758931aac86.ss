@@ -1,0 +1,1 @@
+SELECT x, g.z, g.z FROM a = [1, 2], a = [1, 2]; connect 

@@ -1,0 +1,1 @@
+   from     stop    having  ; START WITH node = "S" CONNECT BY COST 1 node =  list 

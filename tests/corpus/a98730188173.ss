@@ -1,0 +1,1 @@
+x = -8; x ^ NOT NOT NOT ; NOT NOT = None; '\ud83d'  [(SELECT this  n 0.5;

@@ -1,0 +1,1 @@
+SELECT b.title, n.title FROM q = people, n = shelf.beside(b.this) WHERE b.x > n.x AS rows;

@@ -1,0 +1,1 @@
+ k   with  ( columns  +  g] /  ;  'a'  

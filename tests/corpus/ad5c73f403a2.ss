@@ -1,0 +1,1 @@
+len + [SELECT name FROM peple;])

@@ -1,0 +1,1 @@
+INSERT INTO people   no   (1); STOP WITH p > 3 

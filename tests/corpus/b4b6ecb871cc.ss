@@ -1,0 +1,1 @@
+SET )  if  ["7", "seeople;

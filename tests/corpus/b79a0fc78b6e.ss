@@ -1,0 +1,1 @@
+max(SELECT age FROM lpepoe  g  list

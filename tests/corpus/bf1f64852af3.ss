@@ -1,0 +1,1 @@
+SELECT name. if ( [  FROM people  * ;

@@ -1,0 +1,1 @@
+SELECT this, [this, IF(IF(IF(IF(IF(this; 1; 2[0]); 1; 2); 1; 2); 1; 2); 1; 2)] FROM [1, 2.0, True, "x"] AS rows;

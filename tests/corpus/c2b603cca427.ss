@@ -1,0 +1,1 @@
+ >  ] START [1this  '\ud83d'  , [1this FROM , [1, 2 zip  xor =   ORDER BY  WITH  

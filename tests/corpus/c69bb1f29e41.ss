@@ -1,0 +1,1 @@
+SELECT p (SELECT * FROM edges WHERE src == n) name FROM p = people JOIN q = people ON p.city == q.city;

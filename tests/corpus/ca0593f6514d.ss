@@ -1,0 +1,1 @@
+SELECT city, count(*) FROM people GROUP BY city AND city HAVING age > (SELECT (SELECT 40 FROM xs) FROM xs);

@@ -1,0 +1,2 @@
+1 < "a" 10 ^ 12 ;
+SELECT this FROM [1] START WITH n = 0 CONNECT BY NO CYCLE MEMORIZE 3 n = n + 1;

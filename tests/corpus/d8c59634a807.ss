@@ -1,0 +1,1 @@
+(((( (SELECT * FROM edges  :  src == n)  g ([ ORDER ;) this DESC {-1.0} = 5])BY)) if )

@@ -1,0 +1,1 @@
+  []   =  group ; help( desc );    é  distance   edges}]  0.5   10 ^ 12  FROM     1.      1;   add   

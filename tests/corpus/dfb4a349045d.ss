@@ -1,0 +1,1 @@
+[[ group , ["Byron", "Anne"]], ["Alan" "Alan", [ , ["Victor"]], []] != ;

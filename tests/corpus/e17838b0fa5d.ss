@@ -1,0 +1,2 @@
+Select  '{'  AS   '' ()  SELECT city , age FROM people;;
+x = [1]; y = grow( { ); [x, y, grow([7 == y];

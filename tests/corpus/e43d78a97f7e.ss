@@ -1,0 +1,1 @@
+INSERT INTO   columns    v   id    ;  SELECT max  *  '\n'  edges WHERE src == n) );

@@ -1,0 +1,1 @@
+x =  [[1], 2]  to( [] , this),  towers (this * this, square) FROM [1, 2, 3];  + ];  +  ; SELECT n FROM  1 AS list;

@@ -1,0 +1,1 @@
+SELECT name FROM people GROUP BY city ORDER BY name DESC );  AS list; list;

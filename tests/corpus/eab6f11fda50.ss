@@ -1,0 +1,1 @@
+1(1 >  no ; x = 1 AND x = IF) mass  x;

@@ -1,0 +1,1 @@
+() FROMSELECT  from SELECT x = 1 FROM xsSELECT ( xs)  !=  xs) 0.5  y  k  [2]; [var("y" connect ),  0.5 ()];

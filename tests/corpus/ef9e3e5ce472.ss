@@ -1,0 +1,1 @@
+SELECT name FROM  WHERE this > 1   not  1 OFFSET AS  2;

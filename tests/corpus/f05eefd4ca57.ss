@@ -1,0 +1,1 @@
+SELECT name FROM people  >  name LIKE "A%" probability 

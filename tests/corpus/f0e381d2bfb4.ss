@@ -1,0 +1,1 @@
+SELECT this FROM b = range(a  AS plane('XY', [x, y], s = 1)  this)  group  range(a.this);; x = (1 + 2 + 2;

@@ -1,0 +1,1 @@
+SELECT  '\ud83d'   }  [ MAXIMUM 2   _  level this) , 2]  sum   select   0.5  <  list ;

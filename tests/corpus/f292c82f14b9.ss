@@ -1,0 +1,1 @@
+  space.near(0, 0, 0)   LIKE   ^      range  name FROM  x ;

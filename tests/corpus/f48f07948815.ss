@@ -1,0 +1,1 @@
+SELECT COUNT(DISTINCT city) (DISTINCT  x ) FROM SELECT this  peopl [1, 2] + ];10, 20[ SELECT e;

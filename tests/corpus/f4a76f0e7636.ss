@@ -1,0 +1,1 @@
+select NAME from NOT 2 SELECT this * 10 FROM [1, NOT NOT a =] WHERE this > 1 AS list AS lsit;

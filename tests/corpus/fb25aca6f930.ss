@@ -1,0 +1,1 @@
+SELECT name   START WITH p = 0   IS WHERE   edges   people NULL; people NULL;

@@ -1,0 +1,1 @@
+  NOT IN   ^  )    -  xor   desc   !=  ^   id  edges 1], 2] ^  ;

@@ -1,0 +1,1 @@
+SELECT   *   AS who }  age FROM people;  people ; ;

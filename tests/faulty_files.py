@@ -1,0 +1,234 @@
+"""Files that go wrong: a VFS whose n-th operation fails, files that were damaged, and what has to hold afterwards."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import apsw
+from faulty import attempt
+from remembering import connect, fresh, run
+from sessions import write
+
+import ss2sql
+
+ROWS = 400
+TABLE = f"""
+    CREATE TABLE t(a INTEGER PRIMARY KEY, b TEXT, c INTEGER);
+    WITH RECURSIVE n(i) AS (VALUES (1) UNION ALL SELECT i + 1 FROM n WHERE i < {ROWS})
+    INSERT INTO t SELECT i, hex(i), i % 7 FROM n;
+    CREATE INDEX by_c ON t(c);
+"""
+VALUE = {"kept": [1, 2.5, None, "text"]}
+WALK = "SELECT a, b FROM t AS rows;"
+LOOKUP = "SELECT a FROM t WHERE c == 3 AS list;"
+HISTORY = "v{};"
+
+
+def prepare(file: Path) -> None:
+    """A database with a table, a temporal variable and a remembered graph."""
+    write(file, TABLE)
+    with connect(file) as ss:
+        ss.function("getTime", lambda: 5.0)
+        ss.run("v{1000.0} = value;", value=VALUE)
+        assert run(ss, goal=6, bound=5, limit=400).stats.remembered_steps == 0
+        assert len(ss.graphs()) == 1
+
+
+def search(ss: ss2sql.Session) -> Any:
+    return run(ss, goal=6, bound=5, limit=400).value
+
+
+# What is done with such a file; of those that only read, what they have to give.
+READS: dict[str, Callable[[ss2sql.Session], Any]] = {
+    "walk": lambda ss: ss.eval(WALK),
+    "walk natively": lambda ss: ss.run(WALK, engine="native").value,
+    "lookup": lambda ss: ss.eval(LOOKUP),
+    "history": lambda ss: ss.eval(HISTORY),
+    "search": search,
+}
+RIGHT: dict[str, Callable[[], Any]] = {
+    "walk": lambda: [(i, str(i).encode().hex().upper()) for i in range(1, ROWS + 1)],
+    "walk natively": lambda: RIGHT["walk"](),
+    "lookup": lambda: [i for i in range(1, ROWS + 1) if i % 7 == 3],
+    "history": lambda: [VALUE],
+    "search": lambda: fresh(goal=6, bound=5, limit=400),
+}
+LOOKS: dict[str, Callable[[ss2sql.Session], Any]] = {
+    "graphs": lambda ss: repr(ss.graphs()),
+    "tables": lambda ss: ss.tables(),
+    "describe": lambda ss: ss.describe("t"),
+}
+WRITES: dict[str, Callable[[ss2sql.Session], Any]] = {
+    "store": lambda ss: ss.run("v{1000.0} = 7;"),
+    "long": lambda ss: ss.run("w{1000.0} = text;", text="x" * 60_000),
+    "farther": lambda ss: run(ss, goal=7, bound=6, limit=500),
+    "drop": lambda ss: ss.graphs().drop(),
+    "forget": lambda ss: ss.set("v", 3),
+}
+
+
+# --- a VFS that fails ----------------------------------------------------------------------------------
+
+
+class Failing(apsw.VFS):
+    """The system's VFS, but the `left`-th call of one of its `operations` fails, and all after that if it `stays`."""
+
+    def __init__(self, name: str = "failing") -> None:
+        self.operations: frozenset[str] = frozenset()
+        self.error: type[apsw.Error] = apsw.IOError
+        self.left = 0
+        self.stays = False
+        self.calls = 0
+        self.base = apsw.vfs_names()[0]
+        super().__init__(name, self.base, makedefault=True)
+
+    def look(self, operation: str) -> None:
+        """Raises where this call is the one to fail."""
+        if operation in self.operations:
+            self.calls += 1
+            self.left -= 1
+            if self.left == 0 or (self.stays and self.left < 0):
+                raise self.error("the disk is broken")
+
+    def xOpen(self, name: Any, flags: Any) -> apsw.VFSFile:  # noqa: N802 - the names are SQLite's
+        self.look("open")
+        return FailingFile(self, name, flags)
+
+    def xDelete(self, filename: str, sync: bool) -> None:  # noqa: N802
+        self.look("delete")
+        super().xDelete(filename, sync)
+
+
+class FailingFile(apsw.VFSFile):
+    def __init__(self, vfs: Failing, name: Any, flags: Any) -> None:
+        self.vfs = vfs
+        super().__init__(vfs.base, name, flags)
+
+    def xRead(self, amount: int, offset: int) -> bytes:  # noqa: N802
+        self.vfs.look("read")
+        return super().xRead(amount, offset)
+
+    def xWrite(self, data: Any, offset: int) -> None:  # noqa: N802
+        self.vfs.look("write")
+        super().xWrite(data, offset)
+
+    def xSync(self, flags: int) -> None:  # noqa: N802
+        self.vfs.look("sync")
+        super().xSync(flags)
+
+    def xTruncate(self, size: int) -> None:  # noqa: N802
+        self.vfs.look("truncate")
+        super().xTruncate(size)
+
+    def xLock(self, level: int) -> None:  # noqa: N802
+        self.vfs.look("lock")
+        super().xLock(level)
+
+    def xFileSize(self) -> int:  # noqa: N802
+        self.vfs.look("size")
+        return super().xFileSize()
+
+
+@contextmanager
+def failing() -> Iterator[Failing]:
+    """The VFS, by which every connection is opened meanwhile."""
+    vfs = Failing()
+    try:
+        yield vfs
+    finally:
+        vfs.unregister()
+        apsw.set_default_vfs(vfs.base)
+
+
+FAULTS: dict[str, tuple[frozenset[str], type[apsw.Error]]] = {
+    "full": (frozenset({"write"}), apsw.FullError),
+    "no space for a write": (frozenset({"write", "truncate"}), apsw.IOError),
+    "sync": (frozenset({"sync"}), apsw.IOError),
+    "read": (frozenset({"read", "size"}), apsw.IOError),
+    "lock": (frozenset({"lock"}), apsw.IOError),
+    "open": (frozenset({"open"}), apsw.CantOpenError),
+    "delete": (frozenset({"delete"}), apsw.IOError),
+}
+
+
+# --- damage --------------------------------------------------------------------------------------------
+
+
+def flip(data: bytearray, dice: Random) -> None:
+    for _ in range(dice.choice((1, 3, 20))):
+        data[dice.randrange(len(data))] = dice.randrange(256)
+
+
+def overwrite(data: bytearray, dice: Random) -> None:
+    place, size = dice.randrange(len(data)), dice.choice((8, 100, 4096))
+    data[place : place + size] = dice.randbytes(min(size, len(data) - place))
+
+
+def zero(data: bytearray, dice: Random) -> None:
+    page = dice.randrange(len(data) // 4096) * 4096
+    data[page : page + 4096] = bytes(4096)
+
+
+def cut(data: bytearray, dice: Random) -> None:
+    del data[dice.randrange(len(data)) :]
+
+
+def swap(data: bytearray, dice: Random) -> None:
+    """Two pages change places."""
+    one, other = (dice.randrange(len(data) // 4096) * 4096 for _ in range(2))
+    data[one : one + 4096], data[other : other + 4096] = data[other : other + 4096], data[one : one + 4096]
+
+
+def head(data: bytearray, dice: Random) -> None:
+    """A byte of a page's own header, or of the file's."""
+    page = dice.randrange(len(data) // 4096) * 4096
+    data[page + dice.randrange(100)] = dice.randrange(256)
+
+
+DAMAGES = (flip, overwrite, zero, cut, swap, head)
+
+
+def is_whole(file: Path) -> bool:
+    """Whether SQLite finds nothing wrong with a file."""
+    connection = apsw.Connection(str(file), flags=apsw.SQLITE_OPEN_READONLY)
+    try:
+        return connection.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
+    finally:
+        connection.close()
+
+
+PLAIN = {
+    "walk": "SELECT a, b FROM t ORDER BY rowid",
+    "walk natively": "SELECT a, b FROM t ORDER BY rowid",
+    "lookup": "SELECT a FROM t WHERE c = 3 ORDER BY rowid",
+}
+
+
+def as_sqlite_reads(file: Path, name: str) -> list[Any]:
+    """What SQLite itself gives, whose pages know of no damage inside of values."""
+    connection = apsw.Connection(str(file), flags=apsw.SQLITE_OPEN_READONLY)
+    connection.execute("PRAGMA cell_size_check = ON")
+    rows = connection.execute(PLAIN[name]).fetchall()
+    connection.close()
+    return [row[0] for row in rows] if name == "lookup" else rows
+
+
+def outcome(work: Callable[[], Any]) -> tuple[Any, ss2sql.Error | None]:
+    """What some work gives, or the error of ours that it ends with, which is about the file."""
+    found: list[Any] = []
+    error = attempt(lambda: found.append(work()))
+    if error is None:
+        return found[0], None
+    assert isinstance(error, ss2sql.Error), repr(error)
+    assert error.code in ("S002", "X009"), str(error)
+    return None, error
+
+
+def handles() -> int:
+    """How many files are open."""
+    return len(os.listdir("/proc/self/fd"))

@@ -1,0 +1,297 @@
+"""Mutation testing: which small changes of the lowering and of the resolver does no test see?
+
+`python tests/mutants.py` draws MUTANTS of them by seed, and prints those that live on and a line of figures. It runs
+TESTS once, to learn which of them reach which line. Then it goes over the mutants: for each a fork of this process puts
+the changed function in place and runs tests that reach the line, until one fails. A mutant that lives on needs a test,
+or a row in mutants_justified.toml that says why no test can see it. More than LIVING in a hundred of the others fail.
+"""
+
+from __future__ import annotations
+
+import gc
+import hashlib
+import json
+import math
+import os
+import resource
+import select
+import signal
+import sys
+import time
+import tomllib
+from argparse import ArgumentParser, Namespace
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from importlib import import_module
+from itertools import zip_longest
+from pathlib import Path
+from types import CodeType, FunctionType
+from typing import TextIO
+
+import coverage
+import mutants_made
+import pytest
+from mutants_made import Mutant, Site
+
+TESTS_FOLDER = Path(__file__).parent
+PACKAGE = TESTS_FOLDER.parent / "ss2sql"
+JUSTIFIED = TESTS_FOLDER / "mutants_justified.toml"
+STAGES = [str(PACKAGE / stage) for stage in ("frontend", "lowering")]
+# What the tests reached and took in the last run.
+REACHED = TESTS_FOLDER.parent / "out" / "mutants.coverage"
+TAKEN = TESTS_FOLDER.parent / "out" / "mutants.json"
+LIVED_BEFORE = TESTS_FOLDER.parent / "out" / "mutants_that_lived.txt"
+# The lowering, and the stage that resolves.
+MUTATED = (
+    "lowering/**/*.py",
+    *(f"frontend/{name}.py" for name in ("resolve", "queries", "sources", "groups", "options")),
+)
+# Tests of these two stages that need no simulator, no other process, and no minute.
+TESTS = (
+    *("test_cases", "test_errors", "test_error_rendering", "test_sql", "test_operators_sql", "test_plan_text"),
+    *("test_resolve_*", "test_rewrites_*", "test_search_*", "test_inline", "test_inline_calls", "test_arity"),
+    *("test_states", "test_positions", "test_cells", "test_unknown_parameters", "test_tables"),
+    *(
+        "test_worlds",
+        "test_world_errors",
+        "test_world_layouts",
+        "test_navigation",
+        "test_security",
+        "test_new_calls",
+        "test_explain_levels",
+        "test_explain",
+        "test_rare_forms",
+    ),
+)
+LONG = ("random", "every_state", "hash_seed")
+"""Words in the names of tests that take long, with whatever they draw."""
+
+MUTANTS = 300
+SECONDS = 20.0
+"""What the tests of one mutant take together without it; cheap tests of every file come first."""
+
+MEMORY = 4 << 30
+LIVING = 10
+
+Places = dict[tuple[str, Site], list[FunctionType]]
+KILLED, LIVED, SLOW = "killed", "lived", "timed out"
+
+
+class Mutating:
+    """What pytest runs instead of its tests: once all of them, then those of each mutant in a fork."""
+
+    def __init__(self, given: Namespace, out: TextIO) -> None:
+        self.given = given
+        self.out = out
+        self.measure = coverage.Coverage(REACHED, config_file=False, source=STAGES)
+        self.seconds: dict[str, float] = defaultdict(float)
+        self.failed: set[str] = set()
+        self.new: list[str] = []  # tests that nothing is known of yet: they are tried on every mutant
+        self.lived: list[Mutant] = []
+        self.counts: Counter[str] = Counter()
+
+    # --- pytest ----------------------------------------------------------------------------------------
+
+    @pytest.hookimpl
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        self.seconds[report.nodeid] += report.duration
+        if report.failed:
+            self.failed.add(report.nodeid)
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_runtestloop(self, session: pytest.Session) -> bool:
+        drawn = self.draw()
+        print(f"{len(drawn)} mutants, {len(session.items)} tests", file=self.out, flush=True)
+        started = time.monotonic()
+        reached = self.reached(session, sorted({mutant.file for mutant in drawn}))
+        print(
+            f"tests ran in {time.monotonic() - started:.0f} s, failed: {sorted(self.failed)}", file=self.out, flush=True
+        )
+        items = {item.nodeid: item for item in session.items}
+        new = [item for test, item in items.items() if test not in self.seconds]
+        failed = (forked(lambda: failing(new, len(new)), math.inf) or "").splitlines() if new else []
+        self.new = [item.nodeid for item in new if item.nodeid not in failed]
+        places = functions()
+        strength: Counter[str] = Counter()
+        for mutant in drawn:
+            tests = [items[one] for one in self.chosen(reached, mutant, strength) if one in items]
+            verdict, killer = self.verdict(mutant, tests, places)
+            strength[killer] += 1
+            self.counts[verdict] += 1
+            if verdict == LIVED:
+                self.lived.append(mutant)
+            if verdict != KILLED or self.given.verbose:
+                place = f"ss2sql/{mutant.file}:{mutant.line}"
+                print(f"{verdict}: {mutant.name}  [{place}, {len(tests)} tests] {killer}", file=self.out, flush=True)
+        LIVED_BEFORE.write_text("".join(f"{mutant.name}\n" for mutant in self.lived), encoding="utf-8")
+        taken = time.monotonic() - started
+        print(
+            f"score: {len(drawn)} mutants, {self.counts[KILLED]} killed, {self.counts[LIVED]} survived, "
+            f"{self.counts[SLOW]} timed out, {taken:.0f} seconds (seed {self.given.seed})",
+            file=self.out,
+        )
+        return True
+
+    # --- choosing --------------------------------------------------------------------------------------
+
+    def draw(self) -> list[Mutant]:
+        """The mutants of this seed, by the hash of their names: an edit elsewhere does not draw others."""
+        known = justified()
+        among = [one for one in every() if one.name not in known and self.given.only in one.name]
+        if self.given.lived:
+            before = LIVED_BEFORE.read_text(encoding="utf-8").splitlines()
+            return [one for one in among if one.name in before]
+        chosen = sorted(among, key=lambda one: hashlib.sha256(f"{self.given.seed} {one.name}".encode()).digest())
+        return sorted(chosen[: self.given.mutants], key=lambda one: (one.file, one.number))
+
+    def reached(self, session: pytest.Session, files: list[str]) -> dict[str, dict[int, list[str]]]:
+        """Which tests reach the lines of these files: all of them run, unless what they did last time is used again."""
+        if self.given.again:
+            self.measure.load()
+            self.seconds.update(json.loads(TAKEN.read_text(encoding="utf-8")))
+        else:
+            for item, following in zip_longest(session.items, session.items[1:]):
+                self.measure.switch_context(item.nodeid)
+                item.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
+            self.measure.stop()
+            self.measure.save()
+            self.seconds.update(dict.fromkeys(self.failed, math.inf))
+            TAKEN.write_text(json.dumps(self.seconds), encoding="utf-8")
+        data = self.measure.get_data()
+        return {file: data.contexts_by_lineno(str(PACKAGE / file)) for file in files}
+
+    def chosen(self, reached: dict[str, dict[int, list[str]]], mutant: Mutant, strength: Counter[str]) -> Iterator[str]:
+        """Tests that reach a mutant: those that have killed others, then cheap ones of every file in turn."""
+        lines = reached[mutant.file]
+        # Constants are folded into their statement, which may begin some lines above.
+        near = [line for line in range(mutant.begin, mutant.line + 1) if lines.get(line)]
+        tests = lines[near[-1]] if near else []
+        by_file: dict[str, list[str]] = defaultdict(list)
+        for test in sorted(tests, key=lambda one: (-strength[one], self.seconds[one], one)):
+            by_file[test.partition("::")[0]].append(test)
+        spent = 0.0
+        yield from self.new
+        for turn in zip_longest(*by_file.values()):
+            for test in turn:
+                if test and spent + self.seconds[test] <= self.given.seconds:
+                    spent += self.seconds[test]
+                    yield test
+
+    # --- one mutant ------------------------------------------------------------------------------------
+
+    def verdict(self, mutant: Mutant, tests: Sequence[pytest.Item], places: Places) -> tuple[str, str]:
+        """What becomes of a mutant, and the test that kills it."""
+        site, code = mutants_made.mutated(PACKAGE / mutant.file, mutant)
+
+        def killer() -> str:
+            for function in places[str(PACKAGE / mutant.file), site]:
+                function.__code__ = code
+            return failing(tests, most=1) or "-"
+
+        said = forked(killer, 20 + 4 * sum(self.seconds[one.nodeid] for one in tests))
+        match said:
+            case None:
+                return SLOW, ""
+            case "-":
+                return LIVED, ""
+            case _:
+                return KILLED, said or "crash"
+
+
+def forked(action: Callable[[], str], seconds: float) -> str | None:
+    """What an action gives that runs in a fork of this process; nothing if that crashes, None if it takes too long."""
+    reading, writing = os.pipe()
+    child = os.fork()
+    if not child:
+        os.setpgid(0, 0)
+        resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+        os.write(writing, action().encode())
+        os._exit(0)
+    os.close(writing)
+    said = heard(reading, seconds)
+    with suppress(ProcessLookupError, PermissionError):
+        os.killpg(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+    return said
+
+
+def failing(tests: Sequence[pytest.Item], most: int) -> str:
+    """Runs tests until so many have failed; those, one a line."""
+    failed: dict[str, None] = {}
+
+    class Noted:
+        @pytest.hookimpl
+        def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+            if report.failed:
+                failed[report.nodeid] = None
+
+    noted = Noted()
+    for item, following in zip_longest(tests, tests[1:]):
+        if len(failed) < most:
+            item.config.pluginmanager.register(noted)
+            item.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
+            item.config.pluginmanager.unregister(noted)
+    return "\n".join(failed)
+
+
+def heard(reading: int, seconds: float) -> str | None:
+    """What a fork writes before it ends; None if it takes too long."""
+    with open(reading, "rb") as pipe:
+        ready, _, _ = select.select([pipe], [], [], None if seconds == math.inf else seconds)
+        return pipe.read().decode() if ready else None
+
+
+def functions() -> Places:
+    """Every Python function that there is, those of all that is mutated among them, by file and place."""
+    for path in mutated_files():
+        import_module(".".join(["ss2sql", *path.relative_to(PACKAGE).with_suffix("").parts]))
+    found: Places = defaultdict(list)
+    for one in gc.get_objects():
+        if isinstance(one, FunctionType) and isinstance(one.__code__, CodeType):
+            code = one.__code__
+            found[code.co_filename, Site(code.co_qualname, code.co_firstlineno)].append(one)
+    return found
+
+
+def every() -> list[Mutant]:
+    """All mutants of the files that are MUTATED."""
+    return [one for path in mutated_files() for one in mutants_made.mutants(path, str(path.relative_to(PACKAGE)))]
+
+
+def mutated_files() -> list[Path]:
+    return sorted({path for pattern in MUTATED for path in PACKAGE.glob(pattern)})
+
+
+def justified() -> dict[str, str]:
+    """The mutants that no test can see, each with the reason."""
+    rows = tomllib.loads(JUSTIFIED.read_text(encoding="utf-8"))["mutant"]
+    return {row["name"]: row["why"] for row in rows}
+
+
+def main() -> int:
+    parser = ArgumentParser(description=__doc__.partition("\n")[0] if __doc__ else None)
+    parser.add_argument("--mutants", type=int, default=MUTANTS, help="how many of them")
+    parser.add_argument("--seed", default="1", help="which of them")
+    parser.add_argument("--only", default="", help="of those whose name has this in it")
+    parser.add_argument("--seconds", type=float, default=SECONDS, help="tests of a mutant, in seconds")
+    parser.add_argument("--again", action="store_true", help="what is known of the tests is used again")
+    parser.add_argument("--lived", action="store_true", help="those that lived last time, instead")
+    parser.add_argument("--verbose", action="store_true", help="says what killed each")
+    given = parser.parse_args()
+    with os.fdopen(os.dup(sys.stdout.fileno()), "w") as out:
+        REACHED.parent.mkdir(exist_ok=True)
+        mutating = Mutating(given, out)
+        if not given.again:
+            mutating.measure.start()
+        files = sorted({str(path) for name in TESTS for path in TESTS_FOLDER.glob(f"{name}.py")})
+        ended = pytest.main(
+            ["-q", "--no-header", "-p", "no:cacheprovider", "--no-summary", "-k", f"not ({' or '.join(LONG)})", *files],
+            plugins=[mutating],
+        )
+    allowed = LIVING * sum(mutating.counts.values()) / 100
+    return int(ended) or int(len(mutating.lived) > allowed)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,70 @@
+"""The same bytes on every machine: SQL, explanations, rows, errors, pictures and files, whatever the hashes of texts
+are, and in whatever order things were registered. See determinism.py for what is compared.
+
+`SS2SQL_ORDERS` sets how many random programs are among the scripts, 100 without it; with it all scripts are looked at
+closely.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from typing import Any
+
+import determinism
+import golden
+
+MANY = os.environ.get("SS2SQL_ORDERS")
+PROGRAMS, RARE = (int(MANY), 1) if MANY else (100, 20)
+
+# What may differ between machines besides the order of things, which is shuffled by the number.
+MACHINES: tuple[dict[str, str], ...] = (
+    {"PYTHONHASHSEED": "0", "TZ": "UTC", "LC_ALL": "C.UTF-8"},
+    {"PYTHONHASHSEED": "1", "TZ": "Asia/Tokyo", "LC_ALL": "C", "PYTHONUTF8": "1"},
+    {"PYTHONHASHSEED": "2", "TZ": "America/New_York", "LC_ALL": "POSIX", "PYTHONUTF8": "1"},
+)
+
+
+def test_three_machines_give_the_same_bytes() -> None:
+    first, *others = [finished(process) for process in [started(*machine) for machine in enumerate(MACHINES)]]
+    assert [json.loads(line)[0] for line in first] == sorted(determinism.scripts(PROGRAMS, RARE))
+    for other in others:
+        for one, same in zip(first, other, strict=True):
+            assert list(differing(json.loads(one), json.loads(same))) == []
+
+
+def started(order: int, machine: dict[str, str]) -> subprocess.Popen[str]:
+    environment = {**os.environ, **machine, "COLUMNS": "100", "PYTHONPATH": os.fspath(golden.FOLDER.parent)}
+    given = [determinism.__file__, str(order), str(PROGRAMS), str(RARE)]
+    return subprocess.Popen(
+        [sys.executable, *given], env=environment, stdout=subprocess.PIPE, text=True, encoding="utf-8"
+    )
+
+
+def finished(process: subprocess.Popen[str]) -> list[str]:
+    output, _ = process.communicate()
+    assert process.returncode == 0
+    return output.splitlines()
+
+
+def differing(one: Any, same: Any, place: str = "") -> Iterator[str]:
+    """Where two reports differ, each place with what both say."""
+    match one, same:
+        case (dict(), dict()) if one.keys() == same.keys():
+            for name in one:
+                yield from differing(one[name], same[name], f"{place} {name}")
+        case (list(), list()) if len(one) == len(same):
+            for number, parts in enumerate(zip(one, same, strict=True)):
+                yield from differing(*parts, f"{place} {one[0] if number and not place else number}")
+        case _ if one != same:
+            yield f"{place}:\n{one}\n{same}"
+
+
+def test_differences_are_named() -> None:
+    one = ["a case", {"auto": {"sql": "SELECT 1", "rows": [1, 2]}}]
+    same = ["a case", {"auto": {"sql": "SELECT 1", "rows": [2, 1]}}]
+    assert list(differing(one, one)) == []
+    assert list(differing(one, same)) == [" a case auto rows 0:\n1\n2", " a case auto rows 1:\n2\n1"]
