@@ -28,8 +28,9 @@ if TYPE_CHECKING:
     )
     from ss2sql.notebook import load_ipython_extension, unload_ipython_extension
     from ss2sql.runtime.compiled import Query
+    from ss2sql.runtime.connecting import connect
     from ss2sql.runtime.result import Result
-    from ss2sql.runtime.session import Session, connect
+    from ss2sql.runtime.session import Session
     from ss2sql.runtime.triggers import Trigger
     from ss2sql.vtables.base import World
     from ss2sql.vtables.conformance import BrokenRuleError, check_world
@@ -57,7 +58,7 @@ PLACES = {
     "WorkersWarning": "ss2sql.errors",
     "World": "ss2sql.vtables.base",
     "check_world": "ss2sql.vtables.conformance",
-    "connect": "ss2sql.runtime.session",
+    "connect": "ss2sql.runtime.connecting",
     "load_ipython_extension": "ss2sql.notebook",
     "unload_ipython_extension": "ss2sql.notebook",
 }
@@ -65,7 +66,7 @@ PLACES = {
 
 def compile(script: str) -> Query:
     """A script compiled without a session: it runs in a fresh one, its unknown names are parameters."""
-    from ss2sql.runtime.session import connect
+    from ss2sql.runtime.connecting import connect
 
     return connect().compile(script)
 

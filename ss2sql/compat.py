@@ -17,7 +17,8 @@ from typing import Any
 from ss2sql.errors import Source
 from ss2sql.frontend import ast
 from ss2sql.frontend.parser import parse
-from ss2sql.runtime.session import Session, connect
+from ss2sql.runtime.connecting import connect
+from ss2sql.runtime.session import Session
 
 
 @dataclass(frozen=True, slots=True)

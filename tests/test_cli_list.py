@@ -21,7 +21,7 @@ from ss2sql.errors import CODES
 from ss2sql.lowering.strategies import GUARDS, ORDERS
 from ss2sql.results.plots import KINDS
 from ss2sql.runtime.builtins import BUILTINS
-from ss2sql.runtime.compiled import ENGINES
+from ss2sql.runtime.engines import ENGINES
 from ss2sql.runtime.representations import ALL
 from ss2sql.runtime.session import SWITCHES
 from ss2sql.vtables import known_types
@@ -100,9 +100,9 @@ def test_what_is_completed() -> None:
     assert completed("co") == ["completion"]
     assert "--help" in completed("--")
     assert completed("run", "--eng") == ["--engine"]
-    assert completed("run", "--engine", "d") == ["database"]
+    assert completed("run", "--engine", "d") == ["database", "duckdb"]
     assert completed("list", "err") == ["errors"]
-    assert completed("list", "errors", "t") == ["T001", "T002"]
+    assert completed("list", "errors", "t") == ["T001", "T002", "T003"]
     assert completed("list", "functions", "sq") == ["sqrt"]
     assert completed("sql", "--dialect", "") == ["sqlite"]
     assert completed("run", "-o", "t") == ["t"]  # the shell goes on with the names of files

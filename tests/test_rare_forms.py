@@ -259,18 +259,7 @@ def test_a_column_may_be_called_position(ss: ss2sql.Session, engine: Any) -> Non
         assert "position_2" in str(ss.compile(script).sql)
 
 
-DROPPED = (
-    "SQL drops a step that is not better before it evaluates HEURISTIC and CONNECT BY, so that their failing is lost"
-)
-
-
-@pytest.mark.parametrize(
-    "engine",
-    [
-        "native",
-        pytest.param("database", marks=pytest.mark.xfail(reason=DROPPED, raises=pytest.fail.Exception, strict=True)),
-    ],
-)
+@pytest.mark.parametrize("engine", ["native", "database"])
 @pytest.mark.parametrize(
     "options",
     ["COST c UNIQUE x = x + 1 / d", "COST c HEURISTIC 1 / d UNIQUE x = x + 1", "PROBABILITY c UNIQUE x = 1 / d"],

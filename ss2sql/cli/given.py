@@ -78,7 +78,7 @@ class Given:
 
     def session(self, progress: bool | None = None) -> Session:
         """A session with all of it; without a word about `progress` it is shown on a terminal."""
-        from ss2sql.runtime.session import connect  # half a second, which completion and --help need not wait for
+        from ss2sql.runtime.connecting import connect  # half a second, which completion and --help need not wait for
 
         shown: str | bool = "auto" if progress is None else progress
         session = connect(self.database, progress=shown, read_only=self.database is not None)

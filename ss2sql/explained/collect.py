@@ -22,7 +22,7 @@ from ss2sql.explained.facts import (
 )
 from ss2sql.explained.levels import levels_of
 from ss2sql.explained.outline import OutlinedQuery, OutlinedStatement
-from ss2sql.explained.python_plan import plan_in_python
+from ss2sql.explained.python_plan import plan_in_python, plan_in_tables
 from ss2sql.explained.sqlite_plan import plan_of
 from ss2sql.explained.words import cut, search_words
 from ss2sql.frontend.inline import Body
@@ -61,7 +61,7 @@ def _query(outlined: OutlinedQuery, stats: Stats | None) -> QueryFacts:
     lines, missing = _plan(outlined)
     return QueryFacts(
         text=outlined.written.span.text,
-        engine="database" if lowered else "native",
+        engine=outlined.engine,
         reason="all of it can be said in SQL" if lowered else outlined.reason,
         cures=() if lowered else tuple(filter(None, map(_cure, outlined.cures))),
         search=search_words(query),
@@ -72,7 +72,7 @@ def _query(outlined: OutlinedQuery, stats: Stats | None) -> QueryFacts:
         plan=lines,
         plan_missing=missing,
         afterwards=tuple(_afterwards(outlined)),
-        sql=lowered.text if lowered else None,
+        sql=lowered.text if lowered else outlined.tables,
         parameters=tuple(_parameters(outlined)),
     )
 
@@ -84,6 +84,8 @@ def _cure(hint: str) -> str:
 
 def _plan(outlined: OutlinedQuery) -> tuple[tuple[PlanLine, ...], str | None]:
     """What the engine does; SQLite's plan, or why there is none any more."""
+    if outlined.tables is not None:
+        return plan_in_tables(outlined.query), None
     if outlined.lowered is None:
         return plan_in_python(outlined.query), None
     try:
@@ -226,6 +228,9 @@ def _levels(result: Result, by_level: bool) -> tuple[LevelTable | None, tuple[st
 
 def _known_levels(result: Result) -> LevelTable | None:
     """The graph of MEMORIZE by levels; of other searches the results, and the steps that SQLite has kept."""
+    if result.stats.levels and result.engine not in ("database", "native"):
+        told = tuple((n, x.steps, x.pruned) for n, x in enumerate(result.stats.levels, 1))
+        return LevelTable("the search by level", ("level", "kept", "left out"), told)
     if result.stats.levels:
         table = ((n, x.rows, x.steps, x.repeated, x.pruned) for n, x in enumerate(result.stats.levels, 1))
         return LevelTable("the graph of MEMORIZE", ("level", "rows", "steps", "repeated", "pruned"), tuple(table))

@@ -13,7 +13,8 @@ from ss2sql import plan
 from ss2sql.lowering.parameters import SqlQuery
 
 if TYPE_CHECKING:
-    from ss2sql.runtime.compiled import CompiledQuery, CompiledStatement
+    from ss2sql.runtime.compiled import CompiledStatement
+    from ss2sql.runtime.compiled_query import CompiledQuery
     from ss2sql.runtime.host import SessionHost
     from ss2sql.runtime.run import Run
 
@@ -22,13 +23,16 @@ if TYPE_CHECKING:
 class OutlinedQuery:
     """One query: as it is written and after the rewrites; what SQLite runs, or why it does not, and what would help.
 
-    `parameters` are the values that are bound, as far as they are known.
+    `tables` is the SQL of a search that goes by levels in another database. `parameters` are the values that are bound,
+    as far as they are known.
     """
 
     host: SessionHost
     written: plan.Query
     query: plan.Query
+    engine: str
     lowered: SqlQuery | None
+    tables: str | None
     reason: str
     cures: tuple[str, ...]
     rewrites: tuple[str, ...]
@@ -56,7 +60,9 @@ def _outlined(query: CompiledQuery, run: Run | None) -> OutlinedQuery:
         query.host,
         query.written,
         query.query,
+        query.engine,
         query.shown(run),
+        query.tables,
         query.reason,
         query.cures,
         query.rewrites,

@@ -1,4 +1,4 @@
-"""What the native executor does for a query, in the same words as SQLite's plan."""
+"""What is done for a query that SQLite does not run, in the same words as SQLite's plan."""
 
 from __future__ import annotations
 
@@ -30,6 +30,26 @@ def plan_in_python(query: plan.Query) -> tuple[PlanLine, ...]:
             *_loops(query, 1, inner=True),
             PlanLine(0, "gives the results as the search finds them"),
         )
+    return (*lines, *_endings(query))
+
+
+KEPT = {
+    "allowed": "keeps all of them",
+    "unique": "keeps the first step to each row that no level before has reached",
+    "no cycle": "keeps those whose row is not met on the way back to the start",
+}
+
+
+def plan_in_tables(query: plan.Query) -> tuple[PlanLine, ...]:
+    """The search as it goes from level to level in tables."""
+    assert query.search is not None
+    lines = (
+        PlanLine(0, "searches level by level; all states of a level together:"),
+        PlanLine(1, "tries the steps from them, in Python"),
+        *_loops(query, 2, inner=True),
+        PlanLine(1, KEPT[query.search.repeats]),
+        PlanLine(1, "gives the paths to the goals among them"),
+    )
     return (*lines, *_endings(query))
 
 

@@ -19,6 +19,7 @@ from ss2sql.explained.words import STAGES, cut
 MOST_TEXT = 70  # characters of a statement in its heading
 MOST_LEVELS, LAST_LEVELS = 20, 5  # of a search: how many are shown, and how many of them are the last ones
 INDENT = "  "
+WHO = {"database": "SQLite", "native": "Python", "duckdb": "DuckDB"}
 
 
 def text_of(facts: ScriptFacts) -> str:
@@ -62,7 +63,7 @@ def _plan(query: QueryFacts) -> Iterator[str]:
     if query.plan_missing is not None:
         yield f"how SQLite does it cannot be told: {query.plan_missing}"
     if query.plan:
-        yield f"how {'SQLite' if query.engine == 'database' else 'Python'} does it:"
+        yield f"how {WHO.get(query.engine, query.engine)} does it:"
         yield from _nested(query.plan)
     if query.afterwards:
         yield "what Python does with its results:"

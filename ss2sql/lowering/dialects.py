@@ -64,4 +64,6 @@ class Dialect:
 
 SQLITE = Dialect("sqlite")
 
+DUCKDB = Dialect("duckdb")
+
 DIALECTS: dict[str, Dialect] = {dialect.name: dialect for dialect in (SQLITE,)}

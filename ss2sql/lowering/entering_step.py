@@ -122,7 +122,7 @@ class EnteringStep:
         if not self.best:
             return drops
         later = [self.search.heuristic, *(expr for _, expr in self.search.connect)]
-        if self.strict and any(can_fail(part) for part in later if part is not None):
+        if any(can_fail(part) for part in later if part is not None):
             # Evaluated also for a step that turns out not to be better, for then its failing shows.
             rest = [] if self.search.heuristic is None else [self.estimate()]
             happens = sql.call("in_turn", self.weight(), *rest, *self._after(), sql.number(0))

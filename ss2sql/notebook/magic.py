@@ -14,8 +14,9 @@ from ss2sql.notebook.endings import told_shortly
 from ss2sql.notebook.names import Offered
 from ss2sql.notebook.options import Options, WrongOption, read
 from ss2sql.results.show import MOST_ROWS, html, text
+from ss2sql.runtime.connecting import connect
 from ss2sql.runtime.result import Result
-from ss2sql.runtime.session import Session, connect
+from ss2sql.runtime.session import Session
 
 _display: Any = import_module("IPython.display").display  # it has no types
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ss2sql.errors import did_you_mean
-from ss2sql.runtime.compiled import ENGINES, Engine
+from ss2sql.runtime.engines import ENGINES, Engine
 
 WORD = re.compile(r"\s*(-o|--?[a-z][\w-]*)(?=\s|=|$)")
 VALUE = re.compile(r"(?:\s*=\s*|\s+)(?!-)(\S+)")

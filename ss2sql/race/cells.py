@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass, field
 from statistics import median
 from typing import Any
 
-from ss2sql.runtime.compiled import Engine
+from ss2sql.runtime.engines import Engine
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,8 @@ from ss2sql import plan
 from ss2sql.frontend import ast
 from ss2sql.frontend.resolve import resolve
 from ss2sql.race.cells import Cell, Rules
-from ss2sql.runtime.compiled import Engine, Query
+from ss2sql.runtime.compiled import Query
+from ss2sql.runtime.engines import Engine
 from ss2sql.runtime.native.deep import with_room
 from ss2sql.runtime.result import Result
 from ss2sql.runtime.session import Session

@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from ss2sql.errors import Cancelled, OutOfMemory, Timeout
 from ss2sql.explained.outline import outline
 from ss2sql.runtime.calls import HeldError
-from ss2sql.runtime.compiled import CompiledStatement, Engine, Query, script_sql
+from ss2sql.runtime.compiled import CompiledStatement, Query, script_sql
+from ss2sql.runtime.engines import Engine, check_engine
 from ss2sql.runtime.interrupts import under_way
-from ss2sql.runtime.opening import check_bound, check_engine
+from ss2sql.runtime.opening import check_bound
 from ss2sql.runtime.progress import progress_of
 from ss2sql.runtime.result import Answer, Result, Status
 from ss2sql.runtime.run import Run, Stats, memory_in_use, out_of_memory
@@ -173,9 +174,9 @@ def _foreteller(host: SessionHost, run: Run, workers: int) -> Foreteller | None:
     from ss2sql.runtime.workers.foretelling import Foreteller
     from ss2sql.runtime.workers.processes import Processes
 
-    if not host.held:
-        host.held.append(Processes())
-    return Foreteller(run, workers, host.held[0], host.planned, host.memo_limit > 0)
+    if host.held.processes is None:
+        host.held.processes = Processes()
+    return Foreteller(run, workers, host.held.processes, host.planned, host.memo_limit > 0)
 
 
 def _deadline(host: SessionHost, seconds: float | None) -> float | None:

@@ -22,6 +22,7 @@ from ss2sql.runtime import representations
 from ss2sql.runtime.builtins import BUILTINS
 from ss2sql.runtime.database import Database
 from ss2sql.runtime.functions import MEMO_LIMIT, UserFunction, builtin_functions, sql_names
+from ss2sql.runtime.held import Held
 from ss2sql.runtime.native.calls import native_callable, unremembered_call
 from ss2sql.runtime.native.deep import with_room
 from ss2sql.runtime.remembered.keeper import GraphKeeper
@@ -46,12 +47,6 @@ if TYPE_CHECKING:
     from ss2sql.runtime.workers.processes import Processes
 
 
-def end_all(held: list[Processes]) -> None:
-    """Ends the processes of `workers`."""
-    for processes in held:
-        processes.end()
-
-
 class SessionHost:
     """The functions, variables, tables and representations of a session.
 
@@ -67,6 +62,7 @@ class SessionHost:
         disabled: frozenset[str],
         max_size: int,
         max_memory: int | None,
+        engine_session: Any = None,
     ) -> None:
         self.connection = connection
         self.max_size = max_size
@@ -87,7 +83,7 @@ class SessionHost:
         self.planned: dict[str, UserFunction] = {}  # by the names that plans use
         self.generation = 0
         self.runs: list[Run] = []
-        self.held: list[Processes] = []  # those of `workers`, once there are any
+        self.held = Held(engine_session)
         temporals = TemporalStore(self._clock)
         self.triggers = Triggers(self._clock)
         self.listened: list[list[Callable[[], object]]] = []  # to whom scenes tell that they have stepped
@@ -182,15 +178,11 @@ class SessionHost:
     @property
     def processes(self) -> Processes | None:
         """The processes of `workers`, if there are any."""
-        return self.held[0] if self.held else None
-
-    def end_processes(self) -> None:
-        """Ends those of `workers`, if there are any."""
-        end_all(self.held)
+        return self.held.processes
 
     def _release(self) -> None:
         self.silence()
-        self.end_processes()
+        self.held.end()
         if self.turns.here:
             self.connection.close()
 

@@ -10,7 +10,6 @@ from typing import Any
 import apsw
 
 from ss2sql.errors import SessionError, Source, did_you_mean
-from ss2sql.runtime.compiled import ENGINES
 from ss2sql.runtime.run import memory_in_use
 from ss2sql.runtime.sizes import LEAST, MOST
 from ss2sql.runtime.tables import CACHE_SIZE
@@ -27,11 +26,6 @@ def name_of(function: Any) -> str:
     if not name.isidentifier():
         raise SessionError("S002", f"{function!r} has no name of its own", hints=('give one: function("name", f)',))
     return str(name)
-
-
-def check_engine(engine: str) -> None:
-    if engine not in ENGINES:
-        raise SessionError("S002", f"there is no engine {engine!r}", hints=did_you_mean(str(engine), ENGINES))
 
 
 def check_bound(name: str, value: Any, least: int) -> None:

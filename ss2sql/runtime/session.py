@@ -14,13 +14,14 @@ from ss2sql.errors import SessionError, Source
 from ss2sql.frontend.parser import parse
 from ss2sql.frontend.resolve import resolve
 from ss2sql.lowering.rewrites import REWRITES
-from ss2sql.runtime.compiled import Engine, Query
+from ss2sql.runtime.compiled import Query
+from ss2sql.runtime.engines import Engine, check_engine
 from ss2sql.runtime.executing import Options, attended, execute
 from ss2sql.runtime.functions import UserFunction, check_name, user_function
-from ss2sql.runtime.host import SessionHost, end_all
+from ss2sql.runtime.host import SessionHost
 from ss2sql.runtime.interrupts import under_way
 from ss2sql.runtime.native.deep import with_room
-from ss2sql.runtime.opening import check_engine, check_known, check_sizes, name_of, open_connection
+from ss2sql.runtime.opening import check_known, check_sizes, name_of, open_connection
 from ss2sql.runtime.opening import source_of as source_of
 from ss2sql.runtime.progress import check_progress
 from ss2sql.runtime.remembered.listing import Graphs, listed
@@ -44,33 +45,6 @@ SWITCHES = {  # what `disable` switches off
 }
 
 
-def connect(
-    path: str | os.PathLike[str] | None = None,
-    timeout: float | None = None,
-    progress: str | bool = "auto",
-    read_only: bool = False,
-    disable: Sequence[str] = (),
-    max_size: int = MOST,
-    max_memory: int | None = None,
-) -> Session:
-    """A new session.
-
-    Args:
-        path: a SQLite file whose tables scripts can read; it keeps temporal variables and remembered graphs. None for a
-            database in memory.
-        timeout: seconds after which a run is broken off; None for no limit.
-        progress: "auto", True or False: whether long runs show a line of progress on a terminal.
-        read_only: opens the file without the right to change it.
-        disable: names of optimisations to switch off: "memo", "remember", "inline" and others.
-        max_size: bytes of one value that a script makes, a text or a list: at least 262,144, at most 10**9.
-        max_memory: bytes by which the process may grow while a script runs; None for no limit. Only on Linux.
-
-    Raises:
-        SessionError: the file cannot be opened, or a name in `disable` is unknown.
-    """
-    return Session(path, timeout, progress, read_only, disable, max_size, max_memory)
-
-
 class Session:
     """Functions, variables and tables that scripts see, and the connection that runs them. See `connect`."""
 
@@ -83,18 +57,23 @@ class Session:
         disable: Sequence[str] = (),
         max_size: int = MOST,
         max_memory: int | None = None,
+        engine: Engine = "auto",
+        session: Any = None,
     ) -> None:
         check_known("optimisation", disable, SWITCHES)
         check_progress(progress)
         check_sizes(max_size, max_memory)
+        check_engine(engine)
         connection = open_connection(path, read_only)
         self.timeout = timeout
         self.progress = progress
         self._closed = False
         file = None if path is None else TemporalFile(connection)
-        self.host = SessionHost(connection, file, read_only, frozenset(disable), max_size, max_memory)
+        self.engine: Engine = engine
+        self.host = SessionHost(connection, file, read_only, frozenset(disable), max_size, max_memory, session)
         # apsw keeps the host of a session that nobody closes; a finalizer that did so too would keep all sessions.
-        weakref.finalize(self, end_all, self.host.held)
+        weakref.finalize(self, self.host.held.end)
+        self.host.held.engine(engine)  # says now what is not installed
 
     # --- registration ----------------------------------------------------------------------------------
 
@@ -266,6 +245,7 @@ class Session:
     ) -> Query:
         self._check_open()
         check_engine(engine)
+        engine = self.engine if engine == "auto" else engine
         stats = stats or Stats()
         tree = stats.timed("parse", lambda: parse(source_of(script)))()
         catalog = self.host.catalog(values, open_names)
@@ -286,7 +266,8 @@ class Session:
 
         Args:
             script: its text, the path of a file, or a text with the name that errors show.
-            engine: "auto" (the database unless lowering objects), "database" (an error instead) or "native".
+            engine: "auto" (the session's; if that is "auto", the database unless lowering objects), "database" (an
+                error instead), "native", or "duckdb" for searches by levels.
             timeout: seconds, in place of the session's.
             maximum: bounds the results of the last statement's search, like MAXIMUM.
             workers: processes for the calls of functions that a level of MEMORIZE needs. The result is the same, sooner
@@ -339,6 +320,7 @@ class Session:
         self, engine: Engine | None, timeout: float | None, maximum: int | None, workers: int, max_rows: int | None
     ) -> Options:
         seconds = self.timeout if timeout is None else timeout
+        engine = self.engine if engine == "auto" else engine
         return Options(engine, seconds, maximum, workers, max_rows, self.progress)
 
     # --- triggers --------------------------------------------------------------------------------------

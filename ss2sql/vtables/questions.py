@@ -44,7 +44,7 @@ class Questions:
     """Makes random queries, and asks them."""
 
     def __init__(self, dice: random.Random, copies: Sequence[Copy], world: World) -> None:
-        from ss2sql.runtime.session import connect
+        from ss2sql.runtime.connecting import connect
 
         self.dice = dice
         self.copies = [copy for copy in copies if copy.plain]

@@ -36,6 +36,10 @@ Grow: TypeAlias = Callable[["Graph", Nodes, dict[Hashable, int], int, Choose | N
 Found: TypeAlias = tuple[Sequence[Row], Any]
 
 
+# What finds the results of a search.
+Find: TypeAlias = Callable[["Hunt"], Iterator[Found]]
+
+
 @dataclass(frozen=True, slots=True)
 class Hunt:
     """One run of a search.

@@ -130,7 +130,8 @@ class Builder:
             "arguments": self._arguments(query, part),
             "flush": self._flush(pen) if query.search and query.search.repeats == "memorize" else None,
         }
-        form = pen.name(unit.constant(Form.of(query, tuple(own)), "form"))
+        find = unit.find if query is unit.searched else None
+        form = pen.name(unit.constant(Form.of(query, tuple(own), find), "form"))
         given = [pen.constant(None) if name is None else pen.name(name) for name in functions.values()]
         task, value, tuples = unit.local("task"), unit.local("value_of"), unit.local("rows_of")
         unit.definitions += [

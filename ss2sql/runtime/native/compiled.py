@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from ss2sql import plan
 from ss2sql.errors import Error
 from ss2sql.runtime.call_sites import takes_arrays
+from ss2sql.runtime.memorize.hunt import Find
 from ss2sql.runtime.native.builder import Builder, Dispatch
 from ss2sql.runtime.native.calls import settle_calls
 from ss2sql.runtime.native.deep import deep
@@ -27,10 +28,12 @@ if TYPE_CHECKING:
 class NativeQuery:
     """A query that stands by itself, compiled to Python once, to be run many times.
 
-    The steps of a search are counted `by_level` on demand, see by_level.py.
+    The steps of a search are counted `by_level` on demand, see by_level.py. `find`, for MEMORIZE, finds its results.
     """
 
-    def __init__(self, query: plan.Query, by_level: bool = False) -> None:
+    engine = "native"
+
+    def __init__(self, query: plan.Query, by_level: bool = False, find: Find | None = None) -> None:
         self.query = query
         self._takes_arrays = takes_arrays(query)
         analysis = Analysis((query,))
@@ -38,6 +41,7 @@ class NativeQuery:
         with deep(self._levels):
             unit = Unit(query.span, analysis)
             unit.by_level = query if by_level else None
+            unit.searched, unit.find = query, find
             nested = Builder(unit).query(query, unit.root)
             self._module = unit.module(unit.pen.name(nested.task))
             self._bound = unit.compiled(self._module)

@@ -10,24 +10,26 @@ from typing import Any
 from ss2sql import plan
 from ss2sql.errors import Error, ExecutionError
 from ss2sql.runtime.builtins import AGGREGATES
+from ss2sql.runtime.memorize.hunt import Find
 from ss2sql.runtime.rows import Row, Rows
 from ss2sql.runtime.values import freeze, places_in_order
 
 
 @dataclass(frozen=True, slots=True)
 class Form:
-    """What is known of a query when it is compiled."""
+    """What is known of a query when it is compiled; `find` finds the results of a search that goes by levels."""
 
     query: plan.Query
     columns: tuple[str, ...]
     aggregates: tuple[plan.Aggregate, ...]
     groups: int
     descending: tuple[bool, ...]
+    find: Find | None = None
 
     @staticmethod
-    def of(query: plan.Query, aggregates: tuple[plan.Aggregate, ...]) -> Form:
+    def of(query: plan.Query, aggregates: tuple[plan.Aggregate, ...], find: Find | None = None) -> Form:
         columns = tuple(output.name for output in query.columns)
-        return Form(query, columns, aggregates, len(query.group), tuple(key.descending for key in query.order))
+        return Form(query, columns, aggregates, len(query.group), tuple(key.descending for key in query.order), find)
 
 
 class Ending:

@@ -118,7 +118,7 @@ class Task:
         taken_apart, flush = pieces and Pieces(*pieces), self.flush or (lambda: None)
         keyed = keys is not None
         hunt = Hunt(start, grow, search.order, bound, stats, check, query, self.run, taken_apart, flush, keyed)
-        find = SEARCHES[search.order, search.repeats]
+        find = self.form.find or SEARCHES[search.order, search.repeats]
         assert not isinstance(find, str)
         return self._paths(find(hunt), keys)
 

@@ -21,6 +21,7 @@ from ss2sql import plan
 from ss2sql.errors import Error, Span
 from ss2sql.kinds import Type
 from ss2sql.runtime.builtins import BUILTINS
+from ss2sql.runtime.memorize.hunt import Find
 from ss2sql.runtime.native.facts import Analysis, Facts
 from ss2sql.runtime.native.locate import PAGE, Page
 from ss2sql.runtime.native.pace import meter_of, pace_of
@@ -229,7 +230,7 @@ class Unit:
     sources whose elements are tuples (of those that are `bare`, a name stands for the one column that is read),
     `elements` the types of those whose elements are values. `worlds` are the tables of those that walk keys of a world.
     `keys` names the exact keys that elements come with, see calls.py. `by_level` is the search whose steps are counted
-    level by level, see by_level.py.
+    level by level, see by_level.py; `searched` the one whose results `find` finds.
     """
 
     def __init__(self, span: Span, analysis: Analysis, parameters: tuple[str, ...] = ()) -> None:
@@ -248,6 +249,8 @@ class Unit:
         self.bindings: list[ast.stmt] = []
         self.definitions: list[ast.stmt] = []
         self.by_level: plan.Query | None = None
+        self.searched: plan.Query | None = None
+        self.find: Find | None = None
         self._bound: dict[Any, str] = {}
         self._count = 0
 

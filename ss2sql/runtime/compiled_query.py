@@ -1,0 +1,228 @@
+"""One query that is ready to run on its engine: in SQLite, natively, or by levels in another database."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import apsw
+
+from ss2sql import plan
+from ss2sql.errors import Error, ExecutionError, UnsupportedError
+from ss2sql.kinds import Kind
+from ss2sql.lowering.lower import lower
+from ss2sql.lowering.parameters import Parameter, SqlQuery
+from ss2sql.lowering.rewrites import optimise
+from ss2sql.runtime.call_sites import takes_arrays
+from ss2sql.runtime.engines import Engine
+from ss2sql.runtime.finishing import finished
+from ss2sql.runtime.levels.query import LevelQuery
+from ss2sql.runtime.native import NativeQuery, compile_statement
+from ss2sql.runtime.native.options import whole
+from ss2sql.runtime.result import Answer, Sql, Status
+from ss2sql.runtime.rows import Rows
+from ss2sql.runtime.run import Run, Sink
+from ss2sql.runtime.scouts import Scouts
+from ss2sql.runtime.shaping import PATH_FORMS, with_stars
+from ss2sql.vtables.snapshots import may_move
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.host import SessionHost
+
+PLAIN = Kind.NONE | Kind.NUMBER | Kind.STR
+
+
+class CompiledQuery:
+    """One query that stands by itself in a statement, ready to run on its engine.
+
+    With the engine `auto` the database runs it unless lowering objects; `reason` is then the objection. What
+    it was made for may rely on values of variables, which `variable` foretells; it is made anew when they differ.
+    """
+
+    def __init__(self, host: SessionHost, query: plan.Query, engine: Engine, variable: Callable[[str], Any]) -> None:
+        self.host = host
+        self.written = query
+        self.demanded = engine == "database"
+        self.wanted = engine
+        self.refusal: UnsupportedError | None = None
+        self._make(variable)
+        if self.refusal is not None and None not in self.world.lists.values():
+            raise self.refusal
+
+    def _make(self, variable: Callable[[str], Any]) -> None:
+        """Rewrites and lowers the query, or compiles it to Python."""
+        host, started = self.host, time.perf_counter()
+        self.made = False  # until all is: Ctrl-C may come before that
+        self.world = host.world(variable)
+        query, self.rewrites = optimise(self.written, host.disabled, self.world)
+        self.query = query
+        self.lowered: SqlQuery | None = None
+        self.reason, self.cures = "engine='native' was asked for", tuple[str, ...]()
+        self.refusal = None
+        self.native: NativeQuery | LevelQuery | None = None
+        tables = host.held.engine(self.wanted) if query.search else None
+        try:
+            if tables is not None:
+                self.native = LevelQuery(query, tables)
+                self.reason = f"engine='{self.wanted}' was asked for"
+            elif self.wanted != "native":
+                self.lowered = lower(query, host.sql_names, disabled=host.disabled)
+                self.rewrites = (*self.rewrites, *self.lowered.applied)
+        except UnsupportedError as error:
+            self.reason, self.cures = error.message, tuple(error.hints)
+            self.refusal = error if self.demanded or tables is not None else None
+        self.lowering_seconds = time.perf_counter() - started
+        if not (self.native or self.lowered or self.refusal):
+            self.native = NativeQuery(query)
+        self.bounded: SqlQuery | None = None
+        self.scouts = Scouts(query, self._scout) if self.lowered and takes_arrays(query) else None
+        self.plain = all(output.expr.type.only(PLAIN) for output in query.columns)
+        self.bindings: dict[int, tuple[plan.Expr, Callable[[Run], Any]]] = {}  # by the identities of the expressions
+        self.maximum = self._constant(query.search.maximum if query.search else None)
+        self.limit = self._constant(query.limit)
+        self.arguments = [compile_statement(expr) for expr in query.representation.arguments]
+        self.named = {name: compile_statement(expr) for name, expr in query.representation.named}
+        self.moves = may_move(query)
+        self.made = True
+
+    def _constant(self, expr: plan.Expr | None) -> Callable[[Run], Any] | None:
+        return None if expr is None else compile_statement(expr)
+
+    @property
+    def engine(self) -> str:
+        return "database" if self.lowered else self.native.engine if self.native else "native"
+
+    @property
+    def tables(self) -> str | None:
+        """The SQL of a search that goes by levels in another database."""
+        return self.native.sql if isinstance(self.native, LevelQuery) else None
+
+    def value(self, run: Run) -> Any:
+        """Runs the query; its answer becomes the run's last one, its value is one of the language."""
+        return self.host.shapes.language_value(self.query.representation.name, self.answer(run).value)
+
+    def located_answer(self, run: Run) -> Answer:
+        """`answer`, with errors that know no other place at the query's."""
+        try:
+            return self.answer(run)
+        except Error as error:
+            raise error.located(self.query.span) from error.__cause__
+
+    def answer(self, run: Run) -> Answer:
+        """Runs the query; its answer becomes the run's last one. The value of a search is made when it is read."""
+        if not (self.made and self.world.holds(run.source)):
+            self._make(run.source)
+        if self.refusal is not None:
+            raise self.refusal
+        query = self.query
+        columns = tuple(output.name for output in query.columns)
+        paths = query.search is not None and not query.aggregated
+        form, shapes = query.representation, self.host.shapes
+        sink = Rows(columns, None if paths else [], [] if paths else None, plain=self.plain, hidden=form.hidden)
+        run.sink = Sink(sink, self.engine, query)
+        with self.host.memories.query(self.moves):
+            rows = with_stars(query, self._database_rows(run, sink) if self.lowered else self._native_rows(run, sink))
+        arguments = tuple([argument(run) for argument in self.arguments])  # a generator changes StopIteration
+        named = {name: argument(run) for name, argument in self.named.items()}
+        status: Status = "maximum" if self._ended_by_maximum(run, rows) else "complete"
+        make = run.stats.timed("shape", partial(shapes.represent, form, rows, arguments, named))
+        answer = run.answer = Answer(rows.shown(), make, self.engine, status, query.columns)
+        if not (shapes.is_built_in(form) and form.name in PATH_FORMS and rows.paths is not None):
+            answer.value  # noqa: B018 - it may fail, which has to be now
+        return answer
+
+    def _native_rows(self, run: Run, sink: Rows) -> Rows:
+        assert self.native is not None
+        return self.native.rows(run, sink)
+
+    def _database_rows(self, run: Run, sink: Rows) -> Rows:
+        assert self.lowered is not None
+        limit = self._count(self.limit, run, 0, "LIMIT", self.query.limit)
+        maximum = self._most(run)
+        cut_early = limit is not None and not self.query.order and not self.query.group
+        most = min((n for n in (maximum, limit if cut_early else None) if n is not None), default=None)
+        bound = run.bound[self] = {}
+
+        def evaluate(parameter: Parameter) -> Any:
+            value = bound[parameter.name] = parameter.bound(self._binding(parameter.expr)(run))
+            return value
+
+        def careful() -> SqlQuery:
+            """The statement that takes nothing for granted."""
+            run.lowered[self] = lower(self.query, host.sql_names, cut=True, careful=True, disabled=host.disabled)
+            return run.lowered[self]
+
+        host = self.host
+        lowered = run.lowered[self] = self.lowered_for(run)
+        try:
+            extras = host.database.execute(lowered, run, evaluate, careful, sink, most, self.scouts)
+        except ExecutionError as error:
+            if error.code != "X009" or self.demanded or not isinstance(error.__cause__, _TOO_MUCH):
+                raise
+            # Too many terms, too deep, too long for SQLite: found out by its own prepare, before any row.
+            self.reason = f"{error.message}, so it runs natively"
+            self.native, self.lowered = NativeQuery(self.query), None
+            return self._native_rows(run, sink)
+        return finished(lowered, sink, extras, limit)
+
+    def _binding(self, expr: plan.Expr) -> Callable[[Run], Any]:
+        """What computes the value of a parameter; compiled once, 0.1 ms."""
+        known = self.bindings.get(id(expr))
+        if known is None:
+            known = self.bindings[id(expr)] = (expr, compile_statement(expr))
+        return known[1]
+
+    def lowered_for(self, run: Run | None) -> SqlQuery:
+        """The statement for a run: another one where the run, not the script, bounds the results of a search."""
+        assert self.lowered is not None
+        query = self.query
+        if run is None or run.maximum is None or query.search is None or query.search.maximum or query.limit:
+            return self.lowered
+        if self.bounded is None:
+            self.bounded = lower(query, self.host.sql_names, cut=True, disabled=self.host.disabled)
+        return self.bounded
+
+    def _scout(self, query: plan.Query) -> SqlQuery:
+        # A scout wants the values themselves.
+        return lower(query, self.host.sql_names, careful=True, disabled={*self.host.disabled, "late"})
+
+    def _most(self, run: Run) -> int | None:
+        expr = self.query.search.maximum if self.query.search else None
+        own = self._count(self.maximum, run, 1, "MAXIMUM", expr)
+        counts = [n for n in (own, run.maximum if self.query.search else None) if n is not None]
+        return min(counts) if counts else None
+
+    def _count(
+        self, compute: Callable[[Run], Any] | None, run: Run, least: int, word: str, expr: plan.Expr | None
+    ) -> int | None:
+        if compute is None or expr is None:
+            return None
+        try:
+            return whole(compute(run), least, word)
+        except ExecutionError as error:
+            raise error.located(expr.span) from None
+
+    def _ended_by_maximum(self, run: Run, rows: Rows) -> bool:
+        if self.query.search is None or (self.query.search.maximum is None and run.maximum is None):
+            return False
+        most = self._most(run)
+        return most is not None and len(rows.paths or rows.rows or ()) >= most
+
+    def sql(self, run: Run | None = None) -> Sql:
+        """The text that runs, with the values of its parameters: those that it had in a run, else those in the text."""
+        lowered = self.shown(run)
+        if lowered is None:
+            return Sql(self.tables or f"-- no SQL: {self.reason}")
+        values = {p.name: p.bound(p.expr.value) for p in lowered.parameters if isinstance(p.expr, plan.Constant)}
+        if run is not None:
+            values.update(run.bound.get(self, ()))
+        return Sql(lowered.text, values, modules=lowered.modules)
+
+    def shown(self, run: Run | None) -> SqlQuery | None:
+        """The statement that a run has executed last, else the one that would run."""
+        return self.lowered if run is None or self.lowered is None else run.lowered.get(self, self.lowered)
+
+
+_TOO_MUCH = (apsw.SQLError, apsw.TooBigError)

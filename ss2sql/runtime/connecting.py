@@ -1,0 +1,42 @@
+"""How a session begins."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from typing import Any
+
+from ss2sql.runtime.engines import Engine
+from ss2sql.runtime.session import Session
+from ss2sql.runtime.sizes import MOST
+
+
+def connect(
+    path: str | os.PathLike[str] | None = None,
+    timeout: float | None = None,
+    progress: str | bool = "auto",
+    read_only: bool = False,
+    disable: Sequence[str] = (),
+    max_size: int = MOST,
+    max_memory: int | None = None,
+    engine: Engine = "auto",
+    session: Any = None,
+) -> Session:
+    """A new session.
+
+    Args:
+        path: a SQLite file whose tables scripts can read; it keeps temporal variables and remembered graphs. None for a
+            database in memory.
+        timeout: seconds after which a run is broken off; None for no limit.
+        progress: "auto", True or False: whether long runs show a line of progress on a terminal.
+        read_only: opens the file without the right to change it.
+        disable: names of optimisations to switch off: "memo", "remember", "inline" and others.
+        max_size: bytes of one value that a script makes, a text or a list: at least 262,144, at most 10**9.
+        max_memory: bytes by which the process may grow while a script runs; None for no limit. Only on Linux.
+        engine: where scripts run for which nothing else is said, see `Session.run`.
+        session: with the engine "duckdb" a connection of DuckDB whose settings count: memory, threads, folder.
+
+    Raises:
+        SessionError: the file cannot be opened, a name in `disable` is unknown, or the engine is not installed.
+    """
+    return Session(path, timeout, progress, read_only, disable, max_size, max_memory, engine, session)

@@ -1,0 +1,35 @@
+"""Where queries run: the names of the engines, and what opens the databases that search by levels."""
+
+from __future__ import annotations
+
+from typing import Any, Literal, TypeAlias, get_args
+
+from ss2sql.errors import SessionError, did_you_mean
+from ss2sql.lowering.dialects import DUCKDB
+from ss2sql.results import package
+from ss2sql.runtime.levels.query import TableEngine
+
+Engine: TypeAlias = Literal["auto", "database", "native", "duckdb"]
+ENGINES: tuple[Engine, ...] = get_args(Engine)
+
+
+def check_engine(engine: str) -> None:
+    if engine not in ENGINES:
+        raise SessionError("S002", f"there is no engine {engine!r}", hints=did_you_mean(str(engine), ENGINES))
+
+
+def table_engine(name: str, session: Any = None) -> TableEngine | None:
+    """The database behind an engine; None where SQLite or Python do the work.
+
+    Args:
+        name: the engine.
+        session: a connection of that database, whose settings count; searches leave nothing behind in it.
+    """
+    if name != "duckdb":
+        return None
+    package("duckdb", "duckdb", "engine='duckdb'")
+    package("pyarrow", "duckdb", "engine='duckdb'")
+    from ss2sql.runtime.levels.duck import Duck
+
+    duck = Duck(session)
+    return TableEngine(name, DUCKDB, duck.open, duck.close)

@@ -1,0 +1,42 @@
+"""What a session holds outside of itself, and lets go of when it is closed or forgotten."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from ss2sql.runtime.engines import table_engine
+from ss2sql.runtime.levels.query import TableEngine
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.workers.processes import Processes
+
+
+@dataclass(slots=True)
+class Held:
+    """The processes of `workers`, once there are any, and the databases that search by levels.
+
+    `session` is what such a database is reached by, if the user has said so. It knows nothing of the session itself, so
+    that a finalizer can keep it.
+    """
+
+    session: Any = None
+    processes: Processes | None = None
+    engines: dict[str, TableEngine | None] = field(default_factory=dict)
+    owner: int = field(default_factory=os.getpid)
+
+    def engine(self, name: str) -> TableEngine | None:
+        """The database behind an engine, if there is one. Raises SessionError S003 where it is not installed."""
+        if name not in self.engines:
+            self.engines[name] = table_engine(name, self.session)
+        return self.engines[name]
+
+    def end(self) -> None:
+        """Ends all of it; what a copy of the process made by `fork` has is the other's."""
+        if self.processes is not None:
+            self.processes.end()
+        while self.engines:
+            _, engine = self.engines.popitem()
+            if engine is not None and os.getpid() == self.owner:
+                engine.close()

@@ -1,0 +1,86 @@
+"""Searches in the tables of DuckDB, which spills to disk what does not fit into memory."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import count
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+from ss2sql.runtime.levels.statements import TABLES
+from ss2sql.runtime.levels.tables import Row
+
+if TYPE_CHECKING:
+    import duckdb
+    import pyarrow as pa  # type: ignore[import-untyped]
+
+BLOCK = 10_000  # rows that are read at once
+_numbers = count(1)
+
+
+class Duck:
+    """A connection of DuckDB: the user's, or one of its own, which spills to a folder that goes with it."""
+
+    def __init__(self, session: duckdb.DuckDBPyConnection | None) -> None:
+        self.folder: TemporaryDirectory[str] | None = None
+        if session is None:
+            import duckdb
+
+            self.folder = TemporaryDirectory(prefix="ss2sql-")
+            session = duckdb.connect(config={"temp_directory": self.folder.name})
+        self.session = session
+
+    def open(self) -> DuckTables:
+        return DuckTables(self.session.cursor())
+
+    def close(self) -> None:
+        if self.folder is not None:
+            self.session.close()
+            self.folder.cleanup()
+        del self.session  # what is held at the end of Python DuckDB reports as leaked
+
+
+class DuckTables:
+    """The tables of one run, in a database in memory of their own beside those of the connection."""
+
+    def __init__(self, connection: duckdb.DuckDBPyConnection) -> None:
+        self.connection = connection
+        self.name = f"ss2sql_{next(_numbers)}"
+        ((self.home,),) = connection.execute("SELECT current_database()").fetchall()
+        connection.execute(f"ATTACH ':memory:' AS {self.name}")
+        connection.execute(f"USE {self.name}")
+
+    def run(self, text: str, **values: int) -> None:
+        self.connection.execute(text, values or None)
+
+    def rows(self, text: str, **values: int) -> Iterator[Row]:
+        reading = self.connection.cursor()
+        try:
+            reading.execute(f"USE {self.name}")
+            found = reading.execute(text, values or None)
+            while block := found.fetchmany(BLOCK):
+                yield from block
+        finally:
+            reading.close()
+
+    def add(self, table: str, columns: Sequence[Sequence[Any]]) -> None:
+        self.connection.register("block", _block(table, columns))
+        self.connection.execute(f"INSERT INTO {table} SELECT * FROM block")
+        self.connection.unregister("block")
+
+    def interrupt(self) -> None:
+        self.connection.interrupt()
+
+    def close(self) -> None:
+        self.connection.execute(f'USE "{self.home}"')
+        self.connection.execute(f"DETACH {self.name}")
+        self.connection.close()
+
+
+def _block(table: str, columns: Sequence[Sequence[Any]]) -> pa.Table:
+    import pyarrow as pa
+
+    types = {"BIGINT": pa.int64(), "BLOB": pa.binary(), "BOOLEAN": pa.bool_()}
+    names = [column.split() for column in TABLES[table].split(", ")]
+    arrays = [pa.array(values, types[kind]) for values, (_, kind) in zip(columns, names, strict=True)]
+    return pa.table(arrays, [name for name, _ in names])

@@ -1,0 +1,115 @@
+"""Compiling a search for the tables of another database, and what of searches these cannot do."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+from ss2sql import plan
+from ss2sql.errors import Span, UnsupportedError
+from ss2sql.lowering.dialects import Dialect
+from ss2sql.runtime.levels.search import LevelSearch
+from ss2sql.runtime.levels.statements import Statements
+from ss2sql.runtime.levels.tables import Tables
+from ss2sql.runtime.levels.watch import watched
+from ss2sql.runtime.memorize.hunt import Found, Hunt
+from ss2sql.runtime.native.builder import Builder
+from ss2sql.runtime.native.compiled import NativeQuery
+from ss2sql.runtime.native.facts import Analysis
+from ss2sql.runtime.native.pieces import can_be_taken_apart
+from ss2sql.runtime.native.unit import Unit
+from ss2sql.runtime.rows import Rows
+from ss2sql.runtime.run import Run
+
+
+@dataclass(frozen=True, slots=True)
+class TableEngine:
+    """A database that searches by levels: its name among the engines, its dialect, and what opens tables for a run."""
+
+    name: str
+    dialect: Dialect
+    open: Callable[[], Tables]
+    close: Callable[[], None]
+
+
+class LevelQuery:
+    """A search to be run many times. Raises UnsupportedError where it does not go by levels."""
+
+    def __init__(self, query: plan.Query, engine: TableEngine) -> None:
+        search = query.search
+        assert search is not None
+        for rule in RULES:
+            place = rule.find(query, search)
+            if place is not None:
+                reason = f"{rule.reason}, which the tables of {engine.name} cannot do"
+                raise UnsupportedError("U001", reason, place, (rule.cure,))
+        self.engine = engine.name
+        self.tables = engine.open
+        self.written = Statements(engine.dialect, search.repeats)
+        # MEMORIZE asks for the clauses one by one, and leaves it to others what becomes of steps.
+        apart = replace(query, search=replace(search, order="depth first", repeats="memorize"))
+        self._native = NativeQuery(apart, find=self._found)
+
+    @property
+    def sql(self) -> str:
+        """The statements of one level."""
+        return "\n".join(f"{text};" for text in self.written.level())
+
+    def rows(self, run: Run, sink: Rows | None = None) -> Rows:
+        """The answer of the query, see `NativeQuery.rows`."""
+        return self._native.rows(run, sink)
+
+    def _found(self, hunt: Hunt) -> Iterator[Found]:
+        tables = self.tables()
+        try:
+            with watched(hunt.run, tables):
+                yield from LevelSearch(hunt, tables, self.written).results()
+        finally:
+            tables.close()
+
+
+# --- what is refused -----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """What is refused: `find` gives its place."""
+
+    reason: str
+    cure: str
+    find: Callable[[plan.Query, plan.Search], Span | None]
+
+
+def _depth_first(query: plan.Query, search: plan.Search) -> Span | None:
+    return query.span if search.order == "depth first" and search.repeats != "memorize" else None
+
+
+def _weighted(query: plan.Query, search: plan.Search) -> Span | None:
+    return None if search.weight is None else search.weight.span
+
+
+def _graph(query: plan.Query, search: plan.Search) -> Span | None:
+    return query.span if search.repeats == "memorize" else None
+
+
+def _aggregated(query: plan.Query, search: plan.Search) -> Span | None:
+    return query.group[0].span if query.aggregated else None
+
+
+def _unsteady(query: plan.Query, search: plan.Search) -> Span | None:
+    analysis = Analysis((query,))
+    apart = replace(query, search=replace(search, repeats="memorize"))
+    return None if can_be_taken_apart(Builder(Unit(query.span, analysis)), apart) else query.span
+
+
+RULES = (
+    Rule("DEPTH FIRST goes on from the last step", "write BREADTH FIRST, or UNIQUE without DEPTH FIRST", _depth_first),
+    Rule("COST and PROBABILITY go on from one path at a time", "leave the engine to ss2sql", _weighted),
+    Rule("MEMORIZE walks through its graph path by path", "UNIQUE gives a shortest path to each row", _graph),
+    Rule("aggregates count over whole paths", "leave the engine to ss2sql", _aggregated),
+    Rule(
+        "a volatile function or an assignment keeps the written order",
+        "register functions with volatility='immutable' or 'stable' if that is true",
+        _unsteady,
+    ),
+)

@@ -1,0 +1,36 @@
+"""Ending a statement that works on whole tables when its run has to end."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from ss2sql.runtime.levels.tables import Tables
+from ss2sql.runtime.run import Run
+
+EVERY = 0.02  # seconds
+
+
+@contextmanager
+def watched(run: Run, tables: Tables) -> Iterator[None]:
+    """Has a thread of its own look whether the run is interrupted or late, for as long as it takes."""
+    over = threading.Event()
+
+    def watch() -> None:
+        while not over.wait(EVERY):
+            if run.interrupted or (run.deadline is not None and time.monotonic() >= run.deadline):
+                tables.interrupt()
+                return
+
+    thread = threading.Thread(target=watch, daemon=True)
+    thread.start()
+    try:
+        yield
+    except Exception:
+        run.check()  # what the database says about it comes second
+        raise
+    finally:
+        over.set()
+        thread.join()

@@ -1,0 +1,295 @@
+"""Searches by levels in the tables of DuckDB find what the native search finds, in its order."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import sys
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from agreement import exact, session_for
+from hypothesis import HealthCheck, Phase, given, seed, settings
+from programs import ProgramCase, programs
+from sessions import code_of
+
+import ss2sql
+from ss2sql.errors import Source
+from ss2sql.frontend import ast
+from ss2sql.frontend.parser import parse
+from ss2sql.race.timing import compiled
+from ss2sql.runtime.levels import duck, search
+from ss2sql.runtime.levels.watch import watched
+from ss2sql.runtime.run import Run
+
+duckdb = pytest.importorskip("duckdb")
+
+COUNT = int(os.environ.get("SS2SQL_PROGRAMS", "1000")) // 10
+STRATEGIES = (["BREADTH FIRST"], ["UNIQUE"], ["BREADTH FIRST", "NO CYCLE"])
+ROADS = {1: [2, 3], 2: [1, 3, 4], 3: [2, 4, 1.0], 4: [1, 5], 5: [True, 4, 2]}
+
+
+@pytest.fixture
+def ss() -> Any:
+    with ss2sql.connect() as session:
+        session.function("near", lambda n: ROADS[int(n)], volatility="immutable")
+        yield session
+
+
+def outcome(case: ProgramCase, statement: ast.Query, engine: Any) -> Any:
+    """The value, or the error; None where the engine refuses the search."""
+    with session_for(case) as ss, contextlib.redirect_stdout(io.StringIO()):
+        try:
+            return exact(compiled(ss, statement, engine).run(timeout=20).value)
+        except ss2sql.UnsupportedError:
+            return None
+        except ss2sql.Error as error:
+            return error.code
+        except Exception as error:
+            return type(error).__name__
+
+
+def variants(script: str) -> list[ast.Query]:
+    """The search of a script of one statement by every strategy that goes by levels."""
+    statements = parse(Source(script)).statements
+    query = statements[0]
+    if len(statements) > 1 or not isinstance(query, ast.Query) or not query.connect:
+        return []
+    kept = tuple(option for option in query.options if option.keyword == "MAXIMUM")
+    return [
+        replace(query, options=(*kept, *(ast.Option(word, None, span=query.span) for word in words)))
+        for words in STRATEGIES
+    ]
+
+
+def test_random_searches() -> None:
+    compared = 0
+
+    @seed(8)
+    @settings(
+        max_examples=COUNT,
+        deadline=None,
+        database=None,
+        phases=[Phase.generate],
+        suppress_health_check=list(HealthCheck),
+    )
+    @given(programs())
+    def run(case: ProgramCase) -> None:
+        nonlocal compared
+        for statement in variants(case.script):
+            found = outcome(case, statement, "duckdb")
+            if found is not None:
+                compared += 1
+                assert found == outcome(case, statement, "native"), statement.options
+
+    run()
+    assert compared > COUNT // 4
+
+
+FORMS = (
+    "SELECT x.this, n FROM x = near(n) WHERE x.this IN [4, 1] START WITH n = 1 CONNECT BY {} n = x.this",
+    "SELECT x.this FROM x = near(n) START WITH n = 1 CONNECT BY {} n = x.this STOP WITH n == 4 ORDER BY n DESC LIMIT 7",
+    "SELECT x.this FROM x = near(n) START WITH n = 1, m = [1] CONNECT BY {} n = x.this, m = m + [n]"
+    " STOP WITH len(m) > 4 GROUP BY n AS list",
+    "SELECT x.this FROM x = (SELECT this FROM near(n) WHERE this < 5 AS list) START WITH n = 1"
+    " CONNECT BY {} n = x.this AS rows",
+)
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("strategy", ["BREADTH FIRST MAXIMUM 30", "UNIQUE", "BREADTH FIRST NO CYCLE MAXIMUM 40"])
+def test_forms(ss: ss2sql.Session, form: str, strategy: str) -> None:
+    script = form.format(strategy)
+    found = ss.run(script, engine="duckdb")
+    assert found.engine == "duckdb"
+    wanted = ss.run(script, engine="native")
+    assert exact(found.value) == exact(wanted.value)
+    assert (found.status, found.columns, list(found)) == (wanted.status, wanted.columns, list(wanted))
+
+
+def test_equal_numbers_are_one_row(ss: ss2sql.Session) -> None:
+    script = "SELECT x.this FROM x = near(n) START WITH n = 1 CONNECT BY UNIQUE n = x.this AS list"
+    paths = ss.run(script, engine="duckdb").value
+    assert sorted(path[-1] for path in paths) == [1, 2, 3, 4, 5]
+
+
+# --- errors ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("strategy", ["UNIQUE", "BREADTH FIRST NO CYCLE", "BREADTH FIRST"])
+@pytest.mark.parametrize("bad", range(7))
+def test_a_step_that_fails_counts_where_it_would_have_been_taken(strategy: str, bad: int) -> None:
+    """The step is the n-th of all that can be asked for their goal; what is found before it is the same."""
+
+    def fail(n: int, level: int) -> bool:
+        if (n * 3 + level) % 7 == bad:
+            raise ValueError(n)
+        return n > 3
+
+    def found(engine: Any) -> tuple[Any, ...]:
+        with ss2sql.connect() as ss:
+            ss.function("fail", fail, volatility="immutable")
+            ss.set("roads", [[0], [2, 3], [1, 3, 4], [2, 4], [1, 2]])
+            try:
+                value = ss.run(
+                    "SELECT x.this FROM x = roads[n] WHERE fail(x.this, level) START WITH n = 1, level = 0"
+                    f" CONNECT BY {strategy} MAXIMUM 5 n = x.this, level = level + 1 AS list;",
+                    engine=engine,
+                ).value
+            except ValueError as error:
+                return ("ValueError", *error.args)
+            return ("value", value)
+
+    assert found("duckdb") == found("native")
+
+
+REFUSED = {
+    "": ("DEPTH FIRST goes on from the last step", "write BREADTH FIRST, or UNIQUE without DEPTH FIRST"),
+    "NO CYCLE": ("DEPTH FIRST goes on from the last step", "write BREADTH FIRST"),
+    "UNIQUE DEPTH FIRST": ("DEPTH FIRST goes on from the last step", "write BREADTH FIRST"),
+    "COST 1": ("COST and PROBABILITY go on from one path at a time", "leave the engine to ss2sql"),
+    "MEMORIZE 3": ("MEMORIZE walks through its graph path by path", "UNIQUE gives a shortest path to each row"),
+}
+
+
+@pytest.mark.parametrize("options", REFUSED)
+def test_what_does_not_go_by_levels_is_refused_by_name(ss: ss2sql.Session, options: str) -> None:
+    reason, cure = REFUSED[options]
+    script = f"SELECT x.this FROM x = near(n) START WITH n = 1 CONNECT BY {options} n = x.this;"
+    with pytest.raises(ss2sql.UnsupportedError, match=reason) as caught:
+        ss.run(script, engine="duckdb")
+    assert cure in str(caught.value)
+
+
+def test_aggregates_over_paths_are_refused(ss: ss2sql.Session) -> None:
+    script = (
+        "SELECT count(*) FROM x = near(n) START WITH n = 1 CONNECT BY BREADTH FIRST MAXIMUM 9 n = x.this GROUP BY n;"
+    )
+    with pytest.raises(ss2sql.UnsupportedError, match="aggregates count over whole paths"):
+        ss.run(script, engine="duckdb")
+
+
+def test_volatile_functions_are_refused(ss: ss2sql.Session) -> None:
+    ss.function("dice", lambda n: 4, volatility="volatile")
+    with pytest.raises(ss2sql.UnsupportedError, match="keeps the written order"):
+        ss.run("SELECT dice(n) FROM [1] START WITH n = 1 CONNECT BY UNIQUE n = dice(n);", engine="duckdb")
+
+
+def test_objects_are_refused(ss: ss2sql.Session) -> None:
+    ss.attach("things", [object()])
+    script = "SELECT 1 FROM x = things START WITH n = None CONNECT BY BREADTH FIRST MAXIMUM 3 n = x.this;"
+    assert code_of(ss.run, script, engine="duckdb") == "U001"
+
+
+def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "duckdb", None)
+    with pytest.raises(ss2sql.SessionError, match=r"ss2sql\[duckdb\]") as caught:
+        ss2sql.connect(engine="duckdb")
+    assert caught.value.code == "S003"
+
+
+# --- the session and its database ----------------------------------------------------------------------------
+
+
+def test_the_engine_of_a_session() -> None:
+    with ss2sql.connect(engine="duckdb") as ss:
+        search = "SELECT this FROM [1, 2] START WITH n = 0 CONNECT BY UNIQUE n = this AS list;"
+        assert ss.run(search).engine == "duckdb"
+        assert ss.run(search, engine="native").engine == "native"
+        assert ss.compile(search).run().engine == "duckdb"
+        assert ss.run("SELECT this FROM [1, 2] AS list;").engine == "database"
+    with pytest.raises(ss2sql.SessionError, match="no engine 'duck'"):
+        ss2sql.connect(engine="duck")  # type: ignore[arg-type]
+
+
+def test_a_connection_of_the_user_is_left_as_it_was(ss: ss2sql.Session) -> None:
+    own = duckdb.connect()
+    own.execute("CREATE TABLE steps AS SELECT 1 AS a")
+    before = own.execute("FROM duckdb_databases() SELECT database_name").fetchall()
+    with ss2sql.connect(engine="duckdb", session=own) as mine:
+        mine.function("near", lambda n: [n + 1], volatility="immutable")
+        script = "SELECT x.this FROM x = near(n) START WITH n = 0 CONNECT BY UNIQUE MAXIMUM 9 n = x.this AS list;"
+        assert mine.run(script).value[-1] == list(range(1, 10))
+        with pytest.raises(ss2sql.Timeout):
+            mine.run(script.replace("MAXIMUM 9", ""), timeout=0.3)
+    assert own.execute("FROM duckdb_databases() SELECT database_name").fetchall() == before
+    assert own.execute("FROM steps").fetchall() == [(1,)]
+
+
+def test_what_does_not_fit_into_memory_goes_to_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """40,000 states of 2,000 characters are 80 MB, twice that with their rows, of which DuckDB may hold 64."""
+    seen: list[int] = []
+    add = duck.DuckTables.add
+
+    def look(self: duck.DuckTables, table: str, columns: Any) -> None:
+        add(self, table, columns)
+        ((size,),) = self.rows("SELECT COALESCE(SUM(size), 0) FROM duckdb_temporary_files()")
+        seen.append(size)
+
+    monkeypatch.setattr(duck.DuckTables, "add", look)
+    own = duckdb.connect(config={"memory_limit": "64MB", "temp_directory": str(tmp_path), "threads": 1})
+    with ss2sql.connect(engine="duckdb", session=own) as ss:
+        ss.function("wide", lambda n, more: f"{2 * n + more:02000}", volatility="immutable")
+        result = ss.run(
+            "SELECT wide(int(s), this) FROM [0, 1] WHERE int(s) == 19999 START WITH s = '1'"
+            " CONNECT BY UNIQUE s = wide(int(s), this) STOP WITH int(s) > 19999 AS list;"
+        )
+    assert [int(path[-1]) for path in result.value] == [39998, 39999]
+    assert max(seen) > 10_000_000
+
+
+def test_nothing_is_left_in_the_folder_for_temporary_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    with ss2sql.connect() as ss:
+        ss.run("SELECT this FROM [1, 2] START WITH n = 0 CONNECT BY UNIQUE n = this;", engine="duckdb")
+        assert list(tmp_path.iterdir()) != []
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_run_that_is_late_ends_the_statement_that_runs() -> None:
+    ended = []
+
+    class Slow:
+        def interrupt(self) -> None:
+            ended.append(True)
+
+    run = Run(host=None)  # type: ignore[arg-type]
+
+    def work() -> None:
+        with watched(run, Slow()):  # type: ignore[arg-type]
+            run.interrupted = True
+            while not ended:
+                time.sleep(0.001)
+            raise RuntimeError("interrupted")  # as the database says it
+
+    with pytest.raises(ss2sql.Cancelled):
+        work()
+
+
+def test_a_partial_result(ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(search, "BLOCK", 100)
+    with pytest.raises(ss2sql.Timeout) as caught:
+        ss.run(
+            "SELECT this FROM [1, 2] START WITH n = 0 CONNECT BY BREADTH FIRST n = this AS list;",
+            engine="duckdb",
+            timeout=0.5,
+        )
+    partial = caught.value.partial
+    assert partial is not None
+    assert [list(path) for path in partial.paths[:3]] == [[(1,)], [(2,)], [(1,), (1,)]]
+
+
+def test_explain_tells_of_levels(ss: ss2sql.Session) -> None:
+    result = ss.run(
+        "SELECT x.this FROM x = near(n) START WITH n = 1 CONNECT BY UNIQUE n = x.this AS list;", engine="duckdb"
+    )
+    text = str(result.explain())
+    assert "engine: duckdb: engine='duckdb' was asked for" in text
+    assert "keeps the first step to each row that no level before has reached" in text
+    assert "GROUP BY\n      row_key" in result.sql
+    assert text.splitlines()[-1].split() == ["all", "5", "10"]  # 15 steps from the 5 rows and the start
