@@ -1,14 +1,11 @@
-"""The shell without a terminal: cutting what is typed, running it, dot commands, pipes, the history's file."""
+"""The shell without a terminal: cutting what is typed, running it, dot commands."""
 
 from __future__ import annotations
 
-import io
 import json
 import os
 import signal
 import sqlite3
-import stat
-import subprocess
 import sys
 import threading
 import time
@@ -16,14 +13,10 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner, Result
 
 import ss2sql
-from ss2sql.cli import main
-from ss2sql.shell import history
 from ss2sql.shell.commands import COMMANDS
 from ss2sql.shell.pieces import is_ready, open_bracket, pieces
-from ss2sql.shell.piped import run_piped
 from ss2sql.shell.settings import SETTINGS, Settings
 from ss2sql.shell.shell import Leave, Shell
 
@@ -321,146 +314,3 @@ def test_plot_writes_a_file(shell: Shell, folder: Path, capsys, monkeypatch) -> 
 def test_exit(shell: Shell) -> None:
     with pytest.raises(Leave):
         shell.run("1;\n.exit\n2;")
-
-
-# --- pipes ---------------------------------------------------------------------------------------------
-
-
-def piped(text: str, *options: str) -> Result:
-    answer = CliRunner().invoke(main, ["repl", *options], input=text)
-    assert answer.exception is None or isinstance(answer.exception, SystemExit)
-    return answer
-
-
-def test_statements_come_from_a_pipe() -> None:
-    answer = piped("x = 1;\nSELECT this\n  FROM [x];\n.set y 2\nx + y", "--format", "json")
-    assert answer.stdout == '[{"this": 1}]\n3\n'
-    assert (answer.exit_code, answer.stderr) == (0, "x = 1\ny = 2\n")
-    assert piped("").stdout == ""
-
-
-def test_a_pipe_goes_on_after_an_error_and_ends_with_code_1() -> None:
-    answer = piped("a = 1;\nb = zz;\nc = 3; d = zz;\n\n 'open;\na + c;\n")
-    assert answer.stdout == "4\n"
-    assert [line for line in answer.stderr.splitlines() if "-->" in line] == [
-        " --> <stdin>:2:5", " --> <stdin>:3:12", " --> <stdin>:5:2"]  # fmt: skip
-    assert answer.exit_code == 1
-
-
-def test_a_pipe_ends_at_exit() -> None:
-    assert piped("1;\n.exit\n2;").stdout == "1\n"
-
-
-def test_options_of_run_are_those_of_the_shell() -> None:
-    options = ["--functions", "functions.py", "-p", "n", "[1, 2]", "--engine", "native", "--show", "1"]
-    lines = piped("twice(3); SELECT this FROM n;", *options).stdout.splitlines()
-    assert (lines[0], lines[-1]) == ("6", "2 rows, the first 1 shown, native")
-    lines = piped(".timeout\n.maximum\n", "--timeout", "3", "--maximum", "4").stdout.splitlines()
-    assert [line.split()[:2] for line in lines] == [["timeout:", "3"], ["maximum:", "4"]]
-
-
-def test_a_statement_runs_before_the_pipe_ends(shell: Shell, capsys) -> None:
-    seen: list[str] = []
-
-    class Stream(io.RawIOBase):
-        lines = iter([b"1;\n", b"2\n", b";\n"])
-
-        def __iter__(self):
-            return self
-
-        def __next__(self):
-            seen.append(capsys.readouterr().out)
-            return next(self.lines)
-
-    run_piped(shell, Stream())  # type: ignore[arg-type]
-    assert seen == ["", "1\n", "", "2\n"]
-
-
-def test_a_long_statement_is_not_read_again_with_every_line(shell: Shell, capsys, monkeypatch) -> None:
-    cuts = []
-    monkeypatch.setattr("ss2sql.shell.piped.pieces", lambda text: cuts.append(text) or pieces(text))
-    run_piped(shell, io.BytesIO(b"x = [\n" + b"1,\n" * 1000 + b"1];\n"))
-    assert len(cuts) <= 2
-    assert capsys.readouterr().err.startswith("x = [1, 1, 1")
-
-
-def test_text_that_is_no_text() -> None:
-    answer = piped(b"1;\n\xff;\n")  # type: ignore[arg-type]
-    assert (answer.exit_code, answer.stdout) == (1, "1\n")
-    assert "line 2 of the standard input cannot be read" in answer.stderr
-
-
-def test_as_a_process() -> None:
-    command = [sys.executable, "-m", "ss2sql.cli", "repl"]
-    answer = subprocess.run(command, input="1 + 1;\n", capture_output=True, text=True, timeout=60)
-    assert (answer.returncode, answer.stdout, answer.stderr) == (0, "2\n", "")
-
-
-def test_ctrl_c_ends_a_pipe(folder: Path) -> None:
-    (folder / "begun.py").write_text("from pathlib import Path\ndef begun():\n    Path('begun').touch()\n")
-    command = [sys.executable, "-m", "ss2sql.cli", "repl", "--functions", "begun.py"]
-    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-    with subprocess.Popen(command, text=True, **pipes) as answer:
-        try:
-            answer.stdin.write(f"begun(); {ENDLESS} 7;\n8;\n")
-            answer.stdin.flush()
-            for _ in range(600):
-                if (folder / "begun").exists():
-                    break
-                time.sleep(0.05)
-            time.sleep(0.2)
-            answer.send_signal(signal.SIGINT)
-            out, err = answer.communicate(timeout=60)
-        finally:
-            answer.kill()
-    assert answer.returncode == 130
-    assert err.startswith("cancelled\n")
-    assert out.splitlines()[-1].endswith(", cancelled")
-
-
-# --- the history's file --------------------------------------------------------------------------------
-
-
-def test_the_history_is_for_its_owner_alone(folder: Path) -> None:
-    before = os.umask(0)
-    try:
-        path = history.history_file()
-    finally:
-        os.umask(before)
-    assert path == folder / "state" / "ss2sql" / "history"
-    assert stat.S_IMODE(path.stat().st_mode) == 0o600
-    assert stat.S_IMODE(path.parent.stat().st_mode) == 0o700
-    path.chmod(0o644)
-    assert stat.S_IMODE(history.history_file().stat().st_mode) == 0o600
-
-
-def test_the_history_follows_no_link(folder: Path) -> None:
-    path = history.history_file()
-    path.unlink()
-    (folder / "other").write_text("precious")
-    path.symlink_to(folder / "other")
-    with pytest.raises(OSError, match="history"):
-        history.history_file()
-    assert (folder / "other").read_text() == "precious"
-
-
-def test_the_history_is_in_the_home_where_xdg_says_nothing(folder: Path, monkeypatch) -> None:
-    monkeypatch.setenv("HOME", str(folder))
-    for value in ("", "relative/folder"):
-        monkeypatch.setenv("XDG_STATE_HOME", value)
-        assert history.state_folder() == folder / ".local" / "state" / "ss2sql"
-
-
-def test_the_history_does_not_grow_for_ever(monkeypatch) -> None:
-    from prompt_toolkit.history import FileHistory
-
-    monkeypatch.setattr(history, "KEPT", 10)
-    path = history.history_file()
-    for number in range(25):
-        FileHistory(str(path)).store_string(f"{number};\n{number} again;")
-    kept = list(FileHistory(str(history.history_file())).load_history_strings())
-    assert kept == [f"{number};\n{number} again;" for number in range(24, 14, -1)]
-
-
-def test_what_begins_with_a_blank_is_not_kept() -> None:
-    assert [history.is_kept(text) for text in ("1;", " 1;", "", "\n")] == [True, False, False, False]
