@@ -9,6 +9,7 @@ from typing import Any
 
 import apsw
 import numpy as np
+import pytest
 
 import ss2sql
 
@@ -177,20 +178,42 @@ class Patient:
         session, self.left = self.session, 0
         self.data[:] = range(45)
         host = session.host
-        assert (host.runs, host.begun, host.database.stack) == ([], [], [])
-        assert not host.connection.in_transaction
         assert not any(memo.plain or memo.exact or memo.failures for memo in host.database.memos.values())
         if host.functions["f"].function != self._called:
             session.function("f", self._called, host.functions["f"].volatility)
         assert session.get("kept") == {"a": [1]}
         assert session.get("t") is self.data
         assert self.run() == self.answer
-        assert session.run("SELECT this + 1 FROM [1, 2] AS list;").value == [2, 3]
-        host.connection.execute("CREATE TABLE probe(a)")  # fails where a statement is still open on the schema
-        host.connection.execute("DROP TABLE probe")
+        check_idle(session)
 
     def close(self) -> None:
         self.session.close()
+
+
+def check_idle(session: ss2sql.Session) -> None:
+    """Asserts that nothing is under way in a session, and that it works."""
+    host = session.host
+    assert (host.runs, host.begun, host.database.stack) == ([], [], [])
+    assert not host.connection.in_transaction
+    assert session.run("SELECT this + 1 FROM [1, 2] AS list;").value == [2, 3]
+    host.connection.execute("CREATE TABLE probe(a)")  # fails where a statement is still open on the schema
+    host.connection.execute("DROP TABLE probe")
+
+
+def endured(patient: Any, renewed: Callable[[], Any], judge: Callable[..., None], kind: str, k: int, at: str) -> Any:
+    """Has one fault happen at the k-th call, and gives the patient for the next one."""
+    value, error = patient.suffer(kind, k)
+    try:
+        judge(patient, kind, value, error)
+        if kind != "close" or not patient.reached:
+            patient.check()
+            return patient
+        with pytest.raises(ss2sql.SessionError, match="closed"):
+            patient.session.run("1;")
+        return renewed()
+    except Exception as failure:
+        failure.add_note(f"{kind} in call {k} of {at}: {error!r}")
+        raise
 
 
 @contextmanager

@@ -11,9 +11,7 @@ from random import Random
 from typing import Any
 
 import pytest
-from faulty import CLAUSES, ENDINGS, ENGINES, KINDS, VOLATILITIES, Patient, judge
-
-import ss2sql
+from faulty import CLAUSES, ENDINGS, ENGINES, KINDS, VOLATILITIES, Patient, endured, judge
 
 WANTED = os.environ.get("SS2SQL_FAULTS", "1")
 CALLS = range(1, 41)
@@ -29,18 +27,8 @@ def test_faults(clause: str, engine: Any, volatility: Any) -> None:
     dice = Random(f"{WANTED} {clause} {engine} {volatility}")
     for kind in KINDS if WANTED == "all" else dice.sample(KINDS, SAMPLE):
         for k in range(1, most + 1) if WANTED == "all" else [dice.choice((1, 2, dice.randint(1, most)))]:
-            value, error = patient.suffer(kind, k)
-            try:
-                judge(patient, kind, value, error)
-                if kind == "close" and patient.reached:
-                    with pytest.raises(ss2sql.SessionError, match="closed"):
-                        patient.session.run("1;")
-                    patient = Patient(clause, engine, volatility)
-                else:
-                    patient.check()
-            except Exception as failure:
-                failure.add_note(f"{kind} in call {k} of {patient.script}, {engine}, {volatility}: {error!r}")
-                raise
+            at = f"{patient.script}, {engine}, {volatility}"
+            patient = endured(patient, lambda: Patient(clause, engine, volatility), judge, kind, k, at)
     patient.close()
 
 

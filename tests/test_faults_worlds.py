@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from faulty import endured
 from faulty_worlds import KINDS, LONG, Mishaps, Patient, Source, cases, judge
 from sessions import both
 
@@ -29,18 +30,8 @@ def test_faults_of_worlds(site: str, script: str, engine: Any) -> None:
     for kind in KINDS if WANTED == "all" else dice.sample(KINDS, SAMPLE):
         places = sorted({1, 2, 3, patient.calls}) if WANTED == "all" else [dice.choice((1, 2, patient.calls))]
         for k in places:
-            value, error = patient.suffer(kind, k)
-            try:
-                judge(patient, kind, value, error)
-                if kind == "close" and patient.reached:
-                    with pytest.raises(ss2sql.SessionError, match="closed"):
-                        patient.session.run("1;")
-                    patient = Patient(site, script, engine)
-                else:
-                    patient.check()
-            except Exception as failure:
-                failure.add_note(f"{kind} in call {k} of {site}, {script}, {engine}: {error!r}")
-                raise
+            at = f"{site}, {script}, {engine}"
+            patient = endured(patient, lambda: Patient(site, script, engine), judge, kind, k, at)
     patient.close()
 
 
