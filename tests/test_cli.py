@@ -366,3 +366,23 @@ def test_help_and_version() -> None:
     assert "SelectScript" in good("--help")
     assert "--functions" in good("run", "-h")
     assert f"version {ss2sql.__version__}" in good("--version")
+
+
+def test_limits_of_size_and_memory() -> None:
+    message = bad(1, "run", "-e", "l = range(100000); l + l;", "--max-size", "900000")
+    assert "error[X014]" in message
+    assert message.rstrip().endswith("or raise --max-size")
+    answer = call("run", "-e", ENDLESS, "--max-memory", "1000000", "--show", "1")
+    assert answer.exit_code == 1
+    assert answer.stdout.rstrip().endswith(", memory")  # what was found
+    assert "error[T003]" in answer.stderr
+    assert "or raise --max-memory" in answer.stderr
+    assert "at least 262144, not 3" in bad(1, "run", "-e", "1;", "--max-size", "3")
+
+
+def test_a_search_in_duckdb() -> None:
+    pytest.importorskip("duckdb")
+    script = "SELECT this FROM [1, 2] START WITH n = 0 CONNECT BY UNIQUE n = this;"
+    assert good("run", "-e", script, "--engine", "duckdb").splitlines()[-1] == "2 paths, 2 rows, duckdb"
+    message = bad(1, "run", "-e", script.replace("UNIQUE", "DEPTH FIRST"), "--engine", "duckdb")
+    assert "error[U001]: DEPTH FIRST goes on from the last step" in message

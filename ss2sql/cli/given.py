@@ -42,17 +42,25 @@ USES_OPTIONS = (
 PARAMETER = click.option("-p", "--parameter", "parameters", nargs=2, multiple=True, metavar="NAME VALUE",
                          help="A value for a name of the script, as a Python literal or else as text.")  # fmt: skip
 
+LIMITS = (
+    click.option("--max-size", type=click.IntRange(min=1), metavar="BYTES",
+                 help="A larger text or list that the script makes is an error."),
+    click.option("--max-memory", type=click.IntRange(min=1), metavar="BYTES",
+                 help="The run ends when it has taken more memory (on Linux)."),
+)  # fmt: skip
+
 SCRIPT_OPTIONS = (
     click.argument("file", required=False, type=click.Path(dir_okay=False, allow_dash=True)),
     click.option("-e", "--execute", "text", help="The script itself, in place of a file."),
     *USES_OPTIONS,
     PARAMETER,
+    *LIMITS,
 )
 
 
 @dataclass(frozen=True, slots=True)
 class Given:
-    """What the options say: what scripts may use, values for their names, and which script is meant, if one is."""
+    """What the options say: what scripts may use and take, values for their names, and the script, if one is meant."""
 
     function_files: tuple[Path, ...] = ()
     worlds: tuple[str, ...] = ()
@@ -60,6 +68,8 @@ class Given:
     parameters: tuple[tuple[str, str], ...] = ()
     file: str | None = None
     text: str | None = None
+    max_size: int | None = None
+    max_memory: int | None = None
 
     @property
     def script(self) -> str | Path | Source:
@@ -81,7 +91,9 @@ class Given:
         from ss2sql.runtime.connecting import connect  # half a second, which completion and --help need not wait for
 
         shown: str | bool = "auto" if progress is None else progress
-        session = connect(self.database, progress=shown, read_only=self.database is not None)
+        sizes = {} if self.max_size is None else {"max_size": self.max_size}
+        read_only = self.database is not None
+        session = connect(self.database, progress=shown, read_only=read_only, max_memory=self.max_memory, **sizes)
         for path in self.function_files:
             register(session, path)
         for world in self.worlds:
@@ -106,7 +118,7 @@ def uses_options(command: F) -> F:
 
 def session_options(command: F) -> F:
     """Adds those that say what scripts may use, and values for their names, where the scripts come later."""
-    return _given((*USES_OPTIONS, PARAMETER), command)
+    return _given((*USES_OPTIONS, PARAMETER, *LIMITS), command)
 
 
 def _given(options: tuple[Callable[[F], F], ...], command: F) -> F:

@@ -132,7 +132,8 @@ class Shell:
 SPELLINGS = (
     (re.compile(r"^register it with session\.function; help\(\)"), "load it with .load FILE.py; .functions"),
     (re.compile(r"^raise timeout="), "give more time with .timeout SECONDS"),
-    (re.compile(r"raise max_rows$"), "start the shell with a larger --max-rows"),
+    (re.compile(r"raise max_(rows|size|memory)$"), r"start the shell with a larger --max-\1"),
+    (re.compile(r"max_rows, max_size and max_memory do so$"), "--max-rows, --max-size and --max-memory do so"),
     (re.compile(r"engine='(\w+)'"), r".engine \1"),
     (re.compile(r"from Python: run\(script, (\w+)=\.\.\.\)"), r"with .set \1 VALUE"),
     (re.compile(r"from Python: session\.attach\(name, list\)"), "with .set NAME VALUE or .attach NAME WHAT"),
