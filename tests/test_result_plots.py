@@ -189,3 +189,10 @@ def test_the_command_draws_all_kinds() -> None:
 def test_kinds_of_searches_need_one(ss: ss2sql.Session, kind: str) -> None:
     with pytest.raises(ss2sql.RepresentationError, match="search"):
         ss.run("SELECT this FROM [1, 2];").plot(kind=kind)
+
+
+def test_very_many_lengths_share_bars() -> None:
+    script = "SELECT this FROM [1] START WITH n = 0 CONNECT BY MAXIMUM 5000 n = n + 1 AS list;"
+    with ss2sql.connect() as ss:
+        ax = ss.run(script).plot(kind="lengths")
+    assert [round(bar.get_height()) for bar in ax.patches] == [50] * 100

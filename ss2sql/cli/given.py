@@ -88,12 +88,18 @@ class Given:
 
     def session(self, progress: bool | None = None) -> Session:
         """A session with all of it; without a word about `progress` it is shown on a terminal."""
-        from ss2sql.runtime.connecting import connect  # half a second, which completion and --help need not wait for
+        # Half a second, which completion and --help need not wait for.
+        from ss2sql.runtime.connecting import connect
+        from ss2sql.runtime.sizes import MOST
 
         shown: str | bool = "auto" if progress is None else progress
-        sizes = {} if self.max_size is None else {"max_size": self.max_size}
-        read_only = self.database is not None
-        session = connect(self.database, progress=shown, read_only=read_only, max_memory=self.max_memory, **sizes)
+        session = connect(
+            self.database,
+            progress=shown,
+            read_only=self.database is not None,
+            max_size=MOST if self.max_size is None else self.max_size,
+            max_memory=self.max_memory,
+        )
         for path in self.function_files:
             register(session, path)
         for world in self.worlds:
