@@ -30,6 +30,7 @@ from ss2sql.runtime.run import Run
 duckdb = pytest.importorskip("duckdb")
 
 COUNT = int(os.environ.get("SS2SQL_PROGRAMS", "1000")) // 10
+OWN = duckdb.connect(config={"threads": 1})  # to connect takes 20 ms
 STRATEGIES = (["BREADTH FIRST"], ["UNIQUE"], ["BREADTH FIRST", "NO CYCLE"])
 ROADS = {1: [2, 3], 2: [1, 3, 4], 3: [2, 4, 1.0], 4: [1, 5], 5: [True, 4, 2]}
 
@@ -41,12 +42,12 @@ def ss() -> Any:
         yield session
 
 
-def outcome(case: ProgramCase, statement: ast.Query, engine: Any) -> Any:
-    """The value, or the error; None where the engine refuses the search."""
-    with session_for(case) as ss, contextlib.redirect_stdout(io.StringIO()):
+def outcome(case: ProgramCase, statement: ast.Query, engine: Any, timeout: float) -> Any:
+    """The value, or the error; None where the engine refuses the search, or takes too long."""
+    with session_for(case, session=OWN) as ss, contextlib.redirect_stdout(io.StringIO()):
         try:
-            return exact(compiled(ss, statement, engine).run(timeout=20).value)
-        except ss2sql.UnsupportedError:
+            return exact(compiled(ss, statement, engine).run(timeout=timeout).value)
+        except (ss2sql.UnsupportedError, ss2sql.Timeout):
             return None
         except ss2sql.Error as error:
             return error.code
@@ -82,10 +83,11 @@ def test_random_searches() -> None:
     def run(case: ProgramCase) -> None:
         nonlocal compared
         for statement in variants(case.script):
-            found = outcome(case, statement, "duckdb")
+            wanted = outcome(case, statement, "native", 0.2)  # those without end are left out
+            found = None if wanted is None else outcome(case, statement, "duckdb", 60)
             if found is not None:
                 compared += 1
-                assert found == outcome(case, statement, "native"), statement.options
+                assert found == wanted, statement.options
 
     run()
     assert compared > COUNT // 4

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 from native_host import FakeHost, place
 
+import ss2sql
 from ss2sql import plan
 from ss2sql.errors import Cancelled, ExecutionError, Source, Span, Timeout
 from ss2sql.kinds import ANY, BOOL, type_of
@@ -257,3 +258,24 @@ def test_slow_functions_do_not_delay_the_end(script: str) -> None:
     with pytest.raises(Timeout):
         query.rows(host.start(deadline=started + 0.05))
     assert time.monotonic() - started < 1  # all calls would take 4 s
+
+
+@pytest.mark.parametrize("engine", ["database", "native"])
+@pytest.mark.parametrize(
+    "script",
+    [
+        "SELECT 1 / 0 FROM [1] LIMIT 0 AS list;",
+        "SELECT this FROM [1], (SELECT this FROM mixed WHERE this < 2 AS list) LIMIT 0 AS list;",
+        "SELECT this FROM fail(1) LIMIT n AS list;",
+        "SELECT this FROM [1] START WITH n = 1 / 0 CONNECT BY n = n LIMIT 0 AS list;",
+        "SELECT this FROM [1, 2] START WITH n = 0 CONNECT BY COST -1 MAXIMUM 9 n = n + this LIMIT n AS list;",
+    ],
+)
+def test_with_limit_0_nothing_is_evaluated(engine: Any, script: str) -> None:
+    with ss2sql.connect() as ss:
+        ss.function("fail", lambda x: [1 / 0], volatility="immutable")
+        ss.set("mixed", ["a", 1])
+        ss.set("n", 0)
+        result = ss.run(script, engine=engine)
+        assert (result.value, result.engine, result.stats.generated) == ([], engine, 0)
+        assert not result.stats.calls

@@ -99,14 +99,6 @@ def _nested_limit(query: plan.Query, nested: bool) -> Span | None:
     return None if is_count and fixed else limit.span
 
 
-def _search_for_nothing(query: plan.Query, nested: bool) -> Span | None:
-    """SQLite takes the first steps of a search before it looks at LIMIT 0; with it none is to be evaluated."""
-    limit = query.limit
-    if query.search is None or limit is None or query.group or query.order:
-        return None
-    return limit.span if limit.type.only(Kind.INT) and limit.type.low == limit.type.high == 0 else None
-
-
 def _label(query: plan.Query, nested: bool) -> Span | None:
     return next((output.label.span for output in query.columns if output.label is not None), None)
 
@@ -168,7 +160,6 @@ RULES: tuple[Rule, ...] = (
     Rule("a partition inside another query", "assign it to a variable before the query", _nested_partition),
     Rule("an inner ORDER BY over values of several kinds", "sort by numbers or strings alone", _nested_order),
     Rule("an inner LIMIT that is not known beforehand to be a count", "write a number", _nested_limit),
-    Rule("LIMIT 0 of a search, of which nothing is evaluated", "leave the engine to ss2sql", _search_for_nothing),
     Rule("SELECT * over columns that only the elements know", "name the columns", _nested_star),
     Rule("a column name with half of a surrogate pair", "give the column another name", _unwritable_name),
     Rule("a column name that is computed", "write the name itself in to(expr, name)", _label),

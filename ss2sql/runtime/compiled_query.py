@@ -142,6 +142,8 @@ class CompiledQuery:
         limit = self._count(self.limit, run, 0, "LIMIT", self.query.limit)
         maximum = self._most(run)
         cut_early = limit is not None and not self.query.order and not self.query.group
+        if cut_early and limit == 0:
+            return sink  # nothing of the query is evaluated; SQLite would bind values and take first steps
         most = min((n for n in (maximum, limit if cut_early else None) if n is not None), default=None)
         bound = run.bound[self] = {}
 

@@ -43,6 +43,10 @@ def answer(ref: Reference, query: ast.Query, outer: Frame | None) -> Any:
     representation = "dict" if query.representation is None else query.representation.name.lower()
     shape(representation, [])  # an unknown one fails at once
 
+    if limit == 0 and not query.order and not query.group:  # nothing of the query is evaluated
+        search.check_bounds(ref, query, outer)
+        return [] if query.connect and representation != "void" else shape(representation, [])
+
     if query.connect:
         hunt = search.Search(ref, query, outer)
         sources, per_group = hunt.sources, hunt.per_group

@@ -39,6 +39,13 @@ Path = tuple[Step, ...]
 Seen = Callable[[Hashable], bool]
 
 
+def check_bounds(ref: Reference, query: ast.Query, outer: Frame | None) -> None:
+    """MAXIMUM and MEMORIZE are whole numbers, also where nothing is searched for."""
+    for option in query.options:
+        if option.keyword in ("MAXIMUM", "MEMORIZE") and option.argument is not None:
+            queries.at_least(1, ref.evaluate(option.argument, outer))
+
+
 def check(query: ast.Query) -> None:
     """The options of CONNECT BY that contradict each other, and clauses that need CONNECT BY."""
     if not query.connect and (query.start or query.stop is not None):

@@ -71,7 +71,8 @@ class Task:
         """
         form, query = self.form, self.form.query
         settings = Settings(*self.settings(*outer)) if self.settings else NO_SETTINGS
-        every = self._found(settings.bound, outer)
+        nothing = settings.limit == 0 and not self._is_keyed  # is evaluated then
+        every = _none_found() if nothing else self._found(settings.bound, outer)
         counts = [settings.maximum, self.run.maximum if outermost and query.search else None]
         found = islice(every, min((number for number in counts if number is not None), default=None))
         answer = Rows(form.columns) if sink is None else sink
@@ -136,6 +137,10 @@ class Task:
         results.extend(found if most is None else islice(found, most + 1))
         if most is not None and len(results) > most:
             raise too_many(self.form.query, most)
+
+
+def _none_found() -> Generator[Any, None, None]:
+    yield from ()
 
 
 def _with_outer(function: Callable[..., Any], outer: tuple[Any, ...], *seen: Any) -> Any:
