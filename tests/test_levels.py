@@ -150,6 +150,28 @@ def test_a_step_that_fails_counts_where_it_would_have_been_taken(strategy: str, 
     assert found("duckdb") == found("native")
 
 
+@pytest.mark.parametrize("strategy", ["UNIQUE", "BREADTH FIRST NO CYCLE", "BREADTH FIRST"])
+@pytest.mark.parametrize("most", [1, 3, 4, 6, 9])
+@pytest.mark.parametrize("row", ["10 / (4 - x.this)", "x.this"])
+def test_rows_and_sources_that_fail(strategy: str, most: int, row: str) -> None:
+    def found(engine: Any) -> Any:
+        with ss2sql.connect() as ss:
+            ss.set(
+                "roads", [[0], [2, 3], [3, 1, 5], [2, 7 if "/" in row else 4], []]
+            )  # there are no roads from 5 and 7
+            ss.set("most", most)
+            script = (
+                f"SELECT {row} FROM x = roads[n] START WITH n = 1"
+                f" CONNECT BY {strategy} MAXIMUM (most) n = x.this AS list;"
+            )
+            try:
+                return ss.run(script, engine=engine).value
+            except ss2sql.Error as error:
+                return error.code, error.span
+
+    assert found("duckdb") == found("native")
+
+
 REFUSED = {
     "": ("DEPTH FIRST goes on from the last step", "write BREADTH FIRST, or UNIQUE without DEPTH FIRST"),
     "NO CYCLE": ("DEPTH FIRST goes on from the last step", "write BREADTH FIRST"),

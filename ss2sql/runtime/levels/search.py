@@ -19,6 +19,7 @@ from ss2sql.runtime.levels.statements import DROP_WAYS, Statements
 from ss2sql.runtime.levels.tables import Tables
 from ss2sql.runtime.memorize.hunt import Found, Hunt
 from ss2sql.runtime.memorize.pieces import Last, Pieces, State
+from ss2sql.runtime.rows import Row
 from ss2sql.runtime.run import Level
 from ss2sql.runtime.values import freeze
 
@@ -64,13 +65,19 @@ class LevelSearch:
         """All steps from the states of the frontier."""
         block: list[tuple[Any, ...]] = []
         for parent, state in self._expanded():
-            for last in self.pieces.elements(state):
+            try:
+                for last in self.pieces.elements(state):
+                    self.tried += 1
+                    made = self._tried(last)
+                    if made is not None:
+                        block.append((self.tried, parent, *made))
+                        if len(block) >= BLOCK:
+                            self._add(block)
+            except (Stopped, UnsupportedError):
+                raise
+            except Exception:  # of the sources
                 self.tried += 1
-                made = self._tried(last)
-                if made is not None:
-                    block.append((self.tried, parent, *made))
-            if len(block) >= BLOCK:
-                self._add(block)
+                block.append((self.tried, parent, *self._failed(None)))
         self._add(block)
 
     def _expanded(self) -> Iterator[tuple[int, State]]:
@@ -101,10 +108,13 @@ class LevelSearch:
         except (Stopped, UnsupportedError):
             raise
         except Exception:
-            if row is None:
-                raise  # which row it is does not depend on other steps
-            return key_of(row), None, None, False, False, None, True
+            return self._failed(row)
         return key_of(row), encoded(row), encoded(last) if self.hunt.keyed else None, goal, not ends, state, False
+
+    def _failed(self, row: Row | None) -> tuple[Any, ...]:
+        """What `tries` has of a step that has raised an error; one without a row counts whatever others there are."""
+        key = b"\xff%d" % self.tried if row is None else key_of(row)  # no key of a row begins like this
+        return key, None, None, False, False, None, True
 
     def _paths(self, failed: int | None) -> Iterator[Found]:
         """The paths to the goals of a level, those before the step that failed."""
