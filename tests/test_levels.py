@@ -172,6 +172,21 @@ def test_rows_and_sources_that_fail(strategy: str, most: int, row: str) -> None:
     assert found("duckdb") == found("native")
 
 
+def test_a_function_that_fails_once_only(ss: ss2sql.Session) -> None:
+    calls = []
+
+    def moody(n: int) -> int:
+        calls.append(n)
+        if len(calls) == 1:
+            raise ValueError
+        return n
+
+    ss.function("moody", moody, volatility="immutable")
+    with pytest.raises(ss2sql.ExecutionError, match="did not fail again") as caught:
+        ss.run("SELECT moody(n + this) FROM [1] START WITH n = 0 CONNECT BY UNIQUE n = n + this;", engine="duckdb")
+    assert caught.value.code == "X009"
+
+
 REFUSED = {
     "": ("DEPTH FIRST goes on from the last step", "write BREADTH FIRST, or UNIQUE without DEPTH FIRST"),
     "NO CYCLE": ("DEPTH FIRST goes on from the last step", "write BREADTH FIRST"),
@@ -265,6 +280,19 @@ def test_what_does_not_fit_into_memory_goes_to_files(tmp_path: Path, monkeypatch
         )
     assert [int(path[-1]) for path in result.value] == [39998, 39999]
     assert max(seen) > 10_000_000
+
+
+def test_what_fits_nowhere_is_an_error_of_ours() -> None:
+    own = duckdb.connect(config={"memory_limit": "4MB", "temp_directory": "", "threads": 1})
+    with ss2sql.connect(engine="duckdb", session=own) as ss:
+        ss.function("wide", lambda n: f"{n + 1:0100000}", volatility="immutable")
+        script = (
+            "SELECT wide(int(s)) FROM [0] START WITH s = '0' CONNECT BY UNIQUE s = wide(int(s)) STOP WITH int(s) > 300;"
+        )
+        with pytest.raises(ss2sql.ExecutionError, match="duckdb: Out of Memory") as caught:
+            ss.run(script)
+        assert caught.value.code == "X009"
+        assert ss.run("SELECT this FROM [1] START WITH n = 0 CONNECT BY UNIQUE n = this AS list;").value == [[1]]
 
 
 def test_nothing_is_left_in_the_folder_for_temporary_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -27,9 +27,9 @@ def table_engine(name: str, session: Any = None) -> TableEngine | None:
     """
     if name != "duckdb":
         return None
-    package("duckdb", "duckdb", "engine='duckdb'")
+    duckdb = package("duckdb", "duckdb", "engine='duckdb'")
     package("pyarrow", "duckdb", "engine='duckdb'")
     from ss2sql.runtime.levels.duck import Duck
 
     duck = Duck(session)
-    return TableEngine(name, DUCKDB, duck.open, duck.close)
+    return TableEngine(name, DUCKDB, duck.open, duck.close, duckdb.Error)

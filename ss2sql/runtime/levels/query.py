@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 from ss2sql import plan
-from ss2sql.errors import Span, UnsupportedError
+from ss2sql.errors import ExecutionError, Span, UnsupportedError
 from ss2sql.lowering.dialects import Dialect
 from ss2sql.runtime.levels.search import LevelSearch
 from ss2sql.runtime.levels.statements import Statements
@@ -24,12 +24,16 @@ from ss2sql.runtime.run import Run
 
 @dataclass(frozen=True, slots=True)
 class TableEngine:
-    """A database that searches by levels: its name among the engines, its dialect, and what opens tables for a run."""
+    """A database that searches by levels.
+
+    Its name among the engines, its dialect, what opens tables for a run, what ends it, and the errors that it raises.
+    """
 
     name: str
     dialect: Dialect
     open: Callable[[], Tables]
     close: Callable[[], None]
+    errors: type[Exception]
 
 
 class LevelQuery:
@@ -44,7 +48,7 @@ class LevelQuery:
                 reason = f"{rule.reason}, which the tables of {engine.name} cannot do"
                 raise UnsupportedError("U001", reason, place, (rule.cure,))
         self.engine = engine.name
-        self.tables = engine.open
+        self.database = engine
         self.written = Statements(engine.dialect, search.repeats)
         # MEMORIZE asks for the clauses one by one, and leaves it to others what becomes of steps.
         apart = replace(query, search=replace(search, order="depth first", repeats="memorize"))
@@ -60,10 +64,13 @@ class LevelQuery:
         return self._native.rows(run, sink)
 
     def _found(self, hunt: Hunt) -> Iterator[Found]:
-        tables = self.tables()
+        tables = self.database.open()
         try:
             with watched(hunt.run, tables):
                 yield from LevelSearch(hunt, tables, self.written).results()
+        except self.database.errors as error:
+            hint = "look at its limit of memory and the room on its disk"
+            raise ExecutionError("X009", f"{self.engine}: {error}", hunt.query.span, (hint,)) from error
         finally:
             tables.close()
 

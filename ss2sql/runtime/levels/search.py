@@ -14,7 +14,7 @@ from marshal import dumps, loads
 from operator import itemgetter
 from typing import Any
 
-from ss2sql.errors import Stopped, UnsupportedError
+from ss2sql.errors import ExecutionError, Stopped, UnsupportedError
 from ss2sql.runtime.levels.statements import DROP_WAYS, Statements
 from ss2sql.runtime.levels.tables import Tables
 from ss2sql.runtime.memorize.hunt import Found, Hunt
@@ -65,20 +65,23 @@ class LevelSearch:
         """All steps from the states of the frontier."""
         block: list[tuple[Any, ...]] = []
         for parent, state in self._expanded():
-            try:
-                for last in self.pieces.elements(state):
-                    self.tried += 1
-                    made = self._tried(last)
-                    if made is not None:
-                        block.append((self.tried, parent, *made))
-                        if len(block) >= BLOCK:
-                            self._add(block)
-            except (Stopped, UnsupportedError):
-                raise
-            except Exception:  # of the sources
+            for last in self._lasts(state):
                 self.tried += 1
-                block.append((self.tried, parent, *self._failed(None)))
+                made = self._failed(None) if last is None else self._tried(last)
+                if made is not None:
+                    block.append((self.tried, parent, *made))
+                    if len(block) >= BLOCK:
+                        self._add(block)
         self._add(block)
+
+    def _lasts(self, state: State) -> Iterator[Last | None]:
+        """The elements of a state with it; at the end None where the sources fail."""
+        try:
+            yield from self.pieces.elements(state)
+        except (Stopped, UnsupportedError):
+            raise
+        except Exception:  # raised by `_fail`, if it counts
+            yield None
 
     def _expanded(self) -> Iterator[tuple[int, State]]:
         """The states of the frontier with their steps."""
@@ -128,7 +131,7 @@ class LevelSearch:
         self.tables.run(DROP_WAYS)
 
     def _fail(self, step: int, before: int) -> None:
-        """Takes the step that failed once more."""
+        """Takes the step that failed once more, which raises its error."""
         number = before
         for _, state in self._expanded():
             for last in self.pieces.elements(state):
@@ -139,7 +142,8 @@ class LevelSearch:
                         if clause is not None:
                             clause(last, row, None)
                     self.pieces.follow(last, row)
-                    return
+        hint = "see whether a function is declared immutable that is not"
+        raise ExecutionError("X009", "a step that failed did not fail again", hints=(hint,))
 
 
 def encoded(values: State) -> bytes:
