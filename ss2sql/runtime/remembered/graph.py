@@ -41,8 +41,8 @@ class Edge:
 class Node:
     """A state. `number` is that of its row in the tables, as long as `era` is that of the graph.
 
-    `edges` are None as long as they are not known; `loaded` says that they come from the tables, `touched` that there
-    is something new to write.
+    `edges` are None as long as they are not known; `loaded` says that another search has found them out, `touched`
+    that there is something new to write.
     """
 
     __slots__ = ("edges", "era", "loaded", "number", "state", "text", "touched")
@@ -104,6 +104,7 @@ class GraphInFile:
         self.era = 0  # how often somebody has dropped the graph
         self._nodes: dict[int, Node] = {}
         self._by_text: dict[str, Node] = {}  # nodes that came without a number
+        self._own: set[int] = set()  # the numbers of those whose steps this search has written
         self._rows: dict[str, tuple[Row, Hashable]] = {}
 
     # --- reading ---------------------------------------------------------------------------------------
@@ -164,7 +165,7 @@ class GraphInFile:
         for number, count in counts.items():
             if len(edges[number]) == count:  # else the graph was dropped meanwhile
                 nodes[number].edges = edges[number]
-                nodes[number].loaded = True
+                nodes[number].loaded = number not in self._own
 
     def _decode_rows(self, texts: Iterable[str]) -> None:
         new = [text for text in texts if text not in self._rows]
@@ -206,6 +207,7 @@ class GraphInFile:
                 self.era += 1
                 self._nodes.clear()
                 self._by_text.clear()
+                self._own.clear()
             self._check((*nodes, *targets))
             numbers = self._numbers(number, (*nodes, *targets))
             clauses = [self.store.clause(number, one.key, one.kind, one.text) for one in self.clauses]
@@ -227,6 +229,7 @@ class GraphInFile:
             self.store.touch(number, levels)
         self.made |= made
         self.number = number
+        self._own.update(numbers[id(node)] for node in nodes if node.edges is not None)
         for node in (*nodes, *targets):
             node.number = numbers[id(node)]
 
