@@ -25,7 +25,7 @@ from prompt_toolkit.input import PipeInput, create_pipe_input
 from prompt_toolkit.output import DummyOutput
 
 from ss2sql.shell.colors import ShellLexer, TranscriptLexer
-from ss2sql.shell.terminal import Terminal
+from ss2sql.shell.terminal import Terminal, _Remembered
 
 ENTER, TAB, CTRL_C, CTRL_D, UP, ESCAPE = "\r", "\t", "\x03", "\x04", "\x1b[A", "\x1b"
 
@@ -233,6 +233,10 @@ def test_a_full_disk_does_not_end_the_shell(keys: PipeInput, folder: Path, capsy
         (folder / "state" / "ss2sql" / "history").mkdir()
         run(terminal, keys, f"1;{ENTER}", f"2;{ENTER}")
     assert capsys.readouterr().out.splitlines()[-2:] == ["1", "2"]
+
+
+def test_a_history_that_cannot_be_read_is_empty(folder: Path) -> None:
+    assert list(_Remembered(str(folder)).load_history_strings()) == []
 
 
 # --- the command ---------------------------------------------------------------------------------------

@@ -180,6 +180,12 @@ class _Remembered(FileHistory):
         if is_kept(string):
             super().append_string(string)
 
+    def load_history_strings(self) -> Iterable[str]:
+        try:
+            return list(super().load_history_strings())
+        except OSError:  # else prompt_toolkit shows a traceback and waits for Enter
+            return ()
+
     def store_string(self, string: str) -> None:
         try:
             super().store_string(string)
