@@ -6,13 +6,13 @@ import json
 import os
 import signal
 import sqlite3
-import sys
 import threading
 import time
 from contextlib import closing
 from pathlib import Path
 
 import pytest
+from shells import TWICE, moved_into
 
 import ss2sql
 from ss2sql.shell.commands import COMMANDS
@@ -21,24 +21,16 @@ from ss2sql.shell.settings import SETTINGS, Settings
 from ss2sql.shell.shell import Leave, Shell
 
 ENDLESS = "SELECT this FROM [1, 2] START WITH n = 0 CONNECT BY n = n + 1;"
-FUNCTIONS = '''
-def twice(x):
-    """Twice the value."""
-    return 2 * x
-
+FUNCTIONS = f"""
+{TWICE}
 def broken(x):
     return x + "a"
-'''
+"""
 
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "path", list(sys.path))
-    monkeypatch.setenv("COLUMNS", "100")
-    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
-    (tmp_path / "functions.py").write_text(FUNCTIONS)
-    return tmp_path
+    return moved_into(tmp_path, monkeypatch, FUNCTIONS)
 
 
 @pytest.fixture

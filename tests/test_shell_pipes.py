@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner, Result
+from shells import moved_into
 
 import ss2sql
 from ss2sql.cli import main
@@ -24,12 +25,7 @@ ENDLESS = "SELECT this FROM [1, 2] START WITH n = 0 CONNECT BY n = n + 1;"
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "path", list(sys.path))
-    monkeypatch.setenv("COLUMNS", "100")
-    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
-    (tmp_path / "functions.py").write_text("def twice(x):\n    return 2 * x\n")
-    return tmp_path
+    return moved_into(tmp_path, monkeypatch)
 
 
 @pytest.fixture

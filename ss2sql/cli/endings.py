@@ -14,7 +14,7 @@ from typing import Any, NoReturn, TextIO, TypeVar
 
 import click
 
-from ss2sql.errors import Cancelled, Error, Stopped, Timeout, render_all
+from ss2sql.errors import Cancelled, Error, Stopped, Timeout, render_all, respell
 from ss2sql.errors.visible import visible
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -114,16 +114,9 @@ SPELLINGS = (
 )
 
 
-def _spell_for_shells(error: Error) -> None:
-    """Makes hints speak of options."""
-    for one in error.errors:
-        for pattern, spelling in SPELLINGS:
-            one.hints = tuple(pattern.sub(spelling, hint) for hint in one.hints)
-
-
 def _end_with(error: Error) -> NoReturn:
     code = TIMEOUT if isinstance(error, Timeout) else CTRL_C if isinstance(error, Cancelled) else SCRIPT
-    _spell_for_shells(error)
+    respell(error, SPELLINGS)
     if writes_json():
         for one in error.errors:
             found = {"found": _found(error)} if isinstance(error, Stopped) else {}

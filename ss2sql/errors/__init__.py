@@ -6,7 +6,7 @@ own exception type; it only gets a note that names the line of the script (see `
 - places.py: scripts, and stretches of them
 - codes.py: the table of codes
 - family.py: the classes of errors
-- hints.py: known names that are nearly the one that was written
+- hints.py: known names that are nearly the one that was written; hints in the words of a shell
 - notes.py: the note on exceptions of the user
 - render.py: the text of an error
 """
@@ -27,6 +27,7 @@ from ss2sql.errors.family import UnsupportedError as UnsupportedError
 from ss2sql.errors.family import WorkersWarning as WorkersWarning
 from ss2sql.errors.family import several as several
 from ss2sql.errors.hints import did_you_mean as did_you_mean
+from ss2sql.errors.hints import respell as respell
 from ss2sql.errors.hints import similar as similar
 from ss2sql.errors.notes import note_once as note_once
 from ss2sql.errors.notes import note_place as note_place

@@ -1,9 +1,15 @@
-"""Known names that are nearly the one that was written."""
+"""Hints: known names that are nearly the one that was written; the words of whoever reads them."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from difflib import get_close_matches
+from typing import TypeAlias
+
+from ss2sql.errors.family import Error
+
+Spellings: TypeAlias = tuple[tuple[re.Pattern[str], str], ...]
 
 FEW = 8  # so many names can all be shown
 
@@ -27,3 +33,10 @@ def did_you_mean(name: str, known: Iterable[str]) -> tuple[str, ...]:
     if 0 < len(names) <= FEW:
         return ("known here: " + ", ".join(names),)
     return ()
+
+
+def respell(error: Error, spellings: Spellings) -> None:
+    """Makes hints, which speak to users of Python, speak to those of a command line or a shell."""
+    for one in error.errors:
+        for pattern, spelling in spellings:
+            one.hints = tuple(pattern.sub(spelling, hint) for hint in one.hints)

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from ss2sql import plan
 from ss2sql.explained.facts import PlanLine
 from ss2sql.explained.words import cut, queue_words
+from ss2sql.runtime.levels.statements import GUARDS
 
 LONGEST = 60  # characters of what is walked
 
@@ -33,13 +34,6 @@ def plan_in_python(query: plan.Query) -> tuple[PlanLine, ...]:
     return (*lines, *_endings(query))
 
 
-KEPT = {
-    "allowed": "keeps all of them",
-    "unique": "keeps the first step to each row that no level before has reached",
-    "no cycle": "keeps those whose row is not met on the way back to the start",
-}
-
-
 def plan_in_tables(query: plan.Query) -> tuple[PlanLine, ...]:
     """The search as it goes from level to level in tables."""
     assert query.search is not None
@@ -47,7 +41,7 @@ def plan_in_tables(query: plan.Query) -> tuple[PlanLine, ...]:
         PlanLine(0, "searches level by level; all states of a level together:"),
         PlanLine(1, "tries the steps from them, in Python"),
         *_loops(query, 2, inner=True),
-        PlanLine(1, KEPT[query.search.repeats]),
+        PlanLine(1, GUARDS[query.search.repeats].words),
         PlanLine(1, "gives the paths to the goals among them"),
     )
     return (*lines, *_endings(query))

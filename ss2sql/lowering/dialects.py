@@ -41,29 +41,25 @@ class _Sqlite(_ShortParentheses):
         return self.binary(expression, "IS NOT")
 
 
-_OWN = {"sqlite": _Sqlite}
-
-
-@cache
-def _printer(name: str) -> type[Generator]:
-    """The class that prints a dialect of sqlglot."""
-    own = _OWN.get(name, _ShortParentheses)
-    return type("Printer", (own, sqlglot.Dialect.get_or_raise(name).generator_class), {})
-
-
 @dataclass(frozen=True, slots=True)
 class Dialect:
     """A dialect by its name in sqlglot. User names keep their case; lines are indented by two blanks."""
 
     name: str
+    printing: type[Generator] = _ShortParentheses
 
     def print(self, tree: exp.Expr) -> str:
         options: dict[str, Any] = {"pretty": True, "normalize_functions": False}
-        return _printer(self.name)(dialect=self.name, **options).generate(tree)
+        return _printer(self)(dialect=self.name, **options).generate(tree)
 
 
-SQLITE = Dialect("sqlite")
+@cache
+def _printer(dialect: Dialect) -> type[Generator]:
+    """The class that prints a dialect: what sqlglot has for it, printing as the row says."""
+    return type("Printer", (dialect.printing, sqlglot.Dialect.get_or_raise(dialect.name).generator_class), {})
 
+
+SQLITE = Dialect("sqlite", _Sqlite)
 DUCKDB = Dialect("duckdb")
 
 DIALECTS: dict[str, Dialect] = {dialect.name: dialect for dialect in (SQLITE,)}

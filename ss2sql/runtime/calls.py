@@ -33,6 +33,15 @@ def sql_function(function: UserFunction, memo: Memo, stack: list[Execution]) -> 
     remember = function.volatility != "volatile"
     changes = function.changes
 
+    def passed_on(execution: Execution, arguments: tuple[Any, ...], error: Exception) -> Exception:
+        """What goes through SQLite for an exception of the user's: noted, and remembered where calls are."""
+        execution.failed = True
+        note_place(error, name, execution.calls.get(name, ()))
+        passing = HeldError(error) if isinstance(error, StopIteration) else error
+        if remember:
+            memo.failures[dumps(arguments, 2)] = passing
+        return passing
+
     def call(*arguments: Any) -> Any:
         """A real call; what it costs beside the function itself is 1 us."""
         execution = stack[-1]
@@ -53,12 +62,7 @@ def sql_function(function: UserFunction, memo: Memo, stack: list[Execution]) -> 
         try:
             result = body(*values)
         except Exception as error:
-            execution.failed = True
-            note_place(error, name, execution.calls.get(name, ()))
-            passing = HeldError(error) if isinstance(error, StopIteration) else error
-            if remember:
-                memo.failures[dumps(arguments, 2)] = passing
-            if passing is not error:
+            if (passing := passed_on(execution, arguments, error)) is not error:
                 raise passing from None
             raise
         other: OtherFormError | None = None
@@ -76,12 +80,7 @@ def sql_function(function: UserFunction, memo: Memo, stack: list[Execution]) -> 
                 memo.failures[dumps(arguments, 2)] = located
             raise located from None
         except Exception as error:  # the result is an object that fails when it is looked at, such as a generator
-            execution.failed = True
-            note_place(error, name, execution.calls.get(name, ()))
-            passing = HeldError(error) if isinstance(error, StopIteration) else error
-            if remember:
-                memo.failures[dumps(arguments, 2)] = passing
-            if passing is not error:
+            if (passing := passed_on(execution, arguments, error)) is not error:
                 raise passing from None
             raise
         # What was proved of plain data says nothing of other objects.

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from typing import Any, Literal, TypeAlias, get_args
 
-from ss2sql.errors import SessionError, did_you_mean
 from ss2sql.lowering.dialects import DUCKDB
 from ss2sql.results import package
 from ss2sql.runtime.levels.query import TableEngine
+from ss2sql.runtime.opening import check_known
 
 Engine: TypeAlias = Literal["auto", "database", "native", "duckdb"]
 ENGINES: tuple[Engine, ...] = get_args(Engine)
 
 
-def check_engine(engine: str) -> None:
-    if engine not in ENGINES:
-        raise SessionError("S002", f"there is no engine {engine!r}", hints=did_you_mean(str(engine), ENGINES))
+def check_engine(engine: Any) -> None:
+    check_known("engine", (engine,), ENGINES)
 
 
 def table_engine(name: str, session: Any = None) -> TableEngine | None:

@@ -33,11 +33,11 @@ def check_bound(name: str, value: Any, least: int) -> None:
         raise SessionError("S002", f"{name} is a whole number of at least {least}, not {value!r}")
 
 
-def check_known(what: str, words: Iterable[str], known: Collection[str]) -> None:
+def check_known(what: str, words: Iterable[Any], known: Collection[str]) -> None:
     """Raises SessionError S002 for a word that is not known."""
     for word in words:
         if word not in known:
-            raise SessionError("S002", f"there is no {what} '{word}'", hints=did_you_mean(word, known))
+            raise SessionError("S002", f"there is no {what} {word!r}", hints=did_you_mean(str(word), known))
 
 
 def check_sizes(max_size: Any, max_memory: Any) -> None:

@@ -13,7 +13,7 @@ import click
 from ss2sql.cli.endings import UserError, note, told, wants_color, writes_json
 from ss2sql.cli.output import output_of
 from ss2sql.cli.run import as_data, run_script
-from ss2sql.errors import Cancelled, Error, Source, Stopped, render_all
+from ss2sql.errors import Cancelled, Error, Source, Stopped, render_all, respell
 from ss2sql.errors.visible import visible
 from ss2sql.frontend import ast
 from ss2sql.frontend.parser import parse
@@ -113,7 +113,7 @@ class Shell:
         self.cancelled |= isinstance(error, (Cancelled, KeyboardInterrupt))
         sys.stdout.flush()
         if isinstance(error, Error):
-            _respell(error)
+            respell(error, SPELLINGS)
         click.echo(_message(error), err=True, color=wants_color(sys.stderr))
 
     def say_sql(self, text: str) -> None:
@@ -138,13 +138,6 @@ SPELLINGS = (
     (re.compile(r"from Python: run\(script, (\w+)=\.\.\.\)"), r"with .set \1 VALUE"),
     (re.compile(r"from Python: session\.attach\(name, list\)"), "with .set NAME VALUE or .attach NAME WHAT"),
 )
-
-
-def _respell(error: Error) -> None:
-    """Makes hints speak of dot commands."""
-    for one in error.errors:
-        for pattern, spelling in SPELLINGS:
-            one.hints = tuple(pattern.sub(spelling, hint) for hint in one.hints)
 
 
 def _message(error: BaseException) -> str:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from ss2sql import plan
 from ss2sql.errors import ExecutionError, Span, UnsupportedError
 from ss2sql.lowering.dialects import Dialect
+from ss2sql.lowering.unsupported import Rule
 from ss2sql.runtime.levels.search import LevelSearch
 from ss2sql.runtime.levels.statements import Statements
 from ss2sql.runtime.levels.tables import Tables
@@ -43,16 +44,14 @@ class LevelQuery:
         search = query.search
         assert search is not None
         for rule in RULES:
-            place = rule.find(query, search)
+            place = rule.find(query, False)
             if place is not None:
                 reason = f"{rule.reason}, which the tables of {engine.name} cannot do"
                 raise UnsupportedError("U001", reason, place, (rule.cure,))
         self.engine = engine.name
         self.database = engine
         self.written = Statements(engine.dialect, search.repeats)
-        # MEMORIZE asks for the clauses one by one, and leaves it to others what becomes of steps.
-        apart = replace(query, search=replace(search, order="depth first", repeats="memorize"))
-        self._native = NativeQuery(apart, find=self._found)
+        self._native = NativeQuery(taken_apart(query), find=self._found)
 
     @property
     def sql(self) -> str:
@@ -78,35 +77,32 @@ class LevelQuery:
 # --- what is refused -----------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class Rule:
-    """What is refused: `find` gives its place."""
-
-    reason: str
-    cure: str
-    find: Callable[[plan.Query, plan.Search], Span | None]
+def taken_apart(query: plan.Query) -> plan.Query:
+    """The search by MEMORIZE, which asks for the clauses one by one, and leaves it to others what becomes of steps."""
+    assert query.search is not None
+    return replace(query, search=replace(query.search, order="depth first", repeats="memorize"))
 
 
-def _depth_first(query: plan.Query, search: plan.Search) -> Span | None:
-    return query.span if search.order == "depth first" and search.repeats != "memorize" else None
+def _depth_first(query: plan.Query, nested: bool) -> Span | None:
+    search = query.search
+    return query.span if search and search.order == "depth first" and search.repeats != "memorize" else None
 
 
-def _weighted(query: plan.Query, search: plan.Search) -> Span | None:
-    return None if search.weight is None else search.weight.span
+def _weighted(query: plan.Query, nested: bool) -> Span | None:
+    return query.search.weight.span if query.search and query.search.weight else None
 
 
-def _graph(query: plan.Query, search: plan.Search) -> Span | None:
-    return query.span if search.repeats == "memorize" else None
+def _graph(query: plan.Query, nested: bool) -> Span | None:
+    return query.span if query.search and query.search.repeats == "memorize" else None
 
 
-def _aggregated(query: plan.Query, search: plan.Search) -> Span | None:
+def _aggregated(query: plan.Query, nested: bool) -> Span | None:
     return query.group[0].span if query.aggregated else None
 
 
-def _unsteady(query: plan.Query, search: plan.Search) -> Span | None:
-    analysis = Analysis((query,))
-    apart = replace(query, search=replace(search, repeats="memorize"))
-    return None if can_be_taken_apart(Builder(Unit(query.span, analysis)), apart) else query.span
+def _unsteady(query: plan.Query, nested: bool) -> Span | None:
+    builder = Builder(Unit(query.span, Analysis((query,))))
+    return None if can_be_taken_apart(builder, taken_apart(query)) else query.span
 
 
 RULES = (

@@ -15,7 +15,7 @@ from operator import itemgetter
 from typing import Any
 
 from ss2sql.errors import ExecutionError, Stopped, UnsupportedError
-from ss2sql.runtime.levels.statements import DROP_WAYS, Statements
+from ss2sql.runtime.levels.statements import Statements
 from ss2sql.runtime.levels.tables import Tables
 from ss2sql.runtime.memorize.hunt import Found, Hunt
 from ss2sql.runtime.memorize.pieces import Last, Pieces, State
@@ -128,7 +128,7 @@ class LevelSearch:
             path = list(rows)
             last = path[-1][2]
             yield [loads(row) for _, row, _ in path], None if last is None else loads(last)
-        self.tables.run(DROP_WAYS)
+        self.tables.run(self.written.no_ways)
 
     def _fail(self, step: int, before: int) -> None:
         """Takes the step that failed once more, which raises its error."""

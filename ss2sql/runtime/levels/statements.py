@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, partial
 
 import sqlglot
 
@@ -32,17 +32,23 @@ TABLES = {
 
 @dataclass(frozen=True, slots=True)
 class Guard:
-    """What makes `kept` of `tries`, and what finds the first try that failed and counts."""
+    """What makes `kept` of `tries`, in words and in SQL, and what finds the first try that failed and counts."""
 
+    words: str
     kept: str
     failed: str
     before: str | None = None
     after: str | None = None
 
 
-EVERY = Guard("CREATE TABLE kept AS SELECT * FROM tries WHERE NOT failed", "SELECT MIN(step) FROM tries WHERE failed")
+EVERY = Guard(
+    "keeps all of them",
+    "CREATE TABLE kept AS SELECT * FROM tries WHERE NOT failed",
+    "SELECT MIN(step) FROM tries WHERE failed",
+)
 # The first step to a row, if none of a level before has led there.
 FIRST = Guard(
+    "keeps the first step to each row that no level before has reached",
     """
     CREATE TABLE kept AS
     SELECT * FROM tries WHERE step IN (
@@ -63,6 +69,7 @@ FIRST = Guard(
 )
 # Every step whose row is not met on the way back to the start. From level to level all ways have the same length.
 FREE = Guard(
+    "keeps those whose row is not met on the way back to the start",
     "CREATE TABLE kept AS SELECT * FROM tries WHERE NOT failed AND step IN (SELECT step FROM free)",
     "SELECT MIN(step) FROM tries WHERE failed AND step IN (SELECT step FROM free)",
     before="""
@@ -115,53 +122,27 @@ GO_ON = (
 DROP_WAYS = "DROP TABLE ways"
 
 
+@cache
+def printed(dialect: Dialect, text: str) -> str:
+    """A statement in a dialect; to read and to write one takes a millisecond."""
+    return dialect.print(sqlglot.parse_one(text, read="duckdb"))
+
+
 class Statements:
     """The statements of a search in one dialect; `repeats` says what happens to rows that were met before."""
 
     def __init__(self, dialect: Dialect, repeats: plan.Repeats) -> None:
-        self.dialect = dialect
-        self.guard = GUARDS[repeats]
-
-    def printed(self, text: str) -> str:
-        return self.dialect.print(sqlglot.parse_one(text, read="duckdb"))
-
-    @cached_property
-    def made(self) -> list[str]:
-        return [self.printed(f"CREATE TABLE {name}({columns})") for name, columns in TABLES.items()]
-
-    @cached_property
-    def expanded(self) -> str:
-        return self.printed(EXPANDED)
-
-    @cached_property
-    def kept(self) -> list[str]:
-        """What makes `kept`."""
-        return [self.printed(text) for text in (self.guard.before, self.guard.kept) if text is not None]
-
-    @cached_property
-    def failed(self) -> str:
-        return self.printed(self.guard.failed)
-
-    @cached_property
-    def keep(self) -> str:
-        return self.printed(KEEP)
-
-    @cached_property
-    def counts(self) -> str:
-        return self.printed(COUNTS)
-
-    @cached_property
-    def ways(self) -> str:
-        return self.printed(WAYS)
-
-    @cached_property
-    def paths(self) -> str:
-        return self.printed(PATHS)
-
-    @cached_property
-    def go_on(self) -> list[str]:
-        """What leads to the next level."""
-        return [self.printed(text) for text in (*GO_ON, self.guard.after) if text is not None]
+        guard, say = GUARDS[repeats], partial(printed, dialect)
+        self.made = [say(f"CREATE TABLE {name}({columns})") for name, columns in TABLES.items()]
+        self.expanded = say(EXPANDED)
+        self.kept = [say(text) for text in (guard.before, guard.kept) if text is not None]  # what makes `kept`
+        self.failed = say(guard.failed)
+        self.keep = say(KEEP)
+        self.counts = say(COUNTS)
+        self.ways = say(WAYS)
+        self.paths = say(PATHS)
+        self.no_ways = say(DROP_WAYS)
+        self.go_on = [say(text) for text in (*GO_ON, guard.after) if text is not None]  # what leads to the next level
 
     def level(self) -> Iterator[str]:
         """All of one level, in order; between the first and the others the steps are tried, outside."""
@@ -172,5 +153,5 @@ class Statements:
         yield self.counts
         yield self.ways
         yield self.paths
-        yield DROP_WAYS
+        yield self.no_ways
         yield from self.go_on
