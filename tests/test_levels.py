@@ -23,7 +23,8 @@ from ss2sql.errors import Source
 from ss2sql.frontend import ast
 from ss2sql.frontend.parser import parse
 from ss2sql.race.timing import compiled
-from ss2sql.runtime.levels import duck, search
+from ss2sql.runtime.levels import duck, tables
+from ss2sql.runtime.levels.statements import Ask
 from ss2sql.runtime.levels.watch import watched
 from ss2sql.runtime.run import Run
 
@@ -263,14 +264,14 @@ def test_a_connection_of_the_user_is_left_as_it_was(ss: ss2sql.Session) -> None:
 def test_what_does_not_fit_into_memory_goes_to_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """40,000 states of 2,000 characters are 80 MB, twice that with their rows, of which DuckDB may hold 64."""
     seen: list[int] = []
-    add = duck.DuckTables.add
+    load = duck.DuckTables.load
 
     def look(self: duck.DuckTables, table: str, columns: Any) -> None:
-        add(self, table, columns)
-        ((size,),) = self.rows("SELECT COALESCE(SUM(size), 0) FROM duckdb_temporary_files()")
+        load(self, table, columns)
+        ((size,),) = self.rows(Ask("SELECT COALESCE(SUM(size), 0) FROM duckdb_temporary_files()"))
         seen.append(size)
 
-    monkeypatch.setattr(duck.DuckTables, "add", look)
+    monkeypatch.setattr(duck.DuckTables, "load", look)
     own = duckdb.connect(config={"memory_limit": "64MB", "temp_directory": str(tmp_path), "threads": 1})
     with ss2sql.connect(engine="duckdb", session=own) as ss:
         ss.function("wide", lambda n, more: f"{2 * n + more:02000}", volatility="immutable")
@@ -286,9 +287,7 @@ def test_what_fits_nowhere_is_an_error_of_ours() -> None:
     own = duckdb.connect(config={"memory_limit": "4MB", "temp_directory": "", "threads": 1})
     with ss2sql.connect(engine="duckdb", session=own) as ss:
         ss.function("wide", lambda n: f"{n + 1:0100000}", volatility="immutable")
-        script = (
-            "SELECT wide(int(s)) FROM [0] START WITH s = '0' CONNECT BY UNIQUE s = wide(int(s)) STOP WITH int(s) > 300;"
-        )
+        script = "SELECT wide(n) FROM [0] START WITH n = 0 CONNECT BY UNIQUE n = n + 1 STOP WITH n > 300;"
         with pytest.raises(ss2sql.ExecutionError, match="duckdb: Out of Memory") as caught:
             ss.run(script)
         assert caught.value.code == "X009"
@@ -324,7 +323,7 @@ def test_a_run_that_is_late_ends_the_statement_that_runs() -> None:
 
 
 def test_a_partial_result(ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(search, "BLOCK", 100)
+    monkeypatch.setattr(tables, "BLOCK", 100)
     with pytest.raises(ss2sql.Timeout) as caught:
         ss.run(
             "SELECT this FROM [1, 2] START WITH n = 0 CONNECT BY BREADTH FIRST n = this AS list;",
@@ -343,5 +342,5 @@ def test_explain_tells_of_levels(ss: ss2sql.Session) -> None:
     text = str(result.explain())
     assert "engine: duckdb: engine='duckdb' was asked for" in text
     assert "keeps the first step to each row that no level before has reached" in text
-    assert "GROUP BY\n      row_key" in result.sql
+    assert "GROUP BY\n    row_key" in result.sql
     assert text.splitlines()[-1].split() == ["all", "5", "10"]  # 15 steps from the 5 rows and the start

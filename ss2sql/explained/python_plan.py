@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from ss2sql import plan
 from ss2sql.explained.facts import PlanLine
 from ss2sql.explained.words import cut, queue_words
-from ss2sql.runtime.levels.statements import GUARDS
+from ss2sql.runtime.levels.level import GUARDS
 
 LONGEST = 60  # characters of what is walked
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import count
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
-from ss2sql.runtime.levels.statements import TABLES
-from ss2sql.runtime.levels.tables import Row
+from ss2sql.lowering.dialects import DUCKDB
+from ss2sql.runtime.levels.level import TABLES
+from ss2sql.runtime.levels.statements import Ask, Statement, printed
+from ss2sql.runtime.levels.tables import Row, try_in_blocks
+from ss2sql.runtime.levels.trial import Trial
 
 if TYPE_CHECKING:
     import duckdb
@@ -50,23 +53,26 @@ class DuckTables:
         connection.execute(f"ATTACH ':memory:' AS {self.name}")
         connection.execute(f"USE {self.name}")
 
-    def run(self, text: str, **values: int) -> None:
-        self.connection.execute(text, values or None)
+    def run(self, statement: Statement, **values: int) -> None:
+        self.connection.execute(*_bound(statement, values))
 
-    def rows(self, text: str, **values: int) -> Iterator[Row]:
+    def rows(self, question: Ask, **values: int) -> Iterator[Row]:
         reading = self.connection.cursor()
         try:
             reading.execute(f"USE {self.name}")
-            found = reading.execute(text, values or None)
+            found = reading.execute(*_bound(question, values))
             while block := found.fetchmany(BLOCK):
                 yield from block
         finally:
             reading.close()
 
-    def add(self, table: str, columns: Sequence[Sequence[Any]]) -> None:
+    def load(self, table: str, columns: Sequence[Sequence[Any]]) -> None:
         self.connection.register("block", _block(table, columns))
         self.connection.execute(f"INSERT INTO {table} SELECT * FROM block")
         self.connection.unregister("block")
+
+    def try_all(self, trial: Trial, pause: Callable[[], None]) -> int:
+        return try_in_blocks(self, trial, pause)
 
     def interrupt(self) -> None:
         self.connection.interrupt()
@@ -75,6 +81,12 @@ class DuckTables:
         self.connection.execute(f'USE "{self.home}"')
         self.connection.execute(f"DETACH {self.name}")
         self.connection.close()
+
+
+def _bound(statement: Statement, values: dict[str, int]) -> tuple[str, dict[str, int] | None]:
+    """The text of a statement, and the values for it; DuckDB wants no others than it names."""
+    text = statement.text
+    return printed(DUCKDB, text), {name: value for name, value in values.items() if f":{name}" in text} or None
 
 
 def _block(table: str, columns: Sequence[Sequence[Any]]) -> pa.Table:

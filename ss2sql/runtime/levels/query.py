@@ -9,8 +9,9 @@ from ss2sql import plan
 from ss2sql.errors import ExecutionError, Span, UnsupportedError
 from ss2sql.lowering.dialects import Dialect
 from ss2sql.lowering.unsupported import Rule
+from ss2sql.runtime.levels.level import LevelStatements
 from ss2sql.runtime.levels.search import LevelSearch
-from ss2sql.runtime.levels.statements import Statements
+from ss2sql.runtime.levels.statements import printed
 from ss2sql.runtime.levels.tables import Tables
 from ss2sql.runtime.levels.watch import watched
 from ss2sql.runtime.memorize.hunt import Found, Hunt
@@ -50,13 +51,13 @@ class LevelQuery:
                 raise UnsupportedError("U001", reason, place, (rule.cure,))
         self.engine = engine.name
         self.database = engine
-        self.written = Statements(engine.dialect, search.repeats)
+        self.written = LevelStatements(search.repeats)
         self._native = NativeQuery(taken_apart(query), find=self._found)
 
     @property
     def sql(self) -> str:
         """The statements of one level."""
-        return "\n".join(f"{text};" for text in self.written.level())
+        return "\n".join(f"{printed(self.database.dialect, statement.text)};" for statement in self.written.level())
 
     def rows(self, run: Run, sink: Rows | None = None) -> Rows:
         """The answer of the query, see `NativeQuery.rows`."""

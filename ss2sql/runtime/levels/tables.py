@@ -2,26 +2,60 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Protocol
+
+from ss2sql.runtime.levels.statements import Ask, Statement
+from ss2sql.runtime.levels.trial import Trial
 
 Row = tuple[Any, ...]
 
 
 class Tables(Protocol):
-    """The tables of one run. Texts are SQL of the dialect; `:name` in them stands for a value."""
+    """The tables of one run. `:name` in a statement stands for a value."""
 
-    def run(self, text: str, **values: int) -> None:
+    def run(self, statement: Statement, **values: int) -> None:
         """Runs a statement."""
 
-    def rows(self, text: str, **values: int) -> Iterator[Row]:
+    def rows(self, question: Ask, **values: int) -> Iterator[Row]:
         """The rows of a query, read in blocks; another statement may run meanwhile."""
 
-    def add(self, table: str, columns: Sequence[Sequence[Any]]) -> None:
-        """Adds rows to a table, given by columns."""
+    def load(self, table: str, columns: Sequence[Sequence[Any]]) -> None:
+        """Adds rows to a table of `level.TABLES`, given by columns."""
+
+    def try_all(self, trial: Trial, pause: Callable[[], None]) -> int:
+        """Adds the steps from all states of `frontier` to `tries`, and says how many were tried.
+
+        `pause` is called every few thousand steps; it ends the run where that has to end.
+        """
 
     def interrupt(self) -> None:
         """Ends the statement that runs in another thread."""
 
     def close(self) -> None:
         """Lets go of everything."""
+
+
+# In pages, so that nothing large waits while the steps from some states are tried.
+EXPANDED = Ask("SELECT step, state FROM frontier WHERE step > :after ORDER BY step LIMIT 5000")
+BLOCK = 5_000  # tries that are added to their table at once
+
+
+def try_in_blocks(tables: Tables, trial: Trial, pause: Callable[[], None]) -> int:
+    """`try_all` in this process, for databases that hand over states and take steps."""
+    tried, after = 0, -1
+    block: list[Row] = []
+    while page := list(tables.rows(EXPANDED, after=after)):
+        for after, state in page:
+            for made in trial.steps(after, state):
+                tried += 1
+                if made is not None:
+                    block.append(made)
+            if len(block) >= BLOCK:
+                pause()
+                tables.load("tries", list(zip(*block, strict=True)))
+                block.clear()
+    pause()
+    if block:
+        tables.load("tries", list(zip(*block, strict=True)))
+    return tried

@@ -1,0 +1,135 @@
+"""One level of a search as statements.
+
+The tables: `frontier` has the states that are expanded, in the order of their steps. `tries` has all steps from them
+that leave a trace; `place` orders them as a search would try them that takes one step after the other: by the step
+before, then by their elements. `steps` has those that were kept, which is where the paths are found; `kept` are those
+of this level. Steps are numbered in their order from 1; the start is 0. `row_key` is the same for equal rows.
+
+A try that `failed` has raised an error. That counts only where the search would have come to it: not if its row is left
+out anyway, and not behind the first step to the same row.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from ss2sql import plan
+from ss2sql.runtime.levels.statements import Add, Ask, Create, Drop, Make, Number, Statement, Walk
+
+TABLES = {
+    "frontier": "step BIGINT, state BLOB",
+    "tries": (
+        "place BIGINT, parent BIGINT, row_key BLOB, row BLOB, last BLOB, goal BOOLEAN, goes_on BOOLEAN, state BLOB,"
+        " failed BOOLEAN"
+    ),
+    "steps": "step BIGINT, parent BIGINT, depth BIGINT, row_key BLOB, row BLOB, last BLOB, goal BOOLEAN",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Guard:
+    """Which tries are kept, in words and in SQL, and what finds the first one that failed and counts."""
+
+    words: str
+    chosen: str  # the places of those that are kept; alone, because what is numbered should be small
+    failed: str
+    before: Walk | None = None
+
+
+EVERY = Guard(
+    "keeps all of them",
+    "SELECT place FROM tries WHERE NOT failed",
+    "SELECT MIN(place) FROM tries WHERE failed",
+)
+# The first step to a row, if none of a level before has led there.
+FIRST = Guard(
+    "keeps the first step to each row that no level before has reached",
+    """
+    SELECT MIN(place) AS place
+    FROM tries
+    WHERE NOT failed AND NOT EXISTS (SELECT 1 FROM steps WHERE steps.row_key = tries.row_key)
+    GROUP BY row_key
+    """,
+    """
+    SELECT MIN(tries.place)
+    FROM tries
+    LEFT JOIN kept ON kept.row_key = tries.row_key
+    WHERE tries.failed
+      AND (kept.place IS NULL OR tries.place < kept.place)
+      AND NOT EXISTS (SELECT 1 FROM steps WHERE steps.row_key = tries.row_key)
+    """,
+)
+# Every step whose row is not met on the way back to the start. From level to level all ways have the same length.
+FREE = Guard(
+    "keeps those whose row is not met on the way back to the start",
+    "SELECT place FROM tries WHERE NOT failed AND place IN (SELECT place FROM back WHERE previous = 0)",
+    "SELECT MIN(place) FROM tries WHERE failed AND place IN (SELECT place FROM back WHERE previous = 0)",
+    Walk(
+        "back",
+        "place, previous, row_key",
+        "SELECT place, parent, row_key FROM tries",
+        """
+        SELECT walk.place, steps.parent, walk.row_key
+        FROM walk
+        JOIN steps ON steps.step = walk.previous AND steps.row_key <> walk.row_key
+        """,
+    ),
+)
+GUARDS: dict[plan.Repeats, Guard] = {"allowed": EVERY, "unique": FIRST, "no cycle": FREE}
+
+KEPT = Make("kept", "SELECT chosen.step, tries.* FROM chosen JOIN tries ON tries.place = chosen.place")
+KEEP = Add("steps", "SELECT step, parent, :depth, row_key, row, last, goal FROM kept")
+COUNTS = Ask(
+    "SELECT COUNT(*), COUNT(CASE WHEN goal THEN 1 END), COUNT(CASE WHEN goes_on THEN 1 END), MAX(step) FROM kept"
+)
+# The ways to the goals of a level, from the last step of each backwards, by numbers alone: rows may be large.
+WAYS = Walk(
+    "ways",
+    "goal, step, previous, distance",
+    "SELECT step, step, parent, 0 FROM kept WHERE goal",
+    """
+    SELECT walk.goal, steps.step, steps.parent, walk.distance + 1
+    FROM walk
+    JOIN steps ON steps.step = walk.previous
+    """,
+)
+PATHS = Ask("""
+SELECT ways.goal, steps.row, CASE WHEN ways.distance = 0 THEN steps.last END
+FROM ways
+JOIN steps ON steps.step = ways.step
+ORDER BY ways.goal, ways.distance DESC
+""")
+PLACE_OF = Ask("SELECT place FROM kept WHERE step = :step")
+STATE_OF = Ask("SELECT state FROM frontier WHERE step = :step")
+
+
+class LevelStatements:
+    """The statements of a search; `repeats` says what happens to rows that were met before."""
+
+    def __init__(self, repeats: plan.Repeats) -> None:
+        guard = GUARDS[repeats]
+        self.made = [Create(table, columns) for table, columns in TABLES.items()]
+        before = [] if guard.before is None else [guard.before]
+        self.kept: list[Statement] = [*before, Number("chosen", guard.chosen), KEPT]  # what makes `kept`
+        self.failed = Ask(guard.failed)
+        self.go_on: list[Statement] = [  # what leads to the next level
+            Drop("frontier"),
+            Make("frontier", "SELECT step, state FROM kept WHERE goes_on"),
+            Drop("kept"),
+            Drop("chosen"),
+            Drop("tries"),
+            Create("tries", TABLES["tries"]),
+            *(Drop(walk.table) for walk in before),
+        ]
+
+    def level(self) -> Iterator[Statement]:
+        """All of one level, in order, once its steps are tried."""
+        yield from self.kept
+        yield self.failed
+        yield KEEP
+        yield COUNTS
+        yield WAYS
+        yield PATHS
+        yield Drop(WAYS.table)
+        yield from self.go_on
