@@ -121,10 +121,18 @@ class Body:
                 home.slots[facts.key] = name
         if home is not self:
             self.shared[name] = None
+        self._forget(value)
         if self.sure and facts.key is not None:
             self.known[-1][facts.key] = name
         fresh = pen.compare(pen.name(name), ast.IsNot(), pen.name("UNSET"))
         return pen.either(fresh, pen.name(name), pen.bind(name, value))
+
+    def _forget(self, value: ast.expr) -> None:
+        """No longer knows the names that are set in a value, which may be skipped: they would keep older values."""
+        inside = {node.target.id for node in ast.walk(value) if isinstance(node, ast.NamedExpr)}
+        for names in self.known:
+            for key in [key for key, name in names.items() if name in inside]:
+                del names[key]
 
     def named(self, facts: Facts, value: ast.expr, pen: Pen, hint: str) -> ast.expr:
         """The value, with a name where it is certain to be computed here and is written again further down."""
