@@ -54,6 +54,7 @@ def test_trees_deeper_than_three_hundred_are_refused() -> None:
     assert code(" XOR ".join(["a"] * 10_000)) == "P005"
     assert code("a = " * 10_000 + "1") == "P005"
     assert code("f(1 + 2 * " * 150 + "a" + ")" * 150) == "P005"
+    assert code("1 + 2 - " * 151 + "a") == "P005"
 
 
 def test_size_is_refused_above_256_kib() -> None:

@@ -145,6 +145,12 @@ def test_the_sql_that_is_shown_asks_for_keys_as_the_one_that_runs(ss: ss2sql.Ses
     assert "SQLite finds keys of a world alone" in query.explain()
 
 
+def test_a_key_that_is_shown_twice_needs_no_comment(ss: ss2sql.Session, engine: Any) -> None:
+    script = "SELECT id, id FROM boats WHERE x > 33.5 AS rows;"  # x is half the number of 0 to 69
+    assert ss.run(script, engine=engine).value == [(68, 68), (69, 69)]
+    assert "/* then" not in ss.compile(script, engine="database").sql
+
+
 def test_each_result_has_lists_of_its_own(ss: ss2sql.Session) -> None:
     first, second = ss.run("SELECT a.pos, a.id FROM a = boats, b = range(2) WHERE a.id == 4 AS rows;").value
     first[0].append(9.0)

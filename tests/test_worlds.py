@@ -95,6 +95,8 @@ def test_what_is_no_element_has_no_columns(ss: ss2sql.Session, engine: Any) -> N
     assert code_of(ss.run, "SELECT nmae FROM space;", engine=engine) == "R001"
     assert code_of(ss.run, "SELECT space.nope(this) FROM space;", engine=engine) == "R002"
     assert code_of(ss.run, "SELECT spice.mass(this) FROM space;", engine=engine) == "R002"
+    with pytest.raises(ss2sql.ResolveError, match=r"space\.near is a table: write FROM space\.near\(\.\.\.\)"):
+        ss.run("SELECT space.near(x, y, z) FROM space;", engine=engine)
 
 
 def test_this_has_columns_in_plain_lists_too(ss: ss2sql.Session, engine: Any) -> None:
@@ -168,6 +170,13 @@ def test_table_functions(ss: ss2sql.Session, box: Box, engine: Any) -> None:
 def test_wrong_tables_and_arguments_are_named(ss: ss2sql.Session, engine: Any, source: str, code: str) -> None:
     assert code_of(ss.run, f"SELECT this FROM {source};", engine=engine) == code
     assert ss.run("SELECT id FROM space LIMIT 1 AS value;", engine=engine).value == 1
+
+
+def test_many_conditions_are_asked_of_a_table_and_of_a_table_function(ss: ss2sql.Session, engine: Any) -> None:
+    conditions = " AND ".join(f"(n.x != {k} OR n.mass == {k})" for k in range(5, 25))
+    for source in ("space", "space.near(3, 0, 0, 2)"):
+        script = f"SELECT id FROM n = {source} WHERE {conditions} AS list;"
+        assert ss.run(script, engine=engine).value == [1, 2, 3, 4]  # x is the number, and the mass 20 times that
 
 
 def test_a_missing_argument_shows_how_to_call(ss: ss2sql.Session) -> None:

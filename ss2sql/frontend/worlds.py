@@ -90,12 +90,10 @@ def world_call(
 
 def _walked(expr: plan.Expr, scope: Scope | None) -> plan.WorldSource | None:
     """The source whose current element the expression is, if that is one of a world."""
-    if isinstance(expr, plan.Element):
-        for level in scope.outwards() if scope else ():
-            for source in level.sources:
-                if source.id == expr.source:
-                    return source if isinstance(source, plan.WorldSource) else None
-    return None
+    if not isinstance(expr, plan.Element) or scope is None:
+        return None
+    source = next((one for level in scope.outwards() for one in level.sources if one.id == expr.source), None)
+    return source if isinstance(source, plan.WorldSource) else None
 
 
 def keys_of(arguments: tuple[plan.Expr, ...], scope: Scope | None) -> tuple[plan.Expr, ...]:
@@ -115,8 +113,7 @@ def is_function_of_this(resolver: Resolver, name: str, scope: Scope) -> bool:
 
     Where columns are known only when a source is read, a column of elements is read as one.
     """
-    if not scope.sources:
-        return False
+    assert scope.sources, "a query has a source, and one that is unknown ends it"
     if name in resolver.catalog.functions:
         return True
     if name not in resolver.catalog.world_functions:

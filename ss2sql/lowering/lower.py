@@ -120,7 +120,7 @@ def _key_alone(query: plan.Query, key: plan.Column, node: sql.Node) -> sql.Node:
     exprs = [output.expr for output in query.columns]
     read = [expr.name if isinstance(expr, plan.Column) else "this" for expr in exprs if _source_of(expr) == key.source]
     names = ", ".join(name for name in dict.fromkeys(read) if name != key.name)
-    if names and "*/" not in names:
+    if names:  # of columns of worlds, which are names of scripts and end no comment
         node.add_comments([f"then {names if len(names) <= 60 else names[:57] + '...'}"])
     return node
 

@@ -249,16 +249,15 @@ def derived(select: exp.Query, label: str) -> exp.Subquery:
 
 def select(
     outputs: Sequence[Node],
-    sources: Sequence[Node] = (),
+    sources: Sequence[Node],
     where: Node | None = None,
     order: Sequence[tuple[Node, bool]] = (),
     limit: Node | None = None,
 ) -> exp.Select:
     """A SELECT over sources joined in the order written. `order` holds (key, descending)."""
     query = exp.Select(expressions=list(outputs))
-    if sources:
-        query.set("from_", exp.From(this=sources[0]))
-        query.set("joins", [exp.Join(this=source, kind="CROSS") for source in sources[1:]])
+    query.set("from_", exp.From(this=sources[0]))
+    query.set("joins", [exp.Join(this=source, kind="CROSS") for source in sources[1:]])
     if where is not None:
         query.set("where", exp.Where(this=where))
     return sorted_query(query, order, limit)

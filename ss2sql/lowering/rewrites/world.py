@@ -14,10 +14,7 @@ from ss2sql.kinds import Type, covers, type_of
 
 MOST_ELEMENTS = 1_000
 _PLAIN = frozenset({NoneType, bool, int, float, str})
-
-
-def _unknown(name: str) -> Any:
-    raise KeyError(name)
+_NO_VARIABLES: dict[str, Any] = {}
 
 
 @dataclass(slots=True)
@@ -32,7 +29,7 @@ class World:
     texts mention. A query that relies on something that no longer holds is made anew.
     """
 
-    variable: Callable[[str], Any] = _unknown
+    variable: Callable[[str], Any] = _NO_VARIABLES.__getitem__
     read: Callable[[str, Any], plan.Expr | None] = lambda text, scope: None
     replaced: Collection[str] = ()
     fixed: bool = True
