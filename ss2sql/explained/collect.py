@@ -72,7 +72,7 @@ def _query(outlined: OutlinedQuery, stats: Stats | None) -> QueryFacts:
         plan=lines,
         plan_missing=missing,
         afterwards=tuple(_afterwards(outlined)),
-        sql=lowered.text if lowered else outlined.tables,
+        sql=lowered.text if lowered else outlined.tables.sql if outlined.tables else None,
         parameters=tuple(_parameters(outlined)),
     )
 
@@ -85,7 +85,7 @@ def _cure(hint: str) -> str:
 def _plan(outlined: OutlinedQuery) -> tuple[tuple[PlanLine, ...], str | None]:
     """What the engine does; SQLite's plan, or why there is none any more."""
     if outlined.tables is not None:
-        return plan_in_tables(outlined.query), None
+        return plan_in_tables(outlined.query, outlined.tables.in_python), None
     if outlined.lowered is None:
         return plan_in_python(outlined.query), None
     try:

@@ -34,12 +34,13 @@ def plan_in_python(query: plan.Query) -> tuple[PlanLine, ...]:
     return (*lines, *_endings(query))
 
 
-def plan_in_tables(query: plan.Query) -> tuple[PlanLine, ...]:
-    """The search as it goes from level to level in tables."""
+def plan_in_tables(query: plan.Query, reason: str | None) -> tuple[PlanLine, ...]:
+    """The search as it goes from level to level in tables; `reason`: why its steps are tried in Python, if they are."""
     assert query.search is not None
+    where = "in SQL" if reason is None else f"in Python: {reason}"
     lines = (
         PlanLine(0, "searches level by level; all states of a level together:"),
-        PlanLine(1, "tries the steps from them, in Python"),
+        PlanLine(1, f"tries the steps from them, {where}"),
         *_loops(query, 2, inner=True),
         PlanLine(1, GUARDS[query.search.repeats].words),
         PlanLine(1, "gives the paths to the goals among them"),

@@ -221,12 +221,15 @@ class Search:
         generation = itertools.count(1)
         given: set[Hashable] = set()
         taken: dict[Hashable, tuple[Any, int]] = {}  # rows given out or expanded: best rank, and by which step
+        known: dict[Hashable, Any] = {}  # rows: the best rank of a path that has been found to each
         queue: list[tuple[Any, int, int, Any, Path, State]] = []  # rank, step, 0 result or 1 expansion, total, path
         heapq.heappush(queue, (0, 0, 1, 1 if likeliest else 0, (), self.start))
         while queue:
             _, number, expansion, total, path, state = heapq.heappop(queue)
             if self.unique and path:
                 key, rank = path[-1].key, -total if likeliest else total
+                if known[key] < rank:
+                    continue  # though its estimate may hide by how little it is worse
                 best, by = taken.get(key, (rank, number))
                 if by != number and best <= rank:
                     continue  # another path to this row was as good
@@ -245,6 +248,7 @@ class Search:
                 number, longer = next(generation), (*path, step)
                 reached = self.combined(total, step.weight)
                 rank = -reached if likeliest else reached
+                known[step.key] = min(rank, known.get(step.key, rank))
                 if step.goal:
                     heapq.heappush(queue, (rank, number, 0, reached, longer, step.after))
                 if not step.stop:

@@ -8,8 +8,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.lowering.dialects import DUCKDB
-from ss2sql.runtime.levels.level import TABLES
-from ss2sql.runtime.levels.statements import Ask, Statement, printed
+from ss2sql.runtime.levels.statements import Ask, Create, Statement, printed
 from ss2sql.runtime.levels.tables import Row, try_in_blocks
 from ss2sql.runtime.levels.trial import Trial
 
@@ -66,9 +65,9 @@ class DuckTables:
         finally:
             reading.close()
 
-    def load(self, table: str, columns: Sequence[Sequence[Any]]) -> None:
+    def load(self, table: Create, columns: Sequence[Sequence[Any]]) -> None:
         self.connection.register("block", _block(table, columns))
-        self.connection.execute(f"INSERT INTO {table} SELECT * FROM block")
+        self.connection.execute(f"INSERT INTO {table.table} SELECT * FROM block")
         self.connection.unregister("block")
 
     def try_all(self, trial: Trial, pause: Callable[[], None]) -> int:
@@ -85,14 +84,29 @@ class DuckTables:
 
 def _bound(statement: Statement, values: dict[str, int]) -> tuple[str, dict[str, int] | None]:
     """The text of a statement, and the values for it; DuckDB wants no others than it names."""
-    text = statement.text
-    return printed(DUCKDB, text), {name: value for name, value in values.items() if f":{name}" in text} or None
+    text = printed(DUCKDB, statement.text)
+    return text, {name: value for name, value in values.items() if f"${name}" in text} or None
 
 
-def _block(table: str, columns: Sequence[Sequence[Any]]) -> pa.Table:
+def _block(table: Create, columns: Sequence[Sequence[Any]]) -> pa.Table:
     import pyarrow as pa
 
-    types = {"BIGINT": pa.int64(), "BLOB": pa.binary(), "BOOLEAN": pa.bool_()}
-    names = [column.split() for column in TABLES[table].split(", ")]
-    arrays = [pa.array(values, types[kind]) for values, (_, kind) in zip(columns, names, strict=True)]
+    names = [column.split() for column in table.columns.split(", ")]
+    arrays = [pa.array(values, _arrow(kind)) for values, (_, kind) in zip(columns, names, strict=True)]
     return pa.table(arrays, [name for name, _ in names])
+
+
+def _arrow(kind: str) -> pa.DataType:
+    """The type of Arrow for a column."""
+    import pyarrow as pa
+
+    if kind.endswith("[]"):
+        return pa.list_(_arrow(kind.removesuffix("[]")))
+    scalars = {
+        "BIGINT": pa.int64(),
+        "BLOB": pa.binary(),
+        "BOOLEAN": pa.bool_(),
+        "DOUBLE": pa.float64(),
+        "VARCHAR": pa.string(),
+    }
+    return scalars[kind]

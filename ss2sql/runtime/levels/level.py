@@ -17,14 +17,13 @@ from dataclasses import dataclass
 from ss2sql import plan
 from ss2sql.runtime.levels.statements import Add, Ask, Create, Drop, Make, Number, Statement, Walk
 
-TABLES = {
-    "frontier": "step BIGINT, state BLOB",
-    "tries": (
-        "place BIGINT, parent BIGINT, row_key BLOB, row BLOB, last BLOB, goal BOOLEAN, goes_on BOOLEAN, state BLOB,"
-        " failed BOOLEAN"
-    ),
-    "steps": "step BIGINT, parent BIGINT, depth BIGINT, row_key BLOB, row BLOB, last BLOB, goal BOOLEAN",
-}
+FRONTIER = Create("frontier", "step BIGINT, state BLOB")
+TRIES = Create(
+    "tries",
+    "place BIGINT, parent BIGINT, row_key BLOB, row BLOB, last BLOB, goal BOOLEAN, goes_on BOOLEAN, state BLOB,"
+    " failed BOOLEAN",
+)
+STEPS = Create("steps", "step BIGINT, parent BIGINT, depth BIGINT, row_key BLOB, row BLOB, last BLOB, goal BOOLEAN")
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +108,7 @@ class LevelStatements:
 
     def __init__(self, repeats: plan.Repeats) -> None:
         guard = GUARDS[repeats]
-        self.made = [Create(table, columns) for table, columns in TABLES.items()]
+        self.made = [FRONTIER, TRIES, STEPS]
         before = [] if guard.before is None else [guard.before]
         self.kept: list[Statement] = [*before, Number("chosen", guard.chosen), KEPT]  # what makes `kept`
         self.failed = Ask(guard.failed)
@@ -119,7 +118,7 @@ class LevelStatements:
             Drop("kept"),
             Drop("chosen"),
             Drop("tries"),
-            Create("tries", TABLES["tries"]),
+            TRIES,
             *(Drop(walk.table) for walk in before),
         ]
 

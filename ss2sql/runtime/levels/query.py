@@ -8,11 +8,14 @@ from dataclasses import dataclass, replace
 from ss2sql import plan
 from ss2sql.errors import ExecutionError, Span, UnsupportedError
 from ss2sql.lowering.dialects import Dialect
+from ss2sql.lowering.portable.steps import write_steps
 from ss2sql.lowering.unsupported import Rule
 from ss2sql.runtime.levels.level import LevelStatements
 from ss2sql.runtime.levels.search import LevelSearch
 from ss2sql.runtime.levels.statements import printed
 from ss2sql.runtime.levels.tables import Tables
+from ss2sql.runtime.levels.typed import TypedStatements
+from ss2sql.runtime.levels.typed_search import TypedSearch
 from ss2sql.runtime.levels.watch import watched
 from ss2sql.runtime.memorize.hunt import Found, Hunt
 from ss2sql.runtime.native.builder import Builder
@@ -38,6 +41,14 @@ class TableEngine:
     errors: type[Exception]
 
 
+@dataclass(frozen=True, slots=True)
+class InTables:
+    """How a search goes by levels: the SQL of one, and why its steps are tried in Python, None where they are SQL."""
+
+    sql: str
+    in_python: str | None
+
+
 class LevelQuery:
     """A search to be run many times. Raises UnsupportedError where it does not go by levels."""
 
@@ -51,13 +62,18 @@ class LevelQuery:
                 raise UnsupportedError("U001", reason, place, (rule.cure,))
         self.engine = engine.name
         self.database = engine
-        self.written = LevelStatements(search.repeats)
+        self._in_python: str | None = None
+        self.written: LevelStatements | TypedStatements
+        try:
+            self.written = TypedStatements(write_steps(query), search.repeats)
+        except UnsupportedError as error:
+            self.written, self._in_python = LevelStatements(search.repeats), error.message
         self._native = NativeQuery(taken_apart(query), find=self._found)
 
     @property
-    def sql(self) -> str:
-        """The statements of one level."""
-        return "\n".join(f"{printed(self.database.dialect, statement.text)};" for statement in self.written.level())
+    def in_tables(self) -> InTables:
+        texts = (printed(self.database.dialect, statement.text) for statement in self.written.level())
+        return InTables("\n".join(f"{text};" for text in texts), self._in_python)
 
     def rows(self, run: Run, sink: Rows | None = None) -> Rows:
         """The answer of the query, see `NativeQuery.rows`."""
@@ -67,7 +83,10 @@ class LevelQuery:
         tables = self.database.open()
         try:
             with watched(hunt.run, tables):
-                yield from LevelSearch(hunt, tables, self.written).results()
+                if isinstance(self.written, TypedStatements):
+                    yield from TypedSearch(hunt, tables, self.written).results()
+                else:
+                    yield from LevelSearch(hunt, tables, self.written).results()
         except self.database.errors as error:
             hint = "look at its limit of memory and the room on its disk"
             raise ExecutionError("X009", f"{self.engine}: {error}", hunt.query.span, (hint,)) from error

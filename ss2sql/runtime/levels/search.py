@@ -33,7 +33,7 @@ class LevelSearch:
         """The paths and the last parts of their last steps."""
         written, tables = self.written, self.tables
         self._run(written.made)
-        tables.load("frontier", [[0], [encoded(self.hunt.start)]])
+        tables.load(level.FRONTIER, [[0], [encoded(self.hunt.start)]])
         going, depth, steps = 1, 0, 0
         while going:
             depth += 1

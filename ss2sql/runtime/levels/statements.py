@@ -76,6 +76,20 @@ class Add:
 
 
 @dataclass(frozen=True, slots=True)
+class AddNumbered:
+    """Adds the rows of a query to a table, numbered as by `Number`; `columns` are those of the table."""
+
+    table: str
+    columns: str
+    select: str
+
+    @property
+    def text(self) -> str:
+        numbered = f"SELECT :before + ROW_NUMBER() OVER (ORDER BY place) AS step, * FROM ({self.select}) AS unnumbered"
+        return f"INSERT INTO {self.table} SELECT {self.columns} FROM ({numbered}) AS numbered"
+
+
+@dataclass(frozen=True, slots=True)
 class Drop:
     table: str
 
@@ -95,7 +109,7 @@ class Ask:
         return self.select
 
 
-Statement: TypeAlias = Create | Make | Number | Walk | Add | Drop | Ask
+Statement: TypeAlias = Create | Make | Number | Walk | Add | AddNumbered | Drop | Ask
 
 
 @cache

@@ -1,0 +1,214 @@
+"""The steps of a search as SQL: one SELECT makes all steps from the states of a level.
+
+They are made from `steps`, which has those of the level before (`depth`) with the columns of their row, and one for
+each START WITH variable that none of these has; `goes_on` says which are expanded. `elements` has what is read of the
+sources, one row for each combination. A step's `place` is that of its state and its combination.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import sqlglot
+from sqlglot import exp
+
+from ss2sql import plan
+from ss2sql.kinds import INT, Kind
+from ss2sql.lowering import sql
+from ss2sql.lowering.portable.expressions import Portable, Sight
+from ss2sql.lowering.portable.names import Names
+from ss2sql.lowering.portable.types import cast, column_type, is_nullable, refused
+from ss2sql.walk import walk
+
+ELEMENTS = 1 << 24  # combinations; a place is a step and a combination, in 64 bits
+Node = exp.Expr
+
+
+@dataclass(frozen=True, slots=True)
+class Typed:
+    """A column: its name and its type in SQL."""
+
+    name: str
+    type: str
+
+    def __str__(self) -> str:
+        return f"{self.name} {self.type}"
+
+
+@dataclass(frozen=True, slots=True)
+class WrittenSteps:
+    """`tries` is the SELECT, with the columns place, `rows`, goal, goes_on, and those of `own`.
+
+    `states` names for each START WITH variable the column that has it after a step: one of `rows`, or of `own`.
+    `reads` are the columns of `elements` beside `nth`, `elements` the query that gives them.
+    """
+
+    tries: str
+    rows: tuple[Typed, ...]
+    own: tuple[Typed, ...]
+    states: tuple[Typed, ...]
+    reads: tuple[Typed, ...]
+    elements: plan.Query
+
+
+def write_steps(query: plan.Query, variable: Callable[[str], Any] | None = None) -> WrittenSteps:
+    """The steps of a search as SQL. Raises UnsupportedError where they could mean something else, or need Python."""
+    return _Writer(query, variable).written()
+
+
+class _Writer:
+    def __init__(self, query: plan.Query, variable: Callable[[str], Any] | None) -> None:
+        assert query.search is not None
+        self.query, self.search = query, query.search
+        self.portable = Portable(variable)
+        self.reads: list[tuple[plan.Element | plan.Column, Typed]] = []
+        for source in query.sources:
+            self._check(source)
+        for node in walk(query):
+            if isinstance(node, plan.Call) and not node.function.builtin:
+                raise refused(f"{node.function.name} is a Python function", node.span)
+        self.names, self.element_names = Names(), Names()
+        assigned = {expr: name for name, expr in self.search.connect}
+        self.rows = tuple(
+            Typed(self.names.free(assigned.get(output.expr, output.name), "row"), self._type(output.expr))
+            for output in query.columns
+        )
+        self.states = self._states()
+        sight = Sight()
+        for source in query.sources:
+            sight = sight.with_source(source.id, partial(self._read, source))
+        before = {(query.id, name): sql.column(kept.name, "frontier") for name, kept in self.states}
+        self.sight = Sight(sight.sources, before)
+
+    def _type(self, expr: plan.Expr) -> str:
+        kind = expr.type
+        found = column_type(kind)
+        if found is None or is_nullable(kind):
+            raise refused("the kind of this value is not known, or may be None", expr.span)
+        if kind.may(Kind.FLOAT) and self.search.repeats != "allowed":
+            raise refused("rows with floats are not compared in the same way everywhere", expr.span)
+        return found
+
+    def _states(self) -> list[tuple[str, Typed]]:
+        """The column for each START WITH variable."""
+        shown = {output.expr: column for output, column in zip(self.query.columns, self.rows, strict=True)}
+        assigned, kinds = dict(self.search.connect), dict(self.search.states)
+        moved = [name for name, _ in self.search.connect]
+        states = []
+        for name, start in self.search.start:
+            expr = assigned.get(name)
+            earlier = set(moved[: moved.index(name)]) if name in moved else set()
+            reads = {n.name for n in walk(expr) if isinstance(n, plan.State) and n.query == self.query.id}
+            kind = column_type(kinds[name])
+            if kind is None or is_nullable(kinds[name]):
+                raise refused("the kind of this variable is not known, or may be None", start.span)
+            column = shown.get(expr) if expr is not None and not reads & earlier else None
+            if column is None or column.type != kind:
+                column = Typed(self.names.free(name, "state"), kind)
+            states.append((name, column))
+        return states
+
+    def _check(self, source: plan.Source) -> None:
+        """That the source has the same elements for all states."""
+        own = {other.id for other in self.query.sources}
+        for node in walk(source):
+            if isinstance(node, plan.State) and node.query == self.query.id:
+                raise refused("what stands in FROM depends on the state", source.span)
+            if isinstance(node, (plan.Element, plan.Column)) and node.source in own:
+                raise refused("what stands in FROM depends on another source", source.span)
+
+    def _read(self, source: plan.Source, expr: plan.Element | plan.Column) -> Node:
+        for known, column in self.reads:
+            if known == expr:
+                return sql.column(column.name, "elements")
+        kind = column_type(expr.type)
+        assert kind is not None, "`Portable.value` has looked"
+        name = expr.name if isinstance(expr, plan.Column) else source.name
+        self.reads.append((expr, Typed(self.element_names.free(name, "element"), kind)))
+        return sql.column(self.reads[-1][1].name, "elements")
+
+    def _elements(self) -> plan.Query:
+        """What is read of the sources, for each combination in their order."""
+        columns = tuple(plan.Output(column.name, expr) for expr, column in self.reads)
+        return replace(
+            self.query,
+            columns=columns or (plan.Output("nothing", plan.Constant(0, INT, span=self.query.span)),),
+            where=None,
+            search=None,
+            group=(),
+            having=None,
+            order=(),
+            limit=None,
+            aggregated=False,
+            rows=(),
+            representation=plan.Representation("rows"),
+        )
+
+    # --- the statement -----------------------------------------------------------------------------------
+
+    def written(self) -> WrittenSteps:
+        query, search = self.query, self.search
+        goal = None if query.where is None else self.portable.condition(query.where, self.sight)
+        stop = None if search.stop is None else self.portable.condition(search.stop, self.sight)
+        goes_on = exp.true() if stop is None else negated(stop)
+        place: Node = sqlglot.parse_one(f"frontier.step * {ELEMENTS} + elements.nth", read="duckdb")
+        outputs: list[Node] = [sql.alias(place, "place")]
+        for output, column in zip(query.columns, self.rows, strict=True):
+            outputs.append(self._column(self.portable.value(output.expr, self.sight), column))
+        outputs.append(sql.alias(goes_on.copy() if goal is None else goal, "goal"))
+        outputs.append(sql.alias(goes_on.copy(), "goes_on"))
+        following = self._following()
+        own = [(name, column) for name, column in self.states if column not in self.rows]
+        outputs += [self._column(following[name], column) for name, column in own]
+        expanded: Node = sqlglot.parse_one("frontier.depth = :depth - 1 AND frontier.goes_on", read="duckdb")
+        kept = [] if stop is None else [goes_on if goal is None else sql.disjunction([goes_on, goal.copy()])]
+        tables = [sql.table("steps", "frontier"), sql.table("elements", "elements")]
+        select = sql.select(outputs, tables, sql.conjunction([expanded, *kept]))
+        states = tuple(column for _, column in self.states)
+        return WrittenSteps(
+            select.sql("duckdb"),
+            self.rows,
+            tuple(column for _, column in own),
+            states,
+            tuple(column for _, column in self.reads),
+            self._elements(),
+        )
+
+    def _following(self) -> dict[str, Node]:
+        """The state after a step; a later assignment sees an earlier one."""
+        states = dict(self.sight.states)
+        for name, expr in self.search.connect:
+            states[self.query.id, name] = self.portable.value(expr, Sight(self.sight.sources, states))
+        return {name: states[self.query.id, name].copy() for name, _ in self.search.start}
+
+    def _column(self, node: Node, column: Typed) -> Node:
+        """A column of the SELECT; without a type of its own a literal would have the smallest."""
+        plain = node if node.find(exp.Column) or column.type == "BOOLEAN" else cast(node, column.type)
+        return sql.alias(plain, column.name)
+
+
+_OPPOSITE: dict[type[exp.Expr], type[exp.Binary]] = {
+    exp.EQ: exp.NEQ,
+    exp.NEQ: exp.EQ,
+    exp.LT: exp.GTE,
+    exp.GTE: exp.LT,
+    exp.GT: exp.LTE,
+    exp.LTE: exp.GT,
+}
+
+
+def negated(node: Node) -> Node:
+    """The opposite of a condition that is never NULL; an equality is what databases look up."""
+    if type(node) in _OPPOSITE:
+        return sql.binary(_OPPOSITE[type(node)], node.this.copy(), node.expression.copy())
+    if isinstance(node, exp.Not):
+        inside: Node = node.this
+        return (inside.this if isinstance(inside, exp.Paren) else inside).copy()
+    if isinstance(node, exp.Or):
+        return sql.binary(exp.And, negated(node.this), negated(node.expression))
+    if isinstance(node, exp.Paren):
+        return negated(node.this)
+    return exp.Not(this=sql.operand(node.copy()))

@@ -1,0 +1,45 @@
+"""Types of typed columns: a value of the language has one where its kind is known."""
+
+from __future__ import annotations
+
+from sqlglot import exp
+
+from ss2sql.errors import Span, UnsupportedError
+from ss2sql.kinds import Kind, Type
+
+SCALARS = {Kind.INT: "BIGINT", Kind.FLOAT: "DOUBLE", Kind.STR: "VARCHAR", Kind.BOOL: "BOOLEAN"}
+EXACT = 2.0**53  # integers up to here are floats too
+
+
+def column_type(kind: Type) -> str | None:
+    """The type of a column for values of this type, None where there is none; such a column may hold NULL for None."""
+    plain = kind.kinds & ~Kind.NONE
+    if plain in SCALARS:
+        return SCALARS[plain]
+    if plain == Kind.LIST and kind.item is not None and not kind.item.may(Kind.NONE):
+        inner = column_type(kind.item)
+        return None if inner is None or kind.item.may(Kind.FLOAT) else f"{inner}[]"
+    return None
+
+
+def is_nullable(kind: Type) -> bool:
+    return kind.may(Kind.NONE)
+
+
+def is_integer(kind: Type) -> bool:
+    """Whether the values are integers that fit into 64 bits."""
+    return kind.kinds == Kind.INT and kind.bounded(2**63 - 1)
+
+
+def is_real(kind: Type) -> bool:
+    """Whether the values are numbers that are the same as floats, whichever of both they are."""
+    return kind.kinds == Kind.FLOAT or (kind.kinds == Kind.INT and kind.bounded(EXACT))
+
+
+def cast(node: exp.Expr, kind: str) -> exp.Expr:
+    return exp.Cast(this=node, to=exp.DataType.build(kind, dialect="duckdb"))
+
+
+def refused(reason: str, span: Span, cure: str = "leave the engine to ss2sql") -> UnsupportedError:
+    """What is raised where SQL of other databases could mean something else."""
+    return UnsupportedError("U001", reason, span, (cure,))

@@ -1,0 +1,198 @@
+"""Steps as SQL in the level engine: the same paths as natively, and what is left to Python."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+import pytest
+from agreement import exact
+from hypothesis import given, seed, settings
+from hypothesis import strategies as st
+
+import ss2sql
+from ss2sql.lowering.portable.names import OWN
+
+duckdb = pytest.importorskip("duckdb")
+
+COUNT = int(os.environ.get("SS2SQL_PROGRAMS", "1000")) // 8
+MOVES = [
+    {"by": 1, "word": "a", "far": False},
+    {"by": -2, "word": "", "far": True},
+    {"by": 3, "word": "bü", "far": True},
+]
+ADDED = {0: 1, 1: 2, 2: 3, 3: 4, 4: 5}
+STRATEGIES = ("UNIQUE", "BREADTH FIRST NO CYCLE", "BREADTH FIRST")
+STATES = {"n": "0", "t": "'x'", "b": "False", "l": "[1]"}
+
+INTS = ("n", "m.by", "1", "-3", "7")
+TEXTS = ("t", "m.word", "'x'", "''", "'äb'")
+
+
+def expressions() -> st.SearchStrategy[dict[str, str]]:
+    """Expressions by kind; those of ints stay within bounds by a remainder."""
+    leaves_int, leaves_text = st.sampled_from(INTS), st.sampled_from(TEXTS)
+    number = st.recursive(
+        leaves_int,
+        lambda inner: st.one_of(
+            st.builds("(({} + {}) % 9)".format, inner, inner),
+            st.builds("(({} - {}) % -7)".format, inner, inner),
+            st.builds("(({} * {}) % 5)".format, inner, inner),
+            st.builds("abs({} % 11)".format, inner),
+            st.builds("(-({} % 6))".format, inner),
+            st.builds("min({} % 8, {} % 8)".format, inner, inner),
+            st.builds("len({})".format, leaves_text),
+            st.builds("IF({} < {}; {} % 4; 2)".format, inner, inner, inner),
+        ),
+        max_leaves=4,
+    )
+    text = st.one_of(
+        st.builds("({} + {})[0:3]".format, leaves_text, leaves_text),
+        st.builds("({} + {})[1:4]".format, leaves_text, leaves_text),
+        leaves_text,
+    )
+    truth = st.one_of(
+        st.builds("{} < {}".format, number, number),
+        st.builds("{} == {}".format, text, text),
+        st.builds("{} != {}".format, number, number),
+        st.builds("{} <= {}".format, text, text),
+        st.builds("{} IN [1, 3, -1]".format, number),
+        st.builds("{} NOT IN {}".format, leaves_text, text),
+        st.builds("(m.far XOR {} > 1)".format, number),
+        st.builds("({} == 2 OR NOT {} == 3)".format, number, number),
+        st.sampled_from(["m.far", "b", "n", "t", "l == [1]", "NOT (b AND m.far)"]),
+    )
+    return st.fixed_dictionaries({"int": number, "text": text, "truth": truth, "where": truth, "stop": truth})
+
+
+@seed(88)
+@settings(max_examples=COUNT, deadline=None, database=None)
+@given(expressions(), st.sampled_from(STRATEGIES), st.sets(st.sampled_from(list(STATES)), min_size=1), st.booleans())
+def test_random_steps(parts: dict[str, str], strategy: str, shown: set[str], grouped: bool) -> None:
+    outputs = {
+        "n": f"({parts['int']}) % 13",
+        "t": parts["text"],
+        "b": f"({parts['truth']}) AND True",
+        "l": "[m.by % 3]",
+    }
+    script = (
+        f"SELECT {', '.join(outputs[name] for name in sorted(shown))} FROM m = moves WHERE {parts['where']} START WITH "
+        + ", ".join(f"{name} = {value}" for name, value in STATES.items())
+        + ", depth = 0"
+        + f" CONNECT BY {strategy} MAXIMUM 40 "
+        + ", ".join(f"{name} = {value}" for name, value in outputs.items())
+        + f", depth = IF(depth < 9; depth + 1; 9) STOP WITH depth > 2 OR {parts['stop']}"
+        + (" GROUP BY m.by % 2" if grouped else "")
+        + " AS list"
+    )
+    with ss2sql.connect() as ss:
+        ss.set("moves", MOVES)
+        wanted = ss.run(script, engine="native")
+        try:
+            found = ss.run(script, engine="duckdb")
+        except ss2sql.UnsupportedError:
+            assert grouped  # by what is constant: an aggregate
+            return
+        assert exact(found.value) == exact(wanted.value)
+        assert "in SQL" in str(found.explain()), script
+
+
+def test_python_is_left_alone_where_steps_are_sql() -> None:
+    with ss2sql.connect(engine="duckdb") as ss:
+        result = ss.run(
+            "SELECT n + this FROM [1, 2] WHERE n + this == 5 START WITH n = 0"
+            " CONNECT BY UNIQUE n = n + this STOP WITH n + this > 5 AS list;"
+        )
+        assert result.value == [[1, 3, 5]]
+        assert result.stats.generated == 2 + 4 + 4 + 2  # from 0; from 1 and 2; from 3 and 4; from 5, as 6 stops
+        text = str(result.explain())
+    assert "tries the steps from them, in SQL" in text
+    assert "frontier.n + elements.this AS n" in result.sql
+
+
+@pytest.mark.parametrize(
+    ("script", "reason"),
+    [
+        ("SELECT f(n) FROM [1] START WITH n = 0 CONNECT BY UNIQUE n = f(n) STOP WITH n > 3", "f is a Python function"),
+        (
+            "SELECT this FROM f(n) START WITH n = 0 CONNECT BY UNIQUE n = this STOP WITH n > 3",
+            "what stands in FROM depends on the state",
+        ),
+        (
+            "SELECT b.this FROM a = [[1], [2]], b = a.this START WITH n = 0 CONNECT BY UNIQUE n = b.this",
+            "what stands in FROM depends on another source",
+        ),
+        (
+            "SELECT n + this FROM [0.5] START WITH n = 0.0 CONNECT BY UNIQUE n = n + this STOP WITH n > 3",
+            "rows with floats are not compared in the same way everywhere",
+        ),
+        (
+            "SELECT n FROM [1] START WITH n = 'a' CONNECT BY UNIQUE n = str(n)",
+            "str is not known to other databases",
+        ),
+        (
+            "SELECT n FROM [1] START WITH n = None CONNECT BY UNIQUE n = None",
+            "the kind of this value is not known, or may be None",
+        ),
+    ],
+)
+def test_what_is_left_to_python(script: str, reason: str) -> None:
+    with ss2sql.connect() as ss:
+        ss.function("f", lambda n: [ADDED[n]] if "FROM f" in script else ADDED[n], volatility="immutable")
+        found, wanted = ss.run(script, engine="duckdb"), ss.run(script, engine="native")
+        assert exact(found.value) == exact(wanted.value)
+        assert f"tries the steps from them, in Python: {reason}" in str(found.explain())
+
+
+def test_names_that_are_words_of_sql() -> None:
+    """Every word that DuckDB knows can be a START WITH variable and a column of the elements."""
+    words = [word for (word,) in duckdb.sql("SELECT keyword_name FROM duckdb_keywords()").fetchall()]
+    with ss2sql.connect() as ss:
+        for start in range(0, len(words), 40):
+            some = [word for word in dict.fromkeys([*words[start : start + 40], *OWN]) if _is_free(word)]
+            ss.set("moves", [dict.fromkeys(some, 1)])
+            assigned = ", ".join(f"{word} = {word} + m.{word}" for word in some)
+            script = (
+                f"SELECT {', '.join(f'{word} + m.{word}' for word in some)} FROM m = moves START WITH "
+                + ", ".join(f"{word} = {number}" for number, word in enumerate(some))
+                + f" CONNECT BY UNIQUE {assigned} STOP WITH {some[0]} > 2 AS list"
+            )
+            found = ss.run(script, engine="duckdb")
+            assert "in SQL" in str(found.explain())
+            assert exact(found.value) == exact(ss.run(script, engine="native").value)
+
+
+def _is_free(word: str) -> bool:
+    """Whether SelectScript has no other meaning for the word."""
+    from ss2sql.frontend.text import RESERVED
+
+    return word.upper() not in RESERVED
+
+
+def test_a_table_of_the_session_is_read_once() -> None:
+    with ss2sql.connect() as ss:
+        ss.host.connection.execute("CREATE TABLE roads(a INTEGER NOT NULL, b INTEGER NOT NULL) STRICT")
+        ss.host.connection.executemany("INSERT INTO roads VALUES (?, ?)", [(1, 2), (2, 3), (1, 4), (4, 3)])
+        script = (
+            "SELECT r.b FROM r = roads WHERE r.b == 3 AND r.a == at_node START WITH at_node = 1"
+            " CONNECT BY UNIQUE at_node = r.b STOP WITH r.a != at_node AS list;"
+        )
+        found = ss.run(script, engine="duckdb")
+        assert found.value == ss.run(script, engine="native").value == [[2, 3]]
+
+
+def test_no_elements() -> None:
+    script = "SELECT this + n FROM [] START WITH n = 0 CONNECT BY UNIQUE n = 1 AS list"
+    with ss2sql.connect() as ss:
+        assert ss.run(script, engine="duckdb").value == []
+
+
+@pytest.mark.parametrize("strategy", STRATEGIES)
+def test_the_start_is_no_row_that_was_met(strategy: str) -> None:
+    script = (
+        f"SELECT (n + this) % 3 FROM [1] START WITH n = 0 CONNECT BY {strategy} MAXIMUM 9 n = (n + this) % 3 AS list"
+    )
+    with ss2sql.connect() as ss:
+        found: Any = ss.run(script, engine="duckdb").value
+        assert found[:3] == [[1], [1, 2], [1, 2, 0]]
+        assert found == ss.run(script, engine="native").value
