@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from ss2sql import plan
 from ss2sql.explained.facts import PlanLine
 from ss2sql.explained.words import cut, queue_words
-from ss2sql.runtime.levels.level import GUARDS
+from ss2sql.runtime.levels.kinds import kind_of
 
 LONGEST = 60  # characters of what is walked
 
@@ -36,13 +36,15 @@ def plan_in_python(query: plan.Query) -> tuple[PlanLine, ...]:
 
 def plan_in_tables(query: plan.Query) -> tuple[PlanLine, ...]:
     """The search as it goes from level to level in tables."""
-    assert query.search is not None
+    search = query.search
+    kind = search and kind_of(search)
+    assert search
+    assert kind
     lines = (
-        PlanLine(0, "searches level by level; all states of a level together:"),
+        PlanLine(0, kind.before(search)),
         PlanLine(1, "tries the steps from them, in Python"),
         *_loops(query, 2, inner=True),
-        PlanLine(1, GUARDS[query.search.repeats].words),
-        PlanLine(1, "gives the paths to the goals among them"),
+        *(PlanLine(1, words) for words in kind.after(search)),
     )
     return (*lines, *_endings(query))
 

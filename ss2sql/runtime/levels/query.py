@@ -9,8 +9,7 @@ from ss2sql import plan
 from ss2sql.errors import ExecutionError, Span, UnsupportedError
 from ss2sql.lowering.dialects import Dialect
 from ss2sql.lowering.unsupported import Rule
-from ss2sql.runtime.levels.level import LevelStatements
-from ss2sql.runtime.levels.search import LevelSearch
+from ss2sql.runtime.levels.kinds import kind_of
 from ss2sql.runtime.levels.statements import printed
 from ss2sql.runtime.levels.tables import Tables
 from ss2sql.runtime.levels.watch import watched
@@ -51,7 +50,9 @@ class LevelQuery:
                 raise UnsupportedError("U001", reason, place, (rule.cure,))
         self.engine = engine.name
         self.database = engine
-        self.written = LevelStatements(search.repeats)
+        kind = kind_of(search)
+        assert kind is not None
+        self.kind, self.written = kind, kind.write(search)
         self._native = NativeQuery(taken_apart(query), find=self._found)
 
     @property
@@ -67,7 +68,7 @@ class LevelQuery:
         tables = self.database.open()
         try:
             with watched(hunt.run, tables):
-                yield from LevelSearch(hunt, tables, self.written).results()
+                yield from self.kind.search(hunt, tables, self.written).results()
         except self.database.errors as error:
             hint = "look at its limit of memory and the room on its disk"
             raise ExecutionError("X009", f"{self.engine}: {error}", hunt.query.span, (hint,)) from error
@@ -81,7 +82,8 @@ class LevelQuery:
 def taken_apart(query: plan.Query) -> plan.Query:
     """The search by MEMORIZE, which asks for the clauses one by one, and leaves it to others what becomes of steps."""
     assert query.search is not None
-    return replace(query, search=replace(query.search, order="depth first", repeats="memorize"))
+    order = query.search.order if query.search.weight else "depth first"
+    return replace(query, search=replace(query.search, order=order, repeats="memorize"))
 
 
 def _depth_first(query: plan.Query, nested: bool) -> Span | None:
@@ -89,8 +91,8 @@ def _depth_first(query: plan.Query, nested: bool) -> Span | None:
     return query.span if search and search.order == "depth first" and search.repeats != "memorize" else None
 
 
-def _weighted(query: plan.Query, nested: bool) -> Span | None:
-    return query.search.weight.span if query.search and query.search.weight else None
+def _guided(query: plan.Query, nested: bool) -> Span | None:
+    return query.search.heuristic.span if query.search and query.search.heuristic else None
 
 
 def _graph(query: plan.Query, nested: bool) -> Span | None:
@@ -108,7 +110,7 @@ def _unsteady(query: plan.Query, nested: bool) -> Span | None:
 
 RULES = (
     Rule("DEPTH FIRST goes on from the last step", "write BREADTH FIRST, or UNIQUE without DEPTH FIRST", _depth_first),
-    Rule("COST and PROBABILITY go on from one path at a time", "leave the engine to ss2sql", _weighted),
+    Rule("HEURISTIC goes on from one path at a time", "leave HEURISTIC out, the costs are the same", _guided),
     Rule("MEMORIZE walks through its graph path by path", "UNIQUE gives a shortest path to each row", _graph),
     Rule("aggregates count over whole paths", "leave the engine to ss2sql", _aggregated),
     Rule(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Protocol
 
-from ss2sql.runtime.levels.statements import Ask, Statement
+from ss2sql.runtime.levels.statements import Ask, Statement, Value
 from ss2sql.runtime.levels.trial import Trial
 
 Row = tuple[Any, ...]
@@ -14,14 +14,14 @@ Row = tuple[Any, ...]
 class Tables(Protocol):
     """The tables of one run. `:name` in a statement stands for a value."""
 
-    def run(self, statement: Statement, **values: int) -> None:
+    def run(self, statement: Statement, **values: Value) -> None:
         """Runs a statement."""
 
-    def rows(self, question: Ask, **values: int) -> Iterator[Row]:
+    def rows(self, question: Ask, **values: Value) -> Iterator[Row]:
         """The rows of a query, read in blocks; another statement may run meanwhile."""
 
     def load(self, table: str, columns: Sequence[Sequence[Any]]) -> None:
-        """Adds rows to a table of `level.TABLES`, given by columns."""
+        """Adds rows, given by columns, to a table that `Create` has made."""
 
     def try_all(self, trial: Trial, pause: Callable[[], None]) -> int:
         """Adds the steps from all states of `frontier` to `tries`, and says how many were tried.
