@@ -202,7 +202,6 @@ REFUSED = {
     "": ("DEPTH FIRST goes on from the last step", "write BREADTH FIRST, or UNIQUE without DEPTH FIRST"),
     "NO CYCLE": ("DEPTH FIRST goes on from the last step", "write BREADTH FIRST"),
     "UNIQUE DEPTH FIRST": ("DEPTH FIRST goes on from the last step", "write BREADTH FIRST"),
-    "MEMORIZE 3": ("MEMORIZE walks through its graph path by path", "UNIQUE gives a shortest path to each row"),
 }
 
 

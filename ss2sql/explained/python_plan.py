@@ -45,6 +45,7 @@ def plan_in_tables(query: plan.Query) -> tuple[PlanLine, ...]:
         PlanLine(1, "tries the steps from them, in Python"),
         *_loops(query, 2, inner=True),
         *(PlanLine(1, words) for words in kind.after(search)),
+        *(PlanLine(0, words) for words in kind.end(search)),
     )
     return (*lines, *_endings(query))
 

@@ -9,6 +9,8 @@ from typing import Any, Protocol
 from ss2sql import plan
 from ss2sql.runtime.levels.by_cost import CostSearch
 from ss2sql.runtime.levels.cost_level import QUEUES, CostStatements
+from ss2sql.runtime.levels.graph_level import GraphStatements
+from ss2sql.runtime.levels.graph_search import GraphSearch
 from ss2sql.runtime.levels.level import GUARDS, LevelStatements
 from ss2sql.runtime.levels.search import LevelSearch
 from ss2sql.runtime.levels.statements import Statement
@@ -32,17 +34,20 @@ class Search(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """The statements of a search, what runs them, and in words what a level does before and after steps are tried."""
+    """The statements of a search and what runs them; in words what a level does before and after its steps are tried,
+    and what comes at the end.
+    """
 
     write: Callable[[plan.Search], Any]
     search: Callable[[Hunt, Tables, Any], Search]
     before: Callable[[plan.Search], str]
     after: Callable[[plan.Search], tuple[str, ...]]
+    end: Callable[[plan.Search], tuple[str, ...]] = lambda search: ()
 
 
 def kind_of(search: plan.Search) -> Kind | None:
     """What a search is made of; None where it does not go by levels."""
-    return KINDS.get(search.order)
+    return BY_GRAPH if search.repeats == "memorize" else KINDS.get(search.order)
 
 
 BY_LENGTH = Kind(
@@ -58,6 +63,19 @@ BY_COST = Kind(
     lambda search: (
         "takes those that come before every new step, and gives the paths to the goals among them",
         QUEUES[search.repeats].words,
+    ),
+)
+BY_GRAPH = Kind(
+    GraphStatements,
+    GraphSearch,
+    lambda search: "makes the graph of rows level by level; of all states of a level together:",
+    lambda search: (
+        "keeps the first step to each row that no level before has reached",
+        "keeps every step to a row that is reached by then as an edge",
+    ),
+    lambda search: (
+        "finds what of the graph lies on ways to goals, backwards from these",
+        f"gives the paths of that, {_EXTREME.get(search.order, 'the shortest')} first",
     ),
 )
 _EXTREME: dict[plan.Order, str] = {"cost": "the cheapest", "probability": "the likeliest"}

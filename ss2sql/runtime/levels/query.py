@@ -95,10 +95,6 @@ def _guided(query: plan.Query, nested: bool) -> Span | None:
     return query.search.heuristic.span if query.search and query.search.heuristic else None
 
 
-def _graph(query: plan.Query, nested: bool) -> Span | None:
-    return query.span if query.search and query.search.repeats == "memorize" else None
-
-
 def _aggregated(query: plan.Query, nested: bool) -> Span | None:
     return query.group[0].span if query.aggregated else None
 
@@ -111,7 +107,6 @@ def _unsteady(query: plan.Query, nested: bool) -> Span | None:
 RULES = (
     Rule("DEPTH FIRST goes on from the last step", "write BREADTH FIRST, or UNIQUE without DEPTH FIRST", _depth_first),
     Rule("HEURISTIC goes on from one path at a time", "leave HEURISTIC out, the costs are the same", _guided),
-    Rule("MEMORIZE walks through its graph path by path", "UNIQUE gives a shortest path to each row", _graph),
     Rule("aggregates count over whole paths", "leave the engine to ss2sql", _aggregated),
     Rule(
         "a volatile function or an assignment keeps the written order",

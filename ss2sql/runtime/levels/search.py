@@ -41,10 +41,10 @@ class TableSearch:
         self.hunt.flush()
         self.hunt.check()
 
-    def fail(self, trial: Trial, place: int) -> None:
-        """Raises the error of the step that failed."""
+    def fail(self, trial: Trial, place: int, known: bool = False) -> None:
+        """Raises the error of the step that failed, see `Trial.fail`."""
         ((state,),) = self.tables.rows(level.STATE_OF, step=place // ELEMENTS)
-        trial.fail(place, state)
+        trial.fail(place, state, known)
 
     def paths(self) -> Iterator[tuple[int, Found]]:
         """The paths to the goals in `kept`, each with the number of its last step."""

@@ -97,11 +97,14 @@ class Trial:
         key = b"\xff%d" % place if row is None else key_of(row)  # no key of a row begins like this
         return key, None, None, False, False, None, True
 
-    def fail(self, place: int, state: bytes) -> None:
-        """Takes the step that failed once more, which raises its error."""
+    def fail(self, place: int, state: bytes, known: bool = False) -> None:
+        """Takes the step that failed once more, which raises its error; `known`: its row was."""
         before = loads(state)
         for last in islice(self.pieces.elements(self._state(before)), place % ELEMENTS, None):
             row = self._row(last)
+            if known:
+                self._weighed(last, row)
+                break
             ends, _ = self._judged(last, row)
             if row is None:
                 row = self.pieces.row(last)[0]
@@ -109,6 +112,14 @@ class Trial:
             break
         hint = "see whether a function is declared immutable that is not"
         raise ExecutionError("X009", "a step that failed did not fail again", hints=(hint,))
+
+    def _weighed(self, last: Last, row: Row | None) -> tuple[Any, bool]:
+        """What a step weighs, None where nothing is weighed, and whether it is possible."""
+        if self.pieces.weigh is None:
+            return None, True
+        assert row is not None
+        weight = self.pieces.weigh(last, row)
+        return weight, bool(weight) or not self.pieces.probable
 
 
 class WeighingTrial(Trial):
@@ -124,9 +135,8 @@ class WeighingTrial(Trial):
 
     def _kept(self, last: Last, row: Row, ends: bool, goal: bool, before: Any) -> Try | None:
         pieces = self.pieces
-        assert pieces.weigh is not None
-        weight = pieces.weigh(last, row)
-        if pieces.probable and not weight:
+        weight, possible = self._weighed(last, row)
+        if not possible:
             return None
         total = before[0] * weight if pieces.probable else before[0] + weight
         if type(total) is int and total > WHOLE:
@@ -139,6 +149,55 @@ class WeighingTrial(Trial):
 
     def _failed(self, place: int, row: Row | None) -> Try:
         return *super()._failed(place, row), None
+
+
+class GraphTrial(Trial):
+    """The same for MEMORIZE: what a step comes to where its row is new, and where it is known, see graph_level.py."""
+
+    def __init__(self, pieces: Pieces, keyed: bool) -> None:
+        super().__init__(pieces, keyed, compared=True)
+
+    def _tried(self, place: int, last: Last, before: Any) -> Try | None:
+        try:
+            row, _ = self.pieces.row(last)
+        except (Stopped, UnsupportedError):
+            raise
+        except Exception:
+            return self._failed(place, None)
+        weight, leads, weight_failed = self._asked_for_weight(last, row)
+        made, failed = None, weight_failed
+        try:
+            ends, goal = self._judged(last, row)
+            if ends and not goal:
+                failed = False  # its weight is not asked for
+            elif leads:
+                made = super()._kept(last, row, ends, goal, before)
+        except (Stopped, UnsupportedError):
+            raise
+        except Exception:
+            failed = True
+        if not (made or failed or leads or weight_failed):
+            return None
+        key, shown, _, goal, goes_on, state, _ = made or (key_of(row), None, None, False, False, None, False)
+        kept = encoded(last) if self.keyed and leads else None
+        return key, shown, kept, goal, goes_on, state, failed, made is not None, leads, weight, weight_failed
+
+    def _asked_for_weight(self, last: Last, row: Row) -> tuple[bytes | None, bool, bool]:
+        """What a step weighs, whether it is possible, and whether it failed to say so."""
+        try:
+            weight, possible = self._weighed(last, row)
+        except (Stopped, UnsupportedError):
+            raise
+        except Exception:
+            return None, False, True
+        return None if weight is None else dumps(weight, 2), possible, False
+
+    def _kept(self, last: Last, row: Row, ends: bool, goal: bool, before: Any) -> Try | None:
+        self._weighed(last, row)
+        return super()._kept(last, row, ends, goal, before)
+
+    def _failed(self, place: int, row: Row | None) -> Try:
+        return *super()._failed(place, row), False, False, None, False
 
 
 def encoded(values: State) -> bytes:
