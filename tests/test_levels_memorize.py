@@ -199,4 +199,5 @@ def test_explain_tells_how() -> None:
     text = str(result.explain())
     assert "keeps every step to a row that is reached by then as an edge" in text
     assert "gives the paths of that, the shortest first" in text
+    assert "searched from the start only: its graph is in tables" in text
     assert "INSERT INTO edges" in result.sql

@@ -31,8 +31,9 @@ WAIT = "(total > :total OR (total = :total AND parent > :earlier))"
 class Queue:
     """What becomes of rows that were met before, in words and in SQL.
 
-    `waits` are the steps that wait, of which `first` keeps what can be taken. `least` has the tries that may enter, and
-    `enters` those that do, once it is known up to which step they count; `failed` finds the first that failed.
+    `waits` are the steps that wait, which become `alive`, and `first` those of the `near` ones that can be taken.
+    `least` has the tries that may enter, and `enters` those that do, once it is known up to which step they count;
+    `failed` finds the first that failed.
     """
 
     words: str
@@ -48,7 +49,7 @@ class Queue:
 EVERY = Queue(
     "keeps all of them",
     f"SELECT place, row_key, total FROM waiting WHERE {WAIT}",
-    "SELECT place, row_key, total FROM near",
+    "{near}",
     (),
     "SELECT MIN(total) FROM tries",
     (),
@@ -65,7 +66,10 @@ FIRST = Queue(
     """,
     """
     SELECT place, row_key, total
-    FROM (SELECT *, ROW_NUMBER() OVER (PARTITION BY row_key ORDER BY total, place) AS nth FROM near) AS ranked
+    FROM (
+      SELECT *, ROW_NUMBER() OVER (PARTITION BY row_key ORDER BY total, place) AS nth
+      FROM ({near}) AS near
+    ) AS ranked
     WHERE nth = 1
     """,
     (
@@ -127,9 +131,10 @@ class CostStatements:
             Create("chosen", CHOSEN),
         ]
         near = f"SELECT * FROM alive WHERE total <= (SELECT MIN(total) FROM alive) {reach} :reach"
-        chosen = f"WITH alive AS ({queue.waits}), near AS ({near}) {queue.first}"
         self.choose: list[Statement] = [
-            Number("chosen", chosen, "total, place"),
+            Make("alive", queue.waits),
+            Number("chosen", queue.first.format(near=near), "total, place"),
+            Drop("alive"),
             Make(
                 "frontier",
                 f"SELECT chosen.step, waiting.state {TAKEN} WHERE waiting.goes_on",
