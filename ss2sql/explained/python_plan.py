@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from ss2sql import plan
 from ss2sql.explained.facts import PlanLine
 from ss2sql.explained.words import cut, queue_words
-from ss2sql.runtime.levels.level import GUARDS
+from ss2sql.runtime.levels.query import InTables
 
 LONGEST = 60  # characters of what is walked
 
@@ -34,16 +34,17 @@ def plan_in_python(query: plan.Query) -> tuple[PlanLine, ...]:
     return (*lines, *_endings(query))
 
 
-def plan_in_tables(query: plan.Query, reason: str | None) -> tuple[PlanLine, ...]:
-    """The search as it goes from level to level in tables; `reason`: why its steps are tried in Python, if they are."""
-    assert query.search is not None
-    where = "in SQL" if reason is None else f"in Python: {reason}"
+def plan_in_tables(query: plan.Query, tables: InTables) -> tuple[PlanLine, ...]:
+    """The search as it goes from level to level in tables."""
+    search, kind = query.search, tables.kind
+    assert search
+    because = "" if tables.hindrance is None else f": {tables.hindrance}"
     lines = (
-        PlanLine(0, "searches level by level; all states of a level together:"),
-        PlanLine(1, f"tries the steps from them, {where}"),
+        PlanLine(0, kind.before(search)),
+        PlanLine(1, f"tries the steps from them, in {'SQL' if kind.in_sql else 'Python'}{because}"),
         *_loops(query, 2, inner=True),
-        PlanLine(1, GUARDS[query.search.repeats].words),
-        PlanLine(1, "gives the paths to the goals among them"),
+        *(PlanLine(1, words) for words in kind.after(search)),
+        *(PlanLine(0, words) for words in kind.end(search)),
     )
     return (*lines, *_endings(query))
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Sequence
 from itertools import count
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.lowering.dialects import DUCKDB
-from ss2sql.runtime.levels.statements import Ask, Create, Statement, printed
+from ss2sql.runtime.levels.statements import Ask, Create, Statement, Value, printed
 from ss2sql.runtime.levels.tables import Row, try_in_blocks
 from ss2sql.runtime.levels.trial import Trial
 
@@ -48,14 +49,17 @@ class DuckTables:
     def __init__(self, connection: duckdb.DuckDBPyConnection) -> None:
         self.connection = connection
         self.name = f"ss2sql_{next(_numbers)}"
+        self.columns: dict[str, str] = {}  # of the tables that were made empty, with their types
         ((self.home,),) = connection.execute("SELECT current_database()").fetchall()
         connection.execute(f"ATTACH ':memory:' AS {self.name}")
         connection.execute(f"USE {self.name}")
 
-    def run(self, statement: Statement, **values: int) -> None:
+    def run(self, statement: Statement, **values: Value) -> None:
+        if isinstance(statement, Create):
+            self.columns[statement.table] = statement.columns
         self.connection.execute(*_bound(statement, values))
 
-    def rows(self, question: Ask, **values: int) -> Iterator[Row]:
+    def rows(self, question: Ask, **values: Value) -> Iterator[Row]:
         reading = self.connection.cursor()
         try:
             reading.execute(f"USE {self.name}")
@@ -65,9 +69,9 @@ class DuckTables:
         finally:
             reading.close()
 
-    def load(self, table: Create, columns: Sequence[Sequence[Any]]) -> None:
-        self.connection.register("block", _block(table, columns))
-        self.connection.execute(f"INSERT INTO {table.table} SELECT * FROM block")
+    def load(self, table: str, columns: Sequence[Sequence[Any]]) -> None:
+        self.connection.register("block", _block(self.columns[table], columns))
+        self.connection.execute(f"INSERT INTO {table} SELECT * FROM block")
         self.connection.unregister("block")
 
     def try_all(self, trial: Trial, pause: Callable[[], None]) -> int:
@@ -82,16 +86,16 @@ class DuckTables:
         self.connection.close()
 
 
-def _bound(statement: Statement, values: dict[str, int]) -> tuple[str, dict[str, int] | None]:
+def _bound(statement: Statement, values: dict[str, Value]) -> tuple[str, dict[str, Value] | None]:
     """The text of a statement, and the values for it; DuckDB wants no others than it names."""
     text = printed(DUCKDB, statement.text)
-    return text, {name: value for name, value in values.items() if f"${name}" in text} or None
+    return text, {name: value for name, value in values.items() if re.search(rf"\${name}\b", text)} or None
 
 
-def _block(table: Create, columns: Sequence[Sequence[Any]]) -> pa.Table:
+def _block(written: str, columns: Sequence[Sequence[Any]]) -> pa.Table:
     import pyarrow as pa
 
-    names = [column.split() for column in table.columns.split(", ")]
+    names = [column.split() for column in written.split(", ")]
     arrays = [pa.array(values, _arrow(kind)) for values, (_, kind) in zip(columns, names, strict=True)]
     return pa.table(arrays, [name for name, _ in names])
 

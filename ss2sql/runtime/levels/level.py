@@ -17,13 +17,14 @@ from dataclasses import dataclass
 from ss2sql import plan
 from ss2sql.runtime.levels.statements import Add, Ask, Create, Drop, Make, Number, Statement, Walk
 
-FRONTIER = Create("frontier", "step BIGINT, state BLOB")
-TRIES = Create(
-    "tries",
-    "place BIGINT, parent BIGINT, row_key BLOB, row BLOB, last BLOB, goal BOOLEAN, goes_on BOOLEAN, state BLOB,"
-    " failed BOOLEAN",
-)
-STEPS = Create("steps", "step BIGINT, parent BIGINT, depth BIGINT, row_key BLOB, row BLOB, last BLOB, goal BOOLEAN")
+TABLES = {
+    "frontier": "step BIGINT, state BLOB",
+    "tries": (
+        "place BIGINT, parent BIGINT, row_key BLOB, row BLOB, last BLOB, goal BOOLEAN, goes_on BOOLEAN, state BLOB,"
+        " failed BOOLEAN"
+    ),
+    "steps": "step BIGINT, parent BIGINT, depth BIGINT, row_key BLOB, row BLOB, last BLOB, goal BOOLEAN",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +35,20 @@ class Guard:
     chosen: str  # the places of those that are kept; alone, because what is numbered should be small
     failed: str
     before: Walk | None = None
+
+
+def back_to_start(tries: str = "") -> Walk:
+    """The way back of each of the `tries` as long as it does not meet its row; free is what ends at step 0."""
+    return Walk(
+        "back",
+        "place, previous, row_key",
+        f"SELECT place, parent, row_key FROM tries {tries}",
+        """
+        SELECT walk.place, steps.parent, walk.row_key
+        FROM walk
+        JOIN steps ON steps.step = walk.previous AND steps.row_key <> walk.row_key
+        """,
+    )
 
 
 EVERY = Guard(
@@ -59,21 +74,11 @@ FIRST = Guard(
       AND NOT EXISTS (SELECT 1 FROM steps WHERE steps.row_key = tries.row_key)
     """,
 )
-# Every step whose row is not met on the way back to the start. From level to level all ways have the same length.
 FREE = Guard(
     "keeps those whose row is not met on the way back to the start",
     "SELECT place FROM tries WHERE NOT failed AND place IN (SELECT place FROM back WHERE previous = 0)",
     "SELECT MIN(place) FROM tries WHERE failed AND place IN (SELECT place FROM back WHERE previous = 0)",
-    Walk(
-        "back",
-        "place, previous, row_key",
-        "SELECT place, parent, row_key FROM tries",
-        """
-        SELECT walk.place, steps.parent, walk.row_key
-        FROM walk
-        JOIN steps ON steps.step = walk.previous AND steps.row_key <> walk.row_key
-        """,
-    ),
+    back_to_start(),
 )
 GUARDS: dict[plan.Repeats, Guard] = {"allowed": EVERY, "unique": FIRST, "no cycle": FREE}
 
@@ -104,11 +109,12 @@ STATE_OF = Ask("SELECT state FROM frontier WHERE step = :step")
 
 
 class LevelStatements:
-    """The statements of a search; `repeats` says what happens to rows that were met before."""
+    """The statements of a search."""
 
-    def __init__(self, repeats: plan.Repeats) -> None:
-        guard = GUARDS[repeats]
-        self.made = [FRONTIER, TRIES, STEPS]
+    def __init__(self, search: plan.Search) -> None:
+        self.search = search
+        guard = GUARDS[search.repeats]
+        self.made = [Create(table, columns) for table, columns in TABLES.items()]
         before = [] if guard.before is None else [guard.before]
         self.kept: list[Statement] = [*before, Number("chosen", guard.chosen), KEPT]  # what makes `kept`
         self.failed = Ask(guard.failed)
@@ -118,7 +124,7 @@ class LevelStatements:
             Drop("kept"),
             Drop("chosen"),
             Drop("tries"),
-            TRIES,
+            Create("tries", TABLES["tries"]),
             *(Drop(walk.table) for walk in before),
         ]
 

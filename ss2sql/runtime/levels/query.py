@@ -8,14 +8,10 @@ from dataclasses import dataclass, replace
 from ss2sql import plan
 from ss2sql.errors import ExecutionError, Span, UnsupportedError
 from ss2sql.lowering.dialects import Dialect
-from ss2sql.lowering.portable.steps import write_steps
 from ss2sql.lowering.unsupported import Rule
-from ss2sql.runtime.levels.level import LevelStatements
-from ss2sql.runtime.levels.search import LevelSearch
+from ss2sql.runtime.levels.kinds import Kind, kinds_of
 from ss2sql.runtime.levels.statements import printed
 from ss2sql.runtime.levels.tables import Tables
-from ss2sql.runtime.levels.typed import TypedStatements
-from ss2sql.runtime.levels.typed_search import TypedSearch
 from ss2sql.runtime.levels.watch import watched
 from ss2sql.runtime.memorize.hunt import Found, Hunt
 from ss2sql.runtime.native.builder import Builder
@@ -43,10 +39,11 @@ class TableEngine:
 
 @dataclass(frozen=True, slots=True)
 class InTables:
-    """How a search goes by levels: the SQL of one, and why its steps are tried in Python, None where they are SQL."""
+    """How a search goes by levels: the SQL of one, its kind, and what hinders its steps from being SQL, if anything."""
 
     sql: str
-    in_python: str | None
+    kind: Kind
+    hindrance: str | None
 
 
 class LevelQuery:
@@ -62,18 +59,25 @@ class LevelQuery:
                 raise UnsupportedError("U001", reason, place, (rule.cure,))
         self.engine = engine.name
         self.database = engine
-        self._in_python: str | None = None
-        self.written: LevelStatements | TypedStatements
-        try:
-            self.written = TypedStatements(write_steps(query), search.repeats)
-        except UnsupportedError as error:
-            self.written, self._in_python = LevelStatements(search.repeats), error.message
+        self._hindrance: str | None = None
+        self._choose(query)
         self._native = NativeQuery(taken_apart(query), find=self._found)
+
+    def _choose(self, query: plan.Query) -> None:
+        """Takes the first kind of search that can be written."""
+        assert query.search is not None
+        for kind in kinds_of(query.search):
+            try:
+                self.kind, self.written = kind, kind.write(query)
+                return
+            except UnsupportedError as error:
+                self._hindrance = error.message
+        raise AssertionError("the last kind can be written")
 
     @property
     def in_tables(self) -> InTables:
         texts = (printed(self.database.dialect, statement.text) for statement in self.written.level())
-        return InTables("\n".join(f"{text};" for text in texts), self._in_python)
+        return InTables("\n".join(f"{text};" for text in texts), self.kind, self._hindrance)
 
     def rows(self, run: Run, sink: Rows | None = None) -> Rows:
         """The answer of the query, see `NativeQuery.rows`."""
@@ -83,10 +87,7 @@ class LevelQuery:
         tables = self.database.open()
         try:
             with watched(hunt.run, tables):
-                if isinstance(self.written, TypedStatements):
-                    yield from TypedSearch(hunt, tables, self.written).results()
-                else:
-                    yield from LevelSearch(hunt, tables, self.written).results()
+                yield from self.kind.search(hunt, tables, self.written).results()
         except self.database.errors as error:
             hint = "look at its limit of memory and the room on its disk"
             raise ExecutionError("X009", f"{self.engine}: {error}", hunt.query.span, (hint,)) from error
@@ -100,7 +101,8 @@ class LevelQuery:
 def taken_apart(query: plan.Query) -> plan.Query:
     """The search by MEMORIZE, which asks for the clauses one by one, and leaves it to others what becomes of steps."""
     assert query.search is not None
-    return replace(query, search=replace(query.search, order="depth first", repeats="memorize"))
+    order = query.search.order if query.search.weight else "depth first"
+    return replace(query, search=replace(query.search, order=order, repeats="memorize"))
 
 
 def _depth_first(query: plan.Query, nested: bool) -> Span | None:
@@ -108,12 +110,8 @@ def _depth_first(query: plan.Query, nested: bool) -> Span | None:
     return query.span if search and search.order == "depth first" and search.repeats != "memorize" else None
 
 
-def _weighted(query: plan.Query, nested: bool) -> Span | None:
-    return query.search.weight.span if query.search and query.search.weight else None
-
-
-def _graph(query: plan.Query, nested: bool) -> Span | None:
-    return query.span if query.search and query.search.repeats == "memorize" else None
+def _guided(query: plan.Query, nested: bool) -> Span | None:
+    return query.search.heuristic.span if query.search and query.search.heuristic else None
 
 
 def _aggregated(query: plan.Query, nested: bool) -> Span | None:
@@ -127,8 +125,7 @@ def _unsteady(query: plan.Query, nested: bool) -> Span | None:
 
 RULES = (
     Rule("DEPTH FIRST goes on from the last step", "write BREADTH FIRST, or UNIQUE without DEPTH FIRST", _depth_first),
-    Rule("COST and PROBABILITY go on from one path at a time", "leave the engine to ss2sql", _weighted),
-    Rule("MEMORIZE walks through its graph path by path", "UNIQUE gives a shortest path to each row", _graph),
+    Rule("HEURISTIC goes on from one path at a time", "leave HEURISTIC out, the costs are the same", _guided),
     Rule("aggregates count over whole paths", "leave the engine to ss2sql", _aggregated),
     Rule(
         "a volatile function or an assignment keeps the written order",

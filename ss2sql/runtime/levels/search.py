@@ -14,60 +14,82 @@ from operator import itemgetter
 
 from ss2sql.runtime.levels import level
 from ss2sql.runtime.levels.level import LevelStatements
-from ss2sql.runtime.levels.statements import Drop, Statement
+from ss2sql.runtime.levels.statements import Drop, Statement, Value
 from ss2sql.runtime.levels.tables import Tables
 from ss2sql.runtime.levels.trial import ELEMENTS, Trial, encoded
 from ss2sql.runtime.memorize.hunt import Found, Hunt
+from ss2sql.runtime.memorize.pieces import Pieces
 from ss2sql.runtime.run import Level
 
 
-class LevelSearch:
-    """One search in some tables."""
+class TableSearch:
+    """One search in some tables: what is the same for all orders."""
+
+    def __init__(self, hunt: Hunt, tables: Tables) -> None:
+        self.hunt, self.tables = hunt, tables
+
+    @property
+    def pieces(self) -> Pieces:
+        assert self.hunt.pieces is not None
+        return self.hunt.pieces
+
+    def run(self, statements: Iterable[Statement], **values: Value) -> None:
+        for statement in statements:
+            self.tables.run(statement, **values)
+
+    def pause(self) -> None:
+        self.hunt.flush()
+        self.hunt.check()
+
+    def fail(self, trial: Trial, place: int, known: bool = False) -> None:
+        """Raises the error of the step that failed, see `Trial.fail`."""
+        ((state,),) = self.tables.rows(level.STATE_OF, step=place // ELEMENTS)
+        trial.fail(place, state, known)
+
+    def paths(self) -> Iterator[tuple[int, Found]]:
+        """The paths to the goals in `kept`, each with the number of its last step."""
+        self.tables.run(level.WAYS)
+        for goal, rows in groupby(self.tables.rows(level.PATHS), itemgetter(0)):
+            path = list(rows)
+            last = path[-1][2]
+            yield goal, ([loads(row) for _, row, _ in path], None if last is None else loads(last))
+        self.tables.run(Drop(level.WAYS.table))
+
+
+class LevelSearch(TableSearch):
+    """A breadth-first search."""
 
     def __init__(self, hunt: Hunt, tables: Tables, written: LevelStatements) -> None:
-        assert hunt.pieces is not None
-        self.hunt, self.tables, self.written = hunt, tables, written
-        self.trial = Trial(hunt.pieces, hunt.keyed)
+        super().__init__(hunt, tables)
+        self.written = written
+        self.trial = Trial(self.pieces, hunt.keyed, compared=written.search.repeats != "allowed")
 
     def results(self) -> Iterator[Found]:
         """The paths and the last parts of their last steps."""
         written, tables = self.written, self.tables
-        self._run(written.made)
-        tables.load(level.FRONTIER, [[0], [encoded(self.hunt.start)]])
+        self.run(written.made)
+        tables.load("frontier", [[0], [encoded(self.hunt.start)]])
         going, depth, steps = 1, 0, 0
         while going:
             depth += 1
-            tried = tables.try_all(self.trial, self._pause)
-            self._run(written.kept, before=steps)
+            tried = tables.try_all(self.trial, self.pause)
+            self.run(written.kept, before=steps)
             ((failed,),) = tables.rows(written.failed)
             tables.run(level.KEEP, depth=depth)
             ((kept, goals, going, last),) = tables.rows(level.COUNTS)
             steps = last or steps
             if goals:
-                yield from self._paths(failed)
+                yield from self._before(failed)
             if failed is not None:
-                ((state,),) = tables.rows(level.STATE_OF, step=failed // ELEMENTS)
-                self.trial.fail(failed, state)
+                self.fail(self.trial, failed)
             self.hunt.stats.levels.append(Level(kept, kept, tried - kept))
-            self._run(written.go_on)
+            self.run(written.go_on)
 
-    def _run(self, statements: Iterable[Statement], **values: int) -> None:
-        for statement in statements:
-            self.tables.run(statement, **values)
-
-    def _pause(self) -> None:
-        self.hunt.flush()
-        self.hunt.check()
-
-    def _paths(self, failed: int | None) -> Iterator[Found]:
-        """The paths to the goals of a level, those before the step that failed."""
-        self.tables.run(level.WAYS)
-        for goal, rows in groupby(self.tables.rows(level.PATHS), itemgetter(0)):
+    def _before(self, failed: int | None) -> Iterator[Found]:
+        """The results of a level before the step that failed."""
+        for goal, found in self.paths():
             if failed is not None:
                 ((place,),) = self.tables.rows(level.PLACE_OF, step=goal)
                 if place > failed:
                     break
-            path = list(rows)
-            last = path[-1][2]
-            yield [loads(row) for _, row, _ in path], None if last is None else loads(last)
-        self.tables.run(Drop(level.WAYS.table))
+            yield found

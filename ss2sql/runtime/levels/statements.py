@@ -37,14 +37,15 @@ class Make:
 
 @dataclass(frozen=True, slots=True)
 class Number:
-    """Makes a table of the rows of a query and a column `step`, which counts them by `place` from `:before` + 1."""
+    """Makes a table of the rows of a query and a column `step`, which counts them in `order` from `:before` + 1."""
 
     table: str
     select: str
+    order: str = "place"
 
     @property
     def text(self) -> str:
-        numbered = "SELECT :before + ROW_NUMBER() OVER (ORDER BY place) AS step, *"
+        numbered = f"SELECT :before + ROW_NUMBER() OVER (ORDER BY {self.order}) AS step, *"
         return f"CREATE TABLE {self.table} AS {numbered} FROM ({self.select}) AS unnumbered"
 
 
@@ -110,6 +111,8 @@ class Ask:
 
 
 Statement: TypeAlias = Create | Make | Number | Walk | Add | AddNumbered | Drop | Ask
+
+Value: TypeAlias = int | float  # what stands in a statement for `:name`
 
 
 @cache

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Protocol
 
-from ss2sql.runtime.levels.level import TRIES
-from ss2sql.runtime.levels.statements import Ask, Create, Statement
+from ss2sql.runtime.levels.statements import Ask, Statement, Value
 from ss2sql.runtime.levels.trial import Trial
 
 Row = tuple[Any, ...]
@@ -15,14 +14,14 @@ Row = tuple[Any, ...]
 class Tables(Protocol):
     """The tables of one run. `:name` in a statement stands for a value."""
 
-    def run(self, statement: Statement, **values: int) -> None:
+    def run(self, statement: Statement, **values: Value) -> None:
         """Runs a statement."""
 
-    def rows(self, question: Ask, **values: int) -> Iterator[Row]:
+    def rows(self, question: Ask, **values: Value) -> Iterator[Row]:
         """The rows of a query, read in blocks; another statement may run meanwhile."""
 
-    def load(self, table: Create, columns: Sequence[Sequence[Any]]) -> None:
-        """Adds rows to a table that was made so, given by columns."""
+    def load(self, table: str, columns: Sequence[Sequence[Any]]) -> None:
+        """Adds rows, given by columns, to a table that `Create` has made."""
 
     def try_all(self, trial: Trial, pause: Callable[[], None]) -> int:
         """Adds the steps from all states of `frontier` to `tries`, and says how many were tried.
@@ -54,9 +53,9 @@ def try_in_blocks(tables: Tables, trial: Trial, pause: Callable[[], None]) -> in
                     block.append(made)
             if len(block) >= BLOCK:
                 pause()
-                tables.load(TRIES, list(zip(*block, strict=True)))
+                tables.load("tries", list(zip(*block, strict=True)))
                 block.clear()
     pause()
     if block:
-        tables.load(TRIES, list(zip(*block, strict=True)))
+        tables.load("tries", list(zip(*block, strict=True)))
     return tried

@@ -6,6 +6,8 @@ after them; the start is step 0. `elements` has what is read of the sources, `nt
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from ss2sql import plan
 from ss2sql.lowering.portable.steps import ELEMENTS, Typed, WrittenSteps
 from ss2sql.runtime.levels.statements import AddNumbered, Ask, Create, Drop, Make, Statement, Walk
@@ -32,10 +34,10 @@ WAYS = Walk(
 
 
 class TypedStatements:
-    """The statements of a search; `repeats` says what happens to rows that were met before."""
+    """The statements of a search."""
 
-    def __init__(self, steps: WrittenSteps, repeats: plan.Repeats) -> None:
-        self.steps = steps
+    def __init__(self, steps: WrittenSteps, search: plan.Search) -> None:
+        self.steps, self.search = steps, search
         self._elements = NativeQuery(steps.elements)
         self.elements = Create("elements", _listed("nth BIGINT", *steps.reads))
         rows, own = _names(steps.rows), _names(steps.own)
@@ -45,9 +47,9 @@ class TypedStatements:
         self.made: list[Statement] = [self.elements, self.start]
         self.kept: list[Statement] = []  # what adds the steps of a level
         self.done: list[Statement] = []
-        if repeats == "unique":
+        if search.repeats == "unique":
             self.kept = [self._added(self._first(rows, own))]
-        elif repeats == "no cycle":
+        elif search.repeats == "no cycle":
             self.kept = [Make("tries", steps.tries), self._back(rows), self._added(_FREE)]
             self.done = [Drop("tries"), Drop("back")]
         else:
@@ -72,9 +74,9 @@ class TypedStatements:
         assert rows is not None
         return rows
 
-    def level(self) -> list[Statement]:
+    def level(self) -> Iterator[Statement]:
         """All of one level, in order."""
-        return [*self.kept, COUNTS, WAYS, self.paths, Drop(WAYS.table), *self.done]
+        yield from (*self.kept, COUNTS, WAYS, self.paths, Drop(WAYS.table), *self.done)
 
     def _added(self, select: str) -> Statement:
         numbers = f"step, place // {ELEMENTS}, place % {ELEMENTS}, :depth"

@@ -8,6 +8,7 @@ from operator import itemgetter
 
 from ss2sql.errors import UnsupportedError
 from ss2sql.lowering.portable.steps import ELEMENTS
+from ss2sql.runtime.levels.search import TableSearch
 from ss2sql.runtime.levels.statements import Drop
 from ss2sql.runtime.levels.tables import Tables
 from ss2sql.runtime.levels.typed import COUNTS, WAYS, TypedStatements
@@ -16,11 +17,12 @@ from ss2sql.runtime.memorize.pieces import Last
 from ss2sql.runtime.run import Level
 
 
-class TypedSearch:
+class TypedSearch(TableSearch):
     """One search in some tables."""
 
     def __init__(self, hunt: Hunt, tables: Tables, written: TypedStatements) -> None:
-        self.hunt, self.tables, self.written = hunt, tables, written
+        super().__init__(hunt, tables)
+        self.written = written
         self.elements = written.elements_of(hunt.run)
         if len(self.elements) > ELEMENTS:
             raise UnsupportedError("U001", f"FROM has more than {ELEMENTS:,} elements", hints=("bound FROM",))
@@ -28,18 +30,16 @@ class TypedSearch:
     def results(self) -> Iterator[Found]:
         """The paths and the last parts of their last steps."""
         written, tables = self.written, self.tables
-        for statement in written.made:
-            tables.run(statement)
+        self.run(written.made)
         self._load()
         expanded, depth, steps = 1, 0, 0
         while expanded and self.elements:
             depth += 1
-            for statement in (*written.kept, *written.done):
-                tables.run(statement, before=steps, depth=depth)
+            self.run((*written.kept, *written.done), before=steps, depth=depth)
             ((kept, goals, going, last),) = tables.rows(COUNTS, depth=depth)
             self._count(expanded, kept)
             if goals:
-                yield from self._paths(depth)
+                yield from self._found(depth)
             expanded, steps = going, last
 
     def _load(self) -> None:
@@ -47,9 +47,9 @@ class TypedSearch:
         steps = self.written.steps
         start = dict(zip(steps.states, self.hunt.start, strict=True))
         values = [start.get(column) for column in (*steps.rows, *steps.own)]
-        self.tables.load(self.written.start, [[value] for value in (0, None, None, 0, *values, False, True)])
+        self.tables.load(self.written.start.table, [[value] for value in (0, None, None, 0, *values, False, True)])
         columns = list(zip(*self.elements, strict=True))[: len(steps.reads)]
-        self.tables.load(self.written.elements, [range(len(self.elements)), *columns])
+        self.tables.load(self.written.elements.table, [range(len(self.elements)), *columns])
 
     def _count(self, expanded: int, kept: int) -> None:
         stats, tried = self.hunt.stats, expanded * len(self.elements)
@@ -58,7 +58,7 @@ class TypedSearch:
         stats.levels.append(Level(kept, kept, tried - kept))
         self.hunt.check()
 
-    def _paths(self, depth: int) -> Iterator[Found]:
+    def _found(self, depth: int) -> Iterator[Found]:
         """The paths to the goals of a level."""
         tables, written = self.tables, self.written
         tables.run(WAYS, depth=depth)
@@ -70,8 +70,7 @@ class TypedSearch:
 
     def _lasts(self, depth: int) -> Iterator[Last]:
         """The elements and the state before, of the last steps of the paths."""
-        assert self.hunt.pieces is not None
-        lasts = list(self.hunt.pieces.elements(self.hunt.start))  # the elements are the same for all states
+        lasts = list(self.pieces.elements(self.hunt.start))  # the elements are the same for all states
         sources = len(self.hunt.query.sources)
         for nth, *state in self.tables.rows(self.written.lasts, depth=depth):
             yield (*lasts[nth][:sources], *state)

@@ -28,20 +28,21 @@ Elements: TypeAlias = Callable[[State], Iterable[Last]]
 
 
 def memorize(hunt: Hunt) -> Iterator[Found]:
-    """The paths of at most `hunt.bound` steps, shortest first."""
-    graph = grown(hunt)
+    """The paths of at most `hunt.bound` steps: shortest, cheapest or likeliest first."""
+    yield from results_of(hunt, grown(hunt))
+
+
+def results_of(hunt: Hunt, graph: Graph) -> Iterator[Found]:
+    """The same for the graph that has grown."""
+    if hunt.order in ("cost", "probability"):
+        yield from map(graph.found, paths_by_weight(graph, hunt.order == "probability"))
+        return
     first = graph.first_path()
     if first is not None:
         yield graph.found(first)
         marks = graph.marks()
         others = islice(paths_by_length(graph, marks), 1, None)
         yield from map(graph.found, others) if marks is None else zip(others, repeat(None))
-
-
-def memorize_weighted(hunt: Hunt) -> Iterator[Found]:
-    """The paths of at most `hunt.bound` steps, cheapest or likeliest first."""
-    graph = grown(hunt)
-    yield from map(graph.found, paths_by_weight(graph, hunt.order == "probability"))
 
 
 def grown(hunt: Hunt) -> Graph:
@@ -76,7 +77,7 @@ def _grown(hunt: Hunt, grow: Grow, way: WayBack | None, memory: Remembering | No
             onward = growth(leading.steps(depth))
         level = onward(graph, states, numbers, sys.maxsize if most is None else most + 1, choose)
         if most is not None and len(graph.rows) - 1 > most:
-            raise _too_many(hunt.query, most)
+            raise too_many(hunt.query, most)
         hunt.flush()
         edges = len(graph.targets) - edges
         levels.append(Level(len(graph.rows) - rows, edges, hunt.stats.generated - steps_before - edges))
@@ -110,7 +111,7 @@ def growth(steps: Steps) -> Grow:
     return grow
 
 
-def _too_many(query: plan.Query, most: int) -> ExecutionError:
+def too_many(query: plan.Query, most: int) -> ExecutionError:
     """The error for a graph that does not fit."""
     hints = ("bound MEMORIZE, stop paths that lead nowhere with STOP WITH, or raise max_rows",)
     return ExecutionError("X010", f"the graph of MEMORIZE has more than max_rows={most} rows", query.span, hints)

@@ -25,17 +25,17 @@ class Pieces:
 
     `elements(state)` yields the elements of a state in source order, each as the `last` that the others take. `row`
     gives the row of a step, and what stands for it where rows are compared; `ends` and `is_goal` ask STOP WITH and
-    WHERE of it and take the state after the step where it is known; `weigh` gives its cost, or its probability where
-    `probable`; `follow` gives the state after it. `plain`: all elements are values of the language. `chooses`: the
-    search in one piece can be told by their positions which elements to try, see `Grow`. `freezers` has for each column
-    what makes of its value the stand-in that `row` gives.
+    WHERE and take the row and the state after the step where they are known; `weigh` gives its cost, or its probability
+    where `probable`; `follow` gives the state after it. `plain`: all elements are values of the language. `chooses`:
+    the search in one piece can be told by their positions which elements to try, see `Grow`. `freezers` has for each
+    column what makes of its value the stand-in that `row` gives.
     """
 
     probable: bool
     elements: Callable[[State], Iterator[Last]]
     row: Callable[[Last], tuple[Row, Hashable]]
-    ends: Callable[[Last, Row, State | None], bool] | None
-    is_goal: Callable[[Last, Row, State | None], bool] | None
+    ends: Callable[[Last, Row | None, State | None], bool] | None
+    is_goal: Callable[[Last, Row | None, State | None], bool] | None
     weigh: Callable[[Last, Row], Any] | None
     follow: Callable[[Last, Row], State]
     goals: Callable[[State], list[State]] | None

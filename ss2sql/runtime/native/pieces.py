@@ -7,7 +7,7 @@ made by other processes. The generated functions are those of `Pieces` in memori
 from __future__ import annotations
 
 import ast
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from ss2sql import plan
@@ -100,8 +100,8 @@ class _Writer:
     def truth(self, name: str, clause: plan.Expr) -> str:
         """Whether STOP WITH or WHERE is true of a step. What its row and the state after it tell is not asked again."""
         body, pen = self._function(name, ["last", "row", "following"], [clause]), self.unit.pen_at(clause.span)
-        self._know_row(body)
-        self._know_following(body, clause)
+        self._may_know_row(body)
+        self._may_know_following(body, clause)
         value = expression(self.builder, clause, body)
         body.add(pen.back(value if clause.type.only(Kind.BOOL) else pen.truth(value)))
         body.define()
@@ -193,13 +193,22 @@ class _Writer:
 
     def _know_row(self, body: Body) -> None:
         """Takes what SELECT shows from the row."""
+        for key, shown in self._shown():
+            name = body.known[-1][key] = self.unit.local("shown")
+            body.add(self.pen.assign(name, shown))
+
+    def _may_know_row(self, body: Body) -> None:
+        """The same where the row may be None, because it is not known."""
+        for key, shown in self._shown():
+            self._may_know(body, key, "row", shown)
+
+    def _shown(self) -> Iterator[tuple[int, ast.expr]]:
         for position, expr in enumerate(self.outputs):
             key = self.unit.analysis.of(expr).key
             if key is not None and not isinstance(expr, (plan.Element, plan.State, plan.Constant)):
-                name = body.known[-1][key] = self.unit.local("shown")
-                body.add(self.pen.assign(name, self.pen.item(self.pen.name("row"), position)))
+                yield key, self.pen.item(self.pen.name("row"), position)
 
-    def _know_following(self, body: Body, clause: plan.Expr) -> None:
+    def _may_know_following(self, body: Body, clause: plan.Expr) -> None:
         """Takes what CONNECT BY computes from the state after the step, where that is known."""
         wanted = {self.unit.analysis.of(node).key for node in walk(clause)}
         position = {name: number for number, (name, _) in enumerate(self.search.start)}
@@ -207,10 +216,20 @@ class _Writer:
         for name, expr in self.search.connect:
             facts = self.unit.analysis.of(expr)
             if facts.key is not None and facts.costly and facts.key in wanted and facts.states.isdisjoint(moved):
-                slot = body.slots[facts.key] = self.unit.local("next")
                 known = self.pen.item(self.pen.name("following"), position[name])
-                self.unit.namespace["UNSET"] = UNSET
-                given = self.pen.compare(self.pen.name("following"), ast.IsNot(), self.pen.constant(None))
-                body.add(self.pen.assign(slot, self.pen.either(given, known, self.pen.name("UNSET"))))
-                body.counts[facts.key] += 2  # so that the slot is asked
+                self._may_know(body, facts.key, "following", known)
             moved.add((self.query.id, name))
+
+    def _may_know(self, body: Body, key: int, given: str, value: ast.expr) -> None:
+        """Takes a value from what a parameter has, unless that is None; else it is computed when it is asked for."""
+        pen = self.pen
+        first = key not in body.slots
+        slot = body.slots.setdefault(key, self.unit.local("shared"))
+        self.unit.namespace["UNSET"] = UNSET
+        otherwise = pen.name("UNSET" if first else slot)
+        body.add(
+            pen.assign(
+                slot, pen.either(pen.compare(pen.name(given), ast.IsNot(), pen.constant(None)), value, otherwise)
+            )
+        )
+        body.counts[key] += 2  # so that the slot is asked

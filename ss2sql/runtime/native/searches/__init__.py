@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from ss2sql import plan
-from ss2sql.runtime.memorize.growing import memorize, memorize_weighted
+from ss2sql.runtime.memorize.growing import memorize
 from ss2sql.runtime.memorize.hunt import Found, Hunt
 from ss2sql.runtime.native.searches.best_first import BEST_FIRST, BEST_FIRST_UNIQUE
 from ss2sql.runtime.native.searches.breadth_first import BREADTH_FIRST
@@ -26,9 +26,9 @@ SEARCHES: dict[tuple[plan.Order, plan.Repeats], str | Callable[[Hunt], Iterator[
     ("cost", "allowed"): BEST_FIRST,
     ("cost", "no cycle"): BEST_FIRST,
     ("cost", "unique"): BEST_FIRST_UNIQUE,
-    ("cost", "memorize"): memorize_weighted,
+    ("cost", "memorize"): memorize,
     ("probability", "allowed"): BEST_FIRST,
     ("probability", "no cycle"): BEST_FIRST,
     ("probability", "unique"): BEST_FIRST_UNIQUE,
-    ("probability", "memorize"): memorize_weighted,
+    ("probability", "memorize"): memorize,
 }

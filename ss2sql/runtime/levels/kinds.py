@@ -1,0 +1,98 @@
+"""The kinds of searches that go by levels: what each of them is made of."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
+
+from ss2sql import plan
+from ss2sql.lowering.portable.steps import write_steps
+from ss2sql.runtime.levels.by_cost import CostSearch
+from ss2sql.runtime.levels.cost_level import QUEUES, CostStatements
+from ss2sql.runtime.levels.graph_level import GraphStatements
+from ss2sql.runtime.levels.graph_search import GraphSearch
+from ss2sql.runtime.levels.level import GUARDS, LevelStatements
+from ss2sql.runtime.levels.search import LevelSearch
+from ss2sql.runtime.levels.statements import Statement
+from ss2sql.runtime.levels.tables import Tables
+from ss2sql.runtime.levels.typed import TypedStatements
+from ss2sql.runtime.levels.typed_search import TypedSearch
+from ss2sql.runtime.memorize.hunt import Found, Hunt
+
+
+class Written(Protocol):
+    """The statements of a search."""
+
+    def level(self) -> Iterator[Statement]:
+        """All of one level, in order."""
+
+
+class Search(Protocol):
+    """One run of a search."""
+
+    def results(self) -> Iterator[Found]:
+        """The paths and the last parts of their last steps."""
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """The statements of a search, which may raise UnsupportedError, and what runs them; in words what a level does
+    before and after its steps are tried, and what comes at the end; whether the steps are SQL.
+    """
+
+    write: Callable[[plan.Query], Any]
+    search: Callable[[Hunt, Tables, Any], Search]
+    before: Callable[[plan.Search], str]
+    after: Callable[[plan.Search], tuple[str, ...]]
+    end: Callable[[plan.Search], tuple[str, ...]] = lambda search: ()
+    in_sql: bool = False
+
+
+def kinds_of(search: plan.Search) -> tuple[Kind, ...]:
+    """What a search can be made of, the best first; nothing where it does not go by levels."""
+    return (BY_GRAPH,) if search.repeats == "memorize" else KINDS.get(search.order, ())
+
+
+def _search(query: plan.Query) -> plan.Search:
+    assert query.search is not None
+    return query.search
+
+
+BY_LENGTH = Kind(
+    lambda query: LevelStatements(_search(query)),
+    LevelSearch,
+    lambda search: "searches level by level; all states of a level together:",
+    lambda search: (GUARDS[search.repeats].words, "gives the paths to the goals among them"),
+)
+TYPED = replace(
+    BY_LENGTH, write=lambda query: TypedStatements(write_steps(query), _search(query)), search=TypedSearch, in_sql=True
+)
+BY_COST = Kind(
+    lambda query: CostStatements(_search(query)),
+    CostSearch,
+    lambda search: f"searches {_EXTREME[search.order]} steps first; many of those that wait together:",
+    lambda search: (
+        "takes those that come before every new step, and gives the paths to the goals among them",
+        QUEUES[search.repeats].words,
+    ),
+)
+BY_GRAPH = Kind(
+    lambda query: GraphStatements(_search(query)),
+    GraphSearch,
+    lambda search: "makes the graph of rows level by level; of all states of a level together:",
+    lambda search: (
+        "keeps the first step to each row that no level before has reached",
+        "keeps every step to a row that is reached by then as an edge",
+    ),
+    lambda search: (
+        "finds what of the graph lies on ways to goals, backwards from these",
+        f"gives the paths of that, {_EXTREME.get(search.order, 'the shortest')} first",
+    ),
+)
+_EXTREME: dict[plan.Order, str] = {"cost": "the cheapest", "probability": "the likeliest"}
+KINDS: dict[plan.Order, tuple[Kind, ...]] = {
+    "breadth first": (TYPED, BY_LENGTH),
+    "cost": (BY_COST,),
+    "probability": (BY_COST,),
+}
