@@ -58,11 +58,16 @@ def command(
         for statement in parse(source_of(source)).statements:
             echo(repr(statement))
         return
+    from ss2sql.lowering.dialects import DIALECTS
     from ss2sql.plan_tree import plan_tree
+    from ss2sql.runtime.translated import translated
 
     with given.session() as session:
         query = session.compile(source)
-        echo(plan_tree(query.plan).rstrip() if stage == "plan" else _sql_text(query.sql))
+        if stage == "plan":
+            echo(plan_tree(query.plan).rstrip())
+        else:
+            echo(_sql_text(translated(query.statements(), DIALECTS[dialect or "sqlite"])))
 
 
 def _sql_text(sql: Any) -> str:

@@ -72,7 +72,7 @@ def _query(outlined: OutlinedQuery, stats: Stats | None) -> QueryFacts:
         plan=lines,
         plan_missing=missing,
         afterwards=tuple(_afterwards(outlined)),
-        sql=lowered.text if lowered else outlined.tables.sql if outlined.tables else None,
+        sql=lowered.text if lowered else outlined.levels.sql if outlined.levels else None,
         parameters=tuple(_parameters(outlined)),
     )
 
@@ -84,8 +84,8 @@ def _cure(hint: str) -> str:
 
 def _plan(outlined: OutlinedQuery) -> tuple[tuple[PlanLine, ...], str | None]:
     """What the engine does; SQLite's plan, or why there is none any more."""
-    if outlined.tables is not None:
-        return plan_in_tables(outlined.query, outlined.tables), None
+    if outlined.levels is not None:
+        return plan_in_tables(outlined.query, outlined.levels.in_tables), None
     if outlined.lowered is None:
         return plan_in_python(outlined.query), None
     try:
@@ -166,7 +166,7 @@ def _notes(outlined: OutlinedQuery, stats: Stats | None) -> Iterator[str]:
     if outlined.lowered is not None or query.search is None or query.search.repeats != "memorize":
         return
     remembered = outlined.host.graphs is not None and calls(query)
-    yield from _ends(query, stats, remembered, outlined.tables is not None)
+    yield from _ends(query, stats, remembered, outlined.levels is not None)
     if stats is not None and stats.graph is not None:
         steps = "1 step was" if stats.remembered_steps == 1 else f"{stats.remembered_steps:,} steps were"
         yield f"graph: remembered, with the number {stats.graph} in ss2sql_graphs; {steps} known from there"

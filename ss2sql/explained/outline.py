@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from ss2sql.runtime.compiled import CompiledStatement
     from ss2sql.runtime.compiled_query import CompiledQuery
     from ss2sql.runtime.host import SessionHost
-    from ss2sql.runtime.levels.query import InTables
+    from ss2sql.runtime.levels.query import LevelQuery
     from ss2sql.runtime.run import Run
 
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 class OutlinedQuery:
     """One query: as it is written and after the rewrites; what SQLite runs, or why it does not, and what would help.
 
-    `tables` says how a search goes by levels in another database. `parameters` are the values that are bound,
+    `levels` is a search that goes by levels in another database. `parameters` are the values that are bound,
     as far as they are known.
     """
 
@@ -33,7 +33,7 @@ class OutlinedQuery:
     query: plan.Query
     engine: str
     lowered: SqlQuery | None
-    tables: InTables | None
+    levels: LevelQuery | None
     reason: str
     cures: tuple[str, ...]
     rewrites: tuple[str, ...]
@@ -63,7 +63,7 @@ def _outlined(query: CompiledQuery, run: Run | None) -> OutlinedQuery:
         query.query,
         query.engine,
         query.shown(run),
-        query.tables,
+        query.levels,
         query.reason,
         query.cures,
         query.rewrites,

@@ -43,10 +43,14 @@ class _Sqlite(_ShortParentheses):
 
 @dataclass(frozen=True, slots=True)
 class Dialect:
-    """A dialect by its name in sqlglot. User names keep their case; lines are indented by two blanks."""
+    """A dialect by its name in sqlglot. User names keep their case; lines are indented by two blanks.
+
+    `levels`: searches can go by levels in the tables of such a database.
+    """
 
     name: str
     printing: type[Generator] = _ShortParentheses
+    levels: bool = False
 
     def print(self, tree: exp.Expr) -> str:
         options: dict[str, Any] = {"pretty": True, "normalize_functions": False}
@@ -60,6 +64,7 @@ def _printer(dialect: Dialect) -> type[Generator]:
 
 
 SQLITE = Dialect("sqlite", _Sqlite)
-DUCKDB = Dialect("duckdb")
+DUCKDB = Dialect("duckdb", levels=True)
+POSTGRES = Dialect("postgres")
 
-DIALECTS: dict[str, Dialect] = {dialect.name: dialect for dialect in (SQLITE,)}
+DIALECTS: dict[str, Dialect] = {dialect.name: dialect for dialect in (SQLITE, DUCKDB, POSTGRES)}

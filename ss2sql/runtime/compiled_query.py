@@ -18,7 +18,7 @@ from ss2sql.lowering.rewrites import optimise
 from ss2sql.runtime.call_sites import takes_arrays
 from ss2sql.runtime.engines import Engine
 from ss2sql.runtime.finishing import finished
-from ss2sql.runtime.levels.query import InTables, LevelQuery
+from ss2sql.runtime.levels.query import LevelQuery
 from ss2sql.runtime.native import NativeQuery, compile_statement
 from ss2sql.runtime.native.options import whole
 from ss2sql.runtime.result import Answer, Sql, Status
@@ -95,9 +95,9 @@ class CompiledQuery:
         return "database" if self.lowered else self.native.engine if self.native else "native"
 
     @property
-    def tables(self) -> InTables | None:
-        """How a search goes by levels in another database."""
-        return self.native.in_tables if isinstance(self.native, LevelQuery) else None
+    def levels(self) -> LevelQuery | None:
+        """The search as it goes by levels in another database."""
+        return self.native if isinstance(self.native, LevelQuery) else None
 
     def value(self, run: Run) -> Any:
         """Runs the query; its answer becomes the run's last one, its value is one of the language."""
@@ -216,7 +216,7 @@ class CompiledQuery:
         """The text that runs, with the values of its parameters: those that it had in a run, else those in the text."""
         lowered = self.shown(run)
         if lowered is None:
-            return Sql(self.tables.sql if self.tables else f"-- no SQL: {self.reason}")
+            return Sql(self.levels.sql if self.levels else f"-- no SQL: {self.reason}")
         values = {p.name: p.bound(p.expr.value) for p in lowered.parameters if isinstance(p.expr, plan.Constant)}
         if run is not None:
             values.update(run.bound.get(self, ()))

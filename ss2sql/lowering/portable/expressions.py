@@ -13,6 +13,7 @@ from typing import Any, TypeAlias
 from sqlglot import exp
 
 from ss2sql import plan
+from ss2sql.errors import Error, Span
 from ss2sql.kinds import Kind, Type
 from ss2sql.lowering import sql
 from ss2sql.lowering.portable.functions import FUNCTIONS
@@ -49,7 +50,7 @@ class Portable:
             case plan.Constant():
                 return constant(expr.value, expr.type, expr)
             case plan.Variable(name=name) if self.variable is not None:
-                return constant(self.variable(name), expr.type, expr)
+                return constant(self.known(name, expr.span), expr.type, expr)
             case plan.Element(source=source) | plan.Column(source=source) if source in sight.sources:
                 return sight.sources[source](expr)
             case plan.State(query=query, name=name) if (query, name) in sight.states:
@@ -83,6 +84,13 @@ class Portable:
                 raise refused(f"{function.name} is {what}", expr.span)
             case _:
                 raise refused("this is not SQL that every database has", expr.span)
+
+    def known(self, name: str, span: Span) -> Any:
+        """The value that a script variable will have."""
+        try:
+            return None if self.variable is None else self.variable(name)
+        except (KeyError, Error):
+            raise refused(f"the value of {name} is not known before the script runs", span) from None
 
     def condition(self, expr: plan.Expr, sight: Sight) -> Node:
         """The truth of an expression; never NULL."""

@@ -9,7 +9,7 @@ from ss2sql import plan
 from ss2sql.errors import ExecutionError, Span, UnsupportedError
 from ss2sql.lowering.dialects import Dialect
 from ss2sql.lowering.unsupported import Rule
-from ss2sql.runtime.levels.kinds import Kind, kinds_of
+from ss2sql.runtime.levels.kinds import Kind, Written, kinds_of
 from ss2sql.runtime.levels.statements import printed
 from ss2sql.runtime.levels.tables import Tables
 from ss2sql.runtime.levels.watch import watched
@@ -39,45 +39,49 @@ class TableEngine:
 
 @dataclass(frozen=True, slots=True)
 class InTables:
-    """How a search goes by levels: the SQL of one, its kind, and what hinders its steps from being SQL, if anything."""
+    """How a search goes by levels: its kind, its statements, and what hinders its steps from being SQL, if anything."""
 
-    sql: str
     kind: Kind
+    written: Written
     hindrance: str | None
+
+    def sql(self, dialect: Dialect) -> str:
+        """The statements of one level."""
+        return "\n".join(f"{printed(dialect, statement.text)};" for statement in self.written.level())
+
+
+def in_tables(query: plan.Query, name: str) -> InTables:
+    """The search as it goes by levels in the tables of a database with this name.
+
+    Raises UnsupportedError where it does not.
+    """
+    assert query.search is not None
+    for rule in RULES:
+        place = rule.find(query, False)
+        if place is not None:
+            reason = f"{rule.reason}, which the tables of {name} cannot do"
+            raise UnsupportedError("U001", reason, place, (rule.cure,))
+    hindrance: str | None = None
+    for kind in kinds_of(query.search):
+        try:
+            return InTables(kind, kind.write(query), hindrance)
+        except UnsupportedError as error:
+            hindrance = error.message
+    raise AssertionError("the last kind can be written")
 
 
 class LevelQuery:
     """A search to be run many times. Raises UnsupportedError where it does not go by levels."""
 
     def __init__(self, query: plan.Query, engine: TableEngine) -> None:
-        search = query.search
-        assert search is not None
-        for rule in RULES:
-            place = rule.find(query, False)
-            if place is not None:
-                reason = f"{rule.reason}, which the tables of {engine.name} cannot do"
-                raise UnsupportedError("U001", reason, place, (rule.cure,))
         self.engine = engine.name
         self.database = engine
-        self._hindrance: str | None = None
-        self._choose(query)
+        self.in_tables = in_tables(query, engine.name)
         self._native = NativeQuery(taken_apart(query), find=self._found)
 
-    def _choose(self, query: plan.Query) -> None:
-        """Takes the first kind of search that can be written."""
-        assert query.search is not None
-        for kind in kinds_of(query.search):
-            try:
-                self.kind, self.written = kind, kind.write(query)
-                return
-            except UnsupportedError as error:
-                self._hindrance = error.message
-        raise AssertionError("the last kind can be written")
-
     @property
-    def in_tables(self) -> InTables:
-        texts = (printed(self.database.dialect, statement.text) for statement in self.written.level())
-        return InTables("\n".join(f"{text};" for text in texts), self.kind, self._hindrance)
+    def sql(self) -> str:
+        return self.in_tables.sql(self.database.dialect)
 
     def rows(self, run: Run, sink: Rows | None = None) -> Rows:
         """The answer of the query, see `NativeQuery.rows`."""
@@ -87,7 +91,7 @@ class LevelQuery:
         tables = self.database.open()
         try:
             with watched(hunt.run, tables):
-                yield from self.kind.search(hunt, tables, self.written).results()
+                yield from self.in_tables.kind.search(hunt, tables, self.in_tables.written).results()
         except self.database.errors as error:
             hint = "look at its limit of memory and the room on its disk"
             raise ExecutionError("X009", f"{self.engine}: {error}", hunt.query.span, (hint,)) from error

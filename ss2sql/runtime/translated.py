@@ -1,0 +1,36 @@
+"""Compiled scripts in the SQL of other databases, to be read or to be taken there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ss2sql.errors import UnsupportedError
+from ss2sql.lowering.dialects import SQLITE, Dialect
+from ss2sql.lowering.portable.flat import write_flat
+from ss2sql.runtime.compiled import CompiledStatement, script_sql
+from ss2sql.runtime.compiled_query import CompiledQuery
+from ss2sql.runtime.levels.query import in_tables
+from ss2sql.runtime.result import Sql
+
+
+def translated(statements: Sequence[CompiledStatement], dialect: Dialect) -> Sql:
+    """The script in a dialect: queries as one SELECT each, searches as the statements of one level.
+
+    Raises UnsupportedError where a query could mean something else there.
+    """
+    if dialect is SQLITE:
+        return script_sql(statements)
+    texts = []
+    for statement in statements:
+        queries = [_text(query, dialect) for query in statement.queries]
+        texts.append("\n".join(queries) or f"-- no query: {' '.join(statement.tree.span.text.split())}")
+    return Sql("\n\n".join(texts))
+
+
+def _text(query: CompiledQuery, dialect: Dialect) -> str:
+    if query.query.search is None:
+        return f"{dialect.print(write_flat(query.query, query.world.variable))};"
+    if not dialect.levels:
+        reason = f"a search needs many statements, and nothing runs them in {dialect.name}"
+        raise UnsupportedError("U001", reason, query.query.span, ("--dialect duckdb and --dialect spark print them",))
+    return in_tables(query.query, dialect.name).sql(dialect)
