@@ -331,12 +331,20 @@ def test_a_run_that_is_late_ends_the_statement_that_runs() -> None:
 
 
 def test_a_partial_result(ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tables, "BLOCK", 100)
-    with pytest.raises(ss2sql.Timeout) as caught:
+    monkeypatch.setattr(tables, "BLOCK", 10)
+    called = []
+
+    def again(n: int, more: int) -> int:
+        called.append(n)
+        if len(called) == 100:
+            ss.interrupt()
+        return 2 * n + more  # another number each time
+
+    ss.function("again", again, volatility="immutable")
+    with pytest.raises(ss2sql.Cancelled) as caught:
         ss.run(
-            "SELECT this FROM [1, 2] START WITH n = 0 CONNECT BY BREADTH FIRST n = this AS list;",
+            "SELECT this FROM [1, 2] START WITH n = 0 CONNECT BY BREADTH FIRST n = again(n, this) AS list;",
             engine="duckdb",
-            timeout=0.5,
         )
     partial = caught.value.partial
     assert partial is not None
