@@ -17,7 +17,7 @@ from ss2sql.errors import Error, Span
 from ss2sql.kinds import Kind, Type
 from ss2sql.lowering import sql
 from ss2sql.lowering.portable.functions import FUNCTIONS
-from ss2sql.lowering.portable.types import cast, column_type, is_integer, is_nullable, refused
+from ss2sql.lowering.portable.types import cast, column_type, is_nullable, refused
 from ss2sql.walk import can_fail
 
 Node: TypeAlias = exp.Expr
@@ -126,7 +126,7 @@ def constant(value: Any, kind: Type, expr: plan.Expr) -> Node:
             return sql.null()
         case bool():
             return exp.true() if value else exp.false()
-        case int() if is_integer(kind):
+        case int() if -(2**63) <= value < 2**63:
             return sql.number(value)
         case float() if value - value == 0:
             return cast(exp.Literal.string(repr(value)) if "e" in repr(value) else sql.number(value), "DOUBLE")

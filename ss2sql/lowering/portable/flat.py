@@ -74,17 +74,9 @@ class _Writer:
                 raise refused("what stands in FROM depends on another source", source.span)
         label = self.labels.free(source.name, "source")
         match source:
-            case plan.TableSource(table=table, order=order, columns=columns):
-                if not order or order == ("rowid",):
-                    order = ()
-                    if not self.query.order and not self.query.aggregated:
-                        reason = f"the rows of {table} have no order but that of SQLite"
-                        raise refused(reason, source.span, "give the table a primary key, or sort the rows")
+            case plan.TableSource(table=table):
                 self.items.append(sql.table(table, label))
-                known = dict(columns)
-                if any(is_nullable(known[name]) for name in order if name in known):
-                    raise refused(f"the primary key of {table} may be NULL", source.span)
-                self.places += [sql.column(name, label) for name in order]
+                self.places += [sql.column(name, label) for name in self._key(source)]
                 read = partial(_column, label)
             case plan.ValueSource():
                 names = self._written_out(source, label)
@@ -95,6 +87,18 @@ class _Writer:
             case _:
                 raise refused("worlds are read by Python", source.span)
         self.sight = self.sight.with_source(source.id, read)
+
+    def _key(self, source: plan.TableSource) -> tuple[str, ...]:
+        """The columns that sort the rows of a table: its primary key."""
+        keys = (columns for columns, index in source.indexes if not index)
+        order = next(keys, ()) if source.order == ("rowid",) else source.order
+        nullable = {name for name, kind in source.columns if is_nullable(kind)}
+        if not order or nullable.intersection(order):
+            if self.query.order or self.query.aggregated:
+                return ()
+            reason = f"the rows of {source.table} have no order but that of SQLite"
+            raise refused(reason, source.span, "give the table a primary key, or sort the rows")
+        return order
 
     def _written_out(self, source: plan.ValueSource, label: str) -> dict[str | None, str]:
         """Adds the elements of a list as VALUES, and names the columns: None is the element itself."""
@@ -146,7 +150,7 @@ class _Writer:
     def _grouped(self, where: Node | None) -> exp.Select:
         """One row for each group, in the order in which the groups appear."""
         query = self.query
-        keys = [self.portable.value(key, self.sight) for key in query.group]
+        keys = [self._key_of(key) for key in query.group]
         sight = replace(self.sight, groups={(query.id, n): key for n, key in enumerate(keys)})
         outputs = [self._output(output, sight) for output in query.columns]
         order = [(self._aggregated(key.expr, sight), key.descending) for key in query.order]
@@ -162,6 +166,11 @@ class _Writer:
                 raise refused("the truth of such a value is not the same everywhere", query.having.span)
             select.set("having", exp.Having(this=self._aggregated(query.having, sight)))
         return _ended(select, order, self._limit())
+
+    def _key_of(self, expr: plan.Expr) -> Node:
+        """What is grouped by; a number alone would be the position of a column."""
+        node, kind = self.portable.value(expr, self.sight), column_type(expr.type)
+        return node if node.find(exp.Column) or kind is None else cast(node, kind)
 
     def _aggregated(self, expr: plan.Expr, sight: Sight) -> Node:
         aggregates = {}

@@ -1,0 +1,125 @@
+"""Queries in the SQL of other databases: DuckDB gives the same rows in their order; what would differ is refused."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+
+import pytest
+from agreement import exact
+from click.testing import CliRunner
+from hypothesis import HealthCheck, given, seed, settings
+from hypothesis import strategies as st
+from second_opinion import DECISIONS, Twin, twin
+from test_second_opinion import compared
+
+import ss2sql
+from ss2sql.cli import main
+from ss2sql.lowering.dialects import DIALECTS, DUCKDB
+from ss2sql.runtime.translated import translated
+
+duckdb = pytest.importorskip("duckdb")
+COUNT = int(os.environ.get("SS2SQL_PROGRAMS", "1000")) * 3 // 10
+
+
+def in_dialect(script: str, dialect: str, **variables: object) -> str:
+    with ss2sql.connect() as ss:
+        for name, value in variables.items():
+            ss.set(name, value)
+        return str(translated(ss.compile(script).statements(), DIALECTS[dialect]))
+
+
+def test_duckdb_gives_the_same_rows() -> None:
+    tried: Counter[str] = Counter()
+
+    @seed(31)
+    @settings(max_examples=COUNT, deadline=None, database=None, suppress_health_check=list(HealthCheck))
+    @given(st.binary(min_size=DECISIONS, max_size=DECISIONS).map(twin))
+    def run(made: Twin) -> None:
+        with ss2sql.connect() as ss:
+            for name, rows in made.case.tables.items():
+                ss.set(name, rows)
+            try:
+                text = str(translated(ss.compile(made.case.script).statements(), DUCKDB))
+            except ss2sql.UnsupportedError:
+                tried["refused"] += 1
+                return
+            wanted = compared(exact(tuple(row)) for row in ss.run(made.case.script).value)
+        assert compared(map(exact, connection.execute(text).fetchall())) == wanted
+        tried["written"] += 1
+
+    with duckdb.connect() as connection:
+        run()
+    assert tried["written"] > COUNT // 4
+
+
+def test_a_table_keeps_its_name() -> None:
+    with ss2sql.connect() as ss:
+        ss.host.connection.execute(
+            "CREATE TABLE people(id INTEGER PRIMARY KEY, name TEXT NOT NULL, age INT NOT NULL) STRICT"
+        )
+        ss.host.connection.execute("INSERT INTO people VALUES (1, 'Ann', 31)")
+        statements = ss.compile("SELECT name FROM people WHERE age > 30 AND name != '' AS list;").statements()
+        text = str(translated(statements, DIALECTS["postgres"]))
+    assert " ".join(text.split()) == (
+        "SELECT people.name AS name FROM people WHERE people.age > 30 AND people.name <> ''"
+        " ORDER BY people.id ASC NULLS FIRST;"
+    )
+
+
+def test_what_is_no_query_is_a_comment() -> None:
+    text = in_dialect("n = 3; SELECT this + 1 FROM [1] AS list;", "duckdb")
+    assert text.startswith("-- no query: n = 3\n\nSELECT\n")
+
+
+def test_a_search_becomes_statements_of_a_level() -> None:
+    script = "SELECT n + this FROM [1, 2] START WITH n = 0 CONNECT BY UNIQUE n = n + this STOP WITH n > 4"
+    assert "ANTI JOIN steps" in in_dialect(script, "duckdb")
+
+
+@pytest.mark.parametrize(
+    ("script", "reason", "column"),
+    [
+        ("SELECT n FROM [1] START WITH n = 0 CONNECT BY UNIQUE n = n", "nothing runs them in postgres", 1),
+        ("SELECT str(this) FROM [1]", "str is not known to other databases", 8),
+        ("SELECT this FROM [1, 'a']", "the kind of this is not known", 18),
+        ("SELECT this / (this - 1) FROM [1, 2]", "this may fail", 13),
+        ("SELECT x.this FROM x = [1], y = [2] GROUP BY y.this", "GROUP BY that makes parts is no SQL", 46),
+        ("SELECT this FROM (SELECT this FROM [1] AS list)", "a query in FROM", 18),
+        ("SELECT a.this FROM a = [[1]], b = a.this", "what stands in FROM depends on another source", 31),
+        ("SELECT sum([this, 1]) FROM [1]", "sum is not known to other databases", 8),
+        ("SELECT average(this) FROM [1] GROUP BY 1", "average of such values is not the same everywhere", 8),
+    ],
+)
+def test_what_is_refused(script: str, reason: str, column: int) -> None:
+    with ss2sql.connect() as ss:
+        statements = ss.compile(script).statements()
+        with pytest.raises(ss2sql.UnsupportedError) as caught:
+            translated(statements, DIALECTS["postgres"])
+    assert reason in caught.value.message
+    assert caught.value.hints
+    assert caught.value.span is not None
+    assert caught.value.span.column == column
+
+
+def test_a_list_that_is_not_known_before_is_refused() -> None:
+    with ss2sql.connect() as ss:
+        ss.function("f", lambda: 1, volatility="volatile")
+        statements = ss.compile("known = [f(), 2]; SELECT this FROM known").statements()
+        with pytest.raises(ss2sql.UnsupportedError, match="is not known"):
+            translated(statements, DIALECTS["postgres"])
+
+
+@pytest.mark.parametrize(
+    ("dialect", "division"), [("duckdb", "CAST(p.p AS DOUBLE) / 2"), ("postgres", "DOUBLE PRECISION) / 2")]
+)
+def test_the_command(dialect: str, division: str) -> None:
+    done = CliRunner().invoke(main, ["sql", "--dialect", dialect, "-e", "SELECT this / 2 FROM p = [1, 2] AS list;"])
+    assert done.exit_code == 0
+    assert division in done.output
+
+
+def test_the_command_names_what_it_refuses() -> None:
+    done = CliRunner().invoke(main, ["sql", "--dialect", "postgres", "-e", "SELECT str(this) FROM [1];"])
+    assert done.exit_code == 1
+    assert "error[U001]: str is not known to other databases" in done.stderr
