@@ -61,5 +61,6 @@ def _printer(dialect: Dialect) -> type[Generator]:
 
 SQLITE = Dialect("sqlite", _Sqlite)
 DUCKDB = Dialect("duckdb")
+SPARK = Dialect("spark")
 
 DIALECTS: dict[str, Dialect] = {dialect.name: dialect for dialect in (SQLITE,)}

@@ -10,7 +10,7 @@ from ss2sql.errors import ExecutionError, Span, UnsupportedError
 from ss2sql.lowering.dialects import Dialect
 from ss2sql.lowering.unsupported import Rule
 from ss2sql.runtime.levels.kinds import Kind, kinds_of
-from ss2sql.runtime.levels.statements import printed
+from ss2sql.runtime.levels.statements import shown
 from ss2sql.runtime.levels.tables import Tables
 from ss2sql.runtime.levels.watch import watched
 from ss2sql.runtime.memorize.hunt import Found, Hunt
@@ -27,14 +27,18 @@ from ss2sql.runtime.run import Run
 class TableEngine:
     """A database that searches by levels.
 
-    Its name among the engines, its dialect, what opens tables for a run, what ends it, and the errors that it raises.
+    Its name among the engines, its dialect, what opens tables for a run, what ends it, the errors that it raises, what
+    it cannot do beside what no such database can, what searches can be made of in it, whether it has recursive queries.
     """
 
     name: str
     dialect: Dialect
-    open: Callable[[], Tables]
+    open: Callable[[Hunt], Tables]
     close: Callable[[], None]
-    errors: type[Exception]
+    errors: tuple[type[Exception], ...]
+    rules: tuple[Rule, ...] = ()
+    kinds: Callable[[plan.Search], tuple[Kind, ...]] = kinds_of
+    recursive: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +56,7 @@ class LevelQuery:
     def __init__(self, query: plan.Query, engine: TableEngine) -> None:
         search = query.search
         assert search is not None
-        for rule in RULES:
+        for rule in (*RULES, *engine.rules):
             place = rule.find(query, False)
             if place is not None:
                 reason = f"{rule.reason}, which the tables of {engine.name} cannot do"
@@ -66,7 +70,7 @@ class LevelQuery:
     def _choose(self, query: plan.Query) -> None:
         """Takes the first kind of search that can be written."""
         assert query.search is not None
-        for kind in kinds_of(query.search):
+        for kind in self.database.kinds(query.search):
             try:
                 self.kind, self.written = kind, kind.write(query)
                 return
@@ -76,15 +80,16 @@ class LevelQuery:
 
     @property
     def in_tables(self) -> InTables:
-        texts = (printed(self.database.dialect, statement.text) for statement in self.written.level())
-        return InTables("\n".join(f"{text};" for text in texts), self.kind, self._hindrance)
+        database = self.database
+        texts = (shown(database.dialect, statement, database.recursive) for statement in self.written.level())
+        return InTables("\n".join(texts), self.kind, self._hindrance)
 
     def rows(self, run: Run, sink: Rows | None = None) -> Rows:
         """The answer of the query, see `NativeQuery.rows`."""
         return self._native.rows(run, sink)
 
     def _found(self, hunt: Hunt) -> Iterator[Found]:
-        tables = self.database.open()
+        tables = self.database.open(hunt)
         try:
             with watched(hunt.run, tables):
                 yield from self.kind.search(hunt, tables, self.written).results()
