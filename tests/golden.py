@@ -66,6 +66,12 @@ def cases() -> list[Case]:
     return [load(path) for path in sorted(FOLDER.rglob("*.case"))]
 
 
+def level_searches() -> list[Case]:
+    """The cases with an answer whose searches may go by levels."""
+    words = ("UNIQUE", "BREADTH FIRST")
+    return [case for case in cases() if "value" in case.expected and any(word in case.script for word in words)]
+
+
 def load(path: Path) -> Case:
     """Reads a file: title, needs, an empty line, the script, and its sections."""
     head, _, rest = path.read_text(encoding="utf-8").partition("\n\n")

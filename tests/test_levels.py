@@ -12,6 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import golden
 import pytest
 from agreement import exact, session_for
 from hypothesis import HealthCheck, Phase, given, seed, settings
@@ -43,9 +44,9 @@ def ss() -> Any:
         yield session
 
 
-def outcome(case: ProgramCase, statement: ast.Query, engine: Any, timeout: float) -> Any:
+def outcome(case: ProgramCase, statement: ast.Query, engine: Any, timeout: float, own: Any = OWN) -> Any:
     """The value, or the error; None where the engine refuses the search, or takes too long."""
-    with session_for(case, session=OWN) as ss, contextlib.redirect_stdout(io.StringIO()):
+    with session_for(case, session=own) as ss, contextlib.redirect_stdout(io.StringIO()):
         try:
             return exact(compiled(ss, statement, engine).run(timeout=timeout).value)
         except (ss2sql.UnsupportedError, ss2sql.Timeout):
@@ -92,6 +93,13 @@ def test_random_searches() -> None:
 
     run()
     assert compared > COUNT // 4
+
+
+@pytest.mark.parametrize("case", golden.level_searches(), ids=lambda case: case.name)
+def test_golden_cases(case: golden.Case) -> None:
+    found = golden.run(case, "duckdb")
+    if not isinstance(found.error, ss2sql.UnsupportedError):
+        assert found.verdict == golden.run(case, "native").verdict
 
 
 FORMS = (

@@ -208,7 +208,8 @@ def test_help_names_every_command_and_has_an_example(shell: Shell, capsys) -> No
 
 def test_what_does_not_exist(shell: Shell, capsys) -> None:
     for line, said_of_it in (
-        (".tabels", "did you mean '.tables'?"), (".engine oracle", "auto or database or native or duckdb, not oracle"),
+        (".tabels", "did you mean '.tables'?"),
+        (".engine oracle", "auto or database or native or duckdb or spark, not oracle"),
         (".maximum 0", "N or off, not 0"), (".timer perhaps", "on or off"), (".timeout -1", "SECONDS or off, not -1"),
         (".exit now", "takes nothing"), (".set x", ".set start"), (".attach staff", ".attach staff staff.db"),
         (".attach staff nowhere.db", "no file nowhere.db"), (".load nowhere.py", "no file nowhere.py"),

@@ -292,7 +292,7 @@ def test_commands_and_what_stands_behind_them(known: Known, tmp_path: Path, monk
     (tmp_path / "folder" / "inner.ss").touch()
     assert texts(".|", known) == list(COMMANDS)
     assert texts("1;\n.ti|", known) == [".timer", ".timeout"]
-    assert texts(".engine |", known) == ["auto", "database", "native", "duckdb"]
+    assert texts(".engine |", known) == ["auto", "database", "native", "duckdb", "spark"]
     assert texts(".format j|", known) == ["json"]
     assert texts(".read f|", known) == ["folder/"]
     assert texts(".read folder/|", known) == ["inner.ss"]

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ss2sql.runtime.result import Result
     from ss2sql.runtime.session import Session
 
-ENGINES = ("auto", "database", "native", "duckdb")
+ENGINES = ("auto", "database", "native", "duckdb", "spark")
 MOST_BROKEN_OFF = 1_000_000  # rows of a result that a run had when it was broken off: a search may have had no end
 
 RUN_OPTIONS = (

@@ -19,7 +19,7 @@ from ss2sql.explained.words import STAGES, cut
 MOST_TEXT = 70  # characters of a statement in its heading
 MOST_LEVELS, LAST_LEVELS = 20, 5  # of a search: how many are shown, and how many of them are the last ones
 INDENT = "  "
-WHO = {"database": "SQLite", "native": "Python", "duckdb": "DuckDB"}
+WHO = {"database": "SQLite", "native": "Python", "duckdb": "DuckDB", "spark": "Spark"}
 
 
 def text_of(facts: ScriptFacts) -> str:

@@ -43,14 +43,10 @@ class _Sqlite(_ShortParentheses):
 
 @dataclass(frozen=True, slots=True)
 class Dialect:
-    """A dialect by its name in sqlglot. User names keep their case; lines are indented by two blanks.
-
-    `levels`: searches can go by levels in the tables of such a database.
-    """
+    """A dialect by its name in sqlglot. User names keep their case; lines are indented by two blanks."""
 
     name: str
     printing: type[Generator] = _ShortParentheses
-    levels: bool = False
 
     def print(self, tree: exp.Expr) -> str:
         options: dict[str, Any] = {"pretty": True, "normalize_functions": False}
@@ -64,7 +60,8 @@ def _printer(dialect: Dialect) -> type[Generator]:
 
 
 SQLITE = Dialect("sqlite", _Sqlite)
-DUCKDB = Dialect("duckdb", levels=True)
+DUCKDB = Dialect("duckdb")
+SPARK = Dialect("spark")
 POSTGRES = Dialect("postgres")
 
-DIALECTS: dict[str, Dialect] = {dialect.name: dialect for dialect in (SQLITE, DUCKDB, POSTGRES)}
+DIALECTS: dict[str, Dialect] = {dialect.name: dialect for dialect in (SQLITE, DUCKDB, SPARK, POSTGRES)}

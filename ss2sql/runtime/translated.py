@@ -9,6 +9,7 @@ from ss2sql.lowering.dialects import SQLITE, Dialect
 from ss2sql.lowering.portable.flat import write_flat
 from ss2sql.runtime.compiled import CompiledStatement, script_sql
 from ss2sql.runtime.compiled_query import CompiledQuery
+from ss2sql.runtime.engines import ABILITIES
 from ss2sql.runtime.levels.query import in_tables
 from ss2sql.runtime.result import Sql
 
@@ -30,7 +31,8 @@ def translated(statements: Sequence[CompiledStatement], dialect: Dialect) -> Sql
 def _text(query: CompiledQuery, dialect: Dialect) -> str:
     if query.query.search is None:
         return f"{dialect.print(write_flat(query.query, query.world.variable))};"
-    if not dialect.levels:
+    abilities = ABILITIES.get(dialect.name)
+    if abilities is None:
         reason = f"a search needs many statements, and nothing runs them in {dialect.name}"
         raise UnsupportedError("U001", reason, query.query.span, ("--dialect duckdb and --dialect spark print them",))
-    return in_tables(query.query, dialect.name).sql(dialect)
+    return in_tables(query.query, abilities).sql

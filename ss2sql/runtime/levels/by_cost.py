@@ -38,7 +38,7 @@ class CostSearch(TableSearch):
         total, last, rounds, waiting = BEFORE_ALL, 0, 0, 0
         while True:
             rounds += 1
-            tried = tables.try_all(self.trial, self.pause)
+            tried = tables.try_all(self.trial, self.pause).tried
             self.run(written.keep, depth=rounds)
             ((kept, goals, step, least, greatest, new),) = tables.rows(written.counts)
             if not kept and rounds > 1:

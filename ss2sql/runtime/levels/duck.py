@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 from ss2sql.lowering.dialects import DUCKDB
 from ss2sql.runtime.levels.statements import Ask, Create, Statement, Value, printed
-from ss2sql.runtime.levels.tables import Row, try_in_blocks
+from ss2sql.runtime.levels.tables import Row, Tally, try_in_blocks, walked_ways
 from ss2sql.runtime.levels.trial import Trial
+from ss2sql.runtime.memorize.hunt import Hunt
 
 if TYPE_CHECKING:
     import duckdb
@@ -33,7 +34,7 @@ class Duck:
             session = duckdb.connect(config={"temp_directory": self.folder.name})
         self.session = session
 
-    def open(self) -> DuckTables:
+    def open(self, hunt: Hunt) -> DuckTables:
         return DuckTables(self.session.cursor())
 
     def close(self) -> None:
@@ -74,8 +75,11 @@ class DuckTables:
         self.connection.execute(f"INSERT INTO {table} SELECT * FROM block")
         self.connection.unregister("block")
 
-    def try_all(self, trial: Trial, pause: Callable[[], None]) -> int:
+    def try_all(self, trial: Trial, pause: Callable[[], None]) -> Tally:
         return try_in_blocks(self, trial, pause)
+
+    def ways(self) -> Iterator[Row]:
+        return walked_ways(self)
 
     def interrupt(self) -> None:
         self.connection.interrupt()

@@ -42,7 +42,7 @@ class GraphSearch(TableSearch):
         going, depth, rows, edges = 1, 0, 0, 0
         while going and (bound is None or depth < bound):
             depth += 1
-            tried = tables.try_all(self.trial, self.pause)
+            tried = tables.try_all(self.trial, self.pause).tried
             self.run(written.keep, before=rows, depth=depth)
             edges_before = edges
             ((new, going, last, edges),) = tables.rows(graph_level.COUNTS)

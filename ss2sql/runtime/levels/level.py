@@ -104,7 +104,7 @@ FROM ways
 JOIN steps ON steps.step = ways.step
 ORDER BY ways.goal, ways.distance DESC
 """)
-PLACE_OF = Ask("SELECT place FROM kept WHERE step = :step")
+LAST_BEFORE = Ask("SELECT MAX(step) FROM kept WHERE place <= :place")  # a step that failed
 STATE_OF = Ask("SELECT state FROM frontier WHERE step = :step")
 
 

@@ -10,7 +10,7 @@ from ss2sql.errors import ExecutionError, Span, UnsupportedError
 from ss2sql.lowering.dialects import Dialect
 from ss2sql.lowering.unsupported import Rule
 from ss2sql.runtime.levels.kinds import Kind, Written, kinds_of
-from ss2sql.runtime.levels.statements import printed
+from ss2sql.runtime.levels.statements import shown
 from ss2sql.runtime.levels.tables import Tables
 from ss2sql.runtime.levels.watch import watched
 from ss2sql.runtime.memorize.hunt import Found, Hunt
@@ -24,17 +24,28 @@ from ss2sql.runtime.run import Run
 
 
 @dataclass(frozen=True, slots=True)
-class TableEngine:
-    """A database that searches by levels.
+class Abilities:
+    """What is known of a database that searches by levels, whether it is here or not.
 
-    Its name among the engines, its dialect, what opens tables for a run, what ends it, and the errors that it raises.
+    Its name, its dialect, what it cannot do beside what no such database can, what searches can be made of in it, and
+    whether it has recursive queries.
     """
 
     name: str
     dialect: Dialect
-    open: Callable[[], Tables]
+    rules: tuple[Rule, ...] = ()
+    kinds: Callable[[plan.Search], tuple[Kind, ...]] = kinds_of
+    recursive: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class TableEngine:
+    """Such a database: what opens tables for a run, what ends it, and the errors that it raises."""
+
+    abilities: Abilities
+    open: Callable[[Hunt], Tables]
     close: Callable[[], None]
-    errors: type[Exception]
+    errors: tuple[type[Exception], ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,27 +55,27 @@ class InTables:
     kind: Kind
     written: Written
     hindrance: str | None
+    abilities: Abilities
 
-    def sql(self, dialect: Dialect) -> str:
+    @property
+    def sql(self) -> str:
         """The statements of one level."""
-        return "\n".join(f"{printed(dialect, statement.text)};" for statement in self.written.level())
+        dialect, recursive = self.abilities.dialect, self.abilities.recursive
+        return "\n".join(shown(dialect, statement, recursive) for statement in self.written.level())
 
 
-def in_tables(query: plan.Query, name: str) -> InTables:
-    """The search as it goes by levels in the tables of a database with this name.
-
-    Raises UnsupportedError where it does not.
-    """
+def in_tables(query: plan.Query, abilities: Abilities) -> InTables:
+    """The search as it goes by levels in the tables of a database. Raises UnsupportedError where it does not."""
     assert query.search is not None
-    for rule in RULES:
+    for rule in (*RULES, *abilities.rules):
         place = rule.find(query, False)
         if place is not None:
-            reason = f"{rule.reason}, which the tables of {name} cannot do"
+            reason = f"{rule.reason}, which the tables of {abilities.name} cannot do"
             raise UnsupportedError("U001", reason, place, (rule.cure,))
     hindrance: str | None = None
-    for kind in kinds_of(query.search):
+    for kind in abilities.kinds(query.search):
         try:
-            return InTables(kind, kind.write(query), hindrance)
+            return InTables(kind, kind.write(query), hindrance, abilities)
         except UnsupportedError as error:
             hindrance = error.message
     raise AssertionError("the last kind can be written")
@@ -74,21 +85,21 @@ class LevelQuery:
     """A search to be run many times. Raises UnsupportedError where it does not go by levels."""
 
     def __init__(self, query: plan.Query, engine: TableEngine) -> None:
-        self.engine = engine.name
+        self.engine = engine.abilities.name
         self.database = engine
-        self.in_tables = in_tables(query, engine.name)
+        self.in_tables = in_tables(query, engine.abilities)
         self._native = NativeQuery(taken_apart(query), find=self._found)
 
     @property
     def sql(self) -> str:
-        return self.in_tables.sql(self.database.dialect)
+        return self.in_tables.sql
 
     def rows(self, run: Run, sink: Rows | None = None) -> Rows:
         """The answer of the query, see `NativeQuery.rows`."""
         return self._native.rows(run, sink)
 
     def _found(self, hunt: Hunt) -> Iterator[Found]:
-        tables = self.database.open()
+        tables = self.database.open(hunt)
         try:
             with watched(hunt.run, tables):
                 yield from self.in_tables.kind.search(hunt, tables, self.in_tables.written).results()

@@ -14,7 +14,7 @@ from operator import itemgetter
 
 from ss2sql.runtime.levels import level
 from ss2sql.runtime.levels.level import LevelStatements
-from ss2sql.runtime.levels.statements import Drop, Statement, Value
+from ss2sql.runtime.levels.statements import Statement, Value
 from ss2sql.runtime.levels.tables import Tables
 from ss2sql.runtime.levels.trial import ELEMENTS, Trial, encoded
 from ss2sql.runtime.memorize.hunt import Found, Hunt
@@ -48,12 +48,10 @@ class TableSearch:
 
     def paths(self) -> Iterator[tuple[int, Found]]:
         """The paths to the goals in `kept`, each with the number of its last step."""
-        self.tables.run(level.WAYS)
-        for goal, rows in groupby(self.tables.rows(level.PATHS), itemgetter(0)):
+        for goal, rows in groupby(self.tables.ways(), itemgetter(0)):
             path = list(rows)
             last = path[-1][2]
             yield goal, ([loads(row) for _, row, _ in path], None if last is None else loads(last))
-        self.tables.run(Drop(level.WAYS.table))
 
 
 class LevelSearch(TableSearch):
@@ -72,9 +70,11 @@ class LevelSearch(TableSearch):
         going, depth, steps = 1, 0, 0
         while going:
             depth += 1
-            tried = tables.try_all(self.trial, self.pause)
+            tally = tables.try_all(self.trial, self.pause)
             self.run(written.kept, before=steps)
-            ((failed,),) = tables.rows(written.failed)
+            failed = None
+            if tally.failed:
+                ((failed,),) = tables.rows(written.failed)
             tables.run(level.KEEP, depth=depth)
             ((kept, goals, going, last),) = tables.rows(level.COUNTS)
             steps = last or steps
@@ -82,14 +82,15 @@ class LevelSearch(TableSearch):
                 yield from self._before(failed)
             if failed is not None:
                 self.fail(self.trial, failed)
-            self.hunt.stats.levels.append(Level(kept, kept, tried - kept))
+            self.hunt.stats.levels.append(Level(kept, kept, tally.tried - kept))
             self.run(written.go_on)
 
     def _before(self, failed: int | None) -> Iterator[Found]:
         """The results of a level before the step that failed."""
+        last = None
+        if failed is not None:
+            ((last,),) = self.tables.rows(level.LAST_BEFORE, place=failed)
         for goal, found in self.paths():
-            if failed is not None:
-                ((place,),) = self.tables.rows(level.PLACE_OF, step=goal)
-                if place > failed:
-                    break
+            if failed is not None and (last is None or goal > last):
+                break
             yield found

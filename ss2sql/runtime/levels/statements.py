@@ -115,6 +115,15 @@ Statement: TypeAlias = Create | Make | Number | Walk | Add | AddNumbered | Drop 
 Value: TypeAlias = int | float  # what stands in a statement for `:name`
 
 
+def shown(dialect: Dialect, statement: Statement, recursive: bool) -> str:
+    """A statement for people; a database without recursive queries goes on with a walk by itself."""
+    if recursive or not isinstance(statement, Walk):
+        return f"{printed(dialect, statement.text)};"
+    first, then = Make(statement.table, statement.first).text, Add(statement.table, statement.then).text
+    again = f"-- as long as this gives rows, which are `walk` the next time: {statement.columns}"
+    return f"{printed(dialect, first)};\n{again}\n{printed(dialect, then)};"
+
+
 @cache
 def printed(dialect: Dialect, text: str) -> str:
     """A text, written for DuckDB, in a dialect; to read and to write one takes a millisecond."""

@@ -3,12 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any, Protocol
 
-from ss2sql.runtime.levels.statements import Ask, Statement, Value
-from ss2sql.runtime.levels.trial import Trial
+from ss2sql.runtime.levels.level import PATHS, WAYS
+from ss2sql.runtime.levels.statements import Ask, Drop, Statement, Value
+from ss2sql.runtime.levels.trial import FAILED, Trial
 
 Row = tuple[Any, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Tally:
+    """How many steps of a level were tried, and how many of them failed."""
+
+    tried: int
+    failed: int
 
 
 class Tables(Protocol):
@@ -23,17 +33,27 @@ class Tables(Protocol):
     def load(self, table: str, columns: Sequence[Sequence[Any]]) -> None:
         """Adds rows, given by columns, to a table that `Create` has made."""
 
-    def try_all(self, trial: Trial, pause: Callable[[], None]) -> int:
-        """Adds the steps from all states of `frontier` to `tries`, and says how many were tried.
+    def try_all(self, trial: Trial, pause: Callable[[], None]) -> Tally:
+        """Adds the steps from all states of `frontier` to `tries`, and counts them.
 
         `pause` is called every few thousand steps; it ends the run where that has to end.
         """
 
+    def ways(self) -> Iterator[Row]:
+        """The ways to the goals in `kept`, as `level.PATHS` gives them."""
+
     def interrupt(self) -> None:
-        """Ends the statement that runs in another thread."""
+        """Ends the statement that runs in another thread; it may be called again until the run has ended."""
 
     def close(self) -> None:
         """Lets go of everything."""
+
+
+def walked_ways(tables: Tables) -> Iterator[Row]:
+    """`ways` by statements over all of them."""
+    tables.run(WAYS)
+    yield from tables.rows(PATHS)
+    tables.run(Drop(WAYS.table))
 
 
 # In pages, so that nothing large waits while the steps from some states are tried.
@@ -41,9 +61,9 @@ EXPANDED = Ask("SELECT step, state FROM frontier WHERE step > :after ORDER BY st
 BLOCK = 5_000  # tries that are added to their table at once
 
 
-def try_in_blocks(tables: Tables, trial: Trial, pause: Callable[[], None]) -> int:
+def try_in_blocks(tables: Tables, trial: Trial, pause: Callable[[], None]) -> Tally:
     """`try_all` in this process, for databases that hand over states and take steps."""
-    tried, after = 0, -1
+    tried, failed, after = 0, 0, -1
     block: list[Row] = []
     while page := list(tables.rows(EXPANDED, after=after)):
         for after, state in page:
@@ -51,6 +71,7 @@ def try_in_blocks(tables: Tables, trial: Trial, pause: Callable[[], None]) -> in
                 tried += 1
                 if made is not None:
                     block.append(made)
+                    failed += made[FAILED]
             if len(block) >= BLOCK:
                 pause()
                 tables.load("tries", list(zip(*block, strict=True)))
@@ -58,4 +79,4 @@ def try_in_blocks(tables: Tables, trial: Trial, pause: Callable[[], None]) -> in
     pause()
     if block:
         tables.load("tries", list(zip(*block, strict=True)))
-    return tried
+    return Tally(tried, failed)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from copy import copy
 from hashlib import blake2b
 from itertools import islice
 from marshal import dumps, loads
@@ -17,6 +18,8 @@ DIGEST = 32  # bytes
 ELEMENTS = 1 << 24  # a place is a step and an element, in 64 bits
 WHOLE = 1 << 53  # the whole numbers up to here are floats, too
 
+FAILED = 8  # where a row of `tries` says whether it failed
+
 Try: TypeAlias = tuple[Any, ...]  # a row of `tries`
 
 
@@ -29,6 +32,12 @@ class Trial:
 
     def __init__(self, pieces: Pieces, keyed: bool, compared: bool) -> None:
         self.pieces, self.keyed, self.compared = pieces, keyed, compared
+
+    def over(self, pieces: Any) -> Trial:
+        """The same over other pieces: those of another process."""
+        other = copy(self)
+        other.pieces = pieces
+        return other
 
     def steps(self, step: int, state: bytes) -> Iterator[Try | None]:
         """What `tries` has of each step from the state that a step led to; None for those that come to nothing.

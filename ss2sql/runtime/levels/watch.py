@@ -21,8 +21,7 @@ def watched(run: Run, tables: Tables) -> Iterator[None]:
     def watch() -> None:
         while not over.wait(EVERY):
             if run.interrupted or (run.deadline is not None and time.monotonic() >= run.deadline):
-                tables.interrupt()
-                return
+                tables.interrupt()  # again and again: it may have come between two statements
 
     thread = threading.Thread(target=watch, daemon=True)
     thread.start()

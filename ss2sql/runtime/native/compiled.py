@@ -11,6 +11,7 @@ from ss2sql import plan
 from ss2sql.errors import Error
 from ss2sql.runtime.call_sites import takes_arrays
 from ss2sql.runtime.memorize.hunt import Find
+from ss2sql.runtime.memorize.pieces import Pieces
 from ss2sql.runtime.native.builder import Builder, Dispatch
 from ss2sql.runtime.native.calls import settle_calls
 from ss2sql.runtime.native.deep import deep
@@ -29,6 +30,7 @@ class NativeQuery:
     """A query that stands by itself, compiled to Python once, to be run many times.
 
     The steps of a search are counted `by_level` on demand, see by_level.py. `find`, for MEMORIZE, finds its results.
+    `levels` says how deeply its expressions are nested.
     """
 
     engine = "native"
@@ -37,8 +39,8 @@ class NativeQuery:
         self.query = query
         self._takes_arrays = takes_arrays(query)
         analysis = Analysis((query,))
-        self._levels = analysis.levels
-        with deep(self._levels):
+        self.levels = analysis.levels
+        with deep(self.levels):
             unit = Unit(query.span, analysis)
             unit.by_level = query if by_level else None
             unit.searched, unit.find = query, find
@@ -49,7 +51,7 @@ class NativeQuery:
     @property
     def source_text(self) -> str:
         """The generated code as text."""
-        with deep(2 * self._levels):
+        with deep(2 * self.levels):
             return ast.unparse(ast.fix_missing_locations(self._module))
 
     def rows(self, run: Run, sink: Rows | None = None) -> Rows:
@@ -79,6 +81,13 @@ class NativeQuery:
         """The rows of a query, one by one where that is possible; errors have no place."""
         return self._bound(run).stream()  # type: ignore[no-any-return]
 
+    def taken_apart(self, run: Run) -> tuple[Pieces, Callable[[], None]]:
+        """The clauses of a search that can be taken apart, and what brings `run.stats` up to date."""
+        with deep(self.levels):
+            task = self._bound(run)
+            *_, pieces = task.find()
+        return Pieces(*pieces), task.flush
+
     def _looking_ahead(self, run: Run, work: Callable[[], Any]) -> Callable[[], Any]:
         """The work, for the time of which functions that take arrays know what is coming."""
         if not self._takes_arrays:
@@ -101,7 +110,7 @@ class NativeQuery:
 
     def _placed(self, run: Run, work: Callable[[], Any]) -> Any:
         try:
-            with deep(self._levels):
+            with deep(self.levels):
                 return work()
         except Exception as error:
             other = placed(error)

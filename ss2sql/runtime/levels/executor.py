@@ -1,0 +1,112 @@
+"""Trying steps in a Python process of an executor of Spark.
+
+Each task gives the rows of `tries`, and at its end one row without a place that says what it has counted. So what is
+counted belongs to the rows, however often Spark begins a task anew.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from marshal import dumps, loads
+from typing import TYPE_CHECKING, Any
+
+from ss2sql.runtime.levels.parcel import Unpacked
+from ss2sql.runtime.levels.trial import FAILED, Try
+
+if TYPE_CHECKING:
+    import pyarrow as pa  # type: ignore[import-untyped]
+
+ROWS = 5_000  # of a batch
+BYTES = 1 << 22  # of its rows and states, at about which a batch ends
+_known: dict[str, Unpacked] = {}  # by the names of runs; a process serves one after the other, seldom two
+
+
+def task(name: str, parcel: Any, paths: list[str]) -> Callable[[Iterator[Any]], Iterator[Any]]:
+    """What Spark calls with batches of the frontier. It is sent by value, before ss2sql can be imported there."""
+
+    def steps(batches: Iterator[Any]) -> Iterator[Any]:
+        import sys
+
+        sys.path.extend(path for path in paths if path not in sys.path)
+        from ss2sql.runtime.levels.executor import tried
+
+        return tried(batches, name, lambda: parcel.value)
+
+    return steps
+
+
+def paths_here() -> list[str]:
+    """Where modules are found here; on other machines such folders may be missing."""
+    return [os.path.abspath(path) for path in sys.path]
+
+
+def tried(batches: Iterable[pa.RecordBatch], name: str, parcel: Callable[[], bytes]) -> Iterator[pa.RecordBatch]:
+    """The steps from the states of a task, and what was counted."""
+    told: dict[str, Any] = {"tried": 0, "failed": 0, "refused": None, "trouble": ""}
+    try:
+        unpacked = _unpacked(name, parcel)
+    except Exception as error:
+        told["trouble"] = f"{type(error).__name__}: {error}"
+        yield _batch([_account(told)])
+        return
+    unpacked.counted()  # of a task that was broken off
+    with unpacked.room:
+        yield from _tried(batches, unpacked, told)
+    told |= unpacked.counted()
+    yield _batch([_account(told)])
+
+
+def _unpacked(name: str, parcel: Callable[[], bytes]) -> Unpacked:
+    if name not in _known:
+        made = Unpacked(parcel())
+        while len(_known) > 1:
+            del _known[next(iter(_known))]
+        _known[name] = made
+    return _known[name]
+
+
+def _tried(batches: Iterable[pa.RecordBatch], unpacked: Unpacked, told: dict[str, Any]) -> Iterator[pa.RecordBatch]:
+    """The rows of `tries`. Ends at the first state with a step that no row can tell of: it is taken again where the
+    search runs, and raises what it raises there.
+    """
+    rows: list[Try] = []
+    size, steps = 0, unpacked.trial.steps
+    for batch in batches:
+        for step, state in zip(batch.column(0).to_pylist(), batch.column(1).to_pylist(), strict=True):
+            try:
+                for made in steps(step, state):
+                    told["tried"] += 1
+                    if made is not None:
+                        rows.append(made)
+                        size += len(made[3] or b"") + len(made[7] or b"")
+                        told["failed"] += made[FAILED]
+            except BaseException:
+                told["refused"] = step
+                return
+            if len(rows) >= ROWS or size >= BYTES:
+                yield _batch(rows)
+                rows, size = [], 0
+    if rows:
+        yield _batch(rows)
+
+
+def _account(told: dict[str, Any]) -> Try:
+    return None, None, None, None, None, None, None, dumps(told), None
+
+
+def account(state: bytes) -> dict[str, Any]:
+    """What a task has counted, from its last row."""
+    told: dict[str, Any] = loads(state)
+    return told
+
+
+def _batch(rows: list[Try]) -> pa.RecordBatch:
+    import pyarrow as pa
+
+    integer, binary, boolean = pa.int64(), pa.binary(), pa.bool_()
+    types = (integer, integer, binary, binary, binary, boolean, boolean, binary, boolean)
+    names = ("place", "parent", "row_key", "row", "last", "goal", "goes_on", "state", "failed")
+    columns = zip(*rows, strict=True)
+    return pa.record_batch([pa.array(c, kind) for c, kind in zip(columns, types, strict=True)], list(names))

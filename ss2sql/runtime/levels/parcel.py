@@ -1,0 +1,290 @@
+"""A search as other machines get it: its plan with the functions and values that its steps ask for.
+
+There the clauses are compiled once more, so what is sent is small, and nothing of a session goes along. Functions
+travel as they are here and now, with what they mention; a process of another machine has no other way to them.
+"""
+
+from __future__ import annotations
+
+import pickle
+import sys
+import sysconfig
+from collections.abc import Callable, Iterable
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+from ss2sql import plan
+from ss2sql.errors import Error, ExecutionError, UnsupportedError
+from ss2sql.kinds import ANY, Type
+from ss2sql.lowering.unsupported import Rule
+from ss2sql.runtime.builtins import BUILTINS
+from ss2sql.runtime.functions import UserFunction
+from ss2sql.runtime.levels.trial import Trial, encoded
+from ss2sql.runtime.memorize.hunt import Hunt
+from ss2sql.runtime.native.calls import native_callable, settle_calls, unremembered_call
+from ss2sql.runtime.native.compiled import NativeQuery
+from ss2sql.runtime.native.deep import DEEPEST, deep
+from ss2sql.runtime.rows import Rows
+from ss2sql.runtime.run import Run, Stats
+from ss2sql.runtime.shaping import Shapes, with_stars
+from ss2sql.runtime.sizes import Sizes
+from ss2sql.runtime.vectorized import NativeCaller
+from ss2sql.vtables.frames.frame import Column, Frame
+from ss2sql.vtables.memories import Memories
+from ss2sql.walk import functions, walk
+
+if TYPE_CHECKING:
+    from ss2sql.errors import Span
+    from ss2sql.runtime.host import SessionHost
+    from ss2sql.runtime.remembered.keeper import GraphKeeper
+
+FrameParts = tuple[dict[str, tuple[Type, list[Any]]], int]
+_TOP = "write it so that it needs nothing but its arguments"
+
+
+@dataclass(frozen=True, slots=True)
+class Parcel:
+    """What the steps of a search ask for. `frames` are the data frames among the variables, as columns of values."""
+
+    query: plan.Query
+    functions: dict[str, UserFunction]
+    variables: dict[str, Any]
+    frames: dict[str, FrameParts]
+    tables: dict[int, list[tuple[Any, ...]]]
+    shapes: dict[str, Callable[..., Any]]
+    max_size: int
+    memo_limit: int
+    trial: Trial
+
+
+def _weighted(query: plan.Query, nested: bool) -> Span | None:
+    return query.search.weight.span if query.search and query.search.weight else None
+
+
+def _graph(query: plan.Query, nested: bool) -> Span | None:
+    return query.span if query.search and query.search.repeats == "memorize" else None
+
+
+def _world(query: plan.Query, nested: bool) -> Span | None:
+    return next((node.span for node in walk(query) if isinstance(node, plan.WorldSource)), None)
+
+
+RULES = (
+    Rule("MEMORIZE walks through its graph path by path", "UNIQUE gives a shortest path to each row", _graph),
+    Rule("COST and PROBABILITY go on from the best paths", "write engine='duckdb', or leave it to ss2sql", _weighted),
+    Rule("a world is in this process only", "copy its table into a variable, or leave the engine to ss2sql", _world),
+)
+
+
+# --- packing -------------------------------------------------------------------------------------------
+
+
+def packed(hunt: Hunt, trial: Trial) -> bytes:
+    """The search as bytes. Raises UnsupportedError where something of it belongs to this process."""
+    host: SessionHost = hunt.run.host  # type: ignore[assignment]
+    query = _without_start(hunt.query)
+    sent: dict[str, UserFunction] = {}
+    with deep(DEEPEST):  # a plan is as deep as its script
+        for name in sorted({known.inverse_of or known.name for known in functions(query) if not known.builtin}):
+            sent[name] = _function(host.planned[name], hunt.query.span)
+        variables, frames = _values(query, hunt.run)
+        tables = {node.id: host.table_rows(node) for node in walk(query) if isinstance(node, plan.TableSource)}
+        forms = {node.representation.name for node in walk(query) if isinstance(node, plan.Query) and node is not query}
+        shapes = {name: host.shapes.functions[name] for name in forms & host.shapes.functions.keys()}
+        rest = host.max_size, host.memo_limit, trial.over(None)
+        parcel = Parcel(query, sent, variables, frames, tables, shapes, *rest)
+        return _pickled(parcel, sent.values())
+
+
+def _without_start(query: plan.Query) -> plan.Query:
+    """The query without the values of START WITH, which states have; their expressions need not be evaluated again."""
+    assert query.search is not None
+    start = tuple((name, plan.Constant(None, ANY, span=expr.span)) for name, expr in query.search.start)
+    return replace(query, search=replace(query.search, start=start))
+
+
+def _function(entry: UserFunction, span: Span) -> UserFunction:
+    """A function without what is known of its text. Raises UnsupportedError where it cannot be had elsewhere."""
+    sent = replace(entry, body="")
+    if entry.of_world:
+        raise _kept(f"'{entry.name}' belongs to a world, which is in this process only", "take values from it", span)
+    if entry.volatility != "immutable":
+        reason = f"'{entry.name}' is {entry.volatility}: it may depend on what only this process knows"
+        raise _kept(reason, "register it with volatility='immutable' if it depends on nothing but its arguments", span)
+    try:
+        _pickled(sent, [entry])
+    except Exception as error:
+        raise _kept(f"'{entry.name}' cannot be pickled: {error}", _TOP, span) from error
+    return sent
+
+
+def _kept(reason: str, cure: str, span: Span) -> UnsupportedError:
+    return UnsupportedError("U001", f"{reason}, so Spark cannot have it", span, (cure,))
+
+
+def _values(query: plan.Query, run: Run) -> tuple[dict[str, Any], dict[str, FrameParts]]:
+    """The variables that the query reads; one without a value is missed where it is read."""
+    variables: dict[str, Any] = {}
+    frames: dict[str, FrameParts] = {}
+    for node in walk(query):
+        if not isinstance(node, plan.Variable) or node.name in variables or node.name in frames:
+            continue
+        try:
+            value = run.source(node.name)
+        except Error as error:
+            if error.code != "R001":
+                raise
+            continue
+        if isinstance(value, Frame):
+            columns = {name: (column.type, column.values) for name, column in value.columns.items()}
+            frames[node.name] = columns, value.length
+        else:
+            try:
+                encoded((value,))
+            except UnsupportedError:
+                cure = "give numbers, texts and lists"
+                raise _kept(f"the variable '{node.name}' holds objects", cure, node.span) from None
+            variables[node.name] = value
+    return variables, frames
+
+
+def _pickled(value: Any, entries: Iterable[UserFunction]) -> bytes:
+    """A value as bytes. The modules of the user that functions are from go along; those of packages are imported."""
+    from pyspark import cloudpickle
+
+    pickler: Any = cloudpickle
+    modules = {module for entry in entries if (module := _own_module(entry.function)) is not None}
+    added = [module for module in modules if module.__name__ not in pickler.list_registry_pickle_by_value()]
+    for module in added:
+        pickler.register_pickle_by_value(module)
+    try:
+        made: bytes = pickler.dumps(value)
+    finally:
+        for module in added:
+            pickler.unregister_pickle_by_value(module)
+    return made
+
+
+def _own_module(function: Callable[..., Any]) -> ModuleType | None:
+    """The module that a function is from, if that is a file of the user's."""
+    module = sys.modules.get(getattr(function, "__module__", None) or "")
+    file = getattr(module, "__file__", None)
+    if module is None or file is None or module.__name__ == "__main__":  # which is sent in any case
+        return None
+    if module.__name__.startswith("ss2sql."):
+        return None
+    installed = {Path(sysconfig.get_path(name)).resolve() for name in ("stdlib", "platstdlib", "purelib", "platlib")}
+    return None if installed.intersection(Path(file).resolve().parents) else module
+
+
+# --- unpacking -----------------------------------------------------------------------------------------
+
+
+class Unpacked:
+    """A search in the process that tries its steps."""
+
+    def __init__(self, parcel: bytes) -> None:
+        with deep(DEEPEST):
+            content: Parcel = pickle.loads(parcel)
+        self.run = Run(_Host(content), sizes=Sizes(content.max_size))
+        native = NativeQuery(content.query)
+        pieces, self._flush = native.taken_apart(self.run)
+        self.levels = native.levels
+        self.trial = content.trial.over(pieces)
+
+    @property
+    def room(self) -> AbstractContextManager[None]:
+        """Room on the stack for the time of trying steps."""
+        return deep(self.levels)
+
+    def counted(self) -> dict[str, Any]:
+        """What was counted since this was asked the last time, see Stats."""
+        self._flush()
+        settle_calls(self.run)
+        stats, none = self.run.stats, Stats()
+        told = {name: getattr(stats, name) for name in COUNTS}
+        told["calls"], told["remembered"] = dict(stats.calls), dict(stats.remembered)
+        for name in COUNTS:
+            setattr(stats, name, getattr(none, name))
+        stats.calls.clear()
+        stats.remembered.clear()
+        return told
+
+
+COUNTS = ("generated", "expanded", "pruned")
+
+
+def add_counts(stats: Stats, told: dict[str, Any]) -> None:
+    """Adds what was counted elsewhere."""
+    for name in COUNTS:
+        setattr(stats, name, getattr(stats, name) + told[name])
+    stats.calls.update(told["calls"])
+    stats.remembered.update(told["remembered"])
+
+
+class _Host:
+    """What the session is to a run, where there is no session."""
+
+    def __init__(self, parcel: Parcel) -> None:
+        self.memories = Memories()
+        self.graphs: GraphKeeper | None = None
+        self.parcel = parcel
+        self.shapes = Shapes(parcel.max_size)
+        self.shapes.functions.update(parcel.shapes)
+        self.values = dict(parcel.variables)
+        self.values.update((name, _frame(*parts)) for name, parts in parcel.frames.items())
+
+    def variable(self, name: str, run: Run) -> Any:
+        if name not in self.values:
+            hints = ("assign it before it is read",)
+            raise ExecutionError("R001", f"the variable '{name}' has no value yet", hints=hints)
+        return self.values[name]
+
+    def call(self, function: plan.Function, run: Run) -> Callable[..., Any]:
+        if function.builtin:
+            python = BUILTINS[function.name].python
+            assert python is not None  # those of the session are volatile
+            return run.sizes.maker(function.name, python)
+        known = run.callables.get(function.name)
+        if known is None:
+            entry = self.parcel.functions[function.inverse_of or function.name]
+            if function.inverse_of:
+                known = unremembered_call(entry.inverted(), run)
+            else:
+                known = (NativeCaller if entry.vectorized else native_callable)(entry, run, self.parcel.memo_limit)
+            run.callables[function.name] = known
+        return known
+
+    def table_rows(self, source: plan.TableSource) -> list[tuple[Any, ...]]:
+        return self.parcel.tables[source.id]
+
+    def shape(self, query: plan.Query, rows: Rows, arguments: tuple[Any, ...], named: dict[str, Any]) -> Any:
+        raw = self.shapes.represent(query.representation, with_stars(query, rows), arguments, named)
+        value = self.shapes.language_value(query.representation.name, raw)
+        Sizes(self.parcel.max_size).checked(value)
+        return value
+
+    # What follows is asked for by searches that keep the written order, which do not go by levels.
+
+    def assign(self, name: str, value: Any) -> None:
+        raise NotImplementedError
+
+    def resolve_text(self, text: str, scope: Any) -> tuple[plan.Expr, ...]:
+        raise NotImplementedError
+
+    def bind_late(self, name: str, literal: Any) -> None:
+        raise NotImplementedError
+
+    def temporal(self, name: str, when: float | None) -> Any:
+        raise NotImplementedError
+
+    def store_temporal(self, name: str, keep: Any, value: Any) -> None:
+        raise NotImplementedError
+
+
+def _frame(columns: dict[str, tuple[Type, list[Any]]], length: int) -> Frame:
+    return Frame({name: Column(kind, partial(list, values)) for name, (kind, values) in columns.items()}, length)
