@@ -277,13 +277,19 @@ def test_worlds_and_objects_are_refused(ss: ss2sql.Session) -> None:
 
     ss.attach("shelf", Shelf())
     with pytest.raises(ss2sql.UnsupportedError, match="a world is in this process only"):
-        ss.run("SELECT s.width FROM s = shelf START WITH n = 1 CONNECT BY UNIQUE n = s.width;")
+        ss.run("SELECT s.weight FROM s = shelf START WITH n = 1 CONNECT BY UNIQUE n = s.weight;")
     ss.attach("things", [object()])
     script = "SELECT 1 FROM x = things START WITH n = None CONNECT BY BREADTH FIRST MAXIMUM 3 n = x.this;"
     assert code_of(ss.run, script) == "U001"
     ss.function("thing", lambda n: object(), volatility="immutable")
     with pytest.raises(ss2sql.UnsupportedError, match="a row or state has an object"):
         ss.run("SELECT n FROM [1] START WITH n = 1 CONNECT BY UNIQUE n = thing(n);")
+
+
+@pytest.mark.parametrize("options", ["COST 1", "MEMORIZE 3", "DEPTH FIRST"])
+def test_other_orders_are_refused_by_name(ss: ss2sql.Session, options: str) -> None:
+    with pytest.raises(ss2sql.UnsupportedError, match=f"{options.partition(' ')[0]}.*the tables of spark cannot do"):
+        ss.run(f"SELECT x.this FROM x = near(n) START WITH n = 1 CONNECT BY {options} n = x.this;")
 
 
 def test_a_function_that_fails_on_executors_only(ss: ss2sql.Session) -> None:

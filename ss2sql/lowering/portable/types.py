@@ -40,6 +40,6 @@ def cast(node: exp.Expr, kind: str) -> exp.Expr:
     return exp.Cast(this=node, to=exp.DataType.build(kind, dialect="duckdb"))
 
 
-def refused(reason: str, span: Span, cure: str = "leave the engine to ss2sql") -> UnsupportedError:
+def refused(reason: str, span: Span, cure: str = "leave engine and dialect to ss2sql") -> UnsupportedError:
     """What is raised where SQL of other databases could mean something else."""
     return UnsupportedError("U001", reason, span, (cure,))

@@ -20,7 +20,7 @@ from ss2sql.runtime.levels.executor import account, paths_here, task
 from ss2sql.runtime.levels.level import TABLES
 from ss2sql.runtime.levels.parcel import add_counts, packed
 from ss2sql.runtime.levels.spark_store import Part, Store, from_to, is_plain, union
-from ss2sql.runtime.levels.statements import Add, Ask, Create, Drop, Make, Number, Statement, Value, Walk
+from ss2sql.runtime.levels.statements import Add, AddNumbered, Ask, Create, Drop, Make, Number, Statement, Value, Walk
 from ss2sql.runtime.levels.tables import Row, Tally, walked_ways
 from ss2sql.runtime.levels.trial import Trial
 from ss2sql.runtime.memorize.hunt import Hunt
@@ -122,8 +122,8 @@ class SparkTables:
                 store.add(table, replace(part, first=self.before + 1))
             case Drop(table=table):
                 store.drop(table)
-            case Ask():
-                raise TypeError("what is asked is given by `rows`")
+            case Ask() | AddNumbered():
+                raise TypeError("`rows` gives what is asked; nothing that goes by length adds and numbers")
 
     def rows(self, question: Ask, **values: Value) -> Iterator[Row]:
         frame = self.store.part(question.select, values).frame
