@@ -181,6 +181,15 @@ def test_a_table_of_the_session_is_read_once() -> None:
         assert found.value == ss.run(script, engine="native").value == [[2, 3]]
 
 
+def test_what_is_equal_after_each_step_may_differ_at_the_start() -> None:
+    script = (
+        "SELECT this FROM [1, 2, 3] WHERE this == a + b START WITH a = 1, b = 2"
+        " CONNECT BY UNIQUE a = this, b = this AS list"
+    )
+    with ss2sql.connect() as ss:
+        assert ss.run(script, engine="duckdb").value == ss.run(script, engine="native").value == [[3]]
+
+
 def test_no_elements() -> None:
     script = "SELECT this + n FROM [] START WITH n = 0 CONNECT BY UNIQUE n = 1 AS list"
     with ss2sql.connect() as ss:

@@ -97,7 +97,7 @@ class _Writer:
         shown = {output.expr: column for output, column in zip(self.query.columns, self.rows, strict=True)}
         assigned, kinds = dict(self.search.connect), dict(self.search.states)
         moved = [name for name, _ in self.search.connect]
-        states = []
+        states: list[tuple[str, Typed]] = []
         for name, start in self.search.start:
             expr = assigned.get(name)
             earlier = set(moved[: moved.index(name)]) if name in moved else set()
@@ -106,7 +106,8 @@ class _Writer:
             if kind is None or is_nullable(kinds[name]):
                 raise refused("the kind of this variable is not known, or may be None", start.span)
             column = shown.get(expr) if expr is not None and not reads & earlier else None
-            if column is None or column.type != kind:
+            # Two that are equal after each step can differ at the start.
+            if column is None or column.type != kind or any(column == other for _, other in states):
                 column = Typed(self.names.free(name, "state"), kind)
             states.append((name, column))
         return states
