@@ -104,7 +104,7 @@ def test_what_is_completed() -> None:
     assert completed("list", "err") == ["errors"]
     assert completed("list", "errors", "t") == ["T001", "T002", "T003"]
     assert completed("list", "functions", "sq") == ["sqrt"]
-    assert completed("sql", "--dialect", "") == ["sqlite"]
+    assert completed("sql", "--dialect", "") == ["sqlite", "duckdb", "spark", "postgres"]
     assert completed("run", "-o", "t") == ["t"]  # the shell goes on with the names of files
     assert completed("completion", "") == list(SHELLS)
 

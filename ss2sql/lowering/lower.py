@@ -18,7 +18,7 @@ from ss2sql.lowering.positions import by_position
 from ss2sql.lowering.product import copies_of
 from ss2sql.lowering.search import SearchLowering
 from ss2sql.lowering.select import Selects
-from ss2sql.lowering.unsupported import check
+from ss2sql.lowering.unsupported import check, cuts_unasked
 from ss2sql.lowering.when_taken import WhenTaken
 from ss2sql.vtables.late import Late, late, late_columns
 from ss2sql.vtables.snapshots import NO_SNAPSHOT, snapshot_for
@@ -133,9 +133,9 @@ def _cut_by_sql(query: plan.Query) -> bool:
     """Whether LIMIT may stand in the SQL.
 
     LIMIT 0 would keep SQLite from evaluating rows that have to be sorted or grouped first, and a partition is
-    cut before it is made.
+    cut before it is made. What fails in a row shows although the row is cut off.
     """
-    if query.limit is None or (query.group and not query.aggregated):
+    if query.limit is None or (query.group and not query.aggregated) or cuts_unasked(query):
         return False
     positive = isinstance(query.limit, plan.Constant) and query.limit.value != 0
     return positive or not (query.order or query.group)

@@ -99,6 +99,19 @@ def _nested_limit(query: plan.Query, nested: bool) -> Span | None:
     return None if is_count and fixed else limit.span
 
 
+def cuts_unasked(query: plan.Query) -> bool:
+    """Whether SQLite would leave out what SELECT shows of a row that may fail: while it sorts, it keeps the first n.
+
+    Rows that come behind these it drops by their keys alone.
+    """
+    cut = query.limit is not None and bool(query.order)
+    return cut and any(can_fail(output.expr) for output in query.columns)
+
+
+def _nested_cut(query: plan.Query, nested: bool) -> Span | None:
+    return query.limit.span if nested and query.limit is not None and cuts_unasked(query) else None
+
+
 def _label(query: plan.Query, nested: bool) -> Span | None:
     return next((output.label.span for output in query.columns if output.label is not None), None)
 
@@ -160,6 +173,7 @@ RULES: tuple[Rule, ...] = (
     Rule("a partition inside another query", "assign it to a variable before the query", _nested_partition),
     Rule("an inner ORDER BY over values of several kinds", "sort by numbers or strings alone", _nested_order),
     Rule("an inner LIMIT that is not known beforehand to be a count", "write a number", _nested_limit),
+    Rule("an inner LIMIT behind ORDER BY where SELECT may fail", "leave out ORDER BY or LIMIT", _nested_cut),
     Rule("SELECT * over columns that only the elements know", "name the columns", _nested_star),
     Rule("a column name with half of a surrogate pair", "give the column another name", _unwritable_name),
     Rule("a column name that is computed", "write the name itself in to(expr, name)", _label),
