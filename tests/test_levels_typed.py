@@ -9,6 +9,7 @@ import pytest
 from agreement import exact
 from hypothesis import given, seed, settings
 from hypothesis import strategies as st
+from sessions import code_of
 
 import ss2sql
 from ss2sql.lowering.portable.names import OWN
@@ -179,6 +180,32 @@ def test_a_table_of_the_session_is_read_once() -> None:
         )
         found = ss.run(script, engine="duckdb")
         assert found.value == ss.run(script, engine="native").value == [[2, 3]]
+
+
+def test_variables_are_bound_when_the_search_runs() -> None:
+    script = (
+        "SELECT n + m.by FROM m = moves WHERE n + m.by == goal AND word == 'ab' START WITH n = 0"
+        " CONNECT BY UNIQUE n = n + m.by STOP WITH n > most[0] AS list"
+    )
+    with ss2sql.connect() as ss:
+        for goal, word, most in [(3, "ab", [5]), (4, "ab", [5]), (4, "b", [5]), (2, "ab", [0])]:
+            ss.set("goal", goal)
+            ss.set("word", word)
+            ss.set("most", most)
+            ss.set("moves", MOVES)
+            found = ss.run(script, engine="duckdb")
+            assert found.value == ss.run(script, engine="native").value
+            assert "in SQL" in str(found.explain())
+        ss.set("goal", 4.0)  # of another kind: compiled anew
+        assert ss.run(script, engine="duckdb").value == ss.run(script, engine="native").value
+
+
+def test_a_variable_without_a_value_fails_where_it_is_read() -> None:
+    script = "SELECT this FROM {} WHERE this == missing START WITH n = 0 CONNECT BY UNIQUE n = this AS list"
+    with ss2sql.connect() as ss:
+        assert ss.compile(script.format("[]"), engine="duckdb").parameters == ("missing",)
+        for engine in ("duckdb", "native"):
+            assert code_of(ss.run, script.format("[1]"), engine=engine) == "R001"
 
 
 def test_what_is_equal_after_each_step_may_differ_at_the_start() -> None:

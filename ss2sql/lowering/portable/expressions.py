@@ -37,10 +37,15 @@ class Sight:
 
 
 class Portable:
-    """Writes the expressions of one query. `variable` gives the values of script variables where they are known."""
+    """Writes the expressions of one query.
+
+    `variable` gives the values of script variables where they are known, and raises KeyError where they are not.
+    Without it they are parameters, which `parameters` names with their variables.
+    """
 
     def __init__(self, variable: Callable[[str], Any] | None = None) -> None:
         self.variable = variable
+        self.parameters: dict[str, str] = {}
 
     def value(self, expr: plan.Expr, sight: Sight) -> Node:
         """The expression. Raises UnsupportedError where it could mean something else."""
@@ -51,6 +56,8 @@ class Portable:
                 return constant(expr.value, expr.type, expr)
             case plan.Variable(name=name) if self.variable is not None:
                 return constant(self.known(name, expr.span), expr.type, expr)
+            case plan.Variable():
+                return self._parameter(expr)
             case plan.Element(source=source) | plan.Column(source=source) if source in sight.sources:
                 return sight.sources[source](expr)
             case plan.State(query=query, name=name) if (query, name) in sight.states:
@@ -91,6 +98,17 @@ class Portable:
             return None if self.variable is None else self.variable(name)
         except (KeyError, Error):
             raise refused(f"the value of {name} is not known before the script runs", span) from None
+
+    def _parameter(self, expr: plan.Variable) -> Node:
+        """A variable whose value is given when the statement runs, with the type that it has in SQL."""
+        kind = column_type(expr.type)
+        if kind is None:
+            raise refused("the kind of this value is not known", expr.span)
+        label = next((label for label, name in self.parameters.items() if name == expr.name), None)
+        if label is None:
+            label = f"value_{len(self.parameters) + 1}"
+            self.parameters[label] = expr.name
+        return cast(sql.parameter(label), kind)
 
     def condition(self, expr: plan.Expr, sight: Sight) -> Node:
         """The truth of an expression; never NULL."""

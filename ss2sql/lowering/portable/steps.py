@@ -7,10 +7,8 @@ sources, one row for each combination. A step's `place` is that of its state and
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
 
 import sqlglot
 from sqlglot import exp
@@ -43,7 +41,8 @@ class WrittenSteps:
     """`tries` is the SELECT, with the columns place, `rows`, goal, goes_on, and those of `own`.
 
     `states` names for each START WITH variable the column that has it after a step: one of `rows`, or of `own`.
-    `reads` are the columns of `elements` beside `nth`, `elements` the query that gives them.
+    `reads` are the columns of `elements` beside `nth`, `elements` the query that gives them. `parameters` are what
+    stands for script variables in the text, with these.
     """
 
     tries: str
@@ -52,18 +51,19 @@ class WrittenSteps:
     states: tuple[Typed, ...]
     reads: tuple[Typed, ...]
     elements: plan.Query
+    parameters: dict[str, str]
 
 
-def write_steps(query: plan.Query, variable: Callable[[str], Any] | None = None) -> WrittenSteps:
+def write_steps(query: plan.Query) -> WrittenSteps:
     """The steps of a search as SQL. Raises UnsupportedError where they could mean something else, or need Python."""
-    return _Writer(query, variable).written()
+    return _Writer(query).written()
 
 
 class _Writer:
-    def __init__(self, query: plan.Query, variable: Callable[[str], Any] | None) -> None:
+    def __init__(self, query: plan.Query) -> None:
         assert query.search is not None
         self.query, self.search = query, query.search
-        self.portable = Portable(variable)
+        self.portable = Portable()
         self.reads: list[tuple[plan.Element | plan.Column, Typed]] = []
         for source in query.sources:
             self._check(source)
@@ -176,6 +176,7 @@ class _Writer:
             states,
             tuple(column for _, column in self.reads),
             self._elements(),
+            self.portable.parameters,
         )
 
     def _following(self) -> dict[str, Node]:

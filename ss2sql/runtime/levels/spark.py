@@ -112,7 +112,9 @@ class SparkTables:
                 part = store.part(select, values)
                 store.put(table, [part if is_plain(select) else store.written(part)])
             case Number(table=table, select=select):
-                self.before = int(values["before"])
+                before = values["before"]
+                assert isinstance(before, int)
+                self.before = before
                 store.put(table, [self._numbered(store.part(select, {}))])
             case Walk():
                 self._walk(statement)

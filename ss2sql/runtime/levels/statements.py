@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import sqlglot
 
@@ -112,7 +112,7 @@ class Ask:
 
 Statement: TypeAlias = Create | Make | Number | Walk | Add | AddNumbered | Drop | Ask
 
-Value: TypeAlias = int | float  # what stands in a statement for `:name`
+Value: TypeAlias = int | float | str | list[Any] | None  # what stands in a statement for `:name`
 
 
 def shown(dialect: Dialect, statement: Statement, recursive: bool) -> str:

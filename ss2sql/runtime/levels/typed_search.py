@@ -32,10 +32,11 @@ class TypedSearch(TableSearch):
         written, tables = self.written, self.tables
         self.run(written.made)
         self._load()
+        values = {label: self.hunt.run.source(name) for label, name in written.steps.parameters.items()}
         expanded, depth, steps = 1, 0, 0
         while expanded and self.elements:
             depth += 1
-            self.run((*written.kept, *written.done), before=steps, depth=depth)
+            self.run((*written.kept, *written.done), before=steps, depth=depth, **values)
             ((kept, goals, going, last),) = tables.rows(COUNTS, depth=depth)
             self._count(expanded, kept)
             if goals:
