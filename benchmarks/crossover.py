@@ -9,10 +9,13 @@ steps in SQL; `duckdb, Python` is given a step that is more than one expression.
 from __future__ import annotations
 
 import argparse
+import atexit
 import json
 import resource
+import shutil
 import subprocess
 import sys
+import tempfile
 import time
 
 SCRIPT = """
@@ -38,7 +41,9 @@ def measure(engine: str, depth: int, memory: str) -> None:
     if name == "duckdb":
         import duckdb
 
-        session = duckdb.connect(config={"memory_limit": memory, "threads": 1})
+        folder = tempfile.mkdtemp(prefix="ss2sql-")  # gone with the process, which has it for itself
+        atexit.register(shutil.rmtree, folder)
+        session = duckdb.connect(config={"memory_limit": memory, "threads": 1, "temp_directory": folder})
     with ss2sql.connect(engine=name, session=session) as ss:  # type: ignore[arg-type]
         ss.function("longer", longer, volatility="immutable")
         ss.set("goal", "b" * depth)
