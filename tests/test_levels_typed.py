@@ -185,7 +185,7 @@ def test_a_table_of_the_session_is_read_once() -> None:
 def test_variables_are_bound_when_the_search_runs() -> None:
     script = (
         "SELECT n + m.by FROM m = moves WHERE n + m.by == goal AND word == 'ab' START WITH n = 0"
-        " CONNECT BY UNIQUE n = n + m.by STOP WITH n > most[0] AS list"
+        " CONNECT BY UNIQUE n = n + m.by STOP WITH n > most[0] OR n < -9 AS list"
     )
     with ss2sql.connect() as ss:
         for goal, word, most in [(3, "ab", [5]), (4, "ab", [5]), (4, "b", [5]), (2, "ab", [0])]:
