@@ -216,11 +216,15 @@ class GroupKey:
 
 @dataclass(frozen=True, slots=True)
 class Aggregate:
-    """`count sum min max average` over the rows of a group; `count(*)` has no argument."""
+    """`count sum min max average` over the rows of a group; `count(*)` has no argument.
+
+    A sum that may overflow is `spared` where it may be that nobody asks for it, as that of a group that HAVING drops.
+    """
 
     function: str
     argument: Expr | None
     type: Type = ANY
+    spared: bool = False
     span: Span = _span()
 
 

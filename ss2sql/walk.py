@@ -134,6 +134,7 @@ def can_fail(node: Node) -> bool:
         (isinstance(part, plan.Call) and part.function.raises)
         or isinstance(part, plan.Subquery)
         or (isinstance(part, plan.Column) and not part.declared)
+        or (isinstance(part, plan.Aggregate) and part.spared)
         for part in walk(node)
     )
 

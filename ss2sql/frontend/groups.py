@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ss2sql import plan
 from ss2sql.errors import ResolveError
 from ss2sql.kinds import ANY, NONE, Kind, Type, union
 from ss2sql.runtime.builtins import AGGREGATES
-from ss2sql.walk import parts, rebuild, sources_read, states_read, walk_own
+from ss2sql.walk import is_volatile, parts, rebuild, sources_read, states_read, walk_own
 
 if TYPE_CHECKING:
     from ss2sql.frontend.resolve import Resolver
@@ -44,7 +45,49 @@ def with_groups(resolver: Resolver, query: plan.Query) -> plan.Query:
             hint = f"add it to GROUP BY, or aggregate it: max({key.expr.span.text})"
             resolver.errors.append(ResolveError("R008", message, key.expr.span, (hint,)))
     rows = () if aggregates or query.search is None else tuple(output.expr for output in query.columns)
-    return replace(query, columns=columns, order=order, aggregated=True, rows=rows)
+    return _with_spared(replace(query, columns=columns, order=order, aggregated=True, rows=rows))
+
+
+def _with_spared(query: plan.Query) -> plan.Query:
+    """The query with a mark on the sums that are not computed of every group.
+
+    Equal aggregates become the one that is evaluated first, so that SQL computes them once.
+    """
+    columns = [output.expr for output in query.columns]
+    keys = [key.expr for key in query.order]
+    in_turn = [*([] if query.having is None else [query.having]), *columns, *keys]
+    certain = in_turn[:1] if query.having is not None else in_turn
+    asked = {node for expr in certain for node in _always_asked(expr)}
+    firsts: dict[plan.Aggregate, plan.Aggregate] = {}
+    for node in (node for expr in in_turn for node in walk_own(expr)):
+        if isinstance(node, plan.Aggregate) and node not in firsts:
+            firsts[node] = replace(node, spared=node.function == "sum" and node not in asked)
+
+    def marked(node: Any) -> Any:
+        if isinstance(node, plan.Aggregate):
+            return replace(firsts[node], span=node.span) if is_volatile(node) else firsts[node]
+        return node if isinstance(node, plan.Query) else rebuild(node, marked)
+
+    return replace(
+        query,
+        columns=tuple(replace(output, expr=marked(output.expr)) for output in query.columns),
+        order=tuple(replace(key, expr=marked(key.expr)) for key in query.order),
+        having=None if query.having is None else marked(query.having),
+    )
+
+
+def _always_asked(node: Any) -> Iterator[plan.Aggregate]:
+    """The aggregates that are computed whenever the expression is."""
+    match node:
+        case plan.Aggregate():
+            yield node
+        case plan.And(parts=(first, *_)) | plan.Or(parts=(first, *_)) | plan.If(condition=first):
+            yield from _always_asked(first)
+        case plan.Query():
+            pass
+        case _:
+            for part in parts(node):
+                yield from _always_asked(part)
 
 
 def _lifted(resolver: Resolver, expr: plan.Expr, query: plan.Query, inside: bool = False) -> plan.Expr:

@@ -104,7 +104,7 @@ def cuts_unasked(query: plan.Query) -> bool:
 
     Rows that come behind these it drops by their keys alone.
     """
-    cut = query.limit is not None and bool(query.order)
+    cut = query.limit is not None and (bool(query.order) or query.aggregated)  # groups are sorted by their first rows
     return cut and any(can_fail(output.expr) for output in query.columns)
 
 
@@ -140,8 +140,10 @@ def _group_values(query: plan.Query, nested: bool) -> Span | None:
     for key in query.group:
         if not uniform(key.type):
             return key.span
-    for key_ in query.order:
-        if not sortable_key(key_.expr):
+    columns = [output.expr for output in query.columns if can_fail(output.expr)]
+    for key_ in query.order:  # evaluated before the columns
+        same = all(one == key_.expr for one in (*columns, *(k.expr for k in query.order if can_fail(k.expr))))
+        if not (sortable_key(key_.expr) or (isinstance(key_.expr, plan.Aggregate) and same)):
             return key_.expr.span
     for node in _own_nodes(query):
         if isinstance(node, plan.Aggregate) and node.argument is not None:

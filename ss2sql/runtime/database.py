@@ -33,7 +33,7 @@ from ss2sql.runtime.run import Run
 from ss2sql.runtime.scouts import Scouts, looking_ahead
 from ss2sql.runtime.search_functions import FUNCTIONS, SearchState, next_number
 from ss2sql.runtime.sources import column_of
-from ss2sql.runtime.sql_functions import AGGREGATE_FUNCTIONS, SCALAR_FUNCTIONS, element_columns
+from ss2sql.runtime.sql_functions import AGGREGATE_FUNCTIONS, SCALAR_FUNCTIONS, element_columns, in_range
 from ss2sql.runtime.vectorized import SqlCaller
 from ss2sql.vtables.frames.frame import Frame
 from ss2sql.vtables.module import WorldModules
@@ -109,6 +109,7 @@ class Database:
         for name, check in (("cost", cost), ("heuristic", heuristic), ("probability", probability)):
             guard.scalar(f"step_{name}", self._weight_function(check), 2)
         self.register_builtin("field", column_of)
+        self.register_builtin("in_range", in_range)
         for name, same in (("eq", True), ("ne", False)):
             guard.scalar(name, self._equality(same))
         connection.set_progress_handler(self._progress, CHECK_EVERY)

@@ -80,6 +80,11 @@ def total(values: Any) -> Any:
     return total_of_integers(values) if float not in kinds else total_of_floats(values)
 
 
+def unchecked_total(values: list[Any]) -> int | float:
+    """The sum of numbers, which may be no value: an integer beyond 64 bits, an infinite float."""
+    return _sum_of_floats(values) if any(type(value) is float for value in values) else int(sum(values))
+
+
 def total_of_integers(values: list[int]) -> int:
     """The sum of integers."""
     return int(check(sum(values), CURES["sum"]))
@@ -87,8 +92,12 @@ def total_of_integers(values: list[int]) -> int:
 
 def total_of_floats(values: list[float]) -> float:
     """The sum of numbers among which are floats."""
+    return float(check(_sum_of_floats(values)))
+
+
+def _sum_of_floats(values: list[float]) -> float:
     try:
-        return float(check(math.fsum(values)))
+        return math.fsum(values)
     except OverflowError:  # on the way only, perhaps
         return _float(_exact_sum(values))
 
@@ -116,7 +125,7 @@ def _float(value: Fraction) -> float:
     try:
         return float(value)
     except OverflowError:
-        raise float_overflow() from None
+        return math.inf
 
 
 def least(first: Any, *others: Any) -> Any:

@@ -327,9 +327,12 @@ class Flat(Expressions):
             (3, "sum({maybe})"),
             (2, "max({str})"),
             (1, "min({any})"),
+            (1, "sum(4611686018427387904 - ({int}))"),  # two of them overflow
+            (1, "sum(1.7e308 - ({int}))"),
         )
         head, _, tail = form.partition("{")
-        return head + self.expr(tail.split("}")[0], sight, 1) + ")" if tail else form
+        kind, _, rest = tail.partition("}")
+        return head + self.expr(kind, sight, 1) + rest if tail else form
 
     def grouping(self, sight: Sight) -> tuple[str, list[str]]:
         """SELECT and the clauses after WHERE of a query with GROUP BY: one row per group, or partitions."""
@@ -342,11 +345,15 @@ class Flat(Expressions):
         if choices.chance(60):
             tested = choices.pick((self.aggregate(sight), keys[0], "count(*)"))
             having = f" HAVING {tested} {choices.pick(('>', '==', '<=', '!='))} {choices.pick(('1', '2', '0'))}"
+            if choices.chance(20):
+                having += f" {choices.pick(('AND', 'OR'))} {self.aggregate(sight)} > 1"
         group = f"GROUP BY {', '.join(keys)}{having}"
         if partition:
             return self.partition_columns(sight), [group, self.order(sight), self.limit()]
         shown = [choices.pick((keys[0], keys[-1], self.aggregate(sight))) for _ in range(choices.below(2))]
         shown.append(choices.pick((self.aggregate(sight), f"(1 + {self.aggregate(sight)})", f"[{keys[0]}, count(*)]")))
+        if choices.chance(10):
+            shown.append("1 / (count(*) - 1)")
         ordering = choices.pick((self.aggregate(sight), keys[0]))
         order = f"ORDER BY {ordering}{choices.pick(('', ' DESC'))}" if choices.chance(35) else ""
         return ", ".join(choices.shuffled(shown)), [group, order, self.limit()]

@@ -13,6 +13,7 @@ from typing import Any
 
 from ss2sql import plan
 from ss2sql.runtime.native import flat, hunt
+from ss2sql.runtime.native.aggregates import aggregates_in
 from ss2sql.runtime.native.endings import Form
 from ss2sql.runtime.native.expressions import expression, group_key
 from ss2sql.runtime.native.facts import Facts
@@ -22,7 +23,6 @@ from ss2sql.runtime.native.tasks import task_of, tuples_of, value_of
 from ss2sql.runtime.native.texts import Sight, texts_of
 from ss2sql.runtime.native.unit import Body, Unit
 from ss2sql.runtime.run import Run
-from ss2sql.walk import walk_own
 
 Dispatch = Callable[[plan.Query], Callable[[Run], Any]]
 
@@ -122,7 +122,7 @@ class Builder:
             body.states, body.groups = set(states), dict(groups)
             return body
 
-        own = aggregates(query)
+        own = aggregates_in(query)
         functions = {
             "settings": self._settings(query, part),
             "find": (flat.finder if query.search is None else hunt.finder)(self, query, part("rows"), own),
@@ -190,7 +190,7 @@ class Builder:
             return None
         unit, pen = self.unit, self.unit.pen_at(query.span)
         body = part("group")
-        names = {group_key(node): unit.local(node.function) for node in aggregates(query)}
+        names = {group_key(node): unit.local(node.function) for node in aggregates_in(query)}
         names.update({(query.id, index): unit.local("key") for index in range(len(query.group))})
         body.groups.update(names)
         body.parameters = [*names.values(), *body.parameters]
@@ -218,16 +218,6 @@ class Builder:
         body.add(pen.back(pen.pack(positional, named)))
         body.define()
         return body.name
-
-
-def aggregates(query: plan.Query) -> list[plan.Aggregate]:
-    """The aggregates over the rows of the query's groups, in the order in which their arguments are evaluated."""
-    if not query.group:
-        return []
-    places: list[Any] = [output.expr for output in query.columns] if query.aggregated else []
-    places += [query.having] if query.having is not None else []
-    places += [key.expr for key in query.order] if query.aggregated else []
-    return [node for place in places for node in walk_own(place) if isinstance(node, plan.Aggregate)]
 
 
 def label(value: Any) -> str:

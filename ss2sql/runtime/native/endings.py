@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from typing import Any
 
 from ss2sql import plan
 from ss2sql.errors import Error, ExecutionError
-from ss2sql.runtime.builtins import AGGREGATES
 from ss2sql.runtime.memorize.hunt import Find
 from ss2sql.runtime.rows import Row, Rows
 from ss2sql.runtime.values import freeze, places_in_order
@@ -163,17 +162,9 @@ class Ending:
         return freeze(values[0]) if len(values) == 1 else tuple(map(freeze, values))
 
     def _seen_of(self, members: list[Row]) -> Row:
-        """What is seen of a group: its aggregates, then its values."""
+        """What is seen of a group: what its aggregates are computed of, then its values."""
         columns = zip(*members, strict=True)
-        aggregates = [_aggregate(node, values) for node, values in zip(self.form.aggregates, columns, strict=False)]
-        return (*aggregates, *self._group_values(members[0]))
-
-
-def _aggregate(node: plan.Aggregate, values: Iterable[Any]) -> Any:
-    try:
-        return AGGREGATES[node.function](values)
-    except Error as error:
-        raise error.located(node.span) from None
+        return (*islice(columns, len(self.form.aggregates)), *self._group_values(members[0]))
 
 
 def _shown(value: Any) -> Any:

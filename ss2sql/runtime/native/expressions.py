@@ -10,10 +10,11 @@ from __future__ import annotations
 import ast
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, assert_never
+from typing import TYPE_CHECKING, Any, TypeGuard, assert_never
 
 from ss2sql import plan
 from ss2sql.kinds import Kind, Type
+from ss2sql.runtime.native.aggregates import aggregate_of
 from ss2sql.runtime.native.arithmetic import inlined
 from ss2sql.runtime.native.call_code import is_remembered, remembered_call
 from ss2sql.runtime.native.facts import OWN_GROUP
@@ -40,13 +41,19 @@ def expression(builder: Builder, node: plan.Expr, body: Body) -> ast.expr:
     if name is not None:
         return pen.name(name)
     value = _computed(builder, node, body, pen)
-    if isinstance(node, (plan.Column, plan.MakeList)) or (isinstance(node, plan.Call) and node.function.builtin):
+    if isinstance(node, (plan.Column, plan.MakeList, plan.Aggregate)) or _is_builtin(node):
         return body.named(facts, value, pen, _hint(node)) if facts.steady else value
     return value
 
 
-def _hint(node: plan.Column | plan.MakeList | plan.Call) -> str:
+def _is_builtin(node: plan.Expr) -> TypeGuard[plan.Call]:
+    return isinstance(node, plan.Call) and node.function.builtin
+
+
+def _hint(node: plan.Column | plan.MakeList | plan.Aggregate | plan.Call) -> str:
     match node:
+        case plan.Aggregate(function=name):
+            return name
         case plan.Column(name=name):
             return name
         case plan.Call(function=function):
@@ -93,8 +100,10 @@ def _computed(builder: Builder, node: plan.Expr, body: Body, pen: Pen) -> ast.ex
         case plan.MakeList(items=items):
             made = pen.array(*(build(item) for item in items))
             return made if _is_small(items) else pen.call(unit.sizes("checked", pen), made)
-        case plan.GroupKey() | plan.Aggregate():
+        case plan.GroupKey():
             return pen.name(body.groups[group_key(node)])
+        case plan.Aggregate(function=function):  # not before it is asked for: HAVING may drop what it fails on
+            return pen.call(unit.constant(aggregate_of(node), function), pen.name(body.groups[group_key(node)]))
         case plan.Subquery():
             return builder.subquery(node, body)
         case plan.Eval():

@@ -124,8 +124,8 @@ class Analysis:
                 total = total and _has_plain_truth(tested)
             case plan.GroupKey(query=query):
                 groups = frozenset({query})
-            case plan.Aggregate():
-                groups = frozenset({OWN_GROUP})
+            case plan.Aggregate(function=name):
+                groups, total = frozenset({OWN_GROUP}), name == "count"
             case plan.Query(id=query):
                 groups -= {query, OWN_GROUP}
             case plan.Subquery():
@@ -158,6 +158,8 @@ class Analysis:
                 own = (function.name, function.builtin)
             case plan.If(then=then):
                 own = (len(then),)
+            case plan.Aggregate(function=name):
+                own = (name,)
             case plan.And() | plan.Or() | plan.Xor() | plan.Not() | plan.MakeList():
                 own = ()
             case _:

@@ -1,19 +1,18 @@
 """GROUP BY of flat queries with aggregates: the loops collect what each group's aggregates are computed of.
 
-The generated function yields the groups in order of first appearance, each as its aggregates and then its values, after
-all rows have been evaluated. Aggregates of the same value share a list, and the number of rows is the length of any.
+The generated function yields the groups in order of first appearance, each as the lists that its aggregates are
+computed of and then its values, after all rows have been evaluated. Aggregates of the same value share a list, and the
+number of rows is the length of any.
 """
 
 from __future__ import annotations
 
 import ast
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from ss2sql import plan
-from ss2sql.kinds import Kind
-from ss2sql.runtime.builtins import AGGREGATES
-from ss2sql.runtime.library import total_of_floats, total_of_integers
+from ss2sql.runtime.native.aggregates import counts_rows
 from ss2sql.runtime.native.expressions import PLAIN, expression
 from ss2sql.runtime.native.unit import Body
 from ss2sql.runtime.values import freeze
@@ -66,7 +65,7 @@ class Groups:
     def _list_of(self, node: plan.Aggregate, inner: Body) -> int:
         """The number of the list of what an aggregate is computed of; any will do where the rows are counted."""
         argument, pen = node.argument, self.pen
-        if argument is None or (_counts_rows(node) and self.unit.analysis.of(argument).total):
+        if argument is None or (counts_rows(node) and self.unit.analysis.of(argument).total):
             return 0
         facts = self.unit.analysis.of(argument)
         value = inner.variable(expression(self.builder, argument, inner), pen, node.function)
@@ -106,48 +105,13 @@ class Groups:
         pen, outer = self.pen, self.outer
         group, key = (self.groups if self.single else self.unit.local("group")), self.unit.local("key")
         first = pen.name(group) if len(self.lists) == 1 else pen.item(pen.name(group), 0)
-        aggregates: list[ast.expr] = []
-        known: dict[tuple[Callable[[list[Any]], Any], int], str] = {}
-        for node, index in zip(self.aggregates, self.of, strict=True):
-            at, key_of = self.unit.pen_at(node.span), (_function(node), index)
-            if key_of in known:
-                aggregates.append(at.name(known[key_of]))
-                continue
-            items = pen.name(group) if len(self.lists) == 1 else at.item(pen.name(group), index)
-            name = known[key_of] = self.unit.local(node.function)
-            function = self.unit.constant(key_of[0], node.function)
-            aggregates.append(at.bind(name, at.call(function, items)))
+        lists = [pen.name(group) if len(self.lists) == 1 else pen.item(pen.name(group), index) for index in self.of]
         if self.single:
             values = [expression(self.builder, value, outer) for value in self.query.group]
-            outer.blocks[0].append(pen.when(first, pen.run(pen.give(pen.pack(*aggregates, *values)))))
+            outer.blocks[0].append(pen.when(first, pen.run(pen.give(pen.pack(*lists, *values)))))
             return
         found = pen.name(key) if self.plain else pen.item(pen.name(self.firsts), pen.name(key))
         several = len(self.query.group) > 1 or not self.plain
         values = [pen.item(found, index) for index in range(len(self.query.group))] if several else [found]
         items = pen.call(pen.part(pen.name(self.groups), "items"))
-        outer.blocks[0].append(pen.loop([key, group], items, [pen.run(pen.give(pen.pack(*aggregates, *values)))]))
-
-
-def _counts_rows(node: plan.Aggregate) -> bool:
-    return node.function == "count" and (node.argument is None or not node.argument.type.may(Kind.NONE))
-
-
-def _function(node: plan.Aggregate) -> Callable[[list[Any]], Any]:
-    """What computes an aggregate of a group's values; there is at least one. None is skipped where there may be any."""
-    if _counts_rows(node):
-        return len
-    assert node.argument is not None
-    known = node.argument.type
-    if known.may(Kind.NONE):
-        return AGGREGATES[node.function]
-    match node.function:
-        case "min" if known.only(Kind.NUMBER) or known.only(Kind.STR):
-            return min
-        case "max" if known.only(Kind.NUMBER) or known.only(Kind.STR):
-            return max
-        case "sum" if known.only(Kind.FLOAT):
-            return total_of_floats
-        case "sum" if known.only(Kind.INT | Kind.BOOL):
-            return total_of_integers
-        case _:
-            return AGGREGATES[node.function]
+        outer.blocks[0].append(pen.loop([key, group], items, [pen.run(pen.give(pen.pack(*lists, *values)))]))
