@@ -62,6 +62,8 @@ TESTS = (
         "test_explain_levels",
         "test_explain",
         "test_rare_forms",
+        "test_translated",
+        "test_levels_typed",
     ),
 )
 LONG = ("random", "every_state", "hash_seed")
