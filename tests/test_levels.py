@@ -2,28 +2,20 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
 import os
 import sys
 import tempfile
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import golden
 import pytest
-from agreement import exact, session_for
-from hypothesis import HealthCheck, Phase, given, seed, settings
-from programs import ProgramCase, programs
+from agreement import exact
+from level_searches import FORMS, ROADS, by_length, compare_random
 from sessions import code_of
 
 import ss2sql
-from ss2sql.errors import Source
-from ss2sql.frontend import ast
-from ss2sql.frontend.parser import parse
-from ss2sql.race.timing import compiled
 from ss2sql.runtime.levels import duck, tables
 from ss2sql.runtime.levels.statements import Ask
 from ss2sql.runtime.levels.watch import watched
@@ -33,8 +25,6 @@ duckdb = pytest.importorskip("duckdb")
 
 COUNT = int(os.environ.get("SS2SQL_PROGRAMS", "1000")) // 10
 OWN = duckdb.connect(config={"threads": 1})  # to connect takes 20 ms
-STRATEGIES = (["BREADTH FIRST"], ["UNIQUE"], ["BREADTH FIRST", "NO CYCLE"])
-ROADS = {1: [2, 3], 2: [1, 3, 4], 3: [2, 4, 1.0], 4: [1, 5], 5: [True, 4, 2]}
 
 
 @pytest.fixture
@@ -44,55 +34,8 @@ def ss() -> Any:
         yield session
 
 
-def outcome(case: ProgramCase, statement: ast.Query, engine: Any, timeout: float, own: Any = OWN) -> Any:
-    """The value, or the error; None where the engine refuses the search, or takes too long."""
-    with session_for(case, session=own) as ss, contextlib.redirect_stdout(io.StringIO()):
-        try:
-            return exact(compiled(ss, statement, engine).run(timeout=timeout).value)
-        except (ss2sql.UnsupportedError, ss2sql.Timeout):
-            return None
-        except ss2sql.Error as error:
-            return error.code
-        except Exception as error:
-            return type(error).__name__
-
-
-def variants(script: str) -> list[ast.Query]:
-    """The search of a script of one statement by every strategy that goes by levels."""
-    statements = parse(Source(script)).statements
-    query = statements[0]
-    if len(statements) > 1 or not isinstance(query, ast.Query) or not query.connect:
-        return []
-    kept = tuple(option for option in query.options if option.keyword == "MAXIMUM")
-    return [
-        replace(query, options=(*kept, *(ast.Option(word, None, span=query.span) for word in words)))
-        for words in STRATEGIES
-    ]
-
-
 def test_random_searches() -> None:
-    compared = 0
-
-    @seed(8)
-    @settings(
-        max_examples=COUNT,
-        deadline=None,
-        database=None,
-        phases=[Phase.generate],
-        suppress_health_check=list(HealthCheck),
-    )
-    @given(programs())
-    def run(case: ProgramCase) -> None:
-        nonlocal compared
-        for statement in variants(case.script):
-            wanted = outcome(case, statement, "native", 0.2)  # those without end are left out
-            found = None if wanted is None else outcome(case, statement, "duckdb", 60)
-            if found is not None:
-                compared += 1
-                assert found == wanted, statement.options
-
-    run()
-    assert compared > COUNT // 4
+    assert compare_random(by_length, "duckdb", OWN, 8, COUNT) > COUNT // 4
 
 
 @pytest.mark.parametrize("case", golden.level_searches(), ids=lambda case: case.name)
@@ -100,16 +43,6 @@ def test_golden_cases(case: golden.Case) -> None:
     found = golden.run(case, "duckdb")
     if not isinstance(found.error, ss2sql.UnsupportedError):
         assert found.verdict == golden.run(case, "native").verdict
-
-
-FORMS = (
-    "SELECT x.this, n FROM x = near(n) WHERE x.this IN [4, 1] START WITH n = 1 CONNECT BY {} n = x.this",
-    "SELECT x.this FROM x = near(n) START WITH n = 1 CONNECT BY {} n = x.this STOP WITH n == 4 ORDER BY n DESC LIMIT 7",
-    "SELECT x.this FROM x = near(n) START WITH n = 1, m = [1] CONNECT BY {} n = x.this, m = m + [n]"
-    " STOP WITH len(m) > 4 GROUP BY n AS list",
-    "SELECT x.this FROM x = (SELECT this FROM near(n) WHERE this < 5 AS list) START WITH n = 1"
-    " CONNECT BY {} n = x.this AS rows",
-)
 
 
 @pytest.mark.parametrize("form", FORMS)

@@ -7,61 +7,27 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from hypothesis import HealthCheck, Phase, given, seed, settings
-from programs import ProgramCase, programs
-from test_levels import COUNT, OWN, outcome
+from level_searches import compare_random, kept, options
+from test_levels import COUNT, OWN
 from test_levels_cost import TRIALS, World, either
 
 import ss2sql
-from ss2sql.errors import Source
 from ss2sql.frontend import ast
-from ss2sql.frontend.parser import parse
 from ss2sql.runtime.memorize.graph import Graph
 
 BOUNDS = ("1", "3", "5")
 ROADS = {1: [2, 3], 2: [1, 3, 4, 6], 3: [4, 2, 1], 4: [5, 2], 5: [4], 6: [7], 7: [6]}
 
 
-def variants(script: str) -> list[ast.Query]:
-    """The search of a script of one statement by MEMORIZE with its own bound or others, and its own weights."""
-    statements = parse(Source(script)).statements
-    query = statements[0]
-    if len(statements) > 1 or not isinstance(query, ast.Query) or not query.connect:
-        return []
-    kept = tuple(option for option in query.options if option.keyword in ("MAXIMUM", "COST", "PROBABILITY", "MEMORIZE"))
-    if any(option.keyword == "MEMORIZE" for option in kept):
-        return [replace(query, options=kept)]
-    made = []
-    for bound in BOUNDS:
-        other = parse(Source(f"SELECT this FROM [1] START WITH n = 1 CONNECT BY MEMORIZE {bound} n = 1;")).statements[0]
-        assert isinstance(other, ast.Query)
-        made.append(replace(query, options=(*kept, *other.options)))
-    return made
+def variants(query: ast.Query) -> list[ast.Query]:
+    """A search by MEMORIZE with its own bound or others, and its own weights."""
+    own = kept(query, "MAXIMUM", "COST", "PROBABILITY", "MEMORIZE")
+    bounds = [()] if kept(query, "MEMORIZE") else [options(f"MEMORIZE {bound}") for bound in BOUNDS]
+    return [replace(query, options=(*own, *bound)) for bound in bounds]
 
 
 def test_random_searches() -> None:
-    compared = 0
-
-    @seed(10)
-    @settings(
-        max_examples=COUNT // 2,
-        deadline=None,
-        database=None,
-        phases=[Phase.generate],
-        suppress_health_check=list(HealthCheck),
-    )
-    @given(programs())
-    def run(case: ProgramCase) -> None:
-        nonlocal compared
-        for statement in variants(case.script):
-            wanted = outcome(case, statement, "native", 0.2)
-            found = None if wanted is None else outcome(case, statement, "duckdb", 60)
-            if found is not None:
-                compared += 1
-                assert found == wanted, statement.options
-
-    run()
-    assert compared > COUNT // 16
+    assert compare_random(variants, "duckdb", OWN, 10, COUNT // 2) > COUNT // 16
 
 
 @pytest.mark.parametrize("number", range(TRIALS))

@@ -14,6 +14,7 @@ import sqlglot
 from sqlglot import exp
 
 from ss2sql import plan
+from ss2sql.errors import UnsupportedError
 from ss2sql.kinds import INT, Kind
 from ss2sql.lowering import sql
 from ss2sql.lowering.portable.expressions import Portable, Sight
@@ -21,7 +22,7 @@ from ss2sql.lowering.portable.names import Names
 from ss2sql.lowering.portable.types import cast, column_type, is_nullable, refused
 from ss2sql.walk import walk
 
-ELEMENTS = 1 << 24  # combinations; a place is a step and a combination, in 64 bits
+ELEMENTS = 1 << 24  # of a state; a place is a step and an element, in 64 bits
 Node = exp.Expr
 
 
@@ -190,6 +191,10 @@ class _Writer:
         """A column of the SELECT; without a type of its own a literal would have the smallest."""
         plain = node if node.find(exp.Column) or column.type == "BOOLEAN" else cast(node, column.type)
         return sql.alias(plain, column.name)
+
+
+def too_many_elements(what: str) -> UnsupportedError:
+    return UnsupportedError("U001", f"{what} has more than {ELEMENTS:,} elements", hints=("bound FROM",))
 
 
 _OPPOSITE: dict[type[exp.Expr], type[exp.Binary]] = {

@@ -11,10 +11,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from math import isfinite
 
+from ss2sql.lowering.portable.steps import ELEMENTS
 from ss2sql.runtime.levels.cost_level import CostStatements
 from ss2sql.runtime.levels.search import TableSearch
 from ss2sql.runtime.levels.tables import Tables
-from ss2sql.runtime.levels.trial import ELEMENTS, WeighingTrial, encoded
+from ss2sql.runtime.levels.trial import WeighingTrial, encoded
 from ss2sql.runtime.memorize.hunt import Found, Hunt
 from ss2sql.runtime.run import Level
 

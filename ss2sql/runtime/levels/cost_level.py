@@ -17,12 +17,12 @@ from dataclasses import dataclass
 
 from ss2sql import plan
 from ss2sql.runtime.levels.level import KEEP, PATHS, TABLES, WAYS, back_to_start
-from ss2sql.runtime.levels.statements import Add, Ask, Create, Drop, Make, Number, Statement, Walk
+from ss2sql.runtime.levels.statements import Add, Ask, Create, Drop, Make, Number, Statement, Walk, columns_of
 
 TRIES = f"{TABLES['tries']}, total DOUBLE"
 WAITING = TRIES.replace(" failed BOOLEAN,", "")
 CHOSEN = "step BIGINT, place BIGINT, row_key BLOB, total DOUBLE"
-COLUMNS = ", ".join(column.split()[0] for column in WAITING.split(", "))
+COLUMNS = ", ".join(name for name, _ in columns_of(WAITING))
 # The steps that wait: those with greater totals than the last one taken, or tried from the last ones taken.
 WAIT = "(total > :total OR (total = :total AND parent > :earlier))"
 
@@ -107,7 +107,7 @@ FREE = Queue(
     EVERY.first,
     (),
     EVERY.least,
-    (back_to_start("WHERE parent <= :last"),),
+    (back_to_start("tries WHERE parent <= :last"),),
     f"SELECT {COLUMNS} FROM tries WHERE NOT failed AND place IN (SELECT place FROM back WHERE previous = 0)",
     "SELECT MIN(place) FROM tries WHERE failed AND place IN (SELECT place FROM back WHERE previous = 0)",
 )

@@ -9,6 +9,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.lowering.dialects import DUCKDB
+from ss2sql.runtime.levels.arrow import batch
 from ss2sql.runtime.levels.statements import Ask, Create, Statement, Value, printed
 from ss2sql.runtime.levels.tables import Row, Tally, try_in_blocks, walked_ways
 from ss2sql.runtime.levels.trial import Trial
@@ -16,7 +17,6 @@ from ss2sql.runtime.memorize.hunt import Hunt
 
 if TYPE_CHECKING:
     import duckdb
-    import pyarrow as pa  # type: ignore[import-untyped]
 
 BLOCK = 10_000  # rows that are read at once
 _numbers = count(1)
@@ -71,7 +71,9 @@ class DuckTables:
             reading.close()
 
     def load(self, table: str, columns: Sequence[Sequence[Any]]) -> None:
-        self.connection.register("block", _block(self.columns[table], columns))
+        import pyarrow as pa  # type: ignore[import-untyped]
+
+        self.connection.register("block", pa.Table.from_batches([batch(self.columns[table], columns)]))
         self.connection.execute(f"INSERT INTO {table} SELECT * FROM block")
         self.connection.unregister("block")
 
@@ -94,27 +96,3 @@ def _bound(statement: Statement, values: dict[str, Value]) -> tuple[str, dict[st
     """The text of a statement, and the values for it; DuckDB wants no others than it names."""
     text = printed(DUCKDB, statement.text)
     return text, {name: value for name, value in values.items() if re.search(rf"\${name}\b", text)} or None
-
-
-def _block(written: str, columns: Sequence[Sequence[Any]]) -> pa.Table:
-    import pyarrow as pa
-
-    names = [column.split() for column in written.split(", ")]
-    arrays = [pa.array(values, _arrow(kind)) for values, (_, kind) in zip(columns, names, strict=True)]
-    return pa.table(arrays, [name for name, _ in names])
-
-
-def _arrow(kind: str) -> pa.DataType:
-    """The type of Arrow for a column."""
-    import pyarrow as pa
-
-    if kind.endswith("[]"):
-        return pa.list_(_arrow(kind.removesuffix("[]")))
-    scalars = {
-        "BIGINT": pa.int64(),
-        "BLOB": pa.binary(),
-        "BOOLEAN": pa.bool_(),
-        "DOUBLE": pa.float64(),
-        "VARCHAR": pa.string(),
-    }
-    return scalars[kind]

@@ -12,6 +12,8 @@ from collections.abc import Callable, Iterable, Iterator
 from marshal import dumps, loads
 from typing import TYPE_CHECKING, Any
 
+from ss2sql.runtime.levels.arrow import batch
+from ss2sql.runtime.levels.level import TABLES
 from ss2sql.runtime.levels.parcel import Unpacked
 from ss2sql.runtime.levels.trial import FAILED, Try
 
@@ -73,8 +75,8 @@ def _tried(batches: Iterable[pa.RecordBatch], unpacked: Unpacked, told: dict[str
     """
     rows: list[Try] = []
     size, steps = 0, unpacked.trial.steps
-    for batch in batches:
-        for step, state in zip(batch.column(0).to_pylist(), batch.column(1).to_pylist(), strict=True):
+    for block in batches:
+        for step, state in zip(block.column(0).to_pylist(), block.column(1).to_pylist(), strict=True):
             try:
                 for made in steps(step, state):
                     told["tried"] += 1
@@ -103,10 +105,4 @@ def account(state: bytes) -> dict[str, Any]:
 
 
 def _batch(rows: list[Try]) -> pa.RecordBatch:
-    import pyarrow as pa
-
-    integer, binary, boolean = pa.int64(), pa.binary(), pa.bool_()
-    types = (integer, integer, binary, binary, binary, boolean, boolean, binary, boolean)
-    names = ("place", "parent", "row_key", "row", "last", "goal", "goes_on", "state", "failed")
-    columns = zip(*rows, strict=True)
-    return pa.record_batch([pa.array(c, kind) for c, kind in zip(columns, types, strict=True)], list(names))
+    return batch(TABLES["tries"], list(zip(*rows, strict=True)))

@@ -9,11 +9,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from marshal import loads
 
+from ss2sql.lowering.portable.steps import ELEMENTS
 from ss2sql.runtime.levels import graph_level
 from ss2sql.runtime.levels.graph_level import GraphStatements
 from ss2sql.runtime.levels.search import TableSearch
 from ss2sql.runtime.levels.tables import Tables
-from ss2sql.runtime.levels.trial import ELEMENTS, GraphTrial, encoded
+from ss2sql.runtime.levels.trial import GraphTrial, encoded
 from ss2sql.runtime.memorize.graph import FAR, Graph
 from ss2sql.runtime.memorize.growing import results_of, too_many
 from ss2sql.runtime.memorize.hunt import Found, Hunt

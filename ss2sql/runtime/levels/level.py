@@ -11,7 +11,7 @@ out anyway, and not behind the first step to the same row.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from ss2sql import plan
@@ -37,16 +37,46 @@ class Guard:
     before: Walk | None = None
 
 
-def back_to_start(tries: str = "") -> Walk:
-    """The way back of each of the `tries` as long as it does not meet its row; free is what ends at step 0."""
+def back_to_start(
+    tries: str = "tries", parent: str = "parent", row: Sequence[str] = ("row_key",), more: str = ""
+) -> Walk:
+    """The way back of each of the `tries` as long as it does not meet its row; free is what ends at step 0.
+
+    `parent` says from which step a try comes, `row` are the columns that tell rows apart, `more` is asked of steps.
+    """
+    different = " OR ".join(f"steps.{name} <> walk.{name}" for name in row)
+    other = f"({different})" if len(row) > 1 else different
     return Walk(
         "back",
-        "place, previous, row_key",
-        f"SELECT place, parent, row_key FROM tries {tries}",
-        """
-        SELECT walk.place, steps.parent, walk.row_key
+        ", ".join(("place", "previous", *row)),
+        f"SELECT place, {parent}, {', '.join(row)} FROM {tries}",
+        f"""
+        SELECT walk.place, steps.parent, {", ".join(f"walk.{name}" for name in row)}
         FROM walk
-        JOIN steps ON steps.step = walk.previous AND steps.row_key <> walk.row_key
+        JOIN steps ON steps.step = walk.previous {more} AND {other}
+        """,
+    )
+
+
+def counts(kept: str) -> Ask:
+    """How many steps a level has kept, how many of them are goals, and how many go on, and the last of them."""
+    numbers = "COUNT(*), COUNT(CASE WHEN goal THEN 1 END), COUNT(CASE WHEN goes_on THEN 1 END), MAX(step)"
+    return Ask(f"SELECT {numbers} FROM {kept}")
+
+
+def ways_back(goals: str, more: str = "") -> Walk:
+    """The ways to some goals, from the last step of each backwards, by numbers alone: rows may be large.
+
+    `goals` are steps, what stands behind FROM; `more` is asked of those before.
+    """
+    return Walk(
+        "ways",
+        "goal, step, previous, distance",
+        f"SELECT step, step, parent, 0 FROM {goals}",
+        f"""
+        SELECT walk.goal, steps.step, steps.parent, walk.distance + 1
+        FROM walk
+        JOIN steps ON steps.step = walk.previous {more}
         """,
     )
 
@@ -84,20 +114,8 @@ GUARDS: dict[plan.Repeats, Guard] = {"allowed": EVERY, "unique": FIRST, "no cycl
 
 KEPT = Make("kept", "SELECT chosen.step, tries.* FROM chosen JOIN tries ON tries.place = chosen.place")
 KEEP = Add("steps", "SELECT step, parent, :depth, row_key, row, last, goal FROM kept")
-COUNTS = Ask(
-    "SELECT COUNT(*), COUNT(CASE WHEN goal THEN 1 END), COUNT(CASE WHEN goes_on THEN 1 END), MAX(step) FROM kept"
-)
-# The ways to the goals of a level, from the last step of each backwards, by numbers alone: rows may be large.
-WAYS = Walk(
-    "ways",
-    "goal, step, previous, distance",
-    "SELECT step, step, parent, 0 FROM kept WHERE goal",
-    """
-    SELECT walk.goal, steps.step, steps.parent, walk.distance + 1
-    FROM walk
-    JOIN steps ON steps.step = walk.previous
-    """,
-)
+COUNTS = counts("kept")
+WAYS = ways_back("kept WHERE goal")
 PATHS = Ask("""
 SELECT ways.goal, steps.row, CASE WHEN ways.distance = 0 THEN steps.last END
 FROM ways

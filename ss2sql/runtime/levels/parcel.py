@@ -268,22 +268,10 @@ class _Host:
         Sizes(self.parcel.max_size).checked(value)
         return value
 
-    # What follows is asked for by searches that keep the written order, which do not go by levels.
+    def _never(self, *given: Any) -> Any:
+        raise AssertionError("a search that keeps the written order does not go by levels")
 
-    def assign(self, name: str, value: Any) -> None:
-        raise NotImplementedError
-
-    def resolve_text(self, text: str, scope: Any) -> tuple[plan.Expr, ...]:
-        raise NotImplementedError
-
-    def bind_late(self, name: str, literal: Any) -> None:
-        raise NotImplementedError
-
-    def temporal(self, name: str, when: float | None) -> Any:
-        raise NotImplementedError
-
-    def store_temporal(self, name: str, keep: Any, value: Any) -> None:
-        raise NotImplementedError
+    assign = resolve_text = bind_late = temporal = store_temporal = _never
 
 
 def _frame(columns: dict[str, tuple[Type, list[Any]]], length: int) -> Frame:

@@ -12,11 +12,12 @@ from itertools import groupby
 from marshal import loads
 from operator import itemgetter
 
+from ss2sql.lowering.portable.steps import ELEMENTS
 from ss2sql.runtime.levels import level
 from ss2sql.runtime.levels.level import LevelStatements
 from ss2sql.runtime.levels.statements import Statement, Value
 from ss2sql.runtime.levels.tables import Tables
-from ss2sql.runtime.levels.trial import ELEMENTS, Trial, encoded
+from ss2sql.runtime.levels.trial import Trial, encoded
 from ss2sql.runtime.memorize.hunt import Found, Hunt
 from ss2sql.runtime.memorize.pieces import Pieces
 from ss2sql.runtime.run import Level

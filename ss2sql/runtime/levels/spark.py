@@ -20,7 +20,19 @@ from ss2sql.runtime.levels.executor import account, paths_here, task
 from ss2sql.runtime.levels.level import TABLES
 from ss2sql.runtime.levels.parcel import add_counts, packed
 from ss2sql.runtime.levels.spark_store import Part, Store, from_to, is_plain, union
-from ss2sql.runtime.levels.statements import Add, AddNumbered, Ask, Create, Drop, Make, Number, Statement, Value, Walk
+from ss2sql.runtime.levels.statements import (
+    Add,
+    AddNumbered,
+    Ask,
+    Create,
+    Drop,
+    Make,
+    Number,
+    Statement,
+    Value,
+    Walk,
+    columns_of,
+)
 from ss2sql.runtime.levels.tables import Row, Tally, walked_ways
 from ss2sql.runtime.levels.trial import Trial
 from ss2sql.runtime.memorize.hunt import Hunt
@@ -136,7 +148,7 @@ class SparkTables:
     def load(self, table: str, columns: Sequence[Sequence[Any]]) -> None:
         written = (", ".join(map(_literal, row)) for row in zip(*columns, strict=True))
         frame = self.store.session.sql(f"VALUES {', '.join(f'({row})' for row in written)}")
-        self.store.add(table, Part(frame.toDF(*_names(table))))
+        self.store.add(table, Part(frame.toDF(*(name for name, _ in columns_of(TABLES[table])))))
 
     def try_all(self, trial: Trial, pause: Callable[[], None]) -> Tally:
         pause()
@@ -247,17 +259,12 @@ class SparkTables:
             self.known.update((step, (parent, bytes(row))) for step, parent, row in rows)
 
     def _empty(self, table: str) -> Part:
-        columns = (column.split() for column in _schema(table).split(", "))
-        nothing = ", ".join(f"CAST(NULL AS {kind}) AS {name}" for name, kind in columns)
+        nothing = ", ".join(f"CAST(NULL AS {kind}) AS {name}" for name, kind in columns_of(_schema(table)))
         return Part(self.store.session.sql(f"SELECT {nothing} WHERE FALSE"))
 
 
 def _schema(table: str) -> str:
     return TABLES[table].replace("BLOB", "BINARY")
-
-
-def _names(table: str) -> list[str]:
-    return [column.split()[0] for column in TABLES[table].split(", ")]
 
 
 def _literal(value: int | bytes) -> str:

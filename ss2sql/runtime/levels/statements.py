@@ -45,8 +45,7 @@ class Number:
 
     @property
     def text(self) -> str:
-        numbered = f"SELECT :before + ROW_NUMBER() OVER (ORDER BY {self.order}) AS step, *"
-        return f"CREATE TABLE {self.table} AS {numbered} FROM ({self.select}) AS unnumbered"
+        return f"CREATE TABLE {self.table} AS {_numbered(self.select, self.order)}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,8 +85,7 @@ class AddNumbered:
 
     @property
     def text(self) -> str:
-        numbered = f"SELECT :before + ROW_NUMBER() OVER (ORDER BY place) AS step, * FROM ({self.select}) AS unnumbered"
-        return f"INSERT INTO {self.table} SELECT {self.columns} FROM ({numbered}) AS numbered"
+        return f"INSERT INTO {self.table} SELECT {self.columns} FROM ({_numbered(self.select, 'place')}) AS numbered"
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,6 +111,15 @@ class Ask:
 Statement: TypeAlias = Create | Make | Number | Walk | Add | AddNumbered | Drop | Ask
 
 Value: TypeAlias = int | float | str | list[Any] | None  # what stands in a statement for `:name`
+
+
+def _numbered(select: str, order: str) -> str:
+    return f"SELECT :before + ROW_NUMBER() OVER (ORDER BY {order}) AS step, * FROM ({select}) AS unnumbered"
+
+
+def columns_of(written: str) -> list[tuple[str, str]]:
+    """The names and the types of columns that are written as in `Create`."""
+    return [(name, kind) for name, kind in (column.split() for column in written.split(", "))]
 
 
 def shown(dialect: Dialect, statement: Statement, recursive: bool) -> str:

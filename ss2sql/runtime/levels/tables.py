@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from ss2sql.runtime.levels.level import PATHS, WAYS
-from ss2sql.runtime.levels.statements import Ask, Drop, Statement, Value
+from ss2sql.runtime.levels.statements import Ask, Drop, Statement, Value, Walk
 from ss2sql.runtime.levels.trial import FAILED, Trial
 
 Row = tuple[Any, ...]
@@ -49,11 +49,11 @@ class Tables(Protocol):
         """Lets go of everything."""
 
 
-def walked_ways(tables: Tables) -> Iterator[Row]:
-    """`ways` by statements over all of them."""
-    tables.run(WAYS)
-    yield from tables.rows(PATHS)
-    tables.run(Drop(WAYS.table))
+def walked_ways(tables: Tables, walk: Walk = WAYS, paths: Ask = PATHS, **values: Value) -> Iterator[Row]:
+    """`ways` by statements over all of them: a `walk`, and what asks for the rows of its paths."""
+    tables.run(walk, **values)
+    yield from tables.rows(paths)
+    tables.run(Drop(walk.table))
 
 
 # In pages, so that nothing large waits while the steps from some states are tried.

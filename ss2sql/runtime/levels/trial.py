@@ -10,12 +10,12 @@ from marshal import dumps, loads
 from typing import Any, TypeAlias
 
 from ss2sql.errors import ExecutionError, Stopped, UnsupportedError
+from ss2sql.lowering.portable.steps import ELEMENTS, too_many_elements
 from ss2sql.runtime.memorize.pieces import Last, Pieces, State
 from ss2sql.runtime.rows import Row
 from ss2sql.runtime.values import freeze
 
 DIGEST = 32  # bytes
-ELEMENTS = 1 << 24  # a place is a step and an element, in 64 bits
 WHOLE = 1 << 53  # the whole numbers up to here are floats, too
 
 FAILED = 8  # where a row of `tries` says whether it failed
@@ -47,7 +47,7 @@ class Trial:
         before = loads(state)
         for nth, last in enumerate(self._lasts(before)):
             if nth == ELEMENTS:
-                raise UnsupportedError("U001", f"a state has more than {ELEMENTS:,} elements", hints=("bound FROM",))
+                raise too_many_elements("a state")
             place = step * ELEMENTS + nth
             made = self._failed(place, None) if last is None else self._tried(place, last, before)
             yield None if made is None else (place, step, *made)

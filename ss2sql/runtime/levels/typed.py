@@ -10,27 +10,15 @@ from collections.abc import Iterator
 
 from ss2sql import plan
 from ss2sql.lowering.portable.steps import ELEMENTS, Typed, WrittenSteps
-from ss2sql.runtime.levels.statements import AddNumbered, Ask, Create, Drop, Make, Statement, Walk
+from ss2sql.runtime.levels.level import back_to_start, counts, ways_back
+from ss2sql.runtime.levels.statements import AddNumbered, Ask, Create, Drop, Make, Statement
 from ss2sql.runtime.native.compiled import NativeQuery
 from ss2sql.runtime.rows import Row
 from ss2sql.runtime.run import Run
 
-COUNTS = Ask("""
-SELECT COUNT(*), COUNT(CASE WHEN goal THEN 1 END), COUNT(CASE WHEN goes_on THEN 1 END), MAX(step)
-FROM steps
-WHERE depth = :depth
-""")
-# The ways to the goals of a level, from the last step of each backwards, by numbers alone: rows may be large.
-WAYS = Walk(
-    "ways",
-    "goal, step, previous, distance",
-    "SELECT step, step, parent, 0 FROM steps WHERE depth = :depth AND goal",
-    """
-    SELECT walk.goal, steps.step, steps.parent, walk.distance + 1
-    FROM walk
-    JOIN steps ON steps.step = walk.previous AND steps.depth > 0
-    """,
-)
+MET = "AND steps.depth > 0"  # the start is no row
+COUNTS = counts("steps WHERE depth = :depth")
+WAYS = ways_back("steps WHERE depth = :depth AND goal", MET)
 
 
 class TypedStatements:
@@ -50,7 +38,11 @@ class TypedStatements:
         if search.repeats == "unique":
             self.kept = [self._added(self._first(rows, own))]
         elif search.repeats == "no cycle":
-            self.kept = [Make("tries", steps.tries), self._back(rows), self._added(_FREE)]
+            self.kept = [
+                Make("tries", steps.tries),
+                back_to_start(parent=f"place // {ELEMENTS}", row=rows, more=MET),
+                self._added(_FREE),
+            ]
             self.done = [Drop("tries"), Drop("back")]
         else:
             self.kept = [self._added(steps.tries)]
@@ -91,23 +83,9 @@ class TypedStatements:
         return f"""
             SELECT {shown}, MIN(tries.place) AS place, {_listed(*others)}
             FROM ({self.steps.tries}) AS tries
-            ANTI JOIN steps ON {met} AND steps.depth > 0
+            ANTI JOIN steps ON {met} {MET}
             GROUP BY {shown}
         """
-
-    def _back(self, rows: list[str]) -> Walk:
-        """The ways back from each try, as far as they do not meet its row."""
-        different = " OR ".join(f"steps.{name} <> walk.{name}" for name in rows)
-        return Walk(
-            "back",
-            _listed("place", "previous", *rows),
-            f"SELECT place, place // {ELEMENTS}, {_listed(*rows)} FROM tries",
-            f"""
-            SELECT walk.place, steps.parent, {_listed(*(f"walk.{name}" for name in rows))}
-            FROM walk
-            JOIN steps ON steps.step = walk.previous AND steps.depth > 0 AND ({different})
-            """,
-        )
 
 
 _FREE = "SELECT * FROM tries WHERE place IN (SELECT place FROM back WHERE previous = 0)"

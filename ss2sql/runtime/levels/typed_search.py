@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cached_property
 from itertools import groupby
 from operator import itemgetter
 
-from ss2sql.errors import UnsupportedError
-from ss2sql.lowering.portable.steps import ELEMENTS
+from ss2sql.lowering.portable.steps import ELEMENTS, too_many_elements
 from ss2sql.runtime.levels.search import TableSearch
-from ss2sql.runtime.levels.statements import Drop
-from ss2sql.runtime.levels.tables import Tables
+from ss2sql.runtime.levels.tables import Tables, walked_ways
 from ss2sql.runtime.levels.typed import COUNTS, WAYS, TypedStatements
 from ss2sql.runtime.memorize.hunt import Found, Hunt
 from ss2sql.runtime.memorize.pieces import Last
@@ -25,7 +24,7 @@ class TypedSearch(TableSearch):
         self.written = written
         self.elements = written.elements_of(hunt.run)
         if len(self.elements) > ELEMENTS:
-            raise UnsupportedError("U001", f"FROM has more than {ELEMENTS:,} elements", hints=("bound FROM",))
+            raise too_many_elements("FROM")
 
     def results(self) -> Iterator[Found]:
         """The paths and the last parts of their last steps."""
@@ -62,16 +61,23 @@ class TypedSearch(TableSearch):
     def _found(self, depth: int) -> Iterator[Found]:
         """The paths to the goals of a level."""
         tables, written = self.tables, self.written
-        tables.run(WAYS, depth=depth)
         lasts = self._lasts(depth) if self.hunt.keyed else None
-        for _, rows in groupby(tables.rows(written.paths), itemgetter(0)):
+        for _, rows in groupby(walked_ways(tables, WAYS, written.paths, depth=depth), itemgetter(0)):
             path = [row[1:] for row in rows]
             yield path, None if lasts is None else next(lasts)
-        tables.run(Drop(WAYS.table))
 
     def _lasts(self, depth: int) -> Iterator[Last]:
         """The elements and the state before, of the last steps of the paths."""
-        lasts = list(self.pieces.elements(self.hunt.start))  # the elements are the same for all states
-        sources = len(self.hunt.query.sources)
         for nth, *state in self.tables.rows(self.written.lasts, depth=depth):
-            yield (*lasts[nth][:sources], *state)
+            yield (*self._combinations[nth], *state)
+
+    @cached_property
+    def _combinations(self) -> list[Last]:
+        """The elements of the sources in their order, which are the same for all states."""
+        self.hunt.flush()
+        stats, sources = self.hunt.stats, len(self.hunt.query.sources)
+        expanded = stats.expanded
+        combinations = [last[:sources] for last in self.pieces.elements(self.hunt.start)]
+        self.hunt.flush()
+        stats.expanded = expanded  # no state was, for this
+        return combinations
