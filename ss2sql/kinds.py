@@ -106,6 +106,10 @@ class Type:
         """Whether the numbers among the values provably lie in -limit..limit."""
         return self.low is not None and self.high is not None and self.low >= -limit and self.high <= limit
 
+    def at_least(self, number: float) -> bool:
+        """Whether the numbers among the values provably do not lie below this one."""
+        return self.low is not None and self.low >= number
+
 
 class Typed:
     """What stands in FROM and knows the type of its value without a look at its values: a data frame."""

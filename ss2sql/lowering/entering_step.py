@@ -239,7 +239,7 @@ def _unless(stop: plan.Expr, goal: plan.Expr) -> plan.Expr | None:
 
 def _lies_within(kind: Type, most: float) -> bool:
     """Whether the type promises numbers from 0 to `most`."""
-    return kind.only(Kind.NUMBER) and kind.low is not None and kind.low >= 0 and kind.bounded(most)
+    return kind.only(Kind.NUMBER) and kind.at_least(0) and kind.bounded(most)
 
 
 def _not(node: Node) -> Node:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from sqlglot import exp
 
 from ss2sql import plan
-from ss2sql.kinds import Kind, Type, union
+from ss2sql.kinds import Kind, union
 from ss2sql.lowering import sql
 from ss2sql.lowering.classes import MOST_FACTORS, WHOLE, class_of, is_number, may_repeat
 from ss2sql.lowering.sql import Node
@@ -118,15 +118,11 @@ def modulo(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
         return None
     dividend, divisor = (lowering.lower(argument, env) for argument in call.arguments)
     remainder = sql.binary(exp.Mod, dividend, divisor)
-    if _is_at_least(left, 0) and _is_at_least(right, 1):
+    if left.at_least(0) and right.at_least(1):
         return remainder
     if not right.bounded(2**62) or not may_repeat(divisor):
         return None
     return sql.binary(exp.Mod, sql.binary(exp.Add, remainder, divisor.copy()), divisor.copy())
-
-
-def _is_at_least(kind: Type, number: int) -> bool:
-    return kind.low is not None and kind.low >= number
 
 
 def power(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:

@@ -94,7 +94,7 @@ def _nested_limit(query: plan.Query, nested: bool) -> Span | None:
     limit = query.limit
     if not nested or limit is None:
         return None
-    is_count = limit.type.only(Kind.INT) and limit.type.low is not None and limit.type.low >= 0
+    is_count = limit.type.only(Kind.INT) and limit.type.at_least(0)
     fixed = not (can_fail(limit) or sources_read(limit) or states_read(limit))
     return None if is_count and fixed else limit.span
 

@@ -24,7 +24,7 @@ def translated(statements: Sequence[CompiledStatement], dialect: Dialect) -> Sql
     texts = []
     for statement in statements:
         queries = [_text(query, dialect) for query in statement.queries]
-        texts.append("\n".join(queries) or f"-- no query: {' '.join(statement.tree.span.text.split())}")
+        texts.append("\n".join(queries) or statement.sql())
     return Sql("\n\n".join(texts))
 
 

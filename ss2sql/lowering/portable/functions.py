@@ -80,15 +80,11 @@ def modulo(of: Portable, call: plan.Call, sight: Sight) -> Node | None:
     left, right = _operands(of, call, sight)
     dividend, divisor = _types(call)
     remainder = sql.binary(exp.Mod, _wide(left), right)
-    if _at_least(dividend, 0) and _at_least(divisor, 1):
+    if dividend.at_least(0) and divisor.at_least(1):
         return remainder
     if not divisor.bounded(2**61):
         return None
     return sql.binary(exp.Mod, sql.binary(exp.Add, remainder, right.copy()), right.copy())
-
-
-def _at_least(kind: Type, number: int) -> bool:
-    return kind.low is not None and kind.low >= number
 
 
 def power(of: Portable, call: plan.Call, sight: Sight) -> Node | None:
@@ -211,7 +207,7 @@ def length(of: Portable, call: plan.Call, sight: Sight) -> Node | None:
 def part_of(of: Portable, call: plan.Call, sight: Sight) -> Node | None:
     """`text[i:j]` with indexes that do not count from the end."""
     kind, low, high = _types(call)
-    if kind.kinds != Kind.STR or not all(is_integer(end) and _at_least(end, 0) for end in (low, high)):
+    if kind.kinds != Kind.STR or not all(is_integer(end) and end.at_least(0) for end in (low, high)):
         return None
     text, start, end = _operands(of, call, sight)
     first = _shifted(start)
@@ -249,7 +245,7 @@ def _is(node: Node, number: int) -> bool:
 def item(of: Portable, call: plan.Call, sight: Sight) -> Node | None:
     """`list[i]`, where the types promise that there is one."""
     kind, index = _types(call)
-    if kind.kinds != Kind.LIST or not is_integer(index) or not _at_least(index, 0):
+    if kind.kinds != Kind.LIST or not is_integer(index) or not index.at_least(0):
         return None
     values, place = _operands(of, call, sight)
     return exp.Anonymous(this="LIST_EXTRACT", expressions=[values, _shifted(place)])
