@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from ss2sql.lowering.dialects import DUCKDB
 from ss2sql.runtime.levels.arrow import batch
-from ss2sql.runtime.levels.statements import Ask, Create, Statement, Value, printed
+from ss2sql.runtime.levels.statements import AddNumbered, Ask, Create, Statement, Value, printed
 from ss2sql.runtime.levels.tables import Row, Tally, try_in_blocks, walked_ways
 from ss2sql.runtime.levels.trial import Trial
 from ss2sql.runtime.memorize.hunt import Hunt
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     import duckdb
 
 BLOCK = 10_000  # rows that are read at once
+GROWN = 4  # a plan is made anew for so many times as many steps
 _numbers = count(1)
 
 
@@ -51,6 +52,8 @@ class DuckTables:
         self.connection = connection
         self.name = f"ss2sql_{next(_numbers)}"
         self.columns: dict[str, str] = {}  # of the tables that were made empty, with their types
+        self.writer = _Planned(connection)
+        self.idle: list[_Planned] = []  # what asks
         ((self.home,),) = connection.execute("SELECT current_database()").fetchall()
         connection.execute(f"ATTACH ':memory:' AS {self.name}")
         connection.execute(f"USE {self.name}")
@@ -58,17 +61,19 @@ class DuckTables:
     def run(self, statement: Statement, **values: Value) -> None:
         if isinstance(statement, Create):
             self.columns[statement.table] = statement.columns
-        self.connection.execute(*_bound(statement, values))
+        self.writer.execute(statement, values)
 
     def rows(self, question: Ask, **values: Value) -> Iterator[Row]:
-        reading = self.connection.cursor()
-        try:
-            reading.execute(f"USE {self.name}")
-            found = reading.execute(*_bound(question, values))
-            while block := found.fetchmany(BLOCK):
-                yield from block
-        finally:
-            reading.close()
+        reading = self.idle.pop() if self.idle else self._reader()
+        found = reading.execute(question, values)
+        while block := found.fetchmany(BLOCK):
+            yield from block
+        self.idle.append(reading)
+
+    def _reader(self) -> _Planned:
+        connection = self.connection.cursor()
+        connection.execute(f"USE {self.name}")
+        return _Planned(connection)
 
     def load(self, table: str, columns: Sequence[Sequence[Any]]) -> None:
         import pyarrow as pa  # type: ignore[import-untyped]
@@ -87,12 +92,32 @@ class DuckTables:
         self.connection.interrupt()
 
     def close(self) -> None:
+        for reading in self.idle:
+            reading.connection.close()
         self.connection.execute(f'USE "{self.home}"')
         self.connection.execute(f"DETACH {self.name}")
         self.connection.close()
 
 
-def _bound(statement: Statement, values: dict[str, Value]) -> tuple[str, dict[str, Value] | None]:
-    """The text of a statement, and the values for it; DuckDB wants no others than it names."""
-    text = printed(DUCKDB, statement.text)
-    return text, {name: value for name, value in values.items() if re.search(rf"\${name}\b", text)} or None
+class _Planned:
+    """A connection that keeps the plans of what is run for every level: to make one takes DuckDB a millisecond."""
+
+    def __init__(self, connection: duckdb.DuckDBPyConnection) -> None:
+        self.connection = connection
+        self.plans: dict[str, tuple[str, int]] = {}  # by the text: a name, and how many steps there were
+
+    def execute(self, statement: Statement, values: dict[str, Value]) -> duckdb.DuckDBPyConnection:
+        text = printed(DUCKDB, statement.text)
+        # DuckDB wants no values but those that it names.
+        wanted = {name: value for name, value in values.items() if re.search(rf"\${name}\b", text)}
+        steps = wanted.get("before", 0) if isinstance(statement, AddNumbered) else 0
+        kept = isinstance(statement, AddNumbered) or (isinstance(statement, Ask) and statement.simple)
+        if not kept or not all(type(value) is int for value in wanted.values()):
+            return self.connection.execute(text, wanted or None)
+        assert isinstance(steps, int)
+        name, before = self.plans.get(text, (f"plan_{len(self.plans)}", -1))
+        if before < 0 or steps > GROWN * before:
+            self.connection.execute(f"PREPARE {name} AS {text}")
+            self.plans[text] = name, steps
+        given = ", ".join(f"{label} := {value}" for label, value in wanted.items())
+        return self.connection.execute(f"EXECUTE {name}({given})")

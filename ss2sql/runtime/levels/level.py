@@ -61,7 +61,7 @@ def back_to_start(
 def counts(kept: str) -> Ask:
     """How many steps a level has kept, how many of them are goals, and how many go on, and the last of them."""
     numbers = "COUNT(*), COUNT(CASE WHEN goal THEN 1 END), COUNT(CASE WHEN goes_on THEN 1 END), MAX(step)"
-    return Ask(f"SELECT {numbers} FROM {kept}")
+    return Ask(f"SELECT {numbers} FROM {kept}", simple=True)
 
 
 def ways_back(goals: str, more: str = "") -> Walk:

@@ -99,9 +99,10 @@ class Drop:
 
 @dataclass(frozen=True, slots=True)
 class Ask:
-    """A query whose rows are wanted."""
+    """A query whose rows are wanted; `simple` if there is one way to run it, however many rows the tables have."""
 
     select: str
+    simple: bool = False
 
     @property
     def text(self) -> str:
