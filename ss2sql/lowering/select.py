@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 from sqlglot import exp
@@ -73,13 +73,23 @@ class Selects:
             kinds = {isinstance(source, plan.TableSource) for source in _all_sources(query)}
             if kinds == {True}:
                 return [(key, False) for key in flat.natural or ()]
-            _walk_in_order(flat.items, {*(self.copies or {}), *self.needs.modules_of_worlds})
+            self._walk_in_order(flat)
             return []
         natural = flat.natural if all(sortable_key(key.expr) for key in query.order) else None
         if natural is None:
             return None
         keys = [(self.expressions.lower(key.expr, flat.env), key.descending) for key in query.order]
         return keys + [(key, False) for key in natural]
+
+    def _walk_in_order(self, flat: Product) -> None:
+        """Makes SQLite walk tables by their rowid.
+
+        Among virtual tables an ORDER BY would make it sort the whole product, and evaluate rows that a LIMIT cuts off.
+        """
+        copies = {*(self.copies or {}), *self.needs.modules_of_worlds}
+        for item in flat.items:
+            if isinstance(item, exp.Table) and not isinstance(item.this, exp.Anonymous) and item.name not in copies:
+                item.set("indexed", False)
 
     # --- grouped queries -------------------------------------------------------------------------------
 
@@ -112,7 +122,10 @@ class Selects:
         ]
         window = exp.Window(this=exp.RowNumber())
         natural = flat.natural
-        if natural:
+        if any(map(can_fail, (*_before_groups(query), *query.group, *arguments))):
+            # To sort the rows SQLite would ask WHERE of all of them first, and find another error.
+            self._walk_in_order(flat)
+        elif natural:
             ordered = [exp.Ordered(this=key, desc=False, nulls_first=True) for key in natural]
             window.set("order", exp.Order(expressions=ordered))
         outputs.append(sql.alias(window, "position"))
@@ -137,8 +150,7 @@ class Selects:
         select.set("group", exp.Group(expressions=[sql.key(key.copy()) for key in keys]))
         if query.having is not None:
             having = self.expressions.condition(query.having, env)
-            before = (*query.sources, *(() if query.where is None else (query.where,)))
-            if any(map(can_fail, before)):
+            if any(map(can_fail, _before_groups(query))):
                 # SQLite makes WHERE of what mentions no aggregate, and then evaluates less than it should.
                 having = sql.case([(exp.Count(this=exp.Star()), having)], sql.number(0))
             select.set("having", exp.Having(this=having))
@@ -228,16 +240,6 @@ class _Arguments(Expressions):
         return super().value(expr, env)
 
 
-def _walk_in_order(items: list[Node], copies: Collection[str]) -> None:
-    """Makes SQLite walk tables by their rowid.
-
-    Among virtual tables an ORDER BY would make it sort the whole product, and evaluate rows that a LIMIT cuts off.
-    """
-    for item in items:
-        if isinstance(item, exp.Table) and not isinstance(item.this, exp.Anonymous) and item.name not in copies:
-            item.set("indexed", False)
-
-
 def _named(node: Node, name: str | None) -> Node:
     if name is None or (isinstance(node, exp.Column) and node.name == name):
         return node
@@ -252,6 +254,11 @@ def _all_sources(query: plan.Query) -> list[plan.Source]:
         if isinstance(source, plan.QuerySource):
             found.extend(_all_sources(source.query))
     return found
+
+
+def _before_groups(query: plan.Query) -> tuple[object, ...]:
+    """What is evaluated of a row before it is put into its group."""
+    return (*query.sources, *(() if query.where is None else (query.where,)))
 
 
 def _needs_numbers(query: plan.Query) -> bool:
