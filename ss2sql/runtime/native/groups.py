@@ -81,7 +81,7 @@ class Groups:
         values, keys = [], []
         for expr in self.query.group:
             value = expression(self.builder, expr, inner)
-            if not expr.type.only(PLAIN):
+            if not self.plain:  # it is read twice, and statements come before expressions
                 value = inner.variable(value, pen, "value")
             values.append(value)
             keys.append(value if expr.type.only(PLAIN) else pen.call(unit.helper(freeze), value))
