@@ -22,7 +22,7 @@ from ss2sql.explained.facts import (
 )
 from ss2sql.explained.levels import levels_of
 from ss2sql.explained.outline import OutlinedQuery, OutlinedStatement
-from ss2sql.explained.python_plan import plan_in_python, plan_in_tables
+from ss2sql.explained.python_plan import plan_in_duckdb, plan_in_python, plan_in_tables
 from ss2sql.explained.sqlite_plan import plan_of
 from ss2sql.explained.words import cut, search_words
 from ss2sql.frontend.inline import Body
@@ -62,7 +62,7 @@ def _query(outlined: OutlinedQuery, stats: Stats | None) -> QueryFacts:
     return QueryFacts(
         text=outlined.written.span.text,
         engine=outlined.engine,
-        reason="all of it can be said in SQL" if lowered else outlined.reason,
+        reason=_reason(outlined),
         cures=() if lowered else tuple(filter(None, map(_cure, outlined.cures))),
         search=search_words(query),
         rewrites={name: REWRITES[name].done for name in outlined.rewrites},
@@ -72,9 +72,16 @@ def _query(outlined: OutlinedQuery, stats: Stats | None) -> QueryFacts:
         plan=lines,
         plan_missing=missing,
         afterwards=tuple(_afterwards(outlined)),
-        sql=lowered.text if lowered else outlined.levels.sql if outlined.levels else None,
+        sql=lowered.text if lowered else str(outlined.sql) if outlined.levels or outlined.duck else None,
         parameters=tuple(_parameters(outlined)),
     )
+
+
+def _reason(outlined: OutlinedQuery) -> str:
+    if outlined.lowered and outlined.passed_on:
+        return outlined.passed_on
+    reason = "all of it can be said in SQL" if outlined.lowered else outlined.reason
+    return f"{outlined.passed_on}; {reason}" if outlined.passed_on else reason
 
 
 def _cure(hint: str) -> str:
@@ -86,6 +93,8 @@ def _plan(outlined: OutlinedQuery) -> tuple[tuple[PlanLine, ...], str | None]:
     """What the engine does; SQLite's plan, or why there is none any more."""
     if outlined.levels is not None:
         return plan_in_tables(outlined.query, outlined.levels.in_tables), None
+    if outlined.duck is not None:
+        return plan_in_duckdb(outlined.query, outlined.duck.written), None
     if outlined.lowered is None:
         return plan_in_python(outlined.query), None
     try:
@@ -97,10 +106,12 @@ def _plan(outlined: OutlinedQuery) -> tuple[tuple[PlanLine, ...], str | None]:
 
 
 def _parameters(outlined: OutlinedQuery) -> Iterator[ParameterFacts]:
-    for parameter in outlined.lowered.parameters if outlined.lowered else ():
-        name = parameter.name
-        value = show(outlined.parameters[name], MOST_TEXT) if name in outlined.parameters else None
-        yield ParameterFacts(name, cut(parameter.expr.span.text, MOST_TEXT), value)
+    given = [(p.name, p.expr.span.text) for p in outlined.lowered.parameters] if outlined.lowered else []
+    if outlined.duck is not None:
+        given = list(outlined.duck.parameters.items())
+    for name, written in given:
+        value = show(outlined.sql.parameters[name], MOST_TEXT) if name in outlined.sql.parameters else None
+        yield ParameterFacts(name, cut(written, MOST_TEXT), value)
 
 
 def _afterwards(outlined: OutlinedQuery) -> Iterator[str]:

@@ -5,9 +5,9 @@ A compiled query is made anew when what it relied on has changed, so its parts a
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ss2sql import plan
 from ss2sql.lowering.parameters import SqlQuery
@@ -15,8 +15,10 @@ from ss2sql.lowering.parameters import SqlQuery
 if TYPE_CHECKING:
     from ss2sql.runtime.compiled import CompiledStatement
     from ss2sql.runtime.compiled_query import CompiledQuery
+    from ss2sql.runtime.duck.query import DuckQuery
     from ss2sql.runtime.host import SessionHost
     from ss2sql.runtime.levels.query import LevelQuery
+    from ss2sql.runtime.result import Sql
     from ss2sql.runtime.run import Run
 
 
@@ -24,8 +26,9 @@ if TYPE_CHECKING:
 class OutlinedQuery:
     """One query: as it is written and after the rewrites; what SQLite runs, or why it does not, and what would help.
 
-    `levels` is a search that goes by levels in another database. `parameters` are the values that are bound,
-    as far as they are known.
+    `levels` is a search that goes by levels in another database, `duck` a query that is none, in DuckDB. `sql` is the
+    text that runs, with the values that are bound in it, as far as they are known; `passed_on` says why the engine that
+    was asked for does not run the query.
     """
 
     host: SessionHost
@@ -34,10 +37,12 @@ class OutlinedQuery:
     engine: str
     lowered: SqlQuery | None
     levels: LevelQuery | None
+    duck: DuckQuery | None
+    passed_on: str | None
     reason: str
     cures: tuple[str, ...]
     rewrites: tuple[str, ...]
-    parameters: Mapping[str, Any]
+    sql: Sql
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,8 +69,10 @@ def _outlined(query: CompiledQuery, run: Run | None) -> OutlinedQuery:
         query.engine,
         query.shown(run),
         query.levels,
+        query.duck,
+        query.passed_on,
         query.reason,
         query.cures,
         query.rewrites,
-        query.sql(run).parameters,
+        query.sql(run),
     )

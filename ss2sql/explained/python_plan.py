@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from ss2sql import plan
 from ss2sql.explained.facts import PlanLine
 from ss2sql.explained.words import cut, queue_words
+from ss2sql.lowering.portable.here import WrittenHere
 from ss2sql.runtime.levels.query import InTables
 
 LONGEST = 60  # characters of what is walked
@@ -46,6 +47,22 @@ def plan_in_tables(query: plan.Query, tables: InTables) -> tuple[PlanLine, ...]:
         *(PlanLine(1, words) for words in kind.after(search)),
         *(PlanLine(0, words) for words in kind.end(search)),
     )
+    return (*lines, *_endings(query))
+
+
+def plan_in_duckdb(query: plan.Query, written: WrittenHere) -> tuple[PlanLine, ...]:
+    """The sources of a query that is one SELECT."""
+    given = {id(table.value) for table in written.loaded}
+    lines = [PlanLine(0, "finds the rows with one SELECT over")]
+    for source in query.sources:
+        assert isinstance(source, plan.ValueSource), "others are refused"
+        words = cut(source.value.span.text or source.name, LONGEST)
+        if id(source.value) in given:
+            lines.append(PlanLine(1, f"the elements of {words}, which it is given in a table"))
+        elif isinstance(source.value, plan.Variable):
+            lines.append(PlanLine(1, f"{words}, which it reads itself"))
+        else:
+            lines.append(PlanLine(1, f"the elements of {words}, which are written out"))
     return (*lines, *_endings(query))
 
 

@@ -20,8 +20,9 @@ class Catalog:
     names in `variables`). `table` finds a table or view by schema (None: any) and name. `late` are variables
     bound to list literals that are resolved where they are used. With `open_names` an unknown name becomes a
     parameter, without it is an error. `worlds` are those attached, with the names of their tables; `world_functions`
-    their columns and methods, which are meant where an argument may be an element. `frames` are the variables that are
-    data frames, `files` the names of attached SQLite files. `asked` says what representations ask for beside the
+    their columns and methods, which are meant where an argument may be an element. `other_table` finds `name` or
+    `schema.name` in the engine's own database, and says as what variable it is read. `frames` are the variables that
+    are data frames, `files` the names of attached SQLite files. `asked` says what representations ask for beside the
     columns: "elements" or "calls".
     """
 
@@ -31,6 +32,7 @@ class Catalog:
     variable_type: Callable[[str], Type] = lambda name: Type()
     table: Callable[[str | None, str], plan.TableSource | None] = lambda schema, name: None
     tables: Iterable[str] = ()
+    other_table: Callable[[str], str | None] = lambda name: None
     late: Mapping[str, ast.ListLiteral] = field(default_factory=dict)
     open_names: bool = False
     worlds: Mapping[str, Any] = field(default_factory=dict)

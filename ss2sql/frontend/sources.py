@@ -101,6 +101,9 @@ def _named_source(resolver: Resolver, name: str, word: str, scope: Scope, span: 
     table = _table(resolver, None, word, span)
     if table is not None:
         return _use_table(resolver, table, name, span)
+    value = _table_of_engine(resolver, word, span)
+    if value is not None:
+        return value_source(resolver, name, value, span)
     if resolver.catalog.open_names:
         return value_source(resolver, name, resolver.name(word, None, span), span)
     known = [*resolver.assigned, *resolver.catalog.variables, *resolver.catalog.tables, *resolver.late]
@@ -147,6 +150,9 @@ def _table_source(resolver: Resolver, name: str, schema: str, word: str, span: S
     if world is not None:
         return table_of_world(resolver, world, word, name, span)
     table = _table(resolver, schema, word, span)
+    value = _table_of_engine(resolver, f"{schema}.{word}", span) if table is None else None
+    if value is not None:
+        return value_source(resolver, name, value, span)
     if table is None:
         hints = did_you_mean(word, resolver.catalog.tables) or (f"'{schema}' is no source here, and has no such table",)
         if schema in resolver.variables():
@@ -161,6 +167,18 @@ def _table(resolver: Resolver, schema: str | None, word: str, span: Span) -> pla
         return resolver.catalog.table(schema, word)
     except Error as error:
         raise error.located(span) from None
+
+
+def _table_of_engine(resolver: Resolver, name: str, span: Span) -> plan.Variable | None:
+    """The table of this name in the engine's own database; it is read as a data frame is."""
+    try:
+        variable = resolver.catalog.other_table(name)
+        if variable is None:
+            return None
+        kind = resolver.reads[variable] = resolver.catalog.variable_type(variable)
+    except Error as error:
+        raise error.located(span) from None
+    return plan.Variable(variable, kind, frame=True, span=span)
 
 
 def _use_table(resolver: Resolver, table: plan.TableSource, name: str, span: Span) -> plan.Source:

@@ -96,7 +96,7 @@ class Needs:
             alike = known.flag == flag and known.packing == packing
             if alike and known.expr == expr and type(known.expr) is type(expr):
                 return self._placeholder(known)
-        base = name or "p1"
+        base = (name or "p1").replace(".", "_")  # a table of the engine has a dot in its name
         label, count = base, 1
         while label in self.parameters:
             count += 1

@@ -1,4 +1,4 @@
-"""One query that is ready to run on its engine: in SQLite, natively, or by levels in another database."""
+"""One query that is ready to run on its engine: in SQLite, natively, or in another database."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from ss2sql.lowering.lower import lower
 from ss2sql.lowering.parameters import Parameter, SqlQuery
 from ss2sql.lowering.rewrites import optimise
 from ss2sql.runtime.call_sites import takes_arrays
+from ss2sql.runtime.duck.query import DuckQuery, NotHereError
 from ss2sql.runtime.engines import Engine
 from ss2sql.runtime.finishing import finished
 from ss2sql.runtime.levels.query import LevelQuery
@@ -61,18 +62,25 @@ class CompiledQuery:
         self.lowered: SqlQuery | None = None
         self.reason, self.cures = "engine='native' was asked for", tuple[str, ...]()
         self.refusal = None
-        self.native: NativeQuery | LevelQuery | None = None
-        tables = host.held.engine(self.wanted) if query.search else None
+        self.native: NativeQuery | LevelQuery | DuckQuery | None = None
+        self.passed_on: str | None = None  # why the engine that was asked for does not run it
+        tables = host.held.engine(self.wanted)
+        if tables is not None and tables.sources is not None and query.search is None:
+            try:
+                self.native = DuckQuery(query, tables.sources, variable)
+                self.reason = f"engine='{self.wanted}' was asked for"
+            except UnsupportedError as error:
+                self.passed_on = f"not in {self.wanted}: {error.message}"
         try:
-            if tables is not None:
+            if tables is not None and query.search:
                 self.native = LevelQuery(query, tables)
                 self.reason = f"engine='{self.wanted}' was asked for"
-            elif self.wanted != "native":
+            elif self.wanted != "native" and self.native is None:
                 self.lowered = lower(query, host.sql_names, disabled=host.disabled)
                 self.rewrites = (*self.rewrites, *self.lowered.applied)
         except UnsupportedError as error:
             self.reason, self.cures = error.message, tuple(error.hints)
-            self.refusal = error if self.demanded or tables is not None else None
+            self.refusal = error if self.demanded or (tables is not None and query.search) else None
         self.lowering_seconds = time.perf_counter() - started
         if not (self.native or self.lowered or self.refusal):
             self.native = NativeQuery(query)
@@ -98,6 +106,11 @@ class CompiledQuery:
     def levels(self) -> LevelQuery | None:
         """The search as it goes by levels in another database."""
         return self.native if isinstance(self.native, LevelQuery) else None
+
+    @property
+    def duck(self) -> DuckQuery | None:
+        """The query as DuckDB runs it, if it is no search."""
+        return self.native if isinstance(self.native, DuckQuery) else None
 
     def value(self, run: Run) -> Any:
         """Runs the query; its answer becomes the run's last one, its value is one of the language."""
@@ -135,7 +148,12 @@ class CompiledQuery:
 
     def _native_rows(self, run: Run, sink: Rows) -> Rows:
         assert self.native is not None
-        return self.native.rows(run, sink)
+        try:
+            return self.native.rows(run, sink)
+        except NotHereError as error:
+            self.passed_on = f"not in {self.engine}: {error}"
+            self.native, self.reason = NativeQuery(self.query), "SQLite was not asked"
+            return self.native.rows(run, sink)
 
     def _database_rows(self, run: Run, sink: Rows) -> Rows:
         assert self.lowered is not None
@@ -216,6 +234,8 @@ class CompiledQuery:
         """The text that runs, with the values of its parameters: those that it had in a run, else those in the text."""
         lowered = self.shown(run)
         if lowered is None:
+            if self.duck is not None:
+                return self.duck.sql(run)
             return Sql(self.levels.sql if self.levels else f"-- no SQL: {self.reason}")
         values = {p.name: p.bound(p.expr.value) for p in lowered.parameters if isinstance(p.expr, plan.Constant)}
         if run is not None:

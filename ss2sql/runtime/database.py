@@ -311,7 +311,7 @@ class Database:
             if (plain or not searches) and not lowered.keys and not lowered.orders:
                 # The rows are all that is wanted. Plain ones, and ends of paths, are what SQLite gives as it is.
                 given = islice(cursor if late is None else late.rows(execution.readings, cursor), most)
-                rows = given if execution.run.max_rows is None else _within(given, execution.run.max_rows)
+                rows = given if execution.run.max_rows is None else within(given, execution.run.max_rows)
                 if not searches:
                     assert sink.rows is not None
                     sink.rows.extend(rows if plain or late is not None else map(decoder(pool, lowered.outputs), rows))
@@ -367,7 +367,7 @@ def _room(run: Run, results: list[Any] | None, result: Any) -> None:
     _check_room(len(results), run.max_rows)
 
 
-def _within(rows: Iterable[Row], most: int) -> Iterator[Row]:
+def within(rows: Iterable[Row], most: int) -> Iterator[Row]:
     """The rows; raises ExecutionError X010 at the first one beyond `most`."""
     for number, row in enumerate(rows, 1):
         _check_room(number, most)

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, Literal, TypeAlias, get_args
 
+from ss2sql.errors import SessionError
 from ss2sql.lowering.dialects import DUCKDB, SPARK
 from ss2sql.results import package
 from ss2sql.runtime.levels.kinds import BY_LENGTH
 from ss2sql.runtime.levels.parcel import RULES
 from ss2sql.runtime.levels.query import Abilities, TableEngine
 from ss2sql.runtime.opening import check_known
+from ss2sql.runtime.run import Run
 
 Engine: TypeAlias = Literal["auto", "database", "native", "duckdb", "spark"]
 ENGINES: tuple[Engine, ...] = get_args(Engine)
@@ -29,27 +31,33 @@ def check_engine(engine: Any) -> None:
     check_known("engine", (engine,), ENGINES)
 
 
-def table_engine(name: str, session: Any = None) -> TableEngine | None:
+def table_engine(name: str, session: Any = None, begun: Sequence[Run] = ()) -> TableEngine | None:
     """The database behind an engine; None where SQLite or Python do the work.
 
     Args:
         name: the engine.
         session: a connection of that database, whose settings count; searches leave nothing behind in it.
+        begun: the runs that are under way, the innermost last.
     """
     opener = _OPENERS.get(name)
-    return None if opener is None else opener(session)
+    return None if opener is None else opener(session, begun)
 
 
-def _duckdb(session: Any) -> TableEngine:
+def _duckdb(session: Any, begun: Sequence[Run]) -> TableEngine:
     duckdb = package("duckdb", "duckdb", "engine='duckdb'")
     package("pyarrow", "duckdb", "engine='duckdb'")
+    from ss2sql.runtime.duck.tables import DuckSources
     from ss2sql.runtime.levels.duck import Duck
 
+    if session is not None and not isinstance(session, duckdb.DuckDBPyConnection):
+        message = f"the session of engine='duckdb' is a connection of DuckDB, not {type(session).__name__}"
+        raise SessionError("S002", message, hints=("give duckdb.connect(), or nothing",))
     duck = Duck(session)
-    return TableEngine(ABILITIES["duckdb"], duck.open, duck.close, (duckdb.Error,))
+    sources = DuckSources(lambda: duck.session.cursor(), (duckdb.Error,), begun)
+    return TableEngine(ABILITIES["duckdb"], duck.open, duck.close, (duckdb.Error,), sources)
 
 
-def _spark(session: Any) -> TableEngine:
+def _spark(session: Any, begun: Sequence[Run]) -> TableEngine:
     for name in ("pyspark", "pyarrow", "pandas"):
         package(name, "spark", "engine='spark'")
     from py4j.protocol import Py4JError  # type: ignore[import-untyped]
@@ -61,4 +69,4 @@ def _spark(session: Any) -> TableEngine:
     return TableEngine(ABILITIES["spark"], spark.open, spark.close, (PySparkException, Py4JError))
 
 
-_OPENERS: dict[str, Callable[[Any], TableEngine]] = {"duckdb": _duckdb, "spark": _spark}
+_OPENERS: dict[str, Callable[[Any, Sequence[Run]], TableEngine]] = {"duckdb": _duckdb, "spark": _spark}

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.runtime.engines import table_engine
 from ss2sql.runtime.levels.query import TableEngine
+from ss2sql.runtime.run import Run
+from ss2sql.vtables.frames import Reader
 
 if TYPE_CHECKING:
     from ss2sql.runtime.workers.processes import Processes
@@ -17,11 +21,12 @@ if TYPE_CHECKING:
 class Held:
     """The processes of `workers`, once there are any, and the databases that search by levels.
 
-    `session` is what such a database is reached by, if the user has said so. It knows nothing of the session itself, so
-    that a finalizer can keep it.
+    `session` is what such a database is reached by, if the user has said so; `begun` are the runs that are under way.
+    It knows nothing of the session itself, so that a finalizer can keep it.
     """
 
     session: Any = None
+    begun: Sequence[Run] = ()
     processes: Processes | None = None
     engines: dict[str, TableEngine | None] = field(default_factory=dict)
     owner: int = field(default_factory=os.getpid)
@@ -29,8 +34,15 @@ class Held:
     def engine(self, name: str) -> TableEngine | None:
         """The database behind an engine, if there is one. Raises SessionError S003 where it is not installed."""
         if name not in self.engines:
-            self.engines[name] = table_engine(name, self.session)
+            self.engines[name] = table_engine(name, self.session, self.begun)
         return self.engines[name]
+
+    def parquet(self, path: Path, name: str) -> Reader:
+        """What reads a Parquet file. Raises SessionError S002 where it is none, S003 where DuckDB is not installed."""
+        found = self.engine("duckdb")
+        assert found is not None
+        assert found.sources is not None
+        return found.sources.parquet(path, name)
 
     def end(self) -> None:
         """Ends all of it; what a copy of the process made by `fork` has is the other's."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -83,7 +83,7 @@ class SessionHost:
         self.planned: dict[str, UserFunction] = {}  # by the names that plans use
         self.generation = 0
         self.runs: list[Run] = []
-        self.held = Held(engine_session)
+        self.held = Held(engine_session, self.begun)
         temporals = TemporalStore(self._clock)
         self.triggers = Triggers(self._clock)
         self.listened: list[list[Callable[[], object]]] = []  # to whom scenes tell that they have stepped
@@ -214,7 +214,8 @@ class SessionHost:
             {*self.names, *given},
             variable_type,
             self.tables.find,
-            self.tables.names(),
+            self.table_names(),
+            self.names.others.find if self.names.others is not None else lambda name: None,
             dict(self.names.late),
             open_names,
             {name: world for name, world in self.names.worlds.items() if name not in given},
@@ -223,6 +224,11 @@ class SessionHost:
             files=tuple(self.tables.files),
             asked=self.shapes.asked(),
         )
+
+    def table_names(self) -> Iterator[str]:
+        """The tables and views of the database, and of the engine's own."""
+        yield from self.tables.names()
+        yield from () if self.names.others is None else self.names.others.names()
 
     def _planned(self, entry: UserFunction) -> plan.Function:
         """The function as the plan knows it; its body counts only while the operators in it are the built-in ones."""

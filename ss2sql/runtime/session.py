@@ -28,7 +28,7 @@ from ss2sql.runtime.remembered.listing import Graphs, listed
 from ss2sql.runtime.result import Result
 from ss2sql.runtime.run import Run, Stats
 from ss2sql.runtime.sizes import MOST
-from ss2sql.runtime.tables import path_of
+from ss2sql.runtime.tables import parquet_of, path_of
 from ss2sql.runtime.temporal import TemporalFile
 from ss2sql.runtime.triggers import Trigger
 from ss2sql.runtime.turns import in_turn
@@ -73,7 +73,8 @@ class Session:
         self.host = SessionHost(connection, file, read_only, frozenset(disable), max_size, max_memory, session)
         # apsw keeps the host of a session that nobody closes; a finalizer that did so too would keep all sessions.
         weakref.finalize(self, self.host.held.end)
-        self.host.held.engine(engine)  # says now what is not installed
+        found = self.host.held.engine(engine)  # says now what is not installed
+        self.host.names.others = found.sources if found is not None else None
 
     # --- registration ----------------------------------------------------------------------------------
 
@@ -154,11 +155,19 @@ class Session:
                 values, dicts or dataclass objects), a dict of columns, any other value of the language. A data frame
                 of pandas or Polars, an Arrow table or what gives Arrow data, a structured NumPy array. The path of a
                 SQLite file, or its text if that ends in .db, .sqlite or .sqlite3; its tables are then `name.table`.
+                The path of a Parquet file, which ends in .parquet; DuckDB reads it.
 
         Raises:
-            SessionError: S002 for anything else, and for a world that declares what cannot be.
+            SessionError: S002 for anything else, and for a world that declares what cannot be; S003 where DuckDB is
+                needed and missing.
         """
         self._check_name(name)
+        file = parquet_of(source)
+        if file is not None:
+            parquet = self.host.held.parquet(file, name)
+            self.host.tables.detach(name)
+            self.host.names.attach_frame(name, file, parquet)
+            return
         path = path_of(source)
         if path is not None:
             self.host.tables.attach(name, path)
@@ -189,7 +198,7 @@ class Session:
     def tables(self) -> dict[str, tuple[str, ...]]:
         """The columns of all that FROM finds as a table, of the database and of worlds; none of an unreadable view."""
         self._check_open()
-        return tables_in_sight(self.host.tables, self.host.names.worlds)
+        return tables_in_sight(self.host.tables, self.host.names.worlds, self.host.names.others)
 
     @in_turn
     def describe(self, name: str) -> str:
@@ -198,7 +207,7 @@ class Session:
         Raises SessionError S002 where there is none of the name.
         """
         self._check_open()
-        return described(name, self.host.tables, self.host.names.worlds)
+        return described(name, self.host.tables, self.host.names.worlds, self.host.names.others)
 
     @in_turn
     def set(self, name: str, value: Any) -> None:

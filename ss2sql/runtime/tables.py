@@ -32,6 +32,12 @@ NUMBER = Kind.INT | Kind.FLOAT
 FILES = (".db", ".sqlite", ".sqlite3")  # a text that ends so is a path, any other is a value
 
 
+def parquet_of(source: Any) -> Path | None:
+    """The path of a Parquet file, if a source is one: by the end of its text."""
+    text = str(source) if isinstance(source, (str, os.PathLike)) else ""
+    return Path(text) if text.endswith(".parquet") else None
+
+
 def path_of(source: Any) -> Path | None:
     """The path of a SQLite file, if a source is one: by its type, or by the end of its text."""
     if isinstance(source, os.PathLike) or (isinstance(source, str) and source.endswith(FILES)):

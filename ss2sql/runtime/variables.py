@@ -3,16 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any
+from typing import Any, Protocol
 
 from ss2sql import plan
 from ss2sql.errors import ExecutionError
 from ss2sql.frontend import ast
+from ss2sql.kinds import Type
 from ss2sql.runtime.run import Run
 from ss2sql.runtime.temporal import TemporalFile, TemporalStore
 from ss2sql.runtime.values import fresh, normalise
 from ss2sql.vtables.attached import AttachedWorld
 from ss2sql.vtables.frames import Frame, Reader
+
+
+class OtherTables(Protocol):
+    """The tables of the engine's own database."""
+
+    def find(self, name: str) -> str | None:
+        """As what variable the table `name` or `schema.name` is read, if there is one; scripts cannot name it."""
+
+    def reader(self, variable: str) -> Reader | None:
+        """What reads the table behind such a variable, if there is one."""
+
+    def names(self) -> list[str]:
+        """The tables that need no schema before their names."""
+
+    def columns(self, name: str) -> tuple[tuple[str, Type], ...]:
+        """The columns of the table `name` or `schema.name`, nothing where there is none or it cannot be read."""
 
 
 class Variables:
@@ -27,6 +44,7 @@ class Variables:
         self.attached: dict[str, Any] = {}
         self.worlds: dict[str, AttachedWorld] = {}  # those among what is attached
         self.frames: dict[str, Reader] = {}  # what reads the data frames among what is attached
+        self.others: OtherTables | None = None  # what stands in FROM where nothing else has the name
         self.let_go: Callable[[AttachedWorld], None] = lambda world: None  # hears of worlds that make room
         self.late: dict[str, ast.ListLiteral] = {}
         self.temporals = temporals
@@ -51,13 +69,14 @@ class Variables:
             return self.frames[name]()
         if name in self.attached:
             return normalise(self.attached[name], f"the variable '{name}'")
-        return self.values[name]
+        reader = None if self.others is None else self.others.reader(name)
+        return self.values[name] if reader is None else reader()
 
     def read(self, name: str, run: Run) -> Any:
         """The value, or the data frame, as a run sees it; raises ExecutionError R001 where it has none yet."""
         if name in run.snapshots:
             return run.snapshots[name]
-        if name not in self:
+        if name not in self and (self.others is None or self.others.reader(name) is None):
             hints = ("assign it before it is read",)
             raise ExecutionError("R001", f"the variable '{name}' has no value yet", hints=hints)
         value = self.source(name)

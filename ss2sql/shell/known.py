@@ -6,6 +6,7 @@ import inspect
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import apsw
@@ -77,7 +78,7 @@ class Known:
             return "a list that is read again for each row"
         value = names.attached[name] if name in names.attached else names.values[name]
         if name in names.frames:
-            return f"data frame of {len(value):,} rows"
+            return f"file {value}" if isinstance(value, Path) else f"data frame of {len(value):,} rows"
         kind = type(value).__name__
         if isinstance(value, (list, dict)) and len(value) > 3:
             return f"{kind} of {len(value):,}"
@@ -86,7 +87,8 @@ class Known:
     @cached_property
     def tables(self) -> dict[str, str]:
         """Tables of the database and of worlds, as FROM writes them, each with a line about it."""
-        found = dict.fromkeys(self._database_tables(), "table")
+        others = self.host.names.others
+        found = dict.fromkeys([*self._database_tables(), *(() if others is None else others.names())], "table")
         for world in self.host.names.worlds.values():
             found.update((called(table), table.table.text or "table of a world") for table in world.tables.values())
         return found
@@ -133,6 +135,8 @@ class Known:
                 " WHERE t.name = ? AND (? IS NULL OR t.schema = ?)", (table_name, schema, schema),
             )  # fmt: skip
             yield from ((name, kind.lower()) for name, kind in rows)
+            if not rows and names.others is not None:
+                yield from ((name, _kinds_text(kind)) for name, kind in names.others.columns(source))
 
     def _head(self, name: str) -> Any:
         """The first elements of a variable: to look at 300,000 dicts takes 2 s, at so few no time."""

@@ -12,6 +12,7 @@ from ss2sql.vtables.cleaning import type_name
 
 if TYPE_CHECKING:
     from ss2sql.runtime.tables import Tables
+    from ss2sql.runtime.variables import OtherTables
 
 
 def description(world: AttachedWorld) -> str:
@@ -46,8 +47,10 @@ def column_rows(table: AttachedTable) -> Iterator[tuple[str, str, str, str, str]
         yield column.name, type_name(column.type), column.unit, column.filter, column.text
 
 
-def tables_in_sight(tables: Tables, worlds: Mapping[str, AttachedWorld]) -> dict[str, tuple[str, ...]]:
-    """The columns of the tables of a database and of worlds, by what they are called in FROM.
+def tables_in_sight(
+    tables: Tables, worlds: Mapping[str, AttachedWorld], others: OtherTables | None
+) -> dict[str, tuple[str, ...]]:
+    """The columns of the tables of databases and of worlds, by what they are called in FROM.
 
     A view that cannot be read, because what it reads is gone, has none; the others are told all the same.
     """
@@ -60,12 +63,15 @@ def tables_in_sight(tables: Tables, worlds: Mapping[str, AttachedWorld]) -> dict
             continue
         if source is not None:
             found[name] = tuple(column for column, _ in source.columns)
+    if others is not None:
+        for name in others.names():
+            found.setdefault(name, tuple(column for column, _ in others.columns(name)))
     for world in worlds.values():
         found.update((called(table), tuple(table.schema.kinds)) for table in world.tables.values())
     return found
 
 
-def described(name: str, tables: Tables, worlds: Mapping[str, AttachedWorld]) -> str:
+def described(name: str, tables: Tables, worlds: Mapping[str, AttachedWorld], others: OtherTables | None) -> str:
     """What is known of a world or a table. Raises SessionError S002 where there is none of the name."""
     owner, _, rest = name.partition(".")
     if owner in worlds and not rest:
@@ -73,12 +79,13 @@ def described(name: str, tables: Tables, worlds: Mapping[str, AttachedWorld]) ->
     if owner in worlds and rest in worlds[owner].tables:
         return "\n".join(table_lines(worlds[owner].tables[rest]))
     source = tables.find(owner, rest) if rest else tables.find(None, name)
-    if source is None:
-        known = [*worlds, *tables.names()]
+    columns = source.columns if source is not None else () if others is None else others.columns(name)
+    if not columns:
+        known = [*worlds, *tables.names(), *(() if others is None else others.names())]
         known += [table.title for world in worlds.values() for table in world.tables.values()]
         raise SessionError("S002", f"there is no world or table '{name}'", hints=did_you_mean(name, known))
-    width = max(len(column) for column, _ in source.columns)
-    return "\n".join([f"FROM {name}", *(f"  {column:<{width}}  {type_text(kind)}" for column, kind in source.columns)])
+    width = max(len(column) for column, _ in columns)
+    return "\n".join([f"FROM {name}", *(f"  {column:<{width}}  {type_text(kind)}" for column, kind in columns)])
 
 
 def called(table: AttachedTable) -> str:

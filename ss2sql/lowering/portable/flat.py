@@ -102,13 +102,12 @@ class FlatWriter:
         """One row for each group, in the order in which the groups appear."""
         query = self.query
         keys = [self._key_of(key) for key in query.group]
-        sight = replace(self.sight, groups={(query.id, n): key for n, key in enumerate(keys)})
+        shown = [self._shown_key(key, expr) for key, expr in zip(keys, query.group, strict=True)]
+        sight = replace(self.sight, groups={(query.id, n): key for n, key in enumerate(shown)})
         outputs = [self._output(output, sight) for output in query.columns]
         order = self._order(sight)
         if keys:
-            if len(self.places) > 1:
-                raise refused("groups of several sources have no order in SQL", query.group[0].span, "add ORDER BY")
-            order += [(exp.Min(this=place.copy()), False) for place in self.places]
+            order += [(place, False) for place in self._first()]
         select = sql.select(outputs, self.items, where, _sorting(order), limit)
         if keys:
             select.set("group", exp.Group(expressions=[key.copy() for key in keys]))
@@ -117,6 +116,16 @@ class FlatWriter:
                 raise refused("the truth of such a value is not the same everywhere", query.having.span)
             select.set("having", exp.Having(this=self.portable.value(query.having, sight)))
         return select
+
+    def _first(self) -> list[Node]:
+        """The place of the first row of a group."""
+        if len(self.places) > 1:
+            raise refused("groups of several sources have no order in SQL", self.query.group[0].span, "add ORDER BY")
+        return [exp.Min(this=place.copy()) for place in self.places]
+
+    def _shown_key(self, key: Node, expr: plan.Expr) -> Node:
+        """The value of a group that is shown."""
+        return key
 
     def _key_of(self, expr: plan.Expr) -> Node:
         """What is grouped by; a number alone would be the position of a column."""

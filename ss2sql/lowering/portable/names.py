@@ -28,11 +28,15 @@ class Names:
 
     def free(self, wanted: str, otherwise: str) -> str:
         """The wanted name where it can stand without quotes and is not taken, which goes without case; else another."""
-        usable = PLAIN.match(wanted) and wanted.isascii() and wanted.lower() not in RESERVED
-        base = wanted.lower() if usable else otherwise
+        base = wanted.lower() if plain(wanted) else otherwise
         name, count = base, 1
         while name in self.taken:
             count += 1
             name = f"{base}_{count}"
         self.taken.add(name)
         return name
+
+
+def plain(name: str) -> bool:
+    """Whether the name can stand without quotes in every database."""
+    return bool(PLAIN.match(name)) and name.isascii() and name.lower() not in RESERVED

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 from ss2sql import plan
 from ss2sql.errors import ExecutionError, Span, UnsupportedError
@@ -21,6 +22,9 @@ from ss2sql.runtime.native.pieces import can_be_taken_apart
 from ss2sql.runtime.native.unit import Unit
 from ss2sql.runtime.rows import Rows
 from ss2sql.runtime.run import Run
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.duck.tables import DuckSources
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,12 +44,16 @@ class Abilities:
 
 @dataclass(frozen=True, slots=True)
 class TableEngine:
-    """Such a database: what opens tables for a run, what ends it, and the errors that it raises."""
+    """Such a database: what opens tables for a run, what ends it, and the errors that it raises.
+
+    `sources` are its own tables, where scripts can read them; then queries that are no searches run there, too.
+    """
 
     abilities: Abilities
     open: Callable[[Hunt], Tables]
     close: Callable[[], None]
     errors: tuple[type[Exception], ...]
+    sources: DuckSources | None = None
 
 
 @dataclass(frozen=True, slots=True)

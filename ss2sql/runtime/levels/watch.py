@@ -6,15 +6,20 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Protocol
 
-from ss2sql.runtime.levels.tables import Tables
 from ss2sql.runtime.run import Run
 
 EVERY = 0.02  # seconds
 
 
+class Interruptible(Protocol):
+    def interrupt(self) -> None:
+        """Ends the statement that runs in another thread; it may be called again until the run has ended."""
+
+
 @contextmanager
-def watched(run: Run, tables: Tables) -> Iterator[None]:
+def watched(run: Run, tables: Interruptible) -> Iterator[None]:
     """Has a thread of its own look whether the run is interrupted or late, for as long as it takes."""
     over = threading.Event()
 

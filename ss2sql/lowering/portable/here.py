@@ -1,0 +1,202 @@
+"""Queries that are no searches for a database that runs them here: its own tables, and others that it is given.
+
+What `flat.py` refuses to other databases has an order here, because every row of a source has a number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+
+from sqlglot import exp
+
+from ss2sql import plan
+from ss2sql.kinds import Kind, Type
+from ss2sql.lowering import sql
+from ss2sql.lowering.portable.expressions import Node, Sight
+from ss2sql.lowering.portable.flat import FlatWriter, Grouping
+from ss2sql.lowering.portable.names import Names, plain
+from ss2sql.lowering.portable.sources import NUMBER, Opened, columns_of, listed, written_out
+from ss2sql.lowering.portable.types import cast, column_type, refused
+from ss2sql.walk import can_fail
+
+LIMIT = "most_rows"  # the parameter that has the value of LIMIT
+WRITTEN_OUT = 100  # elements of a list that the script spells out
+
+
+@dataclass(frozen=True, slots=True)
+class Outside:
+    """A table of the database itself: what stands in FROM, the column that numbers its rows, and its columns.
+
+    A column is None where only Python can make a value of the language of it. Those of one `shape` are
+    written alike.
+    """
+
+    item: Node
+    number: str
+    columns: Mapping[str, Node | None]
+    shape: tuple[Hashable, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Loaded:
+    """A table that is made of the elements of a value, with a number: of each column its name in SQL and its type.
+
+    The column None is the element itself.
+    """
+
+    name: str
+    value: plan.Expr
+    columns: dict[str | None, tuple[str, Type]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class WrittenHere:
+    """A query as a SELECT, the tables that it is given, and by parameters the script variables that are bound in it."""
+
+    select: exp.Select
+    loaded: tuple[Loaded, ...]
+    parameters: Mapping[str, str]
+
+
+def write_here(query: plan.Query, outside: Callable[[plan.ValueSource], Outside | None]) -> WrittenHere:
+    """The query for a database that runs it here. Raises UnsupportedError where it could mean something else.
+
+    Args:
+        query: a query without a search.
+        outside: finds the table of the database that a source is, if it is one.
+    """
+    sources = _Sources(outside)
+    portable = _Exact()
+    writer = _Writer(query, portable, sources.open)
+    portable.places = writer.places
+    select = writer.select(None if query.limit is None else cast(sql.parameter(LIMIT), "BIGINT"))
+    return WrittenHere(select, tuple(sources.loaded), portable.parameters)
+
+
+class _Sources:
+    """Opens the sources of one query."""
+
+    def __init__(self, outside: Callable[[plan.ValueSource], Outside | None]) -> None:
+        self.outside = outside
+        self.loaded: list[Loaded] = []
+        self.names = Names()
+        self.count = 0
+
+    def open(self, source: plan.Source, label: str) -> Opened:
+        self.count += 1
+        match source:
+            case plan.TableSource(table=table):
+                raise refused(f"{table} is a table of SQLite", source.span)
+            case plan.QuerySource():
+                raise refused("a query in FROM", source.span)
+            case plan.WorldSource():
+                raise refused("worlds are read by Python", source.span)
+        known = self.outside(source)
+        if known is not None:
+            read = partial(_of_outside, label, known.columns, source.name)
+            return Opened(_labelled(known.item, label), (_column(known.number, label),), read)
+        spelt = listed(source.value)
+        if spelt is not None and len(spelt) <= WRITTEN_OUT:
+            return written_out(source, label, enumerate(spelt))
+        if self.count > 1 and can_fail(source.value):
+            raise refused("the sources before decide whether this is evaluated, and it may fail", source.span)
+        return self._load(source, label)
+
+    def _load(self, source: plan.ValueSource, label: str) -> Opened:
+        table = Loaded(self.names.free(source.name, "source"), source.value)
+        self.loaded.append(table)
+        kinds, names = columns_of(source), Names()
+
+        def read(expr: plan.Element | plan.Column) -> Node:
+            key = expr.name if isinstance(expr, plan.Column) else None
+            if key not in kinds:
+                raise refused("a whole element is a dict, which not every database has", expr.span)
+            if column_type(kinds[key]) is None:
+                raise refused(f"the kind of {source.name if key is None else key} is not known", expr.span)
+            if key not in table.columns:
+                table.columns[key] = (names.free(source.name if key is None else key, "element"), kinds[key])
+            return sql.column(table.columns[key][0], label)
+
+        return Opened(sql.table(table.name, label), (sql.column(NUMBER, label),), read)
+
+
+class _Exact(Grouping):
+    """Aggregates that need the order of rows, or of which it matters which of two equal values they give.
+
+    `places` sort the sources.
+    """
+
+    places: list[Node]
+
+    def _aggregate(self, expr: plan.Aggregate, sight: Sight) -> Node:
+        argument = expr.argument
+        if argument is None or expr.function not in ("min", "max") or argument.type.kinds & ~Kind.NONE != Kind.FLOAT:
+            return super()._aggregate(expr, sight)
+        node, kind = self.value(argument, sight), argument.type
+        found = (exp.Min if expr.function == "min" else exp.Max)(this=node)
+        if (kind.low is not None and kind.low > 0) or (kind.high is not None and kind.high < 0):
+            return found
+        # 0.0 and -0.0 are equal; the first of them counts.
+        zero = sql.binary(exp.EQ, node.copy(), sql.number(0))
+        first = exp.Filter(this=self.first(node.copy()), expression=exp.Where(this=zero))
+        nonzero = exp.Anonymous(this="NULLIF", expressions=[found, sql.number(0)])
+        return exp.Coalesce(this=nonzero, expressions=[first])
+
+    def first(self, node: Node) -> Node:
+        """The value in the first row of a group."""
+        return exp.ArgMin(this=node, expression=_in_order(self.places))
+
+
+class _Writer(FlatWriter):
+    """Writes one query: columns have names of the script where these are plain, groups have an order."""
+
+    portable: _Exact
+
+    def _output(self, output: plan.Output, sight: Sight) -> Node:
+        if output.star or output.label is not None:
+            raise refused("the names of these columns are not known", output.expr.span)
+        node = self.portable.value(output.expr, sight)
+        return sql.alias(node, output.name) if plain(output.name) else node
+
+    def _first(self) -> list[Node]:
+        return [exp.Min(this=_in_order(self.places))]
+
+    def _shown_key(self, key: Node, expr: plan.Expr) -> Node:
+        # Of 0.0 and -0.0, which are equal, the first is shown.
+        return self.portable.first(key.copy()) if expr.type.may(Kind.FLOAT) else key
+
+
+def _in_order(places: list[Node]) -> Node:
+    """What sorts rows as the product of the sources does."""
+    copies = [place.copy() for place in places]
+    return copies[0] if len(copies) == 1 else exp.Anonymous(this="ROW", expressions=copies)
+
+
+def _column(name: str, label: str) -> exp.Column:
+    return exp.Column(this=identifier(name), table=identifier(label))
+
+
+def identifier(name: str) -> exp.Identifier:
+    """A name of the user's, in quotes where any database could take it for something else."""
+    return exp.Identifier(this=name, quoted=not plain(name))
+
+
+def _labelled(item: Node, label: str) -> Node:
+    labelled = item.copy()
+    labelled.set("alias", exp.TableAlias(this=identifier(label)))
+    return labelled
+
+
+def _of_outside(label: str, columns: Mapping[str, Node | None], owner: str, expr: plan.Element | plan.Column) -> Node:
+    """The value of a column, which is read from the label."""
+    if isinstance(expr, plan.Element):
+        raise refused("a whole row is a dict, which not every database has", expr.span)
+    node = columns.get(expr.name)
+    if node is None:
+        raise refused(f"the values of {owner}.{expr.name} are made in Python", expr.span)
+    read = node.copy()
+    for column in read.find_all(exp.Column):
+        column.set("table", identifier(label))
+    return read

@@ -1,0 +1,118 @@
+"""Columns of DuckDB as columns of the language: their types, and their values as SQL where it has them exactly.
+
+The types are read from the data, as those of tables of SQLite are.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from sqlglot import exp
+
+from ss2sql.kinds import INT_MAX, INT_MIN, Kind, Type
+from ss2sql.lowering.portable.here import identifier
+from ss2sql.lowering.portable.types import cast
+from ss2sql.runtime.operator_types import MAX
+from ss2sql.runtime.tables import rounded
+from ss2sql.vtables.frames.cells import cell
+
+_INTEGERS = ("TINYINT", "SMALLINT", "INTEGER", "UTINYINT", "USMALLINT", "UINTEGER")
+_LARGE = ("UBIGINT", "HUGEINT", "UHUGEINT")
+_TIMES = ("DATE", "TIME", "TIMESTAMP")
+_DECIMAL = re.compile(r"DECIMAL\((\d+),(\d+)\)\Z")
+_EXACT_DIGITS = 15  # of a decimal: dividing by a power of ten then rounds once
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """A column of a table of DuckDB, by its name and its type there."""
+
+    name: str
+    kind: str
+
+    @property
+    def plain(self) -> exp.Column:
+        return exp.Column(this=identifier(self.name))
+
+    @property
+    def decimals(self) -> tuple[int, int] | None:
+        """Digits of a decimal, and how many of them stand behind the point."""
+        match = _DECIMAL.match(self.kind)
+        return None if match is None else (int(match[1]), int(match[2]))
+
+    @property
+    def holds(self) -> Kind | None:
+        """The kind of its values; None where that shows in the values alone."""
+        if self.kind in (*_INTEGERS, "BIGINT", *_LARGE):
+            return Kind.INT
+        if self.decimals is not None:
+            return Kind.FLOAT if self.decimals[1] else Kind.INT
+        if self.kind in ("DOUBLE", "FLOAT"):
+            return Kind.FLOAT
+        if self.kind == "VARCHAR" or self.kind.startswith(("ENUM(", *_TIMES)):
+            return Kind.STR if "[" not in self.kind else None
+        return Kind.BOOL if self.kind == "BOOLEAN" else None
+
+    @property
+    def has_nan(self) -> bool:
+        return self.kind in ("DOUBLE", "FLOAT")
+
+    def questions(self) -> Iterator[exp.Expr]:
+        """What is asked of all rows: how many have a value, the ends of numbers, how many are no numbers."""
+        if self.holds is None:
+            return
+        yield exp.Count(this=self.plain)
+        if self.holds in Kind.INT | Kind.FLOAT:
+            ends: list[exp.Expr] = [exp.Min(this=self.plain), exp.Max(this=self.plain)]
+            if self.has_nan:
+                number = exp.Where(this=exp.Not(this=exp.IsNan(this=self.plain)))
+                yield exp.CountIf(this=exp.IsNan(this=self.plain))
+                ends = [exp.Filter(this=end, expression=number.copy()) for end in ends]
+            yield from ends
+
+    def read(self, rows: int, answers: Iterator[Any], collated: bool) -> Seen:
+        """What the answers say of the column in a table of so many rows."""
+        kind = self.holds
+        if kind is None:
+            return Seen(Type(), None)
+        present = next(answers)
+        nan = next(answers) if self.has_nan else 0
+        missing = Kind.NONE if present - nan < rows else Kind(0)
+        if kind is Kind.STR:
+            return Seen(Type(kind | missing), self._text(collated))
+        if kind is Kind.BOOL:
+            return Seen(Type(kind | missing, 0, 1), self.plain)
+        low, high = (cell(next(answers)) for _ in range(2))
+        if low is None:
+            return Seen(Type(kind | missing), self._number(nan))
+        least, greatest = (INT_MIN, INT_MAX) if kind is Kind.INT else (-MAX, MAX)
+        if not least <= low <= high <= greatest:
+            return Seen(Type(), None, refused=True)
+        return Seen(rounded(kind | missing, low, high), self._number(nan))
+
+    def _text(self, collated: bool) -> exp.Expr | None:
+        if self.kind.startswith(_TIMES):
+            return None
+        text = self.plain if self.kind == "VARCHAR" else cast(self.plain, "VARCHAR")
+        return exp.Collate(this=text, expression=exp.Var(this="C")) if collated else text
+
+    def _number(self, nan: int) -> exp.Expr | None:
+        if self.decimals is not None and self.decimals[1] and self.decimals[0] > _EXACT_DIGITS:
+            return None
+        wide = "BIGINT" if self.holds is Kind.INT else "DOUBLE"
+        number = self.plain if self.kind == wide else cast(self.plain, wide)
+        if not nan:
+            return number
+        return exp.Anonymous(this="NULLIF", expressions=[number, cast(exp.Literal.string("NaN"), "DOUBLE")])
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """What is known of a column: its type, its values as SQL, and whether a value is none of the language."""
+
+    type: Type
+    sql: exp.Expr | None
+    refused: bool = False

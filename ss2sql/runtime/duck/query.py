@@ -1,0 +1,180 @@
+"""A query that is no search, in DuckDB."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from functools import cached_property
+from typing import Any
+
+from ss2sql import plan
+from ss2sql.errors import Error, ExecutionError
+from ss2sql.kinds import Kind
+from ss2sql.lowering.dialects import DUCKDB
+from ss2sql.lowering.portable.here import LIMIT, Loaded, Outside, WrittenHere, write_here
+from ss2sql.runtime.database import within
+from ss2sql.runtime.duck.loading import as_arrow, columns_of
+from ss2sql.runtime.duck.tables import DuckFrame, DuckSources, Reading
+from ss2sql.runtime.levels.watch import watched
+from ss2sql.runtime.native.compiled import compile_statement
+from ss2sql.runtime.native.options import whole
+from ss2sql.runtime.result import Sql
+from ss2sql.runtime.rows import Row, Rows
+from ss2sql.runtime.run import Run
+from ss2sql.runtime.sizes import CELL
+from ss2sql.walk import walk
+
+BLOCK = 10_000  # rows that are read at once
+
+
+class NotHereError(Exception):
+    """What only a run can tell: this time the query has to run elsewhere. Its text is the reason."""
+
+
+class DuckQuery:
+    """A query to be run many times. Raises UnsupportedError where it could mean something else in DuckDB.
+
+    `variable` gives the values that variables will have, and raises KeyError or an Error where that is not known.
+    """
+
+    engine = "duckdb"
+
+    def __init__(self, query: plan.Query, sources: DuckSources, variable: Callable[[str], Any]) -> None:
+        self.query, self.sources = query, sources
+        self._known: dict[tuple[Any, ...], tuple[WrittenHere, str]] = {}
+        self._computed: dict[int, Callable[[Run], Any]] = {}
+        self.text, self.written = "", self._write(variable)
+
+    def sql(self, run: Run | None) -> Sql:
+        """The text that runs, with what is bound in it."""
+        return Sql(self.text, {} if run is None else run.bound.get(self))
+
+    @property
+    def parameters(self) -> dict[str, str]:
+        """What is bound in the text, as the script has it."""
+        limit = {} if self.query.limit is None else {LIMIT: self.query.limit.span.text}
+        return {**self.written.parameters, **limit}
+
+    # --- what is run ---------------------------------------------------------------------------------------
+
+    def _write(self, variable: Callable[[str], Any]) -> WrittenHere:
+        """The query over the tables that its sources are now; `text` becomes its text."""
+        found = {source.id: _outside(source, variable) for source in self.query.sources}
+        key = tuple(None if table is None else table.shape for table in found.values())
+        if key not in self._known:
+            written = write_here(self.query, lambda source: found[source.id])
+            self._known = {key: (written, DUCKDB.print(written.select))}
+        self.written, self.text = self._known[key]
+        return self.written
+
+    # --- running it ----------------------------------------------------------------------------------------
+
+    def rows(self, run: Run, sink: Rows | None = None) -> Rows:
+        """The answer of the query, see `NativeQuery.rows`. Raises NotHereError before anything is in the sink."""
+        sink = sink or Rows(tuple(output.name for output in self.query.columns), [])
+        assert sink.rows is not None
+        values = self._limit(run)
+        if values.get(LIMIT) == 0:
+            return sink  # nothing of the query is evaluated
+        written = self._write(run.source)
+        reading = self.sources.reading(run)
+        if reading.strange:
+            raise NotHereError("settings of the connection say how texts compare, or where None is sorted")
+        given = [(table, self._columns(table, run)) for table in written.loaded]
+        values |= {label: run.variable(name) for label, name in written.parameters.items()}
+        self._check(run, reading, given, values)
+        run.bound[self] = values
+        try:
+            with watched(run, reading):
+                found = self._found(reading, given, values, run)
+                sink.rows.extend(found if run.max_rows is None else within(found, run.max_rows))
+        except self.sources.errors as error:
+            hint = "look at its limit of memory and the room on its disk"
+            raise ExecutionError("X009", f"duckdb: {error}", self.query.span, (hint,)) from error
+        return sink
+
+    def _limit(self, run: Run) -> dict[str, Any]:
+        limit = self.query.limit
+        if limit is None:
+            return {}
+        try:
+            return {LIMIT: whole(self._value(limit, run), 0, "LIMIT")}
+        except ExecutionError as error:
+            raise error.located(limit.span) from None
+
+    def _columns(self, table: Loaded, run: Run) -> dict[str, list[Any]]:
+        try:
+            return columns_of(table, self._value(table.value, run))
+        except Error as error:
+            raise error.located(table.value.span) from None
+
+    def _value(self, expr: plan.Expr, run: Run) -> Any:
+        if id(expr) not in self._computed:
+            self._computed[id(expr)] = compile_statement(expr)
+        return self._computed[id(expr)](run)
+
+    def _found(
+        self, reading: Reading, given: list[tuple[Loaded, dict[str, list[Any]]]], values: Mapping[str, Any], run: Run
+    ) -> Iterator[Row]:
+        cursor = reading.cursor
+        for table, columns in given:
+            cursor.register(table.name, as_arrow(table, columns))
+        try:
+            cursor.execute(self.text, dict(values) or None)
+            while block := cursor.fetchmany(BLOCK):
+                yield from block
+                run.check()
+        finally:
+            for table, _ in given:
+                cursor.unregister(table.name)
+
+    # --- sizes ---------------------------------------------------------------------------------------------
+
+    @cached_property
+    def _joins(self) -> int:
+        """How many values at the most a text or list can be put together from; 0 where none is."""
+        nodes = list(walk(self.query))
+        joined = Kind.STR | Kind.LIST
+        if not any(isinstance(n, plan.Call) and n.function.name == "add" and n.type.may(joined) for n in nodes):
+            return 0
+        return len(nodes)
+
+    def _check(
+        self,
+        run: Run,
+        reading: Reading,
+        given: list[tuple[Loaded, dict[str, list[Any]]]],
+        values: Mapping[str, Any],
+    ) -> None:
+        """Raises NotHereError where a text or list could become larger than one may be."""
+        if not self._joins:
+            return
+        loaded = (value for _, columns in given for column in columns.values() for value in column)
+        sizes = [_size(self.query.span.source.text), *map(_size, loaded), *map(_size, values.values())]
+        frames = (_frame(source, run.source) for source in self.query.sources)
+        sizes += [frame.longest() for frame in frames if frame is not None]
+        if max(sizes) * self._joins > run.sizes.limit:
+            raise NotHereError("texts or lists may become larger than max_size")
+
+
+def _size(value: Any) -> int:
+    """What a value takes at the most, as sizes.py counts."""
+    if isinstance(value, str):
+        return 4 * len(value)
+    return CELL + sum(map(_size, value)) if isinstance(value, list) else CELL
+
+
+def _frame(source: plan.Source, variable: Callable[[str], Any]) -> DuckFrame | None:
+    """The table of DuckDB that a source is, if it is one."""
+    value = source.value if isinstance(source, plan.ValueSource) else None
+    if not isinstance(value, plan.Variable) or not value.frame:
+        return None
+    try:
+        frame = variable(value.name)
+    except (KeyError, Error):
+        return None
+    return frame if isinstance(frame, DuckFrame) else None
+
+
+def _outside(source: plan.Source, variable: Callable[[str], Any]) -> Outside | None:
+    frame = _frame(source, variable)
+    return None if frame is None else frame.outside

@@ -1,0 +1,264 @@
+"""Tables and views of a connection of DuckDB by their names, and Parquet files, as data frames.
+
+What one run reads of them is of one state of the database: all of it happens in one transaction of a cursor. A name
+means what the catalogue of DuckDB has under it, never a file, a function or a variable of Python.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from sqlglot import exp
+
+from ss2sql.errors import ExecutionError, SessionError
+from ss2sql.kinds import Kind, Type
+from ss2sql.lowering.dialects import DUCKDB
+from ss2sql.lowering.portable.here import Outside, identifier
+from ss2sql.lowering.portable.sources import NUMBER
+from ss2sql.runtime.duck.columns import Column, Seen
+from ss2sql.runtime.run import Run
+from ss2sql.vtables.frames.frame import Column as FrameColumn
+from ss2sql.vtables.frames.frame import Frame
+
+if TYPE_CHECKING:
+    import duckdb
+
+_FIND = """
+    SELECT database_name, schema_name, name, is_table AND type = 'duckdb'
+    FROM (
+      SELECT database_name, schema_name, table_name AS name, internal, temporary, TRUE AS is_table FROM duckdb_tables()
+      UNION ALL
+      SELECT database_name, schema_name, view_name, internal, temporary, FALSE FROM duckdb_views()
+    ) AS known
+    JOIN (SELECT database_name, type FROM duckdb_databases()) AS databases USING (database_name)
+    WHERE NOT internal AND NOT temporary
+      AND ($schema::VARCHAR IS NULL AND database_name = current_database() AND schema_name = current_schema()
+        OR schema_name = $schema AND database_name = current_database()
+        OR database_name = $schema AND schema_name = 'main')
+"""
+# Whether columns may compare their texts in a way of their own, and whether the connection does so with all texts, or
+# sorts None in another way than DuckDB does by itself.
+_SETTINGS = """
+    SELECT
+      EXISTS (SELECT 1 FROM duckdb_tables() WHERE sql ILIKE '%collate%')
+        OR EXISTS (SELECT 1 FROM duckdb_views() WHERE NOT internal AND sql ILIKE '%collate%'),
+      current_setting('default_collation') <> ''
+        OR lower(current_setting('default_null_order')) NOT IN ('nulls_last', 'last')
+"""
+
+
+PREFIX = "duckdb."  # of the variables as which tables are read; a script has none with a dot
+
+
+class Reading:
+    """A cursor of its own on a connection, in a transaction; it is let go of with whoever holds it.
+
+    In a `strange` connection SQL means something else than by itself.
+    """
+
+    def __init__(self, cursor: duckdb.DuckDBPyConnection) -> None:
+        self.cursor = cursor
+        self.cursor.begin()
+        ((self.collated, self.strange),) = self.rows(_SETTINGS)
+
+    def rows(self, text: str, values: Any = None) -> list[tuple[Any, ...]]:
+        return self.cursor.execute(text, values).fetchall()
+
+    def arrow(self, text: str) -> Any:
+        return self.cursor.sql(text).to_arrow_table()
+
+    def interrupt(self) -> None:
+        self.cursor.interrupt()
+
+
+class DuckFrame(Frame):
+    """A table of DuckDB as a data frame, which `reading` has read: how it is written in SQL."""
+
+    __slots__ = ("_longest", "outside", "reading")
+
+    def __init__(self, columns: dict[str, FrameColumn], length: int, outside: Outside, reading: Reading) -> None:
+        super().__init__(columns, length)
+        self.outside, self.reading = outside, reading
+        self._longest: int | None = None
+
+    def longest(self) -> int:
+        """The bytes of the longest text of the table."""
+        if self._longest is None:
+            texts = [
+                node for name, node in self.outside.columns.items() if node and self.columns[name].type.may(Kind.STR)
+            ]
+            asked = [exp.Max(this=exp.Anonymous(this="STRLEN", expressions=[text.copy()])) for text in texts]
+            select = exp.Select(expressions=[exp.Count(this=exp.Star()), *asked]).from_(self.outside.item.copy())
+            ((_, *found),) = self.reading.rows(DUCKDB.print(select))
+            self._longest = max((length or 0 for length in found), default=0)
+        return self._longest
+
+
+class DuckSources:
+    """What scripts can read of a connection, of which `cursor` gives new ones. `errors` are those of DuckDB.
+
+    `begun` are the runs of the session, the innermost last.
+    """
+
+    def __init__(
+        self,
+        cursor: Callable[[], duckdb.DuckDBPyConnection],
+        errors: tuple[type[Exception], ...],
+        begun: Sequence[Run],
+    ) -> None:
+        self.cursor, self.errors, self.begun = cursor, errors, begun
+
+    def reading(self, run: Run | None = None) -> Reading:
+        """The transaction of a run; of none a new one."""
+        run = run or (self.begun[-1] if self.begun else None)
+        if run is None:
+            return Reading(self.cursor())
+        if self not in run.readings:
+            run.readings[self] = Reading(self.cursor())
+        return run.readings[self]  # type: ignore[no-any-return]
+
+    def find(self, name: str) -> str | None:
+        """As what variable the table or view `name`, or `schema.name`, is read; None if there is none."""
+        return PREFIX + name if self._found(name) else None
+
+    def reader(self, variable: str) -> Callable[[], Frame] | None:
+        """What reads the table behind such a variable, if there is one."""
+        if not variable.startswith(PREFIX):
+            return None
+        name = variable.removeprefix(PREFIX)
+        found = self._found(name)
+        if not found:
+            return None
+        database, home, exact, has_rowid = found[0]
+        item = exp.Table(this=identifier(exact), db=identifier(home), catalog=identifier(database))
+        return TableReader(self, name, item, "rowid" if has_rowid else None)
+
+    def names(self) -> list[str]:
+        """The names of all tables and views that need no schema before them."""
+        return [name for _, _, name, _ in self._asked(lambda reading: reading.rows(_FIND, {"schema": None}))]
+
+    def columns(self, name: str) -> tuple[tuple[str, Type], ...]:
+        """The columns of a table or view; nothing where there is none or it cannot be read."""
+        reader = self.reader(PREFIX + name)
+        try:
+            frame = None if reader is None else reader()
+        except ExecutionError:
+            return ()
+        return () if frame is None else tuple((word, column.type) for word, column in frame.columns.items())
+
+    def parquet(self, path: Path, name: str) -> Callable[[], Frame]:
+        """What reads a Parquet file. Raises SessionError S002 where it cannot be read."""
+        hint = "give the path of one Parquet file; of several a view of DuckDB makes one table"
+        if not path.is_file() or set("*?[") & set(str(path)):
+            raise SessionError("S002", f"{path} is not a Parquet file that can be read", hints=(hint,))
+        arguments = [exp.Literal.string(str(path)), exp.EQ(this=exp.column("file_row_number"), expression=exp.true())]
+        item = exp.Table(this=exp.Anonymous(this="read_parquet", expressions=arguments))
+        reader = TableReader(self, name, item, "file_row_number")
+        try:
+            reader.columns(Reading(self.cursor()))
+        except self.errors as error:
+            message = f"{path} is not a Parquet file that can be read: {error}"
+            raise SessionError("S002", message, hints=(hint,)) from error
+        return reader
+
+    def _found(self, name: str) -> list[tuple[Any, ...]]:
+        """Where the catalogue has the table; asked once in a run."""
+        run, key = self.begun[-1] if self.begun else None, (self, name)
+        if run is not None and key in run.readings:
+            return run.readings[key]  # type: ignore[no-any-return]
+        schema, _, table = name.rpartition(".")
+        values = {"schema": schema or None, "name": table}
+        found = self._asked(lambda reading: reading.rows(f"{_FIND} AND name = $name", values))
+        if run is not None:
+            run.readings[key] = found
+        return found
+
+    def _asked(self, question: Callable[[Reading], list[tuple[Any, ...]]]) -> list[tuple[Any, ...]]:
+        try:
+            return question(self.reading())
+        except self.errors as error:
+            raise ExecutionError("X009", f"duckdb: {error}") from error
+
+
+class TableReader:
+    """Reads one table as it stands, once in a run."""
+
+    def __init__(self, sources: DuckSources, name: str, item: exp.Table, number: str | None) -> None:
+        self.sources, self.name, self.item, self.number = sources, name, item, number
+        self.key = (sources, DUCKDB.print(item))
+
+    def __call__(self) -> Frame:
+        sources = self.sources
+        run = sources.begun[-1] if sources.begun else None
+        if run is not None and self.key in run.readings:
+            return run.readings[self.key]  # type: ignore[no-any-return]
+        try:
+            frame = self._read(sources.reading())
+        except sources.errors as error:
+            raise ExecutionError("X009", f"the table '{self.name}' cannot be read: {error}") from error
+        if run is not None:
+            run.readings[self.key] = frame
+        return frame
+
+    def columns(self, reading: Reading) -> list[Column]:
+        described = reading.rows(f"DESCRIBE SELECT * FROM {DUCKDB.print(self.item)}")
+        return [Column(name, kind) for name, kind, *_ in described if name != "file_row_number" or self.number != name]
+
+    def _read(self, reading: Reading) -> Frame:
+        columns = self.columns(reading)
+        questions = [question for column in columns for question in column.questions()]
+        asked = exp.Select(expressions=[exp.Count(this=exp.Star()), *questions]).from_(self.item.copy())
+        (found,) = reading.rows(DUCKDB.print(asked))
+        rows, *rest = found
+        answers = iter(rest)
+        seen = {column.name: column.read(rows, answers, reading.collated) for column in columns}
+        outside = self._outside(seen, reading.collated)
+        values = _Values(reading, outside, self.name, stable=self.number is not None)
+        for name, known in seen.items():
+            if known.refused:
+                values.column(name)  # raises, with the row's number
+        return DuckFrame({name: values.later(name, known) for name, known in seen.items()}, rows, outside, reading)
+
+    def _outside(self, seen: dict[str, Seen], collated: bool) -> Outside:
+        columns = {name: known.sql for name, known in seen.items()}
+        shape = (self.key[1], collated, tuple((name, repr(column)) for name, column in columns.items()))
+        taken = {name.lower() for name in columns}
+        if self.number is not None and self.number not in taken:
+            return Outside(self.item, self.number, columns, shape)
+        number = NUMBER
+        while number in taken:
+            number += "_"
+        row = exp.Alias(this=exp.Window(this=exp.RowNumber()), alias=identifier(number))
+        numbered = exp.Select(expressions=[exp.Star(), row]).from_(self.item.copy())
+        return Outside(exp.Subquery(this=numbered), number, columns, shape)
+
+
+class _Values:
+    """The values of a table as Python gets them: column by column, or all at once where rows have no fixed order."""
+
+    def __init__(self, reading: Reading, outside: Outside, name: str, stable: bool) -> None:
+        self.reading, self.outside, self.name, self.stable = reading, outside, name, stable
+        self.whole: Any = None
+
+    def later(self, name: str, seen: Seen) -> FrameColumn:
+        return FrameColumn(seen.type, lambda: self.column(name).values)
+
+    def column(self, name: str) -> FrameColumn:
+        from ss2sql.vtables.frames.arrow import column_of_arrow
+
+        return column_of_arrow(self._array(name), f"the column '{name}' of '{self.name}'")
+
+    def _array(self, name: str) -> Any:
+        if self.stable:
+            return self._select([name]).column(0)
+        if self.whole is None:
+            self.whole = self._select(list(self.outside.columns))
+        return self.whole.column(name)
+
+    def _select(self, names: Sequence[str]) -> Any:
+        columns = [exp.Column(this=identifier(name)) for name in names]
+        select = exp.Select(expressions=columns).from_(self.outside.item.copy())
+        ordered = select.order_by(exp.Column(this=identifier(self.outside.number)))
+        return self.reading.arrow(DUCKDB.print(ordered))
