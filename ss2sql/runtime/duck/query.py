@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -101,7 +101,7 @@ class DuckQuery:
         except ExecutionError as error:
             raise error.located(limit.span) from None
 
-    def _columns(self, table: Loaded, run: Run) -> dict[str, list[Any]]:
+    def _columns(self, table: Loaded, run: Run) -> list[Sequence[Any]]:
         try:
             return columns_of(table, self._value(table.value, run))
         except Error as error:
@@ -113,7 +113,7 @@ class DuckQuery:
         return self._computed[id(expr)](run)
 
     def _found(
-        self, reading: Reading, given: list[tuple[Loaded, dict[str, list[Any]]]], values: Mapping[str, Any], run: Run
+        self, reading: Reading, given: list[tuple[Loaded, list[Sequence[Any]]]], values: Mapping[str, Any], run: Run
     ) -> Iterator[Row]:
         cursor = reading.cursor
         for table, columns in given:
@@ -142,13 +142,13 @@ class DuckQuery:
         self,
         run: Run,
         reading: Reading,
-        given: list[tuple[Loaded, dict[str, list[Any]]]],
+        given: list[tuple[Loaded, list[Sequence[Any]]]],
         values: Mapping[str, Any],
     ) -> None:
         """Raises NotHereError where a text or list could become larger than one may be."""
         if not self._joins:
             return
-        loaded = (value for _, columns in given for column in columns.values() for value in column)
+        loaded = (value for _, (_, *columns) in given for column in columns for value in column)
         sizes = [_size(self.query.span.source.text), *map(_size, loaded), *map(_size, values.values())]
         frames = (_frame(source, run.source) for source in self.query.sources)
         sizes += [frame.longest() for frame in frames if frame is not None]

@@ -111,13 +111,17 @@ class DuckSources:
         self.cursor, self.errors, self.begun = cursor, errors, begun
 
     def reading(self, run: Run | None = None) -> Reading:
-        """The transaction of a run; of none a new one."""
+        """The transaction of a run; of none a new one. Raises ExecutionError X009 where the connection is closed."""
         run = run or (self.begun[-1] if self.begun else None)
-        if run is None:
-            return Reading(self.cursor())
-        if self not in run.readings:
-            run.readings[self] = Reading(self.cursor())
-        return run.readings[self]  # type: ignore[no-any-return]
+        if run is not None and self in run.readings:
+            return run.readings[self]  # type: ignore[no-any-return]
+        try:
+            made = Reading(self.cursor())
+        except self.errors as error:
+            raise ExecutionError("X009", f"duckdb: {error}") from error
+        if run is not None:
+            run.readings[self] = made
+        return made
 
     def find(self, name: str) -> str | None:
         """As what variable the table or view `name`, or `schema.name`, is read; None if there is none."""
