@@ -23,6 +23,7 @@ from argparse import ArgumentParser, Namespace
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
+from functools import _lru_cache_wrapper
 from importlib import import_module
 from itertools import zip_longest
 from pathlib import Path
@@ -189,6 +190,7 @@ class Mutating:
         def killer() -> str:
             for function in places[str(PACKAGE / mutant.file), site]:
                 function.__code__ = code
+            forget()
             return failing(tests, most=1) or "-"
 
         said = forked(killer, 20 + 4 * sum(self.seconds[one.nodeid] for one in tests))
@@ -216,6 +218,13 @@ def forked(action: Callable[[], str], seconds: float) -> str | None:
         os.killpg(child, signal.SIGKILL)
     os.waitpid(child, 0)
     return said
+
+
+def forget() -> None:
+    """Empties all caches of functions: what is kept in them was found without the mutant."""
+    for one in gc.get_objects():
+        if isinstance(one, _lru_cache_wrapper):
+            one.cache_clear()
 
 
 def failing(tests: Sequence[pytest.Item], most: int) -> str:
