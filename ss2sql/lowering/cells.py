@@ -45,10 +45,9 @@ def element(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
     if not all(index.type.only(WHOLE) and is_number(index.type) for index in indexes):
         return None
     nodes = [lowering.lower(index, env) for index in indexes]
-    inner = container.type.item
-    sizes = [inner.size] if inner is not None and inner.size is not None else []
+    sizes = [container.type.size, container.type.item.size if container.type.item else None]
     cells = lowering.needs.packed(container, packing)
-    found = _value_at(lowering, cells, _place(nodes, sizes[: len(nodes) - 1]), _leaf(container.type, len(indexes)))
+    found = _value_at(lowering, cells, _place(nodes, sizes[1 : len(nodes)]), _leaf(container.type, len(indexes)))
     if all(_is_inside(index, size, env.facts) for index, size in zip(indexes, sizes, strict=False)):
         return found
     if not all(map(may_repeat, nodes)):
@@ -113,11 +112,11 @@ def _value_at(lowering: Expressions, cells: Node, place: Node, kind: Type) -> No
     return number if offset == 0 else sql.binary(exp.Add if offset > 0 else exp.Sub, number, sql.number(abs(offset)))
 
 
-def _place(nodes: Sequence[Node], sizes: Sequence[int]) -> Node:
+def _place(nodes: Sequence[Node], sizes: Sequence[int | None]) -> Node:
     """The place of an element, counted from 0; `sizes` are those of all positions but the first."""
     place = nodes[0].copy()
     for node, size in zip(nodes[1:], sizes, strict=True):
-        place = sql.binary(exp.Add, sql.binary(exp.Mul, place, sql.number(size)), node.copy())
+        place = sql.binary(exp.Add, sql.binary(exp.Mul, place, sql.number(size or 0)), node.copy())
     return place
 
 
