@@ -375,7 +375,7 @@ def test_what_runs_here_is_explained(ss: ss2sql.Session, own: Any) -> None:
     own.execute("CREATE TABLE t AS SELECT 1 AS a")
     result = ss.run("SELECT a FROM t, n = numbers WHERE a < n.this + least LIMIT 5", numbers=[1, 2], least=3)
     assert result.engine == "duckdb"
-    assert result.sql.parameters == {"value_1": 3, "most_rows": 5}
+    assert result.sql.parameters == {"least": 3, "most_rows": 5}
     assert "3" not in result.sql
     text = str(result.explain())
     for line in (
@@ -384,7 +384,7 @@ def test_what_runs_here_is_explained(ss: ss2sql.Session, own: Any) -> None:
         "finds the rows with one SELECT over",
         "t, which it reads itself",
         "the elements of numbers, which it is given in a table",
-        ":value_1 = 3, which is least",
+        ":least = 3",
         ":most_rows = 5",
     ):
         assert line in text, line

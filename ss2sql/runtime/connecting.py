@@ -34,8 +34,8 @@ def connect(
         max_size: bytes of one value that a script makes, a text or a list: at least 262,144, at most 10**9.
         max_memory: bytes by which the process may grow while a script runs; None for no limit. Only on Linux.
         engine: where scripts run for which nothing else is said, see `Session.run`.
-        session: with the engine "duckdb" a connection of DuckDB whose settings count: memory, threads, folder; with
-            "spark" a SparkSession.
+        session: with the engine "duckdb" a connection of DuckDB, whose tables and views scripts can read by their names
+            and whose settings count: memory, threads, folder; with "spark" a SparkSession.
 
     Raises:
         SessionError: the file cannot be opened, a name in `disable` is unknown, or the engine is not installed.

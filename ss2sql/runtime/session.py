@@ -276,7 +276,7 @@ class Session:
         Args:
             script: its text, the path of a file, or a text with the name that errors show.
             engine: "auto" (the session's; if that is "auto", the database unless lowering objects), "database" (an
-                error instead), "native", or "duckdb" and "spark" for searches by levels.
+                error instead), "native", "duckdb" for queries and searches by levels there, "spark" for such searches.
             timeout: seconds, in place of the session's.
             maximum: bounds the results of the last statement's search, like MAXIMUM.
             workers: processes for the calls of functions that a level of MEMORIZE needs. The result is the same, sooner

@@ -106,9 +106,13 @@ class Portable:
             raise refused("the kind of this value is not known", expr.span)
         label = next((label for label, name in self.parameters.items() if name == expr.name), None)
         if label is None:
-            label = f"value_{len(self.parameters) + 1}"
+            label = self.label(expr.name)
             self.parameters[label] = expr.name
         return cast(sql.parameter(label), kind)
+
+    def label(self, name: str) -> str:
+        """What a new parameter is called in SQL."""
+        return f"value_{len(self.parameters) + 1}"
 
     def condition(self, expr: plan.Expr, sight: Sight) -> Node:
         """The truth of an expression; never NULL."""

@@ -130,6 +130,14 @@ class _Exact(Grouping):
 
     places: list[Node]
 
+    def __init__(self) -> None:
+        super().__init__()
+        self.names = Names()
+        self.names.free(LIMIT, LIMIT)
+
+    def label(self, name: str) -> str:
+        return self.names.free(name, "value")
+
     def _aggregate(self, expr: plan.Aggregate, sight: Sight) -> Node:
         argument = expr.argument
         if argument is None or expr.function not in ("min", "max") or argument.type.kinds & ~Kind.NONE != Kind.FLOAT:
