@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from ss2sql import plan
 from ss2sql.errors import ResolveError
-from ss2sql.kinds import ANY, NONE, Kind, Type, union
-from ss2sql.runtime.builtins import AGGREGATES
+from ss2sql.kinds import ANY, FLOAT, INT, NONE, Kind, Type, list_of, union
+from ss2sql.runtime.builtins import AGGREGATES, BUILTINS
 from ss2sql.walk import is_volatile, parts, rebuild, sources_read, states_read, walk_own
 
 if TYPE_CHECKING:
@@ -106,9 +106,24 @@ def _lifted(resolver: Resolver, expr: plan.Expr, query: plan.Query, inside: bool
             return plan.Aggregate(name, argument, kind, span=expr.span)
     inside = inside or isinstance(expr, plan.Query)
     lifted = rebuild(expr, lambda part: _lifted(resolver, part, query, inside))
-    if isinstance(lifted, plan.Call) and lifted is not expr:
-        return resolver.inliner.typed(lifted)  # of an aggregate other things are known than of a list
-    return lifted
+    return lifted if lifted is expr else _typed(resolver, lifted)
+
+
+def _typed(resolver: Resolver, expr: plan.Expr) -> plan.Expr:
+    """The expression with the type that it has now: of an aggregate other things are known than of a list."""
+    match expr:
+        case plan.Call(function=function, arguments=arguments) if function.builtin:
+            entry, types = BUILTINS[function.name], tuple(argument.type for argument in arguments)
+            return replace(expr, type=entry.result(types), function=replace(function, raises=entry.raises(types)))
+        case plan.Call():
+            return resolver.inliner.typed(expr)
+        case plan.If():
+            return replace(expr, type=union((expr.then[-1].type, expr.otherwise[-1].type)))
+        case plan.MakeList(items=items):
+            return replace(expr, type=list_of([item.type for item in items]))
+        case plan.Assign(value=value):
+            return replace(expr, type=value.type)
+    return expr
 
 
 def _sees_rows(node: object, query: plan.Query, inside: bool = False) -> bool:
@@ -127,15 +142,20 @@ def _sees_rows(node: object, query: plan.Query, inside: bool = False) -> bool:
 
 
 def _aggregate_type(name: str, kind: Type) -> Type:
+    """The type of an aggregate. A group has a row, so only what may be None has no least value and no average."""
     match name:
         case "count":
             return Type(Kind.INT, 0, 2**53)
         case "min" | "max":
-            return union((kind, NONE))
+            return kind
+        case _ if not kind.only(Kind.NUMBER | Kind.NONE):
+            return ANY
         case "average":
-            return Type(Kind.INT | Kind.FLOAT | Kind.NONE) if kind.only(Kind.NUMBER | Kind.NONE) else ANY
+            return union((FLOAT, NONE)) if kind.may(Kind.NONE) else FLOAT
+        case _ if kind.kinds == Kind.FLOAT:
+            return FLOAT
         case _:
-            return Type(Kind.INT | Kind.FLOAT) if kind.only(Kind.NUMBER | Kind.NONE) else ANY
+            return Type(Kind.INT | Kind.FLOAT) if kind.may(Kind.FLOAT) else INT
 
 
 def _refuse(resolver: Resolver, query: plan.Query, reason: str) -> None:
