@@ -65,6 +65,7 @@ TESTS = (
         "test_rare_forms",
         "test_translated",
         "test_levels_typed",
+        "test_duckdb_queries",
     ),
 )
 LONG = ("random", "every_state", "hash_seed")

@@ -25,7 +25,7 @@ duckdb = pytest.importorskip("duckdb")
 
 COUNT = int(os.environ.get("SS2SQL_PROGRAMS", "1000")) // 10
 SEED = int(os.environ.get("SS2SQL_SEED", "2015"))
-OWN = duckdb.connect(config={"threads": 2})  # to connect takes 20 ms
+OWN = duckdb.connect(config={"threads": 1})  # to connect takes 20 ms
 SETTINGS: dict[str, Any] = {
     "deadline": None,
     "database": None,
@@ -153,6 +153,34 @@ def test_texts_are_texts(ss: ss2sql.Session, text: str) -> None:
     assert (written.engine, written.value) == ("duckdb", [text])
     literal = repr(text)
     assert ss.eval(f"SELECT this + {literal} FROM [{literal}, 'b'] WHERE this == {literal} AS list") == [text + text]
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_sums_of_floats_are_rounded_once(own: Any, threads: int) -> None:
+    own.execute(f"SET threads = {threads}")
+    own.execute("""
+        CREATE TABLE t AS
+        SELECT i % 3 AS k, (i * 7919 % 100003) / 10.0::DOUBLE * 10 ** (i % 17) AS x, i / 7::DOUBLE AS y, i % 1000 AS n
+        FROM range(200000) AS r(i)
+    """)
+    script = """
+        SELECT k, sum(x), average(y), average(n), average(IF(n > 990; y; None)) FROM t
+        GROUP BY k HAVING average(y) > 1 ORDER BY sum(y) DESC AS rows
+    """
+    with ss2sql.connect(engine="duckdb", session=own) as ss:
+        found = ss.run(script)
+        assert found.engine == "duckdb"
+        assert exact(found.value) == exact(ss.run(script, engine="native").value)
+        assert own.execute("SELECT count(*) FROM duckdb_functions() WHERE function_name LIKE 'exact%'").fetchall() == [
+            (0,)
+        ]
+
+
+def test_a_sum_that_is_too_large_on_its_way(ss: ss2sql.Session) -> None:
+    ss.set("t", [{"x": 1.5e308}, {"x": 1.5e308}, {"x": -1.5e308}])
+    result = ss.run("SELECT sum(x) FROM t GROUP BY 1 AS list")
+    assert (result.engine, result.value) == ("native", [1.5e308])
+    assert code_of(ss.run, "SELECT sum(x) FROM t WHERE x > 0 GROUP BY 1 AS list") == "X004"
 
 
 # --- tables of the connection ----------------------------------------------------------------------------

@@ -18,11 +18,14 @@ from ss2sql.lowering.portable.expressions import Node, Sight
 from ss2sql.lowering.portable.flat import FlatWriter, Grouping
 from ss2sql.lowering.portable.names import Names, plain
 from ss2sql.lowering.portable.sources import NUMBER, Opened, columns_of, listed, written_out
-from ss2sql.lowering.portable.types import cast, column_type, refused
+from ss2sql.lowering.portable.types import cast, column_type, is_nullable, refused
 from ss2sql.walk import can_fail
 
+# Functions that the database is given, for the aggregates of floats: they take all values of a group as a list.
+EXACT = {"sum": "exact_sum", "average": "exact_average"}
 LIMIT = "most_rows"  # the parameter that has the value of LIMIT
 WRITTEN_OUT = 100  # elements of a list that the script spells out
+AVERAGED = 2**21  # of integers up to here 2^32 add up to one that a float holds
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,11 +56,15 @@ class Loaded:
 
 @dataclass(frozen=True, slots=True)
 class WrittenHere:
-    """A query as a SELECT, the tables that it is given, and by parameters the script variables that are bound in it."""
+    """A query as a SELECT, the tables that it is given, and by parameters the script variables that are bound in it.
+
+    `functions` are those of EXACT that it calls.
+    """
 
     select: exp.Select
     loaded: tuple[Loaded, ...]
     parameters: Mapping[str, str]
+    functions: tuple[str, ...]
 
 
 def write_here(query: plan.Query, outside: Callable[[plan.ValueSource], Outside | None]) -> WrittenHere:
@@ -72,7 +79,7 @@ def write_here(query: plan.Query, outside: Callable[[plan.ValueSource], Outside 
     writer = _Writer(query, portable, sources.open)
     portable.places = writer.places
     select = writer.select(None if query.limit is None else cast(sql.parameter(LIMIT), "BIGINT"))
-    return WrittenHere(select, tuple(sources.loaded), portable.parameters)
+    return WrittenHere(select, tuple(sources.loaded), portable.parameters, tuple(portable.functions))
 
 
 class _Sources:
@@ -123,7 +130,7 @@ class _Sources:
 
 
 class _Exact(Grouping):
-    """Aggregates that need the order of rows, or of which it matters which of two equal values they give.
+    """Aggregates of floats: rounded once, whatever the order, and the first of two that are equal.
 
     `places` sort the sources.
     """
@@ -134,13 +141,34 @@ class _Exact(Grouping):
         super().__init__()
         self.names = Names()
         self.names.free(LIMIT, LIMIT)
+        self.functions: dict[str, None] = {}
 
     def label(self, name: str) -> str:
         return self.names.free(name, "value")
 
     def _aggregate(self, expr: plan.Aggregate, sight: Sight) -> Node:
         argument = expr.argument
-        if argument is None or expr.function not in ("min", "max") or argument.type.kinds & ~Kind.NONE != Kind.FLOAT:
+        if argument is not None and expr.function == "average" and _is_small(argument.type):
+            node = self.value(argument, sight)
+            total = cast(exp.Sum(this=node), "DOUBLE")
+            return exp.Div(this=total, expression=exp.Count(this=node.copy()), typed=True)
+        if argument is None or argument.type.kinds & ~Kind.NONE != Kind.FLOAT:
+            return super()._aggregate(expr, sight)
+        if expr.function in EXACT and expr.type.kinds & ~Kind.NONE == Kind.FLOAT:
+            return self._exactly(EXACT[expr.function], argument, sight)
+        return self._extreme(expr, argument, sight) if expr.function != "count" else super()._aggregate(expr, sight)
+
+    def _exactly(self, function: str, argument: plan.Expr, sight: Sight) -> Node:
+        self.functions[function] = None
+        node = self.value(argument, sight)
+        values: Node = exp.Anonymous(this="LIST", expressions=[node])
+        if is_nullable(argument.type):
+            present = exp.Not(this=exp.Is(this=sql.operand(node.copy()), expression=exp.Null()))
+            values = exp.Filter(this=values, expression=exp.Where(this=present))
+        return exp.Anonymous(this=function, expressions=[values])
+
+    def _extreme(self, expr: plan.Aggregate, argument: plan.Expr, sight: Sight) -> Node:
+        if expr.function not in ("min", "max"):
             return super()._aggregate(expr, sight)
         node, kind = self.value(argument, sight), argument.type
         found = (exp.Min if expr.function == "min" else exp.Max)(this=node)
@@ -155,6 +183,10 @@ class _Exact(Grouping):
     def first(self, node: Node) -> Node:
         """The value in the first row of a group."""
         return exp.ArgMin(this=node, expression=_in_order(self.places))
+
+
+def _is_small(kind: Type) -> bool:
+    return kind.kinds & ~Kind.NONE == Kind.INT and kind.bounded(AVERAGED)
 
 
 class _Writer(FlatWriter):

@@ -1,5 +1,6 @@
 """Queries that are no searches in DuckDB, and its tables as sources of all queries.
 
 In order of control flow: `tables.py` finds tables, views and Parquet files and reads them as data frames, `columns.py`
-says what their columns are to scripts, `query.py` runs queries there, `loading.py` gives it the elements of values.
+says what their columns are to scripts, `query.py` runs queries there, `loading.py` gives it the elements of values,
+`exact.py` functions for sums of floats.
 """

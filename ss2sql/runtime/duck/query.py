@@ -12,6 +12,7 @@ from ss2sql.kinds import Kind
 from ss2sql.lowering.dialects import DUCKDB
 from ss2sql.lowering.portable.here import LIMIT, Loaded, Outside, WrittenHere, write_here
 from ss2sql.runtime.database import within
+from ss2sql.runtime.duck.exact import give
 from ss2sql.runtime.duck.loading import as_arrow, columns_of
 from ss2sql.runtime.duck.tables import DuckFrame, DuckSources, Reading
 from ss2sql.runtime.levels.watch import watched
@@ -87,6 +88,9 @@ class DuckQuery:
             with watched(run, reading):
                 found = self._found(reading, given, values, run)
                 sink.rows.extend(found if run.max_rows is None else within(found, run.max_rows))
+        except NotHereError:
+            sink.rows.clear()
+            raise
         except self.sources.errors as error:
             hint = "look at its limit of memory and the room on its disk"
             raise ExecutionError("X009", f"duckdb: {error}", self.query.span, (hint,)) from error
@@ -115,17 +119,20 @@ class DuckQuery:
     def _found(
         self, reading: Reading, given: list[tuple[Loaded, list[Sequence[Any]]]], values: Mapping[str, Any], run: Run
     ) -> Iterator[Row]:
-        cursor = reading.cursor
+        cursor, functions = reading.cursor, self.written.functions
         for table, columns in given:
             cursor.register(table.name, as_arrow(table, columns))
-        try:
-            cursor.execute(self.text, dict(values) or None)
-            while block := cursor.fetchmany(BLOCK):
-                yield from block
-                run.check()
-        finally:
-            for table, _ in given:
-                cursor.unregister(table.name)
+        failed = give(cursor, functions)
+        cursor.execute(self.text, dict(values) or None)
+        while block := cursor.fetchmany(BLOCK):
+            yield from () if failed else block
+            run.check()
+        for table, _ in given:  # where anything fails, they go with the transaction
+            cursor.unregister(table.name)
+        for name in functions:
+            cursor.remove_function(name)
+        if failed:
+            raise NotHereError("a sum of floats becomes too large on its way")
 
     # --- sizes ---------------------------------------------------------------------------------------------
 
