@@ -401,7 +401,7 @@ def test_what_runs_elsewhere_is_explained(ss: ss2sql.Session) -> None:
 
 def test_what_runs_here_is_explained(ss: ss2sql.Session, own: Any) -> None:
     own.execute("CREATE TABLE t AS SELECT 1 AS a")
-    result = ss.run("SELECT a FROM t, n = numbers WHERE a < n.this + least LIMIT 5", numbers=[1, 2], least=3)
+    result = ss.run("SELECT a FROM t, n = numbers WHERE a < n.this + least LIMIT most", numbers=[1, 2], least=3, most=5)
     assert result.engine == "duckdb"
     assert result.sql.parameters == {"least": 3, "most_rows": 5}
     assert "3" not in result.sql
@@ -412,8 +412,8 @@ def test_what_runs_here_is_explained(ss: ss2sql.Session, own: Any) -> None:
         "finds the rows with one SELECT over",
         "t, which it reads itself",
         "the elements of numbers, which it is given in a table",
-        ":least = 3",
-        ":most_rows = 5",
+        "$least = 3",
+        "$most_rows = 5, which is most",
     ):
         assert line in text, line
     assert "SELECT" in str(ss.compile("SELECT a FROM t").explain())

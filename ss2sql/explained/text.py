@@ -50,7 +50,7 @@ def _query(query: QueryFacts) -> Iterator[str]:
     if query.sql is not None:
         yield "SQL:"
         yield from (INDENT + line for line in query.sql.splitlines())
-        yield from _bound(query.parameters)
+        yield from _bound(query.parameters, "$" if query.engine == "duckdb" else ":")
 
 
 def _terms(heading: str, terms: Mapping[str, str]) -> Iterator[str]:
@@ -74,18 +74,18 @@ def _nested(plan: Iterable[PlanLine]) -> Iterator[str]:
     yield from (INDENT * (line.depth + 1) + line.words for line in plan)
 
 
-def _bound(parameters: Sequence[ParameterFacts]) -> Iterator[str]:
-    """The values that the SQL has as `:name`; beside them what the script says, if that is something else."""
+def _bound(parameters: Sequence[ParameterFacts], sign: str) -> Iterator[str]:
+    """The values that the SQL has as `:name` or `$name`, beside them what the script says, if it differs."""
     if parameters:
         yield "values that are bound in it:"
     for parameter in parameters:
         name, written = parameter.name, parameter.written
         if parameter.value is None:
-            yield f"{INDENT}:{name}{f' = {written}' if written not in ('', name) else ''}, once it runs"
+            yield f"{INDENT}{sign}{name}{f' = {written}' if written not in ('', name) else ''}, once it runs"
         elif written in ("", name) or written.replace(" ", "") == parameter.value.replace(" ", ""):
-            yield f"{INDENT}:{name} = {parameter.value}"
+            yield f"{INDENT}{sign}{name} = {parameter.value}"
         else:
-            yield f"{INDENT}:{name} = {parameter.value}, which is {written}"
+            yield f"{INDENT}{sign}{name} = {parameter.value}, which is {written}"
 
 
 # --- functions -----------------------------------------------------------------------------------------

@@ -78,8 +78,14 @@ def write_here(query: plan.Query, outside: Callable[[plan.ValueSource], Outside 
     portable = _Exact()
     writer = _Writer(query, portable, sources.open)
     portable.places = writer.places
-    select = writer.select(None if query.limit is None else cast(sql.parameter(LIMIT), "BIGINT"))
+    select = writer.select(_limit(query.limit))
     return WrittenHere(select, tuple(sources.loaded), portable.parameters, tuple(portable.functions))
+
+
+def _limit(limit: plan.Expr | None) -> Node | None:
+    if isinstance(limit, plan.Constant) and type(limit.value) is int:
+        return sql.number(limit.value)
+    return None if limit is None else cast(sql.parameter(LIMIT), "BIGINT")
 
 
 class _Sources:

@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import Any
 
 from ss2sql import plan
-from ss2sql.errors import Error, ExecutionError
+from ss2sql.errors import Error, ExecutionError, UnsupportedError
 from ss2sql.kinds import Kind
 from ss2sql.lowering.dialects import DUCKDB
 from ss2sql.lowering.portable.here import LIMIT, Loaded, Outside, WrittenHere, write_here
@@ -43,7 +43,7 @@ class DuckQuery:
         self.query, self.sources = query, sources
         self._known: dict[tuple[Any, ...], tuple[WrittenHere, str]] = {}
         self._computed: dict[int, Callable[[Run], Any]] = {}
-        self.text, self.written = "", self._write(variable)
+        self.written, self.text = self._write(variable)
 
     def sql(self, run: Run | None) -> Sql:
         """The text that runs, with what is bound in it."""
@@ -52,20 +52,20 @@ class DuckQuery:
     @property
     def parameters(self) -> dict[str, str]:
         """What is bound in the text, as the script has it."""
-        limit = {} if self.query.limit is None else {LIMIT: self.query.limit.span.text}
-        return {**self.written.parameters, **limit}
+        limit = self.query.limit
+        own = {} if limit is None or isinstance(limit, plan.Constant) else {LIMIT: limit.span.text}
+        return {**self.written.parameters, **own}
 
     # --- what is run ---------------------------------------------------------------------------------------
 
-    def _write(self, variable: Callable[[str], Any]) -> WrittenHere:
-        """The query over the tables that its sources are now; `text` becomes its text."""
+    def _write(self, variable: Callable[[str], Any]) -> tuple[WrittenHere, str]:
+        """The query over the tables that its sources are now, and its text."""
         found = {source.id: _outside(source, variable) for source in self.query.sources}
         key = tuple(None if table is None else table.shape for table in found.values())
         if key not in self._known:
             written = write_here(self.query, lambda source: found[source.id])
             self._known = {key: (written, DUCKDB.print(written.select))}
-        self.written, self.text = self._known[key]
-        return self.written
+        return self._known[key]
 
     # --- running it ----------------------------------------------------------------------------------------
 
@@ -73,15 +73,18 @@ class DuckQuery:
         """The answer of the query, see `NativeQuery.rows`. Raises NotHereError before anything is in the sink."""
         sink = sink or Rows(tuple(output.name for output in self.query.columns), [])
         assert sink.rows is not None
-        values = self._limit(run)
-        if values.get(LIMIT) == 0:
+        limit = self._limit(run)
+        if limit == 0:
             return sink  # nothing of the query is evaluated
-        written = self._write(run.source)
         reading = self.sources.reading(run)
         if reading.strange:
             raise NotHereError("settings of the connection say how texts compare, or where None is sorted")
-        given = [(table, self._columns(table, run)) for table in written.loaded]
-        values |= {label: run.variable(name) for label, name in written.parameters.items()}
+        try:
+            self.written, self.text = self._write(run.source)
+        except UnsupportedError as error:  # a table is not what it was
+            raise NotHereError(error.message) from None
+        given = [(table, self._columns(table, run)) for table in self.written.loaded]
+        values = {name: limit if name == LIMIT else run.variable(wanted) for name, wanted in self.parameters.items()}
         self._check(run, reading, given, values)
         run.bound[self] = values
         try:
@@ -96,12 +99,12 @@ class DuckQuery:
             raise ExecutionError("X009", f"duckdb: {error}", self.query.span, (hint,)) from error
         return sink
 
-    def _limit(self, run: Run) -> dict[str, Any]:
+    def _limit(self, run: Run) -> int | None:
         limit = self.query.limit
         if limit is None:
-            return {}
+            return None
         try:
-            return {LIMIT: whole(self._value(limit, run), 0, "LIMIT")}
+            return whole(self._value(limit, run), 0, "LIMIT")
         except ExecutionError as error:
             raise error.located(limit.span) from None
 
