@@ -171,7 +171,7 @@ def test_sums_of_floats_are_rounded_once(own: Any, threads: int) -> None:
         found = ss.run(script)
         assert found.engine == "duckdb"
         assert exact(found.value) == exact(ss.run(script, engine="native").value)
-        assert own.execute("SELECT count(*) FROM duckdb_functions() WHERE function_name LIKE 'exact%'").fetchall() == [
+        assert own.execute("SELECT count(*) FROM duckdb_functions() WHERE function_name LIKE 'ss2sql%'").fetchall() == [
             (0,)
         ]
 
@@ -252,6 +252,16 @@ def test_a_run_sees_one_state(ss: ss2sql.Session, own: Any) -> None:
     assert ss.eval("SELECT a FROM t AS list") == [1, 2]
 
 
+def test_nothing_is_held_after_a_run(ss: ss2sql.Session, own: Any) -> None:
+    own.execute("CREATE TABLE t AS SELECT 1 AS a")
+    kept = [ss.run("SELECT a FROM t")]
+    with pytest.raises(ss2sql.Error) as caught:
+        ss.run("SELECT str(a) + 1 FROM t")
+    assert own.execute("FROM duckdb_connection_count()").fetchall() == [(1,)]
+    assert kept[0].value == [{"a": 1}]
+    assert caught.value.code == "X001"
+
+
 COLUMNS = (
     ("TINYINT", "-5", -5),
     ("UBIGINT", "5", 5),
@@ -307,6 +317,13 @@ def test_names_of_columns_are_names(ss: ss2sql.Session, own: Any) -> None:
         result = ss.run(script.format(name).replace("to(qualify + 1, x)", "qualify + 1"))
         assert (result.engine, result.value) == ("duckdb", [(9, 1, 2, 3), (8, 4, 5, 6)])
         assert ss.eval(f"SELECT * FROM {name} LIMIT 1 AS rows") == [(9, 1, 2, 3)]
+
+
+def test_what_a_script_calls_its_sources_changes_no_view(ss: ss2sql.Session, own: Any) -> None:
+    own.execute("CREATE TABLE t AS SELECT 1 AS a; CREATE VIEW v AS SELECT a FROM t")
+    result = ss.run("SELECT v.a, t.a FROM v, t = given AS rows", given=[{"a": 10}, {"a": 20}])
+    assert (result.engine, result.value) == ("duckdb", [(1, 10), (1, 20)])
+    assert "ss2sql_t AS t" in result.sql
 
 
 def test_a_view_that_cannot_be_read_is_named(ss: ss2sql.Session, own: Any) -> None:

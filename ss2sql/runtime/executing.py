@@ -64,6 +64,8 @@ def attended(host: SessionHost, work: Callable[[Run], T]) -> T:
                 result = work(run)
             finally:
                 host.begun.remove(run)
+                for end in run.endings:
+                    end()
         if not run.interrupted:
             return result
     except KeyboardInterrupt:

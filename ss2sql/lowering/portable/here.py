@@ -21,8 +21,10 @@ from ss2sql.lowering.portable.sources import NUMBER, Opened, columns_of, listed,
 from ss2sql.lowering.portable.types import cast, column_type, is_nullable, refused
 from ss2sql.walk import can_fail
 
+# Begins the names of all that the database is given: nothing that a view of the user's reads is called so.
+PREFIX = "ss2sql_"
 # Functions that the database is given, for the aggregates of floats: they take all values of a group as a list.
-EXACT = {"sum": "exact_sum", "average": "exact_average"}
+EXACT = {"sum": f"{PREFIX}sum", "average": f"{PREFIX}average"}
 LIMIT = "most_rows"  # the parameter that has the value of LIMIT
 WRITTEN_OUT = 100  # elements of a list that the script spells out
 AVERAGED = 2**21  # of integers up to here 2^32 add up to one that a float holds
@@ -118,7 +120,7 @@ class _Sources:
         return self._load(source, label)
 
     def _load(self, source: plan.ValueSource, label: str) -> Opened:
-        table = Loaded(self.names.free(source.name, "source"), source.value)
+        table = Loaded(self.names.free(f"{PREFIX}{source.name}", f"{PREFIX}source"), source.value)
         self.loaded.append(table)
         kinds, names = columns_of(source), Names()
 

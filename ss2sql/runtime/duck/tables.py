@@ -53,7 +53,7 @@ PREFIX = "duckdb."  # of the variables as which tables are read; a script has no
 
 
 class Reading:
-    """A cursor of its own on a connection, in a transaction; it is let go of with whoever holds it.
+    """A cursor of its own on a connection, in a transaction, which ends with the run.
 
     In a `strange` connection SQL means something else than by itself.
     """
@@ -121,6 +121,7 @@ class DuckSources:
             raise ExecutionError("X009", f"duckdb: {error}") from error
         if run is not None:
             run.readings[self] = made
+            run.endings.append(made.cursor.close)
         return made
 
     def find(self, name: str) -> str | None:
