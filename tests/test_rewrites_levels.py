@@ -80,6 +80,35 @@ def test_what_the_sql_looks_like() -> None:
     assert "LIMIT" not in str(ss.compile("SELECT f(a.this), a.this + b.this FROM a = [1, 2], b = xs").sql)
 
 
+@pytest.mark.parametrize(
+    ("columns", "times"),
+    [
+        ("[f(a.this), b.this]", 2),  # a part of a list is certain, so it is evaluated once for each element of a
+        ("NOT f(a.this), b.this", 2),
+        ("IF(f(a.this) > 1; 1; 2), b.this", 2),
+        ("f(a.this) XOR b.this", 2),
+        ("IF(b.this > 1; f(a.this); 2)", 4),  # one that may be skipped waits for the row
+        ("b.this > 1 AND f(a.this)", 4),
+    ],
+)
+def test_which_parts_are_evaluated_ahead(columns: str, times: int) -> None:
+    ss, _ = session()
+    ss.attach("xs", [1, 2, 3])
+    result = ss.run(f"SELECT {columns} FROM a = [1, 2], b = xs AS list", engine="database")
+    assert asked(result) == times
+    assert result.value == ss.run(f"SELECT {columns} FROM a = [1, 2], b = xs AS list", engine="native").value
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_nothing_is_evaluated_ahead_of_what_fails_itself(engine: Any) -> None:
+    ss, calls = session()
+    with pytest.raises(ss2sql.ExecutionError) as caught:
+        ss.run(
+            "SELECT (SELECT 1 / c.this FROM c = [b.this] AS value), f(a.this) FROM a = ['bad'], b = [0]", engine=engine
+        )
+    assert (caught.value.code, calls) == ("X002", [])
+
+
 @pytest.mark.parametrize("engine", ENGINES)
 def test_nothing_is_evaluated_ahead_of_a_limit(engine: Any) -> None:
     for disable in ([], ["hoist"]):
