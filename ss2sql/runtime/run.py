@@ -130,7 +130,7 @@ class Run:
     `ceiling` bounds the bytes of memory of the process, which is looked at again at the time `next_look`. `readings` is
     what was read of another database, `endings` lets go of that. `sizes` measures what the script makes, see sizes.py.
     `sink` holds the rows found so far by the query that runs; `answer` what the last query gave. `statements` are those
-    of the script; `lowered` is the SQL that each of their queries has run, `bound` are the values for its parameters, or
+    of the script; `lowered` is the SQL that each of their queries has run, `bound` are the values for its parameters or
     for those of another database. `ahead` holds for each native query that runs, the innermost last,
     what is coming for functions that take arrays (ahead.py). `foreteller` has calls made by other processes (workers/),
     `progress` shows how far the run is (progress.py), where these are wanted; `graph` is the one that MEMORIZE works
