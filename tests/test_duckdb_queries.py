@@ -180,7 +180,16 @@ def test_a_sum_that_is_too_large_on_its_way(ss: ss2sql.Session) -> None:
     ss.set("t", [{"x": 1.5e308}, {"x": 1.5e308}, {"x": -1.5e308}])
     result = ss.run("SELECT sum(x) FROM t GROUP BY 1 AS list")
     assert (result.engine, result.value) == ("native", [1.5e308])
+    assert "a sum of floats becomes too large on its way" in str(result.explain())
     assert code_of(ss.run, "SELECT sum(x) FROM t WHERE x > 0 GROUP BY 1 AS list") == "X004"
+
+
+def test_a_sum_of_nothing_is_a_whole_number(ss: ss2sql.Session) -> None:
+    ss.set("t", [{"k": 1, "x": 0.5}, {"k": 2, "x": None}, {"k": 1, "x": None}])
+    whole = ss.run("SELECT k, sum(x) FROM t GROUP BY k AS rows")
+    assert (whole.engine, exact(whole.value)) == ("native", exact([(1, 0.5), (2, 0)]))
+    floats = ss.run("SELECT k, sum(x), average(x) FROM t WHERE k == 1 GROUP BY k AS rows")
+    assert (floats.engine, exact(floats.value)) == ("duckdb", exact([(1, 0.5, 0.5)]))
 
 
 # --- tables of the connection ----------------------------------------------------------------------------
@@ -295,6 +304,31 @@ def test_columns_become_values_as_those_of_data_frames_do(
         assert exact(found) == exact(expected), engine
     ss.attach("frame", own.sql("FROM t").to_arrow_table())
     assert exact(ss.eval("SELECT x FROM frame AS rows")) == exact(expected)
+
+
+@pytest.mark.parametrize("kind", sorted({kind for kind, _, _ in COLUMNS}))
+def test_a_table_without_values(ss: ss2sql.Session, own: Any, kind: str) -> None:
+    own.execute(f"CREATE TABLE t(x {kind})")
+    assert ss.eval("SELECT x FROM t AS rows") == []
+    own.execute("INSERT INTO t VALUES (NULL), (NULL)")
+    assert ss.eval("SELECT x, x == None FROM t AS rows") == [(None, True)] * 2
+    assert ss.eval("SELECT x, count(x) FROM t GROUP BY x AS rows") == [(None, 0)]
+
+
+def test_times_are_texts(ss: ss2sql.Session, own: Any) -> None:
+    own.execute("""
+        CREATE TABLE t AS
+        SELECT
+          DATE '2024-01-30' + i::INTEGER AS d,
+          TIMESTAMP '2024-12-31 23:59:59' + INTERVAL (i * 250) MILLISECOND AS at
+        FROM range(8) AS r(i)
+    """)
+    result = ss.run("SELECT d[0:7], count(*), min(at) FROM t WHERE at > '2024-12-31T23:59:59' GROUP BY d[0:7] AS rows")
+    assert result.engine == "duckdb"
+    assert result.value == [("2024-01", 1, "2024-12-31T23:59:59.250000"), ("2024-02", 6, "2024-12-31T23:59:59.500000")]
+    assert ss.eval("SELECT at FROM t WHERE d == '2024-02-03' AS list") == ["2025-01-01T00:00:00"]
+    own.execute("INSERT INTO t VALUES ('10000-01-01', 'infinity'), ('0044-03-15 (BC)', NULL)")
+    assert ss.run("SELECT d FROM t LIMIT 1 AS list").engine == "database"
 
 
 @pytest.mark.parametrize(

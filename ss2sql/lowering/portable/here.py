@@ -162,7 +162,7 @@ class _Exact(Grouping):
             return exp.Div(this=total, expression=exp.Count(this=node.copy()), typed=True)
         if argument is None or argument.type.kinds & ~Kind.NONE != Kind.FLOAT:
             return super()._aggregate(expr, sight)
-        if expr.function in EXACT and expr.type.kinds & ~Kind.NONE == Kind.FLOAT:
+        if expr.function in EXACT:
             return self._exactly(EXACT[expr.function], argument, sight)
         return self._extreme(expr, argument, sight) if expr.function != "count" else super()._aggregate(expr, sight)
 

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
+import sqlglot
 from sqlglot import exp
 
 from ss2sql.kinds import INT_MAX, INT_MIN, Kind, Type
@@ -22,6 +23,17 @@ from ss2sql.vtables.frames.cells import cell
 _INTEGERS = ("TINYINT", "SMALLINT", "INTEGER", "UTINYINT", "USMALLINT", "UINTEGER")
 _LARGE = ("UBIGINT", "HUGEINT", "UHUGEINT")
 _TIMES = ("DATE", "TIME", "TIMESTAMP")
+# Times as texts in ISO 8601, by the type; `{0}` stands for the column. Years before 1 and after 9999 look otherwise.
+_WRITTEN = {
+    "DATE": "CAST({0} AS VARCHAR)",
+    "TIMESTAMP": """
+        CASE
+          WHEN MICROSECOND({0}) % 1000000 = 0 THEN STRFTIME({0}, '%Y-%m-%dT%H:%M:%S')
+          ELSE STRFTIME({0}, '%Y-%m-%dT%H:%M:%S.%f')
+        END
+    """,
+}
+_USUAL = "MIN({0}) >= '0001-01-01' AND MAX({0}) < '9999-12-31'"
 _DECIMAL = re.compile(r"DECIMAL\((\d+),(\d+)\)\Z")
 _EXACT_DIGITS = 15  # of a decimal: dividing by a power of ten then rounds once
 
@@ -65,6 +77,8 @@ class Column:
         if self.holds is None:
             return
         yield exp.Count(this=self.plain)
+        if self.kind in _WRITTEN:
+            yield self._parsed(_USUAL)
         if self.holds in Kind.INT | Kind.FLOAT:
             ends: list[exp.Expr] = [exp.Min(this=self.plain), exp.Max(this=self.plain)]
             if self.has_nan:
@@ -79,10 +93,11 @@ class Column:
         if kind is None:
             return Seen(Type(), None)
         present = next(answers)
-        nan = next(answers) if self.has_nan else 0
+        nan = (next(answers) or 0) if self.has_nan else 0
         missing = Kind.NONE if present - nan < rows else Kind(0)
         if kind is Kind.STR:
-            return Seen(Type(kind | missing), self._text(collated))
+            usual = self.kind not in _WRITTEN or next(answers) is not False
+            return Seen(Type(kind | missing), self._text(collated) if usual else None)
         if kind is Kind.BOOL:
             return Seen(Type(kind | missing, 0, 1), self.plain)
         low, high = (cell(next(answers)) for _ in range(2))
@@ -95,9 +110,16 @@ class Column:
 
     def _text(self, collated: bool) -> exp.Expr | None:
         if self.kind.startswith(_TIMES):
-            return None
+            return self._parsed(_WRITTEN[self.kind]) if self.kind in _WRITTEN else None
         text = self.plain if self.kind == "VARCHAR" else cast(self.plain, "VARCHAR")
         return exp.Collate(this=text, expression=exp.Var(this="C")) if collated else text
+
+    def _parsed(self, text: str) -> exp.Expr:
+        """A text of SQL with the column in it."""
+        tree = sqlglot.parse_one(text.format("placeholder"), read="duckdb")
+        for column in tree.find_all(exp.Column):
+            column.set("this", identifier(self.name))
+        return tree
 
     def _number(self, nan: int) -> exp.Expr | None:
         if self.decimals is not None and self.decimals[1] and self.decimals[0] > _EXACT_DIGITS:

@@ -29,33 +29,38 @@ def _floats(values: Any) -> Iterator[float]:
     return chain.from_iterable(values[n : n + AT_ONCE].tolist() for n in range(0, len(values), AT_ONCE))
 
 
-def give(cursor: duckdb.DuckDBPyConnection, names: Iterable[str]) -> list[OverflowError]:
-    """Makes the functions known to the transaction of a cursor. Gives a list of what they will have failed with.
+def give(cursor: duckdb.DuckDBPyConnection, names: Iterable[str]) -> list[str]:
+    """Makes the functions known to the transaction of a cursor. Gives a list of why their values will be no good.
 
     Raises an error of DuckDB where another transaction has them just now.
     """
-    failed: list[OverflowError] = []
+    failed: list[str] = []
     for name in names:
-        function = _of_lists(_FUNCTIONS[name], failed)
-        cursor.create_function(name, function, ["DOUBLE[]"], "DOUBLE", type="arrow")  # type: ignore[call-overload]
+        function = _of_lists(name, failed)
+        cursor.create_function(  # type: ignore[call-overload]
+            name, function, ["DOUBLE[]"], "DOUBLE", type="arrow", null_handling="special"
+        )
     return failed
 
 
-def _of_lists(function: Callable[[Any], float], failed: list[OverflowError]) -> Callable[[Any], Any]:
-    """The function for an array of lists, none of which is empty. What failed has any value."""
+def _of_lists(name: str, failed: list[str]) -> Callable[[Any], Any]:
+    """The function for an array of lists; None stands for an empty one."""
+    function = _FUNCTIONS[name]
 
     def compute(given: Any) -> Any:
         import pyarrow as pa  # type: ignore[import-untyped]
 
         lists = given.combine_chunks() if isinstance(given, pa.ChunkedArray) else given
         values, ends = lists.values.to_numpy(), lists.offsets.to_pylist()
-        found = []
-        for start, end in pairwise(ends):
+        if name == EXACT["sum"] and lists.null_count:
+            failed.append("a sum of nothing is a whole number among floats")
+        found: list[float | None] = []
+        for known, (start, end) in zip(lists.is_valid().to_pylist(), pairwise(ends), strict=True):
             try:
-                found.append(function(values[start:end]))
-            except OverflowError as error:
-                failed.append(error)
-                found.append(0.0)
+                found.append(function(values[start:end]) if known else None)
+            except OverflowError:
+                failed.append("a sum of floats becomes too large on its way")
+                found.append(None)
         return pa.array(found, pa.float64())
 
     return compute

@@ -135,7 +135,7 @@ class DuckQuery:
         for name in functions:
             cursor.remove_function(name)
         if failed:
-            raise NotHereError("a sum of floats becomes too large on its way")
+            raise NotHereError(failed[0])
 
     # --- sizes ---------------------------------------------------------------------------------------------
 
