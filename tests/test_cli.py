@@ -14,6 +14,8 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
+import pyarrow as pa  # type: ignore[import-untyped]
+import pyarrow.parquet as pq  # type: ignore[import-untyped]
 import pytest
 from command_lines import ENDLESS, FUNCTIONS, bad, call, good, process, value
 
@@ -135,6 +137,18 @@ def test_tables_of_a_database(folder: Path) -> None:
     assert value("-e", "v{5} = 1; SELECT name FROM staff AS list;", "--database", "staff.db") == ["Ada"]
     assert (folder / "staff.db").read_bytes() == before
     assert "cannot be opened" in bad(1, "run", "-e", "1;", "--database", "missing.db")
+
+
+def test_attached_files(folder: Path) -> None:
+    with closing(sqlite3.connect("staff.db")) as connection, connection:
+        connection.executescript("CREATE TABLE people(id, name); INSERT INTO people VALUES (1, 'Ada')")
+    pq.write_table(pa.table({"who": [1, 1, 2], "hours": [3.5, 4.0, None]}), "work.parquet")
+    script = "SELECT name, hours FROM staff.people, work WHERE id == who AS rows;"
+    files = ("--attach", "work=work.parquet", "--attach", "staff=staff.db")
+    assert value("-e", script, *files) == [["Ada", 3.5], ["Ada", 4.0]]
+    assert value("-e", "SELECT max(hours) FROM work GROUP BY 1 AS list;", *files, "--engine", "duckdb") == [4.0]
+    assert "error[S002]: missing.parquet is not" in bad(1, "run", "-e", "1;", "--attach", "w=missing.parquet")
+    assert "--attach takes NAME=FILE, not work.parquet" in bad(2, "run", "-e", "1;", "--attach", "work.parquet")
 
 
 def test_worlds(folder: Path) -> None:

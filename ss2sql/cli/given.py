@@ -37,6 +37,8 @@ USES_OPTIONS = (
     click.option("--world", "worlds", multiple=True, metavar="NAME=MODULE:OBJECT",
                  help="A Python object to attach; a class or function is called, MODULE:FACTORY(seed=3) too."),
     click.option("--database", type=click.Path(dir_okay=False), help="A SQLite file whose tables the script reads."),
+    click.option("--attach", "files", multiple=True, metavar="NAME=FILE",
+                 help="A Parquet file, read as NAME, or a SQLite file, whose tables are NAME.TABLE."),
 )  # fmt: skip
 
 PARAMETER = click.option("-p", "--parameter", "parameters", nargs=2, multiple=True, metavar="NAME VALUE",
@@ -65,6 +67,7 @@ class Given:
     function_files: tuple[Path, ...] = ()
     worlds: tuple[str, ...] = ()
     database: str | None = None
+    files: tuple[str, ...] = ()
     parameters: tuple[tuple[str, str], ...] = ()
     file: str | None = None
     text: str | None = None
@@ -104,6 +107,8 @@ class Given:
             register(session, path)
         for world in self.worlds:
             session.attach(*world_of(world))
+        for file in self.files:
+            session.attach(*file_of(file))
         for name, text in self.parameters:
             session.set(name, value_of(text))
         return session
@@ -179,6 +184,14 @@ def _names_of(path: Path) -> dict[str, Any]:
             return runpy.run_path(str(path))
     except Exception as error:
         raise UserError(error) from None
+
+
+def file_of(text: str) -> tuple[str, Path]:
+    """What `--attach` names: what a file is called in scripts, and its path."""
+    name, _, path = text.partition("=")
+    if not name or not path:
+        raise click.UsageError(f"--attach takes NAME=FILE, not {text}", _context())
+    return name, Path(path)
 
 
 # --- worlds --------------------------------------------------------------------------------------------
