@@ -332,7 +332,14 @@ def test_times_are_texts(ss: ss2sql.Session, own: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("kind", "written"), [("UBIGINT", "9223372036854775808"), ("HUGEINT", "-9223372036854775809"), ("DOUBLE", "'-inf'")]
+    ("kind", "written"),
+    [
+        ("UBIGINT", "9223372036854775808"),
+        ("HUGEINT", "-9223372036854775809"),
+        ("DOUBLE", "'-inf'"),
+        ("BIT", "'101'"),
+        ("TIMETZ", "'12:00:00+02'"),
+    ],
 )
 def test_what_is_no_value_is_named(ss: ss2sql.Session, own: Any, kind: str, written: str) -> None:
     own.execute(f"CREATE TABLE t(x {kind}); INSERT INTO t VALUES (NULL), ({written})")

@@ -34,6 +34,8 @@ _WRITTEN = {
     """,
 }
 _USUAL = "MIN({0}) >= '0001-01-01' AND MAX({0}) < '9999-12-31'"
+# What Arrow gives as something else: a time without its zone, bits and large numbers as bytes.
+_STRANGE = ("TIME WITH TIME ZONE", "BIT", "BIGNUM", "VARINT")
 _DECIMAL = re.compile(r"DECIMAL\((\d+),(\d+)\)\Z")
 _EXACT_DIGITS = 15  # of a decimal: dividing by a power of ten then rounds once
 
@@ -58,6 +60,8 @@ class Column:
     @property
     def holds(self) -> Kind | None:
         """The kind of its values; None where that shows in the values alone."""
+        if self.strange:
+            return None
         if self.kind in (*_INTEGERS, "BIGINT", *_LARGE):
             return Kind.INT
         if self.decimals is not None:
@@ -67,6 +71,11 @@ class Column:
         if self.kind == "VARCHAR" or self.kind.startswith(("ENUM(", *_TIMES)):
             return Kind.STR if "[" not in self.kind else None
         return Kind.BOOL if self.kind == "BOOLEAN" else None
+
+    @property
+    def strange(self) -> bool:
+        """Whether the language has no values for it."""
+        return self.kind in _STRANGE
 
     @property
     def has_nan(self) -> bool:

@@ -220,7 +220,8 @@ class TableReader:
         answers = iter(rest)
         seen = {column.name: column.read(rows, answers, reading.collated) for column in columns}
         outside = self._outside(seen, reading.collated)
-        values = _Values(reading, outside, self.name, stable=self.number is not None)
+        strange = {column.name: column.kind for column in columns if column.strange}
+        values = _Values(self, reading, outside, strange)
         for name, known in seen.items():
             if known.refused:
                 values.column(name)  # raises, with the row's number
@@ -243,23 +244,32 @@ class TableReader:
 class _Values:
     """The values of a table as Python gets them: column by column, or all at once where rows have no fixed order."""
 
-    def __init__(self, reading: Reading, outside: Outside, name: str, stable: bool) -> None:
-        self.reading, self.outside, self.name, self.stable = reading, outside, name, stable
+    def __init__(self, reader: TableReader, reading: Reading, outside: Outside, strange: dict[str, str]) -> None:
+        self.reader, self.reading, self.outside, self.strange = reader, reading, outside, strange
         self.whole: Any = None
 
     def later(self, name: str, seen: Seen) -> FrameColumn:
         return FrameColumn(seen.type, lambda: self.column(name).values)
 
     def column(self, name: str) -> FrameColumn:
+        """The column. Raises ExecutionError X004 for what is no value of the language, X009 where DuckDB fails."""
         from ss2sql.vtables.frames.arrow import column_of_arrow
 
-        return column_of_arrow(self._array(name), f"the column '{name}' of '{self.name}'")
+        place = f"the column '{name}' of '{self.reader.name}'"
+        if name in self.strange:
+            hint = "make texts or numbers of them in a view of DuckDB"
+            raise ExecutionError("X004", f"{place} holds values of the type {self.strange[name]}", hints=(hint,))
+        try:
+            array = self._array(name)
+        except self.reader.sources.errors as error:
+            raise ExecutionError("X009", f"{place} cannot be read: {error}") from error
+        return column_of_arrow(array, place)
 
     def _array(self, name: str) -> Any:
-        if self.stable:
+        if self.reader.number is not None:
             return self._select([name]).column(0)
         if self.whole is None:
-            self.whole = self._select(list(self.outside.columns))
+            self.whole = self._select([name for name in self.outside.columns if name not in self.strange])
         return self.whole.column(name)
 
     def _select(self, names: Sequence[str]) -> Any:
