@@ -118,7 +118,7 @@ class EnteringStep:
         """What COST or PROBABILITY drops."""
         drops: list[Node] = []
         if self.search.order == "probability":
-            drops.append(sql.binary(exp.EQ, self.weight(), sql.number(0)))
+            drops.append(self._impossible())
         if not self.best:
             return drops
         later = [self.search.heuristic, *(expr for _, expr in self.search.connect)]
@@ -130,6 +130,15 @@ class EnteringStep:
             drops.append(happens if goes_on else sql.case([(self.stop(), sql.number(0))], happens))
         drops.append(_not(sql.call("improves", self.of.ranked(self.total()), *self.row())))
         return drops
+
+    def _impossible(self) -> Node:
+        """Whether the probability is 0. The row comes before it, if the guard has not asked for that."""
+        impossible = sql.binary(exp.EQ, self.weight(), sql.number(0))
+        if self._guard() or not any(can_fail(output.expr) for output in self.query.columns):
+            return impossible
+        if self.strict:
+            return sql.call("in_turn", *self.row(), impossible)
+        return sql.case([(impossible, sql.call("in_turn", *self.row(), sql.number(1)))], sql.number(0))
 
     # --- what it carries -------------------------------------------------------------------------------
 

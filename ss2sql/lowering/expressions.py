@@ -220,6 +220,18 @@ class Expressions:
         return sql.case([(self.condition(expr.condition, env), branches[0])], branches[1])
 
     def aggregate(self, expr: plan.Aggregate, env: Env) -> Node:
+        if expr.spared:  # SQLite completes the aggregates of a group before it asks HAVING
+            return self.in_range(expr, self.collected(expr, env))
+        if expr.function == "sum" and expr.argument is not None:
+            return sql.call("group_sum", self.value(expr.argument, env), self.place(expr.span))
+        return self.collected(expr, env)
+
+    def in_range(self, expr: plan.Aggregate, total: Node) -> Node:
+        """A collected sum, if it is a value."""
+        return sql.call("in_range", total, self.place(expr.span))
+
+    def collected(self, expr: plan.Aggregate, env: Env) -> Node:
+        """What SQLite makes of the rows of a group: the aggregate itself, but of a sum what `in_range` is asked of."""
         if expr.argument is None:
             return exp.Count(this=exp.Star())
         kind = expr.argument.type
@@ -232,9 +244,9 @@ class Expressions:
                 return exp.Min(this=argument)
             case "max" if plain:
                 return exp.Max(this=argument)
-        if expr.spared:  # SQLite completes the aggregates of a group before it asks HAVING
-            return sql.call("in_range", sql.call("group_total", argument), self.place(expr.span))
-        return sql.call(f"group_{expr.function}", argument, self.place(expr.span))
+            case "sum":
+                return sql.call("group_total", argument)
+        return self.unboxed(sql.call(f"group_{expr.function}", argument, self.place(expr.span)), expr.type)
 
 
 def is_fixed(expr: plan.Expr) -> bool:

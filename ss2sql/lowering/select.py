@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 from sqlglot import exp
 
@@ -16,7 +17,7 @@ from ss2sql.lowering.parameters import Needs
 from ss2sql.lowering.product import Product
 from ss2sql.lowering.sources import open_sources, sql_names
 from ss2sql.lowering.sql import Node
-from ss2sql.walk import sources_read, walk_own
+from ss2sql.walk import rebuild, sources_read, walk_own
 
 COLLECTORS = {
     "list": "collect",
@@ -145,6 +146,9 @@ class Selects:
         first: Node,
         names: list[str | None],
     ) -> exp.Select:
+        asked = (query.having, *(output.expr for output in query.columns))
+        if any(can_fail(_of_a_group(expr)) for expr in asked if expr is not None):
+            return self._groups_in_turn(query, env, keys, items, where, first, names)
         env = env.with_groups({(query.id, index): key for index, key in enumerate(keys)})
         select = sql.select(self.outputs(query, env, names), items, where)
         select.set("group", exp.Group(expressions=[sql.key(key.copy()) for key in keys]))
@@ -156,6 +160,45 @@ class Selects:
             select.set("having", exp.Having(this=having))
         order = [(self.expressions.lower(key.expr, env), key.descending) for key in query.order]
         return sql.sorted_query(select, [*order, (exp.Min(this=first), False)])
+
+    def _groups_in_turn(
+        self,
+        query: plan.Query,
+        env: Env,
+        keys: Sequence[Node],
+        items: list[Node],
+        where: Node | None,
+        first: Node,
+        names: list[str | None],
+    ) -> exp.Select:
+        """All groups as a table, and then HAVING and the columns of one after the other.
+
+        SQLite would evaluate them in the order of their keys, and another group would be the first to fail.
+        """
+        label = self.needs.label("groups")
+        aggregates = list({node: None for node in _group_nodes(query) if isinstance(node, plan.Aggregate)})
+        outputs = [sql.alias(key, f"key_{index}") for index, key in enumerate(keys, 1)]
+        known: list[tuple[plan.Expr, Node]] = []
+        for index, node in enumerate(aggregates, 1):
+            outputs.append(sql.alias(self.expressions.collected(node, env), f"value_{index}"))
+            column = sql.column(f"value_{index}", label)
+            known.append((node, self.expressions.in_range(node, column) if node.function == "sum" else column))
+        outputs.append(sql.alias(exp.Min(this=first), "position"))
+        groups = sql.select(outputs, items, where)
+        groups.set("group", exp.Group(expressions=[sql.key(key.copy()) for key in keys]))
+        groups = sql.sorted_query(groups, [(exp.Min(this=first.copy()), False)], sql.unlimited())
+
+        seen = {(query.id, index): sql.column(f"key_{index + 1}", label) for index in range(len(keys))}
+        env = replace(env.with_groups(seen), known=(*env.known, *known))
+        outer, position = Selects(self.needs), sql.column("position", label)
+        having = None if query.having is None else outer.expressions.condition(query.having, env)
+        order = [(outer.expressions.lower(key.expr, env), key.descending) for key in query.order]
+        return sql.select(
+            outer.outputs(query, env, names),
+            [sql.derived(groups, label)],
+            None if having is None else sql.asked_of(position, having),
+            [*order, (position.copy(), False)] if order else (),
+        )
 
     # --- whole queries ---------------------------------------------------------------------------------
 
@@ -259,6 +302,13 @@ def _all_sources(query: plan.Query) -> list[plan.Source]:
 def _before_groups(query: plan.Query) -> tuple[object, ...]:
     """What is evaluated of a row before it is put into its group."""
     return (*query.sources, *(() if query.where is None else (query.where,)))
+
+
+def _of_a_group(node: Any) -> Any:
+    """What is evaluated of a group, without that of its rows."""
+    if isinstance(node, plan.Aggregate):
+        return replace(node, argument=None)
+    return node if isinstance(node, plan.Query) else rebuild(node, _of_a_group)
 
 
 def _needs_numbers(query: plan.Query) -> bool:

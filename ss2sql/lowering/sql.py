@@ -288,6 +288,12 @@ def sorted_query(query: exp.Select, order: Sequence[tuple[Node, bool]], limit: N
     return query
 
 
+def asked_of(column: Node, condition: Node) -> Node:
+    """A condition that is asked of every row: what reads nothing SQLite asks first, and if it is false reads no row."""
+    terms = condition.flatten() if isinstance(condition, exp.And) else [condition]
+    return condition if all(term.find(exp.Column) for term in terms) else call("in_turn", column.copy(), condition)
+
+
 def unlimited() -> Node:
     """`LIMIT -1`: no limit, but SQLite then keeps a subquery apart and its order as written."""
     return number(-1)

@@ -129,8 +129,5 @@ class WhenTaken(SearchLowering):
         outputs += [self.expressions.lower(key, env) for key in self.query.group]
         outputs += [self.expressions.lower(key.expr, env) for key in self.query.order]
         goal = self.goal(env)
-        terms = goal.flatten() if isinstance(goal, exp.And) else filter(None, [goal])
-        if goal is not None and not all(term.find(exp.Column) for term in terms):
-            # A condition that reads nothing SQLite asks first, and does not search where it is false.
-            goal = sql.call("in_turn", self.column("step"), goal)
+        goal = None if goal is None else sql.asked_of(self.column("step"), goal)
         return sql.select(outputs, [sql.table(self.table, self.table)], goal, limit=self.limit())
