@@ -66,26 +66,31 @@ def expressions() -> st.SearchStrategy[dict[str, str]]:
     return st.fixed_dictionaries({"int": number, "text": text, "truth": truth, "where": truth, "stop": truth})
 
 
-@seed(88)
-@settings(max_examples=COUNT, deadline=None, database=None)
-@given(expressions(), st.sampled_from(STRATEGIES), st.sets(st.sampled_from(list(STATES)), min_size=1), st.booleans())
-def test_random_steps(parts: dict[str, str], strategy: str, shown: set[str], grouped: bool) -> None:
+def script_of(parts: dict[str, str], strategy: str, shown: set[str], grouped: bool, ends: int = 2) -> str:
+    """A search with these expressions, whose paths stop after so many steps and one."""
     outputs = {
         "n": f"({parts['int']}) % 13",
         "t": parts["text"],
         "b": f"({parts['truth']}) AND True",
         "l": "[m.by % 3]",
     }
-    script = (
+    return (
         f"SELECT {', '.join(outputs[name] for name in sorted(shown))} FROM m = moves WHERE {parts['where']} START WITH "
         + ", ".join(f"{name} = {value}" for name, value in STATES.items())
         + ", depth = 0"
         + f" CONNECT BY {strategy} MAXIMUM 40 "
         + ", ".join(f"{name} = {value}" for name, value in outputs.items())
-        + f", depth = IF(depth < 9; depth + 1; 9) STOP WITH depth > 2 OR {parts['stop']}"
+        + f", depth = IF(depth < 9; depth + 1; 9) STOP WITH depth > {ends} OR {parts['stop']}"
         + (" GROUP BY m.by % 2" if grouped else "")
         + " AS list"
     )
+
+
+@seed(88)
+@settings(max_examples=COUNT, deadline=None, database=None)
+@given(expressions(), st.sampled_from(STRATEGIES), st.sets(st.sampled_from(list(STATES)), min_size=1), st.booleans())
+def test_random_steps(parts: dict[str, str], strategy: str, shown: set[str], grouped: bool) -> None:
+    script = script_of(parts, strategy, shown, grouped)
     with ss2sql.connect() as ss:
         ss.set("moves", MOVES)
         wanted = ss.run(script, engine="native")
@@ -215,6 +220,17 @@ def test_what_is_equal_after_each_step_may_differ_at_the_start() -> None:
     )
     with ss2sql.connect() as ss:
         assert ss.run(script, engine="duckdb").value == ss.run(script, engine="native").value == [[3]]
+
+
+def test_a_state_that_no_step_changes() -> None:
+    script = (
+        "SELECT n + this FROM [1, 2] WHERE n + this == goal START WITH n = 0, goal = 5"
+        " CONNECT BY UNIQUE n = n + this STOP WITH n > goal AS list"
+    )
+    with ss2sql.connect() as ss:
+        found = ss.run(script, engine="duckdb")
+        assert found.value == [[1, 3, 5]]
+        assert "in SQL" in str(found.explain())
 
 
 def test_no_elements() -> None:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import os
 from dataclasses import replace
+from itertools import count
+from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import golden
@@ -13,9 +16,10 @@ from level_searches import FORMS, by_length, compare_random, kept, options
 import ss2sql
 from spark.same import SHORT, agree, ended
 from ss2sql.frontend import ast
-from ss2sql.runtime.levels import spark as engine
-from ss2sql.runtime.levels import spark_store
+from ss2sql.runtime.levels import beginning, spark_search
+from ss2sql.runtime.levels.spark_store import Store
 
+CASES = golden.level_searches()[:: 1 if os.environ.get("SS2SQL_SPARK") == "all" else 3]
 COUNT = max(10, int(os.environ.get("SS2SQL_PROGRAMS", "1000")) // 100)
 
 
@@ -62,39 +66,73 @@ def one_of_three(query: ast.Query) -> list[ast.Query]:
     return [replace(chosen, options=(*chosen.options, *end))]
 
 
-@pytest.mark.parametrize("case", golden.level_searches(), ids=lambda case: case.name)
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 def test_golden_cases(spark: Any, case: golden.Case) -> None:
     found = golden.run(case, "spark")  # in the session that is active
     if not isinstance(found.error, ss2sql.UnsupportedError):
         assert found.verdict == golden.run(case, "native").verdict
 
 
-@pytest.mark.parametrize("few", [0, 1])
-def test_large_levels_are_numbered_in_parts(ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch, few: int) -> None:
-    """And ways to many goals are walked by joins, and file sets become one."""
-    monkeypatch.setattr(engine, "FEW", few)
-    monkeypatch.setattr(engine, "GOALS", few)
-    monkeypatch.setattr(spark_store, "PARTS", 2)
-    agree(ss, "SELECT x.this FROM x = near(n) START WITH n = 1 CONNECT BY UNIQUE n = x.this STOP WITH n == 4 AS list;")
+@pytest.mark.parametrize("script", [FORMS[1].format("UNIQUE"), SHORT], ids=["python", "sql"])
+def test_large_levels_are_numbered_in_parts(ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch, script: str) -> None:
+    """And ways to many goals are looked up by joins, some goals at a time, and tables of rows become one."""
+    for name, number in {"FEW": 0, "GOALS": 2, "AT_ONCE": 0, "TABLES": 2}.items():
+        monkeypatch.setattr(spark_search, name, number)
+    agree(ss, script)
 
 
-def test_numbering_leaves_rows_where_they_are(spark: Any, ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_numbering_leaves_rows_where_they_are(ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch) -> None:
     """Steps are numbered without an exchange that brings all rows into one partition."""
-    monkeypatch.setattr(engine, "FEW", 0)
+    monkeypatch.setattr(spark_search, "FEW", 0)
     plans: list[str] = []
-    number = engine.SparkTables._numbered
+    persisted = Store.persisted
 
-    def look(self: engine.SparkTables, unnumbered: engine.Part) -> engine.Part:
-        part = number(self, unnumbered)
-        plans.append(part.frame._jdf.queryExecution().executedPlan().toString())  # type: ignore[operator]
-        return part
+    def look(self: Store, frame: Any) -> Any:
+        plans.append(frame._jdf.queryExecution().executedPlan().toString())
+        return persisted(self, frame)
 
-    monkeypatch.setattr(engine.SparkTables, "_numbered", look)
+    monkeypatch.setattr(Store, "persisted", look)
     assert ss.run(SHORT).value == [[1], [2], [1, 3], [2, 4]]
-    assert plans
-    for text in plans:
-        assert "rangepartitioning(place" in text
+    large = [text for text in plans if "rangepartitioning(place" in text]
+    assert large
+    for text in large:
         assert "SinglePartition" not in text
+
+
+@pytest.mark.parametrize("most", [1, 3, 2000])
+@pytest.mark.parametrize("strategy", ["BREADTH FIRST MAXIMUM 30", "UNIQUE", "BREADTH FIRST NO CYCLE"])
+def test_the_first_levels_are_done_here(
+    ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch, strategy: str, most: int
+) -> None:
+    monkeypatch.setattr(beginning, "STATES", most)
+    agree(ss, FORMS[1].format(strategy))
+    agree(
+        ss,
+        f"SELECT (n + this) % 9, n % 2 FROM [1, 2] START WITH n = 0 CONNECT BY {strategy} n = (n + this) % 9"
+        " STOP WITH n > 6 ORDER BY n AS list;",
+    )
+
+
+def test_a_level_that_takes_long_is_left_to_spark(
+    ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """By a clock on which each look takes an hour the level of the start is done here, and no other."""
+    monkeypatch.setattr(beginning, "STATES", 2000)
+    ticks = count(0, 3600)
+    monkeypatch.setattr(beginning, "time", SimpleNamespace(monotonic=lambda: next(ticks)))
+    calls = tmp_path / "calls"
+
+    def noted(n: int, more: int) -> int:
+        with calls.open("a") as file:
+            file.write(f"{os.getpid()} {n}\n")
+        return min(n + more, 5)
+
+    ss.function("noted", noted, volatility="immutable")
+    result = ss.run("SELECT noted(n, this) FROM [1, 2] START WITH n = 0 CONNECT BY UNIQUE n = noted(n, this) AS list;")
+    assert sorted(path[-1] for path in result.value) == [1, 2, 3, 4, 5]
+    made = [tuple(map(int, line.split())) for line in calls.read_text().splitlines()]
+    assert {n for process, n in made if process == os.getpid()} == {0}
+    assert sorted(n for _, n in made) == sorted([*range(6), *range(6)])
 
 
 def test_other_settings_of_spark(spark: Any, ss: ss2sql.Session) -> None:

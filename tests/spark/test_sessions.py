@@ -91,9 +91,9 @@ def test_views_of_the_user_stay(spark: Any, ss: ss2sql.Session) -> None:
 def test_explain_and_sql(ss: ss2sql.Session) -> None:
     result = ss.run(SHORT)
     assert "engine: spark: engine='spark' was asked for" in str(result.explain())
-    assert "GROUP BY\n    row_key" in result.sql
-    assert "as long as this gives rows" in result.sql
-    assert "RECURSIVE" not in result.sql
+    assert "in SQL" in str(result.explain())
+    assert "CREATE TABLE kept AS" in result.sql
+    assert "FROM frontier" in result.sql
 
 
 def test_what_is_no_session_is_refused() -> None:

@@ -17,7 +17,10 @@ _ELSEWHERE = (
     "variable variadic verbose window within"
 )
 RESERVED = frozenset(word.lower() for word in apsw.keywords).union(_ELSEWHERE.split())
-OWN = ("step", "parent", "place", "depth", "goal", "goes_on", "nth", "previous", "distance", "total")
+OWN = (
+    *("step", "parent", "place", "depth", "goal", "goes_on", "nth", "previous", "distance", "total"),
+    *("trail", "nth_to_row", "part", "nth_of_part"),
+)
 
 
 class Names:

@@ -55,9 +55,14 @@ class WrittenSteps:
     parameters: dict[str, str]
 
 
-def write_steps(query: plan.Query) -> WrittenSteps:
-    """The steps of a search as SQL. Raises UnsupportedError where they could mean something else, or need Python."""
-    return _Writer(query).written()
+def write_steps(query: plan.Query, apart: bool = False) -> WrittenSteps:
+    """The steps of a search as SQL. Raises UnsupportedError where they could mean something else, or need Python.
+
+    Args:
+        query: the search.
+        apart: the states that are expanded have a table `frontier` of their own.
+    """
+    return _Writer(query).written(apart)
 
 
 class _Writer:
@@ -102,7 +107,8 @@ class _Writer:
         for name, start in self.search.start:
             expr = assigned.get(name)
             earlier = set(moved[: moved.index(name)]) if name in moved else set()
-            reads = {n.name for n in walk(expr) if isinstance(n, plan.State) and n.query == self.query.id}
+            nodes = () if expr is None else walk(expr)
+            reads = {n.name for n in nodes if isinstance(n, plan.State) and n.query == self.query.id}
             kind = column_type(kinds[name])
             if kind is None or is_nullable(kinds[name]):
                 raise refused("the kind of this variable is not known, or may be None", start.span)
@@ -151,7 +157,7 @@ class _Writer:
 
     # --- the statement -----------------------------------------------------------------------------------
 
-    def written(self) -> WrittenSteps:
+    def written(self, apart: bool) -> WrittenSteps:
         query, search = self.query, self.search
         goal = None if query.where is None else self.portable.condition(query.where, self.sight)
         stop = None if search.stop is None else self.portable.condition(search.stop, self.sight)
@@ -167,8 +173,9 @@ class _Writer:
         outputs += [self._column(following[name], column) for name, column in own]
         expanded: Node = sqlglot.parse_one("frontier.depth = :depth - 1 AND frontier.goes_on", read="duckdb")
         kept = [] if stop is None else [goes_on if goal is None else sql.disjunction([goes_on, goal.copy()])]
-        tables = [sql.table("steps", "frontier"), sql.table("elements", "elements")]
-        select = sql.select(outputs, tables, sql.conjunction([expanded, *kept]))
+        frontier = sql.table("frontier", "frontier") if apart else sql.table("steps", "frontier")
+        where = sql.conjunction(kept if apart else [expanded, *kept])
+        select = sql.select(outputs, [frontier, sql.table("elements", "elements")], where)
         states = tuple(column for _, column in self.states)
         return WrittenSteps(
             select.sql("duckdb"),

@@ -1,7 +1,7 @@
 """Trying steps in a Python process of an executor of Spark.
 
-Each task gives the rows of `tries`, and at its end one row without a place that says what it has counted. So what is
-counted belongs to the rows, however often Spark begins a task anew.
+Each task gives the rows of `tries`, and at its end its account: a row with a place below 0 that says what it has
+counted. So what is counted belongs to the rows, however often Spark begins a task anew.
 """
 
 from __future__ import annotations
@@ -32,9 +32,12 @@ def task(name: str, parcel: Any, paths: list[str]) -> Callable[[Iterator[Any]], 
         import sys
 
         sys.path.extend(path for path in paths if path not in sys.path)
+        from pyspark import TaskContext
+
         from ss2sql.runtime.levels.executor import tried
 
-        return tried(batches, name, lambda: parcel.value)
+        here = TaskContext.get()
+        return tried(batches, name, lambda: parcel.value, here.partitionId() if here else 0)
 
     return steps
 
@@ -44,20 +47,22 @@ def paths_here() -> list[str]:
     return [os.path.abspath(path) for path in sys.path]
 
 
-def tried(batches: Iterable[pa.RecordBatch], name: str, parcel: Callable[[], bytes]) -> Iterator[pa.RecordBatch]:
-    """The steps from the states of a task, and what was counted."""
+def tried(
+    batches: Iterable[pa.RecordBatch], name: str, parcel: Callable[[], bytes], number: int
+) -> Iterator[pa.RecordBatch]:
+    """The steps from the states of a task, which has a number, and what was counted."""
     told: dict[str, Any] = {"tried": 0, "failed": 0, "refused": None, "trouble": ""}
     try:
         unpacked = _unpacked(name, parcel)
     except Exception as error:
         told["trouble"] = f"{type(error).__name__}: {error}"
-        yield _batch([_account(told)])
+        yield _batch([_account(number, told)])
         return
     unpacked.counted()  # of a task that was broken off
     with unpacked.room:
         yield from _tried(batches, unpacked, told)
     told |= unpacked.counted()
-    yield _batch([_account(told)])
+    yield _batch([_account(number, told)])
 
 
 def _unpacked(name: str, parcel: Callable[[], bytes]) -> Unpacked:
@@ -94,8 +99,10 @@ def _tried(batches: Iterable[pa.RecordBatch], unpacked: Unpacked, told: dict[str
         yield _batch(rows)
 
 
-def _account(told: dict[str, Any]) -> Try:
-    return None, None, None, None, None, None, None, dumps(told), None
+def _account(number: int, told: dict[str, Any]) -> Try:
+    """The row without a row of the search; no key of one begins like its key, see `Trial`."""
+    place = -1 - number
+    return place, None, b"\xff%d" % place, None, None, False, False, dumps(told), False
 
 
 def account(state: bytes) -> dict[str, Any]:

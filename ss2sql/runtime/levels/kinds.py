@@ -14,8 +14,9 @@ from ss2sql.runtime.levels.graph_level import GraphStatements
 from ss2sql.runtime.levels.graph_search import GraphSearch
 from ss2sql.runtime.levels.level import GUARDS, LevelStatements
 from ss2sql.runtime.levels.search import LevelSearch
+from ss2sql.runtime.levels.spark_level import SparkStatements, TypedSparkStatements
+from ss2sql.runtime.levels.spark_search import SparkSearch
 from ss2sql.runtime.levels.statements import Statement
-from ss2sql.runtime.levels.tables import Tables
 from ss2sql.runtime.levels.typed import TypedStatements
 from ss2sql.runtime.levels.typed_search import TypedSearch
 from ss2sql.runtime.memorize.hunt import Found, Hunt
@@ -42,7 +43,7 @@ class Kind:
     """
 
     write: Callable[[plan.Query], Any]
-    search: Callable[[Hunt, Tables, Any], Search]
+    search: Callable[[Hunt, Any, Any], Search]
     before: Callable[[plan.Search], str]
     after: Callable[[plan.Search], tuple[str, ...]]
     end: Callable[[plan.Search], tuple[str, ...]] = lambda search: ()
@@ -96,3 +97,10 @@ KINDS: dict[plan.Order, tuple[Kind, ...]] = {
     "cost": (BY_COST,),
     "probability": (BY_COST,),
 }
+# What Spark can do.
+SPARK_TYPED = replace(
+    TYPED,
+    write=lambda query: TypedSparkStatements(write_steps(query, apart=True), _search(query)),
+    search=SparkSearch,
+)
+IN_SPARK = (SPARK_TYPED, replace(BY_LENGTH, write=lambda query: SparkStatements(_search(query)), search=SparkSearch))

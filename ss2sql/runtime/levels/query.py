@@ -11,9 +11,8 @@ from ss2sql.errors import ExecutionError, Span, UnsupportedError
 from ss2sql.lowering.dialects import Dialect
 from ss2sql.lowering.unsupported import Rule
 from ss2sql.runtime.levels.kinds import Kind, Written, kinds_of
-from ss2sql.runtime.levels.statements import shown
-from ss2sql.runtime.levels.tables import Tables
-from ss2sql.runtime.levels.watch import watched
+from ss2sql.runtime.levels.statements import printed
+from ss2sql.runtime.levels.watch import Opened, watched
 from ss2sql.runtime.memorize.hunt import Found, Hunt
 from ss2sql.runtime.native.builder import Builder
 from ss2sql.runtime.native.compiled import NativeQuery
@@ -31,26 +30,24 @@ if TYPE_CHECKING:
 class Abilities:
     """What is known of a database that searches by levels, whether it is here or not.
 
-    Its name, its dialect, what it cannot do beside what no such database can, what searches can be made of in it, and
-    whether it has recursive queries.
+    Its name, its dialect, what it cannot do beside what no such database can, and what searches can be made of in it.
     """
 
     name: str
     dialect: Dialect
     rules: tuple[Rule, ...] = ()
     kinds: Callable[[plan.Search], tuple[Kind, ...]] = kinds_of
-    recursive: bool = True
 
 
 @dataclass(frozen=True, slots=True)
 class TableEngine:
-    """Such a database: what opens tables for a run, what ends it, and the errors that it raises.
+    """Such a database: what opens it for a run, what ends it, and the errors that it raises.
 
     `sources` are its own tables, where scripts can read them; then queries that are no searches run there, too.
     """
 
     abilities: Abilities
-    open: Callable[[Hunt], Tables]
+    open: Callable[[Hunt], Opened]
     close: Callable[[], None]
     errors: tuple[type[Exception], ...]
     sources: DuckSources | None = None
@@ -68,8 +65,8 @@ class InTables:
     @property
     def sql(self) -> str:
         """The statements of one level."""
-        dialect, recursive = self.abilities.dialect, self.abilities.recursive
-        return "\n".join(shown(dialect, statement, recursive) for statement in self.written.level())
+        dialect = self.abilities.dialect
+        return "\n".join(f"{printed(dialect, statement.text)};" for statement in self.written.level())
 
 
 def in_tables(query: plan.Query, abilities: Abilities) -> InTables:

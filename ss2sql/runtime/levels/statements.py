@@ -118,18 +118,13 @@ def _numbered(select: str, order: str) -> str:
     return f"SELECT :before + ROW_NUMBER() OVER (ORDER BY {order}) AS step, * FROM ({select}) AS unnumbered"
 
 
+def listed(*columns: object) -> str:
+    return ", ".join(map(str, columns))
+
+
 def columns_of(written: str) -> list[tuple[str, str]]:
     """The names and the types of columns that are written as in `Create`."""
     return [(name, kind) for name, kind in (column.split() for column in written.split(", "))]
-
-
-def shown(dialect: Dialect, statement: Statement, recursive: bool) -> str:
-    """A statement for people; a database without recursive queries goes on with a walk by itself."""
-    if recursive or not isinstance(statement, Walk):
-        return f"{printed(dialect, statement.text)};"
-    first, then = Make(statement.table, statement.first).text, Add(statement.table, statement.then).text
-    again = f"-- as long as this gives rows, which are `walk` the next time: {statement.columns}"
-    return f"{printed(dialect, first)};\n{again}\n{printed(dialect, then)};"
 
 
 @cache

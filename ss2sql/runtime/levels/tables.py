@@ -9,6 +9,7 @@ from typing import Any, Protocol
 from ss2sql.runtime.levels.level import PATHS, WAYS
 from ss2sql.runtime.levels.statements import Ask, Drop, Statement, Value, Walk
 from ss2sql.runtime.levels.trial import FAILED, Trial
+from ss2sql.runtime.levels.watch import Opened
 
 Row = tuple[Any, ...]
 
@@ -21,7 +22,7 @@ class Tally:
     failed: int
 
 
-class Tables(Protocol):
+class Tables(Opened, Protocol):
     """The tables of one run. `:name` in a statement stands for a value."""
 
     def run(self, statement: Statement, **values: Value) -> None:
@@ -41,12 +42,6 @@ class Tables(Protocol):
 
     def ways(self) -> Iterator[Row]:
         """The ways to the goals in `kept`, as `level.PATHS` gives them."""
-
-    def interrupt(self) -> None:
-        """Ends the statement that runs in another thread; it may be called again until the run has ended."""
-
-    def close(self) -> None:
-        """Lets go of everything."""
 
 
 def walked_ways(tables: Tables, walk: Walk = WAYS, paths: Ask = PATHS, **values: Value) -> Iterator[Row]:

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from ss2sql import plan
 from ss2sql.lowering.portable.steps import ELEMENTS, Typed, WrittenSteps
 from ss2sql.runtime.levels.level import back_to_start, counts, ways_back
-from ss2sql.runtime.levels.statements import AddNumbered, Ask, Create, Drop, Make, Statement
+from ss2sql.runtime.levels.statements import AddNumbered, Ask, Create, Drop, Make, Statement, listed
 from ss2sql.runtime.native.compiled import NativeQuery
 from ss2sql.runtime.rows import Row
 from ss2sql.runtime.run import Run
@@ -27,11 +27,11 @@ class TypedStatements:
     def __init__(self, steps: WrittenSteps, search: plan.Search) -> None:
         self.steps, self.search = steps, search
         self._elements = NativeQuery(steps.elements)
-        self.elements = Create("elements", _listed("nth BIGINT", *steps.reads))
+        self.elements = Create("elements", listed("nth BIGINT", *steps.reads))
         rows, own = _names(steps.rows), _names(steps.own)
-        self.columns = _listed(*rows, *own)
+        self.columns = listed(*rows, *own)
         numbers = ("step BIGINT", "parent BIGINT", "nth BIGINT", "depth BIGINT")
-        self.start = Create("steps", _listed(*numbers, *steps.rows, *steps.own, "goal BOOLEAN", "goes_on BOOLEAN"))
+        self.start = Create("steps", listed(*numbers, *steps.rows, *steps.own, "goal BOOLEAN", "goes_on BOOLEAN"))
         self.made: list[Statement] = [self.elements, self.start]
         self.kept: list[Statement] = []  # what adds the steps of a level
         self.done: list[Statement] = []
@@ -47,13 +47,13 @@ class TypedStatements:
         else:
             self.kept = [self._added(steps.tries)]
         self.paths = Ask(f"""
-            SELECT ways.goal, {_listed(*(f"steps.{name}" for name in rows))}
+            SELECT ways.goal, {listed(*(f"steps.{name}" for name in rows))}
             FROM ways
             JOIN steps ON steps.step = ways.step
             ORDER BY ways.goal, ways.distance DESC
         """)
         self.lasts = Ask(f"""
-            SELECT steps.nth, {_listed(*(f"before.{name}" for name in _names(steps.states)))}
+            SELECT steps.nth, {listed(*(f"before.{name}" for name in _names(steps.states)))}
             FROM steps
             JOIN steps AS before ON before.step = steps.parent
             WHERE steps.depth = :depth AND steps.goal
@@ -76,12 +76,12 @@ class TypedStatements:
 
     def _first(self, rows: list[str], own: list[str]) -> str:
         """The first step to each row, if none of a level before has led there."""
-        shown = _listed(*(f"tries.{name}" for name in rows))
+        shown = listed(*(f"tries.{name}" for name in rows))
         others = (f"MIN_BY(tries.{name}, tries.place) AS {name}" for name in (*own, "goal", "goes_on"))
         met = " AND ".join(f"steps.{name} = tries.{name}" for name in rows)
         # NOT EXISTS takes 1.3 times as long in DuckDB, which looks for other ways to ask it.
         return f"""
-            SELECT {shown}, MIN(tries.place) AS place, {_listed(*others)}
+            SELECT {shown}, MIN(tries.place) AS place, {listed(*others)}
             FROM ({self.steps.tries}) AS tries
             ANTI JOIN steps ON {met} {MET}
             GROUP BY {shown}
@@ -93,7 +93,3 @@ _FREE = "SELECT * FROM tries WHERE place IN (SELECT place FROM back WHERE previo
 
 def _names(columns: tuple[Typed, ...]) -> list[str]:
     return [column.name for column in columns]
-
-
-def _listed(*columns: object) -> str:
-    return ", ".join(map(str, columns))

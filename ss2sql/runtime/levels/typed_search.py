@@ -73,11 +73,16 @@ class TypedSearch(TableSearch):
 
     @cached_property
     def _combinations(self) -> list[Last]:
-        """The elements of the sources in their order, which are the same for all states."""
-        self.hunt.flush()
-        stats, sources = self.hunt.stats, len(self.hunt.query.sources)
-        expanded = stats.expanded
-        combinations = [last[:sources] for last in self.pieces.elements(self.hunt.start)]
-        self.hunt.flush()
-        stats.expanded = expanded  # no state was, for this
-        return combinations
+        return combinations(self.hunt)
+
+
+def combinations(hunt: Hunt) -> list[Last]:
+    """The elements of the sources in their order, which are the same for all states."""
+    assert hunt.pieces is not None
+    hunt.flush()
+    stats, sources = hunt.stats, len(hunt.query.sources)
+    expanded = stats.expanded
+    made = [last[:sources] for last in hunt.pieces.elements(hunt.start)]
+    hunt.flush()
+    stats.expanded = expanded  # no state was, for this
+    return made

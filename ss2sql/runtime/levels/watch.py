@@ -18,15 +18,22 @@ class Interruptible(Protocol):
         """Ends the statement that runs in another thread; it may be called again until the run has ended."""
 
 
+class Opened(Interruptible, Protocol):
+    """What a run has opened in another database."""
+
+    def close(self) -> None:
+        """Lets go of everything."""
+
+
 @contextmanager
-def watched(run: Run, tables: Interruptible) -> Iterator[None]:
+def watched(run: Run, opened: Interruptible) -> Iterator[None]:
     """Has a thread of its own look whether the run is interrupted or late, for as long as it takes."""
     over = threading.Event()
 
     def watch() -> None:
         while not over.wait(EVERY):
             if run.interrupted or (run.deadline is not None and time.monotonic() >= run.deadline):
-                tables.interrupt()  # again and again: it may have come between two statements
+                opened.interrupt()  # again and again: it may have come between two statements
 
     thread = threading.Thread(target=watch, daemon=True)
     thread.start()

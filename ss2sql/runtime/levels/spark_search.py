@@ -1,0 +1,234 @@
+"""Going from level to level in Spark.
+
+Each level is one query, whose rows the executors keep, and one job, which counts them. While the job runs the next
+level is planned, because a plan takes as long as the job of a level with some thousand steps. The levels of a search
+that are smaller than that this process does itself, see beginning.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from itertools import accumulate
+from typing import TYPE_CHECKING, Any
+
+from ss2sql.lowering.portable.steps import ELEMENTS
+from ss2sql.runtime.levels.beginning import Beginning, Begun
+from ss2sql.runtime.levels.spark_level import SparkStatements, TypedSparkStatements
+from ss2sql.runtime.levels.spark_steps import Counts, Steps, TypedSteps
+from ss2sql.runtime.levels.spark_store import Store
+from ss2sql.runtime.levels.statements import listed
+from ss2sql.runtime.levels.trial import Trial
+from ss2sql.runtime.memorize.hunt import Found, Hunt
+from ss2sql.runtime.run import Level
+
+if TYPE_CHECKING:
+    from pyspark.sql import DataFrame
+
+TABLES = 16  # of rows, before they become one; to plan with each takes some milliseconds
+FEW = 100_000  # steps of a level that are numbered in one partition, which takes a job less
+GOALS = 10_000  # whose ways are looked up at once
+AT_ONCE = 1_000  # steps that are looked up by naming them in a query
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Planned:
+    """A level that was not computed yet: the states to go on from, what will be kept, and what counts that."""
+
+    frontier: DataFrame
+    kept: DataFrame
+    counts: DataFrame
+
+
+class SparkSearch:
+    """One search in a store of Spark."""
+
+    def __init__(self, hunt: Hunt, store: Store, written: SparkStatements) -> None:
+        self.hunt, self.store, self.written = hunt, store, written
+        assert hunt.pieces is not None
+        self.trial = Trial(hunt.pieces, hunt.keyed, compared=written.search.repeats != "allowed")
+        if isinstance(written, TypedSparkStatements):
+            self.steps: Steps = TypedSteps(hunt, store, written, self.trial)
+        else:
+            self.steps = Steps(hunt, store, written, self.trial)
+        self.levels: dict[int, DataFrame] = {}
+        self.met: DataFrame | None = None  # the rows of all levels, for UNIQUE
+        self.tables = 0  # of which they are put together
+        # Steps on ways to goals, by level and number: their place, and what is shown of them.
+        self.known: dict[tuple[int, int], tuple[int, Sequence[Any]]] = {}
+
+    def results(self) -> Iterator[Found]:
+        """The paths and the last parts of their last steps."""
+        planner = ThreadPoolExecutor(1)
+        try:
+            self.steps.prepare()
+            beginning = Beginning(self.hunt, self.trial, self.written.search.repeats, self._pause)
+            for goal in beginning.goals():
+                yield self._begun_path(beginning.way(goal, len(beginning.levels) + 1))
+            if beginning.frontier:
+                self.steps.load()
+                yield from self._levels(beginning, planner)
+        finally:
+            planner.shutdown(cancel_futures=True)
+            self.steps.close()
+
+    def _pause(self) -> None:
+        self.hunt.flush()
+        self.hunt.check()
+
+    def _begun_path(self, way: list[Begun]) -> Found:
+        shown = [self.steps.known(step) for step in way]
+        last = self.steps.last(way[-1].place, shown[-1], shown[-2] if len(way) > 1 else None)
+        return [self.steps.row(values) for values in shown], last
+
+    # --- from level to level -----------------------------------------------------------------------------
+
+    def _levels(self, beginning: Beginning, planner: ThreadPoolExecutor) -> Iterator[Found]:
+        self._load(beginning)
+        depth, expanded = len(beginning.levels), len(beginning.frontier)
+        planned = self._planned(self._frontier(beginning), few=True)
+        while expanded:
+            depth += 1
+            self._pause()
+            self.levels[depth] = planned.kept
+            if self.written.search.repeats == "unique":
+                self._meet(self.steps.without_accounts(planned.kept))
+            following = planner.submit(self._planned, self._going_on(depth), few=True)
+            counts = self.steps.counted(tuple(planned.counts.collect()[0]), planned.frontier, expanded)
+            yield from self._found(depth, planned, counts)
+            self.hunt.stats.levels.append(Level(counts.kept, counts.kept, counts.tried - counts.kept))
+            few = counts.going * counts.kept <= FEW * expanded  # that will be kept, if as many for each state
+            expanded = counts.going
+            if expanded:
+                planned = following.result()
+                if not few:
+                    planned = self._planned(self._going_on(depth), few)
+
+    def _going_on(self, depth: int) -> DataFrame:
+        return self.levels[depth].where("goes_on")
+
+    def _planned(self, frontier: DataFrame, few: bool) -> Planned:
+        """Plans a level, which takes about a tenth of a second."""
+        self.steps.look_at(frontier)
+        if self.met is not None:
+            self.met.createOrReplaceTempView("steps")
+        kept = self._kept_by_few() if few else self._kept_by_many()
+        kept.createOrReplaceTempView("kept")
+        counts = self.store.query(self.written.counts)
+        counts._jdf.queryExecution().executedPlan()
+        return Planned(frontier, kept, counts)
+
+    def _kept_by_few(self) -> DataFrame:
+        return self.store.persisted(self.store.query(self.written.kept, self.steps.values))
+
+    def _kept_by_many(self) -> DataFrame:
+        """The same without bringing all rows into one partition: sorted parts in the order of `place`; where each
+        begins follows from the counts of those before it.
+        """
+        store = self.store
+        chosen = store.persisted(store.query(self.written.chosen, self.steps.values))  # it is read twice to be sorted
+        numbers = ("spark_partition_id() AS part", f"monotonically_increasing_id() & {(1 << 33) - 1} AS nth_of_part")
+        ranged = chosen.repartitionByRange("place").sortWithinPartitions("place").selectExpr(*numbers, "*")
+        in_order = store.persisted(ranged)
+        found = dict(map(tuple, in_order.groupBy("part").count().collect()))
+        starts = accumulate((found.get(number, 0) for number in range(max(found, default=0))), initial=0)
+        offsets = listed(*(f"{start}L" for start in starts))
+        return in_order.selectExpr(f"array({offsets})[part] + nth_of_part + 1 AS step", *chosen.columns)
+
+    def _meet(self, rows: DataFrame) -> None:
+        """Notes rows, for UNIQUE."""
+        rows = rows.select(*(column.name for column in self.written.key))
+        self.met = rows if self.met is None else self.met.unionAll(rows)
+        self.tables += 1
+        if self.tables == TABLES:
+            self.met, self.tables = self.store.persisted(self.met), 1
+
+    # --- from this process to Spark ----------------------------------------------------------------------
+
+    def _load(self, beginning: Beginning) -> None:
+        """Hands over what the first levels have come to."""
+        for depth, level in enumerate(beginning.levels, 1):
+            for step, begun in enumerate(level, 1):
+                self.known[depth, step] = begun.place, self.steps.known(begun)
+        if self.written.search.repeats == "unique":
+            keys = [self.steps.key_of(begun) for level in beginning.levels for begun in level]
+            self._meet(self.store.loaded(listed(*self.written.key), keys))
+
+    def _frontier(self, beginning: Beginning) -> DataFrame:
+        """The states that the first levels go on from."""
+        depth, steps = len(beginning.levels), self.steps
+        keys = self.written.key if self.written.search.repeats == "no cycle" else ()
+        columns: list[object] = ["step BIGINT", *(column for column, _ in steps.expanded(beginning.frontier[0][1]))]
+        rows = []
+        for step, begun in beginning.frontier:
+            way = beginning.way(begun, depth) if depth else []
+            trails = [[steps.key_of(one)[number] for one in way] for number in range(len(keys))]
+            rows.append([step, *(value for _, value in steps.expanded(begun)), *trails])
+        frame = self.store.loaded(listed(*columns, *(f"trail_{key}[]" for key in keys)), rows)
+        return frame.selectExpr("*", f"{_zipped([key.name for key in keys])} AS trail") if keys else frame
+
+    # --- paths -------------------------------------------------------------------------------------------
+
+    def _found(self, depth: int, planned: Planned, counts: Counts) -> Iterator[Found]:
+        """The paths to the goals of a level. Raises the error of the first step that failed and counts."""
+        if counts.goals:
+            goals = planned.kept.where("goal")
+            if counts.failed is not None:
+                goals = goals.where(f"place < {counts.failed}")
+            rows = goals.select("step", "place", *self.written.shown)
+            few = counts.goals <= GOALS
+            block: list[int] = []
+            for step, place, *values in sorted(rows.collect(), key=_step) if few else rows.toLocalIterator():
+                self.known[depth, step] = place, values
+                block.append(step)
+                if len(block) == GOALS:
+                    yield from self._paths(depth, block)
+                    block.clear()
+            yield from self._paths(depth, block)
+        if counts.failed is not None:
+            self.trial.fail(counts.failed, self.steps.state_of(counts.failed // ELEMENTS, planned.frontier))
+
+    def _paths(self, depth: int, goals: list[int]) -> Iterator[Found]:
+        """The paths to some goals of a level, which are put together here: they are results.
+
+        Most of a way is known from goals of levels before, and from the levels that began here.
+        """
+        missing, above = goals, depth
+        while missing and above > 1:
+            wanted = {self.known[above, step][0] // ELEMENTS for step in missing}
+            above -= 1
+            missing = sorted(step for step in wanted if (above, step) not in self.known)
+            self._learn(above, missing)
+        for goal in goals:
+            way, step = list[tuple[int, Sequence[Any]]](), goal
+            for above in range(depth, 0, -1):
+                way.append(self.known[above, step])
+                step = way[-1][0] // ELEMENTS
+            last = self.steps.last(*way[0], way[1][1] if depth > 1 else None)
+            yield [self.steps.row(shown) for _, shown in reversed(way)], last
+
+    def _learn(self, depth: int, steps: list[int]) -> None:
+        """Has this process know some steps of a level."""
+        if not steps:
+            return
+        level = self.levels[depth]
+        if len(steps) <= AT_ONCE:
+            some = level.where(f"step IN ({listed(*steps)})")
+        else:
+            some = level.join(self.store.loaded("step BIGINT", [[step] for step in steps]), "step")
+        for step, place, *values in some.select("step", "place", *self.written.shown).collect():
+            self.known[depth, step] = place, values
+
+
+def _step(row: Any) -> int:
+    step: int = row[0]
+    return step
+
+
+def _zipped(keys: list[str]) -> str:
+    """One array of keys of those of their parts."""
+    if len(keys) == 1:
+        return f"trail_{keys[0]}"
+    fields = ", ".join(f"one.trail_{key} AS {key}" for key in keys)
+    return f"TRANSFORM(ARRAYS_ZIP({', '.join(f'trail_{key}' for key in keys)}), one -> STRUCT({fields}))"
