@@ -175,6 +175,9 @@ def test_the_same_name_in_two_files(ss: ss2sql.Session, file: Path, tmp_path: Pa
         with pytest.raises(ss2sql.ResolveError) as caught:
             ss.run(f"SELECT 1 FROM {name};")
         assert caught.value.code == "R003"
+    with pytest.raises(ss2sql.ResolveError) as caught:
+        ss.run("SELECT 1 FROM other;")
+    assert caught.value.hints == ("'other' is a file: name one of its tables, FROM other.table",)
 
 
 # --- what goes wrong -----------------------------------------------------------------------------------

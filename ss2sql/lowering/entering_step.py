@@ -44,6 +44,10 @@ class EnteringStep:
     def row(self) -> list[Node]:
         return [self.expressions.value(output.expr, self.env) for output in self.query.columns]
 
+    @property
+    def row_fails(self) -> bool:
+        return any(can_fail(output.expr) for output in self.query.columns)
+
     def stop(self) -> Node:
         assert self.search.stop is not None
         return self.expressions.condition(self.search.stop, self.env)
@@ -69,11 +73,11 @@ class EnteringStep:
         weighed = [] if self.of.total is None else self._weighed()
         if self.strict:
             drops = [*counted, *guard, *dead, *weighed]
-        elif self.best:
-            guard = weighed
-            drops = [*counted, *(guard + dead if self._asks_python(dead) else dead + guard)]
         else:
-            drops = [*counted, *(guard + dead if self._asks_python(dead) else dead + guard), *weighed]
+            guard, rest = (weighed, []) if self.best else (guard, weighed)
+            # The row comes first in the language; where it cannot fail nobody can tell, and STOP WITH is cheaper.
+            row_first = self.row_fails or self._asks_python(dead)
+            drops = [*counted, *(guard + dead if row_first else dead + guard), *rest]
         if self.strict or len(drops) > 1:
             return [sql.case([(drop, sql.number(0)) for drop in drops], sql.number(1))] if drops else []
         return [_not(drop) for drop in drops]
@@ -84,7 +88,7 @@ class EnteringStep:
     def _guard(self) -> list[Node]:
         """Whether the row was met."""
         name = self.of.guard.entering
-        if name is None or (self.first and name in ("on_path", "closed")):
+        if name is None:
             return []
         arguments: list[Node] = []
         if name == "on_path":
@@ -93,6 +97,8 @@ class EnteringStep:
             if not self.strict:
                 return []  # `improves` asks for more than `closed`
             arguments.append(self.of.ranked(self.of.column(self.of.total)))
+        if self.first and name in ("on_path", "closed"):  # nothing was met yet, but the row is made
+            return [sql.call("in_turn", *self.row(), sql.number(0))] if self.row_fails else []
         return [sql.call(name, *arguments, *self.row())]
 
     def _dead(self) -> list[Node]:
@@ -134,7 +140,7 @@ class EnteringStep:
     def _impossible(self) -> Node:
         """Whether the probability is 0. The row comes before it, if the guard has not asked for that."""
         impossible = sql.binary(exp.EQ, self.weight(), sql.number(0))
-        if self._guard() or not any(can_fail(output.expr) for output in self.query.columns):
+        if self._guard() or not self.row_fails:
             return impossible
         if self.strict:
             return sql.call("in_turn", *self.row(), impossible)
