@@ -140,3 +140,10 @@ def test_only_a_list_alone_is_late(ss: ss2sql.Session) -> None:
     assert errors(ss, "x = [a.this] + [1];") == [("R003", "a.this")]
     assert ss.eval("x = [SELECT this FROM [1] AS list]; x;") == [[1]]
     assert errors(ss, "SELECT (x = [a.this]) FROM t;") == [("R003", "a.this")]
+
+
+@pytest.mark.parametrize("shape", ["list", "rows"])
+def test_a_path_has_no_columns(ss: ss2sql.Session, shape: str) -> None:
+    search = f"(SELECT a FROM t START WITH n = 1 CONNECT BY NO CYCLE n = n AS {shape})"
+    assert errors(ss, f"SELECT p.a FROM p = {search};") == [("R001", "p.a")]
+    assert errors(ss, f"ways = {search}; SELECT p.a FROM p = ways;") == [("R001", "p.a")]
