@@ -53,6 +53,76 @@ def test_duckdb_gives_the_same_rows() -> None:
     assert tried["written"] > COUNT // 4
 
 
+EXPRESSIONS = """t.this + t.this; l.this + [9]; n.this + x.this; n.this / 2; x.this / 2; (n.this - 3) % 3; n.this % 3
+n.this % -2; n.this ^ 2; n.this ^ 1; -n.this; -x.this; -(-x.this); abs(x.this); abs(-n.this); sqrt(n.this)
+min(n.this, 3); max(t.this, 'b'); max([n.this]); n.this * 0.5; n.this - 1 - x.this; 1.5e300 * 10
+n.this == None; None != t.this; x.this == None; n.this < x.this; n.this == 1.0; t.this == 'ab'; b.this == True
+l.this == [1, 2]; 'a' in t.this; 'z' not in t.this; n.this in [1, 2]; n.this in l.this; x.this in [1, 2]
+len(t.this); len(l.this); l.this[0]; [n.this, 2]; this; None; b.this
+t.this[0:1]; t.this[n.this:3]; t.this[n.this:n.this + 1]; t.this[1:n.this]
+b.this AND n.this; b.this OR x.this; NOT t.this; b.this XOR n.this; IF(b.this, n.this, 0)
+IF(n.this > 1, None, n.this) == n.this; IF(n.this > 1, None, n.this) AND b.this; IF(b.this, None, t.this) OR b.this
+IF(n.this > 1, None, b.this) OR b.this; IF(b.this, None, x.this) != x.this"""
+FROM = "FROM n = [1, 2, 5], x = [0.5, -1.5], t = ['ab', 'c'], b = [True, False], l = [[1, 2], [3, 1]]"
+
+
+@pytest.mark.parametrize("written", [one for one in EXPRESSIONS.replace("\n", "; ").split("; ") if one])
+def test_an_expression_means_the_same(written: str) -> None:
+    script = f"SELECT {written.replace(', ', ';') if written.startswith('IF') else written} {FROM} AS rows;"
+    with ss2sql.connect() as ss, duckdb.connect() as connection:
+        found = connection.execute(in_dialect(script, "duckdb")).fetchall()
+        assert [exact(tuple(row)) for row in found] == [exact(tuple(row)) for row in ss.run(script).value]
+
+
+@pytest.mark.parametrize(
+    ("written", "reason"),
+    [
+        ("min(n.this, x.this)", "the kind of this value is not known"),
+        ("[] + l.this", "the kind of this value is not known"),
+        ("l.this OR b.this", "the truth of such a value is not the same"),
+        ("t.this == n.this", "eq of such values"),
+        ("l.this < [1, 2]", "lt of such values"),
+        ("n.this not in []", "not_in of such values"),
+        ("x.this in [0.5, 1]", "in of such values"),
+        ("t.this[-1:2]", "slice of such values"),
+        ("x.this % 2", "mod of such values"),
+        ("x.this ^ 2", "pow of such values"),
+        ("n.this ^ n.this", "pow of such values"),
+        ("abs(b.this)", "abs of such values"),
+        ("-b.this", "neg of such values"),
+        ("b.this / 2", "div of such values"),
+        ("len(n.this)", "this may fail"),
+        ("l.this[-1]", "item of such values"),
+        ("None in l.this", "in of such values"),
+        ("round(x.this)", "round is not known to other databases"),
+    ],
+)
+def test_an_expression_that_could_mean_something_else(written: str, reason: str) -> None:
+    with pytest.raises(ss2sql.UnsupportedError, match=reason):
+        in_dialect(f"SELECT {written} {FROM} AS rows;", "duckdb")
+
+
+@pytest.mark.parametrize(
+    ("script", "reason"),
+    [
+        ("SELECT a FROM people", "the rows of people have no order but that of SQLite"),
+        ("SELECT p FROM p = people ORDER BY p.a", "have no type for it"),
+        ("SELECT * FROM people ORDER BY a", "have no type for it"),
+        ("SELECT this FROM range(2000)", "this list is not known"),
+        ("SELECT this FROM many", "only lists of up to 1,000 elements"),
+        ("SELECT p FROM p = rows", "have no type for it"),
+        ("SELECT count(*) FROM [1] GROUP BY this HAVING count(*)", "the truth of such a value"),
+    ],
+)
+def test_a_query_that_could_mean_something_else(script: str, reason: str) -> None:
+    with ss2sql.connect() as ss:
+        ss.host.connection.execute("CREATE TABLE people(a INTEGER)")
+        ss.set("many", list(range(2000)))
+        ss.set("rows", [{"a": 1}, {"a": 2}])
+        with pytest.raises(ss2sql.UnsupportedError, match=reason):
+            translated(ss.compile(script).statements(), DUCKDB)
+
+
 def test_a_table_keeps_its_name() -> None:
     with ss2sql.connect() as ss:
         ss.host.connection.execute(
