@@ -157,6 +157,7 @@ class Mutating:
         else:
             for item, following in zip_longest(session.items, session.items[1:]):
                 self.measure.switch_context(item.nodeid)
+                forget_in(item)  # else what another test has found would count as its own
                 item.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
             self.measure.stop()
             self.measure.save()
@@ -219,6 +220,13 @@ def forked(action: Callable[[], str], seconds: float) -> str | None:
         os.killpg(child, signal.SIGKILL)
     os.waitpid(child, 0)
     return said
+
+
+def forget_in(item: pytest.Item) -> None:
+    """Empties the caches of functions in the file of a test."""
+    for one in vars(getattr(item, "module", item)).values():
+        if isinstance(one, _lru_cache_wrapper):
+            one.cache_clear()
 
 
 def forget() -> None:
