@@ -118,7 +118,7 @@ class FakeHost:
             lambda name: type_of(self.variables[name]),
             lambda schema, name: self.tables[name][0] if name in self.tables else None,
             tuple(self.tables),
-            self.late,
+            late=self.late,
         )
 
     def start(self, **limits: Any) -> Run:

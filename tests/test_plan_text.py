@@ -52,7 +52,7 @@ def test_what_a_plan_says(ss: ss2sql.Session) -> None:
         "    columns: column f",
         "      expr: group value 1 [int 1..3]",
         "    columns: column max",
-        "      expr: aggregate max [none or int 2..4]",
+        "      expr: aggregate max [int 2..4]",
         "        argument: column b of source 2 [int 2..4]",
         "    where: eq() [bool]",
         "      arguments: column a of source 2 [int 1..3]",
@@ -60,6 +60,6 @@ def test_what_a_plan_says(ss: ss2sql.Session) -> None:
         "    group: f() immutable [int 1..3]",
         "      arguments: column a of source 2 [int 1..3]",
         "    order: descending",
-        "      expr: aggregate max [none or int 2..4]",
+        "      expr: aggregate max [int 2..4]",
         "        argument: column b of source 2 [int 2..4]",
     ]

@@ -213,7 +213,7 @@ def test_the_history_outlives_the_shell(keys: PipeInput, folder: Path, capsys) -
             run(terminal, keys, *([partial(remembered, terminal)] if UP in typed else []), typed)
     lines = [line for line in capsys.readouterr().out.splitlines() if line.isdecimal()]
     assert lines == ["2", "42", "2"]  # a line that begins with a blank is not kept
-    assert "40" not in (folder / "state" / "ss2sql" / "history").read_text()
+    assert "40 + 2" not in (folder / "state" / "ss2sql" / "history").read_text()
 
 
 def test_a_history_that_cannot_be_written(keys: PipeInput, folder: Path, capsys) -> None:

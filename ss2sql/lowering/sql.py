@@ -289,9 +289,12 @@ def sorted_query(query: exp.Select, order: Sequence[tuple[Node, bool]], limit: N
 
 
 def asked_of(column: Node, condition: Node) -> Node:
-    """A condition that is asked of every row: what reads nothing SQLite asks first, and if it is false reads no row."""
-    terms = condition.flatten() if isinstance(condition, exp.And) else [condition]
-    return condition if all(term.find(exp.Column) for term in terms) else call("in_turn", column.copy(), condition)
+    """A condition that is asked of every row. What reads nothing SQLite asks first, and if it is false reads no row.
+
+    So it does with `a = 1 AND a > 1`, where it puts 1 in the place of the column.
+    """
+    alone = not isinstance(condition, exp.And) and condition.find(exp.Column)
+    return condition if alone else call("in_turn", column.copy(), condition)
 
 
 def unlimited() -> Node:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import apsw
@@ -36,7 +36,7 @@ from ss2sql.runtime.tables import Tables
 from ss2sql.runtime.temporal import TemporalFile, TemporalStore, moment_of
 from ss2sql.runtime.triggers import Triggers
 from ss2sql.runtime.turns import Turns
-from ss2sql.runtime.variables import Variables
+from ss2sql.runtime.variables import OtherTables, Variables
 from ss2sql.runtime.vectorized import NativeCaller
 from ss2sql.vtables import base
 from ss2sql.vtables.attached import AttachedWorld, WorldFunctions
@@ -45,6 +45,19 @@ from ss2sql.vtables.schema import failure
 
 if TYPE_CHECKING:
     from ss2sql.runtime.workers.processes import Processes
+
+
+@dataclass(frozen=True, slots=True)
+class TableNames:
+    """The tables and views of the session's database, and of the engine's own, which is asked when somebody looks."""
+
+    own: list[str]
+    others: OtherTables | None
+
+    def __iter__(self) -> Iterator[str]:
+        yield from self.own
+        if self.others is not None:
+            yield from self.others.names()
 
 
 class SessionHost:
@@ -214,7 +227,7 @@ class SessionHost:
             {*self.names, *given},
             variable_type,
             self.tables.find,
-            self.table_names(),
+            TableNames(self.tables.names(), self.names.others),
             self.names.others.find if self.names.others is not None else lambda name: None,
             dict(self.names.late),
             open_names,
@@ -224,11 +237,6 @@ class SessionHost:
             files=tuple(self.tables.files),
             asked=self.shapes.asked(),
         )
-
-    def table_names(self) -> Iterator[str]:
-        """The tables and views of the database, and of the engine's own."""
-        yield from self.tables.names()
-        yield from () if self.names.others is None else self.names.others.names()
 
     def _planned(self, entry: UserFunction) -> plan.Function:
         """The function as the plan knows it; its body counts only while the operators in it are the built-in ones."""
