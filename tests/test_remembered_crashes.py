@@ -81,11 +81,11 @@ def test_two_processes_at_once(tmp_path: Path) -> None:
         process(tmp_path, SEARCH + f"print(json.dumps(search({goal}, {bound})))", SECONDS="0.001")
         for goal, bound in wanted
     ]
-    for (goal, bound), one in zip(wanted, started, strict=True):
-        value, called, graphs = json.loads(output(one))
+    answers = [json.loads(output(one)) for one in started]
+    for (goal, bound), (value, _, graphs) in zip(wanted, answers, strict=True):
         assert value == fresh(goal=goal, bound=bound, limit=4000)
-        assert called > 0
         assert graphs == 1
+    assert sum(called for _, called, _ in answers) > 0  # one that starts late may find everything in the file
     value, called, graphs = json.loads(output(process(tmp_path, SEARCH + "print(json.dumps(search(6, 8)))")))
     assert value == fresh(goal=6, bound=8, limit=4000)
     assert called == 0
