@@ -14,16 +14,10 @@ import time
 from collections.abc import Callable
 
 import duckdb
+from boards import BOARDS, SLIDES, START, script
 
 import ss2sql
 
-BOARDS = 181_440
-START = "123456780"
-MOVED = "board[0:s.lo] + board[s.hi:s.hi + 1] + board[s.lo + 1:s.hi] + board[s.lo:s.lo + 1] + board[s.hi + 1:9]"
-SCRIPT = f"""
-    SELECT {MOVED} FROM s = swaps WHERE board == "none of them" START WITH board = "{START}"
-    CONNECT BY UNIQUE board = {MOVED} STOP WITH board[s.z:s.z + 1] != "0" AS list
-"""
 BY_HAND = f"""
     WITH RECURSIVE reached(board) USING KEY (board) AS (
       SELECT '{START}'
@@ -31,10 +25,10 @@ BY_HAND = f"""
       SELECT moved.board
       FROM (
         SELECT
-          substring(board, 1, lo) || substring(board, hi + 1, 1) || substring(board, lo + 2, hi - lo - 1)
-            || substring(board, lo + 1, 1) || substring(board, hi + 2) AS board
+          substring(board, 1, low) || substring(board, high + 1, 1) || substring(board, low + 2, high - low - 1)
+            || substring(board, low + 1, 1) || substring(board, high + 2) AS board
         FROM reached
-        JOIN swaps ON substring(board, z + 1, 1) = '0'
+        JOIN slides ON substring(board, "at" + 1, 1) = '0'
       ) AS moved
       LEFT JOIN recurring.reached AS known ON known.board = moved.board
       WHERE known.board IS NULL
@@ -43,33 +37,22 @@ BY_HAND = f"""
 """
 
 
-def swaps() -> list[dict[str, int]]:
-    """Where the gap can go from each place: `z` is its place, `lo` and `hi` the two that change."""
-    near = (
-        (z, z + d)
-        for z in range(9)
-        for d in (-1, 1, -3, 3)
-        if 0 <= z + d < 9 and (abs(d) == 3 or z // 3 == (z + d) // 3)
-    )
-    return [{"z": z, "lo": min(z, t), "hi": max(z, t)} for z, t in near]
-
-
 def by_hand(threads: int) -> Callable[[], int]:
     """What runs the query, and gives the number of boards."""
     connection = duckdb.connect(config={"threads": threads})
-    connection.execute("CREATE TABLE swaps(z BIGINT, lo BIGINT, hi BIGINT)")
-    connection.executemany("INSERT INTO swaps VALUES (?, ?, ?)", [list(swap.values()) for swap in swaps()])
+    connection.execute('CREATE TABLE slides("at" BIGINT, low BIGINT, high BIGINT)')
+    connection.executemany("INSERT INTO slides VALUES (?, ?, ?)", [list(slide.values()) for slide in SLIDES])
     return lambda: int(connection.execute(BY_HAND).fetchall()[0][0])
 
 
 def by_script(threads: int) -> Callable[[], int]:
     """What runs the script, and gives the number of boards."""
     ss = ss2sql.connect(engine="duckdb", session=duckdb.connect(config={"threads": threads}))
-    ss.set("swaps", swaps())
-    script = ss.compile(SCRIPT)
+    ss.set("slides", SLIDES)
+    search = ss.compile(script())
 
     def run() -> int:
-        found = script.run()
+        found = search.run()
         assert found.value == []
         return sum(level.rows for level in found.stats.levels)
 

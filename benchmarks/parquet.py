@@ -8,13 +8,12 @@ Each run has a process of its own. Prints a table for Markdown.
 from __future__ import annotations
 
 import argparse
-import json
 import resource
-import subprocess
-import sys
 import tempfile
 import time
 from pathlib import Path
+
+from apart import run_apart, tell
 
 SCRIPT = """
     SELECT kind, count(*), sum(amount), max(price) FROM sales WHERE price > 5
@@ -41,7 +40,7 @@ def measure(engine: str, file: str, memory: str) -> None:
         took = time.perf_counter() - begin, time.process_time() - busy
         assert result.engine == engine
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-        print(json.dumps({"value": result.value, "wall": took[0], "cpu": took[1], "peak": peak}))
+        tell(value=result.value, wall=took[0], cpu=took[1], peak=peak)
 
 
 def main() -> None:
@@ -63,23 +62,11 @@ def main() -> None:
             file = str(Path(folder) / "sales.parquet")
             with duckdb.connect() as connection:
                 connection.sql(SALES.format(rows=rows)).write_parquet(file)
-            found = [cell(engine, file, options.memory) for engine in engines]
-        values = [value for _, value in found if value is not None]
+            arguments = ("--memory", options.memory, "--one")
+            found = [run_apart(__file__, (*arguments, engine, file), SECONDS) for engine in engines]
+        values = [told["value"] for _, told in found if told is not None]
         assert all(value == values[0] for value in values)
         print(f"| {rows:,} | " + " | ".join(text for text, _ in found) + " |", flush=True)
-
-
-def cell(engine: str, file: str, memory: str) -> tuple[str, object]:
-    """Seconds of the processor and peak memory of one run in a process of its own, and what it found."""
-    command = [sys.executable, __file__, "--memory", memory, "--one", engine, file]
-    try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=SECONDS, check=True)
-    except subprocess.TimeoutExpired:
-        return f"more than {SECONDS} s", None
-    except subprocess.CalledProcessError as error:
-        return (error.stderr.strip().splitlines() or ["failed"])[-1][:40], None
-    took = json.loads(done.stdout.strip().splitlines()[-1])
-    return f"{took['cpu']:.2f} s, {took['peak']:,.0f} MB", took["value"]
 
 
 if __name__ == "__main__":

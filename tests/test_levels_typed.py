@@ -13,6 +13,7 @@ from sessions import code_of
 
 import ss2sql
 from ss2sql.lowering.portable.names import OWN
+from ss2sql.runtime.levels import typed_search
 
 duckdb = pytest.importorskip("duckdb")
 
@@ -248,3 +249,29 @@ def test_the_start_is_no_row_that_was_met(strategy: str) -> None:
         found: Any = ss.run(script, engine="duckdb").value
         assert found[:3] == [[1], [1, 2], [1, 2, 0]]
         assert found == ss.run(script, engine="native").value
+
+
+@pytest.mark.parametrize("stop", ["n > 4 AND this > 0 OR this == 7", "NOT (n < 5 OR this == 7)", "NOT n < 5"])
+def test_conditions_that_stop(stop: str) -> None:
+    script = f"SELECT n + this FROM [1, 2, 3] START WITH n = 0 CONNECT BY UNIQUE n = n + this STOP WITH {stop} AS list"
+    with ss2sql.connect() as ss:
+        found = ss.run(script, engine="duckdb")
+        assert "in SQL" in str(found.explain())
+        assert found.value == ss.run(script, engine="native").value
+
+
+def test_a_state_that_may_be_none_is_tried_in_python() -> None:
+    script = "SELECT this FROM [1, 2] START WITH n = None CONNECT BY UNIQUE n = IF(this > 1; None; this) AS list"
+    with ss2sql.connect() as ss:
+        found = ss.run(script, engine="duckdb")
+        assert "in SQL" not in str(found.explain())
+        assert found.value == ss.run(script, engine="native").value
+
+
+def test_more_elements_than_steps_can_be_numbered(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(typed_search, "ELEMENTS", 2)
+    script = "SELECT this FROM range({}) START WITH n = 0 CONNECT BY UNIQUE n = this AS list"
+    with ss2sql.connect() as ss:
+        assert len(ss.run(script.format(2), engine="duckdb").value) == 2
+        with pytest.raises(ss2sql.UnsupportedError, match=r"FROM has more than .* elements"):
+            ss.run(script.format(3), engine="duckdb")

@@ -6,6 +6,7 @@ import os
 from collections import Counter
 
 import pytest
+from adapters import ArrayWorld
 from agreement import exact
 from click.testing import CliRunner
 from hypothesis import HealthCheck, given, seed, settings
@@ -59,7 +60,7 @@ min(n.this, 3); max(t.this, 'b'); max([n.this]); n.this * 0.5; n.this - 1 - x.th
 n.this == None; None != t.this; x.this == None; n.this < x.this; n.this == 1.0; t.this == 'ab'; b.this == True
 l.this == [1, 2]; 'a' in t.this; 'z' not in t.this; n.this in [1, 2]; n.this in l.this; x.this in [1, 2]
 len(t.this); len(l.this); l.this[0]; [n.this, 2]; this; None; b.this
-t.this[0:1]; t.this[n.this:3]; t.this[n.this:n.this + 1]; t.this[1:n.this]
+t.this[0:1]; t.this[n.this + 1:7]; t.this[n.this:3]; t.this[n.this:n.this + 1]; t.this[1:n.this]
 b.this AND n.this; b.this OR x.this; NOT t.this; b.this XOR n.this; IF(b.this, n.this, 0)
 IF(n.this > 1, None, n.this) == n.this; IF(n.this > 1, None, n.this) AND b.this; IF(b.this, None, t.this) OR b.this
 IF(n.this > 1, None, b.this) OR b.this; IF(b.this, None, x.this) != x.this"""
@@ -84,6 +85,9 @@ def test_an_expression_means_the_same(written: str) -> None:
         ("l.this < [1, 2]", "lt of such values"),
         ("n.this not in []", "not_in of such values"),
         ("x.this in [0.5, 1]", "in of such values"),
+        ("x.this in l.this", "in of such values"),
+        ("min(x.this, 2.5)", "min of such values"),
+        ("(n.this - 3) % 4611686018427387905", "mod of such values"),
         ("t.this[-1:2]", "slice of such values"),
         ("x.this % 2", "mod of such values"),
         ("x.this ^ 2", "pow of such values"),
@@ -112,15 +116,39 @@ def test_an_expression_that_could_mean_something_else(written: str, reason: str)
         ("SELECT this FROM many", "only lists of up to 1,000 elements"),
         ("SELECT p FROM p = rows", "have no type for it"),
         ("SELECT count(*) FROM [1] GROUP BY this HAVING count(*)", "the truth of such a value"),
+        ("SELECT x FROM scene", "worlds are read by Python"),
     ],
 )
 def test_a_query_that_could_mean_something_else(script: str, reason: str) -> None:
     with ss2sql.connect() as ss:
+        ss.attach("scene", ArrayWorld())
         ss.host.connection.execute("CREATE TABLE people(a INTEGER)")
         ss.set("many", list(range(2000)))
         ss.set("rows", [{"a": 1}, {"a": 2}])
         with pytest.raises(ss2sql.UnsupportedError, match=reason):
             translated(ss.compile(script).statements(), DUCKDB)
+
+
+def test_a_query_in_from() -> None:
+    script = """
+        SELECT q.kind, n.this
+        FROM q = (SELECT kind, to(count(*), many) FROM people GROUP BY kind), n = (SELECT 7 FROM [1, 2] AS list)
+        WHERE many > 1 AS rows
+    """
+    with ss2sql.connect() as ss:
+        ss.set("people", [{"kind": "b"}, {"kind": "a"}, {"kind": "b"}, {"kind": "a"}, {"kind": "c"}])
+        wanted = ss.run(script).value
+        text = str(translated(ss.compile(script).statements(), DUCKDB))
+    with duckdb.connect() as connection:
+        assert connection.execute(text).fetchall() == wanted == [("b", 7), ("b", 7), ("a", 7), ("a", 7)]
+
+
+@pytest.mark.parametrize("empty", ["range(0)", "[1, 2][1:1]"])
+def test_a_list_without_elements(empty: str) -> None:
+    with duckdb.connect() as connection:
+        shown = connection.execute(in_dialect(f"SELECT this + 1 FROM {empty} AS list;", "duckdb"))
+        assert [kind for _, kind, *_ in shown.description] == ["BIGINT"]
+        assert shown.fetchall() == []
 
 
 def test_a_table_keeps_its_name() -> None:
@@ -138,8 +166,8 @@ def test_a_table_keeps_its_name() -> None:
 
 
 def test_what_is_no_query_is_a_comment() -> None:
-    text = in_dialect("n = 3; SELECT this + 1 FROM [1] AS list;", "duckdb")
-    assert text.startswith("-- no query: n = 3\n\nSELECT\n")
+    text = in_dialect("n = 3; SELECT this + n FROM [1] AS list;", "duckdb")
+    assert text.startswith("-- no query: n = 3\n\nSELECT\n  this.this + 3 AS")
 
 
 def test_a_search_becomes_statements_of_a_level() -> None:
@@ -155,7 +183,10 @@ def test_a_search_becomes_statements_of_a_level() -> None:
         ("SELECT this FROM [1, 'a']", "the kind of this is not known", 18),
         ("SELECT this / (this - 1) FROM [1, 2]", "this may fail", 13),
         ("SELECT x.this FROM x = [1], y = [2] GROUP BY y.this", "GROUP BY that makes parts is no SQL", 46),
-        ("SELECT this FROM (SELECT this FROM [1] AS list)", "a query in FROM", 18),
+        ("SELECT this FROM (SELECT n FROM [1] START WITH n = 0 CONNECT BY UNIQUE n = 1)", "a search in FROM", 18),
+        ("SELECT this FROM (SELECT this, 1 FROM [1] AS rows)", "the elements of this query are no rows", 18),
+        ("SELECT this FROM (SELECT this FROM [1] LIMIT 0 AS list)", "LIMIT of a query in FROM is a number above 0", 46),
+        ("SELECT count(*) FROM a = [1], b = [2] GROUP BY a.this", "groups of several sources have no order in SQL", 48),
         ("SELECT a.this FROM a = [[1]], b = a.this", "what stands in FROM depends on another source", 31),
         ("SELECT sum([this, 1]) FROM [1]", "sum is not known to other databases", 8),
         ("SELECT average(this) FROM [1] GROUP BY 1", "average of such values is not the same everywhere", 8),

@@ -53,17 +53,28 @@ def plan_in_tables(query: plan.Query, tables: InTables) -> tuple[PlanLine, ...]:
 def plan_in_duckdb(query: plan.Query, written: WrittenHere) -> tuple[PlanLine, ...]:
     """The sources of a query that is one SELECT."""
     given = {id(table.value) for table in written.loaded}
-    lines = [PlanLine(0, "finds the rows with one SELECT over")]
-    for source in query.sources:
-        assert isinstance(source, plan.ValueSource), "others are refused"
-        words = cut(source.value.span.text or source.name, LONGEST)
-        if id(source.value) in given:
-            lines.append(PlanLine(1, f"the elements of {words}, which it is given in a table"))
-        elif isinstance(source.value, plan.Variable):
-            lines.append(PlanLine(1, f"{words}, which it reads itself"))
-        else:
-            lines.append(PlanLine(1, f"the elements of {words}, which are written out"))
-    return (*lines, *_endings(query))
+    return (
+        PlanLine(0, "finds the rows with one SELECT over"),
+        *(line for source in query.sources for line in _in_duckdb(source, given, 1)),
+        *_endings(query),
+    )
+
+
+def _in_duckdb(source: plan.Source, given: set[int], depth: int) -> Iterator[PlanLine]:
+    """A source, and if it is a query those of the query."""
+    if isinstance(source, plan.QuerySource):
+        yield PlanLine(depth, f"the rows of ({cut(source.query.span.text, LONGEST)}), over")
+        for inner in source.query.sources:
+            yield from _in_duckdb(inner, given, depth + 1)
+        return
+    assert isinstance(source, plan.ValueSource), "others are refused"
+    words = cut(source.value.span.text or source.name, LONGEST)
+    if id(source.value) in given:
+        yield PlanLine(depth, f"the elements of {words}, which it is given in a table")
+    elif isinstance(source.value, plan.Variable):
+        yield PlanLine(depth, f"{words}, which it reads itself")
+    else:
+        yield PlanLine(depth, f"the elements of {words}, which are written out")
 
 
 def _loops(query: plan.Query, depth: int, inner: bool = False) -> Iterator[PlanLine]:

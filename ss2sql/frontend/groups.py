@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from ss2sql import plan
 from ss2sql.errors import ResolveError
 from ss2sql.kinds import ANY, FLOAT, INT, NONE, Kind, Type, list_of, union
-from ss2sql.runtime.builtins import AGGREGATES, BUILTINS
+from ss2sql.runtime.builtins import AGGREGATES
 from ss2sql.walk import is_volatile, parts, rebuild, sources_read, states_read, walk_own
 
 if TYPE_CHECKING:
@@ -53,10 +53,9 @@ def _with_spared(query: plan.Query) -> plan.Query:
 
     Equal aggregates become the one that is evaluated first, so that SQL computes them once.
     """
-    columns = [output.expr for output in query.columns]
-    keys = [key.expr for key in query.order]
-    in_turn = [*([] if query.having is None else [query.having]), *columns, *keys]
-    certain = in_turn[:1] if query.having is not None else in_turn
+    in_turn = [output.expr for output in query.columns] + [key.expr for key in query.order]
+    certain = in_turn if query.having is None else [query.having]
+    in_turn = in_turn if query.having is None else [query.having, *in_turn]
     asked = {node for expr in certain for node in _always_asked(expr)}
     firsts: dict[plan.Aggregate, plan.Aggregate] = {}
     for node in (node for expr in in_turn for node in walk_own(expr)):
@@ -65,6 +64,7 @@ def _with_spared(query: plan.Query) -> plan.Query:
 
     def marked(node: Any) -> Any:
         if isinstance(node, plan.Aggregate):
+            # One with a volatile argument stays a node of its own, so that its calls are made again.
             return replace(firsts[node], span=node.span) if is_volatile(node) else firsts[node]
         return node if isinstance(node, plan.Query) else rebuild(node, marked)
 
@@ -113,8 +113,7 @@ def _typed(resolver: Resolver, expr: plan.Expr) -> plan.Expr:
     """The expression with the type that it has now: of an aggregate other things are known than of a list."""
     match expr:
         case plan.Call(function=function, arguments=arguments) if function.builtin:
-            entry, types = BUILTINS[function.name], tuple(argument.type for argument in arguments)
-            return replace(expr, type=entry.result(types), function=replace(function, raises=entry.raises(types)))
+            return resolver.call(function.name, arguments, expr.span, expr.place)
         case plan.Call():
             return resolver.inliner.typed(expr)
         case plan.If():

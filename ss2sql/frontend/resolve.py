@@ -274,7 +274,7 @@ class Resolver:
     def call_tree(self, tree: ast.Call, scope: Scope | None) -> plan.Expr:
         name, span = tree.function, tree.span
         if tree.owner is not None:
-            return self.call_of_world(tree, scope)
+            return self.call_of_world(tree, tree.owner, scope)
         function = self.catalog.functions.get(name)
         known: tuple[plan.Expr, ...] | None = None  # resolved once: calls in calls would double with every level
         if name in self.catalog.world_functions and (function is None or function.builtin):
@@ -310,12 +310,12 @@ class Resolver:
         element = element_of(source, span)
         return world_call(self, name, (element,), scope, span) if element.type.may(Kind.OBJECT) else None
 
-    def call_of_world(self, tree: ast.Call, scope: Scope | None) -> plan.Expr:
-        """`world.function(arguments)`."""
-        world = self.catalog.worlds.get(tree.owner or "")
+    def call_of_world(self, tree: ast.Call, owner: str, scope: Scope | None) -> plan.Expr:
+        """`owner.function(arguments)`."""
+        world = self.catalog.worlds.get(owner)
         if world is None or tree.function not in world.offered():
             raise unknown_method(tree, self.catalog, [*names_in_sight(scope), *self.variables()])
-        own = f"{tree.owner}.{tree.function}"
+        own = f"{owner}.{tree.function}"
         name = own if own in self.catalog.world_functions else tree.function
         return world_call(self, name, self.all(tree.arguments, scope), scope, tree.span)
 

@@ -190,7 +190,7 @@ class Expressions:
     def all_of(self, parts: tuple[plan.Expr, ...], env: Env) -> Node:
         conditions = self.in_order(parts, env, True)
         if not any(can_fail(part) for part in parts):
-            joined = sql.conjunction(conditions)
+            joined = sql.conjunction([sql.lasting(condition) for condition in conditions])
             assert joined is not None
             return joined
         stops = [(exp.Not(this=sql.operand(condition)), sql.number(0)) for condition in conditions[:-1]]
@@ -199,7 +199,7 @@ class Expressions:
     def any_of(self, parts: tuple[plan.Expr, ...], env: Env) -> Node:
         conditions = self.in_order(parts, env, False)
         if not any(can_fail(part) for part in parts):
-            return sql.disjunction(conditions)
+            return sql.disjunction([sql.lasting(condition) for condition in conditions])
         return sql.case([(condition, sql.number(1)) for condition in conditions[:-1]], conditions[-1])
 
     def in_order(self, parts: tuple[plan.Expr, ...], env: Env, truth: bool) -> list[Node]:

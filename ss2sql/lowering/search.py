@@ -209,9 +209,7 @@ class SearchLowering(ABC):
             self.positions[name] = free_name("position", {column.lower() for column, _ in source.columns})
             shown: list[Node] = [sql.column(column) for column, _ in source.columns]
             order = [(sql.column(key), False) for key in source.order]
-            keys = [exp.Ordered(this=key, desc=False, nulls_first=True) for key, _ in order]
-            number = exp.Window(this=exp.RowNumber(), order=exp.Order(expressions=keys) if keys else None)
-            position: Node = sql.column("rowid") if source.order == ("rowid",) else number
+            position: Node = sql.column("rowid") if source.order == ("rowid",) else sql.row_number(order)
             copied = sql.table(source.table, source.table, source.schema)
             select = sql.select([sql.alias(position, self.positions[name]), *shown], [copied], order=order)
             self._copy(name, select)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from sqlglot import exp
@@ -101,7 +101,7 @@ class Selects:
         first = flat.natural
         if first is not None and len(first) == 1 and not _needs_numbers(query):
             keys = [self.expressions.lower(key, flat.env) for key in query.group]
-            return self._group(query, flat.env, keys, flat.items, where, first[0], names)
+            return self._group(query, _Rows(flat.env, flat.items, where, keys, first[0]), names)
         return self._group_numbered(query, flat, where, names)
 
     def _group_numbered(
@@ -121,37 +121,23 @@ class Selects:
             sql.alias(self.expressions.value(expr, flat.env), name)
             for expr, name in zip(arguments, names_of, strict=True)
         ]
-        window = exp.Window(this=exp.RowNumber())
-        natural = flat.natural
+        order = [(key, False) for key in flat.natural or ()]
         if any(map(can_fail, (*_before_groups(query), *query.group, *arguments))):
             # To sort the rows SQLite would ask WHERE of all of them first, and find another error.
             self._walk_in_order(flat)
-        elif natural:
-            ordered = [exp.Ordered(this=key, desc=False, nulls_first=True) for key in natural]
-            window.set("order", exp.Order(expressions=ordered))
-        outputs.append(sql.alias(window, "position"))
+            order = []
+        outputs.append(sql.alias(sql.row_number(order), "position"))
         inner = sql.derived(sql.select(outputs, flat.items, where), label)
-        keys = [sql.column(f"key_{index}", label) for index in range(1, len(query.group) + 1)]
+        keys: list[Node] = [sql.column(f"key_{index}", label) for index in range(1, len(query.group) + 1)]
         lowering = _Numbered(self, arguments, [sql.column(name, label) for name in names_of])
-        position = sql.column("position", label)
-        return lowering._group(query, flat.env, keys, [inner], None, position, names)
+        return lowering._group(query, _Rows(flat.env, [inner], None, keys, sql.column("position", label)), names)
 
-    def _group(
-        self,
-        query: plan.Query,
-        env: Env,
-        keys: Sequence[Node],
-        items: list[Node],
-        where: Node | None,
-        first: Node,
-        names: list[str | None],
-    ) -> exp.Select:
+    def _group(self, query: plan.Query, rows: _Rows, names: list[str | None]) -> exp.Select:
         asked = (query.having, *(output.expr for output in query.columns))
         if any(can_fail(_of_a_group(expr)) for expr in asked if expr is not None):
-            return self._groups_in_turn(query, env, keys, items, where, first, names)
-        env = env.with_groups({(query.id, index): key for index, key in enumerate(keys)})
-        select = sql.select(self.outputs(query, env, names), items, where)
-        select.set("group", exp.Group(expressions=[sql.key(key.copy()) for key in keys]))
+            return self._groups_in_turn(query, rows, names)
+        env = rows.env.with_groups({(query.id, index): key for index, key in enumerate(rows.keys)})
+        select = rows.grouped(self.outputs(query, env, names))
         if query.having is not None:
             having = self.expressions.condition(query.having, env)
             if any(map(can_fail, _before_groups(query))):
@@ -159,37 +145,26 @@ class Selects:
                 having = sql.case([(exp.Count(this=exp.Star()), having)], sql.number(0))
             select.set("having", exp.Having(this=having))
         order = [(self.expressions.lower(key.expr, env), key.descending) for key in query.order]
-        return sql.sorted_query(select, [*order, (exp.Min(this=first), False)])
+        return sql.sorted_query(select, [*order, (rows.first_row, False)])
 
-    def _groups_in_turn(
-        self,
-        query: plan.Query,
-        env: Env,
-        keys: Sequence[Node],
-        items: list[Node],
-        where: Node | None,
-        first: Node,
-        names: list[str | None],
-    ) -> exp.Select:
+    def _groups_in_turn(self, query: plan.Query, rows: _Rows, names: list[str | None]) -> exp.Select:
         """All groups as a table, and then HAVING and the columns of one after the other.
 
         SQLite would evaluate them in the order of their keys, and another group would be the first to fail.
         """
         label = self.needs.label("groups")
         aggregates = list({node: None for node in _group_nodes(query) if isinstance(node, plan.Aggregate)})
-        outputs = [sql.alias(key, f"key_{index}") for index, key in enumerate(keys, 1)]
+        outputs = [sql.alias(key, f"key_{index}") for index, key in enumerate(rows.keys, 1)]
         known: list[tuple[plan.Expr, Node]] = []
         for index, node in enumerate(aggregates, 1):
-            outputs.append(sql.alias(self.expressions.collected(node, env), f"value_{index}"))
+            outputs.append(sql.alias(self.expressions.collected(node, rows.env), f"value_{index}"))
             column = sql.column(f"value_{index}", label)
             known.append((node, self.expressions.in_range(node, column) if node.function == "sum" else column))
-        outputs.append(sql.alias(exp.Min(this=first), "position"))
-        groups = sql.select(outputs, items, where)
-        groups.set("group", exp.Group(expressions=[sql.key(key.copy()) for key in keys]))
-        groups = sql.sorted_query(groups, [(exp.Min(this=first.copy()), False)], sql.unlimited())
+        outputs.append(sql.alias(rows.first_row, "position"))
+        groups = sql.sorted_query(rows.grouped(outputs), [(rows.first_row, False)], sql.unlimited())
 
-        seen = {(query.id, index): sql.column(f"key_{index + 1}", label) for index in range(len(keys))}
-        env = replace(env.with_groups(seen), known=(*env.known, *known))
+        seen = {(query.id, index): sql.column(f"key_{index + 1}", label) for index in range(len(rows.keys))}
+        env = replace(rows.env.with_groups(seen), known=(*rows.env.known, *known))
         outer, position = Selects(self.needs), sql.column("position", label)
         having = None if query.having is None else outer.expressions.condition(query.having, env)
         order = [(outer.expressions.lower(key.expr, env), key.descending) for key in query.order]
@@ -261,6 +236,27 @@ class Selects:
         for output, value in zip(query.columns, values, strict=True):
             arguments += [sql.string(output.name), value]
         return sql.call("collect_records", *arguments)
+
+
+@dataclass(frozen=True, slots=True)
+class _Rows:
+    """The rows that are put into groups: how they are read, FROM and WHERE, the keys, and what numbers them."""
+
+    env: Env
+    items: list[Node]
+    where: Node | None
+    keys: list[Node]
+    number: Node
+
+    @property
+    def first_row(self) -> Node:
+        """The number of the first row of a group."""
+        return exp.Min(this=self.number.copy())
+
+    def grouped(self, outputs: list[Node]) -> exp.Select:
+        select = sql.select(outputs, self.items, self.where)
+        select.set("group", exp.Group(expressions=[sql.key(key.copy()) for key in self.keys]))
+        return select
 
 
 class _Numbered(Selects):

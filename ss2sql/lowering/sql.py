@@ -281,11 +281,20 @@ def key(node: Node) -> Node:
 def sorted_query(query: exp.Select, order: Sequence[tuple[Node, bool]], limit: Node | None = None) -> exp.Select:
     """The query with ORDER BY and LIMIT."""
     if order:
-        keys = [exp.Ordered(this=key(node), desc=descending, nulls_first=not descending) for node, descending in order]
-        query.set("order", exp.Order(expressions=keys))
+        query.set("order", _ordering(order))
     if limit is not None:
         query.set("limit", exp.Limit(expression=limit))
     return query
+
+
+def row_number(order: Sequence[tuple[Node, bool]]) -> exp.Window:
+    """The number of a row, from 1, sorted by (key, descending)."""
+    return exp.Window(this=exp.RowNumber(), order=_ordering(order) if order else None)
+
+
+def _ordering(order: Sequence[tuple[Node, bool]]) -> exp.Order:
+    keys = [exp.Ordered(this=key(node), desc=descending, nulls_first=not descending) for node, descending in order]
+    return exp.Order(expressions=keys)
 
 
 def asked_of(column: Node, condition: Node) -> Node:
@@ -295,6 +304,11 @@ def asked_of(column: Node, condition: Node) -> Node:
     """
     alone = not isinstance(condition, exp.And) and condition.find(exp.Column)
     return condition if alone else call("in_turn", column.copy(), condition)
+
+
+def lasting(condition: Node) -> Node:
+    """A condition within AND or OR; `0 AND x` would go away, and with it the sources in x, for which the rest waits."""
+    return binary(exp.NEQ, condition, number(0)) if isinstance(condition, exp.Literal) else condition
 
 
 def unlimited() -> Node:

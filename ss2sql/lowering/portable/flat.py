@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from sqlglot import exp
@@ -17,8 +18,8 @@ from ss2sql.kinds import Kind
 from ss2sql.lowering import sql
 from ss2sql.lowering.portable.expressions import Node, Portable, Sight
 from ss2sql.lowering.portable.names import Names
-from ss2sql.lowering.portable.sources import Elsewhere, Opener
-from ss2sql.lowering.portable.types import cast, column_type, refused
+from ss2sql.lowering.portable.sources import NUMBER, Elsewhere, Opened, Opener, named
+from ss2sql.lowering.portable.types import cast, column_type, refused, typed
 from ss2sql.walk import walk
 
 
@@ -83,15 +84,45 @@ class FlatWriter:
         for node in walk(source):
             if isinstance(node, (plan.Element, plan.Column)) and node.source in self.sight.sources:
                 raise refused("what stands in FROM depends on another source", source.span)
-        opened = self.open(source, self.labels.free(source.name, "source"))
+        label = self.labels.free(source.name, "source")
+        opened = self._nested(source, label) if isinstance(source, plan.QuerySource) else self.open(source, label)
         self.items.append(opened.item)
         self.places += opened.places
         self.sight = self.sight.with_source(source.id, opened.read)
 
+    def _nested(self, source: plan.QuerySource, label: str) -> Opened:
+        """A query in FROM: its columns, and what sorts its rows as columns, too."""
+        query = source.query
+        if query.search is not None:
+            raise refused("a search in FROM", source.span, "write it as a query of its own")
+        one = query.representation.name == "list" and len(query.columns) == 1
+        if not one and query.representation.name != "dict":
+            raise refused("the elements of this query are no rows of columns", source.span)
+        select = self.inner(query).select(_limit(query))
+        names, found, outputs = Names(), dict[str | None, str](), list[Node]()
+        for output, node in zip(query.columns, select.expressions, strict=True):
+            name = names.free(output.name, "element")
+            found[None if one else output.name] = name
+            outputs.append(sql.alias(typed(node.unalias(), column_type(output.expr.type)), name))
+        keys = _places(query, select)
+        places = dict(zip((NUMBER, *(names.free(NUMBER, NUMBER) for _ in keys[1:])), keys, strict=False))
+        select.set("expressions", [*(sql.alias(key, name) for name, key in places.items()), *outputs])
+        if query.limit is None:
+            select.set("order", None)
+        sorting = tuple(sql.column(name, label) for name in places)
+        return Opened(sql.derived(select, label), sorting, partial(named, label, found))
+
+    def inner(self, query: plan.Query) -> FlatWriter:
+        """What writes a query in FROM."""
+        return FlatWriter(query, self.portable, Elsewhere(query, self.portable).open)
+
     def _output(self, output: plan.Output, sight: Sight) -> Node:
         if output.star or output.label is not None:
             raise refused("the names of these columns are not known", output.expr.span)
-        return sql.alias(self.portable.value(output.expr, sight), output.name)
+        return self._named(self.portable.value(output.expr, sight), output.name)
+
+    def _named(self, node: Node, name: str) -> Node:
+        return sql.alias(node, name)
 
     def _order(self, sight: Sight) -> list[tuple[Node, bool]]:
         return [(self.portable.value(key.expr, sight), key.descending) for key in self.query.order]
@@ -105,12 +136,9 @@ class FlatWriter:
         shown = [self._shown_key(key, expr) for key, expr in zip(keys, query.group, strict=True)]
         sight = replace(self.sight, groups={(query.id, n): key for n, key in enumerate(shown)})
         outputs = [self._output(output, sight) for output in query.columns]
-        order = self._order(sight)
-        if keys:
-            order += [(place, False) for place in self._first()]
+        order = self._order(sight) + [(place, False) for place in self._first()]
         select = sql.select(outputs, self.items, where, _sorting(order), limit)
-        if keys:
-            select.set("group", exp.Group(expressions=[key.copy() for key in keys]))
+        select.set("group", exp.Group(expressions=[key.copy() for key in keys]))
         if query.having is not None:
             if query.having.type.kinds != Kind.BOOL:
                 raise refused("the truth of such a value is not the same everywhere", query.having.span)
@@ -131,6 +159,25 @@ class FlatWriter:
         """What is grouped by; a number alone would be the position of a column."""
         node, kind = self.portable.value(expr, self.sight), column_type(expr.type)
         return node if node.find(exp.Column) or kind is None else cast(node, kind)
+
+
+def _limit(query: plan.Query) -> Node | None:
+    """LIMIT of a query in FROM, which is there however many rows the query around it asks for."""
+    match query.limit:
+        case None:
+            return None
+        case plan.Constant(value=int(most)) if most > 0:
+            return sql.number(most)
+    raise refused("LIMIT of a query in FROM is a number above 0 there", query.limit.span)
+
+
+def _places(query: plan.Query, select: exp.Select) -> list[Node]:
+    """What sorts the rows of a SELECT, ascending; with ORDER BY it is their number."""
+    order = select.args.get("order")
+    if order is None:
+        return []
+    number: Node = exp.Window(this=exp.RowNumber(), order=order.copy())
+    return [number] if query.order else [ordered.this.copy() for ordered in order.expressions]
 
 
 def _sorting(order: list[tuple[Node, bool]]) -> list[tuple[Node, bool]]:

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, TypeAlias
 from sqlglot import exp
 
 from ss2sql import plan
-from ss2sql.kinds import Kind, Type, union
+from ss2sql.kinds import NOTHING, Kind, Type, union
 from ss2sql.lowering import sql
-from ss2sql.lowering.portable.types import cast, column_type, is_integer, is_nullable, is_real
+from ss2sql.lowering.portable.types import cast, column_type, is_integer, is_nullable, is_real, typed
 from ss2sql.walk import choices
 
 if TYPE_CHECKING:
@@ -35,17 +35,12 @@ def _types(call: plan.Call) -> list[Type]:
     return [argument.type for argument in call.arguments]
 
 
-def _wide(node: Node) -> Node:
-    """A number as BIGINT where it consists of literals alone, which have 32 bits."""
-    return node if node.find(exp.Column) else cast(node, "BIGINT")
-
-
 def arithmetic(kind: type[exp.Binary]) -> Written:
     def write(of: Portable, call: plan.Call, sight: Sight) -> Node | None:
         types = _types(call)
         if all(map(is_integer, types)) and is_integer(call.type):
             left, right = _operands(of, call, sight)
-            return sql.binary(kind, left if right.find(exp.Column) else _wide(left), right)
+            return sql.binary(kind, left if right.find(exp.Column) else typed(left, "BIGINT"), right)
         if all(map(is_real, types)) and call.type.kinds == Kind.FLOAT:
             return sql.binary(kind, *_operands(of, call, sight))
         return None
@@ -79,7 +74,7 @@ def modulo(of: Portable, call: plan.Call, sight: Sight) -> Node | None:
         return None
     left, right = _operands(of, call, sight)
     dividend, divisor = _types(call)
-    remainder = sql.binary(exp.Mod, _wide(left), right)
+    remainder = sql.binary(exp.Mod, typed(left, "BIGINT"), right)
     if dividend.at_least(0) and divisor.at_least(1):
         return remainder
     if not divisor.bounded(2**61):
@@ -92,10 +87,8 @@ def power(of: Portable, call: plan.Call, sight: Sight) -> Node | None:
     times = exponent.value if isinstance(exponent, plan.Constant) else None
     if type(times) is not int or not 1 <= times <= MOST_FACTORS or not is_integer(base.type):
         return None
-    if not is_integer(call.type):
-        return None
     node = of.value(base, sight)
-    factors = [_wide(node), *(node.copy() for _ in range(times - 1))]
+    factors = [typed(node, "BIGINT"), *(node.copy() for _ in range(times - 1))]
     return reduce(lambda product, factor: sql.binary(exp.Mul, product, factor), factors)
 
 
@@ -174,19 +167,17 @@ def membership(found: bool) -> Written:
         if item.type.kinds == Kind.STR == container.type.kinds:
             text, part = of.value(container, sight), of.value(item, sight)
             test = exp.Contains(this=text, expression=part)
-        elif container.type.kinds == Kind.LIST and container.type.item is not None:
-            if not _comparable(item.type, container.type.item) or is_nullable(item.type):
+        else:
+            inner = container.type.item or NOTHING
+            if not _comparable(item.type, inner) or is_nullable(item.type):
                 return None
-            if column_type(item.type) != column_type(container.type.item) and not isinstance(container, plan.Constant):
+            if column_type(item.type) != column_type(inner) and not isinstance(container, plan.Constant):
                 return None
             values = of.value(container, sight)
             if isinstance(values, exp.Array):
-                known = values.expressions
-                test = exp.In(this=sql.operand(of.value(item, sight)), expressions=known) if known else exp.false()
+                test = exp.In(this=sql.operand(of.value(item, sight)), expressions=values.expressions)
             else:
                 test = exp.ArrayContains(this=values, expression=of.value(item, sight))
-        else:
-            return None
         return test if found else exp.Not(this=sql.operand(test))
 
     return write

@@ -6,6 +6,7 @@ What `flat.py` refuses to other databases has an order here, because every row o
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Mapping
+from copy import copy
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -17,7 +18,7 @@ from ss2sql.lowering import sql
 from ss2sql.lowering.portable.expressions import Node, Sight
 from ss2sql.lowering.portable.flat import FlatWriter, Grouping
 from ss2sql.lowering.portable.names import Names, plain
-from ss2sql.lowering.portable.sources import NUMBER, Opened, columns_of, listed, written_out
+from ss2sql.lowering.portable.sources import NUMBER, Opened, Opener, columns_of, listed, written_out
 from ss2sql.lowering.portable.types import cast, column_type, is_nullable, refused
 from ss2sql.walk import can_fail
 
@@ -78,9 +79,7 @@ def write_here(query: plan.Query, outside: Callable[[plan.ValueSource], Outside 
     """
     sources = _Sources(outside)
     portable = _Exact()
-    writer = _Writer(query, portable, sources.open)
-    portable.places = writer.places
-    select = writer.select(_limit(query.limit))
+    select = _Writer(query, portable, sources.open).select(_limit(query.limit))
     return WrittenHere(select, tuple(sources.loaded), portable.parameters, tuple(portable.functions))
 
 
@@ -104,10 +103,9 @@ class _Sources:
         match source:
             case plan.TableSource(table=table):
                 raise refused(f"{table} is a table of SQLite", source.span)
-            case plan.QuerySource():
-                raise refused("a query in FROM", source.span)
             case plan.WorldSource():
                 raise refused("worlds are read by Python", source.span)
+        assert isinstance(source, plan.ValueSource), "queries in FROM have sources of their own"
         known = self.outside(source)
         if known is not None:
             read = partial(_of_outside, label, known.columns, source.name)
@@ -126,8 +124,6 @@ class _Sources:
 
         def read(expr: plan.Element | plan.Column) -> Node:
             key = expr.name if isinstance(expr, plan.Column) else None
-            if key not in kinds:
-                raise refused("a whole element is a dict, which not every database has", expr.span)
             if column_type(kinds[key]) is None:
                 raise refused(f"the kind of {source.name if key is None else key} is not known", expr.span)
             if key not in table.columns:
@@ -164,7 +160,7 @@ class _Exact(Grouping):
             return super()._aggregate(expr, sight)
         if expr.function in EXACT:
             return self._exactly(EXACT[expr.function], argument, sight)
-        return self._extreme(expr, argument, sight) if expr.function != "count" else super()._aggregate(expr, sight)
+        return super()._aggregate(expr, sight) if expr.function == "count" else self._extreme(expr, argument, sight)
 
     def _exactly(self, function: str, argument: plan.Expr, sight: Sight) -> Node:
         self.functions[function] = None
@@ -176,8 +172,7 @@ class _Exact(Grouping):
         return exp.Anonymous(this=function, expressions=[values])
 
     def _extreme(self, expr: plan.Aggregate, argument: plan.Expr, sight: Sight) -> Node:
-        if expr.function not in ("min", "max"):
-            return super()._aggregate(expr, sight)
+        """`min` or `max`."""
         node, kind = self.value(argument, sight), argument.type
         found = (exp.Min if expr.function == "min" else exp.Max)(this=node)
         if (kind.low is not None and kind.low > 0) or (kind.high is not None and kind.high < 0):
@@ -202,11 +197,15 @@ class _Writer(FlatWriter):
 
     portable: _Exact
 
-    def _output(self, output: plan.Output, sight: Sight) -> Node:
-        if output.star or output.label is not None:
-            raise refused("the names of these columns are not known", output.expr.span)
-        node = self.portable.value(output.expr, sight)
-        return sql.alias(node, output.name) if plain(output.name) else node
+    def __init__(self, query: plan.Query, portable: _Exact, open: Opener) -> None:
+        super().__init__(query, portable, open)
+        portable.places = self.places
+
+    def inner(self, query: plan.Query) -> FlatWriter:
+        return _Writer(query, copy(self.portable), self.open)
+
+    def _named(self, node: Node, name: str) -> Node:
+        return super()._named(node, name) if plain(name) else node
 
     def _first(self) -> list[Node]:
         return [exp.Min(this=_in_order(self.places))]
@@ -239,8 +238,7 @@ def _labelled(item: Node, label: str) -> Node:
 
 def _of_outside(label: str, columns: Mapping[str, Node | None], owner: str, expr: plan.Element | plan.Column) -> Node:
     """The value of a column, which is read from the label."""
-    if isinstance(expr, plan.Element):
-        raise refused("a whole row is a dict, which not every database has", expr.span)
+    assert isinstance(expr, plan.Column), "a whole row is a dict, which has no type there"
     node = columns.get(expr.name)
     if node is None:
         raise refused(f"the values of {owner}.{expr.name} are made in Python", expr.span)

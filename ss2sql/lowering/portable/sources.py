@@ -49,8 +49,6 @@ class Elsewhere:
                 return Opened(sql.table(table, label), places, partial(_column, label))
             case plan.ValueSource():
                 return written_out(source, label, self._elements(source))
-            case plan.QuerySource():
-                raise refused("a query in FROM", source.span, "write it as a query of its own")
             case _:
                 raise refused("worlds are read by Python", source.span)
 
@@ -81,12 +79,7 @@ class Elsewhere:
 
 def listed(value: plan.Expr) -> list[Any] | None:
     """The elements of a list that the script spells out."""
-    match value:
-        case plan.Constant(value=list(elements)):
-            return elements
-        case plan.MakeList(items=items) if all(isinstance(item, plan.Constant) for item in items):
-            return [item.value for item in items if isinstance(item, plan.Constant)]
-    return None
+    return value.value if isinstance(value, plan.Constant) and isinstance(value.value, list) else None
 
 
 def columns_of(source: plan.ValueSource) -> dict[str | None, Type]:
@@ -121,14 +114,10 @@ def _row(element: Any, columns: dict[str | None, Type], source: plan.ValueSource
 
 
 def _column(label: str, expr: plan.Element | plan.Column) -> Node:
-    if isinstance(expr, plan.Element):
-        raise refused("a whole row is a dict, which not every database has", expr.span)
+    assert isinstance(expr, plan.Column), "a whole row is a dict, which has no type there"
     return sql.column(expr.name, label)
 
 
 def named(label: str, names: dict[str | None, str], expr: plan.Element | plan.Column) -> Node:
     """A column by its name in SQL."""
-    name = names.get(expr.name if isinstance(expr, plan.Column) else None)
-    if name is None:
-        raise refused("a whole element is a dict, which not every database has", expr.span)
-    return sql.column(name, label)
+    return sql.column(names[expr.name if isinstance(expr, plan.Column) else None], label)

@@ -19,7 +19,7 @@ from ss2sql.kinds import INT, Kind
 from ss2sql.lowering import sql
 from ss2sql.lowering.portable.expressions import Portable, Sight
 from ss2sql.lowering.portable.names import Names
-from ss2sql.lowering.portable.types import cast, column_type, is_nullable, refused
+from ss2sql.lowering.portable.types import column_type, is_nullable, refused, typed
 from ss2sql.walk import walk
 
 ELEMENTS = 1 << 24  # of a state; a place is a step and an element, in 64 bits
@@ -195,9 +195,8 @@ class _Writer:
         return {name: states[self.query.id, name].copy() for name, _ in self.search.start}
 
     def _column(self, node: Node, column: Typed) -> Node:
-        """A column of the SELECT; without a type of its own a literal would have the smallest."""
-        plain = node if node.find(exp.Column) or column.type == "BOOLEAN" else cast(node, column.type)
-        return sql.alias(plain, column.name)
+        """A column of the SELECT."""
+        return sql.alias(typed(node, column.type), column.name)
 
 
 def too_many_elements(what: str) -> UnsupportedError:
@@ -223,6 +222,4 @@ def negated(node: Node) -> Node:
         return (inside.this if isinstance(inside, exp.Paren) else inside).copy()
     if isinstance(node, exp.Or):
         return sql.binary(exp.And, negated(node.this), negated(node.expression))
-    if isinstance(node, exp.Paren):
-        return negated(node.this)
     return exp.Not(this=sql.operand(node.copy()))

@@ -40,6 +40,11 @@ def cast(node: exp.Expr, kind: str) -> exp.Expr:
     return exp.Cast(this=node, to=exp.DataType.build(kind, dialect="duckdb"))
 
 
+def typed(node: exp.Expr, kind: str | None) -> exp.Expr:
+    """A value as a column of this type, if it has one: literals alone would have the smallest."""
+    return node if node.find(exp.Column) or kind in (None, "BOOLEAN") else cast(node, kind)
+
+
 def refused(reason: str, span: Span, cure: str = "leave engine and dialect to ss2sql") -> UnsupportedError:
     """What is raised where SQL of other databases could mean something else."""
     return UnsupportedError("U001", reason, span, (cure,))

@@ -58,9 +58,19 @@ class DuckQuery:
 
     # --- what is run ---------------------------------------------------------------------------------------
 
+    @cached_property
+    def _has_lists(self) -> bool:
+        sources = (node for node in walk(self.query) if isinstance(node, plan.QuerySource))
+        return any(source.query.representation.name == "list" for source in sources)
+
+    @cached_property
+    def _values(self) -> list[plan.ValueSource]:
+        """The values in FROM, also in that of queries in FROM."""
+        return [node for node in walk(self.query) if isinstance(node, plan.ValueSource)]
+
     def _write(self, variable: Callable[[str], Any]) -> tuple[WrittenHere, str]:
         """The query over the tables that its sources are now, and its text."""
-        found = {source.id: _outside(source, variable) for source in self.query.sources}
+        found = {source.id: _outside(source, variable) for source in self._values}
         key = tuple(None if table is None else table.shape for table in found.values())
         if key not in self._known:
             written = write_here(self.query, lambda source: found[source.id])
@@ -79,6 +89,8 @@ class DuckQuery:
         reading = self.sources.reading(run)
         if reading.strange:
             raise NotHereError("settings of the connection say how texts compare, or where None is sorted")
+        if run.max_rows is not None and self._has_lists:
+            raise NotHereError("max_rows counts the elements of the list that a query in FROM gives")
         try:
             self.written, self.text = self._write(run.source)
         except UnsupportedError as error:  # a table is not what it was
@@ -160,7 +172,7 @@ class DuckQuery:
             return
         loaded = (value for _, (_, *columns) in given for column in columns for value in column)
         sizes = [_size(self.query.span.source.text), *map(_size, loaded), *map(_size, values.values())]
-        frames = (_frame(source, run.source) for source in self.query.sources)
+        frames = (_frame(source, run.source) for source in self._values)
         sizes += [frame.longest() for frame in frames if frame is not None]
         if max(sizes) * self._joins > run.sizes.limit:
             raise NotHereError("texts or lists may become larger than max_size")
@@ -173,9 +185,9 @@ def _size(value: Any) -> int:
     return CELL + sum(map(_size, value)) if isinstance(value, list) else CELL
 
 
-def _frame(source: plan.Source, variable: Callable[[str], Any]) -> DuckFrame | None:
+def _frame(source: plan.ValueSource, variable: Callable[[str], Any]) -> DuckFrame | None:
     """The table of DuckDB that a source is, if it is one."""
-    value = source.value if isinstance(source, plan.ValueSource) else None
+    value = source.value
     if not isinstance(value, plan.Variable) or not value.frame:
         return None
     try:
@@ -185,6 +197,6 @@ def _frame(source: plan.Source, variable: Callable[[str], Any]) -> DuckFrame | N
     return frame if isinstance(frame, DuckFrame) else None
 
 
-def _outside(source: plan.Source, variable: Callable[[str], Any]) -> Outside | None:
+def _outside(source: plan.ValueSource, variable: Callable[[str], Any]) -> Outside | None:
     frame = _frame(source, variable)
     return None if frame is None else frame.outside

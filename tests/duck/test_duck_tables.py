@@ -1,0 +1,259 @@
+"""Tables and views of a connection of DuckDB as sources, and Parquet files and data frames."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from agreement import exact
+from sessions import code_of
+
+import ss2sql
+
+pytest.importorskip("duckdb")
+
+# --- tables of the connection ----------------------------------------------------------------------------
+
+
+def test_tables_and_views_have_their_names(ss: ss2sql.Session, own: Any) -> None:
+    own.execute(
+        "CREATE TABLE Pets(id INTEGER, name VARCHAR); INSERT INTO Pets VALUES (2, 'Rex'), (1, 'Tom'), (3, NULL)"
+    )
+    own.execute("CREATE SCHEMA farm; CREATE TABLE farm.cows AS SELECT 7::TINYINT AS age")
+    own.execute("CREATE VIEW young AS SELECT id * 10 AS ten FROM Pets WHERE id < 3")
+    results = [
+        ss.run("SELECT id, name FROM Pets AS rows"),
+        ss.run("SELECT age + 1 FROM farm.cows AS list"),
+        ss.run("SELECT ten, p.id FROM young, p = Pets WHERE p.id * 10 == ten AS rows"),
+    ]
+    assert [result.engine for result in results] == ["duckdb"] * 3
+    assert [result.value for result in results] == [[(2, "Rex"), (1, "Tom"), (3, None)], [8], [(20, 2), (10, 1)]]
+    assert "FROM memory.main.Pets" in results[0].sql
+    assert code_of(ss.run, "SELECT id FROM pets") == "R003"  # as it is written there
+    assert ss.tables() == {"Pets": ("id", "name"), "young": ("ten",)}
+    assert [line.split()[0] for line in ss.describe("Pets").splitlines()] == ["FROM", "id", "name"]
+
+
+def test_a_variable_comes_before_a_table(ss: ss2sql.Session, own: Any) -> None:
+    own.execute("CREATE TABLE t AS SELECT 1 AS a")
+    assert ss.eval("SELECT a FROM t AS list") == [1]
+    assert ss.eval("t = [5]; SELECT this FROM t AS list") == [5]
+    assert ss.eval("SELECT this FROM t AS list", t=[6]) == [6]
+
+
+def test_other_engines_read_the_same_tables(ss: ss2sql.Session, own: Any) -> None:
+    own.execute("CREATE TABLE t AS SELECT i AS a, i % 3 AS b FROM range(7) AS r(i)")
+    script = "SELECT b, count(*) FROM t WHERE a > 1 GROUP BY b AS rows"
+    for engine in ("duckdb", "database", "native"):
+        result = ss.run(script, engine=engine)  # type: ignore[arg-type]
+        assert (result.engine, result.value) == (engine, [(2, 2), (0, 2), (1, 1)])
+
+
+def test_searches_walk_tables(ss: ss2sql.Session, own: Any) -> None:
+    own.execute(
+        "CREATE TABLE roads(a INTEGER, b INTEGER); INSERT INTO roads VALUES (1, 2), (1, 3), (2, 4), (3, 4), (4, 5)"
+    )
+    script = "SELECT r.b FROM r = roads WHERE r.a == n AND r.b == 5 START WITH n = 1"
+    script += " CONNECT BY {} n = r.b STOP WITH r.a != n AS list"
+    assert ss.eval(script.format("UNIQUE")) == [[2, 4, 5]]
+    every = script.format("BREADTH FIRST")
+    assert ss.run(every).value == ss.run(every, engine="native").value == [[2, 4, 5], [3, 4, 5]]
+
+
+def test_what_is_committed_counts(ss: ss2sql.Session, own: Any) -> None:
+    own.execute("CREATE TABLE t AS SELECT 1 AS a")
+    query = ss.compile("SELECT a + 1 FROM t AS list")
+    assert query.run().value == [2]
+    own.execute("BEGIN; INSERT INTO t VALUES (NULL)")
+    assert query.run().value == [2]
+    own.execute("COMMIT")
+    assert code_of(query.run) == "X001"  # None + 1
+    own.execute("DELETE FROM t WHERE a IS NULL; INSERT INTO t VALUES (41)")
+    assert query.run().value == [2, 42]
+    own.execute("ALTER TABLE t RENAME COLUMN a TO b")
+    assert code_of(query.run) == "R001"
+
+
+def test_a_run_sees_one_state(ss: ss2sql.Session, own: Any) -> None:
+    own.execute("CREATE TABLE t AS SELECT 1 AS a")
+    ss.function("more", lambda: own.execute("INSERT INTO t VALUES (2)").fetchall() and None, volatility="volatile")
+    assert ss.eval("before = (SELECT a FROM t AS list); more(); SELECT a, before FROM t AS rows") == [(1, [1])]
+    assert ss.eval("SELECT a FROM t AS list") == [1, 2]
+
+
+def test_nothing_is_held_after_a_run(ss: ss2sql.Session, own: Any) -> None:
+    own.execute("CREATE TABLE t AS SELECT 1 AS a")
+    kept = [ss.run("SELECT a FROM t")]
+    with pytest.raises(ss2sql.Error) as caught:
+        ss.run("SELECT str(a) + 1 FROM t")
+    assert own.execute("FROM duckdb_connection_count()").fetchall() == [(1,)]
+    assert kept[0].value == [{"a": 1}]
+    assert caught.value.code == "X001"
+
+
+COLUMNS = (
+    ("TINYINT", "-5", -5),
+    ("UBIGINT", "5", 5),
+    ("HUGEINT", "9223372036854775807", 2**63 - 1),
+    ("DECIMAL(9, 2)", "1.25", 1.25),
+    ("DECIMAL(38, 2)", "1.25", 1.25),
+    ("DECIMAL(18, 0)", "7", 7),
+    ("FLOAT", "1.5", 1.5),
+    ("DOUBLE", "'NaN'", None),
+    ("DOUBLE", "-0.5", -0.5),
+    ("BOOLEAN", "true", True),
+    ("VARCHAR", "'ä'", "ä"),
+    ("ENUM('a', 'b')", "'b'", "b"),
+    ("DATE", "'2024-02-29'", "2024-02-29"),
+    ("TIMESTAMP", "'2024-02-29 12:00:00.5'", "2024-02-29T12:00:00.500000"),
+    ("TIME", "'12:00:01'", "12:00:01"),
+    ("INTEGER[]", "[1, 2]", [1, 2]),
+    ("STRUCT(a INTEGER, b VARCHAR)", "{'a': 1, 'b': 'x'}", {"a": 1, "b": "x"}),
+)
+
+
+@pytest.mark.parametrize(("kind", "written", "value"), COLUMNS)
+@pytest.mark.parametrize("others", ["", ", (NULL)"])
+def test_columns_become_values_as_those_of_data_frames_do(
+    ss: ss2sql.Session, own: Any, kind: str, written: str, value: Any, others: str
+) -> None:
+    own.execute(f"CREATE TABLE t(x {kind}); INSERT INTO t VALUES ({written}){others}")
+    expected = [(value,), (None,)] if others else [(value,)]
+    for engine in ("duckdb", "database", "native"):
+        found = ss.run("SELECT x FROM t AS rows", engine=engine).value  # type: ignore[arg-type]
+        assert exact(found) == exact(expected), engine
+    ss.attach("frame", own.sql("FROM t").to_arrow_table())
+    assert exact(ss.eval("SELECT x FROM frame AS rows")) == exact(expected)
+
+
+@pytest.mark.parametrize("kind", sorted({kind for kind, _, _ in COLUMNS}))
+def test_a_table_without_values(ss: ss2sql.Session, own: Any, kind: str) -> None:
+    own.execute(f"CREATE TABLE t(x {kind})")
+    assert ss.eval("SELECT x FROM t AS rows") == []
+    own.execute("INSERT INTO t VALUES (NULL), (NULL)")
+    assert ss.eval("SELECT x, x == None FROM t AS rows") == [(None, True)] * 2
+    assert ss.eval("SELECT x, count(x) FROM t GROUP BY x AS rows") == [(None, 0)]
+
+
+def test_times_are_texts(ss: ss2sql.Session, own: Any) -> None:
+    own.execute("""
+        CREATE TABLE t AS
+        SELECT
+          DATE '2024-01-30' + i::INTEGER AS d,
+          TIMESTAMP '2024-12-31 23:59:59' + INTERVAL (i * 250) MILLISECOND AS at
+        FROM range(8) AS r(i)
+    """)
+    result = ss.run("SELECT d[0:7], count(*), min(at) FROM t WHERE at > '2024-12-31T23:59:59' GROUP BY d[0:7] AS rows")
+    assert result.engine == "duckdb"
+    assert result.value == [("2024-01", 1, "2024-12-31T23:59:59.250000"), ("2024-02", 6, "2024-12-31T23:59:59.500000")]
+    assert ss.eval("SELECT at FROM t WHERE d == '2024-02-03' AS list") == ["2025-01-01T00:00:00"]
+    own.execute("INSERT INTO t VALUES ('10000-01-01', 'infinity'), ('0044-03-15 (BC)', NULL)")
+    assert ss.run("SELECT d FROM t LIMIT 1 AS list").engine == "database"
+
+
+@pytest.mark.parametrize(
+    ("kind", "written"),
+    [
+        ("UBIGINT", "9223372036854775808"),
+        ("HUGEINT", "-9223372036854775809"),
+        ("DOUBLE", "'-inf'"),
+        ("BIT", "'101'"),
+        ("TIMETZ", "'12:00:00+02'"),
+    ],
+)
+def test_what_is_no_value_is_named(ss: ss2sql.Session, own: Any, kind: str, written: str) -> None:
+    own.execute(f"CREATE TABLE t(x {kind}); INSERT INTO t VALUES (NULL), ({written})")
+    with pytest.raises(ss2sql.Error) as caught:
+        ss.run("SELECT x FROM t")
+    assert caught.value.code == "X004"
+    assert "the column 'x' of 't'" in caught.value.message
+
+
+def test_names_of_columns_are_names(ss: ss2sql.Session, own: Any) -> None:
+    own.execute('CREATE TABLE "order"(rowid INTEGER, nth INTEGER, "qualify" INTEGER, "A""b" INTEGER)')
+    own.execute('INSERT INTO "order" VALUES (9, 1, 2, 3), (8, 4, 5, 6)')
+    own.execute('CREATE VIEW "all" AS FROM "order"')
+    script = "SELECT t.rowid, t.nth, qualify, to(qualify + 1, x) FROM t = {} ORDER BY qualify % 1 AS rows"
+    for name in ("order", "all"):
+        result = ss.run(script.format(name).replace("to(qualify + 1, x)", "qualify + 1"))
+        assert (result.engine, result.value) == ("duckdb", [(9, 1, 2, 3), (8, 4, 5, 6)])
+        assert ss.eval(f"SELECT * FROM {name} LIMIT 1 AS rows") == [(9, 1, 2, 3)]
+
+
+def test_what_a_script_calls_its_sources_changes_no_view(ss: ss2sql.Session, own: Any) -> None:
+    own.execute("CREATE TABLE t AS SELECT 1 AS a; CREATE VIEW v AS SELECT a FROM t")
+    result = ss.run("SELECT v.a, t.a FROM v, t = given AS rows", given=[{"a": 10}, {"a": 20}])
+    assert (result.engine, result.value) == ("duckdb", [(1, 10), (1, 20)])
+    assert "ss2sql_t AS t" in result.sql
+
+
+def test_a_view_that_cannot_be_read_is_named(ss: ss2sql.Session, own: Any) -> None:
+    own.execute("CREATE TABLE t AS SELECT 1 AS a; CREATE VIEW v AS FROM t; DROP TABLE t")
+    with pytest.raises(ss2sql.Error) as caught:
+        ss.run("SELECT a FROM v")
+    assert (caught.value.code, caught.value.span.column) == ("X009", 15)
+    assert "the table 'v' cannot be read" in caught.value.message
+
+
+@pytest.mark.parametrize(
+    "setting", ["SET default_collation = 'nocase'", "SET default_null_order = 'nulls_first'", "SET threads = 1"]
+)
+def test_settings_change_no_meaning(ss: ss2sql.Session, own: Any, setting: str) -> None:
+    own.execute("CREATE TABLE t(s VARCHAR COLLATE nocase); INSERT INTO t VALUES ('B'), ('a'), ('A'), (NULL)")
+    own.execute(setting)
+    assert ss.eval("SELECT s FROM t ORDER BY s DESC AS list") == ["a", "B", "A", None]
+    assert ss.eval("SELECT s FROM t WHERE s == 'a' AS list") == ["a"]
+    assert ss.eval("SELECT s, count(*) FROM t WHERE s != None GROUP BY s AS rows") == [("B", 1), ("a", 1), ("A", 1)]
+
+
+def test_insertion_order_may_be_off(ss: ss2sql.Session, own: Any) -> None:
+    own.execute("SET threads = 2; SET preserve_insertion_order = false")
+    own.execute("CREATE TABLE t AS SELECT (i * 7919) % 300000 AS a FROM range(300000) AS r(i) ORDER BY i")
+    rows = [row for (row,) in own.execute("SELECT a FROM t ORDER BY rowid").fetchall()]
+    for engine in ("duckdb", "native"):
+        assert ss.run("SELECT a FROM t AS list", engine=engine).value == rows  # type: ignore[arg-type]
+
+
+# --- files and frames ------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def parquet(tmp_path: Path, own: Any) -> Path:
+    path = tmp_path / "it's.parquet"
+    own.sql("SELECT i AS a, 'n' || i % 2 AS s FROM range(5) AS r(i)").write_parquet(str(path))
+    return path
+
+
+@pytest.mark.parametrize("engine", ["duckdb", "auto"])
+def test_parquet_files(parquet: Path, engine: Any) -> None:
+    with ss2sql.connect(engine=engine) as ss:
+        ss.attach("t", parquet)
+        result = ss.run("SELECT s, count(*), max(a) FROM t GROUP BY s AS rows")
+        assert result.value == [("n0", 3, 4), ("n1", 2, 3)]
+        assert result.engine == ("duckdb" if engine == "duckdb" else "database")
+        ss.attach("u", str(parquet))
+        assert ss.eval("SELECT t.a FROM t, u WHERE t.a == u.a AND u.s == 'n1' AS list") == [1, 3]
+        ss.detach("t")
+        assert code_of(ss.run, "SELECT a FROM t") == "R003"
+
+
+def test_a_file_that_is_none(tmp_path: Path) -> None:
+    wrong = tmp_path / "wrong.parquet"
+    wrong.write_text("nothing")
+    with ss2sql.connect(engine="duckdb") as ss:
+        for path in (wrong, tmp_path / "missing.parquet", tmp_path / "*.parquet"):
+            assert code_of(ss.attach, "t", path) == "S002"
+
+
+def test_a_session_of_another_kind_is_refused() -> None:
+    assert code_of(ss2sql.connect, engine="duckdb", session="memory") == "S002"
+
+
+@pytest.mark.parametrize("library", ["pandas", "polars", "pyarrow"])
+def test_data_frames(ss: ss2sql.Session, library: str) -> None:
+    package = pytest.importorskip(library)
+    columns = {"a": [3, 1, 2], "s": ["x", None, "y"], "x": [0.5, float("nan"), None]}
+    ss.attach("t", package.table(columns) if library == "pyarrow" else package.DataFrame(columns))
+    result = ss.run("SELECT a, s, x FROM t WHERE a > 1 ORDER BY a AS rows")
+    assert (result.engine, exact(result.value)) == ("duckdb", exact([(2, "y", None), (3, "x", 0.5)]))
