@@ -52,7 +52,12 @@ PLAN = ((Kind.BOOL, BOOL), (Kind.INT, INT), (Kind.NUMBER & ~Kind.BOOL, FLOAT), (
 def shape_of(values: Sequence[Any], promised: Type | None = None) -> Shape:
     """What the values of a column have in common; `promised` is what the plan says of them."""
     found = _of_values(values)
-    return found if promised is None else _filled(found, _of_type(promised))
+    return found if promised is None else promised_shape(found, promised)
+
+
+def promised_shape(found: Shape, promised: Type) -> Shape:
+    """What was found of a column, and what the plan says of it where nothing was."""
+    return _filled(found, _of_type(promised))
 
 
 def _of_values(values: Sequence[Any]) -> Shape:

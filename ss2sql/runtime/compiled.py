@@ -13,6 +13,7 @@ from ss2sql.frontend import ast
 from ss2sql.kinds import ANY, NOTHING, Type, covers, type_of
 from ss2sql.runtime.compiled_query import CompiledQuery
 from ss2sql.runtime.engines import Engine
+from ss2sql.runtime.framed import framed_answer
 from ss2sql.runtime.native import compile_statement
 from ss2sql.runtime.native.deep import with_room
 from ss2sql.runtime.native.new_calls import call_places
@@ -77,6 +78,8 @@ class CompiledStatement:
     def value(self, run: Run) -> Any:
         if self._is_stale(run):
             self._compile(self.host.resolve_statement(self.tree, run), self.host.generation, run.source)
+        if run.framed:
+            return framed_answer(self.statement.expr, self.queries, run)
         return self.function(run)
 
     def _is_stale(self, run: Run) -> bool:
@@ -193,6 +196,22 @@ class Query:
     def run(self, engine: Engine | None = None, timeout: float | None = None, maximum: int | None = None,
             workers: int = 1, max_rows: int | None = None, **variables: Any) -> Result:  # fmt: skip
         """Runs the script; see `Session.run`. Raises ResolveError R009 for a parameter without a value."""
+        self._check(variables)
+        return self._execute(self, engine, timeout, maximum, workers, max_rows, variables)
+
+    def spark(self, timeout: float | None = None, maximum: int | None = None, **variables: Any) -> Any:
+        """The paths of the search that the script ends with as a DataFrame of Spark, which finds and keeps them.
+
+        It has the rows of a result, with the columns `path`, `step` and those of SELECT, in the session of Spark that
+        `connect` was given. None of them passes through this process, but for the first levels. Raises UnsupportedError
+        for what is no such search and for ORDER BY and GROUP BY, RepresentationError V001 for a column with values of
+        several kinds, and what `run` raises.
+        """
+        self._check(variables)
+        return self._execute(self, "spark", timeout, maximum, 1, None, variables, framed=True).value
+
+    def _check(self, variables: Mapping[str, Any]) -> None:
+        """Raises ResolveError R009 for a parameter without a value."""
         missing = [name for name in self.parameters if name not in variables and name not in self._host.names]
         if missing:
             hints = [f"run(..., {', '.join(f'{name}=...' for name in missing)})"]
@@ -200,4 +219,3 @@ class Query:
                 if name not in self.parameters and similar(name, missing):  # others may be columns of a missing source
                     hints.append(f"'{name}' is no parameter of the script")
             raise ResolveError("R009", f"the script needs a value for {', '.join(missing)}", hints=hints)
-        return self._execute(self, engine, timeout, maximum, workers, max_rows, variables)

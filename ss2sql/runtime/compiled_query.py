@@ -65,22 +65,24 @@ class CompiledQuery:
         self.native: NativeQuery | LevelQuery | DuckQuery | None = None
         self.passed_on: str | None = None  # why the engine that was asked for does not run it
         tables = host.held.engine(self.wanted)
-        if tables is not None and tables.sources is not None and query.search is None:
+        levels = tables if query.search else None
+        sources = None if tables is None or query.search else tables.sources
+        if sources is not None:
             try:
-                self.native = DuckQuery(query, tables.sources, variable)
+                self.native = DuckQuery(query, sources, variable)
                 self.reason = f"engine='{self.wanted}' was asked for"
             except UnsupportedError as error:
                 self.passed_on = f"not in {self.wanted}: {error.message}"
         try:
-            if tables is not None and query.search:
-                self.native = LevelQuery(query, tables)
+            if levels is not None:
+                self.native = LevelQuery(query, levels)
                 self.reason = f"engine='{self.wanted}' was asked for"
             elif self.wanted != "native" and self.native is None:
                 self.lowered = lower(query, host.sql_names, disabled=host.disabled)
                 self.rewrites = (*self.rewrites, *self.lowered.applied)
         except UnsupportedError as error:
             self.reason, self.cures = error.message, tuple(error.hints)
-            self.refusal = error if self.demanded or (tables is not None and query.search) else None
+            self.refusal = error if self.demanded or levels is not None else None
         self.lowering_seconds = time.perf_counter() - started
         if not (self.native or self.lowered or self.refusal):
             self.native = NativeQuery(query)
@@ -125,10 +127,7 @@ class CompiledQuery:
 
     def answer(self, run: Run) -> Answer:
         """Runs the query; its answer becomes the run's last one. The value of a search is made when it is read."""
-        if not (self.made and self.world.holds(run.source)):
-            self._make(run.source)
-        if self.refusal is not None:
-            raise self.refusal
+        self.renew(run)
         query = self.query
         columns = tuple(output.name for output in query.columns)
         paths = query.search is not None and not query.aggregated
@@ -145,6 +144,18 @@ class CompiledQuery:
         if not (shapes.is_built_in(form) and form.name in PATH_FORMS and rows.paths is not None):
             answer.value  # noqa: B018 - it may fail, which has to be now
         return answer
+
+    def renew(self, run: Run) -> None:
+        """Makes the query anew where it relies on what is no longer so. Raises what keeps it from its engine."""
+        if not (self.made and self.world.holds(run.source)):
+            self._make(run.source)
+        if self.refusal is not None:
+            raise self.refusal
+
+    def most(self, run: Run) -> int | None:
+        """How many results of a search are wanted that has no ORDER BY."""
+        counts = (self._count(self.limit, run, 0, "LIMIT", self.query.limit), self._most(run))
+        return min((count for count in counts if count is not None), default=None)
 
     def _native_rows(self, run: Run, sink: Rows) -> Rows:
         assert self.native is not None

@@ -8,7 +8,7 @@ from typing import Any, Literal, TypeAlias, get_args
 from ss2sql.errors import SessionError
 from ss2sql.lowering.dialects import DUCKDB, SPARK
 from ss2sql.results import package
-from ss2sql.runtime.levels.kinds import IN_SPARK
+from ss2sql.runtime.levels.kinds import IN_QUERIES, KEEPING_BY_COST
 from ss2sql.runtime.levels.parcel import RULES
 from ss2sql.runtime.levels.query import Abilities, TableEngine
 from ss2sql.runtime.opening import check_known
@@ -22,7 +22,7 @@ ABILITIES: dict[str, Abilities] = {
     abilities.name: abilities
     for abilities in (
         Abilities("duckdb", DUCKDB),
-        Abilities("spark", SPARK, RULES, lambda search: IN_SPARK),
+        Abilities("spark", SPARK, RULES, IN_QUERIES, KEEPING_BY_COST),
     )
 }
 

@@ -39,6 +39,7 @@ class Options:
     workers: int
     max_rows: int | None
     progress: str | bool
+    framed: bool = False
 
     def check(self) -> None:
         """Raises SessionError S002 for what makes no sense."""
@@ -107,7 +108,7 @@ def execute(host: SessionHost, query: Query, options: Options, variables: Mappin
     host.runs.append(run)
     started = time.perf_counter()
     try:
-        value = _last_value(host, run, statements, options.maximum)
+        value = _last_value(host, run, statements, options)
     finally:
         host.runs.remove(run)
         run.graph = None
@@ -120,11 +121,12 @@ def execute(host: SessionHost, query: Query, options: Options, variables: Mappin
     return _result(host, run, statements, value)
 
 
-def _last_value(host: SessionHost, run: Run, statements: Sequence[CompiledStatement], maximum: int | None) -> Any:
+def _last_value(host: SessionHost, run: Run, statements: Sequence[CompiledStatement], options: Options) -> Any:
     value: Any = None
     for statement in statements:
         run.check()
-        run.maximum = maximum if statement is statements[-1] else None
+        run.maximum = options.maximum if statement is statements[-1] else None
+        run.framed = options.framed and statement is statements[-1]
         run.answer = run.sink = run.graph = None
         if run.progress is not None:
             run.progress.begin()

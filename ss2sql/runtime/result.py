@@ -49,6 +49,14 @@ class Sql(str):
         return self
 
 
+def column_names(own: Sequence[str]) -> tuple[str, ...]:
+    """The columns of the result of a search; `own` are those of its rows."""
+    names = ["path", "step"]
+    for name in own:
+        names.append(free_name(name, names))
+    return tuple(names)
+
+
 def joined_sql(texts: Sequence[Sql]) -> Sql:
     """The texts of several statements as one, each with its own parameters in `statements`."""
     if len(texts) == 1:
@@ -119,12 +127,7 @@ class Result:
         if self.answer is None:
             return ("value",)
         own = self.answer.rows.columns
-        if self.answer.rows.paths is None:
-            return own
-        names = ["path", "step"]
-        for name in own:
-            names.append(free_name(name, names))
-        return tuple(names)
+        return own if self.answer.rows.paths is None else column_names(own)
 
     @property
     def paths(self) -> list[list[Row]]:

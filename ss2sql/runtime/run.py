@@ -127,6 +127,7 @@ class Run:
     - `shape(query, rows, arguments, named)`: the value that `AS` makes of rows, as a language value.
     - `table_rows(source)`: all rows of a table of the database, in its order, values of its columns in order.
 
+    `framed` says that the paths of the search that runs are wanted as a DataFrame of the database that finds them.
     `ceiling` bounds the bytes of memory of the process, which is looked at again at the time `next_look`. `readings` is
     what was read of another database, `endings` lets go of that. `sizes` measures what the script makes, see sizes.py.
     `sink` holds the rows found so far by the query that runs; `answer` what the last query gave. `statements` are those
@@ -147,6 +148,7 @@ class Run:
     interrupted: bool = False
     max_rows: int | None = None
     maximum: int | None = None
+    framed: bool = False
     sizes: Sizes = field(default_factory=Sizes)
     arguments: dict[str, Any] = field(default_factory=dict)
     sink: Sink | None = None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import weakref
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any, TypeVar, overload
@@ -315,12 +316,13 @@ class Session:
         workers: int,
         max_rows: int | None,
         variables: Mapping[str, Any],
+        framed: bool = False,
     ) -> Result:
-        """Runs a compiled script; `Query.run` ends here."""
+        """Runs a compiled script; `Query.run` and `Query.spark` end here."""
 
         def work(run: Run) -> Result:
             self._check_open()
-            options = self._options(engine, timeout, maximum, workers, max_rows)
+            options = replace(self._options(engine, timeout, maximum, workers, max_rows), framed=framed)
             return execute(self.host, query, options, variables, run)
 
         return attended(self.host, work)

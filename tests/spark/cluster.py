@@ -64,7 +64,7 @@ def main() -> None:
         told = {
             "killed": (folder / "killed").exists(),
             "same": found.value == ss.run(SCRIPT, engine="native").value,
-            "counted": found.stats.calls["deadly"],
+            "counted": found.stats.calls["deadly"] + found.stats.remembered["deadly"],
             "levels": [level.rows for level in found.stats.levels],
             "left": [str(path) for path in (folder / "checkpoints").rglob("*part*")],
         }

@@ -15,7 +15,10 @@ import pytest
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="the executor is found by /proc, which Linux has")
 def test_an_executor_that_is_killed(tmp_path: Path) -> None:
-    """Its task is begun anew by another one. What is counted belongs to the rows, so nothing is counted twice."""
+    """Its task is begun anew by another one. What is counted belongs to the rows, so nothing is counted twice.
+
+    The other task of the level may be begun anew too, by the process that had it, which remembers calls.
+    """
     pytest.importorskip("pyspark")
     if shutil.which("java") is None:
         pytest.skip("Spark needs Java, which is not installed")

@@ -5,7 +5,10 @@ from __future__ import annotations
 import os
 import threading
 from collections import Counter
+from collections.abc import Iterator
+from marshal import dumps
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -13,6 +16,10 @@ from sessions import code_of
 
 import ss2sql
 from spark.same import agree
+from ss2sql.runtime.levels import executor, spark_steps
+from ss2sql.runtime.levels.arrow import batch
+from ss2sql.runtime.levels.level import TABLES
+from ss2sql.runtime.levels.parcel import packed
 
 LOCK = threading.Lock()
 
@@ -34,6 +41,28 @@ def test_each_step_is_tried_once(ss: ss2sql.Session, tmp_path: Path) -> None:
     assert Counter(calls.read_text().splitlines()) == edges
     assert result.stats.calls["noted"] == 20
     assert sum(level.steps + level.pruned for level in result.stats.levels) == 20
+
+
+def test_a_task_that_is_broken_off_and_begun_anew(ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In the same process, as Spark does it where others lost what the task needs: what was called is remembered."""
+    sent: list[bytes] = []
+    monkeypatch.setattr(spark_steps, "packed", lambda hunt, trial: sent.append(packed(hunt, trial)) or sent[-1])
+    monkeypatch.setattr(executor, "ROWS", 1)
+    ss.function("twice", lambda n, more: int(f"{n}{more}"), volatility="immutable")
+    ss.run("SELECT twice(n, this) FROM [0, 1] START WITH n = 1 CONNECT BY UNIQUE n = twice(n, this) STOP WITH n > 9;")
+
+    def task() -> Iterator[Any]:
+        states = batch("step BIGINT, state BLOB", [(1, 2), (dumps((5,)), dumps((7,)))])
+        return executor.tried([states], "a run", SimpleNamespace(value=sent[0]), TABLES["tries"])
+
+    made = next(broken := task())
+    broken.close()
+    *rows, account = task()
+    assert rows[0].equals(made)
+    told = executor.account(account.column("state")[0].as_py())
+    assert (told["tried"], told["calls"], told["remembered"]) == (4, {"twice": 2}, {"twice": 2})
+    told = executor.account([*task()][-1].column("state")[0].as_py())
+    assert (told["tried"], told["calls"], told["remembered"]) == (4, {}, {"twice": 4})
 
 
 def test_tables_variables_frames_and_nested_queries_are_sent(ss: ss2sql.Session) -> None:
@@ -80,7 +109,7 @@ def test_worlds_and_objects_are_refused(ss: ss2sql.Session) -> None:
         ss.run("SELECT n FROM [1] START WITH n = 1 CONNECT BY UNIQUE n = thing(n);")
 
 
-@pytest.mark.parametrize("options", ["COST 1", "MEMORIZE 3", "DEPTH FIRST"])
+@pytest.mark.parametrize("options", ["DEPTH FIRST", "HEURISTIC 0 COST 1"])
 def test_other_orders_are_refused_by_name(ss: ss2sql.Session, options: str) -> None:
     with pytest.raises(ss2sql.UnsupportedError, match=f"{options.partition(' ')[0]}.*the tables of spark cannot do"):
         ss.run(f"SELECT x.this FROM x = near(n) START WITH n = 1 CONNECT BY {options} n = x.this;")

@@ -7,5 +7,6 @@ are written, `tables.py` what runs them, `duck.py` DuckDB, `watch.py` what ends 
 
 `spark.py` is Spark, which goes its own way: `spark_search.py` from level to level, each a query (`spark_level.py`) with
 the steps made by `spark_steps.py`, in SQL or by its executors (`executor.py`), which get the search as a `parcel.py`.
-`beginning.py` does the first levels, `spark_store.py` keeps the others.
+`beginning.py` does the first levels, `spark_store.py` keeps the others. `spark_frame.py` leaves the paths there, and
+`row_columns.py` makes columns of them. What is no breadth-first search has tables there, too: `spark_tables.py`.
 """

@@ -2,8 +2,9 @@
 
 They find the results of the search that takes the step with the least total each time, in its order, and raise what
 that would raise: cost_level.py says why. How many steps are chosen at a time is a guess, which decides about the time
-alone: what is chosen too early is tried again later. The guess is as far as the level before has reached, from its
-first step to the least total of a new one. Where every step costs the same, that is all steps with the least total.
+alone: what is chosen too early is tried again later, or its tries are kept until then. The guess is as far as the
+level before has reached, from its first step to the least total of a new one. Where every step costs the same, that is
+all steps with the least total.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from collections.abc import Iterator
 from math import isfinite
 
 from ss2sql.lowering.portable.steps import ELEMENTS
-from ss2sql.runtime.levels.cost_level import CostStatements
+from ss2sql.runtime.levels.cost_level import NOTE, REMEMBER, STATE_OF, CostStatements
 from ss2sql.runtime.levels.search import TableSearch
 from ss2sql.runtime.levels.tables import Tables
 from ss2sql.runtime.levels.trial import WeighingTrial, encoded
@@ -37,11 +38,14 @@ class CostSearch(TableSearch):
         tables.load("frontier", [[0], [encoded((-1 if self.pieces.probable else 0, self.hunt.start))]])
         reach = 1.0 if self.pieces.probable else 0.0
         total, last, rounds, waiting = BEFORE_ALL, 0, 0, 0
+        early = False
         while True:
             rounds += 1
             tried = tables.try_all(self.trial, self.pause).tried
+            if early:
+                tables.run(REMEMBER)
             self.run(written.keep, depth=rounds)
-            ((kept, goals, step, least, greatest, new),) = tables.rows(written.counts)
+            ((kept, goals, step, least, greatest, new, chosen),) = tables.rows(written.counts)
             if not kept and rounds > 1:
                 return
             earlier, last = last, step or last
@@ -52,11 +56,21 @@ class CostSearch(TableSearch):
                 yield from self._until(failed)
             if failed is not None:
                 self.fail(self.trial, failed)
-            self.hunt.stats.levels.append(Level(waiting - before, waiting - before, tried - (waiting - before)))
+            if written.keeps and (early or chosen > kept):
+                early = True
+                self.run(NOTE, last=last)
+            # Of those that enter some may have been tried, and counted as pruned, when it was too early for them.
+            entered = waiting - before
+            self.hunt.stats.levels.append(Level(entered, entered, max(0, tried - entered)))
             if kept:
                 total, reach = greatest, self._further(reach, least, new)
             self.run(written.go_on)
             self.run(written.choose, total=total, earlier=earlier, before=last, reach=reach)
+
+    def state_of(self, step: int) -> bytes:
+        for (state,) in self.tables.rows(STATE_OF, step=step):
+            return state  # type: ignore[no-any-return]
+        return super().state_of(step)  # the start
 
     def _until(self, failed: int | None) -> Iterator[Found]:
         """The results of a level up to the step after which one failed: a step is a result before it goes on."""

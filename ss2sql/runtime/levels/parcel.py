@@ -61,21 +61,11 @@ class Parcel:
     trial: Trial
 
 
-def _weighted(query: plan.Query, nested: bool) -> Span | None:
-    return query.search.weight.span if query.search and query.search.weight else None
-
-
-def _graph(query: plan.Query, nested: bool) -> Span | None:
-    return query.span if query.search and query.search.repeats == "memorize" else None
-
-
 def _world(query: plan.Query, nested: bool) -> Span | None:
     return next((node.span for node in walk(query) if isinstance(node, plan.WorldSource)), None)
 
 
 RULES = (
-    Rule("MEMORIZE walks through its graph path by path", "UNIQUE gives a shortest path to each row", _graph),
-    Rule("COST and PROBABILITY go on from the best paths", "write engine='duckdb', or leave it to ss2sql", _weighted),
     Rule("a world is in this process only", "copy its table into a variable, or leave the engine to ss2sql", _world),
 )
 

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 from ss2sql import plan
 from ss2sql.errors import ExecutionError, Span, UnsupportedError
 from ss2sql.lowering.dialects import Dialect
 from ss2sql.lowering.unsupported import Rule
-from ss2sql.runtime.levels.kinds import Kind, Written, kinds_of
+from ss2sql.runtime.levels.kinds import BY_COST, IN_TABLES, Kind, Written, kinds_of
 from ss2sql.runtime.levels.statements import printed
 from ss2sql.runtime.levels.watch import Opened, watched
 from ss2sql.runtime.memorize.hunt import Found, Hunt
@@ -30,13 +32,15 @@ if TYPE_CHECKING:
 class Abilities:
     """What is known of a database that searches by levels, whether it is here or not.
 
-    Its name, its dialect, what it cannot do beside what no such database can, and what searches can be made of in it.
+    Its name, its dialect, what it cannot do beside what no such database can, and what searches by length and by cost
+    are made of in it.
     """
 
     name: str
     dialect: Dialect
     rules: tuple[Rule, ...] = ()
-    kinds: Callable[[plan.Search], tuple[Kind, ...]] = kinds_of
+    by_length: tuple[Kind, ...] = IN_TABLES
+    by_cost: Kind = BY_COST
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +82,7 @@ def in_tables(query: plan.Query, abilities: Abilities) -> InTables:
             reason = f"{rule.reason}, which the tables of {abilities.name} cannot do"
             raise UnsupportedError("U001", reason, place, (rule.cure,))
     hindrance: str | None = None
-    for kind in abilities.kinds(query.search):
+    for kind in kinds_of(query.search, abilities.by_length, abilities.by_cost):
         try:
             return InTables(kind, kind.write(query), hindrance, abilities)
         except UnsupportedError as error:
@@ -92,6 +96,7 @@ class LevelQuery:
     def __init__(self, query: plan.Query, engine: TableEngine) -> None:
         self.engine = engine.abilities.name
         self.database = engine
+        self.query = query
         self.in_tables = in_tables(query, engine.abilities)
         self._native = NativeQuery(taken_apart(query), find=self._found)
 
@@ -103,11 +108,31 @@ class LevelQuery:
         """The answer of the query, see `NativeQuery.rows`."""
         return self._native.rows(run, sink)
 
+    def frame(self, run: Run, most: int | None) -> tuple[tuple[str, ...], Any]:
+        """The columns of the query, and its first `most` paths as a DataFrame of the database; without it all."""
+        made: list[Any] = []
+        query = taken_apart(replace(self.query, limit=None))
+        rows = NativeQuery(query, find=partial(self._framed, most, made)).rows(run)
+        return rows.columns, made[0]
+
+    def _framed(self, most: int | None, made: list[Any], hunt: Hunt) -> Iterator[Found]:
+        frame = self.in_tables.kind.frame
+        assert frame is not None, "framed.py has looked"
+        with self._opened(hunt) as tables:
+            made.append(frame(hunt, tables, self.in_tables.written, most))
+        yield from ()
+
     def _found(self, hunt: Hunt) -> Iterator[Found]:
+        with self._opened(hunt) as tables:
+            yield from self.in_tables.kind.search(hunt, tables, self.in_tables.written).results()
+
+    @contextmanager
+    def _opened(self, hunt: Hunt) -> Iterator[Any]:
+        """What the run has opened in the database."""
         tables = self.database.open(hunt)
         try:
             with watched(hunt.run, tables):
-                yield from self.in_tables.kind.search(hunt, tables, self.in_tables.written).results()
+                yield tables
         except self.database.errors as error:
             hint = "look at its limit of memory and the room on its disk"
             raise ExecutionError("X009", f"{self.engine}: {error}", hunt.query.span, (hint,)) from error

@@ -44,8 +44,12 @@ class TableSearch:
 
     def fail(self, trial: Trial, place: int, known: bool = False) -> None:
         """Raises the error of the step that failed, see `Trial.fail`."""
-        ((state,),) = self.tables.rows(level.STATE_OF, step=place // ELEMENTS)
-        trial.fail(place, state, known)
+        trial.fail(place, self.state_of(place // ELEMENTS), known)
+
+    def state_of(self, step: int) -> bytes:
+        """The state to go on from that a step led to."""
+        ((state,),) = self.tables.rows(level.STATE_OF, step=step)
+        return state  # type: ignore[no-any-return]
 
     def paths(self) -> Iterator[tuple[int, Found]]:
         """The paths to the goals in `kept`, each with the number of its last step."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import accumulate
 from typing import TYPE_CHECKING, Any
@@ -41,6 +42,21 @@ class Planned:
     counts: DataFrame
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Reached:
+    """A level that was computed."""
+
+    depth: int
+    planned: Planned
+    counts: Counts
+
+    @property
+    def goals(self) -> DataFrame:
+        """The goals that count."""
+        goals, failed = self.planned.kept.where("goal"), self.counts.failed
+        return goals if failed is None else goals.where(f"place < {failed}")
+
+
 class SparkSearch:
     """One search in a store of Spark."""
 
@@ -52,6 +68,7 @@ class SparkSearch:
             self.steps: Steps = TypedSteps(hunt, store, written, self.trial)
         else:
             self.steps = Steps(hunt, store, written, self.trial)
+        self.planner = ThreadPoolExecutor(1)
         self.levels: dict[int, DataFrame] = {}
         self.met: DataFrame | None = None  # the rows of all levels, for UNIQUE
         self.tables = 0  # of which they are put together
@@ -60,17 +77,20 @@ class SparkSearch:
 
     def results(self) -> Iterator[Found]:
         """The paths and the last parts of their last steps."""
-        planner = ThreadPoolExecutor(1)
-        try:
-            self.steps.prepare()
-            beginning = Beginning(self.hunt, self.trial, self.written.search.repeats, self._pause)
+        with self._begun() as beginning:
             for goal in beginning.goals():
                 yield self._begun_path(beginning.way(goal, len(beginning.levels) + 1))
-            if beginning.frontier:
-                self.steps.load()
-                yield from self._levels(beginning, planner)
+            for reached in self._levels(beginning):
+                yield from self._found(reached)
+
+    @contextmanager
+    def _begun(self) -> Iterator[Beginning]:
+        """The first levels, for the time of the search."""
+        try:
+            self.steps.prepare()
+            yield Beginning(self.hunt, self.trial, self.written.search.repeats, self._pause)
         finally:
-            planner.shutdown(cancel_futures=True)
+            self.planner.shutdown(cancel_futures=True)
             self.steps.close()
 
     def _pause(self) -> None:
@@ -84,9 +104,14 @@ class SparkSearch:
 
     # --- from level to level -----------------------------------------------------------------------------
 
-    def _levels(self, beginning: Beginning, planner: ThreadPoolExecutor) -> Iterator[Found]:
+    def _levels(self, beginning: Beginning) -> Iterator[Reached]:
+        """The levels after the first ones. Whoever takes them raises the error of a step that failed."""
+        expanded = len(beginning.frontier)
+        if not expanded:
+            return
+        self.steps.load()
         self._load(beginning)
-        depth, expanded = len(beginning.levels), len(beginning.frontier)
+        depth = len(beginning.levels)
         planned = self._planned(self._frontier(beginning), few=True)
         while expanded:
             depth += 1
@@ -94,9 +119,9 @@ class SparkSearch:
             self.levels[depth] = planned.kept
             if self.written.search.repeats == "unique":
                 self._meet(self.steps.without_accounts(planned.kept))
-            following = planner.submit(self._planned, self._going_on(depth), few=True)
+            following = self.planner.submit(self._planned, self._going_on(depth), few=True)
             counts = self.steps.counted(tuple(planned.counts.collect()[0]), planned.frontier, expanded)
-            yield from self._found(depth, planned, counts)
+            yield Reached(depth, planned, counts)
             self.hunt.stats.levels.append(Level(counts.kept, counts.kept, counts.tried - counts.kept))
             few = counts.going * counts.kept <= FEW * expanded  # that will be kept, if as many for each state
             expanded = counts.going
@@ -123,18 +148,19 @@ class SparkSearch:
         return self.store.persisted(self.store.query(self.written.kept, self.steps.values))
 
     def _kept_by_many(self) -> DataFrame:
-        """The same without bringing all rows into one partition: sorted parts in the order of `place`; where each
-        begins follows from the counts of those before it.
-        """
-        store = self.store
-        chosen = store.persisted(store.query(self.written.chosen, self.steps.values))  # it is read twice to be sorted
+        """The same without bringing all rows into one partition."""
+        chosen = self.store.query(self.written.chosen, self.steps.values)
+        return self._numbered(self.store.persisted(chosen), "place", "step")  # it is read twice to be sorted
+
+    def _numbered(self, rows: DataFrame, order: str, name: str) -> DataFrame:
+        """Rows with their numbers from 1: sorted parts; where each begins follows from the counts of those before."""
         numbers = ("spark_partition_id() AS part", f"monotonically_increasing_id() & {(1 << 33) - 1} AS nth_of_part")
-        ranged = chosen.repartitionByRange("place").sortWithinPartitions("place").selectExpr(*numbers, "*")
-        in_order = store.persisted(ranged)
+        ranged = rows.repartitionByRange(order).sortWithinPartitions(order).selectExpr(*numbers, "*")
+        in_order = self.store.persisted(ranged)
         found = dict(map(tuple, in_order.groupBy("part").count().collect()))
         starts = accumulate((found.get(number, 0) for number in range(max(found, default=0))), initial=0)
         offsets = listed(*(f"{start}L" for start in starts))
-        return in_order.selectExpr(f"array({offsets})[part] + nth_of_part + 1 AS step", *chosen.columns)
+        return in_order.selectExpr(f"array({offsets})[part] + nth_of_part + 1 AS {name}", *rows.columns)
 
     def _meet(self, rows: DataFrame) -> None:
         """Notes rows, for UNIQUE."""
@@ -170,13 +196,11 @@ class SparkSearch:
 
     # --- paths -------------------------------------------------------------------------------------------
 
-    def _found(self, depth: int, planned: Planned, counts: Counts) -> Iterator[Found]:
+    def _found(self, reached: Reached) -> Iterator[Found]:
         """The paths to the goals of a level. Raises the error of the first step that failed and counts."""
+        depth, counts = reached.depth, reached.counts
         if counts.goals:
-            goals = planned.kept.where("goal")
-            if counts.failed is not None:
-                goals = goals.where(f"place < {counts.failed}")
-            rows = goals.select("step", "place", *self.written.shown)
+            rows = reached.goals.select("step", "place", *self.written.shown)
             few = counts.goals <= GOALS
             block: list[int] = []
             for step, place, *values in sorted(rows.collect(), key=_step) if few else rows.toLocalIterator():
@@ -186,8 +210,13 @@ class SparkSearch:
                     yield from self._paths(depth, block)
                     block.clear()
             yield from self._paths(depth, block)
-        if counts.failed is not None:
-            self.trial.fail(counts.failed, self.steps.state_of(counts.failed // ELEMENTS, planned.frontier))
+        self._fail(reached)
+
+    def _fail(self, reached: Reached) -> None:
+        """Raises the error of the first step of a level that failed and counts, if there is one."""
+        failed = reached.counts.failed
+        if failed is not None:
+            self.trial.fail(failed, self.steps.state_of(failed // ELEMENTS, reached.planned.frontier))
 
     def _paths(self, depth: int, goals: list[int]) -> Iterator[Found]:
         """The paths to some goals of a level, which are put together here: they are results.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from marshal import loads
@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any
 from ss2sql.errors import ExecutionError
 from ss2sql.lowering.portable.steps import ELEMENTS, Typed, too_many_elements
 from ss2sql.runtime.levels.beginning import Begun
-from ss2sql.runtime.levels.executor import account, paths_here, task
+from ss2sql.runtime.levels.executor import account, tried
 from ss2sql.runtime.levels.level import TABLES
 from ss2sql.runtime.levels.parcel import add_counts, packed
+from ss2sql.runtime.levels.sending import sent
 from ss2sql.runtime.levels.spark_level import SparkStatements, TypedSparkStatements
 from ss2sql.runtime.levels.spark_store import Store, spark_schema
 from ss2sql.runtime.levels.statements import Value, columns_of, listed
@@ -22,6 +23,7 @@ from ss2sql.runtime.levels.typed_search import combinations
 from ss2sql.runtime.memorize.hunt import Hunt
 from ss2sql.runtime.memorize.pieces import Last
 from ss2sql.runtime.rows import Row
+from ss2sql.runtime.run import Stats
 
 if TYPE_CHECKING:
     from pyspark import Broadcast
@@ -41,6 +43,26 @@ class Counts:
     goals: int
     going: int
     failed: int | None
+
+
+def heard(
+    states: Iterable[bytes], trial: Trial, state_of: Callable[[int], bytes], stats: Stats
+) -> list[dict[str, Any]]:
+    """What the accounts of tasks tell, counted. Raises what has kept a task from its work."""
+    told = [account(bytes(state)) for state in states]
+    for trouble in filter(None, (one["trouble"] for one in told)):
+        hint = "what functions import has to be installed there, or sent with spark.sparkContext.addPyFile"
+        raise ExecutionError("X009", f"an executor cannot make the search ready: {trouble}", hints=(hint,))
+    refused = [one["refused"] for one in told if one["refused"] is not None]
+    if refused:
+        step = min(refused)
+        for _ in trial.steps(step, state_of(step)):
+            pass
+        hint = "see whether a function is declared immutable that is not"
+        raise ExecutionError("X009", "a step that an executor refused was not refused again", hints=(hint,))
+    for one in told:
+        add_counts(stats, one)
+    return told
 
 
 class Steps:
@@ -74,7 +96,7 @@ class Steps:
         assert self.parcel is not None
         spread = frontier.select("step", "state").repartition(self._tasks * TASKS, "step")
         schema = spark_schema(Typed(*column) for column in columns_of(TABLES["tries"]))
-        steps = task(self.store.name, self.parcel, paths_here())
+        steps = sent(tried, self.store.name, self.parcel, TABLES["tries"])
         spread.mapInArrow(steps, schema).createOrReplaceTempView("tries")
 
     def without_accounts(self, kept: DataFrame) -> DataFrame:
@@ -87,19 +109,7 @@ class Steps:
     def counted(self, counts: Row, frontier: DataFrame, expanded: int) -> Counts:
         """What the row of `counts` tells. Raises what has kept a task from its work."""
         kept, goals, going, failed, states = counts
-        told = [account(bytes(state)) for state in states]
-        for trouble in filter(None, (one["trouble"] for one in told)):
-            hint = "what functions import has to be installed there, or sent with spark.sparkContext.addPyFile"
-            raise ExecutionError("X009", f"an executor cannot make the search ready: {trouble}", hints=(hint,))
-        refused = [one["refused"] for one in told if one["refused"] is not None]
-        if refused:
-            step = min(refused)
-            for _ in self.trial.steps(step, self.state_of(step, frontier)):
-                pass
-            hint = "see whether a function is declared immutable that is not"
-            raise ExecutionError("X009", "a step that an executor refused was not refused again", hints=(hint,))
-        for one in told:
-            add_counts(self.hunt.stats, one)
+        told = heard(states, self.trial, lambda step: self.state_of(step, frontier), self.hunt.stats)
         return Counts(sum(one["tried"] for one in told), kept, goals, going, failed)
 
     def state_of(self, step: int, frontier: DataFrame) -> bytes:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 from uuid import uuid4
 
 from ss2sql.errors import ExecutionError
@@ -33,7 +33,7 @@ class Store:
     """
 
     def __init__(self, session: SparkSession) -> None:
-        self.session, self.context = _like(session), session.sparkContext
+        self.user, self.session, self.context = session, _like(session), session.sparkContext
         for name, value in SETTINGS.items():
             self.session.conf.set(name, value)
         self.name = f"ss2sql-{uuid4().hex[:12]}"
@@ -73,14 +73,27 @@ class Store:
 
         Queries over them know nothing of how they are computed, so they are planned as quickly as any.
         """
+        leaf = self._leaf(frame, eager=False)
+        self._kept.append((frame, leaf))
+        return leaf
+
+    def handed_over(self, frame: DataFrame) -> DataFrame:
+        """The same rows, computed now, in the session of the user. They are kept as long as somebody has them."""
+        from pyspark.sql import DataFrame
+
+        leaf = self._leaf(frame, eager=True)
+        if not is_local(self.context):
+            frame.unpersist()
+        context, user = cast(Any, self.context), cast(Any, self.user)
+        plan = leaf._jdf.queryExecution().logical()
+        return DataFrame(context._jvm.org.apache.spark.sql.classic.Dataset.ofRows(user._jsparkSession, plan), user)
+
+    def _leaf(self, frame: DataFrame, eager: bool) -> DataFrame:
         from pyspark import StorageLevel
 
         if is_local(self.context):
-            leaf = frame.localCheckpoint(eager=False)
-        else:
-            leaf = frame.persist(StorageLevel.MEMORY_AND_DISK).checkpoint(eager=False)
-        self._kept.append((frame, leaf))
-        return leaf
+            return frame.localCheckpoint(eager)
+        return frame.persist(StorageLevel.MEMORY_AND_DISK).checkpoint(eager)
 
     def _forget(self, frame: DataFrame, leaf: DataFrame) -> None:
         """Lets go of what was kept, wherever that is."""

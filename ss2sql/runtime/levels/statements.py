@@ -44,8 +44,12 @@ class Number:
     order: str = "place"
 
     @property
+    def query(self) -> str:
+        return _numbered(self.select, self.order)
+
+    @property
     def text(self) -> str:
-        return f"CREATE TABLE {self.table} AS {_numbered(self.select, self.order)}"
+        return f"CREATE TABLE {self.table} AS {self.query}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +119,7 @@ Value: TypeAlias = int | float | str | list[Any] | None  # what stands in a stat
 
 
 def _numbered(select: str, order: str) -> str:
-    return f"SELECT :before + ROW_NUMBER() OVER (ORDER BY {order}) AS step, * FROM ({select}) AS unnumbered"
+    return f"SELECT ROW_NUMBER() OVER (ORDER BY {order}) + :before AS step, * FROM ({select}) AS unnumbered"
 
 
 def listed(*columns: object) -> str:

@@ -1,0 +1,44 @@
+"""The paths of a search as a DataFrame of the database that finds them: which searches can, and its columns."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ss2sql import plan
+from ss2sql.errors import UnsupportedError
+from ss2sql.runtime.compiled_query import CompiledQuery
+from ss2sql.runtime.levels.query import LevelQuery
+from ss2sql.runtime.result import Answer, column_names
+from ss2sql.runtime.rows import Rows
+from ss2sql.runtime.run import Run
+
+
+def framed_answer(expr: plan.Expr, queries: Sequence[CompiledQuery], run: Run) -> Answer:
+    """The answer of a statement whose value is such a DataFrame. Raises UnsupportedError where it has none."""
+    query = queries[-1] if isinstance(expr, plan.Subquery) else None
+    if query is not None:
+        query.renew(run)
+    found = _framed(expr, None if query is None else query.levels)
+    assert query is not None
+    names, frame = found.frame(run, query.most(run))
+    rows = Rows(names, paths=[])
+    answer = run.answer = Answer(rows, None, query.engine, made=frame.toDF(*column_names(names)))
+    return answer
+
+
+def _framed(expr: plan.Expr, found: LevelQuery | None) -> LevelQuery:
+    place, reason, cure = expr.span, "only a search has paths that are a DataFrame of Spark", "take run(...).df()"
+    if isinstance(expr, plan.Subquery) and found is not None:
+        query = expr.query
+        stars = [output.expr.span for output in query.columns if output.star]
+        if found.in_tables.kind.frame is None:
+            reason = "the paths of this search are put together by this process"
+        elif query.group:
+            place, reason, cure = query.group[0].span, "GROUP BY makes no DataFrame", "take its groupBy"
+        elif query.order:
+            place, reason, cure = query.order[0].expr.span, "ORDER BY makes no DataFrame", "take its orderBy"
+        elif stars:
+            place, reason, cure = stars[0], "nobody knows these columns before the search runs", "name them in SELECT"
+        else:
+            return found
+    raise UnsupportedError("U001", reason, place, (cure,))

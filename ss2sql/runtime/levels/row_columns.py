@@ -1,0 +1,98 @@
+"""Columns of rows that are bytes, made by the executors of Spark: what they consist of, and their values."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import reduce
+from marshal import loads
+from typing import TYPE_CHECKING, Any
+
+from ss2sql.results.frames import arrow_type
+from ss2sql.results.kinds import NONE, Shape, as_floats, holds_any, merged, shape_of
+from ss2sql.runtime.values import show
+
+if TYPE_CHECKING:
+    import pyarrow as pa  # type: ignore[import-untyped]
+    from pyspark.sql.types import StructType
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """What the values of a column have in common; the text of one of them, and of one that is of another kind."""
+
+    shape: Shape
+    first: str | None = None
+    other: str | None = None
+
+    def merged(self, more: Told) -> Told:
+        shape = merged(self.shape, more.shape)
+        other = self.other or more.other
+        if other is None and holds_any(shape) and self.first is not None:
+            other = more.first
+        return Told(shape, self.first or more.first, other)
+
+
+NOTHING = Told(NONE)
+
+
+def told_of_values(values: Sequence[Any]) -> Told:
+    """What is told of some values."""
+    found = shape_of(values)
+    first = next((value for value in values if value is not None), None)
+    if first is None:
+        return Told(found)
+    if not holds_any(found):
+        return Told(found, show(first))
+    return reduce(Told.merged, (Told(shape_of([value]), show(value)) for value in values if value is not None))
+
+
+def told_of(part: bytes) -> list[Told]:
+    """What a task has told of all columns."""
+    told: list[Told] = pickle.loads(part)
+    return told
+
+
+def tell_columns(batches: Iterator[pa.RecordBatch], width: int) -> Iterator[pa.RecordBatch]:
+    """What a task tells of the rows in so many columns, as one answer."""
+    import pyarrow as pa
+
+    told = [NOTHING] * width
+    for block in batches:
+        columns = _columns(block.column(0), width)
+        told = [before.merged(told_of_values(values)) for before, values in zip(told, columns, strict=True)]
+    yield pa.record_batch([pa.array([pickle.dumps(told)], pa.binary())], names=["told"])
+
+
+def with_columns(batches: Iterator[pa.RecordBatch], pickled: bytes) -> Iterator[pa.RecordBatch]:
+    """Path, step and row, with the row as columns of these shapes."""
+    import pyarrow as pa
+
+    shapes: list[Shape] = pickle.loads(pickled)
+    for block in batches:
+        columns = _columns(block.column(2), len(shapes))
+        arrays = [
+            pa.array([as_floats(value, shape) for value in values], arrow_type(pa, shape))
+            for values, shape in zip(columns, shapes, strict=True)
+        ]
+        yield pa.record_batch([block.column(0), block.column(1), *arrays], schema=_schema(shapes))
+
+
+def _columns(rows: pa.Array, width: int) -> list[tuple[Any, ...]]:
+    """Rows by columns, also where there are none."""
+    return list(zip(*map(loads, rows.to_pylist()), strict=True)) or [()] * width
+
+
+def _schema(shapes: Sequence[Shape]) -> pa.Schema:
+    import pyarrow as pa
+
+    own = [(f"c{number}", arrow_type(pa, shape)) for number, shape in enumerate(shapes)]
+    return pa.schema([("path", pa.int64()), ("step", pa.int64()), *own])
+
+
+def types_of(shapes: Sequence[Shape]) -> StructType:
+    """The types of Spark for path, step and columns of these shapes."""
+    from pyspark.sql.pandas.types import from_arrow_schema
+
+    return from_arrow_schema(_schema(shapes))

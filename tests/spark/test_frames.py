@@ -1,0 +1,183 @@
+"""The paths of a search as a DataFrame of Spark: the rows of a result, none of which passes through this process."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from agreement import exact
+
+import ss2sql
+from spark.same import SHORT, ended
+from ss2sql.runtime.levels import beginning, spark_frame, spark_search
+
+STRATEGIES = ["UNIQUE", "BREADTH FIRST NO CYCLE", "BREADTH FIRST MAXIMUM 9"]
+NEAR = "SELECT float(x.this), n FROM x = near(n) START WITH n = 1 CONNECT BY UNIQUE n = x.this"
+
+
+@pytest.fixture(autouse=True)
+def let_go(nothing_is_left_behind: None, spark: Any) -> Iterator[None]:
+    """What frames keep goes with them, some time; here at once."""
+    yield
+    for rows in dict(spark.sparkContext._jsc.getPersistentRDDs()).values():
+        rows.unpersist()
+
+
+def agree(ss: ss2sql.Session, script: str, **options: Any) -> None:
+    frame = ss.compile(script).spark(**options)
+    wanted = ss.run(script, engine="native", **options)
+    assert tuple(frame.columns) == wanted.columns
+    found = [tuple(row.asDict(recursive=True).values()) for row in frame.orderBy("path", "step").collect()]
+    assert exact(found) == exact([tuple(row) for row in wanted])
+
+
+@pytest.mark.parametrize("states", [0, 3, 2000])
+@pytest.mark.parametrize("strategy", STRATEGIES)
+def test_rows_are_those_of_the_list(
+    ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch, strategy: str, states: int
+) -> None:
+    """Whatever is searched here, in Python and in SQL; with goals in several levels."""
+    monkeypatch.setattr(beginning, "STATES", states)
+    ss.function("step", lambda n, more: [(n + more) % 9, str(n)], volatility="immutable")
+    agree(
+        ss,
+        "SELECT this, step(n, this)[0], to(step(n, this)[1], text) FROM [1, 2] WHERE step(n, this)[0] % 3 == 1"
+        f" START WITH n = 0 CONNECT BY {strategy} n = step(n, this)[0] STOP WITH n > 5",
+    )
+    agree(
+        ss,
+        f"SELECT (n + this) % 9, n % 2 == 0 FROM [1, 2] WHERE (n + this) % 3 == 1 START WITH n = 0"
+        f" CONNECT BY {strategy} n = (n + this) % 9 STOP WITH n > 6",
+    )
+
+
+@pytest.mark.parametrize("limit", ["MAXIMUM 3", "MAXIMUM 3 LIMIT 2", "LIMIT 0", "LIMIT 90"])
+@pytest.mark.parametrize("states", [0, 2000])
+def test_the_first_paths(ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch, limit: str, states: int) -> None:
+    monkeypatch.setattr(beginning, "STATES", states)
+    maximum = limit[:9] if "MAXIMUM" in limit else ""
+    rest = limit.removeprefix(maximum)
+    agree(
+        ss,
+        f"SELECT n + this FROM [1, 2] START WITH n = 0 CONNECT BY BREADTH FIRST {maximum} n = n + this"
+        f" STOP WITH n > 4 {rest}",
+    )
+
+
+def test_maximum_of_the_run(ss: ss2sql.Session) -> None:
+    agree(ss, "SELECT n + this FROM [1, 2] START WITH n = 0 CONNECT BY BREADTH FIRST n = n + this", maximum=5)
+
+
+@pytest.mark.parametrize("script", [NEAR, SHORT], ids=["python", "sql"])
+def test_many_goals_are_numbered_in_parts(ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch, script: str) -> None:
+    for module, name, number in (
+        (spark_search, "FEW", 0),
+        (spark_frame, "FEW", 0),
+        (spark_frame, "JOINS", 1),
+    ):
+        monkeypatch.setattr(module, name, number)
+    agree(ss, script)
+
+
+def test_types_are_those_of_other_frames(ss: ss2sql.Session) -> None:
+    from pyspark.sql.pandas.types import from_arrow_schema
+
+    ss.function("part", lambda n: [[[n], [1.5]], None, 1 if n % 2 else 1.5, n == 2, "x", n][:6], volatility="immutable")
+    parts = ", ".join(f"to(part(n)[{number}], p{number})" for number in range(6))
+    script = f"SELECT {parts} FROM [1, 2] START WITH n = 0 CONNECT BY BREADTH FIRST n = n + this STOP WITH n > 2"
+    frame = ss.compile(script).spark()
+    wanted = ss.run(script, engine="native").arrow()
+    assert frame.schema == from_arrow_schema(wanted.schema)
+    found = [list(row.asDict().values()) for row in frame.orderBy("path", "step").collect()]
+    assert exact(found) == exact([list(row.values()) for row in wanted.to_pylist()])
+
+
+def test_a_column_of_several_kinds_is_refused_by_name(ss: ss2sql.Session) -> None:
+    ss.function("odd", lambda n: "a" if n == 2 else n, volatility="immutable")
+    script = "SELECT to(odd(n), mixed) FROM [1] START WITH n = 0 CONNECT BY UNIQUE n = n + this STOP WITH n > 3"
+    with pytest.raises(ss2sql.RepresentationError, match="the column 'mixed' has values of several kinds") as caught:
+        ss.compile(script).spark()
+    assert caught.value.code == "V001"
+
+
+@pytest.mark.parametrize(
+    ("script", "reason"),
+    [
+        ("1 + 1", "only a search has paths"),
+        ("x = (SELECT this FROM [1])", "only a search has paths"),
+        ("SELECT this FROM [1]", "only a search has paths"),
+        (SHORT.replace(" AS list", " GROUP BY n"), "GROUP BY makes no DataFrame"),
+        (SHORT.replace(" AS list", " ORDER BY n"), "ORDER BY makes no DataFrame"),
+    ],
+)
+def test_what_has_no_frame_is_refused(ss: ss2sql.Session, script: str, reason: str) -> None:
+    with pytest.raises(ss2sql.UnsupportedError, match=reason) as caught:
+        ss.compile(script).spark()
+    assert caught.value.code == "U001"
+
+
+@pytest.mark.parametrize("bad", range(6))
+def test_steps_that_fail(ss: ss2sql.Session, bad: int) -> None:
+    """What counts of them is the same, also where MAXIMUM ends the search before one or not."""
+
+    def fail(n: int, level: int) -> bool:
+        if (n * 3 + level) % 7 == bad:
+            raise ValueError(n)
+        return n > 2
+
+    ss.function("fail", fail, volatility="immutable")
+    ss.set("roads", [[0], [2, 3], [1, 3, 4], [2, 4], [1, 2]])
+    script = (
+        "SELECT x.this FROM x = roads[n] WHERE fail(x.this, level) START WITH n = 1, level = 0"
+        " CONNECT BY UNIQUE MAXIMUM 2 n = x.this, level = level + 1"
+    )
+    wanted = ended(ss, script, "native")
+    if wanted[0] == "value":
+        agree(ss, script)
+    else:
+        with pytest.raises(ValueError, match=wanted[1]) as caught:
+            ss.compile(script).spark()
+        assert tuple(caught.value.__notes__) == wanted[2:]
+
+
+def test_parameters_and_the_session(ss: ss2sql.Session, spark: Any) -> None:
+    """The frame is of the user's session; it stays when that of ss2sql is closed, and can be queried."""
+    query = ss.compile("SELECT n + this FROM [1, 2] START WITH n = 0 CONNECT BY UNIQUE n = n + this STOP WITH n > most")
+    with pytest.raises(ss2sql.ResolveError):
+        query.spark()
+    frame = query.spark(most=2)
+    ss.close()
+    frame.createOrReplaceTempView("found")
+    found = spark.sql("SELECT MAX(path), COUNT(*) FROM found").collect()
+    spark.catalog.dropTempView("found")
+    assert [tuple(row) for row in found] == [(4, 6)]  # to 1, 2, 3, 4 by 1, 1, 2, 2 steps
+
+
+@pytest.mark.parametrize("written", ["n * 2 + this", "twice(n, this)"])
+def test_no_rows_pass_through_this_process(ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch, written: str) -> None:
+    """Of 252 goals with 1,524 steps on their ways there come only counts: a row for each level or task."""
+    from pyspark.sql.classic.dataframe import DataFrame
+
+    fetched: list[int] = []
+    collect = DataFrame.collect
+
+    def counting(self: Any) -> Any:
+        rows = collect(self)
+        fetched.append(len(rows))
+        return rows
+
+    def refuse(self: Any, *given: Any, **named: Any) -> Any:
+        raise AssertionError("fetches rows")
+
+    ss.function("twice", lambda n, more: [n * 2, more][0] + more, volatility="immutable")
+    monkeypatch.setattr(DataFrame, "collect", counting)
+    for name in ("toLocalIterator", "toArrow", "toPandas", "take", "head", "tail", "foreach"):
+        monkeypatch.setattr(DataFrame, name, refuse)
+    frame = ss.compile(
+        f"SELECT {written} FROM [1, 2] START WITH n = 0 CONNECT BY UNIQUE n = {written} STOP WITH n >= 126"
+    ).spark()
+    monkeypatch.undo()
+    assert frame.count() == 1524  # 1 * 2 + 2 * 4 + ... + 6 * 64, and 7 * 126
+    assert len(fetched) <= 12
+    assert max(fetched) <= 2
