@@ -66,19 +66,29 @@ def session_for(case: ProgramCase, **options: Any) -> ss2sql.Session:
     return ss
 
 
+def outcome(ss: ss2sql.Session, script: str, **options: Any) -> tuple[Outcome | None, str]:
+    """What a script comes to, None where the engine refuses it; and the engine of the last query of a result."""
+    output = io.StringIO()
+
+    def ended(**parts: Any) -> Outcome:
+        return Outcome(**parts, printed=output.getvalue().rstrip("\n"))
+
+    with contextlib.redirect_stdout(output):
+        try:
+            result = ss.run(script, **options)
+        except ss2sql.UnsupportedError:
+            return None, ""
+        except ss2sql.Error as error:
+            return ended(error=error.code), ""
+        except Exception as error:
+            return ended(error=type(error).__name__), ""
+        return ended(value=exact(result.value)), result.engine
+
+
 def executor_outcome(case: ProgramCase, engine: str, **options: Any) -> Outcome | None:
     """None where the engine refuses the program."""
-    output = io.StringIO()
-    with session_for(case, **options) as ss, contextlib.redirect_stdout(output):
-        try:
-            value = ss.run(case.script, engine=engine).value  # type: ignore[arg-type]
-        except ss2sql.UnsupportedError:
-            return None
-        except ss2sql.Error as error:
-            return Outcome(error=error.code, printed=output.getvalue().rstrip("\n"))
-        except Exception as error:
-            return Outcome(error=type(error).__name__, printed=output.getvalue().rstrip("\n"))
-        return Outcome(exact(value), printed=output.getvalue().rstrip("\n"))
+    with session_for(case, **options) as ss:
+        return outcome(ss, case.script, engine=engine)[0]
 
 
 @dataclass(frozen=True)

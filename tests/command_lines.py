@@ -6,8 +6,11 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
+import pytest
 from click.testing import CliRunner, Result
 
 from ss2sql.cli import main
@@ -41,6 +44,15 @@ print("loading")
 '''
 
 ENDLESS = "SELECT this FROM [1, 2] START WITH n = 0 CONNECT BY n = n + 1"
+
+
+def moved_into(folder: Path, monkeypatch: pytest.MonkeyPatch, files: Mapping[str, str]) -> Path:
+    """The folder, with files by their names, as the current one; what is imported there is forgotten afterwards."""
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    for name, text in files.items():
+        (folder / name).write_text(text)
+    return folder
 
 
 def call(*arguments: str, stdin: str | bytes | None = None) -> Result:

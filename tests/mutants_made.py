@@ -75,12 +75,12 @@ def mutants(path: Path, file: str) -> list[Mutant]:
     known = codes(compile(text, str(path), "exec", dont_inherit=True))
     made = []
     seen: Counter[tuple[str, str]] = Counter()
-    for number, (site, node, change, _) in enumerate(changes(ast.parse(text))):
+    for number, (site, line, change, _) in enumerate(changes(ast.parse(text))):
         if site in known:
             seen[site.function, change] += 1
             count = seen[site.function, change]
             words = change if count == 1 else f"{change} ({count})"
-            made.append(Mutant(file, site.function, words, node.lineno, site.line, number))
+            made.append(Mutant(file, site.function, words, line, site.line, number))
     return made
 
 
@@ -114,16 +114,16 @@ def codes(module: CodeType) -> dict[Site, CodeType]:
 # --- walking -------------------------------------------------------------------------------------------
 
 
-def changes(tree: ast.Module) -> Iterator[tuple[Site, ast.expr | ast.stmt, str, Edit]]:
-    """Every change, with the function that it is in, and what makes it in the tree."""
+def changes(tree: ast.Module) -> Iterator[tuple[Site, int, str, Edit]]:
+    """Every change, with the function and the line that it is in, and what makes it in the tree."""
     for prefix, function in functions(tree, ""):
         name = "<lambda>" if isinstance(function, ast.Lambda) else function.name
         decorators = [] if isinstance(function, ast.Lambda) else function.decorator_list
         site = Site(prefix + name, min([function.lineno, *(one.lineno for one in decorators)]))
         body = [function.body] if isinstance(function, ast.Lambda) else function.body
         for node in nodes(body):
-            for change, edit in of_node(node):
-                yield site, node, change, edit
+            for line, change, edit in of_node(node):
+                yield site, line, change, edit
 
 
 def functions(node: ast.AST, prefix: str) -> Iterator[tuple[str, Function]]:
@@ -145,7 +145,7 @@ def nodes(body: list[ast.stmt] | list[ast.expr]) -> Iterator[ast.expr | ast.stmt
 
 def below(node: ast.AST) -> Iterator[ast.expr | ast.stmt]:
     match node:
-        case ast.Assert() | ast.Expr(value=ast.Constant()):
+        case ast.Assert() | ast.Expr(value=ast.Constant()) | ast.keyword(arg="strict"):  # of `zip`, which asserts
             return
         case ast.Raise() | ast.Expr() if any(word in ast.unparse(node) for word in NEVER):
             return
@@ -161,15 +161,15 @@ def below(node: ast.AST) -> Iterator[ast.expr | ast.stmt]:
 # --- changes -------------------------------------------------------------------------------------------
 
 
-def of_node(node: ast.expr | ast.stmt) -> Iterator[tuple[str, Edit]]:
-    """What may be changed of one node: the change in words, and what makes it."""
+def of_node(node: ast.expr | ast.stmt) -> Iterator[tuple[int, str, Edit]]:
+    """What may be changed of one node: the line that tests have to reach, the change in words, and what makes it."""
     before = short(node)
     for make in expressions(node) if isinstance(node, ast.expr) else statements(node):
         new = make(copy.deepcopy(node))
         if isinstance(node, ast.Match):
-            yield arms(node, cast(ast.Match, new)), partial(replace, node, new)
+            yield *arms(node, cast(ast.Match, new)), partial(replace, node, new)
         elif short(new) != before:
-            yield f"{before} -> {short(new)}", partial(replace, node, new)
+            yield node.lineno, f"{before} -> {short(new)}", partial(replace, node, new)
 
 
 def short(node: ast.AST) -> str:
@@ -177,11 +177,14 @@ def short(node: ast.AST) -> str:
     return "nothing" if isinstance(node, ast.Pass) else ast.unparse(node).split("\n")[0]
 
 
-def arms(node: ast.Match, new: ast.Match) -> str:
-    """How a match has changed: the first case that is another now."""
+def arms(node: ast.Match, new: ast.Match) -> tuple[int, str]:
+    """How a match has changed: the first case that is another now. Without it, what comes to its body is amiss."""
     before, after = ([short(case) for case in one.cases] for one in (node, new))
-    changed = next(one for one, other in zip_longest(before, after) if one != other)
-    return f"{changed} -> {'nothing' if len(after) < len(before) else changed.partition(' if ')[0] + ':'}"
+    index = next(number for number, pair in enumerate(zip_longest(before, after)) if pair[0] != pair[1])
+    changed, case = before[index], node.cases[index]
+    if len(after) < len(before):
+        return case.body[0].lineno, f"{changed} -> nothing"
+    return case.pattern.lineno, f"{changed} -> {changed.partition(' if ')[0]}:"
 
 
 def replace(node: ast.AST, new: ast.AST) -> None:
@@ -225,7 +228,7 @@ def expressions(node: ast.expr) -> Iterator[Make]:
 def calls(node: ast.Call) -> Iterator[Make]:
     """Calls with a named argument less, or with two in each other's place; without a positional one most only break."""
     for index, one in enumerate(node.keywords):
-        if one.arg is not None:
+        if one.arg not in (None, "strict"):
             yield lambda new, index=index: fewer(new, index)
     if len(node.args) > 1 and not any(isinstance(one, ast.Starred) for one in node.args[:2]):
         yield exchanged

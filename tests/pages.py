@@ -62,6 +62,7 @@ class Player:
 
     def __init__(self) -> None:
         self.names: dict[str, Any] = {"__name__": "page"}
+        self.sessions: list[ss2sql.Session] = []
 
     def python(self, text: str, line: int) -> dict[str, str]:
         """Runs a block as a file of its own, with the line numbers of the page, so that functions have a source."""
@@ -69,6 +70,7 @@ class Player:
         file.write_text("\n" * line + text, encoding="utf-8")
         with redirect_stdout(printed):
             exec(compile(file.read_text("utf-8"), str(file), "exec"), self.names)
+        self.sessions += [value for value in self.names.values() if isinstance(value, ss2sql.Session)]
         return dict.fromkeys(OUTPUTS, printed.getvalue())
 
     def selectscript(self, text: str) -> dict[str, str]:
@@ -108,13 +110,13 @@ class Player:
     @cached_property
     def shell(self) -> Shell:
         """The page's shell, with a session of its own."""
-        self.names["the session of the shell"] = session = ss2sql.connect()
+        self.sessions.append(session := ss2sql.connect())
         return Shell(session)
 
     def close(self) -> None:
-        for value in self.names.values():
-            if isinstance(value, ss2sql.Session):
-                value.close()
+        """Closes all sessions, also those whose names have been given to others."""
+        for session in self.sessions:
+            session.close()
 
 
 def differences(page: Path) -> list[Difference]:

@@ -6,14 +6,18 @@ The clauses are evaluated by the reference evaluator, so that nothing of the sea
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any
 
 from reference import Reference, queries
 from reference.search import Search, State
+from reference.sight import Frame
 
 from ss2sql.frontend import ast
 
 Rows = Sequence[tuple[Any, ...]]
+# The state after a step, whether it stops, and whether it is a goal.
+Step = tuple[State, bool, bool]
 
 
 def search_of(script: ast.Script) -> ast.Query | None:
@@ -41,15 +45,23 @@ class Replay:
             states = list({repr(state): state for state in states}.values())
         return any(goal for state in states for _, _, goal in self._steps(state, path[-1]))
 
-    def _steps(self, state: State, row: tuple[Any, ...]) -> list[tuple[State, bool, bool]]:
-        """For every element that gives this row: the state after it, and whether it stops and is a goal."""
-        found = []
-        for frame in self.search.elements(state):
-            made = queries.select(self.reference, self.query, frame)
-            if [value for _, value in made] != list(row):
-                continue
-            stop = self.query.stop is not None and bool(self.reference.evaluate(self.query.stop, frame))
-            where = self.query.where
-            goal = bool(self.reference.evaluate(where, frame)) if where is not None else not stop
-            found.append(({} if stop else self.search.connected(frame), stop, goal))
+    def _steps(self, state: State, row: tuple[Any, ...]) -> list[Step]:
+        """The steps of the elements that give this row, up to one that fails.
+
+        With MAXIMUM a search may have ended before it came there; it has come to none of those behind.
+        """
+        found: list[Step] = []
+        with suppress(Exception):
+            for frame in self.search.elements(state):
+                step = self._step(frame, row)
+                found += [] if step is None else [step]
         return found
+
+    def _step(self, frame: Frame, row: tuple[Any, ...]) -> Step | None:
+        made = queries.select(self.reference, self.query, frame)
+        if [value for _, value in made] != list(row):
+            return None
+        stop = self.query.stop is not None and bool(self.reference.evaluate(self.query.stop, frame))
+        where = self.query.where
+        goal = bool(self.reference.evaluate(where, frame)) if where is not None else not stop
+        return {} if stop else self.search.connected(frame), stop, goal

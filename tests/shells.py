@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
+import command_lines
 import pytest
 
 TWICE = '''
@@ -16,9 +16,6 @@ def twice(x):
 
 def moved_into(folder: Path, monkeypatch: pytest.MonkeyPatch, functions: str = TWICE) -> Path:
     """The folder, with a file of functions, as the current one; what is imported or remembered there stays there."""
-    monkeypatch.chdir(folder)
-    monkeypatch.setattr(sys, "path", list(sys.path))
     monkeypatch.setenv("COLUMNS", "100")
     monkeypatch.setenv("XDG_STATE_HOME", str(folder / "state"))
-    (folder / "functions.py").write_text(functions)
-    return folder
+    return command_lines.moved_into(folder, monkeypatch, {"functions.py": functions})

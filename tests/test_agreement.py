@@ -86,6 +86,21 @@ def test_paths_of_random_searches_replay() -> None:
     assert replayed > COUNT // 10
 
 
+def test_a_path_is_replayed_up_to_an_element_that_fails() -> None:
+    script = parse(
+        Source("SELECT a.this, f(a.this) FROM a = [1, 2] START WITH n = 0 CONNECT BY MAXIMUM 1 n = n + a.this AS list")
+    )
+    search = search_of(script)
+    assert search is not None
+
+    def replay() -> Replay:
+        return Replay(Reference({"f": lambda n: 1 // (2 - n)}, {}, {}, {}), script, search)
+
+    assert replay().leads_to_a_goal([(1, 1)])
+    assert not replay().leads_to_a_goal([(2, 1)])
+    assert not replay().leads_to_a_goal([(1, 2)])
+
+
 def test_score(capsys: pytest.CaptureFixture[str]) -> None:
     assert SCORE.programs > 0, "no programs were tried: run the whole file"
     SCORE.write(Path(__file__).parent.parent / "out" / "score.json")

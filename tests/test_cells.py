@@ -57,6 +57,11 @@ def test_an_index_that_is_tested_before_needs_no_python(grid: list[list[int]], h
         assert differences(case) == []
 
 
+def test_the_bytes_that_are_looked_through_are_those_that_occur() -> None:
+    query = f"SELECT IF({IN_RANGE.format(2, 3)}; grid[a.this][b.this]; None) FROM a = [0, 1], b = [0, 1, 2] AS list;"
+    assert "x'000102030405'" in text_of(case_of(query, grid=GRID)).lower()
+
+
 def test_the_type_of_an_index_may_say_that_it_is_in_range() -> None:
     case = case_of("SELECT grid[a.this][b.this % 3] FROM a = [0, 1], b = [0, 1, 2, 3, 4, -5] AS list;", grid=GRID)
     assert python_calls(text_of(case)) == set()

@@ -202,3 +202,23 @@ def test_columns_of_tables_cost_no_call_as_a_rule(expression: str) -> None:
             ss.host.connection.create_scalar_function(name, lambda *arguments, name=name: calls.append(name))
         ss.run(f"SELECT {expression} FROM t;", engine="database")
         assert calls == []
+
+
+@pytest.mark.parametrize(
+    ("number", "written"),
+    [
+        ("1.23456789012345", "1.23456789012345"),
+        ("0.123456789012345", "0.123456789012345"),
+        ("1.234567890123456", None),
+        ("123456789012345.0", "123456789012345.0"),
+        ("1e20", "1e+20"),
+        ("1e21", None),
+        ("1.5e-20", "1.5e-20"),
+        ("2.5e-21", None),
+    ],
+)
+def test_a_float_is_written_where_sqlite_reads_it_back_exactly(number: str, written: str | None) -> None:
+    with ss2sql.connect() as ss:
+        text = str(ss.compile(f"SELECT this * {number} FROM [1.5] AS list;", engine="database").sql)
+        assert ss.eval(f"SELECT this * {number} FROM [1.5] AS list;") == [1.5 * float(number)]
+    assert (f"this.this * {written}\n" if written else "this.this * :p") in text

@@ -135,3 +135,19 @@ def rows_of(case: ProgramCase, engine: str) -> list[Any]:
     """The rows of a program that does not fail."""
     with session_for(case) as ss:
         return list(ss.run(case.script, engine=engine).value)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("script", "shuffles"),
+    [
+        ("((1 + 1) + (1 + 1))", {"((1 + 1) + (1 + 1))"}),
+        ("(a = 1); (b = 2); (a + b)", {"a = 1; b = 2; (a + b)", "b = 2; a = 1; (a + b)"}),
+        (
+            "(SELECT this FROM [1] LIMIT 1 ORDER BY this)",
+            {"(SELECT this FROM [1] LIMIT 1 ORDER BY this )", "(SELECT this FROM [1] ORDER BY this LIMIT 1 )"},
+        ),
+    ],
+)
+def test_scripts_in_parentheses_are_shuffled(script: str, shuffles: set[str]) -> None:
+    found = {shuffled(ProgramCase(script), Random(number)).script for number in range(20)}
+    assert {" ".join(one.split()) for one in found} == shuffles

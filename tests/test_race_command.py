@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 import re
 import shlex
-import sys
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner, Result
+from command_lines import moved_into
 
 from ss2sql.cli import main
 from ss2sql.race import jury
@@ -28,10 +28,7 @@ PAGE = Path(__file__).parent.parent / "docs" / "bench_command.md"
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "path", list(sys.path))
-    (tmp_path / "roads.ss").write_text(ROADS)
-    return tmp_path
+    return moved_into(tmp_path, monkeypatch, {"roads.ss": ROADS})
 
 
 def bench(*arguments: str) -> Result:

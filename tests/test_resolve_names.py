@@ -240,6 +240,14 @@ def test_an_argument_is_given_twice(ss: ss2sql.Session) -> None:
     assert "keep one of them: argument 1 is 'a'" in found
 
 
+def test_an_argument_that_is_none(ss: ss2sql.Session) -> None:
+    ss.function("f", lambda first, second=0: [first, second])
+    assert "= help: did you mean 'second'?" in message(ss, "SELECT this FROM f(1, secnd = 2);")
+    assert "= help: known here: first, second" in message(ss, "SELECT this FROM f(1, depth = 2);")
+    ss.function("g", lambda: [1])
+    assert "= help: help('g') shows how it is called" in message(ss, "SELECT this FROM g(depth = 2);")
+
+
 def test_numbers_of_arguments_in_words(ss: ss2sql.Session) -> None:
     assert "'round' takes 1 to 2 arguments, not 3" in message(ss, "round(1, 2, 3);")
     assert "'print' takes 1 or more arguments, not 0" in message(ss, "print();")

@@ -141,3 +141,42 @@ def test_aggregates_out_of_place(ss: ss2sql.Session, script: str, found: list[tu
 )  # fmt: skip
 def test_groups_inside_of_groups(ss: ss2sql.Session, engine: Any, script: str, value: Any) -> None:
     assert ss.run(script, engine=engine).value == value
+
+
+@engines
+def test_of_equal_sums_the_one_that_is_asked_first_fails(ss: ss2sql.Session, engine: Any) -> None:
+    ss.attach("large", [{"x": 2**62}, {"x": 2**62}])
+    for script in (
+        "SELECT sum(x) FROM large GROUP BY 1 HAVING (sum(x) > 0);",
+        "SELECT (sum(x)) + sum(x) FROM large GROUP BY 1;",
+    ):
+        with pytest.raises(ss2sql.ExecutionError) as caught:
+            ss.run(script, engine=engine)
+        assert caught.value.span is not None
+        assert script[caught.value.span.start - 1 : caught.value.span.end] == "(sum(x)"
+
+
+@engines
+def test_a_search_may_aggregate_where_rows_are_not_compared(ss: ss2sql.Session, engine: Any) -> None:
+    script = """
+        SELECT n, count(*) FROM [1, 2] START WITH n = 0 CONNECT BY BREADTH FIRST n = n + this STOP WITH n > 2
+        GROUP BY n AS rows
+    """
+    # Two steps from 0 lead to 1 and 2, two from 1 to 2 and 3; so 2 is come to by two paths, and each goes two steps on.
+    assert ss.run(script, engine=engine).value == [(0, 2), (1, 2), (2, 4)]
+
+
+@engines
+@pytest.mark.parametrize(
+    ("inner", "value"),
+    [
+        ("SELECT a FROM n WHERE a > 0", [2, 3]),
+        ("SELECT a FROM n WHERE a > 0 LIMIT 2", [2]),
+        ("SELECT a FROM n ORDER BY a DESC LIMIT 2", [3, 2]),
+        ("SELECT a FROM n ORDER BY a DESC", [3, 2]),
+        ("SELECT a FROM n GROUP BY a HAVING a > 2", [3]),
+    ],
+)
+def test_a_query_in_from_keeps_its_clauses(ss: ss2sql.Session, engine: Any, inner: str, value: list[int]) -> None:
+    ss.attach("n", [{"a": 0}, {"a": 1}, {"a": 2}, {"a": 3}])
+    assert ss.run(f"SELECT q.a FROM q = ({inner}) WHERE q.a > 1 AS list;", engine=engine).value == value

@@ -95,7 +95,8 @@ def test_types_of_expressions(ss: ss2sql.Session) -> None:
         "g(a)": "int 2..4", "this": "dict", "str(a)": "str",
         "SELECT a FROM t AS list": "list of int 1..3", "SELECT a FROM t AS value": "none or int 1..3",
         "SELECT a FROM t": "list of dict", "SELECT a FROM t GROUP BY b": "dict", "SELECT a FROM t AS void": "none",
-        "SELECT a FROM t AS rows": "list of list of int 1..3", "(x = a)": "int 1..3", "a XOR b": "bool",
+        "SELECT a FROM t AS rows": "list of list of int 1..3",
+        "SELECT a FROM t AS set": "list of int 1..3", "(x = a)": "int 1..3", "a XOR b": "bool",
         "SELECT a FROM t START WITH n = 1 CONNECT BY n = n AS list": "list of list of int 1..3", "eval('1')": "any",
     }  # fmt: skip
     ss.function("f", lambda x: x, volatility="stable")

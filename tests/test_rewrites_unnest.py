@@ -216,3 +216,13 @@ def test_a_replaced_operator_keeps_its_meaning() -> None:
         ss.function("ne", lambda a, b: True, volatility="immutable")
         script = "SELECT a.this FROM a = [1, 2] WHERE [] == (SELECT this FROM [a.this] WHERE this == 1 AS list) AS list"
         assert ss.eval(script) == [2]
+
+
+@pytest.mark.parametrize("disabled", BOTH)
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("word", ["IN", "NOT IN"])
+def test_what_is_looked_for_is_computed_even_if_nothing_is_in_the_list(engine: Any, disabled: Any, word: str) -> None:
+    script = f"SELECT a.this FROM a = [0] WHERE 1 / a.this {word} (SELECT this FROM [a.this, 2] WHERE this > 5 AS list)"
+    with ss2sql.connect(disable=disabled) as ss, pytest.raises(ss2sql.ExecutionError) as caught:
+        ss.run(script, engine=engine)
+    assert caught.value.code == "X002"

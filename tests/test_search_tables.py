@@ -209,13 +209,19 @@ def test_a_hierarchy_costs_its_size(index: bool, option: str, where: str) -> Non
     assert large < 2.3 * small
 
 
+def with_edges(*rows: tuple[int, ...]) -> ss2sql.Session:
+    """A session with indexed edges: from, to, length."""
+    ss = ss2sql.connect()
+    connection = ss.host.connection
+    connection.execute("CREATE TABLE edge(src INTEGER, dst INTEGER, length INTEGER); CREATE INDEX i ON edge(src)")
+    connection.executemany("INSERT INTO edge VALUES (?, ?, ?)", rows)
+    return ss
+
+
 @pytest.mark.parametrize("engine", ["database", "native"])
 def test_rows_that_are_compared_are_made_of_every_element(engine: Any) -> None:
     """An index may not spare what fails in the row of a step that leads nowhere; BREADTH FIRST alone needs no row."""
-    ss = ss2sql.connect()
-    connection = ss.host.connection
-    connection.execute("CREATE TABLE edge(src INTEGER, dst INTEGER, length INTEGER)")
-    connection.execute("CREATE INDEX i ON edge(src); INSERT INTO edge VALUES (1, 2, 5), (2, 3, 4), (7, 8, 0)")
+    ss = with_edges((1, 2, 5), (2, 3, 4), (7, 8, 0))
     search = "SELECT 1 / length FROM edge START WITH node = 1 CONNECT BY {} node = dst STOP WITH src != node AS list;"
     assert ss.run(search.format("BREADTH FIRST"), engine=engine).value == [[0.2], [0.2, 0.25]]
     with pytest.raises(ss2sql.ExecutionError) as caught:
@@ -226,10 +232,7 @@ def test_rows_that_are_compared_are_made_of_every_element(engine: Any) -> None:
 @pytest.mark.parametrize("engine", ["database", "native"])
 def test_what_is_looked_up_is_not_asked_again(engine: Any) -> None:
     """The rest of STOP WITH is: both of its other parts."""
-    ss = ss2sql.connect()
-    connection = ss.host.connection
-    connection.execute("CREATE TABLE edge(src INTEGER, dst INTEGER)")
-    connection.execute("CREATE INDEX i ON edge(src); INSERT INTO edge VALUES (1, 2), (2, 3), (2, 9), (3, 4), (4, 5)")
+    ss = with_edges((1, 2, 0), (2, 3, 0), (2, 9, 0), (3, 4, 0), (4, 5, 0))
     search = (
         "SELECT dst FROM edge START WITH node = 1 CONNECT BY BREADTH FIRST node = dst "
         "STOP WITH src != node OR dst == 9 OR dst > 3 AS list;"

@@ -329,3 +329,18 @@ def test_both_engines_give_the_same_paths_in_the_same_order(order: str, guard: s
             if maximum:
                 every = session.run(script.replace(maximum, ""), engine="native").paths
                 assert database.paths == every[: int(maximum.split()[1])], (seed, where)
+
+
+@pytest.mark.parametrize("engine", ["auto", "native"])
+@pytest.mark.parametrize("stop", ["", "STOP WITH n > 4"])
+@pytest.mark.parametrize("options", ["COST", "UNIQUE COST", "NO CYCLE COST", "PROBABILITY"])
+def test_where_fails_before_what_a_step_costs(engine: Any, stop: str, options: str) -> None:
+    """From 1 by 2, or from 2 by 1, both do: 1 / 0, and -1 is no cost and no probability."""
+    script = (
+        "SELECT n + this FROM [1, 2] WHERE 1 / (n + this - 3) > 0 START WITH n = 0"
+        f" CONNECT BY {options} 2 - n - this n = n + this {stop} AS list"
+    )
+    with ss2sql.connect() as ss, pytest.raises(ss2sql.ExecutionError) as caught:
+        ss.run(script, engine=engine, maximum=6)
+    assert caught.value.span is not None
+    assert (caught.value.code, caught.value.span.start) == ("X002", script.index("/"))

@@ -159,7 +159,8 @@ class Scenes(Flat):
             place = c.pick(places)
             radius = c.pick(("2", "4", "0.5", f"{place}.mass / 20"))
             point = ", ".join(f"{place}.{axis}" for axis in "xyz")
-            return Origin(f"{prefix}space.near({point}, {radius})", alias, BODY, BALL)
+            alias = alias or "close"
+            return Origin(f"{alias} = space.near({point}, {radius})", alias, BODY, BALL, known=False)
         if form == "world" and c.chance(15):
             where = c.pick(("x > 0", "heavy", "colour != 'red'", "id IN [1, 2, 3, 4]"))
             shown = c.pick(("*", "id, x, y, z, mass, pos"))
@@ -181,7 +182,8 @@ class Scenes(Flat):
             if origin.kind != BODY:
                 continue
             for column, kind in origin.columns.items():
-                if not any(column in other.columns for other in others):
+                # Where nobody knows the columns of copies a bare name would be that of a query around.
+                if origin.known and not any(column in other.columns for other in others):
                     sight.add(column, kind)
                 if origin.name is not None:
                     sight.add(f"{origin.name}.{column}", kind)

@@ -45,7 +45,9 @@ def with_statements_shuffled(script: str, dice: Random) -> str:
             break
         names.add(statement.name)
         first.append(statement.span.text)
-    rest = script[statements[len(first)].span.start :]
+    if not first:
+        return script
+    rest = script[script.index(";", statements[len(first) - 1].span.end) + 1 :]
     return "; ".join([*dice.sample(first, len(first)), rest])
 
 
@@ -76,8 +78,8 @@ def with_clauses_shuffled(script: str, dice: Random) -> str:
     last = parse(Source(script)).statements[-1]
     if not isinstance(last, ast.Query):
         return script
-    starts, depth, end = [], 0, len(script)
-    tokens = [token for token in cut(script) if token.start >= last.span.start]
+    starts, depth, end = [], 0, last.span.end
+    tokens = [token for token in cut(script) if last.span.start <= token.start < end]
     for token, following in zip(tokens, [*tokens[1:], None], strict=True):
         depth += (token.kind in OPENING) - (token.kind in CLOSING)
         if depth == 0 and token.kind == "AS":
