@@ -16,7 +16,7 @@ from level_searches import FORMS, ROADS, by_length, compare_random
 from sessions import code_of
 
 import ss2sql
-from ss2sql.runtime.levels import duck, tables
+from ss2sql.runtime.levels import beginning, duck, tables
 from ss2sql.runtime.levels.statements import Ask
 from ss2sql.runtime.levels.watch import watched
 from ss2sql.runtime.run import Run
@@ -25,6 +25,12 @@ duckdb = pytest.importorskip("duckdb")
 
 COUNT = int(os.environ.get("SS2SQL_PROGRAMS", "1000")) // 10
 OWN = duckdb.connect(config={"threads": 1})  # to connect takes 20 ms
+
+
+@pytest.fixture(autouse=True)
+def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The tables do all levels, also small ones."""
+    monkeypatch.setattr(beginning, "STATES", 0)
 
 
 @pytest.fixture
@@ -36,6 +42,12 @@ def ss() -> Any:
 
 def test_random_searches() -> None:
     assert compare_random(by_length, "duckdb", OWN, 8, COUNT) > COUNT // 4
+
+
+@pytest.mark.parametrize("states", [1, 2, 3])
+def test_random_searches_whose_first_levels_are_done_in_memory(monkeypatch: pytest.MonkeyPatch, states: int) -> None:
+    monkeypatch.setattr(beginning, "STATES", states)
+    assert compare_random(by_length, "duckdb", OWN, 80 + states, COUNT // 2) > COUNT // 8
 
 
 @pytest.mark.parametrize("case", golden.level_searches(), ids=lambda case: case.name)
@@ -60,6 +72,47 @@ def test_equal_numbers_are_one_row(ss: ss2sql.Session) -> None:
     script = "SELECT x.this FROM x = near(n) START WITH n = 1 CONNECT BY UNIQUE n = x.this AS list"
     paths = ss.run(script, engine="duckdb").value
     assert sorted(path[-1] for path in paths) == [1, 2, 3, 4, 5]
+
+
+@pytest.mark.parametrize(
+    ("step", "goal"),
+    [("(2 * n + this) % 9999", 9000), ("min(n + this, 500)", 499)],
+    ids=["wide", "thin"],
+)
+@pytest.mark.parametrize("limits", [(0, 1 << 26), (20, 1 << 26), (2000, 5000), (2000, 1 << 26)])
+@pytest.mark.parametrize("is_sql", [True, False])
+def test_what_is_done_in_memory_is_bounded(
+    monkeypatch: pytest.MonkeyPatch, step: str, goal: int, limits: tuple[int, int], is_sql: bool
+) -> None:
+    """By the states of a level and by what all take; then the tables have all that there is."""
+    monkeypatch.setattr(beginning, "STATES", limits[0])
+    monkeypatch.setattr(beginning, "BYTES", limits[1])
+    loaded: list[int] = []
+    load = duck.DuckTables.load
+
+    def look(self: duck.DuckTables, table: str, columns: Any) -> None:
+        if table == "steps":
+            loaded.append(len(columns[0]))
+        load(self, table, columns)
+
+    monkeypatch.setattr(duck.DuckTables, "load", look)
+    script = (
+        f"SELECT {step} FROM [1, 2] WHERE {step} == {goal} START WITH n = 0 CONNECT BY UNIQUE n = {step}"
+        " STOP WITH {} > 7000 AS list"
+    ).format("n" if is_sql else "same(n)")
+    with ss2sql.connect(engine="duckdb", session=OWN) as ss:
+        ss.function("same", lambda n: int(str(n)), volatility="immutable")
+        result = ss.run(script)
+        wanted = ss.run(script, engine="native")
+    assert result.value == wanted.value
+    assert result.value
+    done = sum(loaded) - is_sql * bool(loaded)
+    if limits[0] == 0:
+        assert done == 0
+    elif limits[1] == 5000:
+        assert 5000 / 600 < done < 5000 / 500 + 200
+    elif limits[0] == 20:
+        assert (0 < done < 80) if "%" in step else loaded == []
 
 
 # --- errors ------------------------------------------------------------------------------------------------

@@ -13,7 +13,7 @@ from sessions import code_of
 
 import ss2sql
 from ss2sql.lowering.portable.names import OWN
-from ss2sql.runtime.levels import typed_search
+from ss2sql.runtime.levels import beginning, typed_search
 
 duckdb = pytest.importorskip("duckdb")
 
@@ -29,6 +29,12 @@ STATES = {"n": "0", "t": "'x'", "b": "False", "l": "[1]"}
 
 INTS = ("n", "m.by", "1", "-3", "7")
 TEXTS = ("t", "m.word", "'x'", "''", "'äb'")
+
+
+@pytest.fixture(autouse=True)
+def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The tables do all levels, also small ones."""
+    monkeypatch.setattr(beginning, "STATES", 0)
 
 
 def expressions() -> st.SearchStrategy[dict[str, str]]:
@@ -102,6 +108,21 @@ def test_random_steps(parts: dict[str, str], strategy: str, shown: set[str], gro
             return
         assert exact(found.value) == exact(wanted.value)
         assert "in SQL" in str(found.explain()), script
+
+
+@seed(89)
+@settings(max_examples=COUNT // 2, deadline=None, database=None)
+@given(
+    expressions(), st.sampled_from(STRATEGIES), st.sets(st.sampled_from(list(STATES)), min_size=1), st.integers(1, 12)
+)
+def test_random_steps_of_which_the_first_are_tried_in_memory(
+    parts: dict[str, str], strategy: str, shown: set[str], states: int
+) -> None:
+    script = script_of(parts, strategy, shown, grouped=False)
+    with ss2sql.connect() as ss, pytest.MonkeyPatch.context() as patch:
+        patch.setattr(beginning, "STATES", states)
+        ss.set("moves", MOVES)
+        assert exact(ss.run(script, engine="duckdb").value) == exact(ss.run(script, engine="native").value)
 
 
 def test_python_is_left_alone_where_steps_are_sql() -> None:

@@ -19,7 +19,7 @@ _ELSEWHERE = (
 RESERVED = frozenset(word.lower() for word in apsw.keywords).union(_ELSEWHERE.split())
 OWN = (
     *("step", "parent", "place", "depth", "goal", "goes_on", "nth", "previous", "distance", "total"),
-    *("trail", "nth_to_row", "part", "nth_of_part"),
+    *("trail", "flags", "nth_to_row", "part", "nth_of_part"),
 )
 
 

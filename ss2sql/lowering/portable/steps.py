@@ -7,8 +7,10 @@ sources, one row for each combination. A step's `place` is that of its state and
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import sqlglot
 from sqlglot import exp
@@ -41,6 +43,8 @@ class Typed:
 class WrittenSteps:
     """`tries` is the SELECT, with the columns place, `rows`, goal, goes_on, and those of `own`.
 
+    `goal` and `goes_on` are what these columns have in every row, None where it depends on the row.
+
     `states` names for each START WITH variable the column that has it after a step: one of `rows`, or of `own`.
     `reads` are the columns of `elements` beside `nth`, `elements` the query that gives them. `parameters` are what
     stands for script variables in the text, with these.
@@ -53,6 +57,12 @@ class WrittenSteps:
     reads: tuple[Typed, ...]
     elements: plan.Query
     parameters: dict[str, str]
+    goal: bool | None
+    goes_on: bool | None
+
+    def after(self, state: Sequence[Any] | None) -> dict[Typed, Any]:
+        """The columns that have a state, with their values; none where there is no state."""
+        return {} if state is None else dict(zip(self.states, state, strict=True))
 
 
 def write_steps(query: plan.Query, apart: bool = False) -> WrittenSteps:
@@ -158,21 +168,16 @@ class _Writer:
     # --- the statement -----------------------------------------------------------------------------------
 
     def written(self, apart: bool) -> WrittenSteps:
-        query, search = self.query, self.search
-        goal = None if query.where is None else self.portable.condition(query.where, self.sight)
-        stop = None if search.stop is None else self.portable.condition(search.stop, self.sight)
-        goes_on = exp.true() if stop is None else negated(stop)
+        goal, goes_on, kept = self._flags()
         place: Node = sqlglot.parse_one(f"frontier.step * {ELEMENTS} + elements.nth", read="duckdb")
         outputs: list[Node] = [sql.alias(place, "place")]
-        for output, column in zip(query.columns, self.rows, strict=True):
+        for output, column in zip(self.query.columns, self.rows, strict=True):
             outputs.append(self._column(self.portable.value(output.expr, self.sight), column))
-        outputs.append(sql.alias(goes_on.copy() if goal is None else goal, "goal"))
-        outputs.append(sql.alias(goes_on.copy(), "goes_on"))
+        outputs += [sql.alias(goal, "goal"), sql.alias(goes_on, "goes_on")]
         following = self._following()
         own = [(name, column) for name, column in self.states if column not in self.rows]
         outputs += [self._column(following[name], column) for name, column in own]
         expanded: Node = sqlglot.parse_one("frontier.depth = :depth - 1 AND frontier.goes_on", read="duckdb")
-        kept = [] if stop is None else [goes_on if goal is None else sql.disjunction([goes_on, goal.copy()])]
         frontier = sql.table("frontier", "frontier") if apart else sql.table("steps", "frontier")
         where = sql.conjunction(kept if apart else [expanded, *kept])
         select = sql.select(outputs, [frontier, sql.table("elements", "elements")], where)
@@ -185,7 +190,20 @@ class _Writer:
             tuple(column for _, column in self.reads),
             self._elements(),
             self.portable.parameters,
+            _same_everywhere(goal),
+            _same_everywhere(goes_on),
         )
+
+    def _flags(self) -> tuple[Node, Node, list[Node]]:
+        """Whether a step is a goal, whether the search goes on from it, and what is asked of those that are kept."""
+        where, stop = self.query.where, self.search.stop
+        goal = exp.true() if where is None else self.portable.condition(where, self.sight)
+        if stop is None:
+            return goal, exp.true(), []
+        goes_on = negated(self.portable.condition(stop, self.sight))
+        if where is None or goal == exp.false():
+            return goal, exp.true(), [goes_on]  # what stops leaves no trace
+        return goal, goes_on, [sql.disjunction([goes_on.copy(), goal.copy()])]
 
     def _following(self) -> dict[str, Node]:
         """The state after a step; a later assignment sees an earlier one."""
@@ -223,3 +241,7 @@ def negated(node: Node) -> Node:
     if isinstance(node, exp.Or):
         return sql.binary(exp.And, negated(node.this), negated(node.expression))
     return exp.Not(this=sql.operand(node.copy()))
+
+
+def _same_everywhere(condition: Node) -> bool | None:
+    return bool(condition.this) if isinstance(condition, exp.Boolean) else None

@@ -63,6 +63,10 @@ class DuckTables:
             self.columns[statement.table] = statement.columns
         self.writer.execute(statement, values)
 
+    def add(self, statement: AddNumbered, **values: Value) -> int:
+        ((added,),) = self.writer.execute(statement, values).fetchall()
+        return int(added)
+
     def rows(self, question: Ask, **values: Value) -> Iterator[Row]:
         reading = self.idle.pop() if self.idle else self._reader()
         found = reading.execute(question, values)

@@ -58,12 +58,6 @@ def back_to_start(
     )
 
 
-def counts(kept: str) -> Ask:
-    """How many steps a level has kept, how many of them are goals, and how many go on, and the last of them."""
-    numbers = "COUNT(*), COUNT(CASE WHEN goal THEN 1 END), COUNT(CASE WHEN goes_on THEN 1 END), MAX(step)"
-    return Ask(f"SELECT {numbers} FROM {kept}", simple=True)
-
-
 def ways_back(goals: str, more: str = "") -> Walk:
     """The ways to some goals, from the last step of each backwards, by numbers alone: rows may be large.
 
@@ -114,7 +108,8 @@ GUARDS: dict[plan.Repeats, Guard] = {"allowed": EVERY, "unique": FIRST, "no cycl
 
 KEPT = Make("kept", "SELECT chosen.step, tries.* FROM chosen JOIN tries ON tries.place = chosen.place")
 KEEP = Add("steps", "SELECT step, parent, :depth, row_key, row, last, goal FROM kept")
-COUNTS = counts("kept")
+GOALS_AND_GOING = "COUNT(CASE WHEN goal THEN 1 END), COUNT(CASE WHEN goes_on THEN 1 END)"
+COUNTS = Ask(f"SELECT COUNT(*), {GOALS_AND_GOING}, MAX(step) FROM kept", simple=True)
 WAYS = ways_back("kept WHERE goal")
 PATHS = Ask("""
 SELECT ways.goal, steps.row, CASE WHEN ways.distance = 0 THEN steps.last END

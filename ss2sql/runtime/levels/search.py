@@ -14,10 +14,11 @@ from operator import itemgetter
 
 from ss2sql.lowering.portable.steps import ELEMENTS
 from ss2sql.runtime.levels import level
+from ss2sql.runtime.levels.beginning import Beginning
 from ss2sql.runtime.levels.level import LevelStatements
 from ss2sql.runtime.levels.statements import Statement, Value
 from ss2sql.runtime.levels.tables import Tables
-from ss2sql.runtime.levels.trial import Trial, encoded
+from ss2sql.runtime.levels.trial import Trial
 from ss2sql.runtime.memorize.hunt import Found, Hunt
 from ss2sql.runtime.memorize.pieces import Pieces
 from ss2sql.runtime.run import Level
@@ -69,10 +70,14 @@ class LevelSearch(TableSearch):
 
     def results(self) -> Iterator[Found]:
         """The paths and the last parts of their last steps."""
+        beginning = Beginning(self.hunt, self.trial, self.written.search.repeats, self.pause)
+        yield from map(beginning.found, beginning.goals())
+        if not beginning.frontier:
+            return
         written, tables = self.written, self.tables
         self.run(written.made)
-        tables.load("frontier", [[0], [encoded(self.hunt.start)]])
-        going, depth, steps = 1, 0, 0
+        steps, depth, going = self._load(beginning), len(beginning.levels), len(beginning.frontier)
+        del beginning
         while going:
             depth += 1
             tally = tables.try_all(self.trial, self.pause)
@@ -89,6 +94,16 @@ class LevelSearch(TableSearch):
                 self.fail(self.trial, failed)
             self.hunt.stats.levels.append(Level(kept, kept, tally.tried - kept))
             self.run(written.go_on)
+
+    def _load(self, beginning: Beginning) -> int:
+        """Hands over what the first levels have come to; gives the number of the last step."""
+        steps = list(beginning.steps())
+        if steps:
+            rows = [(step, parent, depth, one.key, one.row, one.last, one.goal) for step, parent, depth, one in steps]
+            self.tables.load("steps", list(zip(*rows, strict=True)))
+        numbers, states = zip(*beginning.waiting(), strict=True)
+        self.tables.load("frontier", [numbers, [begun.state for begun in states]])
+        return len(steps)
 
     def _before(self, failed: int | None) -> Iterator[Found]:
         """The results of a level before the step that failed."""

@@ -15,7 +15,7 @@ from itertools import accumulate
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.lowering.portable.steps import ELEMENTS
-from ss2sql.runtime.levels.beginning import Beginning, Begun
+from ss2sql.runtime.levels.beginning import Beginning
 from ss2sql.runtime.levels.spark_level import SparkStatements, TypedSparkStatements
 from ss2sql.runtime.levels.spark_steps import Counts, Steps, TypedSteps
 from ss2sql.runtime.levels.spark_store import Store
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 TABLES = 16  # of rows, before they become one; to plan with each takes some milliseconds
 FEW = 100_000  # steps of a level that are numbered in one partition, which takes a job less
 GOALS = 10_000  # whose ways are looked up at once
+SECONDS = 0.5  # that a level may take here
 AT_ONCE = 1_000  # steps that are looked up by naming them in a query
 
 
@@ -79,7 +80,7 @@ class SparkSearch:
         """The paths and the last parts of their last steps."""
         with self._begun() as beginning:
             for goal in beginning.goals():
-                yield self._begun_path(beginning.way(goal, len(beginning.levels) + 1))
+                yield beginning.found(goal)
             for reached in self._levels(beginning):
                 yield from self._found(reached)
 
@@ -88,7 +89,7 @@ class SparkSearch:
         """The first levels, for the time of the search."""
         try:
             self.steps.prepare()
-            yield Beginning(self.hunt, self.trial, self.written.search.repeats, self._pause)
+            yield Beginning(self.hunt, self.trial, self.written.search.repeats, self._pause, seconds=SECONDS)
         finally:
             self.planner.shutdown(cancel_futures=True)
             self.steps.close()
@@ -96,11 +97,6 @@ class SparkSearch:
     def _pause(self) -> None:
         self.hunt.flush()
         self.hunt.check()
-
-    def _begun_path(self, way: list[Begun]) -> Found:
-        shown = [self.steps.known(step) for step in way]
-        last = self.steps.last(way[-1].place, shown[-1], shown[-2] if len(way) > 1 else None)
-        return [self.steps.row(values) for values in shown], last
 
     # --- from level to level -----------------------------------------------------------------------------
 

@@ -189,7 +189,7 @@ class TypedSteps(Steps):
 
     def _after(self, begun: Begun) -> dict[Typed, Any]:
         """The state after a step by its columns; nothing where it stops."""
-        return {} if begun.state is None else dict(zip(self.steps.states, loads(begun.state), strict=True))
+        return self.steps.after(None if begun.state is None else loads(begun.state))
 
     def row(self, values: Sequence[Any]) -> Row:
         return tuple(values[: len(self.steps.rows)])

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from ss2sql.runtime.levels.level import PATHS, WAYS
-from ss2sql.runtime.levels.statements import Ask, Drop, Statement, Value, Walk
+from ss2sql.runtime.levels.statements import AddNumbered, Ask, Drop, Statement, Value, Walk
 from ss2sql.runtime.levels.trial import FAILED, Trial
 from ss2sql.runtime.levels.watch import Opened
 
@@ -42,6 +42,13 @@ class Tables(Opened, Protocol):
 
     def ways(self) -> Iterator[Row]:
         """The ways to the goals in `kept`, as `level.PATHS` gives them."""
+
+
+class NumberingTables(Tables, Protocol):
+    """Tables of which one has all steps, numbered."""
+
+    def add(self, statement: AddNumbered, **values: Value) -> int:
+        """Adds rows, and counts them."""
 
 
 def walked_ways(tables: Tables, walk: Walk = WAYS, paths: Ask = PATHS, **values: Value) -> Iterator[Row]:
