@@ -174,6 +174,9 @@ def _switched_off(off: bool) -> str:
 
 def _notes(outlined: OutlinedQuery, stats: Stats | None) -> Iterator[str]:
     query = outlined.query
+    for narrowing in outlined.narrowings:
+        conditions = " AND ".join(" ".join(part.span.text.split()) for part in narrowing.conditions)
+        yield f"DuckDB hands over the rows of {narrowing.source.name} with {conditions}"
     if outlined.lowered is not None or query.search is None or query.search.repeats != "memorize":
         return
     remembered = outlined.host.graphs is not None and calls(query)

@@ -16,6 +16,7 @@ from ss2sql.lowering.lower import lower
 from ss2sql.lowering.parameters import Parameter, SqlQuery
 from ss2sql.lowering.rewrites import optimise
 from ss2sql.runtime.call_sites import takes_arrays
+from ss2sql.runtime.duck.narrowing import Narrowing, narrow
 from ss2sql.runtime.duck.query import DuckQuery, NotHereError
 from ss2sql.runtime.engines import Engine
 from ss2sql.runtime.finishing import finished
@@ -58,7 +59,7 @@ class CompiledQuery:
         self.made = False  # until all is: Ctrl-C may come before that
         self.world = host.world(variable)
         query, self.rewrites = optimise(self.written, host.disabled, self.world)
-        self.query = query
+        self.query, self.narrowings = query, dict[str, Narrowing]()
         self.lowered: SqlQuery | None = None
         self.reason, self.cures = "engine='native' was asked for", tuple[str, ...]()
         self.refusal = None
@@ -73,6 +74,9 @@ class CompiledQuery:
                 self.reason = f"engine='{self.wanted}' was asked for"
             except UnsupportedError as error:
                 self.passed_on = f"not in {self.wanted}: {error.message}"
+        if self.native is None:
+            query, self.narrowings = narrow(query, variable)
+            self.query = query
         try:
             if levels is not None:
                 self.native = LevelQuery(query, levels)
@@ -133,6 +137,7 @@ class CompiledQuery:
         paths = query.search is not None and not query.aggregated
         form, shapes = query.representation, self.host.shapes
         sink = Rows(columns, None if paths else [], [] if paths else None, plain=self.plain, hidden=form.hidden)
+        run.narrowings.update(self.narrowings)
         run.sink = Sink(sink, self.engine, query)
         with self.host.memories.query(self.moves):
             rows = with_stars(query, self._database_rows(run, sink) if self.lowered else self._native_rows(run, sink))

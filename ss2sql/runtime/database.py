@@ -394,6 +394,6 @@ def _encoded(pool: Pool, parameter: Parameter, evaluate: Callable[[Parameter], A
 def _as_bound(pool: Pool, value: Any) -> Any:
     if value is True or value is False:
         return TRUE if value else FALSE
-    if type(value) is Frame:
+    if isinstance(value, Frame):
         return pool.keep(value)
     return value if type(value) is Packed else pool.encode(value)

@@ -128,16 +128,17 @@ class Run:
     - `table_rows(source)`: all rows of a table of the database, in its order, values of its columns in order.
 
     `framed` says that the paths of the search that runs are wanted as a DataFrame of the database that finds them.
-    `ceiling` bounds the bytes of memory of the process, which is looked at again at the time `next_look`. `readings` is
-    what was read of another database, `endings` lets go of that. `sizes` measures what the script makes, see sizes.py.
-    `sink` holds the rows found so far by the query that runs; `answer` what the last query gave. `statements` are those
-    of the script; `lowered` is the SQL that each of their queries has run, `bound` are the values for its parameters or
-    for those of another database. `ahead` holds for each native query that runs, the innermost last,
-    what is coming for functions that take arrays (ahead.py). `foreteller` has calls made by other processes (workers/),
-    `progress` shows how far the run is (progress.py), where these are wanted; `graph` is the one that MEMORIZE works
-    on; `knows(state)` says whether the steps from a state of its level are remembered. `call_places` is where the
-    script calls functions of the user, as far as that is known; `by_level` counts the steps of its search, where that
-    is wanted.
+    `ceiling` bounds the bytes of memory of the process, which is looked at again at the time `next_look`. `readings`
+    is what was read of another database, `endings` lets go of that, and `narrowings` are tables of it of which some
+    rows are read, by the variables that stand for them. `sizes` measures what the script makes, see sizes.py. `sink`
+    holds the rows found so far by the query that runs; `answer` what the last query gave. `statements` are those of
+    the script; `lowered` is the SQL that each of their queries has run, `bound` are the values for its parameters or
+    for those of another database. `ahead` holds for each native query that runs, the innermost last, what is coming
+    for functions that take arrays (ahead.py). `foreteller` has calls made by other processes (workers/), `progress`
+    shows how far the run is (progress.py), where these are wanted; `graph` is the one that MEMORIZE works on;
+    `knows(state)` says whether the steps from a state of its level are remembered. `call_places` is where the script
+    calls functions of the user, as far as that is known; `by_level` counts the steps of its search, where that is
+    wanted.
     """
 
     host: Host
@@ -156,6 +157,7 @@ class Run:
     snapshots: dict[str, Any] = field(default_factory=dict)
     readings: dict[object, Any] = field(default_factory=dict)
     endings: list[Callable[[], object]] = field(default_factory=list)
+    narrowings: dict[str, Any] = field(default_factory=dict)
     callables: dict[str, Callable[..., Any]] = field(default_factory=dict)
     ahead: list[Any] = field(default_factory=list)
     statements: list[Any] = field(default_factory=list)
@@ -201,6 +203,8 @@ class Run:
         """The same as it stands in FROM: a data frame stays one."""
         if name in self.arguments:
             return self.arguments[name]
+        if name in self.narrowings:
+            return self.narrowings[name].read(self)
         return self.host.variable(name, self)
 
     def assign(self, name: str, value: Any) -> Any:

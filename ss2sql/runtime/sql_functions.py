@@ -51,7 +51,7 @@ def element_columns(pool: Pool, value: Any, columns: tuple[str, ...]) -> Walked:
     """The elements of a source's value as columns of SQL values: the elements themselves, then their `columns`."""
     given = pool.decode(value)
     encode = pool.encode
-    if type(given) is Frame:
+    if isinstance(given, Frame):
         return _frame_columns(pool, value, given, columns)
     items = elements(given)
     known = [list(map(encode, items)), *([encode(_part_of(item, name)) for item in items] for name in columns)]

@@ -5,17 +5,18 @@ What `flat.py` refuses to other databases has an order here, because every row o
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field
 from functools import partial
+from typing import Any
 
 from sqlglot import exp
 
 from ss2sql import plan
 from ss2sql.kinds import Kind, Type
 from ss2sql.lowering import sql
-from ss2sql.lowering.portable.expressions import Node, Sight
+from ss2sql.lowering.portable.expressions import Node, Portable, Sight
 from ss2sql.lowering.portable.flat import FlatWriter, Grouping
 from ss2sql.lowering.portable.names import Names, plain
 from ss2sql.lowering.portable.sources import NUMBER, Opened, Opener, columns_of, listed, written_out
@@ -81,6 +82,40 @@ def write_here(query: plan.Query, outside: Callable[[plan.ValueSource], Outside 
     portable = _Exact()
     select = _Writer(query, portable, sources.open).select(_limit(query.limit))
     return WrittenHere(select, tuple(sources.loaded), portable.parameters, tuple(portable.functions))
+
+
+def narrowed(
+    outside: Outside,
+    source: plan.ValueSource,
+    conditions: Sequence[plan.Expr],
+    variable: Callable[[str], Any],
+) -> Outside:
+    """A table with those rows alone that keep all conditions. Raises UnsupportedError where these could mean something
+    else.
+
+    Args:
+        outside: the table.
+        source: reads it; the conditions speak of nothing else.
+        conditions: of its rows, none of which can fail.
+        variable: gives the values of script variables.
+    """
+    label = "kept"
+    sight = Sight().with_source(source.id, partial(_of_outside, label, outside.columns, source.name))
+    portable = Portable(variable)
+    where = sql.conjunction([portable.condition(condition, sight) for condition in conditions])
+    number = free_of(outside.columns)
+    numbered = exp.Alias(this=_column(outside.number, label), alias=identifier(number))
+    every = exp.Column(this=exp.Star(), table=identifier(label))
+    select = sql.select([every, numbered], [_labelled(outside.item, label)], where)
+    return Outside(exp.Subquery(this=select), number, outside.columns, (*outside.shape, select.sql("duckdb")))
+
+
+def free_of(columns: Collection[str]) -> str:
+    """A name for the numbers of rows that no column has."""
+    number, taken = NUMBER, {name.lower() for name in columns}
+    while number in taken:
+        number += "_"
+    return number
 
 
 def _limit(limit: plan.Expr | None) -> Node | None:

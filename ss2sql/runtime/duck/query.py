@@ -172,7 +172,7 @@ class DuckQuery:
             return
         loaded = (value for _, (_, *columns) in given for column in columns for value in column)
         sizes = [_size(self.query.span.source.text), *map(_size, loaded), *map(_size, values.values())]
-        frames = (_frame(source, run.source) for source in self._values)
+        frames = (frame_of(source, run.source) for source in self._values)
         sizes += [frame.longest() for frame in frames if frame is not None]
         if max(sizes) * self._joins > run.sizes.limit:
             raise NotHereError("texts or lists may become larger than max_size")
@@ -185,7 +185,7 @@ def _size(value: Any) -> int:
     return CELL + sum(map(_size, value)) if isinstance(value, list) else CELL
 
 
-def _frame(source: plan.ValueSource, variable: Callable[[str], Any]) -> DuckFrame | None:
+def frame_of(source: plan.ValueSource, variable: Callable[[str], Any]) -> DuckFrame | None:
     """The table of DuckDB that a source is, if it is one."""
     value = source.value
     if not isinstance(value, plan.Variable) or not value.frame:
@@ -198,5 +198,5 @@ def _frame(source: plan.ValueSource, variable: Callable[[str], Any]) -> DuckFram
 
 
 def _outside(source: plan.ValueSource, variable: Callable[[str], Any]) -> Outside | None:
-    frame = _frame(source, variable)
+    frame = frame_of(source, variable)
     return None if frame is None else frame.outside

@@ -15,8 +15,7 @@ from sqlglot import exp
 from ss2sql.errors import ExecutionError, SessionError
 from ss2sql.kinds import Kind, Type
 from ss2sql.lowering.dialects import DUCKDB
-from ss2sql.lowering.portable.here import Outside, identifier
-from ss2sql.lowering.portable.sources import NUMBER
+from ss2sql.lowering.portable.here import Outside, free_of, identifier
 from ss2sql.runtime.duck.columns import Column, Seen
 from ss2sql.runtime.run import Run
 from ss2sql.vtables.frames.frame import Column as FrameColumn
@@ -74,14 +73,24 @@ class Reading:
 
 
 class DuckFrame(Frame):
-    """A table of DuckDB as a data frame, which `reading` has read: how it is written in SQL."""
+    """A table of DuckDB as a data frame: how it is written in SQL, what has read it, and the `reader` of its values."""
 
-    __slots__ = ("_longest", "outside", "reading")
+    __slots__ = ("_longest", "outside", "reader", "reading")
 
-    def __init__(self, columns: dict[str, FrameColumn], length: int, outside: Outside, reading: Reading) -> None:
+    def __init__(
+        self, columns: dict[str, FrameColumn], length: int, outside: Outside, reading: Reading, reader: _Values
+    ) -> None:
         super().__init__(columns, length)
-        self.outside, self.reading = outside, reading
+        self.outside, self.reading, self.reader = outside, reading, reader
         self._longest: int | None = None
+
+    def within(self, outside: Outside) -> DuckFrame:
+        """The table with some of its rows, which `outside` chooses."""
+        count = exp.Select(expressions=[exp.Count(this=exp.Star())]).from_(outside.item.copy())
+        ((rows,),) = self.reading.rows(DUCKDB.print(count))
+        values = self.reader.within(outside)
+        columns = {name: values.later(name, column.type) for name, column in self.columns.items()}
+        return DuckFrame(columns, rows, outside, self.reading, values)
 
     def longest(self) -> int:
         """The bytes of the longest text of the table."""
@@ -225,17 +234,15 @@ class TableReader:
         for name, known in seen.items():
             if known.refused:
                 values.column(name)  # raises, with the row's number
-        return DuckFrame({name: values.later(name, known) for name, known in seen.items()}, rows, outside, reading)
+        kept = {name: values.later(name, known.type) for name, known in seen.items()}
+        return DuckFrame(kept, rows, outside, reading, values)
 
     def _outside(self, seen: dict[str, Seen], collated: bool) -> Outside:
         columns = {name: known.sql for name, known in seen.items()}
         shape = (self.key[1], collated, tuple((name, repr(column)) for name, column in columns.items()))
-        taken = {name.lower() for name in columns}
-        if self.number is not None and self.number not in taken:
+        if self.number is not None and self.number not in {name.lower() for name in columns}:
             return Outside(self.item, self.number, columns, shape)
-        number = NUMBER
-        while number in taken:
-            number += "_"
+        number = free_of(columns)
         row = exp.Alias(this=exp.Window(this=exp.RowNumber()), alias=identifier(number))
         numbered = exp.Select(expressions=[exp.Star(), row]).from_(self.item.copy())
         return Outside(exp.Subquery(this=numbered), number, columns, shape)
@@ -248,8 +255,12 @@ class _Values:
         self.reader, self.reading, self.outside, self.strange = reader, reading, outside, strange
         self.whole: Any = None
 
-    def later(self, name: str, seen: Seen) -> FrameColumn:
-        return FrameColumn(seen.type, lambda: self.column(name).values)
+    def within(self, outside: Outside) -> _Values:
+        """Those of some rows."""
+        return _Values(self.reader, self.reading, outside, self.strange)
+
+    def later(self, name: str, kind: Type) -> FrameColumn:
+        return FrameColumn(kind, lambda: self.column(name).values)
 
     def column(self, name: str) -> FrameColumn:
         """The column. Raises ExecutionError X004 for what is no value of the language, X009 where DuckDB fails."""
