@@ -137,10 +137,15 @@ class CompiledQuery:
         paths = query.search is not None and not query.aggregated
         form, shapes = query.representation, self.host.shapes
         sink = Rows(columns, None if paths else [], [] if paths else None, plain=self.plain, hidden=form.hidden)
-        run.narrowings.update(self.narrowings)
         run.sink = Sink(sink, self.engine, query)
-        with self.host.memories.query(self.moves):
-            rows = with_stars(query, self._database_rows(run, sink) if self.lowered else self._native_rows(run, sink))
+        outer = run.narrowings  # of a query whose clauses ask for this one
+        run.narrowings = {**outer, **self.narrowings}
+        try:
+            with self.host.memories.query(self.moves):
+                found = self._database_rows(run, sink) if self.lowered else self._native_rows(run, sink)
+                rows = with_stars(query, found)
+        finally:
+            run.narrowings = outer
         arguments = tuple([argument(run) for argument in self.arguments])  # a generator changes StopIteration
         named = {name: argument(run) for name, argument in self.named.items()}
         status: Status = "maximum" if self._ended_by_maximum(run, rows) else "complete"

@@ -143,6 +143,18 @@ def test_a_compiled_query_reads_what_is_there(own: Any, sales: ss2sql.Session) -
     assert query.run(most=98).value == [5]
 
 
+@pytest.mark.parametrize("engine", ["native", "duckdb"])
+def test_a_query_in_a_text_reads_rows_of_its_own(sales: ss2sql.Session, engine: Any) -> None:
+    """It has a source of the same name, which the query around it goes on reading."""
+    inner = "SELECT b.id FROM b = sales WHERE b.kind == 2 AND last(b.id) < 5 AND b.id < 30 AS list"
+    found = sales.run(
+        "SELECT a.id, b.id FROM a = sales, b = sales WHERE a.kind == 1 AND a.id < 9 AND b.kind == 3"
+        f' AND eval("{inner}") == [2, 23] AND last(b.id) == 0 AS rows',
+        engine=engine,
+    )
+    assert found.value == [(1, 10), (1, 80), (8, 10), (8, 80)]
+
+
 def test_a_variable_of_another_kind_leaves_the_table_whole(sales: ss2sql.Session) -> None:
     query = sales.compile("SELECT last(id) FROM sales WHERE name == wanted AND id < 5 AS list")
     assert query.run(wanted="n1").value == [1, 4]
