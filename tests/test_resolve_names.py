@@ -92,6 +92,8 @@ def test_the_first_match_wins(ss: ss2sql.Session, engine: Any, script: str, valu
         ("eval('1', 2);", [("R005", "eval('1', 2)")]),
         ("eval();", [("R005", "eval()")]),
         ("SELECT 1 FROM x = t, x = u;", [("R013", "x = u")]),
+        ("SELECT 1 FROM x = [1], x = [2];", [("R013", "x = [2]")]),
+        ("SELECT 1 FROM x = t, x = (SELECT a FROM t);", [("R013", "x = (SELECT a FROM t)")]),
         ("SELECT 1 FROM f;", [("R003", "f")]),
         ("SELECT 1 FROM t.a;", [("R003", "t.a")]),
         ("SELECT 1 FROM mass;", [("R003", "mass")]),
@@ -128,6 +130,7 @@ def test_names_that_mean_nothing(ss: ss2sql.Session, script: str, found: list[tu
         ("lenn('a');", "did you mean 'len' or"),
         ("SELECT a FROM t AS lst;", "did you mean 'list' or"),
         ("SELECT 1 FROM t, t;", "name them: FROM a = t, b = t"),
+        ("SELECT 1 FROM x = t, x = [2];", "give this one another name: x_2 = [2]"),
         ("SELECT x FROM x = t;", "'x' is a source: write x.this"),
         ("SELECT null FROM t;", "write None"),
         ("SELECT zzz FROM t;", "known here: a, b, moves, t, u"),
@@ -220,6 +223,10 @@ def test_hints_for_habits_from_elsewhere(ss: ss2sql.Session, script: str, hint: 
 
 def test_a_text_is_not_offered_where_a_name_is_nearly_right(ss: ss2sql.Session) -> None:
     assert "quotes" not in message(ss, "word = 1; print(wrd);")
+
+
+def test_lists_and_queries_in_from_need_no_name(ss: ss2sql.Session) -> None:
+    assert ss.eval("SELECT 1 FROM [1, 2], [3, 4], (SELECT a FROM t), (SELECT a FROM t) AS list") == [1] * 16
 
 
 def test_a_variable_that_start_with_lacks_is_one_error(ss: ss2sql.Session) -> None:

@@ -24,12 +24,10 @@ def open_sources(resolver: Resolver, tree: ast.Query, scope: Scope) -> None:
             if part.name is not None or not isinstance(part.expr, ast.ListLiteral | ast.Query):
                 twin = next((other for other in scope.sources if other.name == source.name), None)
                 if twin is not None:
-                    raise ResolveError(
-                        "R013",
-                        f"two sources are called '{source.name}'",
-                        part.span,
-                        (f"name them: FROM a = {source.name}, b = {source.name}",),
-                    )
+                    hint = f"name them: FROM a = {source.name}, b = {source.name}"
+                    if part.name is not None:
+                        hint = f"give this one another name: {part.name}_2 = {part.expr.span.text}"
+                    raise ResolveError("R013", f"two sources are called '{source.name}'", part.span, (hint,))
         except ResolveError as error:
             resolver.errors.append(error)
             nothing = plan.Constant(None, ANY, span=part.span)
