@@ -117,6 +117,12 @@ def test_aggregates_out_of_place(ss: ss2sql.Session, script: str, found: list[tu
     assert errors(ss, script) == found
 
 
+def test_a_users_function_called_count_takes_no_star(ss: ss2sql.Session) -> None:
+    ss.function("count", lambda value: 7)
+    assert ss.eval("SELECT count(a) FROM t GROUP BY a AS list") == [7, 7]
+    assert errors(ss, "SELECT count(*) FROM t GROUP BY a") == [("R008", "count(*)")]
+
+
 @engines
 @pytest.mark.parametrize(
     ("script", "value"),
