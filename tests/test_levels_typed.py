@@ -281,6 +281,15 @@ def test_conditions_that_stop(stop: str) -> None:
         assert found.value == ss.run(script, engine="native").value
 
 
+def test_the_opposite_of_a_negation_is_what_was_negated() -> None:
+    search = "START WITH n = 1 CONNECT BY UNIQUE n = (n + this) % 3 STOP WITH NOT n"
+    script = f"SELECT (n + this) % 3 FROM [1] {search} AS list"
+    with ss2sql.connect() as ss:
+        found = ss.run(script, engine="duckdb")
+        assert found.value == ss.run(script, engine="native").value == [[2], [2, 0]]
+    assert " frontier.n <> 0 AS goes_on" in found.sql
+
+
 def test_a_state_that_may_be_none_is_tried_in_python() -> None:
     script = "SELECT this FROM [1, 2] START WITH n = None CONNECT BY UNIQUE n = IF(this > 1; None; this) AS list"
     with ss2sql.connect() as ss:

@@ -59,7 +59,7 @@ n.this % -2; n.this ^ 2; n.this ^ 1; -n.this; -x.this; -(-x.this); abs(x.this); 
 min(n.this, 3); max(t.this, 'b'); max([n.this]); n.this * 0.5; n.this - 1 - x.this; 1.5e300 * 10
 n.this == None; None != t.this; x.this == None; n.this < x.this; n.this == 1.0; t.this == 'ab'; b.this == True
 l.this == [1, 2]; 'a' in t.this; 'z' not in t.this; n.this in [1, 2]; n.this in l.this; x.this in [1, 2]
-len(t.this); len(l.this); l.this[0]; [n.this, 2]; this; None; b.this
+len(t.this); len(l.this); l.this[0]; [n.this, 2]; [[], ['a']]; this; None; b.this
 t.this[0:1]; t.this[n.this + 1:7]; t.this[n.this:3]; t.this[n.this:n.this + 1]; t.this[1:n.this]
 b.this AND n.this; b.this OR x.this; NOT t.this; b.this XOR n.this; IF(b.this, n.this, 0)
 IF(n.this > 1, None, n.this) == n.this; IF(n.this > 1, None, n.this) AND b.this; IF(b.this, None, t.this) OR b.this
@@ -73,6 +73,10 @@ def test_an_expression_means_the_same(written: str) -> None:
     with ss2sql.connect() as ss, duckdb.connect() as connection:
         found = connection.execute(in_dialect(script, "duckdb")).fetchall()
         assert [exact(tuple(row)) for row in found] == [exact(tuple(row)) for row in ss.run(script).value]
+
+
+def test_membership_in_a_list_that_is_written() -> None:
+    assert "this.this IN (1, 2)" in in_dialect("SELECT this IN [1, 2] FROM [1, 3] AS list;", "duckdb")
 
 
 @pytest.mark.parametrize(

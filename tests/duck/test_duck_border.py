@@ -17,13 +17,21 @@ pytest.importorskip("duckdb")
 # --- what runs where -------------------------------------------------------------------------------------
 
 
-def test_what_runs_elsewhere_is_explained(ss: ss2sql.Session) -> None:
+def test_what_runs_elsewhere_is_explained(ss: ss2sql.Session, own: Any) -> None:
+    own.execute("CREATE TABLE days AS SELECT TIME '12:00:01' AS at")
+    ss.host.connection.execute("CREATE TABLE stored(a INTEGER); INSERT INTO stored VALUES (1)")
+    ss.set("nothing", [None])
     for script, engine, reason in (
         ("SELECT str(this) FROM [1] AS list", "database", "not in duckdb: str is not known to other databases"),
         ("SELECT this / (this - 1) FROM [2, 3, -1] AS list", "database", "not in duckdb: this may fail"),
         ("SELECT this FROM [1, 'a'] AS list", "database", "not in duckdb: the kind of this is not known"),
         ("SELECT a.this FROM a = [1], b = [1, 1 / a.this] AS list", "database", "not in duckdb: what stands in FROM"),
         ("SELECT 1 FROM [1], b = [int(text)] AS list", "database", "not in duckdb: the sources before decide"),
+        ("SELECT this FROM ['a\\nb'] AS list", "database", "not in duckdb: other databases cannot be given this value"),
+        ("SELECT this FROM nothing AS list", "database", "not in duckdb: the kind of nothing is not known"),
+        ("SELECT to(this, 'a' + 'b') FROM [1]", "native", "not in duckdb: the names of these columns are not known; "),
+        ("SELECT a FROM stored AS list", "database", "not in duckdb: stored is a table of SQLite"),
+        ("SELECT at FROM days AS list", "database", "not in duckdb: the values of days.at are made in Python"),
         (
             "SELECT this FROM [1, 2] WHERE (n = this) > 1 AS list",
             "native",
@@ -33,6 +41,14 @@ def test_what_runs_elsewhere_is_explained(ss: ss2sql.Session) -> None:
         result = ss.run(script, text="5")
         assert result.engine == engine
         assert f"engine: {engine}: {reason}" in str(result.explain())
+
+
+def test_what_is_given_has_the_names_of_its_columns(ss: ss2sql.Session) -> None:
+    ss.set("people", [{"name": "Ann", "age": 31}])
+    result = ss.run("SELECT name, age FROM people AS rows")
+    assert (result.engine, result.value) == ("duckdb", [("Ann", 31)])
+    assert "people.name AS name" in result.sql
+    assert "people.age AS age" in result.sql
 
 
 def test_what_runs_here_is_explained(ss: ss2sql.Session, own: Any) -> None:

@@ -17,7 +17,7 @@ from ss2sql.errors import Error, Span
 from ss2sql.kinds import Kind, Type
 from ss2sql.lowering import sql
 from ss2sql.lowering.portable.functions import FUNCTIONS
-from ss2sql.lowering.portable.types import cast, column_type, is_nullable, refused
+from ss2sql.lowering.portable.types import cast, column_type, is_nullable, refused, typed
 from ss2sql.walk import can_fail
 
 Node: TypeAlias = exp.Expr
@@ -77,8 +77,7 @@ class Portable:
             case plan.If():
                 return self._conditional(expr, sight)
             case plan.MakeList(items=items):
-                made = exp.Array(expressions=[self.value(item, sight) for item in items])
-                return made if items else cast(made, column_type(expr.type) or "BIGINT[]")
+                return exp.Array(expressions=[self.value(item, sight) for item in items])
             case plan.Call(function=function) if function.builtin and function.name in FUNCTIONS:
                 if can_fail(replace(expr, arguments=())):
                     raise refused("this may fail, which is not the same everywhere", expr.place)
@@ -156,6 +155,6 @@ def constant(value: Any, kind: Type, expr: plan.Expr) -> Node:
             return exp.Literal.string(value)
         case list() | tuple() if kind.item is not None:
             made = exp.Array(expressions=[constant(item, kind.item, expr) for item in value])
-            return made if value else cast(made, column_type(kind) or "BIGINT[]")
+            return made if value else typed(made, column_type(kind))
         case _:
             raise refused("other databases cannot be given this value", expr.span)

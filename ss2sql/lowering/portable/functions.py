@@ -95,7 +95,7 @@ def power(of: Portable, call: plan.Call, sight: Sight) -> Node | None:
 def negation(of: Portable, call: plan.Call, sight: Sight) -> Node | None:
     (kind,) = _types(call)
     (node,) = _operands(of, call, sight)
-    if is_integer(kind) and is_integer(call.type):
+    if is_integer(kind):
         return exp.Neg(this=sql.operand(node))
     # A product keeps the sign of zero.
     return sql.binary(exp.Mul, node, cast(sql.number(-1), "DOUBLE")) if kind.kinds == Kind.FLOAT else None
@@ -103,7 +103,7 @@ def negation(of: Portable, call: plan.Call, sight: Sight) -> Node | None:
 
 def absolute(of: Portable, call: plan.Call, sight: Sight) -> Node | None:
     (kind,) = _types(call)
-    if not (is_integer(kind) and is_integer(call.type)) and kind.kinds != Kind.FLOAT:
+    if not is_integer(kind) and kind.kinds != Kind.FLOAT:
         return None
     return exp.Abs(this=of.value(call.arguments[0], sight))
 

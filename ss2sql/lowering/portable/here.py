@@ -187,11 +187,13 @@ class _Exact(Grouping):
 
     def _aggregate(self, expr: plan.Aggregate, sight: Sight) -> Node:
         argument = expr.argument
-        if argument is not None and expr.function == "average" and _is_small(argument.type):
+        if argument is None:
+            return super()._aggregate(expr, sight)
+        if expr.function == "average" and _is_small(argument.type):
             node = self.value(argument, sight)
             total = cast(exp.Sum(this=node), "DOUBLE")
             return exp.Div(this=total, expression=exp.Count(this=node.copy()), typed=True)
-        if argument is None or argument.type.kinds & ~Kind.NONE != Kind.FLOAT:
+        if argument.type.kinds & ~Kind.NONE != Kind.FLOAT:
             return super()._aggregate(expr, sight)
         if expr.function in EXACT:
             return self._exactly(EXACT[expr.function], argument, sight)

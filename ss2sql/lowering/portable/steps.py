@@ -236,8 +236,8 @@ def negated(node: Node) -> Node:
     if type(node) in _OPPOSITE:
         return sql.binary(_OPPOSITE[type(node)], node.this.copy(), node.expression.copy())
     if isinstance(node, exp.Not):
-        inside: Node = node.this
-        return (inside.this if isinstance(inside, exp.Paren) else inside).copy()
+        inside: Node = node.this.unnest()
+        return inside.copy()
     if isinstance(node, exp.Or):
         return sql.binary(exp.And, negated(node.this), negated(node.expression))
     return exp.Not(this=sql.operand(node.copy()))
