@@ -145,8 +145,14 @@ def test_columns_that_are_bool_or_not_keep_their_form(engine: Any) -> None:
         ss = ss2sql.connect(disable=disable)
         inner = "(SELECT to(IF(True; this == 1; 0), k) FROM [1, 2])"
         assert ss.run(f"SELECT k FROM q = {inner} AS list", engine=engine).value == [True, False]
+
+
+@pytest.mark.parametrize("engine", ["auto", "native"])
+def test_groups_that_are_bool_or_not_keep_their_form(engine: Any) -> None:
+    for disable in BOTH:
+        ss = ss2sql.connect(disable=disable)
         grouped = "SELECT IF(True; this == 1; 0), count(*) FROM [1, 2, 2] GROUP BY IF(True; this == 1; 0) AS rows"
-        assert repr(ss.run(grouped, engine="native").value) == "[(True, 1), (False, 2)]"
+        assert repr(ss.run(grouped, engine=engine).value) == "[(True, 1), (False, 2)]"
 
 
 def test_constants_that_are_equal_but_not_the_same_stay_apart() -> None:

@@ -39,6 +39,7 @@ def condition(text: str, disabled: list[str] = OTHERS, **functions: Any) -> plan
             "(x.this == 1 AND y.this == 1) OR (x.this == 1 AND y.this == 3)",
             "x.this == 1 AND (y.this == 1 OR y.this == 3)",
         ),
+        ("x.this == 1 AND y.this OR x.this == 1 AND t.this", "x.this == 1 AND (y.this OR t.this)"),
         ("x.this == 1 AND y.this == 1 OR x.this == 1", "x.this == 1"),
         ("x.this == 1 OR x.this == 2 OR 3 == x.this OR y.this == 1", "x.this IN [1, 2, 3] OR y.this == 1"),
         ("x.this != 1 AND x.this != 2 AND x.this != 3", "x.this NOT IN [1, 2, 3]"),
