@@ -186,6 +186,13 @@ def test_literals_are_packed_too() -> None:
     assert differences(case) == []
 
 
+def test_an_explanation_says_that_lists_are_packed() -> None:
+    with ss2sql.connect() as ss:
+        ss.attach("numbers", [3, 1, 2])
+        text = str(ss.compile("SELECT numbers[this] FROM [0, 2] AS list", engine="database").explain())
+    assert "cells: indexes into lists of numbers became places in a block of bytes" in text
+
+
 def test_the_packed_list_is_shown_beside_the_text_and_can_be_pasted() -> None:
     with ss2sql.connect() as ss:
         ss.attach("grid", GRID)

@@ -154,6 +154,14 @@ def test_whatever_the_types_say_all_agree(data: st.DataObject) -> None:
     assert differences(case_of(data.draw(st.sampled_from(OPERATORS)), *lists)) == []
 
 
+def test_two_variables_are_compared_before_the_statement_runs() -> None:
+    with ss2sql.connect() as ss:
+        result = ss.run("SELECT this FROM [1, 2] WHERE a == b OR b == a AS list", engine="database", a="x", b=2)
+    assert result.value == []
+    assert False in result.sql.parameters.values()
+    assert " IS " not in result.sql
+
+
 # Of columns of tables the types know neither the size of numbers nor whether None is compared.
 GUARDED = [
     "a + b", "a - b", "a * b", "-a", "a + b - a", "(a + b) * 2 - b", "a * b * a", "-(a - b) - a", "a + 1",

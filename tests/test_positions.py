@@ -67,6 +67,13 @@ def test_no_python_is_called() -> None:
     assert "item" in python_calls(text_of(script, {"edges": EDGES}, disable=["positions"]))
 
 
+def test_a_search_over_two_lists_calls_no_python_for_what_it_reads() -> None:
+    script = "SELECT a.this[1], b.this FROM a = edges, b = [1, 2] START WITH n = 0 CONNECT BY UNIQUE n = a.this[1]"
+    text = text_of(script + " STOP WITH a.this[0] != n AS list;", {"edges": EDGES})
+    assert "a.this_1" in text
+    assert "item" not in text
+
+
 def test_lists_of_several_lengths_stay_as_they_are() -> None:
     assert "item" in python_calls(text_of("SELECT this[0] FROM rows AS list;", {"rows": [[1], [2, 3]]}))
 

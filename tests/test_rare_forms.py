@@ -326,6 +326,12 @@ def test_nested_arithmetic_has_one_guard(ss: ss2sql.Session) -> None:
     assert text.count("typeof") == 1
 
 
+def test_a_branch_evaluates_what_may_fail_and_its_last_value(ss: ss2sql.Session) -> None:
+    text = str(ss.compile("SELECT IF(this > 1; this + 1, 1 / (this - 1), 5; this, 6) FROM [1, 2] AS list").sql)
+    assert "THEN in_turn(coalesce(1.0 / (this.this - 1), div(1, this.this - 1, '1:33')), 5)" in text
+    assert "ELSE 6" in text
+
+
 def test_an_index_that_may_be_outside_is_tested_in_sql(ss: ss2sql.Session) -> None:
     ss.attach("far", [0, 1, 5])
     text = str(ss.compile("SELECT grid[this][1] FROM far AS list").sql)

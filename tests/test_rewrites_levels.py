@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 from listings import MOVES, move
-from sessions import ENGINES
+from sessions import ENGINES, code_of
 
 import ss2sql
 
@@ -218,6 +218,15 @@ def test_an_early_condition_waits_for_sources_that_may_be_empty() -> None:
     ss.attach("xs", [1, 2])
     text = str(ss.compile("SELECT 1 FROM a = [1, 2], b = xs WHERE f(a.this) == 1").sql)
     assert "WHERE\n  in_turn(b.this, eq(f(a.this), 1, '1:50'))" in text
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_source_that_fails_comes_before_one_that_is_empty(engine: Any) -> None:
+    ss, calls = session()
+    ss.attach("nobody", [])
+    script = "SELECT f(b.this) FROM a = [1], b = [1 / (a.this - 1)], c = nobody AS list"
+    assert code_of(ss.run, script, engine=engine) == "X002"
+    assert calls == []
 
 
 @pytest.mark.parametrize("engine", ENGINES)

@@ -103,6 +103,16 @@ def test_a_function_is_called_once_for_the_arguments_that_the_language_asks_for(
             assert result.stats.calls[name] == sum(call[0] == name for call in asked)
 
 
+@pytest.mark.parametrize(("order", "asked"), [("DEPTH FIRST", False), ("BREADTH FIRST", True), ("COST 1", False)])
+def test_only_breadth_first_a_step_asks_whether_there_are_enough_results(order: str, asked: bool) -> None:
+    """In the other orders a result is one when it is taken, and nothing comes after the last."""
+    script = f"SELECT n FROM moves START WITH n = 1 CONNECT BY {order} MAXIMUM 2 n = succ(n, this) STOP WITH n > 5"
+    with Machine().session() as session:
+        result = session.run(script, engine="database")
+        assert result.paths == session.run(script, engine="native").paths
+    assert ("go_on()" in result.sql) is asked
+
+
 @pytest.mark.parametrize("option", ["", "NO CYCLE", "UNIQUE", "BREADTH FIRST", "COST 1"])
 @pytest.mark.parametrize("where", ["", "WHERE inner(n) > 0 AND this != 2"])
 def test_a_function_may_run_another_search_in_the_middle_of_one(option: str, where: str) -> None:

@@ -95,6 +95,11 @@ def test_a_script_of_several_statements_has_one_text_per_statement() -> None:
     assert [text[:11] for text in (texts[0], texts[2])] == ["-- no query"] * 2
 
 
+def test_whole_numbers_that_floats_hold_are_written() -> None:
+    text = session().run("SELECT this + 107, this - 9007199254740991, this + 9007199254740992 FROM [1] AS rows").sql
+    assert "this.this + 107,\n  this.this - 9007199254740991,\n  this.this + :p" in text
+
+
 def test_literals_stay_readable() -> None:
     text = session().run("SELECT this FROM [[1, 2], [3, 4]] WHERE this == [3, 4] AS list;", engine="database").sql
     assert "/* [[1, 2], [3, 4]] */" in text

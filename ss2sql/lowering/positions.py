@@ -62,5 +62,4 @@ def _place(node: Any, sources: dict[int, _Listed]) -> tuple[int, int] | None:
         ) if source in sources:
             size = len(sources[source].element.positions or ())
             return (source, index % size) if -size <= index < size else None
-        case _:
-            return None
+    return None
