@@ -326,6 +326,14 @@ def test_nested_arithmetic_has_one_guard(ss: ss2sql.Session) -> None:
     assert text.count("typeof") == 1
 
 
+@both
+def test_none_in_from_behind_many_conditions(engine: Any) -> None:
+    """The element None is there, though SQLite asks again whether the argument of a table function is NULL."""
+    script = f"SELECT x.this FROM x = nothing WHERE {' AND '.join(['x.this == None'] * 20)} AS list"
+    with ss2sql.connect(disable=["split"]) as ss:
+        assert ss.run(script, engine=engine, nothing=None).value == [None]
+
+
 def test_a_branch_evaluates_what_may_fail_and_its_last_value(ss: ss2sql.Session) -> None:
     text = str(ss.compile("SELECT IF(this > 1; this + 1, 1 / (this - 1), 5; this, 6) FROM [1, 2] AS list").sql)
     assert "THEN in_turn(coalesce(1.0 / (this.this - 1), div(1, this.this - 1, '1:33')), 5)" in text

@@ -75,6 +75,13 @@ def test_an_expression_means_the_same(written: str) -> None:
         assert [exact(tuple(row)) for row in found] == [exact(tuple(row)) for row in ss.run(script).value]
 
 
+@pytest.mark.parametrize(
+    ("dialect", "empty"), [("duckdb", "CAST([] AS TEXT[])"), ("postgres", "CAST(ARRAY[] AS TEXT[])")]
+)
+def test_a_list_without_elements_has_a_type(dialect: str, empty: str) -> None:
+    assert empty in in_dialect("SELECT [[], ['a']] FROM [1] AS list;", dialect)
+
+
 def test_membership_in_a_list_that_is_written() -> None:
     assert "this.this IN (1, 2)" in in_dialect("SELECT this IN [1, 2] FROM [1, 3] AS list;", "duckdb")
 

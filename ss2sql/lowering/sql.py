@@ -20,14 +20,9 @@ _SURROGATE = re.compile("[\ud800-\udfff]")
 _PLAIN_COLUMN = re.compile(r"(?:(?!\d+\Z)[^_A-Z]+|this_\d+)\Z")
 _MARKED = re.compile(f"[A-Z^,]|{OBEYED.pattern}")
 _WORDS = frozenset(apsw.keywords) | {"TRUE", "FALSE"}
-
-
-def _sqlite_functions() -> frozenset[str]:
-    rows = apsw.Connection(":memory:").execute("SELECT DISTINCT lower(name) FROM pragma_function_list")
-    return frozenset(str(row[0]) for row in rows)
-
-
-SQLITE_FUNCTIONS = _sqlite_functions()
+SQLITE_FUNCTIONS = frozenset(
+    str(name) for (name,) in apsw.Connection(":memory:").execute("SELECT lower(name) FROM pragma_function_list")
+)
 
 
 def identifier(name: str) -> exp.Identifier:
