@@ -6,10 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import pytest
-from resolving import engines, errors, message
+from resolving import engines, errors, message, query_of
 from resolving import fixture_tables as fixture_tables
 
 import ss2sql
+from ss2sql import plan
 
 # --- columns that are not known yet --------------------------------------------------------------------
 
@@ -147,3 +148,13 @@ def test_a_path_has_no_columns(ss: ss2sql.Session, shape: str) -> None:
     search = f"(SELECT a FROM t START WITH n = 1 CONNECT BY NO CYCLE n = n AS {shape})"
     assert errors(ss, f"SELECT p.a FROM p = {search};") == [("R001", "p.a")]
     assert errors(ss, f"ways = {search}; SELECT p.a FROM p = ways;") == [("R001", "p.a")]
+
+
+def test_a_data_frame_is_not_read_whole(ss: ss2sql.Session) -> None:
+    pandas = pytest.importorskip("pandas")
+    ss.attach("people", pandas.DataFrame({"a": [1]}))
+    for script, frame in (("SELECT a FROM people", True), ("people = [2]; SELECT this FROM people", False)):
+        source = query_of(ss, script).sources[0]
+        assert isinstance(source, plan.ValueSource)
+        assert isinstance(source.value, plan.Variable)
+        assert source.value.frame is frame

@@ -123,6 +123,12 @@ def test_names_that_are_words_of_sql() -> None:
     assert ss.run(script, engine="database").value == [{"where": 1, "left": 2, "table": 3}]
 
 
+def test_columns_called_rowid_in_two_ways() -> None:
+    ss = ss2sql.connect()
+    ss.attach("t", [{"rowid": 5, "RowID": 6}, {"rowid": 3, "RowID": 4}])
+    assert ss.run("SELECT t.rowid, t.RowID FROM t AS rows", engine="database").value == [(5, 6), (3, 4)]
+
+
 def test_functions_whose_names_differ_in_case_only() -> None:
     ss = ss2sql.connect()
     ss.function("f", lambda x: x + 1)
