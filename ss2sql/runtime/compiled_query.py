@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from functools import partial
+from functools import cache, partial
 from typing import TYPE_CHECKING, Any
 
 import apsw
@@ -139,7 +139,8 @@ class CompiledQuery:
         sink = Rows(columns, None if paths else [], [] if paths else None, plain=self.plain, hidden=form.hidden)
         run.sink = Sink(sink, self.engine, query)
         outer = run.narrowings  # of a query whose clauses ask for this one
-        run.narrowings = {**outer, **self.narrowings}
+        own = {name: cache(partial(narrowing.read, run)) for name, narrowing in self.narrowings.items()}
+        run.narrowings = {**outer, **own}
         try:
             with self.host.memories.query(self.moves):
                 found = self._database_rows(run, sink) if self.lowered else self._native_rows(run, sink)

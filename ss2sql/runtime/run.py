@@ -157,7 +157,7 @@ class Run:
     snapshots: dict[str, Any] = field(default_factory=dict)
     readings: dict[object, Any] = field(default_factory=dict)
     endings: list[Callable[[], object]] = field(default_factory=list)
-    narrowings: dict[str, Any] = field(default_factory=dict)
+    narrowings: dict[str, Callable[[], Any]] = field(default_factory=dict)
     callables: dict[str, Callable[..., Any]] = field(default_factory=dict)
     ahead: list[Any] = field(default_factory=list)
     statements: list[Any] = field(default_factory=list)
@@ -204,7 +204,7 @@ class Run:
         if name in self.arguments:
             return self.arguments[name]
         if name in self.narrowings:
-            return self.narrowings[name].read(self)
+            return self.narrowings[name]()
         return self.host.variable(name, self)
 
     def assign(self, name: str, value: Any) -> Any:

@@ -155,6 +155,22 @@ def test_a_query_in_a_text_reads_rows_of_its_own(sales: ss2sql.Session, engine: 
     assert found.value == [(1, 10), (1, 80), (8, 10), (8, 80)]
 
 
+def test_a_condition_that_a_text_changes(sales: ss2sql.Session) -> None:
+    script = "SELECT eval('most = ' + str(id)) FROM sales WHERE kind < most AND last(id) > 0 AS list;"
+    found = []
+    for _ in range(2):
+        sales.set("most", 3)
+        found.append(sales.run(script, engine="native").value)
+        sales.set("sales", [dict(zip(("id", "kind", "name", "price"), row, strict=True)) for row in _rows()])
+    assert found[0] == found[1]
+    assert len(found[0]) > 50
+
+
+def test_statements_that_differ_in_a_variable(sales: ss2sql.Session) -> None:
+    query = "SELECT last(id) FROM sales WHERE id > most AS list"
+    assert sales.run(f"most = 97; a = ({query}); most = 98; [a, ({query})];").value == [[8, 9], [9]]
+
+
 def test_a_variable_of_another_kind_leaves_the_table_whole(sales: ss2sql.Session) -> None:
     query = sales.compile("SELECT last(id) FROM sales WHERE name == wanted AND id < 5 AS list")
     assert query.run(wanted="n1").value == [1, 4]

@@ -15,7 +15,7 @@ from ss2sql.lowering.portable.here import Outside, narrowed
 from ss2sql.runtime.duck.query import frame_of
 from ss2sql.runtime.duck.tables import DuckFrame
 from ss2sql.runtime.run import Run
-from ss2sql.walk import can_fail, walk
+from ss2sql.walk import can_fail, is_volatile, walk
 
 Variables = Callable[[str], Any]
 
@@ -30,13 +30,9 @@ class Narrowing:
     def read(self, run: Run) -> Any:
         """The source as it is now, with the rows that are kept; the whole of it where it is no table any more."""
         assert isinstance(self.source.value, plan.Variable)
-        key = self, self.source.id
-        if key not in run.readings:
-            frame = frame_of(self.source, run.source)
-            kept = None if frame is None else self.of(frame, run.source)
-            whole = run.source(self.source.value.name)
-            run.readings[key] = whole if frame is None or kept is None else frame.within(kept)
-        return run.readings[key]
+        frame = frame_of(self.source, run.source)
+        kept = None if frame is None else self.of(frame, run.source)
+        return run.source(self.source.value.name) if frame is None or kept is None else frame.within(kept)
 
     def under(self, name: str) -> plan.ValueSource:
         """The source, reading a variable of this name."""
@@ -62,8 +58,8 @@ def narrow(query: plan.Query, variable: Variables) -> tuple[plan.Query, dict[str
     """
     found: dict[str, Narrowing] = {}
     sources = []
-    if query.search is not None or query.where is None or any(map(_may_fail, query.sources)):
-        return query, {}
+    if query.search is not None or query.where is None or is_volatile(query) or any(map(_may_fail, query.sources)):
+        return query, {}  # where something is assigned, conditions may be others for the next row
     for source in query.sources:
         narrowing = _narrowing(query.where, source, variable) if isinstance(source, plan.ValueSource) else None
         if narrowing is not None:
