@@ -154,6 +154,14 @@ def test_whatever_the_types_say_all_agree(data: st.DataObject) -> None:
     assert differences(case_of(data.draw(st.sampled_from(OPERATORS)), *lists)) == []
 
 
+@pytest.mark.parametrize("expression", ["this + this", "this * 3 - 1"])
+def test_an_integer_among_floats_becomes_too_large(expression: str) -> None:
+    """SQLite would go on with a float."""
+    case = ProgramCase(f"SELECT {expression} FROM [0.5, 4611686018427387904] AS list;")
+    assert executor_outcome(case, "database").error == "X004"
+    assert differences(case) == []
+
+
 def test_two_variables_are_compared_before_the_statement_runs() -> None:
     with ss2sql.connect() as ss:
         result = ss.run("SELECT this FROM [1, 2] WHERE a == b OR b == a AS list", engine="database", a="x", b=2)

@@ -236,6 +236,17 @@ def test_floats_are_added_from_left_to_right(engine: Any) -> None:
         assert (path_of(result), result.stats.expanded) == textbook(edges, 7, lambda node: 0)
 
 
+@both
+def test_a_goal_goes_on_in_its_turn(engine: Any) -> None:
+    """A comes out first, for 1, but what is left behind it is estimated at 9: B goes on before."""
+    roads = [("S", "A", 1, 9), ("S", "B", 2, 0), ("A", "C", 2, 0), ("B", "D", 1, 0)]
+    with ss2sql.connect() as ss:
+        ss.set("roads", [dict(zip(("src", "dst", "w", "left"), road, strict=True)) for road in roads])
+        script = "SELECT dst FROM roads WHERE src == at AND dst != 'B' START WITH at = 'S'"
+        script += " CONNECT BY COST w HEURISTIC left at = dst STOP WITH src != at AS list"
+        assert ss.run(script, engine=engine).value == [["A"], ["B", "D"], ["A", "C"]]
+
+
 # --- the likeliest path --------------------------------------------------------------------------------
 
 
