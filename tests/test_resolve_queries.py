@@ -123,6 +123,21 @@ def test_a_users_function_called_count_takes_no_star(ss: ss2sql.Session) -> None
     assert errors(ss, "SELECT count(*) FROM t GROUP BY a") == [("R008", "count(*)")]
 
 
+@pytest.mark.parametrize(
+    ("script", "cure"),
+    [
+        ("SELECT count(*) FROM t", "add GROUP BY, or count the rows of a query"),
+        ("SELECT sum(*) FROM t GROUP BY a", r"write count\(\*\), or name what sum is to take"),
+        ("SELECT mine(*) FROM t GROUP BY a", "give arguments to mine, which is a function of yours"),
+    ],
+)
+def test_a_star_in_the_wrong_place_has_a_cure(ss: ss2sql.Session, script: str, cure: str) -> None:
+    ss.function("mine", lambda value: 7)
+    with pytest.raises(ss2sql.ResolveError, match=cure) as caught:
+        ss.compile(script)
+    assert caught.value.code == "R008"
+
+
 @engines
 @pytest.mark.parametrize(
     ("script", "value"),

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ss2sql import plan
-from ss2sql.errors import ResolveError
+from ss2sql.errors import ResolveError, Span
 from ss2sql.kinds import ANY, FLOAT, INT, NONE, Kind, Type, list_of, union
 from ss2sql.runtime.builtins import AGGREGATES
 from ss2sql.walk import is_volatile, parts, rebuild, sources_read, states_read, walk_own
@@ -46,6 +46,19 @@ def with_groups(resolver: Resolver, query: plan.Query) -> plan.Query:
             resolver.errors.append(ResolveError("R008", message, key.expr.span, (hint,)))
     rows = () if aggregates or query.search is None else tuple(output.expr for output in query.columns)
     return _with_spared(replace(query, columns=columns, order=order, aggregated=True, rows=rows))
+
+
+def with_star(function: plan.Function, grouped: bool, span: Span) -> plan.Aggregate:
+    """`count(*)` of a group. Raises ResolveError R008 for the star of another function, and where there is no group."""
+    if not function.builtin:
+        hint = f"give arguments to {function.name}, which is a function of yours"
+    elif function.name != "count":
+        hint = f"write count(*), or name what {function.name} is to take"
+    elif not grouped:
+        hint = "add GROUP BY, or count the rows of a query: len(SELECT ... FROM ...)"
+    else:
+        return plan.Aggregate("count", None, Type(Kind.INT, 0, 2**53), span=span)
+    raise ResolveError("R008", "count(*) alone takes a star, and counts the rows of a group", span, (hint,))
 
 
 def _with_spared(query: plan.Query) -> plan.Query:

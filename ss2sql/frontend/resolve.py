@@ -14,6 +14,7 @@ from ss2sql import plan
 from ss2sql.errors import ResolveError, Span, did_you_mean, several
 from ss2sql.frontend import ast
 from ss2sql.frontend.catalog import Catalog
+from ss2sql.frontend.groups import with_star
 from ss2sql.frontend.inliner import Inliner
 from ss2sql.frontend.scope import (
     Scope,
@@ -287,11 +288,8 @@ class Resolver:
             hint = "write it around a whole column of SELECT, and the expression itself here"
             raise ResolveError("R014", "to(expr, name) names a column and stands in SELECT", span, (hint,))
         grouped = scope is not None and scope.grouped
-        if tree.star and grouped and function.builtin and name == "count":
-            return plan.Aggregate("count", None, Type(Kind.INT, 0, 2**53), span=span)
         if tree.star:
-            hints = ("add GROUP BY, or count the rows of a query: len(SELECT ... FROM ...)",)
-            raise ResolveError("R008", "count(*) alone takes a star, and counts the rows of a group", span, hints)
+            return with_star(function, grouped, span)
         arguments = self.operands(tree.arguments, scope) if known is None else known
         if function.builtin and name == "eval":
             self.check_arity(function, len(arguments), span)
