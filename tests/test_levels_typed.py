@@ -287,7 +287,7 @@ def test_the_opposite_of_a_negation_is_what_was_negated() -> None:
     with ss2sql.connect() as ss:
         found = ss.run(script, engine="duckdb")
         assert found.value == ss.run(script, engine="native").value == [[2], [2, 0]]
-    assert " frontier.n <> 0 AS goes_on" in found.sql
+    assert "AND frontier.goes_on AND frontier.n <> 0\n" in found.sql
 
 
 def test_a_state_that_may_be_none_is_tried_in_python() -> None:
