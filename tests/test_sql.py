@@ -8,6 +8,7 @@ from pathlib import Path
 import apsw
 import pytest
 from listings import MOVES, move
+from sessions import code_of
 
 import ss2sql
 from ss2sql.runtime.run import Run
@@ -137,3 +138,10 @@ def test_functions_whose_names_differ_in_case_only() -> None:
     ss.function("count", lambda x: x + 1000)
     script = "SELECT f(this), F(this), keep(this), count(this) FROM [0] AS list;"
     assert ss.run(script, engine="database").value == [1, 10, 100, 1000]
+
+
+def test_a_row_that_is_cut_off_may_fail_in_the_database(ss: ss2sql.Session) -> None:
+    """SQLite keeps the first rows while it sorts; what is shown of the others is asked all the same."""
+    script = "SELECT 10 / this FROM [5, {}, 1] ORDER BY this DESC LIMIT 1 AS list"
+    assert ss.run(script.format(2), engine="database").value == [2.0]
+    assert code_of(ss.run, script.format(0), engine="database") == "X002"
