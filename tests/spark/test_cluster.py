@@ -33,4 +33,5 @@ def test_an_executor_that_is_killed(tmp_path: Path) -> None:
     assert told == {"killed": True, "same": True, "counted": 14, "levels": [2, 2, 2, 0], "left": []}
     edges = Counter((tmp_path / "calls").read_text().splitlines())
     assert set(edges) == {f"{n} {more}" for n in range(7) for more in (1, 2)}
-    assert max(edges.values()) <= 3  # what the lost executor had tried is tried again
+    # The native search, the lost executor, and the next one, whose task may be begun anew as well.
+    assert max(edges.values()) <= 4
