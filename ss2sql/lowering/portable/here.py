@@ -5,7 +5,7 @@ What `flat.py` refuses to other databases has an order here, because every row o
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field
 from functools import partial
@@ -21,6 +21,7 @@ from ss2sql.lowering.portable.flat import FlatWriter, Grouping
 from ss2sql.lowering.portable.names import Names, plain
 from ss2sql.lowering.portable.sources import NUMBER, Opened, Opener, columns_of, listed, written_out
 from ss2sql.lowering.portable.types import cast, column_type, is_nullable, refused
+from ss2sql.runtime.rows import free_name
 from ss2sql.walk import can_fail
 
 # Begins the names of all that the database is given: nothing that a view of the user's reads is called so.
@@ -103,19 +104,16 @@ def narrowed(
     sight = Sight().with_source(source.id, partial(_of_outside, label, outside.columns, source.name))
     portable = Portable(variable)
     where = sql.conjunction([portable.condition(condition, sight) for condition in conditions])
-    number = free_of(outside.columns)
+    number = number_of(outside.columns)
     numbered = exp.Alias(this=_column(outside.number, label), alias=identifier(number))
     every = exp.Column(this=exp.Star(), table=identifier(label))
     select = sql.select([every, numbered], [_labelled(outside.item, label)], where)
     return Outside(exp.Subquery(this=select), number, outside.columns, (*outside.shape, select.sql("duckdb")))
 
 
-def free_of(columns: Collection[str]) -> str:
+def number_of(columns: Iterable[str]) -> str:
     """A name for the numbers of rows that no column has."""
-    number, taken = NUMBER, {name.lower() for name in columns}
-    while number in taken:
-        number += "_"
-    return number
+    return free_name(NUMBER, {name.lower() for name in columns})
 
 
 def _limit(limit: plan.Expr | None) -> Node | None:

@@ -14,6 +14,7 @@ from ss2sql.errors import UnsupportedError
 from ss2sql.lowering.portable.here import Outside, narrowed
 from ss2sql.runtime.duck.query import frame_of
 from ss2sql.runtime.duck.tables import DuckFrame
+from ss2sql.runtime.rows import free_name
 from ss2sql.runtime.run import Run
 from ss2sql.walk import can_fail, is_volatile, walk
 
@@ -58,15 +59,17 @@ def narrow(query: plan.Query, variable: Variables) -> tuple[plan.Query, dict[str
     """
     found: dict[str, Narrowing] = {}
     sources = []
-    if query.search is not None or query.where is None or is_volatile(query) or any(map(_may_fail, query.sources)):
-        return query, {}  # where something is assigned, conditions may be others for the next row
+    if query.search is not None or query.where is None or any(map(_may_fail, query.sources)):
+        return query, {}
     for source in query.sources:
         narrowing = _narrowing(query.where, source, variable) if isinstance(source, plan.ValueSource) else None
         if narrowing is not None:
-            name = f"{source.name}.kept"  # no script has a variable with a dot
-            found[name if name not in found else f"{name}_{source.id}"] = narrowing
-            source = narrowing.under(next(reversed(found)))
+            name = free_name(f"{source.name}.kept", found)  # no script has a variable with a dot
+            found[name] = narrowing
+            source = narrowing.under(name)
         sources.append(source)
+    if not found or is_volatile(query):  # where something is assigned, conditions may be others for the next row
+        return query, {}
     return replace(query, sources=tuple(sources)), found
 
 

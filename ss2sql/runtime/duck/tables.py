@@ -14,8 +14,9 @@ from sqlglot import exp
 
 from ss2sql.errors import ExecutionError, SessionError
 from ss2sql.kinds import Kind, Type
+from ss2sql.lowering import sql
 from ss2sql.lowering.dialects import DUCKDB
-from ss2sql.lowering.portable.here import Outside, free_of, identifier
+from ss2sql.lowering.portable.here import Outside, identifier, number_of
 from ss2sql.runtime.duck.columns import Column, Seen
 from ss2sql.runtime.run import Run
 from ss2sql.vtables.frames.frame import Column as FrameColumn
@@ -242,8 +243,8 @@ class TableReader:
         shape = (self.key[1], collated, tuple((name, repr(column)) for name, column in columns.items()))
         if self.number is not None and self.number not in {name.lower() for name in columns}:
             return Outside(self.item, self.number, columns, shape)
-        number = free_of(columns)
-        row = exp.Alias(this=exp.Window(this=exp.RowNumber()), alias=identifier(number))
+        number = number_of(columns)
+        row = exp.Alias(this=sql.row_number(()), alias=identifier(number))
         numbered = exp.Select(expressions=[exp.Star(), row]).from_(self.item.copy())
         return Outside(exp.Subquery(this=numbered), number, columns, shape)
 

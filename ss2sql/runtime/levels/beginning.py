@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import count
 from marshal import loads
+from typing import Any
 
 from ss2sql import plan
 from ss2sql.lowering.portable.steps import ELEMENTS
@@ -32,6 +33,11 @@ class Begun:
     goes_on: bool
     state: bytes | None
     trail: tuple[bytes, ...]
+
+    @property
+    def values(self) -> Any:
+        """The state to go on from; None where there is none."""
+        return None if self.state is None else loads(self.state)
 
 
 class Beginning:

@@ -7,10 +7,13 @@ behind the last result that is asked for, and behind the first step to their row
 
 from __future__ import annotations
 
+import math
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator
 from itertools import groupby
 from marshal import loads
 from operator import itemgetter
+from typing import Any
 
 from ss2sql.lowering.portable.steps import ELEMENTS
 from ss2sql.runtime.levels import level
@@ -60,24 +63,41 @@ class TableSearch:
             yield goal, ([loads(row) for _, row, _ in path], None if last is None else loads(last))
 
 
-class LevelSearch(TableSearch):
-    """A breadth-first search."""
+class BreadthFirstSearch(TableSearch, ABC):
+    """A breadth-first search: the first levels in memory, the others in tables."""
 
-    def __init__(self, hunt: Hunt, tables: Tables, written: LevelStatements) -> None:
+    def __init__(self, hunt: Hunt, tables: Tables, written: Any, states: float = math.inf) -> None:
         super().__init__(hunt, tables)
         self.written = written
         self.trial = Trial(self.pieces, hunt.keyed, compared=written.search.repeats != "allowed")
+        self.states = states  # of a level in memory, at the most
 
     def results(self) -> Iterator[Found]:
         """The paths and the last parts of their last steps."""
-        beginning = Beginning(self.hunt, self.trial, self.written.search.repeats, self.pause)
+        beginning = Beginning(self.hunt, self.trial, self.written.search.repeats, self.pause, self.states)
         yield from map(beginning.found, beginning.goals())
-        if not beginning.frontier:
-            return
+        if beginning.frontier:
+            self.run(self.written.made)
+            reached = len(beginning.levels), self.load(beginning), len(beginning.frontier)
+            del beginning  # the tables have it all
+            yield from self.go_on(*reached)
+
+    @abstractmethod
+    def load(self, beginning: Beginning) -> int:
+        """Hands over what the first levels have come to; gives the number of the last step."""
+
+    @abstractmethod
+    def go_on(self, depth: int, steps: int, going: int) -> Iterator[Found]:
+        """The results behind that level and step, where so many states of the level are to be expanded."""
+
+
+class LevelSearch(BreadthFirstSearch):
+    """A breadth-first search whose steps are tried in Python."""
+
+    written: LevelStatements
+
+    def go_on(self, depth: int, steps: int, going: int) -> Iterator[Found]:
         written, tables = self.written, self.tables
-        self.run(written.made)
-        steps, depth, going = self._load(beginning), len(beginning.levels), len(beginning.frontier)
-        del beginning
         while going:
             depth += 1
             tally = tables.try_all(self.trial, self.pause)
@@ -95,8 +115,7 @@ class LevelSearch(TableSearch):
             self.hunt.stats.levels.append(Level(kept, kept, tally.tried - kept))
             self.run(written.go_on)
 
-    def _load(self, beginning: Beginning) -> int:
-        """Hands over what the first levels have come to; gives the number of the last step."""
+    def load(self, beginning: Beginning) -> int:
         steps = list(beginning.steps())
         if steps:
             rows = [(step, parent, depth, one.key, one.row, one.last, one.goal) for step, parent, depth, one in steps]

@@ -189,7 +189,7 @@ class TypedSteps(Steps):
 
     def _after(self, begun: Begun) -> dict[Typed, Any]:
         """The state after a step by its columns; nothing where it stops."""
-        return self.steps.after(None if begun.state is None else loads(begun.state))
+        return self.steps.after(begun.values)
 
     def row(self, values: Sequence[Any]) -> Row:
         return tuple(values[: len(self.steps.rows)])

@@ -10,9 +10,8 @@ from operator import itemgetter
 
 from ss2sql.lowering.portable.steps import ELEMENTS, too_many_elements
 from ss2sql.runtime.levels.beginning import Beginning
-from ss2sql.runtime.levels.search import TableSearch
+from ss2sql.runtime.levels.search import BreadthFirstSearch
 from ss2sql.runtime.levels.tables import NumberingTables, walked_ways
-from ss2sql.runtime.levels.trial import Trial
 from ss2sql.runtime.levels.typed import COUNTS, WAYS, TypedStatements
 from ss2sql.runtime.memorize.hunt import Found, Hunt
 from ss2sql.runtime.memorize.pieces import Last
@@ -21,38 +20,28 @@ from ss2sql.runtime.run import Level
 TRIES = 2_000  # steps of a level that are tried here: DuckDB takes 5 ms for the smallest one
 
 
-class TypedSearch(TableSearch):
-    """One search in some tables."""
+class TypedSearch(BreadthFirstSearch):
+    """A breadth-first search whose steps are SQL."""
 
     tables: NumberingTables
+    written: TypedStatements
 
     def __init__(self, hunt: Hunt, tables: NumberingTables, written: TypedStatements) -> None:
-        super().__init__(hunt, tables)
-        self.written = written
         self.elements = written.elements_of(hunt.run)
         if len(self.elements) > ELEMENTS:
             raise too_many_elements("FROM")
+        super().__init__(hunt, tables, written, TRIES // max(len(self.elements), 1))
 
-    def results(self) -> Iterator[Found]:
-        """The paths and the last parts of their last steps."""
+    def go_on(self, depth: int, steps: int, going: int) -> Iterator[Found]:
         written, tables = self.written, self.tables
-        repeats = written.search.repeats
-        trial = Trial(self.pieces, self.hunt.keyed, compared=repeats != "allowed")
-        beginning = Beginning(self.hunt, trial, repeats, self.pause, TRIES // max(len(self.elements), 1))
-        yield from map(beginning.found, beginning.goals())
-        if not beginning.frontier:
-            return
-        self.run(written.made)
-        steps, depth, expanded = self._load(beginning), len(beginning.levels), len(beginning.frontier)
-        del beginning
         values = {label: self.hunt.run.source(name) for label, name in written.steps.parameters.items()}
-        while expanded:
+        while going:
             depth += 1
             self.run(written.tried, depth=depth, **values)
             kept = tables.add(written.kept, before=steps, depth=depth, **values)
             self.run(written.done)
-            self._count(expanded, kept)
-            goals, expanded = self._goals_and_going(depth, kept)
+            self._count(going, kept)
+            goals, going = self._goals_and_going(depth, kept)
             if goals:
                 yield from self._found(depth)
             steps += kept
@@ -65,13 +54,12 @@ class TypedSearch(TableSearch):
         ((goals, going),) = self.tables.rows(COUNTS, depth=depth)
         return goals, going
 
-    def _load(self, beginning: Beginning) -> int:
-        """Hands over what the first levels have come to, and the elements; gives the number of the last step."""
+    def load(self, beginning: Beginning) -> int:
         steps = self.written.steps
         start = steps.after(self.hunt.start)
         rows = [(0, None, None, 0, *(start.get(column) for column in (*steps.rows, *steps.own)), False, True)]
         for step, parent, depth, begun in beginning.steps():
-            after = steps.after(None if begun.state is None else loads(begun.state))
+            after = steps.after(begun.values)
             values = *loads(begun.row), *(after.get(column) for column in steps.own)
             rows.append((step, parent, begun.place % ELEMENTS, depth, *values, begun.goal, begun.goes_on))
         self.tables.load(self.written.start.table, list(zip(*rows, strict=True)))
