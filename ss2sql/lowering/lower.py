@@ -10,12 +10,12 @@ from sqlglot import exp
 from ss2sql import plan
 from ss2sql.kinds import Kind
 from ss2sql.lowering import sql
+from ss2sql.lowering.copies import Copies
 from ss2sql.lowering.dialects import SQLITE, Dialect
 from ss2sql.lowering.expressions import Env, is_flag
 from ss2sql.lowering.on_entering import OnEntering, applies
 from ss2sql.lowering.parameters import Bookkeeping, Needs, Shown, SqlQuery
 from ss2sql.lowering.positions import by_position
-from ss2sql.lowering.product import copies_of
 from ss2sql.lowering.search import SearchLowering
 from ss2sql.lowering.select import Selects
 from ss2sql.lowering.unsupported import check, cuts_unasked
@@ -50,7 +50,7 @@ def lower(
     if query is not written:
         needs.applied["positions"] = None
     selects = Selects(needs)
-    selects.copies = {} if query.search is None else None
+    selects.copies = Copies() if query.search is None else None
     is_sorted = is_limited = ahead = False
     bookkeeping = Bookkeeping()
     shown_late: dict[plan.Column, sql.Node] = {}
@@ -87,13 +87,13 @@ def lower(
         select = sql.select(outputs, flat.items, sql.conjunction(flat.terms), order or (), limit)
         if "late" not in disabled and not keys and not orders:
             shown_late = {key: selects.expressions.lower(key, flat.env) for key in late_columns(query)}
-    if selects.copies:
-        select.set("with_", exp.With(expressions=copies_of(selects.copies)))
     read_late: Late | None = None
     if shown_late:
         select = sql.with_outputs(select, [_key_alone(query, key, node) for key, node in shown_late.items()])
         read_late = late(query, tuple(shown_late))
         needs.applied["late"] = None
+    if selects.copies and selects.copies.tables:
+        select.set("with_", exp.With(expressions=selects.copies.tables_of(select)))
     return SqlQuery(
         query,
         dialect.print(select),

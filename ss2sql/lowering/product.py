@@ -8,23 +8,24 @@ table of its own, once for each row of the sources that it depends on:
     CROSS JOIN elements(:moves) AS m2
 
 LIMIT -1 keeps SQLite from putting the expression back to where it is used. SQLite takes the rows of such a
-table one by one, so nothing is evaluated ahead. Lists that are walked again and again are copied once, which
-saves three Python calls per element. Seven moves inside each other (279,936 rows) take 1.3 s without, 0.2 s so.
+table one by one, so nothing is evaluated ahead. Lists that are walked again and again are copied once, see copies.py.
+Seven moves inside each other (279,936 rows) take 1.3 s without, 0.2 s so.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeGuard
 
 from sqlglot import exp
 
 from ss2sql import plan
 from ss2sql.kinds import Kind
 from ss2sql.lowering import sql
+from ss2sql.lowering.copies import asked_equal, in_order
 from ss2sql.lowering.expressions import Env, Reader, can_fail
 from ss2sql.lowering.levels import Condition, Hoisted, Levels
-from ss2sql.lowering.sources import Opened
+from ss2sql.lowering.sources import Opened, sql_names
 from ss2sql.lowering.sql import Node
 from ss2sql.walk import parts, sources_read, states_read
 
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from ss2sql.lowering.select import Selects
 
 MOST_TERMS = 14
+FEW = 16  # elements of a list that is no longer than this are tried one by one
 
 
 @dataclass(slots=True)
@@ -87,6 +89,7 @@ class Product:
         self.env = replace(env, sources={**env.sources, **self._readers(env)})
         self.items: list[Node] = []
         self.terms: list[Node] = []
+        self.indexed: set[int] = set()  # the levels of lists that are looked up
         conditions = levels.conditions()
         outputs = () if query.aggregated else tuple(output.expr for output in query.columns)
         hoisted = levels.hoisted(conditions, outputs)
@@ -135,13 +138,18 @@ class Product:
 
     def _bind(self, bound: int, level: int, conditions: list[Condition]) -> None:
         """Joins the sources after `bound` up to `level`, and asks what can be asked by then."""
+        first = 0 if bound == 0 else bound + 1
+        terms = [(c.level, self._free(c)) for c in conditions if c.free and first <= c.level <= level]
         for position in range(bound, level):
             part = self.opened[position]
-            items = [self.outward(item) for item in part.items]
-            self.items += [self._copied(self.query.sources[position], item) for item in items] if self.copies else items
+            asked = [node for step, node in terms if step == position + 1]
+            for item in map(self.outward, part.items):
+                copied = self._looked_up(position, item, asked)
+                if copied is None and self.copies:
+                    copied = self._copied(self.query.sources[position], item)
+                self.items.append(copied or item)
             self.terms += [self.outward(condition) for condition in part.conditions]
-        first = 0 if bound == 0 else bound + 1
-        self.terms += [self._free(c) for c in conditions if c.free and first <= c.level <= level]
+        self.terms += [node for _, node in terms]
         for step in range(first, level + 1):
             group = [c.expr for c in conditions if not c.free and c.level == step]
             if group:
@@ -157,8 +165,8 @@ class Product:
         node = self.selects.expressions.all_of(tuple(group), self.env)
         if not any(map(can_fail, group)):
             node = sql.case([(node, sql.number(1))], sql.number(0))
-        elif isinstance(self.query.sources[level - 1], plan.TableSource):
-            # SQLite asks first what an index of the table answers, whatever stands before it.
+        elif isinstance(self.query.sources[level - 1], plan.TableSource) or level in self.indexed:
+            # SQLite asks first what an index answers, and what speaks of one row alone of all rows that it indexes.
             before = [self.selects.expressions.condition(part, self.env) for part in free]
             node = sql.case([(exp.Not(this=sql.operand(part)), sql.number(0)) for part in before], node)
         if level == self._guarded_from:
@@ -240,26 +248,39 @@ class Product:
         if copies is None or not isinstance(source, plan.ValueSource) or self.query.order or self.query.group:
             return item
         value = source.value
-        fixed = not sources_read(value) and not states_read(value)
         # SQLite may make an index on a copy; with one column it keeps equal elements in their order.
-        if not (fixed and value.type.only(Kind.LIST) and source.columns == ()) or not isinstance(item, exp.Table):
+        if not (_is_fixed(value) and value.type.only(Kind.LIST) and source.columns == ()) or not _is_walked(item):
             return item
-        walked = item.this
-        for name, known in copies.items():
-            if known == walked:
-                return sql.table(name, item.alias_or_name)
-        name = self.selects.needs.label(f"{value.name if isinstance(value, plan.Variable) else source.name}_once")
-        copies[name] = walked
-        return sql.table(name, item.alias_or_name)
+        name = f"{value.name if isinstance(value, plan.Variable) else source.name}_once"
+        return copies.walked(item, lambda: self.selects.needs.label(name))
+
+    def _looked_up(self, position: int, item: Node, asked: list[Node]) -> Node | None:
+        """A copy of a list that SQLite can index, where rows of it must equal something that is known before."""
+        source, copies, level = self.query.sources[position], self.selects.copies, position + 1
+        if copies is None or "lookup" in self.selects.needs.disabled or self.levels.silent_from:
+            return None
+        if not isinstance(source, plan.ValueSource) or not _is_fixed(source.value) or not _is_walked(item):
+            return None
+        if (source.value.type.size or FEW) < FEW:
+            return None
+        label = item.alias_or_name
+        if not any(table == label and others for table, _, others in asked_equal(asked)):
+            return None
+        self.indexed.add(level)
+        self.selects.needs.applied["lookup"] = None
+        self.terms.append(in_order(label))
+        columns = sql_names(tuple(name for name, _ in source.columns or ())).values()
+        return copies.looked_up(item, self.selects.needs.label(f"{label}_once"), tuple(columns))
 
 
-def copies_of(copies: dict[str, Node]) -> list[exp.CTE]:
-    """`name AS MATERIALIZED (SELECT this FROM elements(...))` for each list that is copied."""
-    tables: list[exp.CTE] = []
-    for name, walked in copies.items():
-        select = sql.select([sql.column("this")], [exp.Table(this=walked.copy())])
-        tables.append(exp.CTE(this=select, alias=exp.TableAlias(this=sql.identifier(name)), materialized=True))
-    return tables
+def _is_fixed(value: plan.Expr) -> bool:
+    """Whether the value is the same for the whole statement."""
+    return not sources_read(value) and not states_read(value)
+
+
+def _is_walked(item: Node) -> TypeGuard[exp.Table]:
+    """Whether `elements` walks a list."""
+    return isinstance(item, exp.Table) and isinstance(item.this, exp.Anonymous)
 
 
 def _may_be_none(source: plan.Source) -> bool:

@@ -22,6 +22,7 @@ from sqlglot import exp
 
 from ss2sql import plan
 from ss2sql.lowering import sql
+from ss2sql.lowering.copies import asked_equal, keep_columns
 from ss2sql.lowering.expressions import Env, is_flag
 from ss2sql.lowering.parameters import Bookkeeping
 from ss2sql.lowering.select import Selects
@@ -117,7 +118,7 @@ class SearchLowering(ABC):
         columns = [sql.identifier(name) for name in names]
         cte = exp.CTE(this=union, alias=exp.TableAlias(this=sql.identifier(self.table), columns=columns))
         for copied in self.tables:
-            _keep_columns(copied, union)
+            keep_columns(copied, union)
         results.set("with_", exp.With(expressions=[*self.tables, cte], recursive=True))
         return results
 
@@ -169,7 +170,7 @@ class SearchLowering(ABC):
 
     def positions_of(self, items: list[Node], conditions: list[Node]) -> list[Node]:
         """The positions of rows that SQLite may look up: it indexes copies that a condition asks for equality."""
-        asked = {table for table, _, _ in _looked_up(conditions)}
+        asked = {table for table, _, _ in asked_equal(conditions)}
         return [
             sql.column(self.positions[item.name], item.alias_or_name)
             for item in items
@@ -197,7 +198,7 @@ class SearchLowering(ABC):
         source = self.selects.tables[item.alias_or_name]
         asked = {
             column
-            for table, column, others in _looked_up(conditions)
+            for table, column, others in asked_equal(conditions)
             if table == item.alias_or_name and others.isdisjoint(unknown)
         }
         for columns, index in source.indexes:
@@ -259,28 +260,3 @@ class SearchLowering(ABC):
         if not isinstance(source, plan.ValueSource):
             return False
         return not sources_read(source.value) and not states_read(source.value)
-
-
-def _looked_up(conditions: list[Node]) -> set[tuple[str, str, frozenset[str]]]:
-    """The columns whose values conditions ask for by equality, as (label, name, the labels of what they must equal)."""
-    found: set[tuple[str, str, frozenset[str]]] = set()
-    for condition in conditions:
-        if not isinstance(condition, (exp.EQ, exp.Is, exp.NullSafeEQ)):
-            continue
-        for left, other in ((condition.this, condition.expression), (condition.expression, condition.this)):
-            bare = left.unnest()
-            side = bare.this if isinstance(bare, exp.Collate) else bare
-            others = frozenset(column.table for column in other.find_all(exp.Column))
-            if isinstance(side, exp.Column) and side.table not in others:
-                found.add((side.table, side.name, others))
-    return found
-
-
-def _keep_columns(copied: exp.CTE, terms: exp.Expr) -> None:
-    """Leaves only those columns in the copy of a table that the terms of the recursion read."""
-    name = copied.alias_or_name
-    labels = {item.alias_or_name for item in terms.find_all(exp.Table) if item.name == name}
-    read = {column.name for column in terms.find_all(exp.Column) if column.table in labels}
-    select = copied.this
-    kept = [column for column in select.expressions if column.alias_or_name in read]
-    select.set("expressions", kept or select.expressions[:1])

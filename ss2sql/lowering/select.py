@@ -11,6 +11,7 @@ from sqlglot import exp
 from ss2sql import plan
 from ss2sql.kinds import Kind, Type
 from ss2sql.lowering import sql
+from ss2sql.lowering.copies import Copies
 from ss2sql.lowering.expressions import Env, Expressions, can_fail, is_flag
 from ss2sql.lowering.levels import Levels
 from ss2sql.lowering.parameters import Needs
@@ -51,7 +52,7 @@ class Selects:
         self.needs = needs
         self.expressions = Expressions(needs, self.subquery)
         self.tables: dict[str, plan.TableSource] = {}
-        self.copies: dict[str, Node] | None = None  # lists that the statement copies, where it can have copies
+        self.copies: Copies | None = None  # where the statement can have some
 
     # --- parts -----------------------------------------------------------------------------------------
 
@@ -87,7 +88,7 @@ class Selects:
 
         Among virtual tables an ORDER BY would make it sort the whole product, and evaluate rows that a LIMIT cuts off.
         """
-        copies = {*(self.copies or {}), *self.needs.modules_of_worlds}
+        copies = {*(self.copies.tables if self.copies else ()), *self.needs.modules_of_worlds}
         for item in flat.items:
             if isinstance(item, exp.Table) and not isinstance(item.this, exp.Anonymous) and item.name not in copies:
                 item.set("indexed", False)

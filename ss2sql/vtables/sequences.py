@@ -47,6 +47,8 @@ class Walked(dict[int, Sequence[SqlValue]]):
 Walk: TypeAlias = Callable[[SqlValue, tuple[str, ...], Any], Walked]
 NOTHING = Walked(None, 0, 0, lambda number: ())
 
+# Elements, as SQLite is told when it plans, without the value. Below 25 it makes no index for a join that is sorted.
+LENGTH = 100
 ARGUMENT = "source value"  # the hidden column; the blank keeps it apart from the names of users
 
 
@@ -119,8 +121,8 @@ class _Table:
                 return False  # the table that the argument comes from stands further to the right in this plan
             index.set_aConstraintUsage_argvIndex(number, 1)
             index.set_aConstraintUsage_omit(number, True)  # SQLite ignores this behind sixteen other conditions
-            index.estimatedCost = 10.0
-            index.estimatedRows = 10
+            index.estimatedCost = LENGTH
+            index.estimatedRows = LENGTH
             index.idxStr = "each element"
             return True
         raise apsw.SQLError("elements(value) needs its value")

@@ -65,8 +65,8 @@ REWRITES: dict[str, Rewrite] = {
         "calls that depend on the first sources alone are made once for each of their rows",
     ),
     "lookup": Rewrite(
-        "looks up the rows that a step of a search can go to",
-        "what a step must equal is looked up, not found by trying all",
+        "looks up the rows of a list that must equal something, and those that a step of a search can go to",
+        "what rows must equal is looked up, not found by trying all",
     ),
     "positions": Rewrite(
         "reads this[0] of short lists as a column of their source",

@@ -16,7 +16,7 @@ from ss2sql.kinds import INT
 from ss2sql.runtime.native.call_code import keyed_elements
 from ss2sql.runtime.native.expressions import expression
 from ss2sql.runtime.native.groups import Groups
-from ss2sql.runtime.native.lookups import lookup
+from ss2sql.runtime.native.lookups import lookups
 from ss2sql.runtime.native.loops import Loops, read_by_sources
 from ss2sql.runtime.native.unit import Body
 
@@ -83,7 +83,7 @@ def placed_conditions(
             continue
         facts = builder.unit.analysis.of(part)
         level = max((number[source] for source in facts.sources if source in number), default=0)
-        if certain and loops.look_up(lookup(part, builder.unit.analysis)):
+        if certain and any(map(loops.look_up, lookups(part, builder.unit.analysis))):
             reached = max(reached, level)
             continue
         if certain:

@@ -28,17 +28,19 @@ class Lookup:
     other: plan.Expr
 
 
-def lookup(part: plan.Expr, analysis: Analysis, operator: str = "eq") -> Lookup | None:
-    """The condition as a lookup, if it compares a column or an element with something else by `operator`."""
+def lookups(part: plan.Expr, analysis: Analysis, operator: str = "eq") -> list[Lookup]:
+    """The condition as lookups: one for each side that is a column or an element, compared with the other one."""
     match part:
         case plan.Call(function=plan.Function(name=name, builtin=True), arguments=(left, right)) if name == operator:
             facts = analysis.of(part)
             if not facts.steady or not facts.total:
-                return None
-            for column, other in ((left, right), (right, left)):
-                if isinstance(column, (plan.Column, plan.Element)) and column.source not in analysis.of(other).sources:
-                    return Lookup(column, other)
-    return None
+                return []
+            return [
+                Lookup(column, other)
+                for column, other in ((left, right), (right, left))
+                if isinstance(column, (plan.Column, plan.Element)) and column.source not in analysis.of(other).sources
+            ]
+    return []
 
 
 def index_of_tuples(rows: list[Any], *positions: int) -> dict[Hashable, list[Any]]:

@@ -127,14 +127,14 @@ class Loops:
         """Whether the elements are numbers and strings, which need no frozen form."""
         return isinstance(source, (plan.ValueSource, plan.QuerySource)) and source.element.only(Kind.NUMBER | Kind.STR)
 
-    def look_up(self, condition: Lookup | None) -> bool:
+    def look_up(self, condition: Lookup) -> bool:
         """Plans to look up what the condition asks for; gives whether that is possible and worth it.
 
         What the column must equal has to be known before the source's loop, and nothing that is read after it
         may notice. A loop that runs only once is as quick without an index.
         """
         number = {source.id: index for index, source in enumerate(self.sources)}
-        if condition is None or condition.column.source not in number:
+        if condition.column.source not in number:
             return False
         source, other = condition.column.source, self.builder.unit.analysis.of(condition.other)
         index = number[source]

@@ -17,7 +17,7 @@ from ss2sql.kinds import Kind, Type
 from ss2sql.runtime.native import options
 from ss2sql.runtime.native.call_code import is_remembered, keyed_elements, remembered_call
 from ss2sql.runtime.native.expressions import expression
-from ss2sql.runtime.native.lookups import Lookup, lookup
+from ss2sql.runtime.native.lookups import Lookup, lookups
 from ss2sql.runtime.native.loops import Loops, read_by_sources
 from ss2sql.runtime.native.new_calls import call_places, new_calls, ways_of
 from ss2sql.runtime.native.unit import Body
@@ -121,15 +121,14 @@ class StepCode:
         if self.search.repeats == "memorize" or not all(facts.steady and facts.total for facts in rows):
             return
         for part, other in zip(stop, where or stop, strict=False):
-            dropped = lookup(part, self.unit.analysis, "ne")
-            if dropped is None or (where and not self._is_same(dropped, lookup(other, self.unit.analysis))):
-                return
-            if not self.loops.look_up(dropped):
+            kept = lookups(other, self.unit.analysis) if where else []
+            dropped = lookups(part, self.unit.analysis, "ne")
+            if where:
+                dropped = [one for one in dropped if any(self._is_same(one, same) for same in kept)]
+            if not any(map(self.loops.look_up, dropped)):
                 return
 
-    def _is_same(self, one: Lookup, other: Lookup | None) -> bool:
-        if other is None:
-            return False
+    def _is_same(self, one: Lookup, other: Lookup) -> bool:
         pairs = ((one.column, other.column), (one.other, other.other))
         keys = [(self.unit.analysis.of(a).key, self.unit.analysis.of(b).key) for a, b in pairs]
         return all(a is not None and a == b for a, b in keys)

@@ -1,0 +1,154 @@
+"""Lists whose rows must equal each other in something: looked up, not found by trying all."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+import pytest
+from agreement import exact, outcome, reference_outcome, session_for
+from hypothesis import HealthCheck, Phase, given, seed, settings
+from programs import ProgramCase
+from programs.joins import joins
+
+import ss2sql
+
+COUNT = int(os.environ.get("SS2SQL_PROGRAMS", "1000")) // 2
+SETTINGS: dict[str, Any] = {
+    "deadline": None,
+    "database": None,
+    "phases": [Phase.generate],
+    "suppress_health_check": list(HealthCheck),
+}
+INDEX = "in an index that SQLite makes for this query"
+
+
+@pytest.mark.parametrize("engine", ["auto", "native"])
+def test_random_queries(engine: Any) -> None:
+    indexed = failed = 0
+
+    @seed(103)
+    @settings(max_examples=COUNT, **SETTINGS)
+    @given(joins())
+    def run(case: ProgramCase) -> None:
+        nonlocal indexed, failed
+        as_lists = ProgramCase(case.script, {**case.variables, **case.tables}, case.uses)
+        with session_for(as_lists) as ss:
+            found, _ = outcome(ss, case.script, engine=engine)
+            indexed += INDEX in str(ss.compile(case.script, engine=engine).explain())
+        assert found == reference_outcome(as_lists), case
+        failed += found.error is not None
+
+    run()
+    assert failed > COUNT // 20
+    assert indexed > (COUNT // 4 if engine == "auto" else -1)
+
+
+SALES = [{"id": n, "kind": n * 7 % 5, "code": str(n)} for n in range(60)]
+KINDS = [{"kind": n % 7, "shelf": n % 3, "name": f"k{n}"} for n in range(20)]
+BOTH = [(sale, kind) for sale in SALES for kind in KINDS if sale["kind"] == kind["kind"]]
+
+
+@pytest.fixture
+def ss() -> ss2sql.Session:
+    session = ss2sql.connect()
+    session.set("sales", SALES)
+    session.set("kinds", KINDS)
+    return session
+
+
+@pytest.mark.parametrize("engine", ["database", "native"])
+@pytest.mark.parametrize(
+    ("script", "expected"),
+    [
+        # Rows that are equal in the key come in the order of their list.
+        (
+            "SELECT id, name FROM sales, kinds WHERE sales.kind == kinds.kind AS rows",
+            [(a["id"], b["name"]) for a, b in BOTH],
+        ),
+        (
+            "SELECT id, name FROM sales, kinds WHERE kinds.kind == sales.kind AND shelf < 1 LIMIT 3 AS rows",
+            [(a["id"], b["name"]) for a, b in BOTH if b["shelf"] < 1][:3],
+        ),
+        # A key of two columns; a whole row; what is computed.
+        (
+            "SELECT id, name FROM sales, kinds WHERE sales.kind == kinds.kind AND shelf == sales.kind AS rows",
+            [(a["id"], b["name"]) for a, b in BOTH if b["shelf"] == a["kind"]],
+        ),
+        (
+            "SELECT kinds.this FROM sales, kinds WHERE sales.id % 2 == kinds.shelf AND sales.id == 3 AS list",
+            KINDS[1::3],
+        ),
+        (
+            "SELECT shelf, count(*) FROM sales, kinds WHERE sales.kind == kinds.kind GROUP BY shelf AS rows",
+            [
+                (shelf, sum(b["shelf"] == shelf for _, b in BOTH))
+                for shelf in dict.fromkeys(b["shelf"] for _, b in BOTH)
+            ],
+        ),
+        (
+            "SELECT id FROM sales WHERE [] == (SELECT name FROM kinds WHERE kinds.kind == sales.kind AS list) AS list",
+            [],
+        ),
+        (
+            "SELECT name FROM kinds WHERE [] == (SELECT id FROM sales WHERE kinds.kind == sales.kind AS list) AS list",
+            [b["name"] for b in KINDS if b["kind"] > 4],
+        ),
+    ],
+)
+def test_rows_that_are_looked_up(ss: ss2sql.Session, engine: Any, script: str, expected: Any) -> None:
+    result = ss.run(script, engine=engine)
+    assert exact(result.value) == exact(expected)
+    if engine == "database":
+        assert INDEX in str(result.explain())
+        assert "lookup: " in str(result.explain())
+
+
+@pytest.mark.parametrize("engine", ["database", "native"])
+def test_what_fails_is_asked_of_equal_rows_alone(ss: ss2sql.Session, engine: Any) -> None:
+    """A row that no other equals would be asked where SQLite makes its index."""
+    script = "SELECT id, name FROM sales, kinds WHERE sales.kind == kinds.kind AND 1 / (kinds.kind - 6) < 0 AS rows"
+    assert ss.run(script, engine=engine).value == [(a["id"], b["name"]) for a, b in BOTH]
+    with pytest.raises(ss2sql.ExecutionError, match="X002"):
+        ss.run(script.replace("- 6", "- 4"), engine=engine)
+    with pytest.raises(ss2sql.ExecutionError, match="X002"):
+        ss.run(
+            "SELECT id FROM sales, kinds WHERE 1 / (kinds.kind - 6) < 0 AND sales.kind == kinds.kind AS list",
+            engine=engine,
+        )
+
+
+@pytest.mark.parametrize("engine", ["database", "native"])
+def test_functions_are_called_for_equal_rows(ss: ss2sql.Session, engine: Any) -> None:
+    called: list[Any] = []
+
+    def note(name: str) -> bool:
+        called.append(name)
+        return name != "k1"
+
+    ss.function("note", note, volatility="volatile")
+    script = "SELECT id, name FROM sales, kinds WHERE sales.kind == kinds.kind AND note(name) AND id < 9 AS rows"
+    found = ss.run(script, engine=engine).value
+    assert found == [(a["id"], b["name"]) for a, b in BOTH if b["name"] != "k1" and a["id"] < 9]
+    assert called == [b["name"] for _, b in BOTH]
+
+
+def test_how_many_rows_are_compared(ss: ss2sql.Session) -> None:
+    """An empty list, None in a column, and numbers that are equal and of different kinds."""
+    ss.set("nobody", [])
+    ss.set("mixed", [{"kind": 1.0}, {"kind": None}, {"kind": 2}, {"kind": 1}])
+    for engine in ("database", "native"):
+        assert ss.run("SELECT id FROM sales, nobody WHERE sales.id == nobody.this AS list", engine=engine).value == []
+        found = ss.run("SELECT b.this FROM a = mixed, b = mixed WHERE a.kind == b.kind AS list", engine=engine).value
+        ones, nothing, two = [{"kind": 1.0}, {"kind": 1}], [{"kind": None}], [{"kind": 2}]
+        assert exact(found) == exact([*ones, *nothing, *two, *ones])
+
+
+def test_switched_off(ss: ss2sql.Session) -> None:
+    script = "SELECT id, name FROM sales, kinds WHERE sales.kind == kinds.kind AS rows"
+    with ss2sql.connect(disable=["lookup"]) as other:
+        other.set("sales", SALES)
+        other.set("kinds", KINDS)
+        result = other.run(script, engine="database")
+    assert INDEX not in str(result.explain())
+    assert result.value == ss.run(script).value
