@@ -174,9 +174,10 @@ def _switched_off(off: bool) -> str:
 
 def _notes(outlined: OutlinedQuery, stats: Stats | None) -> Iterator[str]:
     query = outlined.query
-    for narrowing in outlined.narrowings:
-        conditions = " AND ".join(" ".join(part.span.text.split()) for part in narrowing.conditions)
-        yield f"DuckDB hands over the rows of {narrowing.source.name} with {conditions}"
+    for handed in outlined.handed:
+        conditions = " AND ".join(" ".join(part.span.text.split()) for part in handed.conditions)
+        tables = ", ".join(source.name for source in handed.sources)
+        yield f"DuckDB hands over the rows of {tables} with {conditions}"
     if outlined.lowered is not None or query.search is None or query.search.repeats != "memorize":
         return
     remembered = outlined.host.graphs is not None and calls(query)

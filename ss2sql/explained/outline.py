@@ -15,7 +15,7 @@ from ss2sql.lowering.parameters import SqlQuery
 if TYPE_CHECKING:
     from ss2sql.runtime.compiled import CompiledStatement
     from ss2sql.runtime.compiled_query import CompiledQuery
-    from ss2sql.runtime.duck.narrowing import Narrowing
+    from ss2sql.runtime.duck.narrowing import Handed
     from ss2sql.runtime.duck.query import DuckQuery
     from ss2sql.runtime.host import SessionHost
     from ss2sql.runtime.levels.query import LevelQuery
@@ -29,7 +29,7 @@ class OutlinedQuery:
 
     `levels` is a search that goes by levels in another database, `duck` a query that is none, in DuckDB. `sql` is the
     text that runs, with the values that are bound in it, as far as they are known; `passed_on` says why the engine that
-    was asked for does not run the query. `narrowings` are its tables of DuckDB of which some rows are read.
+    was asked for does not run the query. `handed` are what it reads of tables of DuckDB instead of these.
     """
 
     host: SessionHost
@@ -44,7 +44,7 @@ class OutlinedQuery:
     cures: tuple[str, ...]
     rewrites: tuple[str, ...]
     sql: Sql
-    narrowings: tuple[Narrowing, ...]
+    handed: tuple[Handed, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,5 +77,5 @@ def _outlined(query: CompiledQuery, run: Run | None) -> OutlinedQuery:
         query.cures,
         query.rewrites,
         query.sql(run),
-        tuple(query.narrowings.values()),
+        tuple(query.handed.values()),
     )

@@ -16,7 +16,7 @@ from ss2sql.lowering.lower import lower
 from ss2sql.lowering.parameters import Parameter, SqlQuery
 from ss2sql.lowering.rewrites import optimise
 from ss2sql.runtime.call_sites import takes_arrays
-from ss2sql.runtime.duck.narrowing import Narrowing, narrow
+from ss2sql.runtime.duck.narrowing import Handed, narrow
 from ss2sql.runtime.duck.query import DuckQuery, NotHereError
 from ss2sql.runtime.engines import Engine
 from ss2sql.runtime.finishing import finished
@@ -59,7 +59,7 @@ class CompiledQuery:
         self.made = False  # until all is: Ctrl-C may come before that
         self.world = host.world(variable)
         query, self.rewrites = optimise(self.written, host.disabled, self.world)
-        self.query, self.narrowings = query, dict[str, Narrowing]()
+        self.query, self.handed = query, dict[str, Handed]()
         self.lowered: SqlQuery | None = None
         self.reason, self.cures = "engine='native' was asked for", tuple[str, ...]()
         self.refusal = None
@@ -75,7 +75,7 @@ class CompiledQuery:
             except UnsupportedError as error:
                 self.passed_on = f"not in {self.wanted}: {error.message}"
         if self.native is None:
-            query, self.narrowings = narrow(query, variable)
+            query, self.handed = narrow(query, variable)
             self.query = query
         try:
             if levels is not None:
@@ -138,15 +138,15 @@ class CompiledQuery:
         form, shapes = query.representation, self.host.shapes
         sink = Rows(columns, None if paths else [], [] if paths else None, plain=self.plain, hidden=form.hidden)
         run.sink = Sink(sink, self.engine, query)
-        outer = run.narrowings  # of a query whose clauses ask for this one
-        own = {name: cache(partial(narrowing.read, run)) for name, narrowing in self.narrowings.items()}
-        run.narrowings = {**outer, **own}
+        outer = run.handed  # of a query whose clauses ask for this one
+        own = {name: cache(partial(handed.read, run)) for name, handed in self.handed.items()}
+        run.handed = {**outer, **own}
         try:
             with self.host.memories.query(self.moves):
                 found = self._database_rows(run, sink) if self.lowered else self._native_rows(run, sink)
                 rows = with_stars(query, found)
         finally:
-            run.narrowings = outer
+            run.handed = outer
         arguments = tuple([argument(run) for argument in self.arguments])  # a generator changes StopIteration
         named = {name: argument(run) for name, argument in self.named.items()}
         status: Status = "maximum" if self._ended_by_maximum(run, rows) else "complete"
@@ -158,7 +158,8 @@ class CompiledQuery:
 
     def renew(self, run: Run) -> None:
         """Makes the query anew where it relies on what is no longer so. Raises what keeps it from its engine."""
-        if not (self.made and self.world.holds(run.source)):
+        held = self.made and self.world.holds(run.source)
+        if not held or not all(handed.holds(run.source) for handed in self.handed.values()):
             self._make(run.source)
         if self.refusal is not None:
             raise self.refusal

@@ -129,7 +129,7 @@ class Run:
 
     `framed` says that the paths of the search that runs are wanted as a DataFrame of the database that finds them.
     `ceiling` bounds the bytes of memory of the process, which is looked at again at the time `next_look`. `readings`
-    is what was read of another database, `endings` lets go of that, and `narrowings` are tables of it of which some
+    is what was read of another database, `endings` lets go of that, and `handed` are tables of it of which some
     rows are read, by the variables that stand for them. `sizes` measures what the script makes, see sizes.py. `sink`
     holds the rows found so far by the query that runs; `answer` what the last query gave. `statements` are those of
     the script; `lowered` is the SQL that each of their queries has run, `bound` are the values for its parameters or
@@ -157,7 +157,7 @@ class Run:
     snapshots: dict[str, Any] = field(default_factory=dict)
     readings: dict[object, Any] = field(default_factory=dict)
     endings: list[Callable[[], object]] = field(default_factory=list)
-    narrowings: dict[str, Callable[[], Any]] = field(default_factory=dict)
+    handed: dict[str, Callable[[], Any]] = field(default_factory=dict)
     callables: dict[str, Callable[..., Any]] = field(default_factory=dict)
     ahead: list[Any] = field(default_factory=list)
     statements: list[Any] = field(default_factory=list)
@@ -203,8 +203,8 @@ class Run:
         """The same as it stands in FROM: a data frame stays one."""
         if name in self.arguments:
             return self.arguments[name]
-        if name in self.narrowings:
-            return self.narrowings[name]()
+        if name in self.handed:
+            return self.handed[name]()
         return self.host.variable(name, self)
 
     def assign(self, name: str, value: Any) -> Any:

@@ -102,13 +102,43 @@ def narrowed(
     """
     label = "kept"
     sight = Sight().with_source(source.id, partial(_of_outside, label, outside.columns, source.name))
-    portable = Portable(variable)
-    where = sql.conjunction([portable.condition(condition, sight) for condition in conditions])
+    where = _all(conditions, variable, sight)
     number = number_of(outside.columns)
     numbered = exp.Alias(this=_column(outside.number, label), alias=identifier(number))
     every = exp.Column(this=exp.Star(), table=identifier(label))
     select = sql.select([every, numbered], [_labelled(outside.item, label)], where)
     return Outside(exp.Subquery(this=select), number, outside.columns, (*outside.shape, select.sql("duckdb")))
+
+
+def joined(
+    tables: Sequence[tuple[plan.ValueSource, Outside]],
+    names: Mapping[tuple[int, str], str],
+    conditions: Sequence[plan.Expr],
+    variable: Callable[[str], Any],
+) -> exp.Select:
+    """The rows of the product of tables that keep all conditions, in its order. Raises UnsupportedError as `narrowed`.
+
+    Args:
+        tables: what reads each table, and the table.
+        names: under which names to give the columns of sources.
+        conditions: of the rows of the product, none of which can fail.
+        variable: gives the values of script variables.
+    """
+    labels, sight, label_of = Names(), Sight(), dict[int, str]()
+    items, places = list[Node](), list[Node]()
+    for source, outside in tables:
+        label = label_of[source.id] = labels.free(source.name, "source")
+        items.append(_labelled(outside.item, label))
+        places.append(_column(outside.number, label))
+        sight = sight.with_source(source.id, partial(_of_outside, label, outside.columns, source.name))
+    outputs = [sql.alias(_column(name, label_of[source]), new) for (source, name), new in names.items()]
+    where = _all(conditions, variable, sight)
+    return sql.select(outputs, items, where, [(place, False) for place in places])
+
+
+def _all(conditions: Sequence[plan.Expr], variable: Callable[[str], Any], sight: Sight) -> Node | None:
+    portable = Portable(variable)
+    return sql.conjunction([portable.condition(condition, sight) for condition in conditions])
 
 
 def number_of(columns: Iterable[str]) -> str:

@@ -5,20 +5,41 @@ Values of other rows never reach Python. WHERE stays as it is, so a table with t
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Protocol
 
 from ss2sql import plan
-from ss2sql.errors import UnsupportedError
+from ss2sql.errors import ExecutionError, UnsupportedError
 from ss2sql.lowering.portable.here import Outside, narrowed
+from ss2sql.runtime.duck.joining import join
 from ss2sql.runtime.duck.query import frame_of
 from ss2sql.runtime.duck.tables import DuckFrame
+from ss2sql.runtime.levels.watch import watched
 from ss2sql.runtime.rows import free_name
 from ss2sql.runtime.run import Run
-from ss2sql.walk import can_fail, is_volatile, walk
+from ss2sql.walk import can_fail, is_volatile, sources_read, walk
 
 Variables = Callable[[str], Any]
+
+
+class Handed(Protocol):
+    """What DuckDB hands over instead of whole tables.
+
+    `sources` are those that read the tables, `conditions` the parts of WHERE that it asks of them.
+    """
+
+    @property
+    def sources(self) -> tuple[plan.ValueSource, ...]: ...
+
+    @property
+    def conditions(self) -> tuple[plan.Expr, ...]: ...
+
+    def read(self, run: Run) -> Any:
+        """What a run reads under the name that it has in the query."""
+
+    def holds(self, variable: Variables) -> bool:
+        """Whether it can be had with the values that variables have now; the query is made anew where it cannot."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,17 +49,25 @@ class Narrowing:
     source: plan.ValueSource
     conditions: tuple[plan.Expr, ...]
 
+    @property
+    def sources(self) -> tuple[plan.ValueSource, ...]:
+        return (self.source,)
+
     def read(self, run: Run) -> Any:
         """The source as it is now, with the rows that are kept; the whole of it where it is no table any more."""
         assert isinstance(self.source.value, plan.Variable)
         frame = frame_of(self.source, run.source)
         kept = None if frame is None else self.of(frame, run.source)
-        return run.source(self.source.value.name) if frame is None or kept is None else frame.within(kept)
+        if frame is None or kept is None:
+            return run.source(self.source.value.name)
+        with watched(run, frame.reading):
+            try:
+                return frame.within(kept)
+            except frame.errors as error:
+                raise ExecutionError("X009", f"duckdb: {error}", self.source.span) from error
 
-    def under(self, name: str) -> plan.ValueSource:
-        """The source, reading a variable of this name."""
-        assert isinstance(self.source.value, plan.Variable)
-        return replace(self.source, value=replace(self.source.value, name=name))
+    def holds(self, variable: Variables) -> bool:
+        return True
 
     def of(self, frame: DuckFrame, variable: Variables) -> Outside | None:
         """The rows of the table that are kept; None where DuckDB cannot tell which."""
@@ -50,26 +79,30 @@ class Narrowing:
             return None
 
 
-def narrow(query: plan.Query, variable: Variables) -> tuple[plan.Query, dict[str, Narrowing]]:
-    """The query over variables of their own instead of the tables that can be narrowed, and what these are.
+def narrow(query: plan.Query, variable: Variables) -> tuple[plan.Query, dict[str, Handed]]:
+    """The query over variables of their own instead of the tables that DuckDB can narrow or join, and what these are.
 
     Args:
         query: a query that DuckDB does not run.
         variable: gives the values that variables will have, and raises KeyError or an Error where that is not known.
     """
-    found: dict[str, Narrowing] = {}
-    sources = []
+    found: dict[str, Handed] = {}
     if query.search is not None or query.where is None or any(map(_may_fail, query.sources)):
         return query, {}
-    for source in query.sources:
-        narrowing = _narrowing(query.where, source, variable) if isinstance(source, plan.ValueSource) else None
-        if narrowing is not None:
-            name = free_name(f"{source.name}.kept", found)  # no script has a variable with a dot
-            found[name] = narrowing
-            source = narrowing.under(name)
-        sources.append(source)
-    if not found or is_volatile(query):  # where something is assigned, conditions may be others for the next row
+    if is_volatile(query):  # where something is assigned, conditions may be others for the next row
         return query, {}
+    asked = _first(query.where)
+    query, joinings = join(query, asked, variable)
+    handed: dict[int, Handed] = {joining.sources[0].id: joining for joining in joinings}
+    sources = []
+    for source in query.sources:
+        if isinstance(source, plan.ValueSource):
+            known = handed.get(source.id) or _narrowing(asked, source, variable)
+            if known is not None:
+                name = free_name(f"{source.name}.kept", found)  # no script has a variable with a dot
+                found[name] = known
+                source = replace(source, value=plan.Variable(name, source.value.type, frame=True, span=source.span))
+        sources.append(source)
     return replace(query, sources=tuple(sources)), found
 
 
@@ -81,16 +114,21 @@ def _may_fail(source: plan.Source) -> bool:
     return True
 
 
-def _narrowing(where: plan.Expr, source: plan.ValueSource, variable: Variables) -> Narrowing | None:
-    """What DuckDB can ask of a source, if it is a table there and there is such a thing."""
-    frame = frame_of(source, variable)
-    if frame is None:
-        return None
+def _first(where: plan.Expr) -> list[plan.Expr]:
+    """The parts of WHERE before what may fail or calls a Python function: rows that they do not keep are not missed."""
     found: list[plan.Expr] = []
     for part in where.parts if isinstance(where, plan.And) else (where,):
         if can_fail(part) or any(isinstance(node, plan.Call) and not node.function.builtin for node in walk(part)):
             break
-        owners = {node.source for node in walk(part) if isinstance(node, (plan.Element, plan.Column))}
-        if owners == {source.id} and Narrowing(source, (part,)).of(frame, variable) is not None:
-            found.append(part)
-    return Narrowing(source, tuple(found)) if found else None
+        found.append(part)
+    return found
+
+
+def _narrowing(asked: Iterable[plan.Expr], source: plan.ValueSource, variable: Variables) -> Narrowing | None:
+    """What DuckDB can ask of a source, if it is a table there and there is such a thing."""
+    frame = frame_of(source, variable)
+    if frame is None:
+        return None
+    own = (part for part in asked if sources_read(part) == {source.id})
+    found = tuple(part for part in own if Narrowing(source, (part,)).of(frame, variable) is not None)
+    return Narrowing(source, found) if found else None

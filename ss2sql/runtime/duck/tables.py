@@ -93,6 +93,15 @@ class DuckFrame(Frame):
         columns = {name: values.later(name, column.type) for name, column in self.columns.items()}
         return DuckFrame(columns, rows, outside, self.reading, values)
 
+    @property
+    def errors(self) -> tuple[type[Exception], ...]:
+        """What DuckDB raises."""
+        return self.reader.reader.sources.errors
+
+    def values_of(self, name: str, read: Callable[[], Any]) -> list[Any]:
+        """The values of a column in the rows that `read` gives as an array. Raises ExecutionError X004 and X009."""
+        return self.reader.column(name, read).values
+
     def longest(self) -> int:
         """The bytes of the longest text of the table."""
         if self._longest is None:
@@ -263,8 +272,11 @@ class _Values:
     def later(self, name: str, kind: Type) -> FrameColumn:
         return FrameColumn(kind, lambda: self.column(name).values)
 
-    def column(self, name: str) -> FrameColumn:
-        """The column. Raises ExecutionError X004 for what is no value of the language, X009 where DuckDB fails."""
+    def column(self, name: str, read: Callable[[], Any] | None = None) -> FrameColumn:
+        """The column, of the rows that `read` gives as an array, or of all of them.
+
+        Raises ExecutionError X004 for what is no value of the language, X009 where DuckDB fails.
+        """
         from ss2sql.vtables.frames.arrow import column_of_arrow
 
         place = f"the column '{name}' of '{self.reader.name}'"
@@ -272,7 +284,7 @@ class _Values:
             hint = "make texts or numbers of them in a view of DuckDB"
             raise ExecutionError("X004", f"{place} holds values of the type {self.strange[name]}", hints=(hint,))
         try:
-            array = self._array(name)
+            array = self._array(name) if read is None else read()
         except self.reader.sources.errors as error:
             raise ExecutionError("X009", f"{place} cannot be read: {error}") from error
         return column_of_arrow(array, place)

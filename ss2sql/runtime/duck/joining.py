@@ -1,0 +1,194 @@
+"""Tables of DuckDB that WHERE compares with each other, joined there for a query that runs elsewhere.
+
+SQLite and Python would look for rows of the second table once for each row of the first. For 1,000,000 and 1,000 rows
+that takes 22 s and 2 s of the processor, in DuckDB 0.2 s.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+from sqlglot import exp
+
+from ss2sql import plan
+from ss2sql.errors import ExecutionError, UnsupportedError
+from ss2sql.kinds import Kind, Type
+from ss2sql.lowering import sql
+from ss2sql.lowering.dialects import DUCKDB
+from ss2sql.lowering.portable.here import joined
+from ss2sql.lowering.portable.names import Names
+from ss2sql.lowering.portable.types import refused
+from ss2sql.runtime.duck.query import frame_of
+from ss2sql.runtime.duck.tables import DuckFrame
+from ss2sql.runtime.levels.watch import watched
+from ss2sql.runtime.run import Run
+from ss2sql.vtables.frames.frame import Column, Frame
+from ss2sql.walk import rebuild, sources_read, walk
+
+FEW = 10_000  # rows that are handed over in any case; else no more than the tables have together
+
+Variables = Callable[[str], Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Joining:
+    """Sources of a query that follow each other, and parts of its WHERE, which DuckDB asks of them.
+
+    `names` are those of the columns that the query reads, by the number of the source and the name there.
+    """
+
+    sources: tuple[plan.ValueSource, ...]
+    conditions: tuple[plan.Expr, ...]
+    names: Mapping[tuple[int, str], str]
+
+    def read(self, run: Run) -> Frame:
+        """The rows that are kept, in the order of the product."""
+        frames = self._frames(run.source)
+        select, first = self._select(run.source), frames[self.sources[0].id]
+        try:
+            with watched(run, first.reading):
+                rows = first.reading.arrow(DUCKDB.print(select))
+        except first.errors as error:
+            raise ExecutionError("X009", f"duckdb: {error}", self.sources[0].span) from error
+        columns = {}
+        for (source, name), new in self.names.items():
+            frame = frames[source]
+            columns[new] = Column(frame.columns[name].type, partial(frame.values_of, name, partial(rows.column, new)))
+        return Frame(columns, rows.num_rows)
+
+    def holds(self, variable: Variables) -> bool:
+        """Whether DuckDB can ask all of it with the values that variables have now."""
+        try:
+            self._select(variable)
+        except UnsupportedError:
+            return False
+        return True
+
+    def of(self, part: plan.Expr) -> bool:
+        """Whether a part of WHERE speaks of the sources, and of nothing else that has rows."""
+        owners = sources_read(part)
+        return bool(owners) and owners <= {source.id for source in self.sources}
+
+    def _frames(self, variable: Variables) -> dict[int, DuckFrame]:
+        """The tables behind the sources, by their numbers. Raises UnsupportedError where one is none any more."""
+        found = {source.id: frame_of(source, variable) for source in self.sources}
+        for source in self.sources:
+            frame = found[source.id]
+            if frame is None or frame.reading.strange:
+                raise refused(f"{source.name} is no table of DuckDB that compares as others do", source.span)
+        return {source: frame for source, frame in found.items() if frame is not None}
+
+    def _select(self, variable: Variables) -> exp.Select:
+        frames = self._frames(variable)
+        tables = [(source, frames[source.id].outside) for source in self.sources]
+        return joined(tables, self.names, self.conditions, variable)
+
+    def pays(self, variable: Variables) -> bool:
+        """Whether the rows are few enough to be handed over all at once."""
+        frames = self._frames(variable).values()
+        most = max(FEW, sum(frame.length for frame in frames))
+        some = sql.with_outputs(self._select(variable), [sql.number(1)]).limit(most + 1)
+        some.set("order", None)
+        count = exp.Select(expressions=[exp.Count(this=exp.Star())]).from_(some.subquery("kept"))
+        reading = next(iter(frames)).reading
+        ((rows,),) = reading.rows(DUCKDB.print(count))
+        return bool(rows <= most)
+
+
+def join(query: plan.Query, asked: Iterable[plan.Expr], variable: Variables) -> tuple[plan.Query, list[Joining]]:
+    """The query over one source instead of those that are joined, which has the number of the first of them.
+
+    Args:
+        query: a query that DuckDB does not run.
+        asked: the parts of its WHERE that come before what may fail.
+        variable: gives the values that variables will have, and raises KeyError or an Error where that is not known.
+    """
+    tables = tuple(
+        source
+        for source in query.sources
+        if isinstance(source, plan.ValueSource) and frame_of(source, variable) is not None
+    )
+    if len(tables) < 2:
+        return query, []
+    whole = Joining(tables, (), {})
+    conditions = [part for part in asked if whole.of(part) and replace(whole, conditions=(part,)).holds(variable)]
+    found = []
+    for sources in _linked(query.sources, tables, conditions):
+        chosen = Joining(sources, (), {})
+        chosen = replace(chosen, conditions=tuple(part for part in conditions if chosen.of(part)))
+        rest = replace(query, where=_without(query.where, chosen.conditions))
+        names = _names(rest, chosen)
+        if names and (joining := replace(chosen, names=names)).pays(variable):
+            query = _over(rest, joining)
+            found.append(joining)
+    return query, found
+
+
+def _linked(
+    sources: Iterable[plan.Source], tables: Collection[plan.ValueSource], conditions: Iterable[plan.Expr]
+) -> list[tuple[plan.ValueSource, ...]]:
+    """Tables that follow each other in FROM, each of which must equal one before it in something."""
+    links = {pair for part in conditions if (pair := _equal(part))}
+    groups: list[tuple[plan.ValueSource, ...]] = []
+    for source in sources:
+        if not isinstance(source, plan.ValueSource) or source not in tables:
+            groups.append(())
+        elif groups and any({source.id, other.id} in links for other in groups[-1]):
+            groups[-1] += (source,)
+        else:
+            groups.append((source,))
+    return [group for group in groups if len(group) > 1]
+
+
+def _equal(part: plan.Expr) -> frozenset[int] | None:
+    """The two sources that a condition says to be equal in something."""
+    if not (isinstance(part, plan.Call) and part.function.builtin and part.function.name == "eq"):
+        return None
+    owners = [sources_read(argument) for argument in part.arguments]
+    return frozenset.union(*owners) if all(len(read) == 1 for read in owners) and owners[0] != owners[1] else None
+
+
+def _without(where: plan.Expr | None, conditions: Collection[plan.Expr]) -> plan.Expr | None:
+    """What is left of WHERE."""
+    parts = where.parts if isinstance(where, plan.And) else (where,)
+    left = [part for part in parts if part is not None and not any(part is asked for asked in conditions)]
+    if len(left) < 2:
+        return left[0] if left else None
+    assert isinstance(where, plan.And)
+    return replace(where, parts=tuple(left))
+
+
+def _names(rest: plan.Query, joining: Joining) -> dict[tuple[int, str], str]:
+    """Names for the columns that what is left of a query reads; none where it wants rows as a whole."""
+    labels, names = {source.id: source.name for source in joining.sources}, Names()
+    read = [node for node in walk(rest) if isinstance(node, (plan.Element, plan.Column)) and node.source in labels]
+    columns = [node for node in read if isinstance(node, plan.Column) and node.declared]
+    if len(columns) < len(read):
+        return {}
+    if not read:  # some column there has to be
+        columns = [node for node in walk(joining.conditions[0]) if isinstance(node, plan.Column)][:1]
+    wanted = dict.fromkeys((node.source, node.name) for node in columns)
+    return {(source, name): names.free(f"{labels[source]}_{name}", "value") for source, name in wanted}
+
+
+def _over(rest: plan.Query, joining: Joining) -> plan.Query:
+    """The query over one source, whose columns have the names of the joining."""
+    first, *others = joining.sources
+    types = {(source.id, name): kind for source in joining.sources for name, kind in source.columns or ()}
+    columns = tuple((new, types[column]) for column, new in joining.names.items())
+    label = "_".join(source.name for source in joining.sources)
+    element = Type(Kind.DICT, columns=columns)
+    span = first.span.to(others[-1].span)
+    value = plan.Variable("", Type(Kind.LIST, item=element, columns=columns), frame=True, span=span)
+    source = plan.ValueSource(first.id, label, value, element, columns, span=span)
+
+    def change(node: Any) -> Any:
+        if isinstance(node, plan.Column) and (node.source, node.name) in joining.names:
+            return replace(node, source=first.id, name=joining.names[node.source, node.name])
+        return rebuild(node, change)
+
+    sources = tuple(source if old is first else old for old in rest.sources if old not in others)
+    return rebuild(replace(rest, sources=sources), change)
