@@ -1,4 +1,4 @@
-"""Lists that a statement copies: what is walked again and again, and what a condition looks up.
+"""Lists and tables that a statement copies: what is walked again and again, and what a condition looks up.
 
 Walking a list costs three Python calls for each element, 0.5 us; its copy 0.04 us. Where a condition asks for equality,
 SQLite makes an index on the copy, as it never does on a virtual table:
@@ -8,7 +8,8 @@ SQLite makes an index on the copy, as it never does on a virtual table:
     WHERE sales.kind = kinds.kind AND NOT kinds.rowid IS NULL
 
 That index has the key and then the columns that are read, in their order: `rowid`, the first, keeps equal keys in the
-order of the list, and has to be read for that. 20,000 rows that look for theirs among 1,000 take 0.1 s, not 9 s.
+order of the list, and has to be read for that. 20,000 rows that look for theirs among 1,000 take 0.1 s, not 9 s. A
+table that stands beside lists is walked in its order, too, so an index that does not keep it is of no use there.
 """
 
 from __future__ import annotations
@@ -36,9 +37,10 @@ class Copies:
         return sql.table(name, item.alias_or_name)
 
     def looked_up(self, item: exp.Table, name: str, columns: tuple[str, ...]) -> exp.Table:
-        """A copy of a list that SQLite can index; `columns` are those of its elements."""
-        shown = [sql.column(column) for column in ("rowid", "this", *columns)]
-        self.tables[name] = sql.select(shown, [exp.Table(this=item.this.copy())])
+        """A copy of a list or table that SQLite can index, `rowid` first."""
+        walked = item.copy()
+        walked.set("alias", None)
+        self.tables[name] = sql.select([sql.column(column) for column in columns], [walked])
         self.indexed.add(name)
         return sql.table(name, item.alias_or_name)
 
@@ -56,6 +58,21 @@ class Copies:
 def in_order(label: str) -> Node:
     """Has SQLite read the number of a copied row, which is all that puts the rows of its index in order."""
     return exp.Not(this=exp.Is(this=sql.column("rowid", label), expression=sql.null()))
+
+
+def without_affinity(conditions: list[Node], label: str) -> None:
+    """Takes the affinity from columns of tables that a copied list is compared with.
+
+    With an affinity a text could equal a number, so SQLite uses no index of the list. What `=` compares here is of one
+    kind. 20,000 rows of a table that look for theirs among 1,000 take 0.01 s, not 0.9 s.
+    """
+    for condition in conditions:
+        if not isinstance(condition, (exp.EQ, exp.Is, exp.NullSafeEQ)):
+            continue
+        for side, other in (("this", "expression"), ("expression", "this")):
+            found, key = condition.args[side], condition.args[other]
+            if isinstance(found, exp.Column) and isinstance(key, exp.Column) and key.table == label != found.table:
+                condition.set(side, sql.Bare(this=found))
 
 
 def asked_equal(conditions: list[Node]) -> set[tuple[str, str, frozenset[str]]]:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import sqlglot
 from sqlglot import exp
 from sqlglot.generator import Generator
+
+from ss2sql.lowering.sql import Bare
 
 if TYPE_CHECKING:
     _Base = Generator
@@ -19,7 +22,12 @@ SHORT = 60  # characters in parentheses that stay on their line
 
 
 class _ShortParentheses(_Base):
-    """Printing as sqlglot does it, but for parentheses: it would give each of them a line of its own."""
+    """Printing as sqlglot does it, but for parentheses: it would give each of them a line of its own.
+
+    `OWN` prints nodes that sqlglot does not have.
+    """
+
+    OWN: ClassVar[dict[type[exp.Expr], Callable[[Generator, Any], str]]] = {}
 
     def paren_sql(self, expression: exp.Paren) -> str:
         inside = self.sql(expression, "this")
@@ -32,6 +40,9 @@ class _ShortParentheses(_Base):
 class _Sqlite(_ShortParentheses):
     """What later releases of sqlglot 30 do, for all of them: the text is the same whichever prints it."""
 
+    OWN: ClassVar[dict[type[exp.Expr], Callable[[Generator, Any], str]]] = {
+        Bare: lambda printer, node: f"+{printer.sql(node, 'this')}"
+    }
     SUPPORTS_TABLE_ALIAS_COLUMNS = True  # nothing but a CTE is given any; early ones leave them out
 
     def nullsafeeq_sql(self, expression: exp.NullSafeEQ) -> str:
@@ -46,7 +57,7 @@ class Dialect:
     """A dialect by its name in sqlglot. User names keep their case; lines are indented by two blanks."""
 
     name: str
-    printing: type[Generator] = _ShortParentheses
+    printing: type[_ShortParentheses] = _ShortParentheses
 
     def print(self, tree: exp.Expr) -> str:
         options: dict[str, Any] = {"pretty": True, "normalize_functions": False}
@@ -56,7 +67,8 @@ class Dialect:
 @cache
 def _printer(dialect: Dialect) -> type[Generator]:
     """The class that prints a dialect: what sqlglot has for it, printing as the row says."""
-    return type("Printer", (dialect.printing, sqlglot.Dialect.get_or_raise(dialect.name).generator_class), {})
+    known: type[Generator] = sqlglot.Dialect.get_or_raise(dialect.name).generator_class
+    return type("Printer", (dialect.printing, known), {"TRANSFORMS": {**known.TRANSFORMS, **dialect.printing.OWN}})
 
 
 SQLITE = Dialect("sqlite", _Sqlite)

@@ -22,7 +22,7 @@ from sqlglot import exp
 from ss2sql import plan
 from ss2sql.kinds import Kind
 from ss2sql.lowering import sql
-from ss2sql.lowering.copies import asked_equal, in_order
+from ss2sql.lowering.copies import Copies, asked_equal, in_order, without_affinity
 from ss2sql.lowering.expressions import Env, Reader, can_fail
 from ss2sql.lowering.levels import Condition, Hoisted, Levels
 from ss2sql.lowering.sources import Opened, sql_names
@@ -255,22 +255,44 @@ class Product:
         return copies.walked(item, lambda: self.selects.needs.label(name))
 
     def _looked_up(self, position: int, item: Node, asked: list[Node]) -> Node | None:
-        """A copy of a list that SQLite can index, where rows of it must equal something that is known before."""
+        """A source that SQLite can look rows up in, where these must equal something that is known before."""
         source, copies, level = self.query.sources[position], self.selects.copies, position + 1
         if copies is None or "lookup" in self.selects.needs.disabled or self.levels.silent_from:
             return None
-        if not isinstance(source, plan.ValueSource) or not _is_fixed(source.value) or not _is_walked(item):
-            return None
-        if (source.value.type.size or FEW) < FEW:
-            return None
         label = item.alias_or_name
-        if not any(table == label and others for table, _, others in asked_equal(asked)):
+        keys = {column for table, column, others in asked_equal(asked) if table == label and others}
+        if not keys or not isinstance(item, exp.Table):
             return None
-        self.indexed.add(level)
-        self.selects.needs.applied["lookup"] = None
-        self.terms.append(in_order(label))
-        columns = sql_names(tuple(name for name, _ in source.columns or ())).values()
-        return copies.looked_up(item, self.selects.needs.label(f"{label}_once"), tuple(columns))
+        match source:
+            case plan.TableSource() if not all(isinstance(one, plan.TableSource) for one in self.query.sources):
+                found = self._table_looked_up(source, item, keys, copies)
+            case plan.ValueSource(value=value) if _is_walked(item) and _is_fixed(value):
+                if (value.type.size or FEW) < FEW:
+                    return None
+                columns = sql_names(tuple(name for name, _ in source.columns or ())).values()
+                found = copies.looked_up(item, self.selects.needs.label(f"{label}_once"), ("rowid", "this", *columns))
+                without_affinity(asked, label)
+            case _:
+                return None
+        if found is not None and found is not item:
+            self.indexed.add(level)
+            self.terms.append(in_order(label))
+        if found is not None:
+            self.selects.needs.applied["lookup"] = None
+        return found
+
+    def _table_looked_up(
+        self, source: plan.TableSource, item: exp.Table, keys: set[str], copies: Copies
+    ) -> exp.Table | None:
+        """A table beside lists, which is walked in its order: by an index that keeps it, or in a copy."""
+        for columns, index in source.indexes:
+            if keys.issuperset(columns):
+                item.set("indexed", index or False)
+                return item
+        if source.order != ("rowid",):
+            return None
+        name = self.selects.needs.label(f"{source.name}_in_order")
+        return copies.looked_up(item, name, ("rowid", *(name for name, _ in source.columns)))
 
 
 def _is_fixed(value: plan.Expr) -> bool:

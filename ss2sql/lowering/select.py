@@ -90,7 +90,9 @@ class Selects:
         """
         copies = {*(self.copies.tables if self.copies else ()), *self.needs.modules_of_worlds}
         for item in flat.items:
-            if isinstance(item, exp.Table) and not isinstance(item.this, exp.Anonymous) and item.name not in copies:
+            if not isinstance(item, exp.Table) or isinstance(item.this, exp.Anonymous) or item.name in copies:
+                continue
+            if not item.args.get("indexed"):  # an index that is named keeps the order
                 item.set("indexed", False)
 
     # --- grouped queries -------------------------------------------------------------------------------

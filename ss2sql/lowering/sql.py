@@ -25,6 +25,10 @@ SQLITE_FUNCTIONS = frozenset(
 )
 
 
+class Bare(exp.Unary):
+    """`+column`: the value without the affinity of its column. The dialect of SQLite prints it."""
+
+
 def identifier(name: str) -> exp.Identifier:
     """A name, quoted where SQLite would take it for something else."""
     plain = _PLAIN_NAME.match(name) and name.upper() not in _WORDS
