@@ -176,6 +176,25 @@ def test_a_table_keeps_its_name() -> None:
     )
 
 
+def test_groups_of_a_table_without_an_order() -> None:
+    """The rows of one group need none; groups have that of their first rows."""
+    with ss2sql.connect() as ss:
+        ss.host.connection.execute("CREATE TABLE sales(kind TEXT NOT NULL, price INT NOT NULL) STRICT")
+        ss.host.connection.execute("INSERT INTO sales VALUES ('tea', 4), ('cake', 3), ('tea', 5)")
+
+        def shown(script: str) -> str:
+            return " ".join(str(translated(ss.compile(script).statements(), DIALECTS["postgres"])).split())
+
+        with pytest.raises(ss2sql.UnsupportedError, match="the rows of sales have no order") as caught:
+            shown("SELECT kind, max(price) FROM sales GROUP BY kind AS rows")
+        assert caught.value.hints == ("give the table a primary key, or sort the rows",)
+        assert "ORDER BY" in shown("SELECT kind, max(price) FROM sales GROUP BY kind ORDER BY kind AS rows")
+        assert shown("SELECT m.max FROM m = (SELECT max(price) FROM sales GROUP BY 1) WHERE m.max > 1 AS list") == (
+            "SELECT m.max AS max FROM ( SELECT MAX(sales.price) AS max FROM sales"
+            " GROUP BY CAST(1 AS BIGINT) ) AS m WHERE m.max > 1;"
+        )
+
+
 def test_what_is_no_query_is_a_comment() -> None:
     text = in_dialect("n = 3; SELECT this + n FROM [1] AS list;", "duckdb")
     assert text.startswith("-- no query: n = 3\n\nSELECT\n  this.this + 3 AS")

@@ -18,6 +18,7 @@ from ss2sql.lowering import sql
 from ss2sql.lowering.portable.expressions import Node, Portable, Read, constant
 from ss2sql.lowering.portable.names import Names
 from ss2sql.lowering.portable.types import cast, column_type, is_nullable, refused
+from ss2sql.walk import sources_read
 
 MOST_ROWS = 1_000  # of a list that are written out
 NUMBER = "nth"
@@ -58,11 +59,16 @@ class Elsewhere:
         order = next(keys, ()) if source.order == ("rowid",) else source.order
         nullable = {name for name, kind in source.columns if is_nullable(kind)}
         if not order or nullable.intersection(order):
-            if self.query.order or self.query.aggregated:
+            if self.query.order or self._is_one_group:
                 return ()
             reason = f"the rows of {source.table} have no order but that of SQLite"
             raise refused(reason, source.span, "give the table a primary key, or sort the rows")
         return order
+
+    @property
+    def _is_one_group(self) -> bool:
+        """Whether there is one group at the most, whatever the rows are: it needs no order."""
+        return self.query.aggregated and not any(map(sources_read, self.query.group))
 
     def _elements(self, source: plan.ValueSource) -> Iterable[tuple[int, Any]]:
         value = source.value
