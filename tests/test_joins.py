@@ -11,6 +11,8 @@ from agreement import exact, outcome, reference_outcome, session_for
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from programs import ProgramCase
 from programs.joins import joins
+from reference import Reference
+from sessions import code_of
 
 import ss2sql
 
@@ -215,3 +217,73 @@ def test_switched_off(ss: ss2sql.Session) -> None:
         result = other.run(script, engine="database")
     assert INDEX not in str(result.explain())
     assert result.value == ss.run(script).value
+
+
+@pytest.fixture
+def tables() -> ss2sql.Session:
+    """Tables whose indexes give their rows in another order."""
+    session = ss2sql.connect()
+    session.host.connection.execute(
+        "CREATE TABLE t(x INTEGER, y INTEGER); CREATE INDEX t_x ON t(x); CREATE INDEX t_part ON t(y) WHERE y > 2;"
+        "CREATE TABLE u(x INTEGER, y INTEGER); CREATE INDEX u_x ON u(x, y DESC)"
+    )
+    session.host.connection.executemany("INSERT INTO t VALUES (?, ?)", [(10 - n, n) for n in range(9)])
+    session.host.connection.executemany("INSERT INTO u VALUES (?, ?)", [(n % 3 + 2, n) for n in range(9)])
+    return session
+
+
+@pytest.mark.parametrize("engine", ["database", "native"])
+@pytest.mark.parametrize(
+    ("script", "expected"),
+    [
+        ("SELECT y FROM t WHERE x > 3 AND 1 / (y - 5) < 2 LIMIT 3 AS list", [0, 1, 2]),
+        ("SELECT 10 / (y - 5) FROM t WHERE x > 3 LIMIT 2 AS list", [-2.0, -2.5]),
+        ("SELECT 10 / (y - 7) FROM t WHERE y > 2 LIMIT 1 AS list", [-2.5]),
+        # The first row that fails says which error it is.
+        ("SELECT IF(y == 6; 1 / (y - 6); len(x)) FROM t WHERE x > 3 AND x < 6 AS list", "X007"),
+        ("SELECT IF(y == 5; 1 / (y - 5); len(x)) FROM t WHERE x > 3 AND x < 6 AS list", "X002"),
+        (
+            "SELECT [t.y, u.y] FROM t, u WHERE t.x == u.x AND 10 / (u.y - 8) < 9 LIMIT 2 AS list",
+            [[6, 2], [6, 5]],
+        ),
+        ("SELECT t.y, 12 / (u.y + 1) FROM t, u WHERE t.x == u.x AND u.y < 3 ORDER BY u.y AS rows", None),
+        ("SELECT u.x, sum(10 / (u.y + 1)), count(*) FROM t, u WHERE t.x == u.x GROUP BY u.x AS rows", None),
+        ("SELECT x, [] == (SELECT u.y FROM u WHERE u.x == t.x AND 1 / (u.y + 1) > 0.5 AS list) FROM t AS rows", None),
+    ],
+)
+def test_what_fails_behind_an_index(tables: ss2sql.Session, engine: Any, script: str, expected: Any) -> None:
+    """Rows are asked in the order of their tables, and none that LIMIT cuts off."""
+    if isinstance(expected, str):
+        assert code_of(tables.run, script, engine=engine) == expected
+        return
+    if expected is None:
+        rows = [{"x": 10 - n, "y": n} for n in range(9)], [{"x": n % 3 + 2, "y": n} for n in range(9)]
+        expected = Reference({}, {"t": rows[0], "u": rows[1]}, {}, {}).run(script)
+    assert exact(tables.run(script, engine=engine).value) == exact(expected)
+
+
+def test_an_index_is_used_where_something_may_fail(tables: ss2sql.Session) -> None:
+    result = tables.run("SELECT 10 / (y - 5) FROM t WHERE x > 4 AND x < 8 LIMIT 1 AS list", engine="database")
+    assert result.value == [-5.0]
+    assert "in its index t_x" in str(result.explain())
+
+
+def test_tables_called_as_copies_are(ss: ss2sql.Session) -> None:
+    for name in ("kinds_once", "stock_in_order"):
+        ss.host.connection.execute(f"CREATE TABLE {name}(kind INTEGER, z INTEGER)")
+        ss.host.connection.execute(f"INSERT INTO {name} VALUES (1, 10), (2, 20)")
+    ss.host.connection.execute("CREATE TABLE stock(kind INTEGER, z INTEGER); INSERT INTO stock VALUES (1, 3), (2, 4)")
+    for engine in ("database", "native"):
+        script = "SELECT x.z, name FROM x = kinds_once, kinds WHERE x.kind == kinds.kind AND shelf == 1 AS rows"
+        assert ss.run(script, engine=engine).value == [
+            (x * 10, kind["name"]) for x in (1, 2) for kind in KINDS if kind["kind"] == x and kind["shelf"] == 1
+        ]
+        script = (
+            "SELECT name, stock.z, (SELECT z FROM stock_in_order WHERE kind == stock.kind AS value)"
+            " FROM kinds, stock WHERE stock.kind == kinds.kind AND shelf == 1 AS rows"
+        )
+        assert ss.run(script, engine=engine).value == [
+            (kind["name"], kind["kind"] + 2, kind["kind"] * 10)
+            for kind in KINDS
+            if kind["kind"] in (1, 2) and kind["shelf"] == 1
+        ]

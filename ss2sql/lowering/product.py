@@ -72,7 +72,9 @@ class Table:
             name = f"{wanted}_{count}"
         self.taken.add(name.lower())
         columns = list(self.select.expressions)
-        columns.insert(len(columns) if position is None else position, sql.alias(node.copy(), name))
+        bare = isinstance(node, exp.Column) and node.name == name
+        shown = node.copy() if bare else sql.alias(node.copy(), name)
+        columns.insert(len(columns) if position is None else position, shown)
         self.select.set("expressions", columns)
         return name
 
@@ -98,6 +100,10 @@ class Product:
             selects.needs.applied["early"] = None
         if hoisted:
             selects.needs.applied["hoist"] = None
+        self.sorts = self._must_sort(conditions)
+        if self.sorts:
+            self._sort(conditions)
+            return
         self._guarded_from = self._needs_guards(conditions, hoisted)
         bound = 0
         for level in sorted({value.level for value in hoisted}):
@@ -133,6 +139,41 @@ class Product:
         if not all(part.order for part in self.opened):
             return None
         return [self.outward(key) for part in self.opened for key in part.order]
+
+    # --- tables ----------------------------------------------------------------------------------------
+
+    def _must_sort(self, conditions: list[Condition]) -> bool:
+        """Whether SQLite may find rows in another order than that in which something is evaluated that may fail."""
+        query, tables = self.query, [one for one in self.query.sources if isinstance(one, plan.TableSource)]
+        if len(tables) < len(query.sources) or not all(part.order for part in self.opened):
+            return False
+        asked = [condition.expr for condition in conditions if condition.free]
+        late = [condition.expr for condition in conditions if not condition.free]
+        late += [*(output.expr for output in query.columns), *query.group, *(key.expr for key in query.order)]
+        if not any(map(sources_read, asked)) or not any(map(can_fail, late)):
+            return False
+        elsewhere = any(sources_read(expr) - self.levels.number.keys() for expr in asked)
+        return len(tables) > 1 or tables[0].indexed or elsewhere
+
+    def _sort(self, conditions: list[Condition]) -> None:
+        """Joins tables by what cannot fail, sorts the rows, and asks the rest of one after the other.
+
+        SQLite may use its indexes so, and still no row is asked that a LIMIT cuts off, or another row first.
+        """
+        for part in self.opened:
+            self.items += part.items
+            self.terms += part.conditions
+        self.terms += [self._free(condition) for condition in conditions if condition.free]
+        where, order = sql.conjunction(self._settled()), [(key.copy(), False) for key in self.natural or ()]
+        select = sql.select([], self.items, where, order, sql.unlimited())
+        label = self.selects.needs.label("found")
+        table = Table(select, label, frozenset(item.alias_or_name for item in self.items))
+        for key, _ in order:
+            table.carry(key)  # one column has to be there
+        self.tables.append(table)
+        self.env = replace(self.env, known=tuple((expr, table.carry(node)) for expr, node in self.env.known))
+        self.items, late = [sql.derived(select, label)], [c.expr for c in conditions if not c.free]
+        self.terms = [self.selects.expressions.all_of(tuple(late), self.env)] if late else []
 
     # --- joining ---------------------------------------------------------------------------------------
 
@@ -271,7 +312,7 @@ class Product:
                     return None
                 columns = sql_names(tuple(name for name, _ in source.columns or ())).values()
                 found = copies.looked_up(item, self.selects.needs.label(f"{label}_once"), ("rowid", "this", *columns))
-                without_affinity(asked, label)
+                without_affinity(asked, label, self.selects.tables)
             case _:
                 return None
         if found is not None and found is not item:

@@ -104,7 +104,7 @@ def _inside(query: plan.Query) -> set[int]:
 def _table(selects: Selects, source: plan.TableSource) -> Opened:
     label = selects.needs.label(source.name)
     selects.tables[label] = source
-    schema = None if source.schema == "main" and not sql.may_be_module(source.table) else source.schema
+    schema = None if source.schema == "main" and not sql.may_be_hidden(source.table) else source.schema
     columns: dict[str, Node] = {name: sql.column(name, label) for name, _ in source.columns}
     for name in source.collated:
         columns[name] = exp.Collate(this=columns[name], expression=exp.Var(this="BINARY"))

@@ -50,6 +50,9 @@ def can_be_text(value: str) -> bool:
     return not _SURROGATE.search(value)
 
 
+_OF_A_STATEMENT = re.compile(r"elements|search|.*_(once|in_order)(_\d+)?\Z", re.DOTALL)
+
+
 def module_of(columns: tuple[str, ...]) -> str:
     """The name of the virtual table that walks lists with these columns; no other columns have it.
 
@@ -60,9 +63,9 @@ def module_of(columns: tuple[str, ...]) -> str:
     return "elements " + ", ".join(_MARKED.sub(_marked, name) for name in columns)
 
 
-def may_be_module(name: str) -> bool:
-    """Whether a table's name may be that of such a virtual table, so that its schema has to be written too."""
-    return name.lower().startswith("elements")
+def may_be_hidden(name: str) -> bool:
+    """Whether a table may have the name of such a virtual table or of a copy: its schema has to be written, too."""
+    return bool(_OF_A_STATEMENT.match(name.lower()))
 
 
 def _marked(found: re.Match[str]) -> str:

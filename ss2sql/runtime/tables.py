@@ -173,7 +173,9 @@ class Tables:
         bounded = {} if kind == "view" else self._bounded(schema, name, kinds, {index[0][0] for index in indexes})
         typed = tuple((column, bounded.get(column, Type(kinds[column]))) for column in columns)
         collated = () if kind == "view" else tuple(c for c in columns if self._collation(schema, name, c) != "BINARY")
-        return plan.TableSource(0, name, schema, name, typed, order, collated, indexes, span=None)  # type: ignore[arg-type]
+        listed = self._fetch("SELECT origin FROM pragma_index_list(?, ?)", (name, schema))
+        indexed = any(origin != "pk" or not without_rowid for (origin,) in listed)
+        return plan.TableSource(0, name, schema, name, typed, order, collated, indexes, indexed, span=None)  # type: ignore[arg-type]
 
     def _indexes(
         self, schema: str, name: str, order: tuple[str, ...], keys: list[str]
