@@ -54,7 +54,7 @@ TESTS = (
     *("test_resolve_*", "test_rewrites_*", "test_search_*", "test_inline", "test_inline_calls", "test_arity"),
     *("test_states", "test_positions", "test_cells", "test_unknown_parameters", "test_tables", "test_rare_forms"),
     *("test_worlds", "test_world_errors", "test_world_layouts", "test_navigation", "test_security", "test_new_calls"),
-    *("test_explain", "test_explain_levels", "test_translated", "test_levels_typed", "duck/test_*"),
+    *("test_explain", "test_explain_levels", "test_translated", "test_levels_typed", "test_joins", "duck/test_*"),
 )
 LONG = ("random", "every_state", "hash_seed")
 """Words in the names of tests that take long, with whatever they draw."""

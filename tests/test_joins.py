@@ -268,6 +268,23 @@ def test_an_index_is_used_where_something_may_fail(tables: ss2sql.Session) -> No
     assert "in its index t_x" in str(result.explain())
 
 
+@pytest.mark.parametrize("name", ["by-kind", "order", 'a"b', "x; DROP TABLE kinds"])
+def test_indexes_with_strange_names(ss: ss2sql.Session, name: str) -> None:
+    quoted = '"' + name.replace('"', '""') + '"'
+    ss.host.connection.execute(f"CREATE TABLE ways(here INTEGER, there INTEGER); CREATE INDEX {quoted} ON ways(here)")
+    ss.host.connection.execute("INSERT INTO ways VALUES (1, 2), (2, 3), (2, 4), (3, 4)")
+    joined = ss.run("SELECT id, there FROM sales, ways WHERE here == id AND id < 3 AS rows", engine="database")
+    assert joined.value == [(1, 2), (2, 3), (2, 4)]
+    found = ss.run(
+        "SELECT there FROM ways WHERE here == n AND there == 4 START WITH n = 1 CONNECT BY UNIQUE n = there"
+        " STOP WITH here != n AS list",
+        engine="database",
+    )
+    assert found.value == [[2, 4]]
+    for result in (joined, found):
+        assert f"INDEXED BY {quoted}" in str(result.sql)
+
+
 def test_tables_called_as_copies_are(ss: ss2sql.Session) -> None:
     for name in ("kinds_once", "stock_in_order"):
         ss.host.connection.execute(f"CREATE TABLE {name}(kind INTEGER, z INTEGER)")

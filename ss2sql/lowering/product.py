@@ -328,7 +328,7 @@ class Product:
         """A table beside lists, which is walked in its order: by an index that keeps it, or in a copy."""
         for columns, index in source.indexes:
             if keys.issuperset(columns):
-                item.set("indexed", index or False)
+                item.set("indexed", sql.identifier(index) if index else False)
                 return item
         if source.order != ("rowid",):
             return None

@@ -203,7 +203,7 @@ class SearchLowering(ABC):
         }
         for columns, index in source.indexes:
             if asked.issuperset(columns):
-                item.set("indexed", index or False)
+                item.set("indexed", sql.identifier(index) if index else False)
                 return item
         name = f"{item.alias_or_name}_in_order"
         if name not in self.positions:
