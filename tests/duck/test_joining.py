@@ -14,6 +14,7 @@ from sessions import code_of
 
 import ss2sql
 from ss2sql.runtime.duck import joining
+from ss2sql.runtime.duck.tables import Reading
 
 duckdb = pytest.importorskip("duckdb")
 
@@ -186,3 +187,24 @@ def test_a_connection_that_compares_texts_in_another_way(own: Any, roads: ss2sql
     assert handed(roads.run(script)) == ["a, b with a.name == b.name"]
     own.execute("SET default_collation = 'nocase'")
     assert handed(roads.run(script)) == []
+
+
+@pytest.mark.parametrize("script", ["a.id == b.id AND turned(a.id) != '3'", "a.id > 9 AND turned(b.id) != '3'"])
+def test_what_duckdb_refuses(roads: ss2sql.Session, monkeypatch: pytest.MonkeyPatch, script: str) -> None:
+    query = roads.compile(f"SELECT a.id FROM a = towns, b = towns WHERE {script} AS list")
+    expected = query.run().value
+    rows = Reading.rows
+
+    def full(reading: Reading, text: str, values: Any = None) -> Any:
+        if "towns" in text and "COUNT(*)" in text and "WHERE" in text:
+            raise duckdb.OutOfMemoryException("no room")
+        return rows(reading, text, values)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Reading, "rows", full)
+        patch.setattr(Reading, "arrow", full)
+        with pytest.raises(ss2sql.ExecutionError, match="duckdb: no room") as caught:
+            roads.run(f"SELECT b.id FROM a = towns, b = towns WHERE {script} AS list")
+        assert caught.value.span is not None
+        assert caught.value.span.text == "towns"
+    assert query.run().value == expected

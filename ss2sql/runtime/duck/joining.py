@@ -14,7 +14,7 @@ from typing import Any
 from sqlglot import exp
 
 from ss2sql import plan
-from ss2sql.errors import ExecutionError, UnsupportedError
+from ss2sql.errors import UnsupportedError
 from ss2sql.kinds import Kind, Type
 from ss2sql.lowering import sql
 from ss2sql.lowering.dialects import DUCKDB
@@ -48,11 +48,8 @@ class Joining:
         """The rows that are kept, in the order of the product."""
         frames = self._frames(run.source)
         select, first = self._select(run.source), frames[self.sources[0].id]
-        try:
-            with watched(run, first.reading):
-                rows = first.reading.arrow(DUCKDB.print(select))
-        except first.errors as error:
-            raise ExecutionError("X009", f"duckdb: {error}", self.sources[0].span) from error
+        with first.asked(self.sources[0].span), watched(run, first.reading):
+            rows = first.reading.arrow(DUCKDB.print(select))
         columns = {}
         for (source, name), new in self.names.items():
             frame = frames[source]
@@ -88,13 +85,13 @@ class Joining:
 
     def pays(self, variable: Variables) -> bool:
         """Whether the rows are few enough to be handed over all at once."""
-        frames = self._frames(variable).values()
-        most = max(FEW, sum(frame.length for frame in frames))
+        frames = self._frames(variable)
+        first, most = frames[self.sources[0].id], max(FEW, sum(frame.length for frame in frames.values()))
         some = sql.with_outputs(self._select(variable), [sql.number(1)]).limit(most + 1)
         some.set("order", None)
         count = exp.Select(expressions=[exp.Count(this=exp.Star())]).from_(some.subquery("kept"))
-        reading = next(iter(frames)).reading
-        ((rows,),) = reading.rows(DUCKDB.print(count))
+        with first.asked(self.sources[0].span):
+            ((rows,),) = first.reading.rows(DUCKDB.print(count))
         return bool(rows <= most)
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 from ss2sql import plan
-from ss2sql.errors import ExecutionError, UnsupportedError
+from ss2sql.errors import UnsupportedError
 from ss2sql.lowering.portable.here import Outside, narrowed
 from ss2sql.runtime.duck.joining import join
 from ss2sql.runtime.duck.query import frame_of
@@ -60,11 +60,8 @@ class Narrowing:
         kept = None if frame is None else self.of(frame, run.source)
         if frame is None or kept is None:
             return run.source(self.source.value.name)
-        with watched(run, frame.reading):
-            try:
-                return frame.within(kept)
-            except frame.errors as error:
-                raise ExecutionError("X009", f"duckdb: {error}", self.source.span) from error
+        with frame.asked(self.source.span), watched(run, frame.reading):
+            return frame.within(kept)
 
     def holds(self, variable: Variables) -> bool:
         return True

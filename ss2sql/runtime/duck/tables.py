@@ -6,13 +6,14 @@ means what the catalogue of DuckDB has under it, never a file, a function or a v
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sqlglot import exp
 
-from ss2sql.errors import ExecutionError, SessionError
+from ss2sql.errors import ExecutionError, SessionError, Span
 from ss2sql.kinds import Kind, Type
 from ss2sql.lowering import sql
 from ss2sql.lowering.dialects import DUCKDB
@@ -93,10 +94,13 @@ class DuckFrame(Frame):
         columns = {name: values.later(name, column.type) for name, column in self.columns.items()}
         return DuckFrame(columns, rows, outside, self.reading, values)
 
-    @property
-    def errors(self) -> tuple[type[Exception], ...]:
-        """What DuckDB raises."""
-        return self.reader.reader.sources.errors
+    @contextmanager
+    def asked(self, span: Span) -> Iterator[None]:
+        """Makes what DuckDB raises ExecutionError X009, at the source that asks."""
+        try:
+            yield
+        except self.reader.reader.sources.errors as error:
+            raise ExecutionError("X009", f"duckdb: {error}", span) from error
 
     def values_of(self, name: str, read: Callable[[], Any]) -> list[Any]:
         """The values of a column in the rows that `read` gives as an array. Raises ExecutionError X004 and X009."""
