@@ -268,6 +268,16 @@ def test_an_index_is_used_where_something_may_fail(tables: ss2sql.Session) -> No
     assert "in its index t_x" in str(result.explain())
 
 
+def test_rows_are_sorted_first_only_where_an_index_may_find_them(tables: ss2sql.Session) -> None:
+    for script, sorts in (
+        ("SELECT 10 / (y - 6.5) FROM t WHERE x > 3 AS list", True),
+        ("SELECT 10 / (y - 6.5) FROM t AS list", False),  # nothing is looked for
+        ("SELECT y FROM t WHERE x > 3 AS list", False),  # nothing can fail
+    ):
+        sql = str(tables.run(script, engine="database").sql)
+        assert ("LIMIT -1" in sql) == sorts, script
+
+
 @pytest.mark.parametrize("name", ["by-kind", "order", 'a"b', "x; DROP TABLE kinds"])
 def test_indexes_with_strange_names(ss: ss2sql.Session, name: str) -> None:
     quoted = '"' + name.replace('"', '""') + '"'
