@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import sqlglot
 from sqlglot import exp
+from sqlglot.errors import TokenError
 from sqlglot.generator import Generator
 
 from ss2sql.lowering.sql import Bare
@@ -61,7 +62,11 @@ class Dialect:
 
     def print(self, tree: exp.Expr) -> str:
         options: dict[str, Any] = {"pretty": True, "normalize_functions": False}
-        return _printer(self)(dialect=self.name, **options).generate(tree)
+        try:
+            return _printer(self)(dialect=self.name, **options).generate(tree)
+        except TokenError as error:
+            # sqlglot reads types while it prints, and says so of whatever happens then.
+            raise RecursionError if isinstance(error.__cause__, RecursionError) else error from error.__cause__
 
 
 @cache
