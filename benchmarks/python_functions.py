@@ -50,8 +50,7 @@ def measure(way: str, rows: int) -> None:
     values: dict[str, Any] = {}
     if way.startswith("lists"):
         for name in ("sales", "kinds"):
-            table = own.execute(f"FROM {name}").to_arrow_table().to_pylist()
-            values[name] = table
+            values[name] = own.execute(f"FROM {name}").to_arrow_table().to_pylist()
     with ss2sql.connect(engine="duckdb", session=own) as ss:
         ss.function("digits", digits, volatility="immutable")
         own.create_function("digits", digits, ["BIGINT"], "BIGINT", side_effects=True)  # type: ignore[call-overload]

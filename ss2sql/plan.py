@@ -245,7 +245,7 @@ class TableSource:
     """A table or view of the database. `order` names what sorts it: `rowid`, primary key columns, or nothing (a view).
 
     `collated`: columns that SQLite would not compare byte by byte. `indexes`: (columns, index), "" for the primary key.
-    `indexed` says that SQLite may find its rows in another order."""
+    """
 
     id: int
     name: str
@@ -255,7 +255,7 @@ class TableSource:
     order: tuple[str, ...]
     collated: tuple[str, ...] = ()
     indexes: tuple[tuple[tuple[str, ...], str], ...] = ()
-    indexed: bool = False
+    indexed: bool = False  # SQLite may find its rows in another order
     span: Span = _span()
 
 

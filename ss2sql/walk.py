@@ -88,6 +88,11 @@ def _mapped(value: Any, change: Callable[[Node], Node]) -> Any:
     return change(value) if _is_node(value) else value
 
 
+def conjuncts(condition: plan.Expr | None) -> tuple[plan.Expr, ...]:
+    """What has to hold together, in the order in which it is asked; nothing for no condition."""
+    return condition.parts if isinstance(condition, plan.And) else () if condition is None else (condition,)
+
+
 def sources_read(node: Node) -> frozenset[int]:
     """The numbers of all sources whose element or columns the node reads, its own nested ones included."""
     found: set[int] = set()

@@ -14,10 +14,11 @@ table that stands beside lists is walked in its order, too, so an index that doe
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterable
 
 from sqlglot import exp
 
+from ss2sql import plan
 from ss2sql.lowering import sql
 from ss2sql.lowering.sql import Node
 
@@ -27,7 +28,6 @@ class Copies:
 
     def __init__(self) -> None:
         self.tables: dict[str, exp.Select] = {}
-        self.indexed: set[str] = set()
 
     def walked(self, item: exp.Table, make_name: Callable[[], str]) -> exp.Table:
         """A copy of a list whose elements have no columns, under a new name where there is none of this list."""
@@ -41,18 +41,28 @@ class Copies:
         walked = item.copy()
         walked.set("alias", None)
         self.tables[name] = sql.select([sql.column(column) for column in columns], [walked])
-        self.indexed.add(name)
         return sql.table(name, item.alias_or_name)
 
     def tables_of(self, select: exp.Select) -> list[exp.CTE]:
         """The copies as WITH of the statement, with the columns that it reads."""
-        made = []
-        for name, copied in self.tables.items():
-            table = exp.CTE(this=copied, alias=exp.TableAlias(this=sql.identifier(name)), materialized=True)
-            if name in self.indexed:
-                keep_columns(table, select)
-            made.append(table)
+        made = [materialized(name, copied) for name, copied in self.tables.items()]
+        for table in made:
+            keep_columns(table, select)
         return made
+
+
+def materialized(name: str, select: exp.Select) -> exp.CTE:
+    """`name AS MATERIALIZED (SELECT ...)`."""
+    return exp.CTE(this=select, alias=exp.TableAlias(this=sql.identifier(name)), materialized=True)
+
+
+def by_index(item: exp.Table, source: plan.TableSource, keys: Collection[str]) -> bool:
+    """Has a table be read by an index that keeps its order, if columns that have to equal something have one."""
+    for columns, index in source.indexes:
+        if set(columns).issubset(keys):
+            item.set("indexed", sql.identifier(index) if index else False)
+            return True
+    return False
 
 
 def in_order(label: str) -> Node:
@@ -66,29 +76,32 @@ def without_affinity(conditions: list[Node], label: str, tables: Collection[str]
     With an affinity a text could equal a number, so SQLite uses no index of the list. What `=` compares here is of one
     kind. 20,000 rows of a table that look for theirs among 1,000 take 0.01 s, not 0.9 s.
     """
-    for condition in conditions:
-        if not isinstance(condition, (exp.EQ, exp.Is, exp.NullSafeEQ)):
-            continue
-        for side, other in (("this", "expression"), ("expression", "this")):
-            found, key = condition.args[side], condition.args[other]
-            typed = isinstance(found, exp.Column) and found.table in tables
-            if typed and isinstance(key, exp.Column) and key.table == label:
-                condition.set(side, sql.Bare(this=found))
+    for key, other in _equalities(conditions):
+        if (
+            isinstance(key, exp.Column)
+            and key.table == label
+            and isinstance(other, exp.Column)
+            and other.table in tables
+        ):
+            other.replace(sql.Bare(this=other.copy()))
 
 
 def asked_equal(conditions: list[Node]) -> set[tuple[str, str, frozenset[str]]]:
     """The columns whose values conditions ask for by equality, as (label, name, the labels of what they must equal)."""
     found: set[tuple[str, str, frozenset[str]]] = set()
-    for condition in conditions:
-        if not isinstance(condition, (exp.EQ, exp.Is, exp.NullSafeEQ)):
-            continue
-        for left, other in ((condition.this, condition.expression), (condition.expression, condition.this)):
-            bare = left.unnest()
-            side = bare.this if isinstance(bare, exp.Collate) else bare
-            others = frozenset(column.table for column in other.find_all(exp.Column))
-            if isinstance(side, exp.Column) and side.table not in others:
-                found.add((side.table, side.name, others))
+    for left, other in _equalities(conditions):
+        bare = left.unnest()
+        side = bare.this if isinstance(bare, exp.Collate) else bare
+        others = frozenset(column.table for column in other.find_all(exp.Column))
+        if isinstance(side, exp.Column) and side.table not in others:
+            found.add((side.table, side.name, others))
     return found
+
+
+def _equalities(conditions: Iterable[Node]) -> list[tuple[Node, Node]]:
+    """Each side of the conditions that ask for equality, with the other one."""
+    equal = [condition for condition in conditions if isinstance(condition, (exp.EQ, exp.Is, exp.NullSafeEQ))]
+    return [sides for one in equal for sides in ((one.this, one.expression), (one.expression, one.this))]
 
 
 def keep_columns(copied: exp.CTE, terms: exp.Expr) -> None:

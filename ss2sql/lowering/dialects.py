@@ -65,8 +65,9 @@ class Dialect:
         try:
             return _printer(self)(dialect=self.name, **options).generate(tree)
         except TokenError as error:
-            # sqlglot reads types while it prints, and says so of whatever happens then.
-            raise RecursionError if isinstance(error.__cause__, RecursionError) else error from error.__cause__
+            if isinstance(error.__cause__, RecursionError):  # sqlglot reads types while it prints
+                raise error.__cause__ from None
+            raise
 
 
 @cache

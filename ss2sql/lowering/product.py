@@ -14,7 +14,8 @@ Seven moves inside each other (279,936 rows) take 1.3 s without, 0.2 s so.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, TypeGuard
 
 from sqlglot import exp
@@ -22,7 +23,8 @@ from sqlglot import exp
 from ss2sql import plan
 from ss2sql.kinds import Kind
 from ss2sql.lowering import sql
-from ss2sql.lowering.copies import Copies, asked_equal, in_order, without_affinity
+from ss2sql.lowering.copies import asked_equal, by_index, in_order, without_affinity
+from ss2sql.lowering.derived import Table
 from ss2sql.lowering.expressions import Env, Reader, can_fail
 from ss2sql.lowering.levels import Condition, Hoisted, Levels
 from ss2sql.lowering.sources import Opened, sql_names
@@ -34,49 +36,6 @@ if TYPE_CHECKING:
 
 MOST_TERMS = 14
 FEW = 16  # elements of a list that is no longer than this are tried one by one
-
-
-@dataclass(slots=True)
-class Table:
-    """Sources joined in a table of their own; `carry` makes what is read of them columns of it."""
-
-    select: exp.Select
-    label: str
-    labels: frozenset[str]
-    names: dict[tuple[str, str], str] = field(default_factory=dict)
-    taken: set[str] = field(default_factory=lambda: {"rowid"})
-
-    def carry(self, node: Node) -> Node:
-        """The expression as it reads outside of the table."""
-        node = node.copy()
-        for column in list(node.find_all(exp.Column)):
-            if column.table in self.labels:
-                outside = sql.column(self.name_of(column), self.label)
-                if column is node:
-                    return outside
-                column.replace(outside)
-        return node
-
-    def name_of(self, column: exp.Column) -> str:
-        key = (column.table, column.name)
-        if key not in self.names:
-            wanted = column.table if column.name == "this" else column.name
-            self.names[key] = self.add(wanted, column, len(self.names))
-        return self.names[key]
-
-    def add(self, wanted: str, node: Node, position: int | None = None) -> str:
-        """A new column of the table, the last one or one at a position; gives its name."""
-        name, count = wanted, 1
-        while name.lower() in self.taken:
-            count += 1
-            name = f"{wanted}_{count}"
-        self.taken.add(name.lower())
-        columns = list(self.select.expressions)
-        bare = isinstance(node, exp.Column) and node.name == name
-        shown = node.copy() if bare else sql.alias(node.copy(), name)
-        columns.insert(len(columns) if position is None else position, shown)
-        self.select.set("expressions", columns)
-        return name
 
 
 class Product:
@@ -91,19 +50,24 @@ class Product:
         self.env = replace(env, sources={**env.sources, **self._readers(env)})
         self.items: list[Node] = []
         self.terms: list[Node] = []
-        self.indexed: set[int] = set()  # the levels of lists that are looked up
+        self.keeps = False
         conditions = levels.conditions()
+        self.sorts = self._must_sort(conditions)
+        if self.sorts:
+            self._sort(conditions)
+        else:
+            self._by_levels(conditions)
+
+    def _by_levels(self, conditions: list[Condition]) -> None:
+        """Joins the sources from level to level, and asks and computes at each what can be by then."""
+        query, opened, levels, applied = self.query, self.opened, self.levels, self.selects.needs.applied
         outputs = () if query.aggregated else tuple(output.expr for output in query.columns)
         hoisted = levels.hoisted(conditions, outputs)
         self.keeps = bool(hoisted)
         if any(not condition.free and condition.level < len(opened) for condition in conditions):
-            selects.needs.applied["early"] = None
+            applied["early"] = None
         if hoisted:
-            selects.needs.applied["hoist"] = None
-        self.sorts = self._must_sort(conditions)
-        if self.sorts:
-            self._sort(conditions)
-            return
+            applied["hoist"] = None
         self._guarded_from = self._needs_guards(conditions, hoisted)
         bound = 0
         for level in sorted({value.level for value in hoisted}):
@@ -164,16 +128,22 @@ class Product:
             self.items += part.items
             self.terms += part.conditions
         self.terms += [self._free(condition) for condition in conditions if condition.free]
-        where, order = sql.conjunction(self._settled()), [(key.copy(), False) for key in self.natural or ()]
-        select = sql.select([], self.items, where, order, sql.unlimited())
-        label = self.selects.needs.label("found")
-        table = Table(select, label, frozenset(item.alias_or_name for item in self.items))
-        for key, _ in order:
+        natural = self.natural or []
+        table = self._enclosed("found", [(key.copy(), False) for key in natural])
+        for key in natural:
             table.carry(key)  # one column has to be there
         self.tables.append(table)
         self.env = replace(self.env, known=tuple((expr, table.carry(node)) for expr, node in self.env.known))
-        self.items, late = [sql.derived(select, label)], [c.expr for c in conditions if not c.free]
+        late = [condition.expr for condition in conditions if not condition.free]
         self.terms = [self.selects.expressions.all_of(tuple(late), self.env)] if late else []
+
+    def _enclosed(self, name: str, order: Sequence[tuple[Node, bool]] = ()) -> Table:
+        """A table of what is joined so far, which is all that is joined then."""
+        where, labels = sql.conjunction(self._settled()), frozenset(item.alias_or_name for item in self.items)
+        select = sql.select([], self.items, where, order, sql.unlimited())
+        table = Table(select, self.selects.needs.label(name), labels)
+        self.items, self.terms = [sql.derived(select, table.label)], []
+        return table
 
     # --- joining ---------------------------------------------------------------------------------------
 
@@ -185,10 +155,12 @@ class Product:
             part = self.opened[position]
             asked = [node for step, node in terms if step == position + 1]
             for item in map(self.outward, part.items):
-                copied = self._looked_up(position, item, asked)
-                if copied is None and self.copies:
-                    copied = self._copied(self.query.sources[position], item)
-                self.items.append(copied or item)
+                found = self._looked_up(position, item, asked)
+                if found is not None:
+                    self.selects.needs.applied["lookup"] = None
+                elif self.copies:
+                    found = self._copied(self.query.sources[position], item)
+                self.items.append(found or item)
             self.terms += [self.outward(condition) for condition in part.conditions]
         self.terms += [node for _, node in terms]
         for step in range(first, level + 1):
@@ -206,8 +178,8 @@ class Product:
         node = self.selects.expressions.all_of(tuple(group), self.env)
         if not any(map(can_fail, group)):
             node = sql.case([(node, sql.number(1))], sql.number(0))
-        elif isinstance(self.query.sources[level - 1], plan.TableSource) or level in self.indexed:
-            # SQLite asks first what an index answers, and what speaks of one row alone of all rows that it indexes.
+        elif isinstance(self.query.sources[level - 1], plan.TableSource):
+            # SQLite asks first what an index of the table answers, whatever stands before it.
             before = [self.selects.expressions.condition(part, self.env) for part in free]
             node = sql.case([(exp.Not(this=sql.operand(part)), sql.number(0)) for part in before], node)
         if level == self._guarded_from:
@@ -224,18 +196,14 @@ class Product:
         if self._guarded_from == -level:
             silent = self.levels.silent_from
             self.terms = [*(self._not_before(silent, 1, guard) for guard in self._guards(level)), *self.terms]
-        labels = frozenset(item.alias_or_name for item in self.items)
-        select = sql.select([], self.items, sql.conjunction(self._settled()), limit=sql.unlimited())
-        label = self.selects.needs.label(f"to_{self.query.sources[level - 1].name}")
-        table = Table(select, label, labels)
+        table = self._enclosed(f"to_{self.query.sources[level - 1].name}")
         values = [value.expr for value in hoisted if value.level == level]
         nodes = [self.selects.expressions.lower(expr, self.env) for expr in values]
         self.tables.append(table)
-        here = [(e, sql.column(table.add(_name_of(e), node), label)) for e, node in zip(values, nodes, strict=True)]
+        here = [(e, sql.column(table.add(_name_of(e), n), table.label)) for e, n in zip(values, nodes, strict=True)]
         later = self._later(level, conditions, hoisted)
         known = [(expr, table.carry(node)) for expr, node in self.env.known if _is_read(expr, later, values)]
         self.env = replace(self.env, known=(*here, *known))
-        self.items, self.terms = [sql.derived(select, label)], []
 
     def _later(self, level: int, conditions: list[Condition], hoisted: list[Hoisted]) -> list[plan.Expr]:
         """What is evaluated further in."""
@@ -297,43 +265,31 @@ class Product:
 
     def _looked_up(self, position: int, item: Node, asked: list[Node]) -> Node | None:
         """A source that SQLite can look rows up in, where these must equal something that is known before."""
-        source, copies, level = self.query.sources[position], self.selects.copies, position + 1
-        if copies is None or "lookup" in self.selects.needs.disabled or self.levels.silent_from:
+        source, copies, needs = self.query.sources[position], self.selects.copies, self.selects.needs
+        if copies is None or "lookup" in needs.disabled or self.levels.silent_from or not isinstance(item, exp.Table):
             return None
         label = item.alias_or_name
         keys = {column for table, column, others in asked_equal(asked) if table == label and others}
-        if not keys or not isinstance(item, exp.Table):
+        if not keys:
             return None
         match source:
             case plan.TableSource() if not all(isinstance(one, plan.TableSource) for one in self.query.sources):
-                found = self._table_looked_up(source, item, keys, copies)
+                # Beside lists it is walked in its order.
+                if by_index(item, source, keys):
+                    return item
+                if source.order != ("rowid",):
+                    return None
+                name, columns = f"{source.name}_in_order", tuple(name for name, _ in source.columns)
             case plan.ValueSource(value=value) if _is_walked(item) and _is_fixed(value):
                 if (value.type.size or FEW) < FEW:
                     return None
-                columns = sql_names(tuple(name for name, _ in source.columns or ())).values()
-                found = copies.looked_up(item, self.selects.needs.label(f"{label}_once"), ("rowid", "this", *columns))
+                name = f"{label}_once"
+                columns = ("this", *sql_names(tuple(name for name, _ in source.columns or ())).values())
                 without_affinity(asked, label, self.selects.tables)
             case _:
                 return None
-        if found is not None and found is not item:
-            self.indexed.add(level)
-            self.terms.append(in_order(label))
-        if found is not None:
-            self.selects.needs.applied["lookup"] = None
-        return found
-
-    def _table_looked_up(
-        self, source: plan.TableSource, item: exp.Table, keys: set[str], copies: Copies
-    ) -> exp.Table | None:
-        """A table beside lists, which is walked in its order: by an index that keeps it, or in a copy."""
-        for columns, index in source.indexes:
-            if keys.issuperset(columns):
-                item.set("indexed", sql.identifier(index) if index else False)
-                return item
-        if source.order != ("rowid",):
-            return None
-        name = self.selects.needs.label(f"{source.name}_in_order")
-        return copies.looked_up(item, name, ("rowid", *(name for name, _ in source.columns)))
+        self.terms.append(in_order(label))
+        return copies.looked_up(item, needs.label(name), ("rowid", *columns))
 
 
 def _is_fixed(value: plan.Expr) -> bool:

@@ -22,7 +22,7 @@ from sqlglot import exp
 
 from ss2sql import plan
 from ss2sql.lowering import sql
-from ss2sql.lowering.copies import asked_equal, keep_columns
+from ss2sql.lowering.copies import asked_equal, by_index, keep_columns, materialized
 from ss2sql.lowering.expressions import Env, is_flag
 from ss2sql.lowering.parameters import Bookkeeping
 from ss2sql.lowering.select import Selects
@@ -201,10 +201,8 @@ class SearchLowering(ABC):
             for table, column, others in asked_equal(conditions)
             if table == item.alias_or_name and others.isdisjoint(unknown)
         }
-        for columns, index in source.indexes:
-            if asked.issuperset(columns):
-                item.set("indexed", sql.identifier(index) if index else False)
-                return item
+        if by_index(item, source, asked):
+            return item
         name = f"{item.alias_or_name}_in_order"
         if name not in self.positions:
             self.positions[name] = free_name("position", {column.lower() for column, _ in source.columns})
@@ -246,8 +244,7 @@ class SearchLowering(ABC):
         return sql.table(name, label)
 
     def _copy(self, name: str, select: exp.Select) -> None:
-        cte = exp.CTE(this=select, alias=exp.TableAlias(this=sql.identifier(name)), materialized=True)
-        self.tables.append(cte)
+        self.tables.append(materialized(name, select))
 
     # --- results ---------------------------------------------------------------------------------------
 

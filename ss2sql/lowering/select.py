@@ -18,7 +18,7 @@ from ss2sql.lowering.parameters import Needs
 from ss2sql.lowering.product import Product
 from ss2sql.lowering.sources import open_sources, sql_names
 from ss2sql.lowering.sql import Node
-from ss2sql.walk import rebuild, sources_read, walk_own
+from ss2sql.walk import conjuncts, rebuild, sources_read, walk_own
 
 COLLECTORS = {
     "list": "collect",
@@ -58,8 +58,7 @@ class Selects:
 
     def conditions(self, where: plan.Expr | None, env: Env) -> list[Node]:
         """WHERE, which cannot fail, as conditions that all have to hold, in any order."""
-        parts = where.parts if isinstance(where, plan.And) else (where,) if where is not None else ()
-        return [self.expressions.condition(part, env) for part in parts]
+        return [self.expressions.condition(part, env) for part in conjuncts(where)]
 
     def flat(self, query: plan.Query, env: Env) -> Product:
         """FROM and WHERE of a query."""
@@ -183,7 +182,7 @@ class Selects:
     def outputs(self, query: plan.Query, env: Env, names: list[str | None], boxed: bool = False) -> list[Node]:
         lower = self.expressions.value if boxed else self.expressions.lower
         nodes = [lower(output.expr, env) for output in query.columns]
-        return [_named(node, name) for node, name in zip(nodes, names, strict=True)]
+        return [sql.named(node, name) for node, name in zip(nodes, names, strict=True)]
 
     def rows(self, query: plan.Query, env: Env, names: list[str | None], boxed: bool = False) -> exp.Select:
         """The query's rows, sorted and cut; the caller guarantees that SQL can sort them."""
@@ -280,12 +279,6 @@ class _Arguments(Expressions):
             if argument == expr:
                 return column.copy()
         return super().value(expr, env)
-
-
-def _named(node: Node, name: str | None) -> Node:
-    if name is None or (isinstance(node, exp.Column) and node.name == name):
-        return node
-    return sql.alias(node, name)
 
 
 def _all_sources(query: plan.Query) -> list[plan.Source]:

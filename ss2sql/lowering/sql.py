@@ -50,9 +50,6 @@ def can_be_text(value: str) -> bool:
     return not _SURROGATE.search(value)
 
 
-_OF_A_STATEMENT = re.compile(r"elements|search|.*_(once|in_order)(_\d+)?\Z", re.DOTALL)
-
-
 def module_of(columns: tuple[str, ...]) -> str:
     """The name of the virtual table that walks lists with these columns; no other columns have it.
 
@@ -61,6 +58,10 @@ def module_of(columns: tuple[str, ...]) -> str:
     if all(_PLAIN_COLUMN.match(name) and not OBEYED.search(name) for name in columns):
         return "_".join(("elements", *columns))
     return "elements " + ", ".join(_MARKED.sub(_marked, name) for name in columns)
+
+
+# Modules, the recursive table of a search, and copies of lists and tables.
+_OF_A_STATEMENT = re.compile(r"elements|search|.*_(once|in_order)(_\d+)?\Z", re.DOTALL)
 
 
 def may_be_hidden(name: str) -> bool:
@@ -222,6 +223,11 @@ def calls_python(node: Node) -> bool:
 
 def alias(node: Node, name: str) -> Node:
     return exp.Alias(this=node, alias=identifier(name))
+
+
+def named(node: Node, name: str | None) -> Node:
+    """A column of SELECT under a name; without one, or where it has that name, as it is."""
+    return node if name is None or (isinstance(node, exp.Column) and node.name == name) else alias(node, name)
 
 
 def scalar(select: exp.Query) -> exp.Subquery:

@@ -14,7 +14,7 @@ from typing import Any
 
 from ss2sql import plan
 from ss2sql.kinds import ANY, BOOL, Kind
-from ss2sql.walk import can_fail, functions, is_volatile, parts, sources_read, states_read, walk
+from ss2sql.walk import can_fail, conjuncts, functions, is_volatile, parts, sources_read, states_read, walk
 
 SCOUT = 0  # the number of scouts as queries: nothing in them asks for it
 
@@ -100,7 +100,7 @@ def _in_query(query: plan.Query, place: _Place) -> Iterator[Site]:
             if clause is not None:
                 yield from _in_expr(clause, place)
     elif query.where is not None:
-        place = replace(place, tested=(*place.tested, *_conjuncts(query.where)))
+        place = replace(place, tested=(*place.tested, *conjuncts(query.where)))
     rest = [*(output.expr for output in query.columns), *query.rows, *query.group, *(key.expr for key in query.order)]
     for expr in (*rest, *(() if query.having is None else (query.having,))):
         yield from _in_expr(expr, place)
@@ -133,10 +133,6 @@ def _in_expr(node: Any, place: _Place) -> Iterator[Site]:
                     yield site
             for part in parts(node):
                 yield from _in_expr(part, place)
-
-
-def _conjuncts(expr: plan.Expr) -> tuple[plan.Expr, ...]:
-    return expr.parts if isinstance(expr, plan.And) else (expr,)
 
 
 # --- scouts --------------------------------------------------------------------------------------------

@@ -159,7 +159,7 @@ class CompiledQuery:
     def renew(self, run: Run) -> None:
         """Makes the query anew where it relies on what is no longer so. Raises what keeps it from its engine."""
         held = self.made and self.world.holds(run.source)
-        if not held or not all(handed.holds(run.source) for handed in self.handed.values()):
+        if not (held and all(handed.holds(run.source) for handed in self.handed.values())):
             self._make(run.source)
         if self.refusal is not None:
             raise self.refusal

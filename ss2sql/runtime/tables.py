@@ -167,27 +167,28 @@ class Tables:
         else:
             taken = {column.lower() for column in columns}
             order = tuple(word for word in ("rowid", "_rowid_", "oid") if word not in taken)[:1]
-        indexes = () if kind == "view" else self._indexes(schema, name, order, keys)
+        listed = self._fetch(
+            "SELECT name, origin, partial FROM pragma_index_list(?, ?) ORDER BY origin, name", (name, schema)
+        )
+        indexed = any(origin != "pk" or not without_rowid for _, origin, _ in listed)
+        whole = [(index, origin) for index, origin, partial in listed if not partial]
+        indexes = () if kind == "view" else self._indexes(schema, name, order, keys, whole)
         kinds = self._kinds(schema, name, columns)
         # What a view computes may change with every look at it, as random() does.
         bounded = {} if kind == "view" else self._bounded(schema, name, kinds, {index[0][0] for index in indexes})
         typed = tuple((column, bounded.get(column, Type(kinds[column]))) for column in columns)
         collated = () if kind == "view" else tuple(c for c in columns if self._collation(schema, name, c) != "BINARY")
-        listed = self._fetch("SELECT origin FROM pragma_index_list(?, ?)", (name, schema))
-        indexed = any(origin != "pk" or not without_rowid for (origin,) in listed)
         return plan.TableSource(0, name, schema, name, typed, order, collated, indexes, indexed, span=None)  # type: ignore[arg-type]
 
     def _indexes(
-        self, schema: str, name: str, order: tuple[str, ...], keys: list[str]
+        self, schema: str, name: str, order: tuple[str, ...], keys: list[str], listed: list[tuple[str, str]]
     ) -> tuple[tuple[tuple[str, ...], str], ...]:
         """What finds the rows with one value of some columns and gives them in the order of the table.
 
         These are pairs of columns and index, the longest first. An index does so for all of its columns, for its
-        entries end with what sorts the table. The index "" stands for the table itself.
+        entries end with what sorts the table. The index "" stands for the table itself. `listed` are all indexes that
+        have every row, with their origins.
         """
-        listed = self._fetch(
-            "SELECT name, origin FROM pragma_index_list(?, ?) WHERE NOT partial ORDER BY origin, name", (name, schema)
-        )
         found: dict[tuple[str, ...], str] = {}
         if keys and order == tuple(keys):
             (kept,) = (index for index, origin in listed if origin == "pk")

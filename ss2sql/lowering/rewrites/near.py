@@ -21,7 +21,7 @@ from ss2sql.lowering.expressions import can_fail
 from ss2sql.lowering.rewrites.nodes import bottom_up, call, constant
 from ss2sql.lowering.rewrites.world import World
 from ss2sql.runtime.builtins import BUILTINS
-from ss2sql.walk import sources_read, walk
+from ss2sql.walk import conjuncts, sources_read, walk
 
 # So much wider is the box: more than what floats lose between the distance and the ends of the box. It can be a factor,
 # for where a float ends a range, rounding the end never leaves the float outside.
@@ -54,7 +54,7 @@ def rewrite(query: plan.Query, world: World) -> plan.Query:
 def _boxed(query: plan.Query, sources: Sources) -> plan.Query:
     if query.where is None:
         return query
-    parts = query.where.parts if isinstance(query.where, plan.And) else (query.where,)
+    parts = conjuncts(query.where)
     number = {source.id: index for index, source in enumerate(query.sources)}
     wanted: list[plan.Expr] = []
     for part in parts:

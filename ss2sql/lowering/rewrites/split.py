@@ -18,7 +18,7 @@ from ss2sql.kinds import Kind, Type
 from ss2sql.lowering.expressions import can_fail
 from ss2sql.lowering.rewrites.nodes import COMPARISONS, all_of, any_of, as_bool, bottom_up, call, constant, negated
 from ss2sql.lowering.rewrites.world import World, is_plain
-from ss2sql.walk import is_volatile
+from ss2sql.walk import conjuncts, is_volatile
 
 FEWEST = 3  # comparisons that are worth an IN
 
@@ -91,7 +91,7 @@ def _connected(node: Any) -> Any:
 
 def _common(parts: list[plan.Expr]) -> int:
     """How many parts all branches of a disjunction begin with."""
-    branches = [_branch(part) for part in parts]
+    branches = [conjuncts(part) for part in parts]
     shortest = min(map(len, branches))
     number = 0
     while number < shortest and all(branch[number] == branches[0][number] for branch in branches):
@@ -99,14 +99,10 @@ def _common(parts: list[plan.Expr]) -> int:
     return number
 
 
-def _branch(expr: plan.Expr) -> tuple[plan.Expr, ...]:
-    return expr.parts if isinstance(expr, plan.And) else (expr,)
-
-
 def _factored(parts: list[plan.Expr], common: int, node: plan.Or) -> plan.Expr:
     """`(a AND b) OR (a AND c)` as `a AND (b OR c)`; a branch that is `a` alone makes the rest of no account."""
-    first = list(_branch(parts[0])[:common])
-    rests = [list(_branch(part)[common:]) for part in parts]
+    first = list(conjuncts(parts[0])[:common])
+    rests = [list(conjuncts(part)[common:]) for part in parts]
     kept: list[plan.Expr] = []
     for rest in rests:
         if not rest:

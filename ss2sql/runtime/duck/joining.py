@@ -26,11 +26,9 @@ from ss2sql.runtime.duck.tables import DuckFrame
 from ss2sql.runtime.levels.watch import watched
 from ss2sql.runtime.run import Run
 from ss2sql.vtables.frames.frame import Column, Frame
-from ss2sql.walk import rebuild, sources_read, walk
+from ss2sql.walk import conjuncts, rebuild, sources_read, walk
 
 FEW = 10_000  # rows that are handed over in any case; else no more than the tables have together
-
-Variables = Callable[[str], Any]
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +45,7 @@ class Joining:
     def read(self, run: Run) -> Frame:
         """The rows that are kept, in the order of the product."""
         frames = self._frames(run.source)
-        select, first = self._select(run.source), frames[self.sources[0].id]
+        select, first = self._select(frames, run.source), frames[self.sources[0].id]
         with first.asked(self.sources[0].span), watched(run, first.reading):
             rows = first.reading.arrow(DUCKDB.print(select))
         columns = {}
@@ -56,20 +54,20 @@ class Joining:
             columns[new] = Column(frame.columns[name].type, partial(frame.values_of, name, partial(rows.column, new)))
         return Frame(columns, rows.num_rows)
 
-    def holds(self, variable: Variables) -> bool:
+    def holds(self, variable: Callable[[str], Any]) -> bool:
         """Whether DuckDB can ask all of it with the values that variables have now."""
         try:
-            self._select(variable)
+            self._select(self._frames(variable), variable)
         except UnsupportedError:
             return False
         return True
 
-    def of(self, part: plan.Expr) -> bool:
+    def concerns(self, part: plan.Expr) -> bool:
         """Whether a part of WHERE speaks of the sources, and of nothing else that has rows."""
         owners = sources_read(part)
         return bool(owners) and owners <= {source.id for source in self.sources}
 
-    def _frames(self, variable: Variables) -> dict[int, DuckFrame]:
+    def _frames(self, variable: Callable[[str], Any]) -> dict[int, DuckFrame]:
         """The tables behind the sources, by their numbers. Raises UnsupportedError where one is none any more."""
         found = {source.id: frame_of(source, variable) for source in self.sources}
         for source in self.sources:
@@ -78,16 +76,15 @@ class Joining:
                 raise refused(f"{source.name} is no table of DuckDB that compares as others do", source.span)
         return {source: frame for source, frame in found.items() if frame is not None}
 
-    def _select(self, variable: Variables) -> exp.Select:
-        frames = self._frames(variable)
+    def _select(self, frames: Mapping[int, DuckFrame], variable: Callable[[str], Any]) -> exp.Select:
         tables = [(source, frames[source.id].outside) for source in self.sources]
         return joined(tables, self.names, self.conditions, variable)
 
-    def pays(self, variable: Variables) -> bool:
+    def pays(self, variable: Callable[[str], Any]) -> bool:
         """Whether the rows are few enough to be handed over all at once."""
         frames = self._frames(variable)
         first, most = frames[self.sources[0].id], max(FEW, sum(frame.length for frame in frames.values()))
-        some = sql.with_outputs(self._select(variable), [sql.number(1)]).limit(most + 1)
+        some = sql.with_outputs(self._select(frames, variable), [sql.number(1)]).limit(most + 1)
         some.set("order", None)
         count = exp.Select(expressions=[exp.Count(this=exp.Star())]).from_(some.subquery("kept"))
         with first.asked(self.sources[0].span):
@@ -95,7 +92,9 @@ class Joining:
         return bool(rows <= most)
 
 
-def join(query: plan.Query, asked: Iterable[plan.Expr], variable: Variables) -> tuple[plan.Query, list[Joining]]:
+def join(
+    query: plan.Query, asked: Iterable[plan.Expr], variable: Callable[[str], Any]
+) -> tuple[plan.Query, list[Joining]]:
     """The query over one source instead of those that are joined, which has the number of the first of them.
 
     Args:
@@ -111,11 +110,11 @@ def join(query: plan.Query, asked: Iterable[plan.Expr], variable: Variables) -> 
     if len(tables) < 2:
         return query, []
     whole = Joining(tables, (), {})
-    conditions = [part for part in asked if whole.of(part) and replace(whole, conditions=(part,)).holds(variable)]
+    conditions = [part for part in asked if whole.concerns(part) and replace(whole, conditions=(part,)).holds(variable)]
     found = []
     for sources in _linked(query.sources, tables, conditions):
         chosen = Joining(sources, (), {})
-        chosen = replace(chosen, conditions=tuple(part for part in conditions if chosen.of(part)))
+        chosen = replace(chosen, conditions=tuple(part for part in conditions if chosen.concerns(part)))
         rest = replace(query, where=_without(query.where, chosen.conditions))
         names = _names(rest, chosen)
         if names and (joining := replace(chosen, names=names)).pays(variable):
@@ -150,12 +149,8 @@ def _equal(part: plan.Expr) -> frozenset[int] | None:
 
 def _without(where: plan.Expr | None, conditions: Collection[plan.Expr]) -> plan.Expr | None:
     """What is left of WHERE."""
-    parts = where.parts if isinstance(where, plan.And) else (where,)
-    left = [part for part in parts if part is not None and not any(part is asked for asked in conditions)]
-    if len(left) < 2:
-        return left[0] if left else None
-    assert isinstance(where, plan.And)
-    return replace(where, parts=tuple(left))
+    left = tuple(part for part in conjuncts(where) if not any(part is asked for asked in conditions))
+    return replace(where, parts=left) if isinstance(where, plan.And) and len(left) > 1 else next(iter(left), None)
 
 
 def _names(rest: plan.Query, joining: Joining) -> dict[tuple[int, str], str]:

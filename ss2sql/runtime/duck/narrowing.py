@@ -18,9 +18,7 @@ from ss2sql.runtime.duck.tables import DuckFrame
 from ss2sql.runtime.levels.watch import watched
 from ss2sql.runtime.rows import free_name
 from ss2sql.runtime.run import Run
-from ss2sql.walk import can_fail, is_volatile, sources_read, walk
-
-Variables = Callable[[str], Any]
+from ss2sql.walk import can_fail, conjuncts, is_volatile, sources_read, walk
 
 
 class Handed(Protocol):
@@ -38,7 +36,7 @@ class Handed(Protocol):
     def read(self, run: Run) -> Any:
         """What a run reads under the name that it has in the query."""
 
-    def holds(self, variable: Variables) -> bool:
+    def holds(self, variable: Callable[[str], Any]) -> bool:
         """Whether it can be had with the values that variables have now; the query is made anew where it cannot."""
 
 
@@ -63,10 +61,10 @@ class Narrowing:
         with frame.asked(self.source.span), watched(run, frame.reading):
             return frame.within(kept)
 
-    def holds(self, variable: Variables) -> bool:
+    def holds(self, variable: Callable[[str], Any]) -> bool:
         return True
 
-    def of(self, frame: DuckFrame, variable: Variables) -> Outside | None:
+    def of(self, frame: DuckFrame, variable: Callable[[str], Any]) -> Outside | None:
         """The rows of the table that are kept; None where DuckDB cannot tell which."""
         if frame.reading.strange:  # texts may compare in another way
             return None
@@ -76,7 +74,7 @@ class Narrowing:
             return None
 
 
-def narrow(query: plan.Query, variable: Variables) -> tuple[plan.Query, dict[str, Handed]]:
+def narrow(query: plan.Query, variable: Callable[[str], Any]) -> tuple[plan.Query, dict[str, Handed]]:
     """The query over variables of their own instead of the tables that DuckDB can narrow or join, and what these are.
 
     Args:
@@ -85,6 +83,9 @@ def narrow(query: plan.Query, variable: Variables) -> tuple[plan.Query, dict[str
     """
     found: dict[str, Handed] = {}
     if query.search is not None or query.where is None or any(map(_may_fail, query.sources)):
+        return query, {}
+    values = [source for source in query.sources if isinstance(source, plan.ValueSource)]
+    if all(frame_of(source, variable) is None for source in values):
         return query, {}
     if is_volatile(query):  # where something is assigned, conditions may be others for the next row
         return query, {}
@@ -111,17 +112,19 @@ def _may_fail(source: plan.Source) -> bool:
     return True
 
 
-def _first(where: plan.Expr) -> list[plan.Expr]:
+def _first(where: plan.Expr | None) -> list[plan.Expr]:
     """The parts of WHERE before what may fail or calls a Python function: rows that they do not keep are not missed."""
     found: list[plan.Expr] = []
-    for part in where.parts if isinstance(where, plan.And) else (where,):
+    for part in conjuncts(where):
         if can_fail(part) or any(isinstance(node, plan.Call) and not node.function.builtin for node in walk(part)):
             break
         found.append(part)
     return found
 
 
-def _narrowing(asked: Iterable[plan.Expr], source: plan.ValueSource, variable: Variables) -> Narrowing | None:
+def _narrowing(
+    asked: Iterable[plan.Expr], source: plan.ValueSource, variable: Callable[[str], Any]
+) -> Narrowing | None:
     """What DuckDB can ask of a source, if it is a table there and there is such a thing."""
     frame = frame_of(source, variable)
     if frame is None:

@@ -7,7 +7,7 @@ means what the catalogue of DuckDB has under it, never a file, a function or a v
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -94,13 +94,9 @@ class DuckFrame(Frame):
         columns = {name: values.later(name, column.type) for name, column in self.columns.items()}
         return DuckFrame(columns, rows, outside, self.reading, values)
 
-    @contextmanager
-    def asked(self, span: Span) -> Iterator[None]:
+    def asked(self, span: Span) -> AbstractContextManager[None]:
         """Makes what DuckDB raises ExecutionError X009, at the source that asks."""
-        try:
-            yield
-        except self.reader.reader.sources.errors as error:
-            raise ExecutionError("X009", f"duckdb: {error}", span) from error
+        return self.reader.reader.sources.asked(span)
 
     def values_of(self, name: str, read: Callable[[], Any]) -> list[Any]:
         """The values of a column in the rows that `read` gives as an array. Raises ExecutionError X004 and X009."""
@@ -138,10 +134,8 @@ class DuckSources:
         run = run or (self.begun[-1] if self.begun else None)
         if run is not None and self in run.readings:
             return run.readings[self]  # type: ignore[no-any-return]
-        try:
+        with self.asked():
             made = Reading(self.cursor())
-        except self.errors as error:
-            raise ExecutionError("X009", f"duckdb: {error}") from error
         if run is not None:
             run.readings[self] = made
             run.endings.append(made.cursor.close)
@@ -165,7 +159,9 @@ class DuckSources:
 
     def names(self) -> list[str]:
         """The names of all tables and views that need no schema before them."""
-        return [name for _, _, name, _ in self._asked(lambda reading: reading.rows(_FIND, {"schema": None}))]
+        with self.asked():
+            found = self.reading().rows(_FIND, {"schema": None})
+        return [name for _, _, name, _ in found]
 
     def columns(self, name: str) -> tuple[tuple[str, Type], ...]:
         """The columns of a table or view; nothing where there is none or it cannot be read."""
@@ -198,16 +194,19 @@ class DuckSources:
             return run.readings[key]  # type: ignore[no-any-return]
         schema, _, table = name.rpartition(".")
         values = {"schema": schema or None, "name": table}
-        found = self._asked(lambda reading: reading.rows(f"{_FIND} AND name = $name", values))
+        with self.asked():
+            found = self.reading().rows(f"{_FIND} AND name = $name", values)
         if run is not None:
             run.readings[key] = found
         return found
 
-    def _asked(self, question: Callable[[Reading], list[tuple[Any, ...]]]) -> list[tuple[Any, ...]]:
+    @contextmanager
+    def asked(self, span: Span | None = None) -> Iterator[None]:
+        """Makes what DuckDB raises ExecutionError X009, at the place that asks."""
         try:
-            return question(self.reading())
+            yield
         except self.errors as error:
-            raise ExecutionError("X009", f"duckdb: {error}") from error
+            raise ExecutionError("X009", f"duckdb: {error}", span) from error
 
 
 class TableReader:

@@ -14,7 +14,7 @@ from typing import TypeAlias
 
 from ss2sql import plan
 from ss2sql.kinds import INT, Kind
-from ss2sql.walk import is_volatile, walk
+from ss2sql.walk import conjuncts, is_volatile, walk
 
 # A state at the goal: the value of each START WITH variable, None for one that no step changes.
 Goal: TypeAlias = tuple[plan.Expr | None, ...]
@@ -93,7 +93,7 @@ def _is_fixed(query: plan.Query, expr: plan.Expr) -> bool:
 def _goals(query: plan.Query, steps: dict[str, plan.Expr]) -> tuple[Goal, ...]:
     assert query.search is not None
     known: dict[str, list[plan.Expr]] = {}
-    for part in query.where.parts if isinstance(query.where, plan.And) else (query.where,):
+    for part in conjuncts(query.where):
         for name, values in _demands(query, part, steps).items():
             known.setdefault(name, values)
     for name in steps:
@@ -103,7 +103,7 @@ def _goals(query: plan.Query, steps: dict[str, plan.Expr]) -> tuple[Goal, ...]:
     return tuple(product(*(known.get(name, [None]) for name in names)))
 
 
-def _demands(query: plan.Query, part: plan.Expr | None, steps: dict[str, plan.Expr]) -> dict[str, list[plan.Expr]]:
+def _demands(query: plan.Query, part: plan.Expr, steps: dict[str, plan.Expr]) -> dict[str, list[plan.Expr]]:
     """The values after the step that a condition allows for variables."""
     match part:
         case plan.Call(plan.Function(name="eq", builtin=True), (left, right)):

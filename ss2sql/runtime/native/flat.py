@@ -19,6 +19,7 @@ from ss2sql.runtime.native.groups import Groups
 from ss2sql.runtime.native.lookups import lookups
 from ss2sql.runtime.native.loops import Loops, read_by_sources
 from ss2sql.runtime.native.unit import Body
+from ss2sql.walk import conjuncts
 
 if TYPE_CHECKING:
     from ss2sql.runtime.native.builder import Builder
@@ -73,14 +74,11 @@ def placed_conditions(
     If it may raise, the part before it stays before it, and all later sources must be read once and have
     elements, so that it would be evaluated anyway.
     """
-    parts = query.where.parts if isinstance(query.where, plan.And) else (query.where,)
     placed: dict[int, list[plan.Expr]] = defaultdict(list)
     number = {source.id: index + 1 for index, source in enumerate(query.sources)}
     last, reached, guarded = len(query.sources), 0, None
     certain = steady = True  # of all parts so far
-    for part in parts:
-        if part is None:
-            continue
+    for part in conjuncts(query.where):
         facts = builder.unit.analysis.of(part)
         level = max((number[source] for source in facts.sources if source in number), default=0)
         if certain and any(map(loops.look_up, lookups(part, builder.unit.analysis))):

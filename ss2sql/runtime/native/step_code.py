@@ -121,9 +121,9 @@ class StepCode:
         if self.search.repeats == "memorize" or not all(facts.steady and facts.total for facts in rows):
             return
         for part, other in zip(stop, where or stop, strict=False):
-            kept = lookups(other, self.unit.analysis) if where else []
             dropped = lookups(part, self.unit.analysis, "ne")
             if where:
+                kept = lookups(other, self.unit.analysis)
                 dropped = [one for one in dropped if any(self._is_same(one, same) for same in kept)]
             if not any(map(self.loops.look_up, dropped)):
                 return
