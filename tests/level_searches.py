@@ -9,8 +9,9 @@ from dataclasses import replace
 from typing import Any
 
 from agreement import exact, session_for
-from hypothesis import HealthCheck, Phase, given, seed, settings
+from hypothesis import given, seed
 from programs import ProgramCase, programs
+from programs.drawn import drawn
 
 import ss2sql
 from ss2sql.errors import Source
@@ -83,13 +84,7 @@ def compare_random(
     compared = 0
 
     @seed(number)
-    @settings(
-        max_examples=examples,
-        deadline=None,
-        database=None,
-        phases=[Phase.generate],
-        suppress_health_check=list(HealthCheck),
-    )
+    @drawn(examples, shrunk=False)
     @given(programs())
     def run(case: ProgramCase) -> None:
         nonlocal compared

@@ -14,8 +14,9 @@ from pathlib import Path
 
 import pytest
 from agreement import Trial, session_for, trial
-from hypothesis import HealthCheck, given, seed, settings
+from hypothesis import given, seed, settings
 from programs import ProgramCase, Score, features, programs
+from programs.drawn import drawn
 from reference import Reference
 from replay import Replay, search_of
 
@@ -34,13 +35,7 @@ def test_three_evaluators_agree(part: int) -> None:
     shrinking = False
 
     @seed(SEED + part)
-    @settings(
-        max_examples=min(PART, COUNT - part * PART),
-        deadline=None,
-        database=None,
-        report_multiple_bugs=False,
-        suppress_health_check=list(HealthCheck),
-    )
+    @settings(drawn(min(PART, COUNT - part * PART)), report_multiple_bugs=False)
     @given(programs())
     def run(case: ProgramCase) -> None:
         nonlocal shrinking
@@ -65,7 +60,7 @@ def test_paths_of_random_searches_replay() -> None:
     replayed = 0
 
     @seed(SEED)
-    @settings(max_examples=COUNT // 4, deadline=None, database=None, suppress_health_check=list(HealthCheck))
+    @drawn(COUNT // 4)
     @given(programs())
     def run(case: ProgramCase) -> None:
         nonlocal replayed

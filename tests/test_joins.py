@@ -8,8 +8,9 @@ from typing import Any
 
 import pytest
 from agreement import exact, outcome, reference_outcome, session_for
-from hypothesis import HealthCheck, Phase, given, seed, settings
+from hypothesis import given, seed
 from programs import ProgramCase
+from programs.drawn import drawn
 from programs.joins import joins
 from reference import Reference
 from sessions import code_of
@@ -17,12 +18,6 @@ from sessions import code_of
 import ss2sql
 
 COUNT = int(os.environ.get("SS2SQL_PROGRAMS", "1000")) // 2
-SETTINGS: dict[str, Any] = {
-    "deadline": None,
-    "database": None,
-    "phases": [Phase.generate],
-    "suppress_health_check": list(HealthCheck),
-}
 INDEX = "in an index that SQLite makes for this query"
 
 
@@ -54,7 +49,7 @@ def test_random_queries(engine: Any, tables: tuple[str, ...], indexed: bool) -> 
     looked_up = failed = 0
 
     @seed(103)
-    @settings(max_examples=COUNT, **SETTINGS)
+    @drawn(COUNT, shrunk=False)
     @given(joins())
     def run(case: ProgramCase) -> None:
         nonlocal looked_up, failed

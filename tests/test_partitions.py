@@ -12,10 +12,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from agreement import Outcome, executor_outcome
-from hypothesis import HealthCheck, given, seed, settings
+from hypothesis import given, seed
 from hypothesis import strategies as st
 from programs import ProgramCase
 from programs.choices import Choices
+from programs.drawn import drawn
 from programs.expressions import WITH_LISTS, Sight
 from programs.flat import Flat
 from sessions import ENGINES
@@ -59,7 +60,7 @@ def test_a_condition_and_its_opposite_share_the_rows() -> None:
     shared: Counter[str] = Counter()
 
     @seed(2015)
-    @settings(max_examples=COUNT, deadline=None, database=None, suppress_health_check=list(HealthCheck))
+    @drawn(COUNT)
     @given(st.binary(min_size=DECISIONS, max_size=DECISIONS).map(partition))
     def run(made: Partition) -> None:
         for engine in ENGINES:

@@ -12,16 +12,17 @@ from typing import Any
 
 import pytest
 from agreement import Outcome, executor_outcome, session_for
-from hypothesis import HealthCheck, given, seed, settings
+from hypothesis import given, seed
 from hypothesis import strategies as st
 from programs import ProgramCase, programs
+from programs.drawn import drawn
 from programs.renaming import CASES, RenamedCase, renamed
 from programs.shuffling import product, shuffled
 from sessions import ENGINES
 
 COUNT = int(os.environ.get("SS2SQL_PROGRAMS", "1000")) // 25
 SEED = int(os.environ.get("SS2SQL_SEED", "2015"))
-many = settings(max_examples=COUNT, deadline=None, database=None, suppress_health_check=list(HealthCheck))
+many = drawn(COUNT)
 
 
 def with_old_names(case: RenamedCase, outcome: Outcome) -> Outcome:

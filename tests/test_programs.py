@@ -6,10 +6,11 @@ from collections import Counter
 from typing import Any
 
 import pytest
-from hypothesis import HealthCheck, given, seed, settings
+from hypothesis import given, seed, settings
 from hypothesis import strategies as st
 from programs import ProgramCase, Score, programs
 from programs.choices import Choices
+from programs.drawn import drawn
 from programs.features import LEAST
 from programs.library import LIBRARY
 from programs.machines import MACHINES, Machine
@@ -50,7 +51,7 @@ def test_every_feature_is_in_five_of_a_hundred_programs() -> None:
     score = Score(2015)
 
     @seed(2015)
-    @settings(max_examples=2000, database=None, deadline=None, suppress_health_check=list(HealthCheck))
+    @drawn(2000)
     @given(programs())
     def run(case: ProgramCase) -> None:
         score.count(case.script)

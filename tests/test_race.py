@@ -6,8 +6,9 @@ from collections import Counter
 
 import pytest
 from agreement import session_for
-from hypothesis import HealthCheck, given, seed, settings
+from hypothesis import given, seed
 from programs import ProgramCase, programs
+from programs.drawn import drawn
 
 import ss2sql
 from ss2sql import plan
@@ -297,7 +298,7 @@ def test_random_programs_keep_their_promises() -> None:
     words: Counter[str] = Counter()
 
     @seed(6)
-    @settings(max_examples=120, deadline=None, database=None, suppress_health_check=list(HealthCheck))
+    @drawn(120)
     @given(programs())
     def run(case: ProgramCase) -> None:
         if "CONNECT BY" not in case.script:

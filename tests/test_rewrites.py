@@ -7,9 +7,10 @@ from typing import Any
 
 import pytest
 from agreement import executor_outcome, reference_outcome
-from hypothesis import HealthCheck, given, seed, settings
+from hypothesis import given, seed
 from hypothesis import strategies as st
 from programs import ProgramCase, programs
+from programs.drawn import drawn
 from rewrite_programs import DECISIONS, noted_program
 from sessions import ENGINES
 
@@ -87,7 +88,7 @@ def test_random_programs_do_not_notice_a_rewrite(switch: str) -> None:
     tried = 0
 
     @seed(SWITCHES.index(switch))
-    @settings(max_examples=PROGRAMS, deadline=None, database=None, suppress_health_check=list(HealthCheck))
+    @drawn(PROGRAMS)
     @given(programs())
     def run(case: ProgramCase) -> None:
         nonlocal tried
@@ -107,7 +108,7 @@ def test_random_programs_call_their_functions_as_the_written_order_does(switch: 
     tried = 0
 
     @seed(SWITCHES.index(switch))
-    @settings(max_examples=PROGRAMS, deadline=None, database=None, suppress_health_check=list(HealthCheck))
+    @drawn(PROGRAMS)
     @given(st.binary(min_size=DECISIONS, max_size=DECISIONS))
     def run(data: bytes) -> None:
         nonlocal tried

@@ -17,8 +17,9 @@ import polars as pl
 import pytest
 from agreement import exact
 from balls import BallWorld
-from hypothesis import HealthCheck, given, seed, settings
+from hypothesis import given, seed
 from hypothesis import strategies as st
+from programs.drawn import drawn
 from programs.library import LIBRARY
 from programs.scenes import BALL, CALLED, DECISIONS, SceneCase, Stirring, over_copies, scene_program
 from reference import Failure, Reference
@@ -120,7 +121,7 @@ def test_programs_over_a_world_equal_those_over_copies() -> None:
     tried: Counter[str] = Counter()
 
     @seed(SEED)
-    @settings(max_examples=COUNT, deadline=None, database=None, suppress_health_check=list(HealthCheck))
+    @drawn(COUNT)
     @given(st.binary(min_size=DECISIONS, max_size=DECISIONS).map(scene_program))
     def run(case: SceneCase) -> None:
         expected = of_reference(case)

@@ -12,8 +12,9 @@ from typing import Any
 
 import pytest
 from agreement import exact, executor_outcome, reference_outcome
-from hypothesis import HealthCheck, given, seed, settings
+from hypothesis import given, seed
 from hypothesis import strategies as st
+from programs.drawn import drawn
 from second_opinion import DECISIONS, TYPES, Twin, twin
 from sessions import ENGINES
 
@@ -41,7 +42,7 @@ def test_duckdb_agrees() -> None:
     tried: Counter[str] = Counter()
 
     @seed(2015)
-    @settings(max_examples=COUNT, deadline=None, database=None, suppress_health_check=list(HealthCheck))
+    @drawn(COUNT)
     @given(st.binary(min_size=DECISIONS, max_size=DECISIONS).map(twin))
     def run(made: Twin) -> None:
         second = compared(map(exact, opinion(connection, made)))

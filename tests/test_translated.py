@@ -9,8 +9,9 @@ import pytest
 from adapters import ArrayWorld
 from agreement import exact
 from click.testing import CliRunner
-from hypothesis import HealthCheck, given, seed, settings
+from hypothesis import given, seed
 from hypothesis import strategies as st
+from programs.drawn import drawn
 from second_opinion import DECISIONS, Twin, twin
 from test_second_opinion import compared
 
@@ -34,7 +35,7 @@ def test_duckdb_gives_the_same_rows() -> None:
     tried: Counter[str] = Counter()
 
     @seed(31)
-    @settings(max_examples=COUNT, deadline=None, database=None, suppress_health_check=list(HealthCheck))
+    @drawn(COUNT)
     @given(st.binary(min_size=DECISIONS, max_size=DECISIONS).map(twin))
     def run(made: Twin) -> None:
         with ss2sql.connect() as ss:

@@ -9,9 +9,10 @@ from typing import Any
 import golden
 import pytest
 from agreement import exact, outcome, reference_outcome, session_for
-from hypothesis import HealthCheck, Phase, given, seed, settings
+from hypothesis import given, seed
 from hypothesis import strategies as st
 from programs import ProgramCase, programs
+from programs.drawn import drawn
 from second_opinion import DECISIONS, TYPES, Twin, twin
 from sessions import code_of
 
@@ -22,12 +23,6 @@ duckdb = pytest.importorskip("duckdb")
 COUNT = int(os.environ.get("SS2SQL_PROGRAMS", "1000")) // 10
 SEED = int(os.environ.get("SS2SQL_SEED", "2015"))
 OWN = duckdb.connect(config={"threads": 1})  # to connect takes 20 ms
-SETTINGS: dict[str, Any] = {
-    "deadline": None,
-    "database": None,
-    "phases": [Phase.generate],
-    "suppress_health_check": list(HealthCheck),
-}
 
 
 @pytest.mark.parametrize("case", golden.flat_queries(), ids=lambda case: case.name)
@@ -39,7 +34,7 @@ def test_random_programs() -> None:
     engines: Counter[str] = Counter()
 
     @seed(SEED)
-    @settings(max_examples=COUNT, **SETTINGS)
+    @drawn(COUNT, shrunk=False)
     @given(programs())
     def run(case: ProgramCase) -> None:
         with session_for(case, engine="duckdb", session=OWN) as ss:
@@ -57,7 +52,7 @@ def test_random_queries(kept: str) -> None:
     engines: Counter[str] = Counter()
 
     @seed(SEED)
-    @settings(max_examples=COUNT, **SETTINGS)
+    @drawn(COUNT, shrunk=False)
     @given(st.binary(min_size=DECISIONS, max_size=DECISIONS).map(twin))
     def run(made: Twin) -> None:
         case = made.case

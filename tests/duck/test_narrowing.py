@@ -8,8 +8,9 @@ from typing import Any
 
 import pytest
 from agreement import exact, outcome, reference_outcome
-from hypothesis import HealthCheck, Phase, given, seed, settings
+from hypothesis import given, seed
 from hypothesis import strategies as st
+from programs.drawn import drawn
 from second_opinion import DECISIONS, TYPES, Twin, twin
 from sessions import code_of
 
@@ -23,12 +24,6 @@ SALES = """
     CREATE TABLE sales AS
     SELECT i AS id, i % 7 AS kind, 'n' || i % 3 AS name, i / 2.0::DOUBLE AS price FROM range(100) AS r(i)
 """
-SETTINGS: dict[str, Any] = {
-    "deadline": None,
-    "database": None,
-    "phases": [Phase.generate],
-    "suppress_health_check": list(HealthCheck),
-}
 
 
 @pytest.fixture
@@ -60,7 +55,7 @@ def test_random_queries(engine: Any) -> None:
     narrowed = 0
 
     @seed(97)
-    @settings(max_examples=COUNT, **SETTINGS)
+    @drawn(COUNT, shrunk=False)
     @given(st.binary(min_size=DECISIONS, max_size=DECISIONS).map(twin))
     def run(made: Twin) -> None:
         nonlocal narrowed

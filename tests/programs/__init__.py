@@ -3,10 +3,10 @@
 `programs()` is a Hypothesis strategy of `ProgramCase`. Its parts, in order of control flow: `case` is the program
 with its variables, functions and tables, `choices` turns drawn bytes into decisions, `library` holds the Python
 functions, `expressions` writes expressions, `flat` queries, `searches` hierarchical queries, `scripts` whole
-programs; `features` reports what a script uses, `score` what a run of many came to.
+programs; `drawn` says how many are drawn, `features` reports what a script uses, `score` what a run of many came to.
 
 `renaming` and `shuffling` write a program again with other names and in another order; `scenes` writes programs over a
-world whose bodies come and go.
+world whose bodies come and go, `joins` joins.
 """
 
 from .case import ProgramCase

@@ -6,7 +6,8 @@ import os
 from typing import Any
 
 import pytest
-from hypothesis import HealthCheck, Phase, given, seed, settings
+from hypothesis import given, seed
+from programs.drawn import drawn
 from test_levels_typed import MOVES, expressions, script_of
 
 import ss2sql
@@ -28,13 +29,7 @@ def no_python(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("no_python")
 def test_random_steps(spark: Any) -> None:
     @seed(89)
-    @settings(
-        max_examples=COUNT,
-        deadline=None,
-        database=None,
-        phases=[Phase.generate],
-        suppress_health_check=list(HealthCheck),
-    )
+    @drawn(COUNT, shrunk=False)
     @given(expressions())
     def run(parts: dict[str, str]) -> None:
         number = len(str(parts))
