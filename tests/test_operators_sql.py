@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from typing import Any
 
 import pytest
@@ -16,7 +17,9 @@ from random_values import NUMBERS, SCALARS
 from random_values import TEXTS as ANY_TEXTS
 
 import ss2sql
-from ss2sql.lowering.sql import SQLITE_FUNCTIONS
+from ss2sql import plan
+from ss2sql.lowering.expressions import Env, Expressions
+from ss2sql.lowering.sql import SQLITE_FUNCTIONS, Node
 
 INTS = [0, 1, -1, 2, -2, 3, 7, 10, -10, 2**31, -(2**31), 2**53 - 1, 2**53, 2**53 + 1, -(2**53) - 1, 2**61 - 1, -(2**61)]
 EXTREME_INTS = [*INTS, 2**62, -(2**62), 2**63 - 1, 1 - 2**63]
@@ -218,6 +221,39 @@ def test_columns_of_tables_cost_no_call_as_a_rule(expression: str) -> None:
             ss.host.connection.create_scalar_function(name, lambda *arguments, name=name: calls.append(name))
         ss.run(f"SELECT {expression} FROM t;", engine="database")
         assert calls == []
+
+
+@pytest.mark.parametrize(
+    ("inner", "around"),
+    [
+        ("n", "{} % 3"),
+        ("n", "({} % 3 + 1) / 2"),
+        ("n", "abs(n - {})"),
+        ("n", "sqrt({} ^ 2)"),
+        ("n", "(2 % {} < m) % 3"),
+        ("n % 3", "({} AND n) % 3"),
+        ("n % 3", "IF({} > 1; n % 3; m)"),
+        ("n", "({} IN [n, 2]) % 4"),
+        ("n", "[n, 2][int(abs({} % 2))]"),
+        ("n % 3", "(SELECT {} FROM t WHERE n == 5 AS value) % 4"),
+    ],
+)
+def test_a_chain_of_what_may_fail_is_lowered_once(inner: str, around: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    lowered = Counter[int]()
+    lower = Expressions._lower
+
+    def counted(self: Expressions, expr: plan.Expr, env: Env) -> Node:
+        lowered[depth] += 1
+        return lower(self, expr, env)
+
+    monkeypatch.setattr(Expressions, "_lower", counted)
+    for depth in (4, 8, 16):
+        expression = inner
+        for _ in range(depth):
+            expression = around.format(expression)
+        case = ProgramCase(f"SELECT {expression} FROM t AS list;", tables={"t": [{"n": 5, "m": None}]})
+        assert differences(case) == []
+    assert lowered[16] - lowered[8] <= 2.5 * (lowered[8] - lowered[4])
 
 
 @pytest.mark.parametrize(

@@ -77,6 +77,7 @@ class Expressions:
     def __init__(self, needs: Needs, subquery: Callable[[plan.Query, Env], Node]) -> None:
         self.needs = needs
         self.subquery = subquery
+        self._lowered: dict[tuple[int, int], tuple[plan.Expr, Env, Node]] | None = None
 
     def value(self, expr: plan.Expr, env: Env) -> Node:
         """The expression as a value."""
@@ -107,7 +108,25 @@ class Expressions:
         return sql.call("truth", node)
 
     def lower(self, expr: plan.Expr, env: Env) -> Node:
-        """The expression as a flag or a value, by its type."""
+        """The expression as a flag or a value, by its type.
+
+        A guard lowers its operands, and where they are too long to be written twice they are arguments of a call
+        instead. So all within an expression is kept until that is lowered, else n of them in each other took 2^n steps.
+        """
+        outermost = self._lowered is None
+        lowered = self._lowered = {} if self._lowered is None else self._lowered
+        key = id(expr), id(env)
+        if key in lowered:
+            return lowered[key][-1].copy()
+        try:
+            node = self._lower(expr, env)
+        finally:
+            if outermost:
+                self._lowered = None
+        lowered[key] = expr, env, node  # with what has the identities, lest others come to have them
+        return node
+
+    def _lower(self, expr: plan.Expr, env: Env) -> Node:
         for known, node in env.known:
             if known == expr:
                 return node.copy()
@@ -145,7 +164,11 @@ class Expressions:
                 return self.aggregate(expr, env)
             case _:
                 assert isinstance(expr, plan.Subquery), "all others are declared in unsupported.py"
-                return self.unboxed(self.subquery(expr.query, env), expr.type)
+                outer, self._lowered = self._lowered, None  # the parts of a query change after they are lowered
+                try:
+                    return self.unboxed(self.subquery(expr.query, env), expr.type)
+                finally:
+                    self._lowered = outer
 
     def constant(self, expr: plan.Constant) -> Node:
         value = expr.value

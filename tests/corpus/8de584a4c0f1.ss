@@ -1,0 +1,1 @@
+name = "script"; length = x = "script"; SELECT name, 4 / (n + 1) >= 2 % sum % 3 % 3 % 3 % 3 % 3 % 3 % 3 % 3 % 3 % 3 % 3 % 3 % 3 % 3 % 3 % 3 % 3 % 3 % 3 % 3 % 3 % 3 % 3 % 3 % 3 % 3 % 3 % 3 % 3 % 3 % 3 % 3 % 3 % 3 % 3 % 3 % 3 % 3 % 3 % 3 FROM edges LIMIT 1 AS list;
