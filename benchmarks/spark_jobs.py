@@ -1,8 +1,8 @@
 """How much of a search in Spark passes outside of its jobs, while it plans them: the 8-puzzle with all 181,440 boards.
 
-    python benchmarks/spark_jobs.py [--cores 2] [--runs 2] [--steps 'native;sql;python'] [--set name=value ...]
+    python benchmarks/spark_jobs.py [--cores 2] [--runs 3] [--steps 'native;sql;python'] [--set name=value ...]
 
-The first run warms up Java; the last is told. A job counts from when it is submitted until it is completed, jobs at
+The first runs warm up Java; the last is told. A job counts from when it is submitted until it is completed, jobs at
 the same time once. `native` is the search in Python, with the steps of `python`. Prints a table for Markdown.
 """
 
@@ -54,7 +54,7 @@ def measure(spark: Any, engine: Any, text: str) -> tuple[float, float, int, floa
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--cores", type=int, default=2)
-    parser.add_argument("--runs", type=int, default=2)
+    parser.add_argument("--runs", type=int, default=3)
     parser.add_argument("--steps", default="native;sql;python")
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE")
     options = parser.parse_args()
