@@ -354,6 +354,9 @@ class Flat(Expressions):
         shown.append(choices.pick((self.aggregate(sight), f"(1 + {self.aggregate(sight)})", f"[{keys[0]}, count(*)]")))
         if choices.chance(10):
             shown.append("1 / (count(*) - 1)")
+        if choices.chance(15) and "." in keys[0]:
+            self.variable("xs")
+            shown.append(f"(SELECT [d.this, {keys[0]}] FROM d = xs WHERE d.this != {keys[0]} AS list)")
         ordering = choices.pick((self.aggregate(sight), keys[0]))
         order = f"ORDER BY {ordering}{choices.pick(('', ' DESC'))}" if choices.chance(35) else ""
         return ", ".join(choices.shuffled(shown)), [group, order, self.limit()]

@@ -165,8 +165,10 @@ class Scripts(Searches):
         )
 
     def inner_search(self) -> str:
-        """A search for each row of a query."""
+        """A search for each row of a query, or for each group."""
         self.variable("xs")
+        if self.choices.chance(30):
+            return self.search_of_a_group()
         sight = Sight()
         sight.add("a.this", "int")
         self.nesting += 1
@@ -178,3 +180,17 @@ class Scripts(Searches):
         if "AS void" in inner or "GROUP BY" in inner:
             return f"SELECT this, ({inner}) FROM a = xs AS list"
         return f"SELECT this, {shape}(({inner})) FROM a = xs AS list"
+
+    def search_of_a_group(self) -> str:
+        """A search that reads the value of the group, in any of its clauses."""
+        c = self.choices
+        row = c.pick(("(pos + d.this) % 5", "(pos + d.this * a.this) % 5"))
+        options = c.pick(("NO CYCLE", "UNIQUE", "MEMORIZE 3", "COST abs(a.this) + 1 UNIQUE", "PROBABILITY 0.5 UNIQUE"))
+        goal = c.pick(("pos != a.this", "len([a.this]) == 1", "NOT pos == 0"))
+        inner = (
+            f"SELECT {row} FROM d = {c.pick(('[1, 2]', '[a.this, 1]', 'xs'))} WHERE {goal} "
+            f"START WITH pos = {c.pick(('0', 'a.this % 5'))} CONNECT BY {options} pos = {row}"
+            f"{c.pick(('', ' STOP WITH pos == a.this'))} AS list"
+        )
+        having = c.pick(("", " HAVING count(*) > 1", " HAVING a.this != 1"))
+        return f"SELECT count(*), ({inner}) FROM a = xs GROUP BY a.this{having} AS list"

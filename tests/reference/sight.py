@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import Any
 
 from ss2sql.frontend import ast
@@ -165,13 +165,19 @@ def mentions(node: Any, own: Own) -> bool:
 
 
 def query_mentions(query: ast.Query, own: Own) -> bool:
-    """A nested query has a `this` and source names of its own, except in its first source and in START WITH."""
+    """A nested query has names of its own; its first source sees no `this` and no sources of it, START WITH nothing."""
     hidden = frozenset(name for name in map(source_name, query.sources) if name)
-    inside = Own(own.sources - hidden, own.states, False, own.elsewhere, own.late, own.free)
-    outside = (query.sources[0].expr, query.start, query.limit)
+    states = frozenset(assigned.name for assigned in query.start)
+
+    def elsewhere(name: str) -> bool:
+        return name in states or own.elsewhere(name)
+
+    first = replace(own, states=own.states - states, elsewhere=elsewhere)
+    inside = replace(first, sources=own.sources - hidden, this=False)
+    outside = (query.start, query.limit)
     rest = (query.sources[1:], query.columns, query.where, query.options, query.connect, query.stop)
     ending = (query.group, query.having, query.order)
-    return mentions(outside, own) or mentions((*rest, *ending), inside)
+    return mentions(outside, own) or mentions(query.sources[0].expr, first) or mentions((*rest, *ending), inside)
 
 
 def late_literal(expr: ast.Expr, frame: Frame | None) -> bool:

@@ -111,7 +111,7 @@ class Builder:
         facts = unit.analysis.of(query)
         sources = [source for source in sorted(facts.sources) if caller.sees(source)]
         states = [state for state in sorted(facts.states) if caller.sees_state(state)]
-        groups = {key: name for key, name in caller.groups.items() if key[0] in facts.groups}
+        groups = {key: name for key, name in caller.seen_groups.items() if key[0] in facts.groups}
         pen = unit.pen_at(query.span)
 
         def part(name: str) -> Body:

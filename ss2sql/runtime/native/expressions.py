@@ -101,9 +101,9 @@ def _computed(builder: Builder, node: plan.Expr, body: Body, pen: Pen) -> ast.ex
             made = pen.array(*(build(item) for item in items))
             return made if _is_small(items) else pen.call(unit.sizes("checked", pen), made)
         case plan.GroupKey():
-            return pen.name(body.groups[group_key(node)])
+            return pen.name(body.seen_groups[group_key(node)])
         case plan.Aggregate(function=function):  # not before it is asked for: HAVING may drop what it fails on
-            return pen.call(unit.constant(aggregate_of(node), function), pen.name(body.groups[group_key(node)]))
+            return pen.call(unit.constant(aggregate_of(node), function), pen.name(body.seen_groups[group_key(node)]))
         case plan.Subquery():
             return builder.subquery(node, body)
         case plan.Eval():

@@ -46,13 +46,13 @@ class Body:
     `blocks` holds its statements and those of each loop that is open, outermost first. `levels` gives for
     each source that is bound here the number of loops that must be open (0: a parameter). `states` are the
     START WITH variables bound here, `moved` those that CONNECT BY has given a new value under a new name.
-    `groups` names the values of the groups that are seen from here, see `group_key`. `shared` are names of
+    `groups` names the values of groups that are bound here, see `group_key`. `shared` are names of
     the functions around that are set here, `locals` names that are set here and read further in. `counts`
     says how often an expression is written here, `slots` where the values of costly ones are kept. `known` has
     for each open loop the names of expressions that have been computed wherever the code after them is reached;
-    `sure` says whether what is being written is such an expression, not one that may be skipped. While `trusting`,
-    indexes are written as Python's own, and `trusted` says whether there were any, see `checked_later`. `before` is the
-    function that this one goes on for.
+    `sure` says whether what is being written is such an expression, not one that may be skipped; `forgotten` are values
+    of that kind, by identity. While `trusting`, indexes are written as Python's own, and `trusted` says whether there
+    were any, see `checked_later`. `before` is the function that this one goes on for.
     """
 
     unit: Unit
@@ -69,6 +69,7 @@ class Body:
     counts: Counter[int] = field(default_factory=Counter)
     slots: dict[int, str] = field(default_factory=dict)
     known: list[dict[int, str]] = field(default_factory=lambda: [{}])
+    forgotten: dict[int, ast.expr] = field(default_factory=dict)
     new_calls: dict[int, str] = field(default_factory=dict)
     before: Body | None = None
     sure: bool = True
@@ -82,6 +83,11 @@ class Body:
     def sees_state(self, state: tuple[int, str]) -> bool:
         """Whether a START WITH variable is bound here or in a function around this one."""
         return state in self.states or (self.parent is not None and self.parent.sees_state(state))
+
+    @property
+    def seen_groups(self) -> dict[tuple[int, int], str]:
+        """The names of the values of groups that are bound here or in a function around this one."""
+        return self.groups if self.parent is None else {**self.parent.seen_groups, **self.groups}
 
     @property
     def level(self) -> int:
@@ -128,8 +134,19 @@ class Body:
         return pen.either(fresh, pen.name(name), pen.bind(name, value))
 
     def _forget(self, value: ast.expr) -> None:
-        """No longer knows the names that are set in a value, which may be skipped: they would keep older values."""
-        inside = {node.target.id for node in ast.walk(value) if isinstance(node, ast.NamedExpr)}
+        """No longer knows the names that are set in a value, which may be skipped: they would keep older values.
+
+        Those within a value in it are forgotten already; 240 calls in each other took 3 s when all were walked again.
+        """
+        inside: set[str] = set()
+        ahead: list[ast.AST] = [value]
+        while ahead:
+            node = ahead.pop()
+            if isinstance(node, ast.NamedExpr):
+                inside.add(node.target.id)
+            if id(node) not in self.forgotten:
+                ahead.extend(ast.iter_child_nodes(node))
+        self.forgotten[id(value)] = value
         for names in self.known:
             for key in [key for key, name in names.items() if name in inside]:
                 del names[key]
