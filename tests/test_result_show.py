@@ -125,6 +125,22 @@ def test_nodes_are_values(ss: ss2sql.Session, values: list[Any], nodes: list[Any
     assert list(result.graph()) == nodes
 
 
+def test_objects_without_a_hash_are_nodes_that_show_their_text(ss: ss2sql.Session) -> None:
+    class Box:
+        __hash__ = None  # type: ignore[assignment]
+
+        def __repr__(self) -> str:
+            return "a box"
+
+    boxes = [Box(), Box()]
+    ss.attach("t", boxes)
+    result = ss.run("SELECT this FROM t WHERE True START WITH n = 1 CONNECT BY n = n + 1 STOP WITH n == 2;")
+    graph = result.graph()
+    assert list(map(str, graph)) == ["a box", "a box"]
+    assert [graph.nodes[node]["row"] for node in graph] == [(boxes[0],), (boxes[1],)]
+    assert sorted(paths for _, _, paths in graph.edges(data="paths")) == [1, 1, 1, 1]
+
+
 def test_a_graph_needs_a_search(ss: ss2sql.Session) -> None:
     with pytest.raises(ss2sql.RepresentationError, match="V001"):
         ss.run("SELECT this FROM [1];").graph()

@@ -56,9 +56,9 @@ def node(row: Row) -> Hashable:
 
 
 def _hashable(value: Any) -> Any:
-    """The value as a key: lists as tuples, dicts as frozensets of pairs; an object that has no hash as its identity."""
+    """The value as a key: lists as tuples, dicts as frozensets of pairs; an object without a hash as an Opaque."""
     if isinstance(value, list):
         return tuple(map(_hashable, value))
     if isinstance(value, dict):
         return frozenset((key, _hashable(item)) for key, item in value.items())
-    return value.key if isinstance(value, Opaque) else value
+    return value.object if isinstance(value, Opaque) and value.key is value.object else value

@@ -231,11 +231,12 @@ class Result:
     def graph(self) -> Any:
         """The paths of a search as a networkx.DiGraph: rows are nodes, an edge leads from a step to the next one.
 
-        A node is the value of the row where that has one column, else the tuple of its values, lists as tuples. It
-        has the attributes `row`, the row itself, `step`, the least number of a step with this row, `start` and `goal`:
-        whether a path begins or ends there. An edge has `step`, the least number of the step that it leads to, and
-        `paths`: how often paths take it. Raises RepresentationError V001 where there is no search, SessionError S003
-        without networkx.
+        A node is the value of the row where that has one column, else the tuple of its values: lists as tuples, an
+        object without a hash as something with one that shows the same text and equals itself alone. It has the
+        attributes `row`, the row itself, `step`, the least number of a step with this row, `start` and `goal`: whether
+        a path begins or ends there. An edge has `step`, the least number of the step that it leads to, and `paths`: how
+        often paths take it. Raises RepresentationError V001 where there is no search, SessionError S003 without
+        networkx.
         """
         return graphs.graph(self)
 

@@ -1,0 +1,1 @@
+SELECT min(this) > (SELECT this FROM xs START WITH p = 0 CONNECT BY NO CYCLE p = p + 1 AS list) FROM [True] GROUP BY 1;
