@@ -37,6 +37,7 @@ def with_groups(resolver: Resolver, query: plan.Query) -> plan.Query:
         )
     query = replace(query, having=having)
     if not aggregated:
+        _refuse_star(resolver, query)
         return query
     order = tuple(replace(key, expr=_lifted(resolver, key.expr, query)) for key in query.order)
     for key in order:
@@ -115,6 +116,7 @@ def _lifted(resolver: Resolver, expr: plan.Expr, query: plan.Query, inside: bool
         case plan.Call(function=plan.Function(name=name, builtin=True), arguments=(argument,)) if (
             name in AGGREGATES and not inside
         ):
+            _refuse_star_within(resolver, expr)
             kind = _aggregate_type(name, argument.type)
             return plan.Aggregate(name, argument, kind, span=expr.span)
     inside = inside or isinstance(expr, plan.Query)
@@ -173,6 +175,24 @@ def _aggregate_type(name: str, kind: Type) -> Type:
 def _refuse(resolver: Resolver, query: plan.Query, reason: str) -> None:
     hint = "aggregate in a query around the search: SELECT ... FROM (SELECT ... CONNECT BY ... AS list) GROUP BY ..."
     resolver.errors.append(ResolveError("R008", reason, query.columns[0].expr.span, (hint,)))
+
+
+def _refuse_star(resolver: Resolver, query: plan.Query) -> None:
+    """`count(*)` where ORDER BY sorts single rows."""
+    for key in query.order:
+        if any(isinstance(node, plan.Aggregate) for node in walk_own(key.expr)):
+            message = "ORDER BY sorts rows here, because SELECT mentions them, so it cannot count those of a group"
+            hint = f"for one row per group write SELECT {', '.join(key.span.text for key in query.group)}, count(*)"
+            resolver.errors.append(ResolveError("R008", message, key.expr.span, (hint,)))
+
+
+def _refuse_star_within(resolver: Resolver, aggregate: plan.Call) -> None:
+    """`count(*)` as what an aggregate is computed of."""
+    for node in walk_own(aggregate.arguments[0]):
+        if isinstance(node, plan.Aggregate):
+            message = f"{aggregate.function.name} is computed of single rows, so it cannot count those of a group"
+            hint = f"aggregate groups in a query around: {aggregate.function.name}(SELECT ... GROUP BY ... AS list)"
+            resolver.errors.append(ResolveError("R008", message, node.span, (hint,)))
 
 
 def _refuse_mixture(resolver: Resolver, query: plan.Query, columns: tuple[plan.Output, ...]) -> None:

@@ -1,0 +1,1 @@
+SELECT city FROM people GROUP BY city AND city ORDER BY count(*) DESC, city LIMIT 2 AS list;

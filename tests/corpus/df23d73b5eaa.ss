@@ -1,0 +1,1 @@
+SELECT sum(count(*)) FROM people GROUP BY city HAVING max(count(*)) > 1;
