@@ -73,7 +73,7 @@ class SearchLowering(ABC):
         self.flags = {name: is_flag(kind) for name, kind in search.states}
         self.tables: list[exp.CTE] = []
         self.positions: dict[str, str] = {}  # the column of each copied table that numbers its rows
-        self.copied: dict[str, Node] = {}  # items of FROM that are read once
+        self.copied: dict[str, Node] = {}  # the lists and worlds that are read once, by the names of their copies
 
     @abstractmethod
     def bookkeeping(self) -> Bookkeeping:
@@ -219,8 +219,8 @@ class SearchLowering(ABC):
         if any(True for _ in item.this.find_all(exp.Column)):
             return item
         label = item.alias_or_name
-        name = f"{label}_once"
-        if name not in self.positions:
+        name, is_new = self._name_of_copy(item)
+        if is_new:
             names = ["this", *sql_names(self.selects.needs.modules[item.this.name]).values()]
             self.positions[name] = free_name("position", {column.lower() for column in names})
             columns: list[Node] = [sql.column(column) for column in (*names, "rowid")]  # the last may be the witness
@@ -234,14 +234,26 @@ class SearchLowering(ABC):
         label = item.alias_or_name
         if any(True for _ in item.find_all(exp.Column)):
             return item
-        name = f"{label}_once"
-        if name not in self.positions:
+        name, is_new = self._name_of_copy(item)
+        if is_new:
             names = ["this", *sql_names(tuple(name for name, _ in self.selects.needs.worlds[label].columns)).values()]
             self.positions[name] = free_name("position", {column.lower() for column in names})
             columns: list[Node] = [sql.column(column) for column in (*names, PLACE)]  # the last may be the witness
             place = sql.alias(sql.column(PLACE), self.positions[name])
             self._copy(name, sql.select([place, *columns], [item.copy()]))
         return sql.table(name, label)
+
+    def _name_of_copy(self, item: exp.Table) -> tuple[str, bool]:
+        """The name of an item's copy, and whether there is none as yet.
+
+        A source may be another list in the first step than later: where START WITH and CONNECT BY give constants.
+        """
+        for name, known in self.copied.items():
+            if known == item:
+                return name, False
+        name = free_name(f"{item.alias_or_name}_once", {name.lower() for name in self.copied})
+        self.copied[name] = item
+        return name, True
 
     def _copy(self, name: str, select: exp.Select) -> None:
         self.tables.append(materialized(name, select))
