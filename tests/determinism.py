@@ -187,7 +187,7 @@ def of_run(result: ss2sql.Result, picture: bool) -> Told:
         "html": result._repr_html_,
         "csv": result.csv,
         "json": result.json,
-        "graph": lambda: repr([list(result.graph().nodes(data=True)), list(result.graph().edges(data=True))]),
+        "graph": lambda: written([list(result.graph().nodes(data=True)), list(result.graph().edges(data=True))]),
     }
     if picture:
         told["picture"] = lambda: drawn(result)
@@ -209,7 +209,7 @@ def attempt(tell: Callable[[], Any]) -> Any:
 def written(value: Any) -> str:
     """A value as Python writes it, but for its sets, which Python writes in any order."""
     match value:
-        case set():
+        case set() | frozenset():
             return f"{{{', '.join(sorted(map(written, value)))}}}"
         case dict():
             return f"{{{', '.join(f'{written(key)}: {written(item)}' for key, item in value.items())}}}"
