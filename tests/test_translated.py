@@ -13,6 +13,9 @@ from hypothesis import given, seed
 from hypothesis import strategies as st
 from programs.drawn import drawn
 from second_opinion import DECISIONS, Twin, twin
+from sqlglot import exp
+from sqlglot.errors import TokenError
+from sqlglot.generator import Generator
 from test_second_opinion import compared
 
 import ss2sql
@@ -255,3 +258,16 @@ def test_the_command_names_what_it_refuses() -> None:
     done = CliRunner().invoke(main, ["sql", "--dialect", "postgres", "-e", "SELECT str(this) FROM [1];"])
     assert done.exit_code == 1
     assert "error[U001]: str is not known to other databases" in done.stderr
+
+
+@pytest.mark.parametrize("cause", [None, RecursionError("too deep"), ValueError("no type")])
+def test_what_sqlglot_cannot_read_while_it_prints(cause: Exception | None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Only a lack of room on the stack is told apart, so that more is made for the same statement."""
+
+    def failing(*_: object) -> str:
+        raise TokenError("unreadable") from cause
+
+    monkeypatch.setattr(Generator, "generate", failing)
+    wanted = RecursionError if isinstance(cause, RecursionError) else TokenError
+    with pytest.raises(wanted):
+        DUCKDB.print(exp.select("1"))
