@@ -63,6 +63,7 @@ class Resolver:
         self.parameters: dict[str, None] = {}
         self.assigned: dict[str, Type] = {}  # variables that earlier statements assign
         self.late = dict(catalog.late)
+        self.reading: list[str] = []  # the late lists that are being read, each by the one before
         self.reads: dict[str, Type] = {}
         self.tables: dict[int, plan.TableSource | plan.WorldSource] = {}
         self.tentative = False

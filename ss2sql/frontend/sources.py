@@ -128,16 +128,24 @@ def _variable(resolver: Resolver, word: str, span: Span) -> plan.Variable | None
 
 
 def _late_list(resolver: Resolver, word: str, scope: Scope, span: Span) -> plan.Expr:
+    if word in resolver.reading:
+        places = ((resolver.late[word].span, "the list stands here"),)
+        raise ResolveError("R011", f"the list '{word}' reads itself", span, ("read another list in it",), places)
     before = len(resolver.errors)
-    value = resolver.expression(resolver.late[word], scope)
+    resolver.reading.append(word)
+    try:
+        value = resolver.expression(resolver.late[word], scope)
+    finally:
+        resolver.reading.pop()
     if len(resolver.errors) > before:
         cause = resolver.errors[before]
         del resolver.errors[before:]
+        hint = "read it in a query inside one that has the sources that it mentions"
         raise ResolveError(
             "R011",
             f"the list '{word}' cannot be read here: {cause.message}",
             span,
-            ("read it in a query inside one that has the sources that it mentions",),
+            cause.hints if cause.code == "R011" else (hint,),
             ((resolver.late[word].span, "the list stands here"),),
         )
     return value

@@ -1,0 +1,1 @@
+b = [[a.this, SELECT this FROM b AS list]]; SELECT a.this FROM a = xs WHERE [] == (SELECT this FROM b AS list);
