@@ -191,10 +191,11 @@ class SearchLowering(ABC):
         """
         if not isinstance(item, exp.Table):
             return item
-        if item.alias_or_name in self.selects.needs.worlds:
-            return self._world_copied(item)
+        needs = self.selects.needs
+        if item.alias_or_name in needs.worlds:
+            return self._copied_once(item, (name for name, _ in needs.worlds[item.alias_or_name].columns), PLACE)
         if isinstance(item.this, exp.Anonymous):
-            return self._list_copied(item)
+            return self._copied_once(item, needs.modules[item.this.name], "rowid")
         source = self.selects.tables[item.alias_or_name]
         asked = {
             column
@@ -214,46 +215,24 @@ class SearchLowering(ABC):
             self._copy(name, select)
         return sql.table(name, item.alias_or_name)
 
-    def _list_copied(self, item: exp.Table) -> Node:
-        """A list that mentions no column is walked once; its copy has the columns that are read."""
-        if any(True for _ in item.this.find_all(exp.Column)):
-            return item
-        label = item.alias_or_name
-        name, is_new = self._name_of_copy(item)
-        if is_new:
-            names = ["this", *sql_names(self.selects.needs.modules[item.this.name]).values()]
-            self.positions[name] = free_name("position", {column.lower() for column in names})
-            columns: list[Node] = [sql.column(column) for column in (*names, "rowid")]  # the last may be the witness
-            walked = sql.table_function(item.this.name, [node.copy() for node in item.this.expressions], label)
-            select = sql.select([sql.alias(sql.column("rowid"), self.positions[name]), *columns], [walked])
-            self._copy(name, select)
-        return sql.table(name, label)
+    def _copied_once(self, item: exp.Table, columns: Iterable[str], place: str) -> Node:
+        """A list or a world's table that mentions no column is walked once; its copy has the columns that are read.
 
-    def _world_copied(self, item: exp.Table) -> Node:
-        """A table of a world is read once, unless it is a table function of what changes with the steps."""
-        label = item.alias_or_name
+        `place` numbers its rows. A source may be another list in the first step than later, where START WITH and
+        CONNECT BY give constants: so what is copied decides, not the name of the source.
+        """
         if any(True for _ in item.find_all(exp.Column)):
             return item
-        name, is_new = self._name_of_copy(item)
-        if is_new:
-            names = ["this", *sql_names(tuple(name for name, _ in self.selects.needs.worlds[label].columns)).values()]
+        label = item.alias_or_name
+        name = next((name for name, known in self.copied.items() if known == item), None)
+        if name is None:
+            name = free_name(f"{label}_once", {name.lower() for name in self.copied})
+            self.copied[name] = item
+            names = ["this", *sql_names(tuple(columns)).values()]
             self.positions[name] = free_name("position", {column.lower() for column in names})
-            columns: list[Node] = [sql.column(column) for column in (*names, PLACE)]  # the last may be the witness
-            place = sql.alias(sql.column(PLACE), self.positions[name])
-            self._copy(name, sql.select([place, *columns], [item.copy()]))
+            shown: list[Node] = [sql.column(column) for column in (*names, place)]  # the last may be the witness
+            self._copy(name, sql.select([sql.alias(sql.column(place), self.positions[name]), *shown], [item.copy()]))
         return sql.table(name, label)
-
-    def _name_of_copy(self, item: exp.Table) -> tuple[str, bool]:
-        """The name of an item's copy, and whether there is none as yet.
-
-        A source may be another list in the first step than later: where START WITH and CONNECT BY give constants.
-        """
-        for name, known in self.copied.items():
-            if known == item:
-                return name, False
-        name = free_name(f"{item.alias_or_name}_once", {name.lower() for name in self.copied})
-        self.copied[name] = item
-        return name, True
 
     def _copy(self, name: str, select: exp.Select) -> None:
         self.tables.append(materialized(name, select))
