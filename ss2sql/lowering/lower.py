@@ -92,8 +92,8 @@ def lower(
         select = sql.with_outputs(select, [_key_alone(query, key, node) for key, node in shown_late.items()])
         read_late = late(query, tuple(shown_late))
         needs.applied["late"] = None
-    if selects.copies and selects.copies.tables:
-        select.set("with_", exp.With(expressions=selects.copies.tables_of(select)))
+    if selects.copies and (tables := [*needs.collected.values(), *selects.copies.tables_of(select)]):
+        select.set("with_", exp.With(expressions=tables))
     return SqlQuery(
         query,
         dialect.print(select),

@@ -23,9 +23,9 @@ from ss2sql.lowering.entering_step import EnteringStep, certain, fallible
 from ss2sql.lowering.expressions import Env, can_fail, is_flag
 from ss2sql.lowering.lookup import lookups, without
 from ss2sql.lowering.parameters import Bookkeeping, Counts
-from ss2sql.lowering.search import SearchLowering, element_reads, free_name
+from ss2sql.lowering.search import SearchLowering, element_reads
 from ss2sql.lowering.select import Selects
-from ss2sql.lowering.sql import Node
+from ss2sql.lowering.sql import Node, free_name
 from ss2sql.walk import parts, states_read, walk
 
 

@@ -6,6 +6,8 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias
 
+from sqlglot import exp
+
 from ss2sql import plan
 from ss2sql.errors import Span
 from ss2sql.errors.visible import visible
@@ -58,9 +60,9 @@ class Needs:
     """Collects what one statement needs while it is lowered.
 
     `function_names` maps the functions of the language to their names in SQL. `worlds` are the tables of worlds by the
-    labels of their sources. `plain` are parameters with which values are compared by their handles; where a statement
-    is to be `careful`, nothing is. `disabled` are the rewrites that are switched off, `applied` those that lowering
-    has applied.
+    labels of their sources, `collected` the queries in FROM that are evaluated as a whole, by the numbers of theirs.
+    `plain` are parameters with which values are compared by their handles; where a statement is to be `careful`,
+    nothing is. `disabled` are the rewrites that are switched off, `applied` those that lowering has applied.
     """
 
     function_names: Mapping[str, str]
@@ -68,7 +70,9 @@ class Needs:
     calls: dict[str, list[Span]] = field(default_factory=dict)
     modules: dict[str, tuple[str, ...]] = field(default_factory=dict)
     worlds: dict[str, Any] = field(default_factory=dict)
+    collected: dict[int, exp.CTE] = field(default_factory=dict)
     labels: set[str] = field(default_factory=set)
+    tables: set[str] = field(default_factory=set)
     careful: bool = False
     plain: set[str] = field(default_factory=set)
     disabled: Collection[str] = ()
@@ -76,12 +80,13 @@ class Needs:
 
     def label(self, name: str) -> str:
         """A name for a source that no other source of the statement has; the user's own for the first."""
-        label, count = name, 1
-        while label.lower() in self.labels:
-            count += 1
-            label = f"{name}_{count}"
-        self.labels.add(label.lower())
-        return label
+        return sql.free_name(name, self.labels)
+
+    def table(self, name: str) -> str:
+        """A name for a table of WITH that nothing else has; unlike a label it is seen in all of the statement."""
+        table = sql.free_name(name, self.labels | self.tables)
+        self.tables.add(table.lower())
+        return table
 
     def packed(self, expr: plan.Expr, packing: Packing) -> Node:
         """The placeholder for a list that is packed."""

@@ -23,7 +23,7 @@ from sqlglot import exp
 from ss2sql import plan
 from ss2sql.kinds import Kind
 from ss2sql.lowering import sql
-from ss2sql.lowering.copies import asked_equal, by_index, in_order, without_affinity
+from ss2sql.lowering.copies import asked_equal, by_index, in_order, rows_in_order, without_affinity
 from ss2sql.lowering.derived import Table
 from ss2sql.lowering.expressions import Env, Reader, can_fail
 from ss2sql.lowering.levels import Condition, Hoisted, Levels
@@ -219,6 +219,7 @@ class Product:
         without waiting for its source. That matters where something must not be asked too early.
         """
         terms = [part for term in self.terms for part in (term.flatten() if isinstance(term, exp.And) else (term,))]
+        terms += rows_in_order(self.items, terms, self.selects.needs.collected.values())
         if not all(isinstance(term, (exp.Binary, exp.Not, exp.In, exp.Paren)) for term in terms):
             terms = [_as_is(term) if isinstance(term, exp.EQ) else term for term in terms]
         if self.selects.needs.worlds:
@@ -261,7 +262,7 @@ class Product:
         if not (_is_fixed(value) and value.type.only(Kind.LIST) and source.columns == ()) or not _is_walked(item):
             return item
         name = f"{value.name if isinstance(value, plan.Variable) else source.name}_once"
-        return copies.walked(item, lambda: self.selects.needs.label(name))
+        return copies.walked(item, lambda: self.selects.needs.table(name))
 
     def _looked_up(self, position: int, item: Node, asked: list[Node]) -> Node | None:
         """A source that SQLite can look rows up in, where these must equal something that is known before."""
@@ -289,7 +290,7 @@ class Product:
             case _:
                 return None
         self.terms.append(in_order(label))
-        return copies.looked_up(item, needs.label(name), ("rowid", *columns))
+        return copies.looked_up(item, needs.table(name), ("rowid", *columns))
 
 
 def _is_fixed(value: plan.Expr) -> bool:

@@ -22,27 +22,18 @@ from sqlglot import exp
 
 from ss2sql import plan
 from ss2sql.lowering import sql
-from ss2sql.lowering.copies import asked_equal, by_index, keep_columns, materialized
+from ss2sql.lowering.copies import asked_equal, by_index, keep_columns, materialized, rows_in_order
 from ss2sql.lowering.expressions import Env, is_flag
 from ss2sql.lowering.parameters import Bookkeeping
 from ss2sql.lowering.select import Selects
 from ss2sql.lowering.sources import open_sources, sql_names
-from ss2sql.lowering.sql import Node
+from ss2sql.lowering.sql import Node, free_name
 from ss2sql.lowering.strategies import guard_of, order_of
 from ss2sql.vtables.names import PLACE
 from ss2sql.walk import rebuild, sources_read, states_read, walk
 
 TABLE = "search"
 Read = plan.Element | plan.Column | plan.State
-
-
-def free_name(name: str, taken: set[str]) -> str:
-    candidate, count = name, 1
-    while candidate.lower() in taken:
-        count += 1
-        candidate = f"{name}_{count}"
-    taken.add(candidate.lower())
-    return candidate
 
 
 def element_reads(query: plan.Query, places: Iterable[object]) -> Iterator[plan.Element | plan.Column]:
@@ -119,7 +110,8 @@ class SearchLowering(ABC):
         cte = exp.CTE(this=union, alias=exp.TableAlias(this=sql.identifier(self.table), columns=columns))
         for copied in self.tables:
             keep_columns(copied, union)
-        results.set("with_", exp.With(expressions=[*self.tables, cte], recursive=True))
+        tables = [*self.selects.needs.collected.values(), *self.tables, cte]
+        results.set("with_", exp.With(expressions=tables, recursive=True))
         return results
 
     def queue(self) -> Iterable[tuple[str, bool]]:
@@ -164,7 +156,8 @@ class SearchLowering(ABC):
         return items, [condition for part in opened for condition in part.conditions], env, opened[-1].witness
 
     def arranged(self, items: list[Node], conditions: list[Node]) -> list[Node]:
-        """The items of FROM, read so that their rows come in order under these conditions."""
+        """The items of FROM, read so that their rows come in order under these conditions, which may become more."""
+        conditions += rows_in_order(items, conditions, self.selects.needs.collected.values())
         labels = [item.alias_or_name for item in items]
         return [self._in_order(item, conditions, labels[index:]) for index, item in enumerate(items)]
 
@@ -196,6 +189,8 @@ class SearchLowering(ABC):
             return self._copied_once(item, (name for name, _ in needs.worlds[item.alias_or_name].columns), PLACE)
         if isinstance(item.this, exp.Anonymous):
             return self._copied_once(item, needs.modules[item.this.name], "rowid")
+        if any(item.name == table.alias for table in needs.collected.values()):
+            return item
         source = self.selects.tables[item.alias_or_name]
         asked = {
             column
@@ -226,7 +221,7 @@ class SearchLowering(ABC):
         label = item.alias_or_name
         name = next((name for name, known in self.copied.items() if known == item), None)
         if name is None:
-            name = free_name(f"{label}_once", {name.lower() for name in self.copied})
+            name = self.selects.needs.table(f"{label}_once")
             self.copied[name] = item
             names = ["this", *sql_names(tuple(columns)).values()]
             self.positions[name] = free_name("position", {column.lower() for column in names})

@@ -88,6 +88,7 @@ class Selects:
         Among virtual tables an ORDER BY would make it sort the whole product, and evaluate rows that a LIMIT cuts off.
         """
         copies = {*(self.copies.tables if self.copies else ()), *self.needs.modules_of_worlds}
+        copies |= {table.alias for table in self.needs.collected.values()}
         for item in flat.items:
             if not isinstance(item, exp.Table) or isinstance(item.this, exp.Anonymous) or item.name in copies:
                 continue

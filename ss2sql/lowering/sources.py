@@ -15,6 +15,7 @@ from sqlglot import exp
 
 from ss2sql import plan
 from ss2sql.lowering import sql
+from ss2sql.lowering.copies import materialized
 from ss2sql.lowering.expressions import Env, Reader, can_fail, is_flag
 from ss2sql.lowering.sql import Node
 from ss2sql.vtables.names import PLACE
@@ -87,8 +88,10 @@ def open_source(selects: Selects, source: plan.Source, env: Env, siblings: set[i
             if siblings and can_fail(query) and not sources_read(query) - _inside(query):
                 subquery = plan.Subquery(query, span=source.span)
                 return _elements(selects, source, selects.needs.bind(subquery))
-            if not lateral and query.representation.name == "dict" and (not query.group or query.aggregated):
-                return _derived(selects, source, env)
+            whole = can_fail(query) or search is not None
+            outside = lateral or (whole and bool(sources_read(query) - _inside(query) or states_read(query)))
+            if not outside and query.representation.name == "dict" and (not query.group or query.aggregated):
+                return _derived(selects, source, env, whole)
             return _elements(selects, source, selects.subquery(query, env))
         case plan.WorldSource():
             return _world(selects, source, env, bool(siblings))
@@ -196,14 +199,20 @@ def _joined(selects: Selects, source: plan.QuerySource, env: Env, siblings: set[
     return Opened(tuple(items), reader, tuple(order), opened.witness, tuple(conditions))
 
 
-def _derived(selects: Selects, source: plan.QuerySource, env: Env) -> Opened:
-    """`(SELECT ... LIMIT -1) AS name`; the limit keeps it apart, and its order with it."""
-    label = selects.needs.label(source.name)
-    select = selects.derived(source.query, env)
-    names = sql_names(tuple(output.name for output in source.query.columns))
+def _derived(selects: Selects, source: plan.QuerySource, env: Env, whole: bool) -> Opened:
+    """`(SELECT ... LIMIT -1) AS name`, which the limit keeps apart, and its order with it; or a table of WITH."""
+    query, needs = source.query, selects.needs
+    label = needs.label(source.name)
+    if whole:
+        if source.id not in needs.collected:  # a search opens its sources twice
+            made = selects.derived(query, env)
+            needs.collected[source.id] = materialized(needs.table(f"{source.name}_once"), made)
+        item: Node = sql.table(needs.collected[source.id].alias, label)
+    else:
+        item = sql.derived(selects.derived(query, env), label)
+    names = sql_names(tuple(output.name for output in query.columns))
     columns: dict[str, Node] = {name: sql.column(short, label) for name, short in names.items()}
-    reader = columns_reader(selects, source.query, columns)
-    return Opened((sql.derived(select, label),), reader, (), next(iter(columns.values())))
+    return Opened((item,), columns_reader(selects, query, columns), (), next(iter(columns.values())))
 
 
 def columns_reader(selects: Selects, query: plan.Query, columns: dict[str, Node]) -> Reader:

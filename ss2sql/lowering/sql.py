@@ -69,6 +69,16 @@ def may_be_hidden(name: str) -> bool:
     return bool(_OF_A_STATEMENT.match(name.lower()))
 
 
+def free_name(name: str, taken: set[str]) -> str:
+    """The name, or with the first number that makes it one that is not `taken`; SQL does not see case. It is, then."""
+    candidate, count = name, 1
+    while candidate.lower() in taken:
+        count += 1
+        candidate = f"{name}_{count}"
+    taken.add(candidate.lower())
+    return candidate
+
+
 def _marked(found: re.Match[str]) -> str:
     char = found.group()
     return f"^{char.lower()}" if " " <= char <= "~" else f"^{{{ord(char):x}}}"

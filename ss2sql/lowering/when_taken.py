@@ -14,9 +14,9 @@ from ss2sql import plan
 from ss2sql.lowering import sql
 from ss2sql.lowering.expressions import Env, can_fail
 from ss2sql.lowering.parameters import Bookkeeping
-from ss2sql.lowering.search import SearchLowering, element_reads, free_name
+from ss2sql.lowering.search import SearchLowering, element_reads
 from ss2sql.lowering.select import Selects
-from ss2sql.lowering.sql import Node
+from ss2sql.lowering.sql import Node, free_name
 
 
 class WhenTaken(SearchLowering):

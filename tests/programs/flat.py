@@ -110,7 +110,7 @@ class Flat(Expressions):
             (9, "rows"),
             (6, "columns"),
             (8, "table"),
-            (7, "query"),
+            (9, "query"),
             (4, "call"),
             (3, "single"),
         )
@@ -132,7 +132,7 @@ class Flat(Expressions):
                 self.tables.setdefault("items", table(choices))
                 return Origin(prefix + "items", alias or "items", "row", TABLE_KINDS)
             case "query":
-                return self.inner_source(alias)
+                return self.inner_source(alias, sight)
             case "call":
                 text = choices.pick(("range(3)", "range(1, 4)", "near(x = 1)", "range(4, 0, -2)", "near(2)"))
                 return Origin(self.call(prefix + text), alias or text.split("(")[0], "int")
@@ -162,9 +162,11 @@ class Flat(Expressions):
         text = {"near": f"near({value})", "range": f"range({value} % 4)", "list": f"[{value}, 1]"}[form]
         return Origin(self.call(prefix + text), alias or (None if form == "list" else form), "int")
 
-    def inner_source(self, alias: str | None) -> Origin:
+    def inner_source(self, alias: str | None, sight: Sight) -> Origin:
         """A query as a source: a list of values, or rows with the columns of its SELECT."""
         prefix = f"{alias} = " if alias else ""
+        if self.nesting < 2 and self.choices.chance(50):
+            return self.inner_query(prefix, alias, sight)
         if self.choices.chance(40):
             self.variables.setdefault("rs", rows(self.choices))
             where = self.choices.pick(("", " WHERE v", " WHERE k != 'a'", " ORDER BY v DESC LIMIT 2"))
@@ -179,6 +181,22 @@ class Flat(Expressions):
             alias,
             "int",
         )
+
+    def inner_query(self, prefix: str, alias: str | None, sight: Sight) -> Origin:
+        """The same with parts that are drawn as those of other queries, so that they may fail and mention rows."""
+        choices = self.choices
+        self.nesting += 1
+        text, own, _ = self.sources(sight, choices.weighted((4, 1), (1, 2)))
+        where = f" WHERE {self.condition(own, 1)}" if choices.chance(50) else ""
+        ending = choices.weighted((6, ""), (2, f" ORDER BY {self.expr('int', own, 1)}"), (2, " LIMIT 2"))
+        kinds = choices.some(("int", "num", "str", "any"), 1, 2)
+        shown = [self.expr(kind, own, 2) for kind in kinds]
+        self.nesting -= 1
+        if choices.chance(30):
+            return Origin(f"{prefix}(SELECT {shown[0]} FROM {text}{where}{ending} AS list)", alias, kinds[0])
+        columns = dict(zip("kv", kinds, strict=False))
+        named = ", ".join(f"to({column}, {name})" for column, name in zip(shown, columns, strict=True))
+        return Origin(f"{prefix}(SELECT {named} FROM {text}{where}{ending})", alias, "row", columns)
 
     def sources(self, sight: Sight, number: int) -> tuple[str, Sight, list[Origin]]:
         """FROM with a number of sources, and what its query sees."""
@@ -219,6 +237,8 @@ class Flat(Expressions):
     def condition(self, sight: Sight, depth: int = 2) -> str:
         if self.nesting < 2 and self.choices.chance(12):
             return self.nested_condition(sight)
+        if self.choices.chance(10):  # what a database may look up
+            return f"{self.leaf('int', sight)} == {self.leaf('int', sight)}"
         form = self.choices.weighted(*CONDITIONS)
         return re.sub("{}", lambda _: self.expr("bool", sight, depth - 1), form) or self.expr("bool", sight, depth)
 

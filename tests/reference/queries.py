@@ -40,7 +40,7 @@ def answer(ref: Reference, query: ast.Query, outer: Frame | None) -> Any:
     names = [name for name in map(source_name, query.sources) if name]
     no_repeats(names)
     limit = None if query.limit is None else at_least(0, ref.evaluate(query.limit, outer))
-    representation = "dict" if query.representation is None else query.representation.name.lower()
+    representation = representation_of(query)
     shape(representation, [])  # an unknown one fails at once
 
     if limit == 0 and not query.order and not query.group:  # nothing of the query is evaluated
@@ -78,6 +78,10 @@ def answer(ref: Reference, query: ast.Query, outer: Frame | None) -> Any:
     if representation == "void":
         return None
     return {shown_key(group[0].keys): shaped(group) for group in partitions}
+
+
+def representation_of(query: ast.Query) -> str:
+    return "dict" if query.representation is None else query.representation.name.lower()
 
 
 def flat_rows(
@@ -210,7 +214,27 @@ class Sources:
             value = self.ref.variables.get(name)
             return value if isinstance(value, LateList) else None
 
-        return Own(names, frozenset(self.state), number > 0, elsewhere, late)
+        return Own(names, frozenset(self.state), number > 0, elsewhere, late, self.known_columns)
+
+    def known_columns(self, expr: ast.Expr) -> frozenset[str]:
+        """The columns of what stands in FROM, as far as the run is not needed to know them."""
+        match expr:
+            case ast.Name(name=name):
+                value = self.ref.variables.get(name, self.ref.tables.get(name))
+                return frozenset(columns_of(elements_of(value)))
+            case ast.Query(connect=(), group=()) if representation_of(expr) == "dict":
+                return frozenset().union(*(self.shown_columns(expr, column) for column in expr.columns))
+            case _:
+                return frozenset()
+
+    def shown_columns(self, query: ast.Query, column: ast.Expr | ast.Star) -> frozenset[str]:
+        match column:
+            case ast.Star():
+                return frozenset().union(*(self.known_columns(source.expr) for source in query.sources))
+            case ast.Call(function="to", arguments=(_, name)) if not isinstance(name, (ast.Name, ast.Literal)):
+                return frozenset()
+            case _:
+                return frozenset((column_name(self.ref, column, Frame(None)),))
 
     def per_group(self) -> bool:
         """Whether GROUP BY makes one row per group: nothing of a single row is mentioned in SELECT but the

@@ -132,6 +132,7 @@ class Own:
     this: bool
     elsewhere: Callable[[str], bool]  # whether a bare name means something outside of the query
     late: Callable[[str], LateList | None]
+    columns: Callable[[ast.Expr], frozenset[str]]  # those of what stands in FROM, as far as they are known
     free: Callable[[Any], bool] = lambda node: False  # parts that do not count
 
 
@@ -154,6 +155,8 @@ def mentions(node: Any, own: Own) -> bool:
             return name in own.states or not own.elsewhere(name)
         case ast.Call(function="eval"):
             return True
+        case ast.Call(function="to", arguments=(value, ast.Name())):
+            return mentions(value, own)  # the other one is the name of a column
         case ast.Query():
             return query_mentions(node, own)
         case tuple():
@@ -165,19 +168,31 @@ def mentions(node: Any, own: Own) -> bool:
 
 
 def query_mentions(query: ast.Query, own: Own) -> bool:
-    """A nested query has names of its own; its first source sees no `this` and no sources of it, START WITH nothing."""
+    """A nested query has names of its own; its first source sees no `this` and no sources of it, START WITH nothing.
+
+    Each source sees the columns of those before it, the other clauses see those of all.
+    """
     hidden = frozenset(name for name in map(source_name, query.sources) if name)
-    states = frozenset(assigned.name for assigned in query.start)
+    names = frozenset(assigned.name for assigned in query.start)
+    if mentions((query.start, query.limit), own):
+        return True
+    for number, source in enumerate(query.sources):
+        if mentions(source.expr, _without(own, names, hidden if number else frozenset(), number == 0)):
+            return True
+        names |= own.columns(source.expr)
+    rest = (query.columns, query.where, query.options, query.connect, query.stop, query.group, query.having)
+    return mentions((*rest, query.order), _without(own, names, hidden, False))
+
+
+def _without(own: Own, names: frozenset[str], sources: frozenset[str], this: bool) -> Own:
+    """The same, inside of a nested query with names and sources of its own."""
 
     def elsewhere(name: str) -> bool:
-        return name in states or own.elsewhere(name)
+        return name in names or own.elsewhere(name)
 
-    first = replace(own, states=own.states - states, elsewhere=elsewhere)
-    inside = replace(first, sources=own.sources - hidden, this=False)
-    outside = (query.start, query.limit)
-    rest = (query.sources[1:], query.columns, query.where, query.options, query.connect, query.stop)
-    ending = (query.group, query.having, query.order)
-    return mentions(outside, own) or mentions(query.sources[0].expr, first) or mentions((*rest, *ending), inside)
+    return replace(
+        own, states=own.states - names, elsewhere=elsewhere, sources=own.sources - sources, this=own.this and this
+    )
 
 
 def late_literal(expr: ast.Expr, frame: Frame | None) -> bool:
