@@ -140,10 +140,18 @@ class LoopCode:
         own = self.step.body.blocks[0]
         at = block.index(mark)
         block[at : at + 1] = own[:-1] if self._left else own
-        names = [*self.here, *(name for name in assigned(own[:-1]) if name not in self.step.body.shared)]
+        names = [*self.here, *(name for name in self._of_state(own) if name not in self.step.body.shared)]
         for saved in self._saved:
             saved.elts += [ast.Name(name, saved.ctx, **self.pen.at) for name in names]
         return code
+
+    def _of_state(self, own: Sequence[ast.stmt]) -> list[str]:
+        """The names of what is computed once for a state, before its loop or where this finds its elements."""
+        loop = own[-1]
+        if not isinstance(loop, ast.For):
+            return assigned(own[:-1])
+        read = {node.id for part in loop.body for node in ast.walk(part) if isinstance(node, ast.Name)}
+        return [*assigned(own[:-1]), *(name for name in assigned([loop.iter]) if name in read)]
 
     def _reached(self) -> ast.expr | None:
         """Where the search is, which is known by one of two names; None where it goes level by level."""
@@ -365,9 +373,9 @@ class LoopCode:
         return self.pen.pack(shown, self.pen.call(self.keys, self._expr(last, words)))
 
 
-def assigned(statements: Sequence[ast.stmt]) -> list[str]:
-    """The names that the statements assign, each once."""
-    nodes = [node for statement in statements for node in ast.walk(statement) if isinstance(node, ast.Name)]
+def assigned(code: Sequence[ast.AST]) -> list[str]:
+    """The names that statements or expressions assign, each once."""
+    nodes = [node for part in code for node in ast.walk(part) if isinstance(node, ast.Name)]
     return list(dict.fromkeys(node.id for node in nodes if isinstance(node.ctx, ast.Store)))
 
 
