@@ -217,7 +217,8 @@ class OnEntering(SearchLowering):
         step = EnteringStep(self, env, first)
         conditions += step.lookups()
         sources = self.arranged(sources, conditions)
-        entering = [_asked_of_all(node, witness) for node in step.enters()]
+        fails = any(map(can_fail, self.query.sources))
+        entering = [_asked_of_all(node, witness, fails) for node in step.enters()]
         where = [*([] if first else self.parent_goes_on()), *conditions, *entering]
         outputs = step.outputs(self.positions_of(sources, conditions))
         return sql.select(outputs, items + sources, sql.conjunction(where))
@@ -298,13 +299,14 @@ def _user_calls(clause: object) -> list[plan.Call]:
     return [node for node in walk(clause) if isinstance(node, plan.Call) and not node.function.builtin]
 
 
-def _asked_of_all(node: Node, witness: Node) -> Node:
-    """A condition that SQLite must not ask before the last source is read, for its answer may change from step to step.
+def _asked_of_all(node: Node, witness: Node, fails: bool) -> Node:
+    """A condition that SQLite must not ask before the last source is read.
 
-    SQLite asks a condition as soon as all columns are known that it mentions.
+    SQLite asks a condition as soon as all columns are known that it mentions. Its answer may change from step to step,
+    and where a source `fails` it would not be read behind a condition that does not hold.
     """
     table = witness.find(exp.Column).table  # type: ignore[union-attr]
-    if not any(call.name in _CHANGING for call in node.find_all(exp.Anonymous)):
+    if not fails and not any(call.name in _CHANGING for call in node.find_all(exp.Anonymous)):
         return node
     if any(column.table == table for column in node.find_all(exp.Column)):
         return node

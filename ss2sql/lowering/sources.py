@@ -82,7 +82,7 @@ def open_source(selects: Selects, source: plan.Source, env: Env, siblings: set[i
                 return _elements(selects, source, selects.needs.bind(value))
             return _elements(selects, source, selects.expressions.value(value, env))
         case plan.QuerySource(query=query):
-            if _can_join(query):
+            if _can_join(query) and not (search is None and _shows_outside(query, siblings)):
                 return _joined(selects, source, env, siblings, search)
             lateral = bool(sources_read(query) & siblings) or any(q == search for q, _ in states_read(query))
             if siblings and can_fail(query) and not sources_read(query) - _inside(query):
@@ -181,6 +181,13 @@ def _can_join(query: plan.Query) -> bool:
     return not any(can_fail(part) for part in inside) and not any(
         isinstance(source, plan.QuerySource) for source in query.sources
     )
+
+
+def _shows_outside(query: plan.Query, siblings: set[int]) -> bool:
+    """Whether a column reads nothing but rows around: an aggregate over it would be one of the query around in SQL."""
+    own = siblings | {source.id for source in query.sources}
+    exprs = [output.expr for output in query.columns]
+    return any((sources_read(expr) or states_read(expr)) and not sources_read(expr) & own for expr in exprs)
 
 
 def _joined(selects: Selects, source: plan.QuerySource, env: Env, siblings: set[int], search: int | None) -> Opened:

@@ -135,7 +135,7 @@ def graph(c: Choices) -> Machine:
         start=(("node", c.pick(("0", "1", "2"))),),
         connect=(("node", node),),
         row=(node,),
-        others=("node", "this", f"{node} + node", *(("n.toll",) if with_rows else ())),
+        others=("node", "this", f"{node} + node", *(("n.toll", "links(node)") if with_rows else ("near(node)",))),
         goals=(f"{node} == {c.below(5)}", f"{node} IN [3, 4]", "True"),
         stops=(f"{node} == {c.below(5)}",),
         legal=3,

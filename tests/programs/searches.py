@@ -113,6 +113,7 @@ class Searches(Flat):
         columns += [c.pick(machine.others)] if not columns or (not exact and c.chance(40)) else []
         columns += [self.special(sight)] if levels and not exact and c.chance(30) else []
         columns += ["level"] if levels and not exact and c.chance(20) else []
+        columns = ["1"] if c.chance(3) else columns  # equal rows
         order = ""
         if c.chance(20):
             order = f"ORDER BY {c.pick((*machine.ints, *machine.row, *machine.others))}{c.pick(('', ' DESC'))}"
