@@ -209,3 +209,14 @@ def test_a_row_of_the_state_or_of_an_earlier_source_is_reached_once(order: str, 
     # A goal that stops reaches its row, and nobody goes on from it.
     assert ends("n", f"WHERE True {start} n = b.this", "STOP WITH b.this == 1") == [[0]]
     assert ends("1", f"WHERE b.this == 3 {start} n = b.this") == []
+
+
+def test_a_long_chain_that_fails_is_lowered_once_more() -> None:
+    """What failed is made again as a careful statement, and it is as deep as the first."""
+    chain = "far(a.this)" + " / 2" * 150
+    script = f"SELECT {chain} FROM a = near(n) START WITH n = 1 CONNECT BY n = a.this AS list;"
+    with ss2sql.connect() as ss:
+        ss.function("near", lambda n: [n + 1], volatility="immutable")
+        ss.function("far", lambda n: 9 // (3 - n), volatility="immutable")
+        with pytest.raises(ZeroDivisionError):
+            ss.run(script, engine="database")

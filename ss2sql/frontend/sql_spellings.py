@@ -207,7 +207,7 @@ def _word(t: Trouble) -> ParseError | None:
         return None
     spelling, hint, x = upper, _BEHIND[upper], t.operand()
     if upper == "LIKE" and t.before().kind != "NOT":
-        hint = _like(t, x)
+        return t.error("P006", "there is no LIKE in SelectScript", _like(t, x))
     if t.before().kind == "NOT":
         spelling, x = f"NOT {upper}", t.back().operand()
         hint = f"write NOT ({hint[6:]})" if upper == "BETWEEN" else hint.replace(" IN ", " NOT IN ")

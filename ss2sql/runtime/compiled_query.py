@@ -22,6 +22,7 @@ from ss2sql.runtime.engines import Engine
 from ss2sql.runtime.finishing import finished
 from ss2sql.runtime.levels.query import LevelQuery
 from ss2sql.runtime.native import NativeQuery, compile_statement
+from ss2sql.runtime.native.deep import with_room
 from ss2sql.runtime.native.options import whole
 from ss2sql.runtime.result import Answer, Sql, Status
 from ss2sql.runtime.rows import Rows
@@ -82,7 +83,7 @@ class CompiledQuery:
                 self.native = LevelQuery(query, levels)
                 self.reason = f"engine='{self.wanted}' was asked for"
             elif self.wanted != "native" and self.native is None:
-                self.lowered = lower(query, host.sql_names, disabled=host.disabled)
+                self.lowered = self._lower(query)
                 self.rewrites = (*self.rewrites, *self.lowered.applied)
         except UnsupportedError as error:
             self.reason, self.cures = error.message, tuple(error.hints)
@@ -194,7 +195,7 @@ class CompiledQuery:
 
         def careful() -> SqlQuery:
             """The statement that takes nothing for granted."""
-            run.lowered[self] = lower(self.query, host.sql_names, cut=True, careful=True, disabled=host.disabled)
+            run.lowered[self] = self._lower(self.query, cut=True, careful=True)
             return run.lowered[self]
 
         host = self.host
@@ -224,12 +225,17 @@ class CompiledQuery:
         if run is None or run.maximum is None or query.search is None or query.search.maximum or query.limit:
             return self.lowered
         if self.bounded is None:
-            self.bounded = lower(query, self.host.sql_names, cut=True, disabled=self.host.disabled)
+            self.bounded = self._lower(query, cut=True)
         return self.bounded
 
     def _scout(self, query: plan.Query) -> SqlQuery:
         # A scout wants the values themselves.
-        return lower(query, self.host.sql_names, careful=True, disabled={*self.host.disabled, "late"})
+        return self._lower(query, "late", careful=True)
+
+    def _lower(self, query: plan.Query, *off: str, cut: bool = False, careful: bool = False) -> SqlQuery:
+        """The statement of a query, without the rewrites that are `off`; some are needed while a script runs."""
+        names, disabled = self.host.sql_names, {*self.host.disabled, *off}
+        return with_room(lambda: lower(query, names, cut=cut, careful=careful, disabled=disabled))
 
     def _most(self, run: Run) -> int | None:
         expr = self.query.search.maximum if self.query.search else None
