@@ -40,9 +40,13 @@ def exact(value: Any) -> Any:
 
 
 def reference_outcome(case: ProgramCase) -> Outcome:
-    judge = Reference(case.functions, case.variables, case.tables, case.volatility)
+    return judged(Reference(case.functions, case.variables, case.tables, case.volatility), case.script)
+
+
+def judged(judge: Reference, script: str) -> Outcome:
+    """What a script comes to on a reference evaluator."""
     try:
-        value = judge.run(case.script)
+        value = judge.run(script)
     except Failure as failure:
         return Outcome(error=failure.code, printed="\n".join(judge.printed))
     except Exception as error:

@@ -63,8 +63,8 @@ def _rows(sql: str) -> dict[str, list[dict[str, Any]]]:
     connection.execute(sql)
     tables = {}
     for (name,) in connection.execute("SELECT name FROM sqlite_schema WHERE type <> 'index'").fetchall():
-        columns = [row[1] for row in connection.execute(f'PRAGMA table_info("{name}")')]
         try:
+            columns = [row[1] for row in connection.execute(f'PRAGMA table_info("{name}")')]
             rows = connection.execute(f'SELECT * FROM "{name}"').fetchall()
         except apsw.Error:
             continue  # a view that fails on purpose
