@@ -25,7 +25,7 @@ from ss2sql.lowering.operators import NATIVE
 from ss2sql.lowering.parameters import Needs
 from ss2sql.lowering.sql import Node
 from ss2sql.walk import can_fail as can_fail
-from ss2sql.walk import walk
+from ss2sql.walk import walk, walk_own
 
 # Built-in functions that always give a bool; in SQL they give a flag.
 PREDICATES = frozenset({"eq", "ne", "lt", "le", "gt", "ge", "in", "not_in"})
@@ -61,6 +61,11 @@ class Env:
 
     def with_states(self, states: Mapping[tuple[int, str], Node]) -> Env:
         return replace(self, states={**self.states, **states})
+
+    def of_a_query(self) -> Env:
+        """The sight of a query in an expression: an aggregate is one of the innermost query, whatever looks like it."""
+        kept = [one for one in self.known if not any(isinstance(node, plan.Aggregate) for node in walk_own(one[0]))]
+        return replace(self, known=tuple(kept))
 
     def with_groups(self, groups: Mapping[tuple[int, int], Node]) -> Env:
         return replace(self, groups={**self.groups, **groups})
@@ -166,7 +171,7 @@ class Expressions:
                 assert isinstance(expr, plan.Subquery), "all others are declared in unsupported.py"
                 outer, self._lowered = self._lowered, None  # the parts of a query change after they are lowered
                 try:
-                    return self.unboxed(self.subquery(expr.query, env), expr.type)
+                    return self.unboxed(self.subquery(expr.query, env.of_a_query()), expr.type)
                 finally:
                     self._lowered = outer
 

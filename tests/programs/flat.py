@@ -377,6 +377,9 @@ class Flat(Expressions):
         if choices.chance(15) and "." in keys[0]:
             self.variable("xs")
             shown.append(f"(SELECT [d.this, {keys[0]}] FROM d = xs WHERE d.this != {keys[0]} AS list)")
+        if choices.chance(15):  # groups in a group, with an aggregate that looks like that around
+            self.variable("xs")
+            shown.append("(SELECT [d.this, count(*)] FROM d = xs GROUP BY d.this HAVING count(*) > 0 AS list)")
         ordering = choices.pick((self.aggregate(sight), keys[0]))
         order = f"ORDER BY {ordering}{choices.pick(('', ' DESC'))}" if choices.chance(35) else ""
         return ", ".join(choices.shuffled(shown)), [group, order, self.limit()]
