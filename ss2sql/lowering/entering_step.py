@@ -15,7 +15,7 @@ from sqlglot import exp
 from ss2sql import plan
 from ss2sql.kinds import Kind, Type
 from ss2sql.lowering import sql
-from ss2sql.lowering.expressions import Env, can_fail
+from ss2sql.lowering.expressions import Env, can_fail, is_flag
 from ss2sql.lowering.lookup import without
 from ss2sql.lowering.sql import Node
 from ss2sql.walk import is_volatile, parts, walk
@@ -253,8 +253,8 @@ def _unless(stop: plan.Expr, goal: plan.Expr) -> plan.Expr | None:
 
 
 def _lies_within(kind: Type, most: float) -> bool:
-    """Whether the type promises numbers from 0 to `most`."""
-    return kind.only(Kind.NUMBER) and kind.at_least(0) and kind.bounded(most)
+    """Whether the type promises numbers from 0 to `most`; a bool among others is a handle, not a number as yet."""
+    return (kind.only(Kind.INT | Kind.FLOAT) or is_flag(kind)) and kind.at_least(0) and kind.bounded(most)
 
 
 def _not(node: Node) -> Node:

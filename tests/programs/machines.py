@@ -52,7 +52,7 @@ def ring(c: Choices) -> Machine:
         legal=1 + steps.count(","),
         loose_goals=("pos < this",),
         loose_stops=("pos == 2",),
-        costs=("abs(this)", "1", "pos", "0.5 + pos", f"{after} / 2"),
+        costs=("abs(this)", "1", "pos", "0.5 + pos", f"{after} / 2", "IF(pos == 1; True; 2)"),
         bounds=(f"({after})", f"{after} / 2", f"abs(2 - {after})"),
         chances=("0.5", "1 / (1 + abs(this))", "IF(pos == 1; 0; 0.5)", "1"),
         ints=("pos", "this", "pos + this"),

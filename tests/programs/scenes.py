@@ -155,7 +155,7 @@ class Scenes(Flat):
         prefix = f"{alias} = " if alias else ""
         form = c.weighted((50, "world"), (18, "frame"), (32, "else"))
         places = [text[:-4] for text in sight.texts["any"] if text.endswith(".pos")]
-        if form == "world" and places and c.chance(50):
+        if form == "world" and places and c.chance(70):
             place = c.pick(places)
             radius = c.pick(("2", "4", "0.5", f"{place}.mass / 20"))
             point = ", ".join(f"{place}.{axis}" for axis in "xyz")
