@@ -31,6 +31,11 @@ VARIABLES: dict[str, Any] = {
     "columns": {"p": [1, 2], "q": ["a", "b"]},
     "towers": [[3, 2, 1], [], []],
 }
+CALLED: dict[str, tuple[Any, str]] = {
+    "f": (lambda x: x, "immutable"),
+    "g": (lambda x, y=0: [x, y], "stable"),
+    "tick": (lambda: 1, "volatile"),
+}
 # SQLite refuses statements that are too large for it; ss2sql runs such queries natively.
 TOO_LARGE = ("too many", "too deep", "too large", "at most", "overflow", "too big", "too complex", "limit")
 
@@ -38,9 +43,8 @@ TOO_LARGE = ("too many", "too deep", "too large", "at most", "overflow", "too bi
 def session() -> ss2sql.Session:
     """A session with something of every kind: functions, variables, a table, a world."""
     ss = ss2sql.connect()
-    ss.function("f", lambda x: x, volatility="immutable")
-    ss.function("g", lambda x, y=0: [x, y], volatility="stable")
-    ss.function("tick", lambda: 1, volatility="volatile")
+    for called, (function, volatility) in CALLED.items():
+        ss.function(called, function, volatility=volatility)
     for name, value in VARIABLES.items():
         ss.attach(name, value)
     for need in (*FUNCTIONS, *VALUES, *REPRESENTATIONS):

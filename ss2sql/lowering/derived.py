@@ -40,11 +40,7 @@ class Table:
 
     def add(self, wanted: str, node: Node, position: int | None = None) -> str:
         """A new column of the table, the last one or one at a position; gives its name."""
-        name, count = wanted, 1
-        while name.lower() in self.taken:
-            count += 1
-            name = f"{wanted}_{count}"
-        self.taken.add(name.lower())
+        name = sql.free_name(wanted, self.taken)
         columns = list(self.select.expressions)
         columns.insert(len(columns) if position is None else position, sql.named(node.copy(), name))
         self.select.set("expressions", columns)

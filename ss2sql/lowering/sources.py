@@ -45,13 +45,7 @@ def sql_names(columns: tuple[str, ...]) -> dict[str, str]:
     # SQLite calls a column otherwise that is to be called true; one that is called rowid hides the real one.
     taken, names = {"this", "true", "false", "rowid"}, {}
     for name in columns:
-        plain, count = sql.harmless(name), 1
-        candidate = plain
-        while candidate.lower() in taken:
-            count += 1
-            candidate = f"{plain}_{count}"
-        taken.add(candidate.lower())
-        names[name] = candidate
+        names[name] = sql.free_name(sql.harmless(name), taken)
     return names
 
 
