@@ -201,9 +201,9 @@ def _is_empty(t: Type) -> bool:
 
 
 def list_of(types: Sequence[Type]) -> Type:
-    """The type of a list whose elements have these types, one by one."""
+    """The type of a list whose elements have these types, one by one; it has columns if all of them may have some."""
     item = union(types)
-    columns = item.columns if item.may(Kind.DICT | Kind.OBJECT) else ()
+    columns = item.columns if types and all(one.may(Kind.DICT | Kind.OBJECT) for one in types) else ()
     return Type(Kind.LIST, item=item, columns=columns, positions=_described(types, item))
 
 

@@ -105,6 +105,11 @@ def sources_read(node: Node) -> frozenset[int]:
     return frozenset(found)
 
 
+def sources_inside(node: Node) -> frozenset[int]:
+    """The numbers of the sources that the queries in a node bring along."""
+    return frozenset(part.id for part in walk(node) if isinstance(part, plan.SOURCES))
+
+
 def states_read(node: Node) -> frozenset[tuple[int, str]]:
     """The START WITH variables that the node reads, as (query, name)."""
     found: set[tuple[int, str]] = set()
@@ -115,6 +120,23 @@ def states_read(node: Node) -> frozenset[tuple[int, str]]:
             case plan.Eval(states=states):
                 found.update(states)
     return frozenset(found)
+
+
+def set_at_once(query: plan.Query) -> dict[str, plan.Expr]:
+    """The variables that CONNECT BY gives a value of the state before the step, and this value.
+
+    Left out are those that it sets again, and those whose value depends on what it has set before.
+    """
+    assert query.search is not None
+    moved: set[tuple[int, str]] = set()
+    values: dict[str, plan.Expr] = {}
+    for name, expr in query.search.connect:
+        again = (query.id, name) in moved
+        values.pop(name, None)
+        if not again and not states_read(expr) & moved:
+            values[name] = expr
+        moved.add((query.id, name))
+    return values
 
 
 def functions(node: Node) -> Iterator[plan.Function]:

@@ -77,7 +77,7 @@ FROM_PYTHON: dict[str, Callable[[Session], object]] = {
     "U001": lambda session: session.run("n = 0; SELECT (n = n + 1) FROM [1]", engine="database"),
     "X010": lambda session: session.run("SELECT this FROM [1, 2, 3]", max_rows=2),
     "X014": lambda session: ss2sql.connect(max_size=2**18).run("t = 'ha'; SELECT len(t = t + t) FROM range(40)"),
-    "T003": lambda session: ss2sql.connect(max_memory=1).run(GROWING),
+    "T003": lambda session: ss2sql.connect(max_memory=20 * 2**20).run(GROWING),
     "X012": lambda session: wrong_block(session),
     "X013": worker_that_dies,
     "T001": lambda session: session.run(ENDLESS, timeout=0.05),

@@ -286,6 +286,17 @@ def test_what_does_not_fit_into_memory_goes_to_files(tmp_path: Path, monkeypatch
     assert max(seen) > 10_000_000
 
 
+def test_a_search_that_fails_lets_go_of_its_tables() -> None:
+    """Also while somebody keeps the error, whose traceback holds what was under way."""
+    own = duckdb.connect()
+    before = own.execute("FROM duckdb_databases() SELECT database_name").fetchall()
+    with ss2sql.connect(engine="duckdb", session=own) as session:
+        with pytest.raises(ss2sql.ExecutionError) as caught:
+            session.run("SELECT this FROM [1, 2] START WITH n = 0 CONNECT BY UNIQUE n = this ORDER BY 1 / (this - 2)")
+        assert caught.value.code == "X002"
+        assert own.execute("FROM duckdb_databases() SELECT database_name").fetchall() == before
+
+
 def test_what_fits_nowhere_is_an_error_of_ours() -> None:
     own = duckdb.connect(config={"memory_limit": "4MB", "temp_directory": "", "threads": 1})
     with ss2sql.connect(engine="duckdb", session=own) as ss:

@@ -127,6 +127,7 @@ def test_a_late_list_that_searches() -> None:
         (script("MEMORIZE 9"), True),
         (script("UNIQUE", shown="this, go(this, n)"), False),  # two rows, one state
         (script("UNIQUE", shown="this"), False),
+        (script("UNIQUE", shown="go(this, n), 0").replace(" STOP", ", n = 0 STOP"), False),  # one state, many rows
         (script("NO CYCLE"), False),
         (script("COST 1 UNIQUE"), False),  # reached again for less, a row is expanded again
         (script("UNIQUE", more=" OR go(1, n) == -1"), False),

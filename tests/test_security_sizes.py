@@ -187,6 +187,33 @@ def test_deep_values_that_are_allowed_can_be_looked_at(
         assert result.value is not None
 
 
+# --- one step ----------------------------------------------------------------------------------------------
+
+
+def queries_in_each_other(depth: int) -> str:
+    """A value of 3^depth rows, which takes one row of the outermost query."""
+    inner = "0"
+    for _ in range(depth):
+        inner = f"(SELECT {inner} FROM xs)"
+    return f"xs = [1, 2, 3]; SELECT 1 FROM [{inner}] AS list;"
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("depth", [8, 9, 12])
+def test_one_step_makes_values_that_are_too_large(engine: str, depth: int) -> None:
+    """The statement goes on after the innermost of them; what happens then must not be what the user hears of."""
+    with ss2sql.connect(max_size=300_000) as session:
+        assert refused(session, queries_in_each_other(depth), engine=engine) == "X014"
+        assert session.run("SELECT 1 FROM [1] AS list;", engine=engine).value == [1]  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_one_step_that_makes_many_values_is_broken_off(engine: str) -> None:
+    """It would be one of 3^20 rows; the last value that was made before the end of the time takes the most of it."""
+    with ss2sql.connect() as session, pytest.raises(ss2sql.Timeout):
+        session.run(queries_in_each_other(20), engine=engine, timeout=0.2)  # type: ignore[arg-type]
+
+
 # --- rows --------------------------------------------------------------------------------------------------
 
 

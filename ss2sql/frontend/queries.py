@@ -204,8 +204,7 @@ def _value_type(query: plan.Query) -> Type:
             columns = tuple((output.name, kind) for output, kind in zip(query.columns, kinds, strict=True))
             rows = Type(Kind.LIST, item=Type(Kind.DICT, columns=columns), columns=columns)
         case "list" | "set":
-            item = union(kinds)
-            rows = Type(Kind.LIST, item=item, columns=item.columns if item.may(Kind.DICT | Kind.OBJECT) else ())
+            rows = Type(Kind.LIST, item=union(kinds), columns=list_of(kinds).columns)
         case "rows":
             rows = Type(Kind.LIST, item=list_of(kinds), columns=())
         case "value":
@@ -216,6 +215,6 @@ def _value_type(query: plan.Query) -> Type:
             return ANY
     if query.group and not query.aggregated:
         return Type(Kind.DICT)
-    if query.search is not None:
+    if query.search is not None and not query.aggregated:
         return Type(Kind.LIST, item=rows, columns=() if not rows.may(Kind.DICT) else None)
     return rows

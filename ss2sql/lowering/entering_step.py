@@ -23,8 +23,6 @@ from ss2sql.walk import is_volatile, parts, walk
 if TYPE_CHECKING:
     from ss2sql.lowering.on_entering import OnEntering
 
-MOST = 2**40  # weights up to here do not add up to 64 bits: 2^23 steps on one path would be needed
-
 
 class EnteringStep:
     """`env` reads the elements and the state before the step; `first` says that this is the START WITH state."""
@@ -127,8 +125,7 @@ class EnteringStep:
             drops.append(self._impossible())
         if not self.best:
             return drops
-        later = [self.search.heuristic, *(expr for _, expr in self.search.connect)]
-        if any(can_fail(part) for part in later if part is not None):
+        if self._estimate_fails() or any(can_fail(expr) for _, expr in self.search.connect):
             # Evaluated also for a step that turns out not to be better, for then its failing shows.
             rest = [] if self.search.heuristic is None else [self.estimate()]
             happens = sql.call("in_turn", self.weight(), *rest, *self._after(), sql.number(0))
@@ -175,11 +172,13 @@ class EnteringStep:
             carried[of.rank] = self.total() if goal is None else sql.case([(goal, self.total())], later)
             if of.estimate is not None:
                 # Only a goal waits twice, and needs the estimate when it has come out.
-                estimate = self._if_it_goes_on(self.search.heuristic, self.estimate(), sql.number(0))
+                estimate = self.estimate()
+                if of.asks_both and self._estimate_fails():
+                    estimate = self._unless_it_stops(estimate, sql.number(0))
                 carried[of.estimate] = estimate if goal is None else sql.case([(goal, estimate)], sql.null())
-        assigned = dict(self.search.connect)
-        for (name, _), node in zip(self.search.start, self._after(), strict=True):
-            carried[of.states[name]] = self._if_it_goes_on(assigned.get(name), node, sql.null())
+        for name, node in zip(of.variables, self._after(), strict=True):
+            anyway = name not in of.assigned or of.sets_anyway(name)
+            carried[of.states[name]] = node if anyway else self._unless_it_stops(node, sql.null())
         for name, short in of.before.items():
             carried[short] = self.env.states[(self.query.id, name)].copy()
         for short, read in of.reads:
@@ -208,12 +207,9 @@ class EnteringStep:
         return noted if self.query.where is None else sql.case([(self.goal(), noted)], sql.number(1))
 
     def _after(self) -> list[Node]:
-        return [self.next[(self.query.id, name)].copy() for name, _ in self.search.start]
+        return [self.next[(self.query.id, name)].copy() for name in self.of.variables]
 
-    def _if_it_goes_on(self, expr: plan.Expr | None, node: Node, otherwise: Node) -> Node:
-        """The value of a clause that is not evaluated for a step that stops, where that could show."""
-        if expr is None or self.of.carries_anyway(expr):
-            return node
+    def _unless_it_stops(self, node: Node, otherwise: Node) -> Node:
         return sql.case([(self.stop(), otherwise)], node)
 
     # --- weights ---------------------------------------------------------------------------------------
@@ -221,16 +217,21 @@ class EnteringStep:
     def weight(self) -> Node:
         weight = self.search.weight
         assert weight is not None
-        most = 1 if self.search.order == "probability" else MOST
-        return self._checked(weight, f"step_{self.search.order}", most)
+        return self._checked(weight, f"step_{self.search.order}")
 
     def estimate(self) -> Node:
         assert self.search.heuristic is not None
-        return self._checked(self.search.heuristic, "step_heuristic", MOST)
+        return self._checked(self.search.heuristic, "step_heuristic")
 
-    def _checked(self, expr: plan.Expr, check: str, most: float) -> Node:
+    def _estimate_fails(self) -> bool:
+        heuristic = self.search.heuristic
+        return heuristic is not None and (can_fail(heuristic) or not lies_within(heuristic.type, self.of.most))
+
+    def _checked(self, expr: plan.Expr, check: str) -> Node:
         node = self.expressions.lower(expr, self.env)
-        return node if _lies_within(expr.type, most) else sql.call(check, node, self.expressions.place(expr.span))
+        if lies_within(expr.type, self.of.most):
+            return node
+        return sql.call(check, node, self.expressions.place(expr.span))
 
     def total(self) -> Node:
         """What the path comes to with this step."""
@@ -252,7 +253,7 @@ def _unless(stop: plan.Expr, goal: plan.Expr) -> plan.Expr | None:
     return None if not left else left[0] if len(left) == 1 else plan.Or(left, span=stop.span)
 
 
-def _lies_within(kind: Type, most: float) -> bool:
+def lies_within(kind: Type, most: float) -> bool:
     """Whether the type promises numbers from 0 to `most`; a bool among others is a handle, not a number as yet."""
     return (kind.only(Kind.INT | Kind.FLOAT) or is_flag(kind)) and kind.at_least(0) and kind.bounded(most)
 

@@ -45,6 +45,7 @@ class Env:
 
     A reader, state or group value gives what stands in a column: a flag where the type is bool alone. `known`
     are expressions that stand in a column already, `facts` comparisons that hold wherever an expression is evaluated.
+    `again` says that what stands here is evaluated any number of times, maybe not at all.
     """
 
     sources: Mapping[int, Reader] = field(default_factory=dict)
@@ -52,6 +53,7 @@ class Env:
     groups: Mapping[tuple[int, int], Node] = field(default_factory=dict)
     known: tuple[tuple[plan.Expr, Node], ...] = ()
     facts: tuple[Fact, ...] = ()
+    again: bool = False
 
     def with_facts(self, condition: plan.Expr, truth: bool) -> Env:
         return replace(self, facts=(*self.facts, *facts_of(condition, truth)))
@@ -65,7 +67,7 @@ class Env:
     def of_a_query(self) -> Env:
         """The sight of a query in an expression: an aggregate is one of the innermost query, whatever looks like it."""
         kept = [one for one in self.known if not any(isinstance(node, plan.Aggregate) for node in walk_own(one[0]))]
-        return replace(self, known=tuple(kept))
+        return replace(self, known=tuple(kept), again=True)
 
     def with_groups(self, groups: Mapping[tuple[int, int], Node]) -> Env:
         return replace(self, groups={**self.groups, **groups})
@@ -211,6 +213,10 @@ class Expressions:
         """A call of the language's own function on values."""
         node = sql.call(builtin_name(expr.function.name), *arguments, self.place(expr.place))
         return node if expr.function.name in PREDICATES else self.unboxed(node, expr.type)
+
+    def field(self, element: Node, column: plan.Column) -> Node:
+        """A column that is looked for in the element when it is read."""
+        return sql.call("field", element, sql.string(column.name), self.place(column.span))
 
     def place(self, span: Span) -> Node:
         return sql.string(f"{span.line}:{span.column}")

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from ss2sql import plan
 from ss2sql.kinds import Kind
 from ss2sql.lowering.expressions import can_fail
-from ss2sql.walk import is_volatile, sources_read, walk
+from ss2sql.walk import is_volatile, sources_inside, sources_read, walk
 
 MOST_HOISTED = 24
 
@@ -85,7 +85,7 @@ class Levels:
     def _is_loud(self, source: plan.Source, position: int) -> bool:
         """Whether reading the source could be noticed; what is bound before the statement runs is read anyway."""
         values = [value for value in self._values(source) if can_fail(value)]
-        return any(position == 1 or bool(sources_read(value) - _inside(value)) for value in values)
+        return any(position == 1 or bool(sources_read(value) - sources_inside(value)) for value in values)
 
     def _has_elements(self, source: plan.Source) -> bool:
         match source:
@@ -231,8 +231,3 @@ def _is_costly(expr: plan.Expr) -> bool:
         isinstance(node, plan.Subquery) or (isinstance(node, plan.Call) and not node.function.builtin)
         for node in walk(expr)
     )
-
-
-def _inside(node: object) -> set[int]:
-    """The numbers of the sources that a node brings along itself."""
-    return {part.id for part in walk(node) if isinstance(part, plan.SOURCES)}

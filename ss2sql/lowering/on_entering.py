@@ -19,14 +19,16 @@ from sqlglot import exp
 
 from ss2sql import plan
 from ss2sql.lowering import sql
-from ss2sql.lowering.entering_step import EnteringStep, certain, fallible
+from ss2sql.lowering.entering_step import EnteringStep, certain, fallible, lies_within
 from ss2sql.lowering.expressions import Env, can_fail, is_flag
 from ss2sql.lowering.lookup import lookups, without
 from ss2sql.lowering.parameters import Bookkeeping, Counts
 from ss2sql.lowering.search import SearchLowering, element_reads
 from ss2sql.lowering.select import Selects
 from ss2sql.lowering.sql import Node, free_name
-from ss2sql.walk import parts, states_read, walk
+from ss2sql.walk import parts, set_at_once, states_read, walk
+
+MOST = 2**40  # costs up to here do not add up to 64 bits: 2^23 steps on one path would be needed
 
 
 def applies(query: plan.Query, cut: bool) -> bool:
@@ -58,7 +60,6 @@ class OnEntering(SearchLowering):
     def __init__(self, selects: Selects, query: plan.Query, cut: bool) -> None:
         super().__init__(selects, query, cut)
         search = self.search
-        self.names: list[str] = ["step", "parent"]
         self.strict = self._is_strict()
         self.looked_up = [] if "lookup" in selects.needs.disabled else lookups(query)
         if self.looked_up:
@@ -70,7 +71,8 @@ class OnEntering(SearchLowering):
         ends_early = search.order == "breadth first" and cut and bool(_user_calls(query))
         self.counted = ends_early or self.counts == "steps"
         self.depth = self._named("depth") if search.order == "depth first" else None
-        self.states = {name: self._named(name) for name, _ in search.start}
+        self.states = {name: self._named(name) for name in self.variables}
+        self.at_once = {} if self.sets_again else set_at_once(query)
         self.known = self._known_calls()
         self.goal_later = not self.ahead and self._waits_for_its_turn(query.where)
         self.stop_later = not self.one_result and self._waits_for_its_turn(search.stop)
@@ -85,9 +87,7 @@ class OnEntering(SearchLowering):
         self.before: dict[str, str] = {}
 
     def _named(self, name: str) -> str:
-        short = free_name(name, self.taken)
-        self.names.append(short)
-        return short
+        return free_name(name, self.taken)
 
     # --- what can be seen of the order of evaluation ---------------------------------------------------
 
@@ -99,9 +99,18 @@ class OnEntering(SearchLowering):
         """
         search, query = self.search, self.query
         clauses = [query.where, search.stop, search.weight, search.heuristic, *(expr for _, expr in search.connect)]
+        if search.weight is not None and search.repeats == "unique" and _any_fails([query.where, search.stop]):
+            return True  # they are asked of a step that is not better, too, whose failing would not show
         if self.selects.needs.careful:
-            return _any_fails([*clauses, *(output.expr for output in query.columns)])
+            weights = [expr for expr in (search.weight, search.heuristic) if expr is not None]
+            refused = any(not lies_within(expr.type, self.most) for expr in weights)
+            return refused or _any_fails([*clauses, *(output.expr for output in query.columns)])
         return any(not self._is_known_of(call) for clause in clauses for call in _user_calls(clause))
+
+    @property
+    def most(self) -> int:
+        """The greatest weight of a step that is not looked at."""
+        return 1 if self.search.order == "probability" else MOST
 
     @property
     def all_results(self) -> bool:
@@ -139,21 +148,25 @@ class OnEntering(SearchLowering):
 
     def _known_calls(self) -> list[tuple[plan.Expr, str]]:
         """Calls whose values are the state after the step, with the column that holds it."""
-        known: list[tuple[plan.Expr, str]] = []
-        assigned: set[tuple[int, str]] = set()
-        for name, expr in self.search.connect:
-            usable = isinstance(expr, plan.Call) and self.carries_anyway(expr) and not states_read(expr) & assigned
-            if usable and is_flag(expr.type) == self.flags[name]:
-                known.append((expr, self.states[name]))
-            assigned.add((self.query.id, name))
-        return known
+        return [
+            (expr, self.states[name])
+            for name, expr in self.at_once.items()
+            if isinstance(expr, plan.Call) and self.sets_anyway(name) and is_flag(expr.type) == self.flags[name]
+        ]
 
-    def carries_anyway(self, expr: plan.Expr) -> bool:
-        """Whether CONNECT BY may be evaluated for each step that enters, also for one that stops."""
-        if self.search.stop is None or self.query.where is None:
-            return True  # whatever enters goes on
+    @property
+    def asks_both(self) -> bool:
+        """Whether a step may enter that stops: without one of the two clauses whatever enters goes on."""
+        return self.search.stop is not None and self.query.where is not None
+
+    def sets_anyway(self, name: str) -> bool:
+        """Whether CONNECT BY may set a variable for each step that enters, also for one that stops."""
+        if not self.asks_both:
+            return True
+        if name not in self.at_once:  # it may contain all that is set before it, and of that state nothing was asked
+            return not any(fallible(expr) for _, expr in self.search.connect)
         done = certain(self.query.where) + certain(self.search.stop)
-        return all(any(part == other for other in done) for part in fallible(expr))
+        return all(any(part == other for other in done) for part in fallible(self.at_once[name]))
 
     def _waits_for_its_turn(self, clause: plan.Expr | None) -> bool:
         """Whether a flag is made when the step is taken, because all of its calls have become columns."""
@@ -199,7 +212,10 @@ class OnEntering(SearchLowering):
 
     @property
     def all_names(self) -> list[str]:
-        return [*self.names, *(name for name, _ in self.reads)]
+        """The columns, in the order in which the language evaluates them, for the first that fails shows."""
+        made = (self.depth, self.goal, self.live, self.total, self.estimate, self.waits, self.rank)
+        names = ["step", "parent", *(name for name in made if name is not None)]
+        return [*names, *self.states.values(), *self.before.values(), *(name for name, _ in self.reads)]
 
     def queue(self) -> Iterable[tuple[str, bool]]:
         if self.rank is not None:

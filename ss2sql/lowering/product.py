@@ -299,8 +299,8 @@ def _is_fixed(value: plan.Expr) -> bool:
 
 
 def _is_walked(item: Node) -> TypeGuard[exp.Table]:
-    """Whether `elements` walks a list."""
-    return isinstance(item, exp.Table) and isinstance(item.this, exp.Anonymous)
+    """Whether `elements` walks a list that is the same for all rows."""
+    return isinstance(item, exp.Table) and isinstance(item.this, exp.Anonymous) and item.find(exp.Column) is None
 
 
 def _may_be_none(source: plan.Source) -> bool:

@@ -23,7 +23,7 @@ from sqlglot import exp
 from ss2sql import plan
 from ss2sql.lowering import sql
 from ss2sql.lowering.copies import asked_equal, by_index, keep_columns, materialized, rows_in_order
-from ss2sql.lowering.expressions import Env, is_flag
+from ss2sql.lowering.expressions import Env, can_fail, is_flag
 from ss2sql.lowering.parameters import Bookkeeping
 from ss2sql.lowering.select import Selects
 from ss2sql.lowering.sources import open_sources, sql_names
@@ -42,7 +42,13 @@ def element_reads(query: plan.Query, places: Iterable[object]) -> Iterator[plan.
     for place in places:
         for node in walk(place) if place is not None else ():
             if isinstance(node, (plan.Element, plan.Column)) and node.source in own:
-                yield node
+                yield _whole(node)
+
+
+def _whole(node: plan.Element | plan.Column) -> plan.Element | plan.Column:
+    """What is carried for it: of a column that may be missing the element, for only who reads it may fail."""
+    missing = isinstance(node, plan.Column) and not node.declared
+    return plan.Element(node.source, span=node.span) if missing else node
 
 
 class SearchLowering(ABC):
@@ -62,6 +68,11 @@ class SearchLowering(ABC):
         self.taken: set[str] = {"step", "parent"}  # names of the recursive table's columns
         self.reads: list[tuple[str, plan.Element | plan.Column]] = []  # elements that it holds
         self.flags = {name: is_flag(kind) for name, kind in search.states}
+        last = {name: number for number, (name, _) in enumerate(search.connect)}
+        self.variables = sorted((name for name, _ in search.start), key=lambda name: last.get(name, -1))
+        self.assigned = set(last)
+        overwritten = [expr for number, (name, expr) in enumerate(search.connect) if last[name] > number]
+        self.sets_again = any(map(can_fail, overwritten))  # they are evaluated all the same
         self.tables: list[exp.CTE] = []
         self.positions: dict[str, str] = {}  # the column of each copied table that numbers its rows
         self.copied: dict[str, Node] = {}  # the lists and worlds that are read once, by the names of their copies
@@ -93,8 +104,14 @@ class SearchLowering(ABC):
         """Reads elements from a row of the recursive table."""
         env = Env()
         for source in self.query.sources:
-            env = env.with_source(source.id, lambda expr: self.column(self.carry(expr)))
+            env = env.with_source(source.id, self._carried)
         return env
+
+    def _carried(self, expr: plan.Element | plan.Column) -> Node:
+        carried = self.column(self.carry(_whole(expr)))
+        if isinstance(expr, plan.Column) and not expr.declared:
+            return self.expressions.field(carried, expr)
+        return carried
 
     def recursive_query(self, names: list[str], terms: list[exp.Select], results: exp.Select) -> exp.Select:
         """`WITH RECURSIVE table(names) AS (first UNION ALL others ORDER BY ...) results`."""
@@ -140,11 +157,19 @@ class SearchLowering(ABC):
         return rebuild(expr, lambda part: self._with_starts(part, values))
 
     def following(self, env: Env) -> dict[tuple[int, str], Node]:
-        """The state after CONNECT BY. A later assignment sees an earlier one: its expression stands for the name."""
+        """The state after CONNECT BY. A later assignment sees an earlier one: its expression stands for the name.
+
+        Where the columns are made in the order of `variables`, all that may fail is evaluated in the order of the text.
+        """
         states = dict(env.states)
+        made: list[Node] = []
         for name, expr in self.search.connect:
             lower = self.expressions.lower if self.flags[name] else self.expressions.value
-            states[(self.query.id, name)] = lower(expr, env.with_states(states))
+            made.append(lower(expr, env.with_states(states)))
+            states[(self.query.id, name)] = made[-1]
+        if self.sets_again:
+            first = next((self.query.id, name) for name in self.variables if name in self.assigned)
+            states[first] = sql.call("in_turn", *(node.copy() for node in made), states[first])
         return states
 
     # --- sources ---------------------------------------------------------------------------------------

@@ -8,8 +8,8 @@ where its evaluation cannot be told apart, a derived table where it stands alone
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, assert_never
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, assert_never
 
 from sqlglot import exp
 
@@ -19,7 +19,7 @@ from ss2sql.lowering.copies import materialized
 from ss2sql.lowering.expressions import Env, Reader, can_fail, is_flag
 from ss2sql.lowering.sql import Node
 from ss2sql.vtables.names import PLACE
-from ss2sql.walk import sources_read, states_read, walk
+from ss2sql.walk import sources_inside, sources_read, states_read
 
 if TYPE_CHECKING:
     from ss2sql.lowering.select import Selects
@@ -56,46 +56,81 @@ def open_sources(
 
     `search` is the number of the query if its state may be mentioned.
     """
-    opened: list[Opened] = []
     siblings: set[int] = set()
+    early = [one for one in sources[1:] if _fails_alone(one, sources, search)]
+    if early and _fails_alone(sources[0], sources, search):
+        early.insert(0, sources[0])
+    asked: list[Node] = []  # what is read before the walk begins, so that it fails even if there is nothing to walk
+    opened: list[Opened] = []
     for source in sources:
-        part = open_source(selects, source, env, siblings, search)
+        before = asked if source in early else None
+        part = open_source(selects, source, env, siblings, search, before)
         env = env.with_source(source.id, part.reader)
         siblings.add(source.id)
         opened.append(part)
+    if asked:
+        value = sql.call("in_turn", *(node.copy() for node in asked), sql.number(0))
+        first = sql.table_function(selects.needs.elements(()), [value], selects.needs.label("asked"))
+        opened[0] = replace(opened[0], items=(first, *opened[0].items))
     return opened, env
 
 
-def open_source(selects: Selects, source: plan.Source, env: Env, siblings: set[int], search: int | None) -> Opened:
+def _fails_alone(source: plan.Source, sources: tuple[plan.Source, ...], search: int | None) -> bool:
+    """Whether a source may fail that is the same for all rows of the others, and for all states of a search."""
+    match source:
+        case plan.ValueSource(value=value):
+            read: list[Any] = [value]
+        case plan.QuerySource(query=query):
+            read = [query]
+        case plan.WorldSource(arguments=arguments):
+            read = [*arguments]
+        case _:
+            return False
+    own = {other.id for other in sources}
+    moves = any(sources_read(part) & own or any(q == search for q, _ in states_read(part)) for part in read)
+    return not moves and any(map(can_fail, read))
+
+
+def open_source(
+    selects: Selects,
+    source: plan.Source,
+    env: Env,
+    siblings: set[int],
+    search: int | None,
+    asked: list[Node] | None = None,
+) -> Opened:
+    """One source. Where `asked` is given it is read before the walk begins: it is bound, or noted there."""
     match source:
         case plan.TableSource():
             return _table(selects, source)
         case plan.ValueSource(value=value):
-            if siblings and can_fail(value) and not sources_read(value) and not states_read(value):
-                # It is read before the walk begins, so that it fails even if the sources before it are empty.
-                return _elements(selects, source, selects.needs.bind(value))
-            return _elements(selects, source, selects.expressions.value(value, env))
+            return _elements(selects, source, _once(selects, value, env, asked))
         case plan.QuerySource(query=query):
+            if asked is not None:
+                return _elements(selects, source, _once(selects, plan.Subquery(query, span=source.span), env, asked))
             if _can_join(query) and not (search is None and _shows_outside(query, siblings)):
                 return _joined(selects, source, env, siblings, search)
             lateral = bool(sources_read(query) & siblings) or any(q == search for q, _ in states_read(query))
-            if siblings and can_fail(query) and not sources_read(query) - _inside(query):
-                subquery = plan.Subquery(query, span=source.span)
-                return _elements(selects, source, selects.needs.bind(subquery))
             whole = can_fail(query) or search is not None
-            outside = lateral or (whole and bool(sources_read(query) - _inside(query) or states_read(query)))
-            if not outside and query.representation.name == "dict" and (not query.group or query.aggregated):
+            outside = sources_read(query) - sources_inside(query) or states_read(query)
+            apart = not lateral and not (whole and outside)
+            if apart and query.representation.name == "dict" and (not query.group or query.aggregated):
                 return _derived(selects, source, env, whole)
-            return _elements(selects, source, selects.subquery(query, env))
+            return _elements(selects, source, selects.subquery(query, replace(env, again=env.again or lateral)))
         case plan.WorldSource():
-            return _world(selects, source, env, bool(siblings))
+            return _world(selects, source, env, asked)
         case _:
             assert_never(source)
 
 
-def _inside(query: plan.Query) -> set[int]:
-    """The numbers of the sources that a query and the queries in it bring along."""
-    return {node.id for node in walk(query) if isinstance(node, plan.SOURCES)}
+def _once(selects: Selects, expr: plan.Expr, env: Env, asked: list[Node] | None) -> Node:
+    """The value of a source, which is read before the walk begins where `asked` is given."""
+    if asked is not None and not env.again:
+        return selects.needs.bind(expr)
+    node = selects.expressions.value(expr, env)
+    if asked is not None:
+        asked.append(node)
+    return node
 
 
 def _table(selects: Selects, source: plan.TableSource) -> Opened:
@@ -127,7 +162,7 @@ def _elements(selects: Selects, source: plan.ValueSource | plan.QuerySource, val
             return selects.expressions.unboxed(this, expr.type)
         if expr.declared:
             return selects.expressions.unboxed(sql.column(names[expr.name], label), expr.type)
-        return sql.call("field", this, sql.string(expr.name), selects.expressions.place(expr.span))
+        return selects.expressions.field(this, expr)
 
     item = sql.table_function(module, [value], label)
     # The elements of a data frame are made when they are read; its row numbers cost nothing.
@@ -136,7 +171,7 @@ def _elements(selects: Selects, source: plan.ValueSource | plan.QuerySource, val
     return Opened((item,), read, (sql.column("rowid", label),), witness)
 
 
-def _world(selects: Selects, source: plan.WorldSource, env: Env, inner: bool) -> Opened:
+def _world(selects: Selects, source: plan.WorldSource, env: Env, asked: list[Node] | None) -> Opened:
     """A table of a world, or one of its table functions; it is walked in its own order."""
     label = selects.needs.label(source.name)
     names = sql_names(tuple(name for name, _ in source.columns))
@@ -147,10 +182,8 @@ def _world(selects: Selects, source: plan.WorldSource, env: Env, inner: bool) ->
 
     item = sql.table(source.table.module, label)
     if source.table.schema.parameters:
-        early = [inner and can_fail(a) and not sources_read(a) and not states_read(a) for a in source.arguments]
         arguments = [
-            selects.needs.bind(argument) if bound else selects.expressions.value(argument, env)
-            for argument, bound in zip(source.arguments, early, strict=True)
+            _once(selects, argument, env, asked if can_fail(argument) else None) for argument in source.arguments
         ]
         item = sql.table_function(source.table.module, arguments, label)
     return Opened((item,), read, (sql.column(PLACE, label),), sql.column(PLACE, label))

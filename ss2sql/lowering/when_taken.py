@@ -25,7 +25,7 @@ class WhenTaken(SearchLowering):
     def __init__(self, selects: Selects, query: plan.Query, cut: bool) -> None:
         super().__init__(selects, query, cut)
         self.taken.add("depth")
-        self.states = {name: free_name(name, self.taken) for name, _ in self.search.start}
+        self.states = {name: free_name(name, self.taken) for name in self.variables}
         places = [query.where, self.search.stop, *(output.expr for output in query.columns)]
         places += [expr for _, expr in self.search.connect] + list(query.group) + [key.expr for key in query.order]
         for node in element_reads(query, places):
@@ -53,7 +53,7 @@ class WhenTaken(SearchLowering):
         """The children of a step that goes on."""
         parent = self.env()
         following = self.following(parent)
-        self.next_states = [following[(self.query.id, name)] for name, _ in self.search.connect]
+        self.next_states = [following[(self.query.id, name)] for name in self.variables]
         depth = sql.binary(exp.Add, self.column("depth"), sql.number(1))
         table = sql.table(self.table, self.table)
         return self.children(Env().with_states(following), self.column("step"), depth, [table], self.goes_on(parent))

@@ -268,7 +268,8 @@ class Database:
         search = self.search.begin(execution.pool.frozen, None, False, False)
         self.stack.append(execution)
         try:
-            yield
+            with run.sizes.refusing():
+                yield
         except Stopped as stopped:
             raise stopped.located(execution.query.span if execution.query else None) from None
         except UNREADABLE as error:

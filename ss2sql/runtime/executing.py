@@ -100,6 +100,7 @@ def execute(host: SessionHost, query: Query, options: Options, variables: Mappin
     host.ready()
     run.deadline, run.max_rows = _deadline(host, options.timeout), options.max_rows
     run.ceiling, run.sizes.rows = _ceiling(host), run.max_rows
+    run.sizes.pause = run.check
     run.arguments = {name: normalise(value, f"the variable '{name}'") for name, value in variables.items()}
     statements = run.statements = query.statements(options.engine, run.arguments, run.stats)
     run.call_places = query.call_places

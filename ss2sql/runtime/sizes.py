@@ -10,7 +10,8 @@ each character of the texts among them; a list or dict of at most 16 values has 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from itertools import chain
 from typing import Any
 
@@ -24,6 +25,7 @@ CELL = 8  # bytes of a value inside of a list
 FEW = 16  # values in a list
 AT_ONCE = 4096  # rows
 LARGE = 1024  # lists of this size are measured once
+HUGE = 2**20  # to make a value of this size takes as long as a few thousand steps
 # Built-in functions that may give more than they take, and the methods that stand in for them.
 MAKERS = {"add": "added", "zip": "zipped", "range": "numbers", "str": "text"}
 
@@ -32,16 +34,20 @@ _NESTING = frozenset({list, dict})
 
 
 class Sizes:
-    """Measures values for one run, and remembers the sizes of lists: of large ones, as long as `limit` has room."""
+    """Measures values for one run, and remembers the sizes of lists: of large ones, as long as `limit` has room.
 
-    __slots__ = ("_held", "_known", "cells", "limit", "plain", "refused", "rows")
+    `pause` is called whenever a huge one was made, for one step may make many.
+    """
+
+    __slots__ = ("_held", "_known", "cells", "limit", "pause", "plain", "refused", "rows")
 
     def __init__(self, limit: int = MOST) -> None:
         self.limit = limit
         self.plain = limit // 4  # characters of a text that fits whatever they are
         self.cells = limit // CELL  # numbers of a list that fits
         self.rows: int | None = None  # of the query that gives a value
-        self.refused: ExecutionError | None = None  # where it was found out, it could not be raised
+        self.refused: Exception | None = None  # where it was found out, it could not be raised
+        self.pause: Callable[[], None] = lambda: None
         self._known: dict[int, tuple[Any, Measure]] = {}  # by identity; the value itself keeps it from being given away
         self._held = 0
 
@@ -151,12 +157,24 @@ class Sizes:
             raise self.too_large("a dict" if type(value) is dict else "a list")
         if depth > DEPTH_LIMIT:
             raise too_deep("the script made")
+        if size > HUGE:
+            self.pause()
         if size > LARGE:
             self._held += len(value)
             if self._held > self.cells:
                 self._known.clear()
                 self._held = len(value)
             self._known[id(value)] = value, measure
+
+    @contextmanager
+    def refusing(self) -> Iterator[None]:
+        """Raises what was found out meanwhile instead of what came of it."""
+        try:
+            yield
+        except Exception:
+            if self.refused is None:
+                raise
+        self.look()
 
     def look(self) -> None:
         """Raises what was found out where it could not be raised."""

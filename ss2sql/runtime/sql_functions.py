@@ -100,9 +100,18 @@ class Collect:
         return self.room >= 0
 
     def final(self) -> Any:
-        """The value. Raises ExecutionError X010 or X014 where there were too many rows."""
-        self.pool.sizes.look()
-        return self.value()
+        """The value. What this raises ends no statement: apsw goes on and complains of the exception that is under way.
+
+        It calls no function of the user any more. The run raises what was refused in place of that complaint.
+        """
+        sizes = self.pool.sizes
+        try:
+            if sizes.refused is not None:
+                raise sizes.refused
+            return self.value()
+        except Exception as error:
+            sizes.refused = error
+            raise
 
     def value(self) -> Any:
         return self.pool.made(self.values)
@@ -167,7 +176,7 @@ def _aggregate(name: str) -> Callable[[Pool], Collect]:
             self.place = place
             self.values.append(self.pool.decode(value))
 
-        def final(self) -> Any:
+        def value(self) -> Any:
             return self.pool.encode(AGGREGATES[name](self.values))
 
     return Aggregate

@@ -22,7 +22,7 @@ from ss2sql.lowering import sql
 from ss2sql.lowering.portable.expressions import Portable, Sight
 from ss2sql.lowering.portable.names import Names
 from ss2sql.lowering.portable.types import column_type, is_nullable, refused, typed
-from ss2sql.walk import walk
+from ss2sql.walk import set_at_once, walk
 
 ELEMENTS = 1 << 24  # of a state; a place is a step and an element, in 64 bits
 Node = exp.Expr
@@ -111,18 +111,13 @@ class _Writer:
     def _states(self) -> list[tuple[str, Typed]]:
         """The column for each START WITH variable."""
         shown = {output.expr: column for output, column in zip(self.query.columns, self.rows, strict=True)}
-        assigned, kinds = dict(self.search.connect), dict(self.search.states)
-        moved = [name for name, _ in self.search.connect]
+        at_once, kinds = set_at_once(self.query), dict(self.search.states)
         states: list[tuple[str, Typed]] = []
         for name, start in self.search.start:
-            expr = assigned.get(name)
-            earlier = set(moved[: moved.index(name)]) if name in moved else set()
-            nodes = () if expr is None else walk(expr)
-            reads = {n.name for n in nodes if isinstance(n, plan.State) and n.query == self.query.id}
             kind = column_type(kinds[name])
             if kind is None or is_nullable(kinds[name]):
                 raise refused("the kind of this variable is not known, or may be None", start.span)
-            column = shown.get(expr) if expr is not None and not reads & earlier else None
+            column = shown.get(at_once[name]) if name in at_once else None
             # Two that are equal after each step can differ at the start.
             if column is None or column.type != kind or any(column == other for _, other in states):
                 column = Typed(self.names.free(name, "state"), kind)

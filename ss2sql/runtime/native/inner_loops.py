@@ -16,7 +16,7 @@ from ss2sql.runtime.native.facts import Analysis
 from ss2sql.runtime.native.flat import placed_conditions
 from ss2sql.runtime.native.loops import Loops, is_table, read_by_sources
 from ss2sql.runtime.native.unit import Body
-from ss2sql.walk import walk
+from ss2sql.walk import conjuncts, walk
 
 if TYPE_CHECKING:
     from ss2sql.runtime.native.builder import Builder
@@ -34,6 +34,12 @@ def stands_inside(query: plan.Query, analysis: Analysis) -> bool:
     expressions = [*read_by_sources(query), *(output.expr for output in query.columns)]
     facts = [analysis.of(expr) for expr in (*expressions, *((query.where,) if query.where is not None else ()))]
     return all(one.steady and one.total for one in facts)
+
+
+def tests_before(query: plan.Query, analysis: Analysis) -> bool:
+    """Whether a part of WHERE is tested before the loop, for it reads nothing of the element."""
+    own = {source.id for source in query.sources}
+    return any(own.isdisjoint(analysis.of(part).sources) for part in conjuncts(query.where))
 
 
 def open_inside(builder: Builder, source: plan.QuerySource, read: tuple[str, ...], body: Body) -> Body:

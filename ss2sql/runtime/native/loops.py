@@ -46,7 +46,7 @@ class Loops:
     """
 
     def __init__(self, builder: Builder, query: plan.Query, owner: Body, inside: bool = False) -> None:
-        from ss2sql.runtime.native.inner_loops import stands_inside
+        from ss2sql.runtime.native.inner_loops import stands_inside, tests_before
 
         self.builder = builder
         self.query = query
@@ -62,10 +62,14 @@ class Loops:
             for source, facts in zip(self.sources, self.facts, strict=True)
         ]
         self.inside = inside
+        ends = None if query.search is None else query.sources[0]  # what is tested before its loop would end the search
         self.opened = {
             source.id
             for source, lateral in zip(self.sources, self.lateral, strict=True)
-            if lateral and isinstance(source, plan.QuerySource) and stands_inside(source.query, builder.unit.analysis)
+            if lateral
+            and isinstance(source, plan.QuerySource)
+            and stands_inside(source.query, builder.unit.analysis)
+            and not (source is ends and tests_before(source.query, builder.unit.analysis))
         }
         own_function = query.search is None and not inside and not owner.parameters
         self.alone = own_function and len(self.sources) == 1 and not any(self.lateral)

@@ -15,7 +15,7 @@ from ss2sql.runtime.native.call_code import is_remembered
 from ss2sql.runtime.native.calls import NO_KEY, RememberedCalls
 from ss2sql.runtime.native.facts import Analysis
 from ss2sql.runtime.run import Places, Run
-from ss2sql.walk import walk
+from ss2sql.walk import set_at_once, walk
 
 
 def call_places(*roots: Any) -> dict[str, Places]:
@@ -55,12 +55,9 @@ def _rows_are_states(query: plan.Query, search: plan.Search, analysis: Analysis)
     """Whether equal rows mean equal states and the other way round."""
     outputs = query.rows if query.aggregated else tuple(output.expr for output in query.columns)
     shown = {analysis.of(expr).key for expr in outputs}
-    moved: set[tuple[int, str]] = set()
-    for name, expr in search.connect:
-        if not analysis.of(expr).states.isdisjoint(moved):  # SELECT sees the state before the step
-            return False
-        moved.add((query.id, name))
-    return None not in shown and shown == {analysis.of(expr).key for _, expr in search.connect}
+    at_once = set_at_once(query)  # SELECT sees the state before the step
+    alike = shown == {analysis.of(expr).key for expr in at_once.values()}
+    return None not in shown and alike and len(at_once) == len(search.connect)
 
 
 def ways_of(

@@ -19,7 +19,7 @@ from ss2sql.runtime.native.facts import OWN_GROUP
 from ss2sql.runtime.native.loops import Loops
 from ss2sql.runtime.native.step_code import freezer
 from ss2sql.runtime.native.unit import UNSET, Body
-from ss2sql.walk import walk
+from ss2sql.walk import set_at_once, walk
 
 if TYPE_CHECKING:
     from ss2sql.runtime.native.builder import Builder
@@ -212,13 +212,11 @@ class _Writer:
         """Takes what CONNECT BY computes from the state after the step, where that is known."""
         wanted = {self.unit.analysis.of(node).key for node in walk(clause)}
         position = {name: number for number, (name, _) in enumerate(self.search.start)}
-        moved: set[tuple[int, str]] = set()
-        for name, expr in self.search.connect:
+        for name, expr in set_at_once(self.query).items():
             facts = self.unit.analysis.of(expr)
-            if facts.key is not None and facts.costly and facts.key in wanted and facts.states.isdisjoint(moved):
+            if facts.key is not None and facts.costly and facts.key in wanted:
                 known = self.pen.item(self.pen.name("following"), position[name])
                 self._may_know(body, facts.key, "following", known)
-            moved.add((self.query.id, name))
 
     def _may_know(self, body: Body, key: int, given: str, value: ast.expr) -> None:
         """Takes a value from what a parameter has, unless that is None; else it is computed when it is asked for."""

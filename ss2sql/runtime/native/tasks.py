@@ -124,11 +124,15 @@ class Task:
         return self._paths(find(hunt), keys)
 
     def _paths(self, found: Iterator[Found], keys: Callable[[Any], Row] | None) -> Generator[Any, None, None]:
-        if keys is None:
-            yield from map(itemgetter(0), found)
-        else:
-            for path, last in found:
-                yield None if self.form.query.aggregated else path, keys(last)
+        try:
+            if keys is None:
+                yield from map(itemgetter(0), found)
+            else:
+                for path, last in found:
+                    yield None if self.form.query.aggregated else path, keys(last)
+        finally:
+            if isinstance(found, Generator):
+                found.close()  # it may hold tables of a database, and an error that is kept would hold it
 
     def _stream(self, found: Iterator[Any], results: list[Any], limit: int | None, most: int | None) -> None:
         """Fills `results`, of which there must not be more than `most`."""
