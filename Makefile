@@ -17,7 +17,7 @@ demo: $(VENV)/demo.stamp     ## runs the examples: scripts, the SQL they become,
 test: $(VENV)/dev.stamp      ## runs all tests, those of the examples and the documentation included
 	$(PY) -m pytest
 
-RANDOM := $(addprefix tests/test_,agreement.py mutated.py partitions.py second_opinion.py rewrites.py \
+RANDOM := $(addprefix tests/test_,agreement.py mutated.py mixed_programs.py partitions.py second_opinion.py rewrites.py \
 	inline_random.py program_laws.py scene_programs.py)
 
 nightly: $(VENV)/dev.stamp   ## the random tests, many more of them: 20,000 programs, 5,000 queries of each world

@@ -45,13 +45,17 @@ def reference_outcome(case: ProgramCase) -> Outcome:
 
 def judged(judge: Reference, script: str) -> Outcome:
     """What a script comes to on a reference evaluator."""
+
+    def printed() -> str:
+        return "\n".join(judge.printed).rstrip("\n")
+
     try:
         value = judge.run(script)
     except Failure as failure:
-        return Outcome(error=failure.code, printed="\n".join(judge.printed))
+        return Outcome(error=failure.code, printed=printed())
     except Exception as error:
-        return Outcome(error=type(error).__name__, printed="\n".join(judge.printed))
-    return Outcome(exact(value), printed="\n".join(judge.printed))
+        return Outcome(error=type(error).__name__, printed=printed())
+    return Outcome(exact(value), printed=printed())
 
 
 def session_for(case: ProgramCase, indexed: bool = False, **options: Any) -> ss2sql.Session:

@@ -74,14 +74,10 @@ class EnoughError(BaseException):
     """A script would take the reference evaluator minutes; no script can catch it."""
 
 
-class Bounded(Reference):
-    """The reference evaluator with what `session` has, except for its world."""
+class Limited(Reference):
+    """The reference evaluator, which gives up after a while."""
 
-    def __init__(self) -> None:
-        given = needs.for_reference([*FUNCTIONS, *VALUES, *TABLES])
-        functions = {**{name: function for name, (function, _) in CALLED.items()}, **given["functions"]}
-        super().__init__(functions, {**VARIABLES, **given["variables"]}, given["tables"])
-        self.left = MOST
+    left = MOST
 
     def evaluate(self, expr: Any, frame: Any) -> Any:
         self.left -= 1
@@ -90,13 +86,25 @@ class Bounded(Reference):
         return super().evaluate(expr, frame)
 
 
+def like_a_session() -> Limited:
+    """With what `session` has, except for its world."""
+    given = needs.for_reference([*FUNCTIONS, *VALUES, *TABLES])
+    functions = {**{name: function for name, (function, _) in CALLED.items()}, **given["functions"]}
+    return Limited(functions, {**VARIABLES, **given["variables"]}, given["tables"])
+
+
+def is_no_program(found: Outcome) -> bool:
+    """Engines refuse it as soon as it is compiled, where the reference fails when it runs, or knows no limit."""
+    return found.error is not None and (found.error.startswith("R") or found.error in ("P002", "X005", "MemoryError"))
+
+
 def reference_outcome(script: str) -> Outcome | None:
-    """None where it has nothing to say: what is no program is an error as soon as it is compiled, here when it runs."""
+    """None where the reference has nothing to say."""
     try:
-        found = judged(Bounded(), script)
+        found = judged(like_a_session(), script)
     except EnoughError:
         return None
-    return None if found.error and (found.error.startswith("R") or found.error in ("P002", "X005")) else found
+    return None if is_no_program(found) else found
 
 
 @pytest.mark.parametrize("part", range(2))

@@ -40,14 +40,15 @@ class Reference:
         self.history: dict[str, History] = {}
         self.clock: Callable[[], float] = time.time
         self.printed: list[str] = []
+        self.labels: dict[int, str] = {}  # of the columns of the queries that run, by identity
         self.steps = 0
         self.calls: dict[str, int] = {}
 
     def run(self, script: str | ast.Script) -> Any:
         """The value of the script's last statement.
 
-        A statement that is a query gives its representation as it is; inside anything else the representation
-        becomes a value of the language (tuples and sets become lists).
+        A statement that is a query, or assigns one, gives its representation as it is; inside anything else the
+        representation becomes a value of the language (tuples and sets become lists).
 
         Raises:
             Failure: the script fails with the code of ss2sql that it holds.
@@ -55,10 +56,15 @@ class Reference:
         """
         value: Any = None
         for statement in self.parsed(script, "<script>").statements:
-            if isinstance(statement, ast.Query):
-                value = queries.answer(self, statement, None)
-            else:
-                value = self.evaluate(statement, None)
+            match statement:
+                case ast.Query():
+                    value = queries.answer(self, statement, None)
+                case ast.Assign(name=name, value=ast.Query() as query):
+                    value = queries.answer(self, query, None)
+                    self.history.pop(name, None)
+                    self.variables[name] = sized(incoming(value))
+                case _:
+                    value = self.evaluate(statement, None)
         return value if isinstance(value, (tuple, set)) else fresh(value)
 
     @staticmethod

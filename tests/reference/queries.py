@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import itertools
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.frontend import ast
@@ -35,13 +35,27 @@ class Found:
 
 
 def answer(ref: Reference, query: ast.Query, outer: Frame | None) -> Any:
-    """The value of a query in its representation."""
+    """The value of a query in its representation, whose arguments come last; those of the language take none."""
+    value = represented(ref, query, outer)
+    form = query.representation
+    arguments = () if form is None else (*form.arguments, *(named.value for named in form.named))
+    for argument in arguments:
+        ref.evaluate(argument, outer)
+    if arguments and representation_of(query) != "void":
+        raise Failure("V001", "arguments of a representation")
+    return value
+
+
+def represented(ref: Reference, query: ast.Query, outer: Frame | None) -> Any:
     search.check(query)
     names = [name for name in map(source_name, query.sources) if name]
     no_repeats(names)
     limit = None if query.limit is None else at_least(0, ref.evaluate(query.limit, outer))
     representation = representation_of(query)
     shape(representation, [])  # an unknown one fails at once
+    for column in query.columns:
+        if not isinstance(column, ast.Star):  # one that is computed sees no row, and fails though there are none
+            ref.labels[id(column)] = column_name(ref, column, Frame(outer))
 
     if limit == 0 and not query.order and not query.group:  # nothing of the query is evaluated
         search.check_bounds(ref, query, outer)
@@ -112,7 +126,8 @@ def select(ref: Reference, query: ast.Query, frame: Frame) -> Row:
         if isinstance(column, ast.Star):
             row.extend(pair for bound in frame.bound for pair in all_columns(bound))
         else:
-            row.append((column_name(ref, column, frame), ref.alone(column, frame)))
+            label = ref.labels.get(id(column)) or column_name(ref, column, frame)  # a replayed path knows none
+            row.append((label, ref.alone(column, frame)))
     return distinct_names(row)
 
 
@@ -236,6 +251,27 @@ class Sources:
             case _:
                 return frozenset((column_name(self.ref, column, Frame(None)),))
 
+    def with_sources(self, node: Any) -> Any:
+        """The same with the names of sources before `this` and columns, so that equal texts mean the same."""
+        first = source_name(self.query.sources[0])
+        match node:
+            case ast.This(source=None) | ast.Attribute(source=None):
+                return replace(node, source=first)
+            case ast.Name(name=name):
+                pairs = zip(map(source_name, self.query.sources), self.once, strict=True)
+                having = [source for source, bounds in pairs if any(name in bound.columns for bound in bounds or ())]
+                known = len(having) == 1 and having[0] is not None and name not in self.state
+                return ast.Attribute(having[0], name, span=node.span) if known else node
+            case ast.Query():
+                return node
+            case tuple():
+                return tuple(map(self.with_sources, node))
+            case _ if is_dataclass(node) and not isinstance(node, type):
+                changed = {part.name: self.with_sources(getattr(node, part.name)) for part in fields(node) if part.repr}
+                return replace(node, **changed)
+            case _:
+                return node
+
     def per_group(self) -> bool:
         """Whether GROUP BY makes one row per group: nothing of a single row is mentioned in SELECT but the
         keys of GROUP BY and what stands inside of aggregates."""
@@ -243,8 +279,10 @@ class Sources:
         if not query.group or any(isinstance(column, ast.Star) for column in query.columns):
             return False
 
+        keys = {repr(self.with_sources(key)) for key in query.group}
+
         def free(node: Any) -> bool:
-            return is_aggregate(self.ref, node) or any(repr(node) == repr(key) for key in query.group)
+            return is_aggregate(self.ref, node) or repr(self.with_sources(node)) in keys
 
         return not mentions(query.columns, replace(self.own(len(query.sources)), free=free))
 

@@ -240,9 +240,11 @@ class Search:
                 given.add(path[-1].key)
                 yield path
                 continue
+            here = -total if likeliest else total
             for frame in self.elements(state):
                 # With a heuristic a row may come again, more cheaply; without one what was taken is final.
-                step = self.step(frame, self.seen(path, set() if "HEURISTIC" in self.options else set(taken)))
+                closed = {key for key, (best, _) in taken.items() if best <= here}
+                step = self.step(frame, self.seen(path, closed))
                 if step is None:
                     continue
                 number, longer = next(generation), (*path, step)

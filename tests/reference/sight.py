@@ -115,8 +115,9 @@ def elements_of(value: Any) -> list[Any]:
         return fresh(value)  # type: ignore[no-any-return]
     if isinstance(value, dict) and value and all(isinstance(column, list) for column in value.values()):
         lengths = {len(column) for column in value.values()}
-        if len(lengths) == 1:
-            return [{name: fresh(value[name][i]) for name in value} for i in range(lengths.pop())]
+        if len(lengths) > 1:
+            raise Failure("X005", "columns of several lengths")
+        return [{name: fresh(value[name][i]) for name in value} for i in range(lengths.pop())]
     return [fresh(value)]
 
 

@@ -82,18 +82,18 @@ def incoming(value: Any) -> Any:
     if isinstance(value, (list, tuple)):
         return [incoming(item) for item in value]
     if isinstance(value, (set, frozenset)):
-        return [incoming(item) for item in in_order(value)]
+        return in_order([incoming(item) for item in value])
     if isinstance(value, dict):
         return {key: incoming(item) for key, item in value.items()}
     return checked(value)
 
 
-def in_order(items: set[Any] | frozenset[Any]) -> list[Any]:
-    """The members of a set, sorted; members that have no order among each other by their text."""
+def in_order(items: list[Any]) -> list[Any]:
+    """The members of a set, sorted; members that have no order among each other by their kinds and their texts."""
     try:
         return sorted(items)
     except TypeError:
-        return sorted(items, key=repr)
+        return sorted(items, key=lambda item: (type(item).__name__, repr(item)))
 
 
 def checked(value: Any) -> Any:
