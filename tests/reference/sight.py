@@ -174,8 +174,12 @@ def query_mentions(query: ast.Query, own: Own) -> bool:
     Each source sees the columns of those before it, the other clauses see those of all.
     """
     hidden = frozenset(name for name in map(source_name, query.sources) if name)
-    names = frozenset(assigned.name for assigned in query.start)
-    if mentions((query.start, query.limit), own):
+    names: frozenset[str] = frozenset()
+    for assigned in query.start:  # a later one sees those before it
+        if mentions(assigned.value, _without(own, names, frozenset(), True)):
+            return True
+        names |= {assigned.name}
+    if mentions(query.limit, own):
         return True
     for number, source in enumerate(query.sources):
         if mentions(source.expr, _without(own, names, hidden if number else frozenset(), number == 0)):
