@@ -6,8 +6,10 @@ ever to look at.
 
 from __future__ import annotations
 
+import gc
 import subprocess
 import sys
+import weakref
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -212,6 +214,32 @@ def test_one_step_that_makes_many_values_is_broken_off(engine: str) -> None:
     """It would be one of 3^20 rows; the last value that was made before the end of the time takes the most of it."""
     with ss2sql.connect() as session, pytest.raises(ss2sql.Timeout):
         session.run(queries_in_each_other(20), engine=engine, timeout=0.2)  # type: ignore[arg-type]
+
+
+class Watched(run.Run):
+    """A run that a weak reference can tell of."""
+
+    __slots__ = ("__weakref__",)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_run_is_free_at_its_end(monkeypatch: pytest.MonkeyPatch, engine: str) -> None:
+    """With all that it holds, and without the garbage collector, which would come when more has piled up."""
+    made: list[weakref.ref[Watched]] = []
+
+    def noted(*arguments: Any, **options: Any) -> Watched:
+        one = Watched(*arguments, **options)
+        made.append(weakref.ref(one))
+        return one
+
+    monkeypatch.setattr(executing, "Run", noted)
+    with ss2sql.connect() as session:
+        gc.disable()
+        try:
+            session.run("SELECT this FROM range(1000) AS list", engine=engine)  # type: ignore[arg-type]
+            assert [one() for one in made] == [None]
+        finally:
+            gc.enable()
 
 
 # --- rows --------------------------------------------------------------------------------------------------

@@ -100,19 +100,19 @@ def execute(host: SessionHost, query: Query, options: Options, variables: Mappin
     host.ready()
     run.deadline, run.max_rows = _deadline(host, options.timeout), options.max_rows
     run.ceiling, run.sizes.rows = _ceiling(host), run.max_rows
-    run.sizes.pause = run.check
     run.arguments = {name: normalise(value, f"the variable '{name}'") for name, value in variables.items()}
     statements = run.statements = query.statements(options.engine, run.arguments, run.stats)
     run.call_places = query.call_places
     run.foreteller = _foreteller(host, run, options.workers)
     run.progress = None if host.runs else progress_of(run, options.progress)  # one inside of another shows none
     host.runs.append(run)
+    run.sizes.pause = run.check  # until its end: in a circle all that it holds would wait for the garbage collector
     started = time.perf_counter()
     try:
         value = _last_value(host, run, statements, options)
     finally:
         host.runs.remove(run)
-        run.graph = None
+        run.graph = run.sizes.pause = None
         if run.progress is not None:
             run.progress.end()
         run.stats.spend("run", started)

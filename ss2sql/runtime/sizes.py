@@ -36,7 +36,7 @@ _NESTING = frozenset({list, dict})
 class Sizes:
     """Measures values for one run, and remembers the sizes of lists: of large ones, as long as `limit` has room.
 
-    `pause` is called whenever a huge one was made, for one step may make many.
+    `pause` is called, where there is one, whenever a huge one was made, for one step may make many.
     """
 
     __slots__ = ("_held", "_known", "cells", "limit", "pause", "plain", "refused", "rows")
@@ -47,7 +47,7 @@ class Sizes:
         self.cells = limit // CELL  # numbers of a list that fits
         self.rows: int | None = None  # of the query that gives a value
         self.refused: Exception | None = None  # where it was found out, it could not be raised
-        self.pause: Callable[[], None] = lambda: None
+        self.pause: Callable[[], None] | None = None
         self._known: dict[int, tuple[Any, Measure]] = {}  # by identity; the value itself keeps it from being given away
         self._held = 0
 
@@ -157,7 +157,7 @@ class Sizes:
             raise self.too_large("a dict" if type(value) is dict else "a list")
         if depth > DEPTH_LIMIT:
             raise too_deep("the script made")
-        if size > HUGE:
+        if size > HUGE and self.pause is not None:
             self.pause()
         if size > LARGE:
             self._held += len(value)
