@@ -204,7 +204,7 @@ def _value_type(query: plan.Query) -> Type:
             columns = tuple((output.name, kind) for output, kind in zip(query.columns, kinds, strict=True))
             rows = Type(Kind.LIST, item=Type(Kind.DICT, columns=columns), columns=columns)
         case "list" | "set":
-            rows = Type(Kind.LIST, item=union(kinds), columns=list_of(kinds).columns)
+            rows = replace(list_of(kinds), positions=None)  # they are those of one row after the other
         case "rows":
             rows = Type(Kind.LIST, item=list_of(kinds), columns=())
         case "value":

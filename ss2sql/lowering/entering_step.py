@@ -64,8 +64,7 @@ class EnteringStep:
         """The conditions on entering."""
         counted = [_not(sql.call("go_on"))] if self.of.counted else []
         guard, dead = self._guard(), self._dead()
-        both = self.query.where is not None and self.search.stop is not None
-        if self.strict and both and self.of.total is None:
+        if self.strict and self.of.asks_both and self.of.total is None:
             branches = [(drop, sql.number(0)) for drop in [*counted, *guard]]
             return [sql.case([*branches, (self.stop(), self.goal())], sql.number(1))]
         weighed = [] if self.of.total is None else self._weighed()
@@ -129,8 +128,7 @@ class EnteringStep:
             # Evaluated also for a step that turns out not to be better, for then its failing shows.
             rest = [] if self.search.heuristic is None else [self.estimate()]
             happens = sql.call("in_turn", self.weight(), *rest, *self._after(), sql.number(0))
-            goes_on = self.search.stop is None or self.query.where is None
-            drops.append(happens if goes_on else sql.case([(self.stop(), sql.number(0))], happens))
+            drops.append(self._unless_it_stops(happens, sql.number(0)) if self.of.asks_both else happens)
         drops.append(_not(sql.call("improves", self.of.ranked(self.total()), *self.row())))
         return drops
 

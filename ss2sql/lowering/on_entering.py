@@ -76,7 +76,7 @@ class OnEntering(SearchLowering):
         self.known = self._known_calls()
         self.goal_later = not self.ahead and self._waits_for_its_turn(query.where)
         self.stop_later = not self.one_result and self._waits_for_its_turn(search.stop)
-        both = query.where is not None and search.stop is not None and not self.one_result
+        both = self.asks_both and not self.one_result
         flag = query.where is not None and not self.goal_later and not self.ahead
         self.goal = self._named("goal") if flag else None
         self.live = self._named("goes_on") if both and not self.stop_later else None

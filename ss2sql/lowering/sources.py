@@ -57,14 +57,13 @@ def open_sources(
     `search` is the number of the query if its state may be mentioned.
     """
     siblings: set[int] = set()
-    early = [one for one in sources[1:] if _fails_alone(one, sources, search)]
-    if early and _fails_alone(sources[0], sources, search):
-        early.insert(0, sources[0])
+    early = {source.id for source in sources if _fails_alone(source, sources, search)}
+    if early == {sources[0].id}:  # which is read first anyway
+        early.clear()
     asked: list[Node] = []  # what is read before the walk begins, so that it fails even if there is nothing to walk
     opened: list[Opened] = []
     for source in sources:
-        before = asked if source in early else None
-        part = open_source(selects, source, env, siblings, search, before)
+        part = open_source(selects, source, env, siblings, search, asked if source.id in early else None)
         env = env.with_source(source.id, part.reader)
         siblings.add(source.id)
         opened.append(part)
@@ -87,8 +86,12 @@ def _fails_alone(source: plan.Source, sources: tuple[plan.Source, ...], search: 
         case _:
             return False
     own = {other.id for other in sources}
-    moves = any(sources_read(part) & own or any(q == search for q, _ in states_read(part)) for part in read)
-    return not moves and any(map(can_fail, read))
+    return any(map(can_fail, read)) and not any(_moves(part, own, search) for part in read)
+
+
+def _moves(node: object, sources: set[int], search: int | None) -> bool:
+    """Whether something is another one for each row of these sources, or each state of the search."""
+    return bool(sources_read(node) & sources) or any(query == search for query, _ in states_read(node))
 
 
 def open_source(
@@ -110,7 +113,7 @@ def open_source(
                 return _elements(selects, source, _once(selects, plan.Subquery(query, span=source.span), env, asked))
             if _can_join(query) and not (search is None and _shows_outside(query, siblings)):
                 return _joined(selects, source, env, siblings, search)
-            lateral = bool(sources_read(query) & siblings) or any(q == search for q, _ in states_read(query))
+            lateral = _moves(query, siblings, search)
             whole = can_fail(query) or search is not None
             outside = sources_read(query) - sources_inside(query) or states_read(query)
             apart = not lateral and not (whole and outside)
