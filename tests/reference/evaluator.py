@@ -11,7 +11,7 @@ from ss2sql.errors import Error, Source
 from ss2sql.frontend import ast
 from ss2sql.frontend.parser import parse
 
-from . import queries, sight
+from . import groups, queries, sight
 from .functions import BUILTINS, aggregate
 from .sight import Frame, LateList
 from .values import OPERATORS, Failure, fresh, incoming, item_at, sized, slice_of
@@ -197,10 +197,10 @@ class Reference:
                 case "eval":
                     return self.eval_text(expr, frame)
                 case "to":
-                    queries.arity(expr, 2)
+                    groups.arity(expr, 2)
                     return self.evaluate(expr.arguments[0], frame)
                 case "getTime":
-                    queries.arity(expr, 0)
+                    groups.arity(expr, 0)
                     return self.now()
         if expr.star:
             raise Failure("R008", "count(*) outside of GROUP BY")
@@ -248,7 +248,7 @@ class Reference:
 
     def eval_text(self, expr: ast.Call, frame: Frame | None) -> Any:
         """`eval(text)`: the text's statements in the sight of the current row, the value of the last one."""
-        queries.arity(expr, 1)
+        groups.arity(expr, 1)
         text = self.evaluate(expr.arguments[0], frame)
         if not isinstance(text, str):
             raise Failure("X007", "eval reads a string")

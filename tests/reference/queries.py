@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 from ss2sql.frontend import ast
 
-from . import search
-from .functions import AGGREGATES
-from .sight import Bound, Frame, Group, LateList, Own, columns_of, elements_of, is_visible, mentions, source_name
-from .values import Failure, Row, compare_keys, equal, hashable, shape
+from . import groups, search
+from .sight import Bound, Frame, LateList, Own, columns_of, elements_of, is_visible, mentions, source_name
+from .values import Failure, Row, compare_keys, shape
 
 if TYPE_CHECKING:
     from .evaluator import Reference
@@ -83,15 +82,15 @@ def represented(ref: Reference, query: ast.Query, outer: Frame | None) -> Any:
         return shape(representation, [one.rows[0] for one in some])
 
     if per_group:
-        return shaped(in_order(one_row_per_group(ref, query, found))[:limit])
+        return shaped(in_order(groups.one_row_per_group(ref, query, found))[:limit])
     if not query.group:
         return shaped(in_order(found)[:limit])
-    kept = [one for group in grouped(found) if having(ref, query, group) for one in group]
+    kept = [one for group in groups.grouped(found) if groups.having(ref, query, group) for one in group]
     found = [one for one in found if any(one is other for other in kept)]
-    partitions = grouped(in_order(found)[:limit])
+    partitions = groups.grouped(in_order(found)[:limit])
     if representation == "void":
         return None
-    return {shown_key(group[0].keys): shaped(group) for group in partitions}
+    return {groups.shown_key(group[0].keys): shaped(group) for group in partitions}
 
 
 def representation_of(query: ast.Query) -> str:
@@ -109,8 +108,8 @@ def flat_rows(
 
 def finish(ref: Reference, query: ast.Query, rows: list[Row], frame: Frame, per_group: bool) -> Found:
     """What is read of a row besides its columns, in this order: aggregates, keys of GROUP BY and of ORDER BY."""
-    calls = aggregates_of(ref, query, per_group)
-    inputs = [None if call.star else ref.evaluate(only_argument(call), frame) for call in calls]
+    calls = groups.aggregates_of(ref, query, per_group)
+    inputs = [None if call.star else ref.evaluate(groups.only_argument(call), frame) for call in calls]
     keys = [ref.alone(key, frame) for key in query.group]
     order = [] if per_group else [ref.alone(key.expr, frame) for key in query.order]
     return Found(rows, frame, inputs, keys, [Key(value, key) for value, key in zip(order, query.order, strict=False)])
@@ -282,89 +281,9 @@ class Sources:
         keys = {repr(self.with_sources(key)) for key in query.group}
 
         def free(node: Any) -> bool:
-            return is_aggregate(self.ref, node) or repr(self.with_sources(node)) in keys
+            return groups.is_aggregate(self.ref, node) or repr(self.with_sources(node)) in keys
 
         return not mentions(query.columns, replace(self.own(len(query.sources)), free=free))
-
-
-# Groups
-
-
-def is_aggregate(ref: Reference, node: Any) -> bool:
-    return isinstance(node, ast.Call) and node.function in AGGREGATES and node.function not in ref.functions
-
-
-def aggregates_of(ref: Reference, query: ast.Query, per_group: bool) -> list[ast.Call]:
-    """The aggregates of SELECT, HAVING and ORDER BY in the order of evaluation."""
-    if not query.group:
-        return []
-    places = (query.columns, query.having, query.order) if per_group else (query.having,)
-    return [call for place in places for call in calls_in(ref, place)]
-
-
-def calls_in(ref: Reference, node: Any) -> Iterator[ast.Call]:
-    """The aggregates of one query below a node; those of a nested query are its own."""
-    if is_aggregate(ref, node):
-        yield node
-    elif isinstance(node, tuple):
-        for item in node:
-            yield from calls_in(ref, item)
-    elif hasattr(node, "__dataclass_fields__") and not isinstance(node, ast.Query):
-        for part in node.__dataclass_fields__.values():
-            if part.compare:
-                yield from calls_in(ref, getattr(node, part.name))
-
-
-def only_argument(call: ast.Call) -> ast.Expr:
-    arity(call, 1)
-    return call.arguments[0]
-
-
-def arity(call: ast.Call, number: int) -> None:
-    if len(call.arguments) != number:
-        raise Failure("R005", call.function)
-
-
-def grouped(found: list[Found]) -> list[list[Found]]:
-    """The results by equal keys, groups in order of first appearance."""
-    groups: list[list[Found]] = []
-    for one in found:
-        for group in groups:
-            if equal(group[0].keys, one.keys):
-                group.append(one)
-                break
-        else:
-            groups.append([one])
-    return groups
-
-
-def group_frame(ref: Reference, query: ast.Query, group: list[Found], per_group: bool) -> Frame:
-    """The frame of a group: that of its first member, with the group's keys and aggregates."""
-    keys = tuple(zip(query.group, group[0].keys, strict=True))
-    calls = aggregates_of(ref, query, per_group)
-    collected = tuple((call, tuple(one.inputs[i] for one in group)) for i, call in enumerate(calls))
-    return replace(group[0].frame, group=Group(keys, collected))
-
-
-def having(ref: Reference, query: ast.Query, group: list[Found]) -> bool:
-    return query.having is None or bool(ref.evaluate(query.having, group_frame(ref, query, group, False)))
-
-
-def one_row_per_group(ref: Reference, query: ast.Query, found: list[Found]) -> list[Found]:
-    """HAVING, then SELECT, then the keys of ORDER BY, for one group after the other."""
-    rows = []
-    for group in grouped(found):
-        frame = group_frame(ref, query, group, True)
-        if query.having is None or ref.evaluate(query.having, frame):
-            row = select(ref, query, frame)
-            order = [Key(ref.alone(key.expr, frame), key) for key in query.order]
-            rows.append(Found([row], frame, [], [], order))
-    return rows
-
-
-def shown_key(keys: list[Any]) -> Any:
-    """The key of a partition: the value itself, of several keys a tuple; a list becomes a tuple."""
-    return hashable(keys[0]) if len(keys) == 1 else hashable(keys)
 
 
 # Order and limits

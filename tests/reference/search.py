@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from ss2sql.frontend import ast
 
-from . import queries
+from . import groups, queries
 from .sight import Frame
 from .values import Failure, Row, arithmetic, frozen
 
@@ -78,7 +78,7 @@ class Search:
         self.sources = queries.Sources(ref, query, outer, self.start)
         self.per_group = self.sources.per_group()
         self.compares = self.unique or self.no_cycle or self.memorize
-        if self.compares and any(queries.calls_in(ref, query.columns)) and query.group:
+        if self.compares and any(groups.calls_in(ref, query.columns)) and query.group:
             raise Failure("R008", "an aggregate in a row that the search compares")
 
     def number(self, keyword: str) -> int | None:

@@ -1,0 +1,94 @@
+"""GROUP BY: aggregates, groups in order of first appearance, and one row for each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from ss2sql.frontend import ast
+
+from . import queries
+from .functions import AGGREGATES
+from .sight import Frame, Group
+from .values import Failure, equal, hashable
+
+if TYPE_CHECKING:
+    from .evaluator import Reference
+
+
+def is_aggregate(ref: Reference, node: Any) -> bool:
+    return isinstance(node, ast.Call) and node.function in AGGREGATES and node.function not in ref.functions
+
+
+def aggregates_of(ref: Reference, query: ast.Query, per_group: bool) -> list[ast.Call]:
+    """The aggregates of SELECT, HAVING and ORDER BY in the order of evaluation."""
+    if not query.group:
+        return []
+    places = (query.columns, query.having, query.order) if per_group else (query.having,)
+    return [call for place in places for call in calls_in(ref, place)]
+
+
+def calls_in(ref: Reference, node: Any) -> Iterator[ast.Call]:
+    """The aggregates of one query below a node; those of a nested query are its own."""
+    if is_aggregate(ref, node):
+        yield node
+    elif isinstance(node, tuple):
+        for item in node:
+            yield from calls_in(ref, item)
+    elif hasattr(node, "__dataclass_fields__") and not isinstance(node, ast.Query):
+        for part in node.__dataclass_fields__.values():
+            if part.compare:
+                yield from calls_in(ref, getattr(node, part.name))
+
+
+def only_argument(call: ast.Call) -> ast.Expr:
+    arity(call, 1)
+    return call.arguments[0]
+
+
+def arity(call: ast.Call, number: int) -> None:
+    if len(call.arguments) != number:
+        raise Failure("R005", call.function)
+
+
+def grouped(found: list[queries.Found]) -> list[list[queries.Found]]:
+    """The results by equal keys, groups in order of first appearance."""
+    groups: list[list[queries.Found]] = []
+    for one in found:
+        for group in groups:
+            if equal(group[0].keys, one.keys):
+                group.append(one)
+                break
+        else:
+            groups.append([one])
+    return groups
+
+
+def group_frame(ref: Reference, query: ast.Query, group: list[queries.Found], per_group: bool) -> Frame:
+    """The frame of a group: that of its first member, with the group's keys and aggregates."""
+    keys = tuple(zip(query.group, group[0].keys, strict=True))
+    calls = aggregates_of(ref, query, per_group)
+    collected = tuple((call, tuple(one.inputs[i] for one in group)) for i, call in enumerate(calls))
+    return replace(group[0].frame, group=Group(keys, collected))
+
+
+def having(ref: Reference, query: ast.Query, group: list[queries.Found]) -> bool:
+    return query.having is None or bool(ref.evaluate(query.having, group_frame(ref, query, group, False)))
+
+
+def one_row_per_group(ref: Reference, query: ast.Query, found: list[queries.Found]) -> list[queries.Found]:
+    """HAVING, then SELECT, then the keys of ORDER BY, for one group after the other."""
+    rows = []
+    for group in grouped(found):
+        frame = group_frame(ref, query, group, True)
+        if query.having is None or ref.evaluate(query.having, frame):
+            row = queries.select(ref, query, frame)
+            order = [queries.Key(ref.alone(key.expr, frame), key) for key in query.order]
+            rows.append(queries.Found([row], frame, [], [], order))
+    return rows
+
+
+def shown_key(keys: list[Any]) -> Any:
+    """The key of a partition: the value itself, of several keys a tuple; a list becomes a tuple."""
+    return hashable(keys[0]) if len(keys) == 1 else hashable(keys)
