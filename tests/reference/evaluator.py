@@ -144,7 +144,7 @@ class Reference:
         if found:
             return found
         if name not in self.variables:
-            return ()
+            return sight.undeclared(frame, name)
         value = self.variables[name]
         return (self.late(value, frame),) if isinstance(value, LateList) else (value,)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable, Iterable
+from fractions import Fraction
 from typing import Any
 
 from .values import Failure, checked, compare, equal, is_number
@@ -44,10 +45,7 @@ def total(values: Any) -> Any:
     """The sum: exact for integers, correctly rounded as soon as there is a float; of nothing 0."""
     numbers = [a_number(value) for value in a_list(values)]
     if any(isinstance(number, float) for number in numbers):
-        try:
-            return checked(math.fsum(numbers))
-        except OverflowError as error:
-            raise Failure("X004", "sum") from error
+        return checked(mean_of_floats(numbers, 1))
     return checked(sum(numbers))
 
 
@@ -57,8 +55,20 @@ def average(values: Any) -> Any:
     if not numbers:
         return None
     if any(isinstance(number, float) for number in numbers):
-        return total(numbers) / len(numbers)
+        return mean_of_floats(numbers, len(numbers))
     return sum(numbers) / len(numbers)
+
+
+def mean_of_floats(numbers: list[Any], divisor: int) -> float:
+    """The sum of floats, rounded, over a number; where the sum is no float, the quotient may still be one."""
+    try:
+        return math.fsum(numbers) / divisor
+    except OverflowError:
+        pass
+    try:
+        return float(sum(map(Fraction, numbers)) / divisor)
+    except OverflowError as error:
+        raise Failure("X004", "sum") from error
 
 
 def ordered(values: Any) -> list[Any]:

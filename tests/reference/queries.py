@@ -192,7 +192,8 @@ class Sources:
 
     def read(self, source: ast.From, frame: Frame) -> list[Bound]:
         elements = elements_of(self.value(source.expr, frame))
-        return [Bound(source_name(source), columns_of(elements), element) for element in elements]
+        declared = not (isinstance(source.expr, ast.Call) and source.expr.function == "eval")
+        return [Bound(source_name(source), columns_of(elements), element, declared) for element in elements]
 
     def value(self, expr: ast.Expr, frame: Frame) -> Any:
         """The value behind FROM: a name, a table, a column of an earlier row, a table function, a list, a query."""

@@ -25,6 +25,7 @@ class Bound:
     name: str | None
     columns: tuple[str, ...]
     element: Any
+    declared: bool = True  # whether the columns are known before it is read
 
     def column(self, name: str) -> Any:
         return self.element.get(name)  # a key that this row lacks reads as None
@@ -68,11 +69,20 @@ def in_queries(frame: Frame | None, name: str) -> tuple[Any, ...]:
     for level in frames(frame):
         if name in level.state:
             return (level.state[name],)
-        owners = [bound for bound in level.bound if name in bound.columns]
+        owners = [bound for bound in level.bound if bound.declared and name in bound.columns]
         if len(owners) > 1:
             raise Failure("R004", name)
         if owners:
             return (owners[0].column(name),)
+    return ()
+
+
+def undeclared(frame: Frame | None, name: str) -> tuple[Any, ...]:
+    """What a bare name that is nothing else means: the innermost column that is known only when it is read."""
+    for level in frames(frame):
+        for bound in level.bound:
+            if not bound.declared and name in bound.columns:
+                return (bound.column(name),)
     return ()
 
 
