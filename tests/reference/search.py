@@ -215,20 +215,22 @@ class Search:
         """COST and PROBABILITY: the cheapest, respectively likeliest, entry of the queue is taken first.
 
         A step has two entries: its result at its total cost, and its expansion at its total cost plus the
-        heuristic. Among equals the step that was generated first comes first, its result before its expansion.
+        heuristic. Among equals the step that was generated first comes first, its result before its expansion. Of
+        UNIQUE a row belongs to the cheapest path to it, of several to that whose last step was generated first, even
+        if the estimate of another one is lower.
         """
         likeliest = "PROBABILITY" in self.options
         generation = itertools.count(1)
         given: set[Hashable] = set()
         taken: dict[Hashable, tuple[Any, int]] = {}  # rows given out or expanded: best rank, and by which step
-        known: dict[Hashable, Any] = {}  # rows: the best rank of a path that has been found to each
+        known: dict[Hashable, tuple[Any, int]] = {}  # the same of all paths that have been found
         queue: list[tuple[Any, int, int, Any, Path, State]] = []  # rank, step, 0 result or 1 expansion, total, path
         heapq.heappush(queue, (0, 0, 1, 1 if likeliest else 0, (), self.start))
         while queue:
             _, number, expansion, total, path, state = heapq.heappop(queue)
             if self.unique and path:
                 key, rank = path[-1].key, -total if likeliest else total
-                if known[key] < rank:
+                if known[key] < (rank, number):
                     continue  # though its estimate may hide by how little it is worse
                 best, by = taken.get(key, (rank, number))
                 if by != number and best <= rank:
@@ -250,7 +252,7 @@ class Search:
                 number, longer = next(generation), (*path, step)
                 reached = self.combined(total, step.weight)
                 rank = -reached if likeliest else reached
-                known[step.key] = min(rank, known.get(step.key, rank))
+                known[step.key] = min((rank, number), known.get(step.key, (rank, number)))
                 if step.goal:
                     heapq.heappush(queue, (rank, number, 0, reached, longer, step.after))
                 if not step.stop:
