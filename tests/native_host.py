@@ -19,7 +19,7 @@ from ss2sql.runtime.native import NativeQuery, compile_statement
 from ss2sql.runtime.native.calls import native_callable
 from ss2sql.runtime.rows import Rows
 from ss2sql.runtime.run import Run
-from ss2sql.runtime.shaping import with_stars
+from ss2sql.runtime.shaping import Shapes, with_stars
 from ss2sql.runtime.values import normalise
 from ss2sql.vtables.memories import Memories
 
@@ -86,19 +86,8 @@ class FakeHost:
         self.kept.setdefault(name, []).append(value)
         self.variables[name] = value
 
-    def shape(self, query: plan.Query, rows: Rows, arguments: tuple[Any, ...], named: dict[str, Any]) -> Any:
-        name = query.representation.name
-        rows = with_stars(query, rows)
-        if rows.groups is not None:
-            members = rows.rows if rows.rows is not None else rows.paths
-            assert members is not None
-            return {
-                key: self.shape(query, part(rows, [members[at] for at in positions]), arguments, named)
-                for key, positions in rows.groups
-            }
-        if rows.paths is not None:
-            return [shaped(name, rows.columns, path) for path in rows.paths]
-        return shaped(name, rows.columns, rows.rows or [])
+    def shape(self, query: plan.Query, rows: Rows, arguments: tuple[Any, ...], named: dict[str, Any], run: Run) -> Any:
+        return Shapes().of_inner(query, with_stars(query, rows), arguments, named, run.sizes)
 
     def table_rows(self, source: plan.TableSource) -> list[tuple[Any, ...]]:
         self.reads += 1
@@ -145,26 +134,6 @@ class FakeHost:
         except Error as error:
             return error
         raise AssertionError(f"no error: {script}")
-
-
-def part(rows: Rows, members: list[Any]) -> Rows:
-    return Rows(rows.columns, rows=members) if rows.rows is not None else Rows(rows.columns, paths=members)
-
-
-def shaped(name: str, columns: tuple[str, ...], rows: list[tuple[Any, ...]]) -> Any:
-    match name:
-        case "dict":
-            return [dict(zip(columns, row, strict=True)) for row in rows]
-        case "list":
-            return [value for row in rows for value in row]
-        case "rows":
-            return [list(row) for row in rows]
-        case "value":
-            return rows[0][0] if rows else None
-        case "set":
-            return sorted({value for row in rows for value in row})
-        case _:
-            return None
 
 
 def place(error: Error) -> str:

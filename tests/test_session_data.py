@@ -47,6 +47,63 @@ def test_a_run_keeps_what_it_has_read(ss: ss2sql.Session, engine: Any) -> None:
 
 
 @both
+@pytest.mark.parametrize(
+    "script", ["x = xs", "x = [xs]", "x = xs[0]", "x = (SELECT this FROM xs AS list)", "x = (SELECT this FROM xs)"]
+)
+@pytest.mark.parametrize("given", [False, True], ids=["attached", "given to the run"])
+@pytest.mark.parametrize("thing", [2.5, object()], ids=["a number", "an object"])
+def test_a_variable_stays_as_it_was_assigned(
+    ss: ss2sql.Session, engine: Any, script: str, given: bool, thing: Any
+) -> None:
+    """Whatever becomes of the list that it was read from; an object in it is the same one."""
+    numbers: list[Any] = [[1], [2, thing]]
+    if given:
+        result = ss.run(script, engine=engine, xs=numbers)
+    else:
+        ss.attach("xs", numbers)
+        result = ss.run(script, engine=engine)
+    before, kept = str(result.value), ss.compile("SELECT this FROM x AS rows", engine="native")
+    first = str(kept.run().value)
+    numbers[0].append(3)
+    numbers.append([4])
+    assert str(ss.get("x")) == str(result.value) == before
+    assert str(kept.run().value) == first
+
+
+def test_what_a_variable_remembers_stays_as_it_was(ss: ss2sql.Session) -> None:
+    numbers = [[1]]
+    ss.attach("xs", numbers)
+    ss.run("seen{60.0} = xs")
+    numbers[0].append(2)
+    assert ss.eval("seen") == [[1]]
+
+
+@pytest.mark.parametrize(
+    "script",
+    [
+        "SELECT this FROM xs",
+        "SELECT this FROM xs START WITH n = 0 CONNECT BY n = n + 1 STOP WITH n == 1",
+        "SELECT this, count(*) FROM xs GROUP BY this HAVING True",
+        "SELECT 1 FROM xs GROUP BY this",
+        "x = (SELECT this FROM xs)",
+    ],
+)
+def test_a_result_stays_as_it_was(ss: ss2sql.Session, script: str) -> None:
+    """Its value and its rows, whenever they are read, and whatever becomes of what it was read from."""
+    results = []
+    for change in (False, True):
+        numbers = [[1], [2]]
+        ss.attach("xs", numbers)
+        result = ss.run(script, engine="native")
+        if change:
+            numbers[0].append(3)
+            numbers[1][0] = 4
+        results.append((str(result.value), list(result)))
+        assert numbers == ([[1, 3], [4]] if change else [[1], [2]])
+    assert results[0] == results[1]
+
+
+@both
 def test_a_dict_of_columns_is_a_table(ss: ss2sql.Session, engine: Any) -> None:
     ss.attach("cities", {"name": ["Ulm", "Bonn"], "size": [1, 2]})
     assert ss.run("SELECT name FROM cities WHERE size > 1 AS list;", engine=engine).value == ["Bonn"]

@@ -121,7 +121,11 @@ class CompiledQuery:
 
     def value(self, run: Run) -> Any:
         """Runs the query; its answer becomes the run's last one, its value is one of the language."""
-        return self.host.shapes.language_value(self.query.representation.name, self.answer(run).value)
+        shapes, form = self.host.shapes, self.query.representation
+        answer = self._answer(run)
+        if shapes.is_shared(form, answer.rows):
+            return run.stats.timed("shape", partial(shapes.shared, form, answer.rows, run.sizes))()
+        return shapes.language_value(form.name, answer.value)
 
     def located_answer(self, run: Run) -> Answer:
         """`answer`, with errors that know no other place at the query's."""
@@ -132,6 +136,13 @@ class CompiledQuery:
 
     def answer(self, run: Run) -> Answer:
         """Runs the query; its answer becomes the run's last one. The value of a search is made when it is read."""
+        answer, form, shapes = self._answer(run), self.query.representation, self.host.shapes
+        if not (shapes.is_built_in(form) and form.name in PATH_FORMS and answer.rows.paths is not None):
+            answer.value  # noqa: B018 - it may fail, which has to be now
+        return answer
+
+    def _answer(self, run: Run) -> Answer:
+        """The answer, whose value is not made yet."""
         self.renew(run)
         query = self.query
         columns = tuple(output.name for output in query.columns)
@@ -146,6 +157,8 @@ class CompiledQuery:
             with self.host.memories.query(self.moves):
                 found = self._database_rows(run, sink) if self.lowered else self._native_rows(run, sink)
                 rows = with_stars(query, found)
+                if run.borrows and self.lowered is None:
+                    rows.keep()
         finally:
             run.handed = outer
         arguments = tuple([argument(run) for argument in self.arguments])  # a generator changes StopIteration
@@ -153,8 +166,6 @@ class CompiledQuery:
         status: Status = "maximum" if self._ended_by_maximum(run, rows) else "complete"
         make = run.stats.timed("shape", partial(shapes.represent, form, rows, arguments, named))
         answer = run.answer = Answer(rows.shown(), make, self.engine, status, query.columns)
-        if not (shapes.is_built_in(form) and form.name in PATH_FORMS and rows.paths is not None):
-            answer.value  # noqa: B018 - it may fail, which has to be now
         return answer
 
     def renew(self, run: Run) -> None:

@@ -342,8 +342,5 @@ class SessionHost:
     def table_rows(self, source: plan.TableSource) -> list[tuple[Any, ...]]:
         return self.tables.rows(source)
 
-    def shape(self, query: plan.Query, rows: Rows, arguments: tuple[Any, ...], named: dict[str, Any]) -> Any:
-        raw = self.shapes.represent(query.representation, with_stars(query, rows), arguments, named)
-        value = self.shapes.language_value(query.representation.name, raw)
-        Sizes(self.max_size).checked(value)
-        return value
+    def shape(self, query: plan.Query, rows: Rows, arguments: tuple[Any, ...], named: dict[str, Any], run: Run) -> Any:
+        return self.shapes.of_inner(query, with_stars(query, rows), arguments, named, run.sizes)

@@ -8,6 +8,8 @@ from functools import lru_cache
 from itertools import chain
 from typing import Any, ClassVar, TypeAlias
 
+from ss2sql.runtime.values import kept
+
 Row: TypeAlias = tuple[Any, ...]
 
 
@@ -52,6 +54,13 @@ class Rows:
             self.rows.clear()
         if self.paths is not None:
             self.paths = []
+
+    def keep(self) -> None:
+        """Makes the rows independent of values that somebody else may change."""
+        if not self.plain:
+            self.rows = kept(self.rows)
+            self.paths = kept(self.paths)  # Paths, which a database has found, hold nothing of anybody else
+            self.groups = kept(self.groups)
 
     def shown(self) -> Rows:
         """The rows as SELECT names them."""

@@ -14,6 +14,7 @@ from ss2sql import plan
 from ss2sql.errors import Cancelled, OutOfMemory, Timeout
 from ss2sql.runtime.rows import Rows
 from ss2sql.runtime.sizes import Sizes
+from ss2sql.runtime.values import kept
 from ss2sql.vtables.frames.frame import Frame
 from ss2sql.vtables.memories import Memories
 
@@ -108,7 +109,9 @@ class Host(Protocol):
     def bind_late(self, name: str, literal: Any) -> None: ...
     def temporal(self, name: str, when: float | None) -> Any: ...
     def store_temporal(self, name: str, keep: Any, value: Any) -> None: ...
-    def shape(self, query: plan.Query, rows: Rows, arguments: tuple[Any, ...], named: dict[str, Any]) -> Any: ...
+    def shape(
+        self, query: plan.Query, rows: Rows, arguments: tuple[Any, ...], named: dict[str, Any], run: Run
+    ) -> Any: ...
     def table_rows(self, source: plan.TableSource) -> list[tuple[Any, ...]]: ...
 
 
@@ -124,7 +127,7 @@ class Run:
       the user's gets fresh values, is remembered where immutable, counted, and its result made a language
       value. The run's memos live in `callables`.
     - `resolve_text(text, scope)`: the resolved statements of a text given to `eval`.
-    - `shape(query, rows, arguments, named)`: the value that `AS` makes of rows, as a language value.
+    - `shape(query, rows, arguments, named, run)`: the value that `AS` makes of rows, as a language value.
     - `table_rows(source)`: all rows of a table of the database, in its order, values of its columns in order.
 
     `framed` says that the paths of the search that runs are wanted as a DataFrame of the database that finds them.
@@ -212,8 +215,18 @@ class Run:
         if name in self.arguments:
             self.arguments[name] = value
         else:
-            self.host.assign(name, value)
+            self.host.assign(name, self.own(value))
         return value
+
+    def own(self, value: Any) -> Any:
+        """The value for after the run: a copy where parts of it may be those of a list that the user may change."""
+        return kept(value) if self.borrows else value
+
+    @property
+    def borrows(self) -> bool:
+        """Whether the run reads lists or dicts of the user, attached or given to it, as they are."""
+        read = (*self.snapshots.values(), *self.arguments.values())
+        return any(type(value) is list or type(value) is dict for value in read)
 
 
 def memory_in_use() -> int | None:

@@ -2,8 +2,8 @@
 
 A value is None, a bool, an int of 64 bits, a finite float, a string, a list, a dict, or an opaque object.
 Python's `==` on values is the language's equality: whatever `==` would not answer is wrapped as `Opaque`.
-Nobody changes a value in place. `normalise` makes values of what Python hands over, `fresh` makes copies
-that Python code may change.
+Nobody changes a value in place. `normalise` makes values of what Python hands over, `kept` makes copies of those that
+Python code may still change, `fresh` makes copies that Python code may change.
 """
 
 from __future__ import annotations
@@ -64,6 +64,31 @@ def fresh_rows(rows: Sequence[Sequence[Any]]) -> list[tuple[Any, ...]]:
         return loads(dumps(list(map(tuple, rows)), 2))  # type: ignore[no-any-return]
     except ValueError:  # there are objects inside
         return [tuple(map(fresh, row)) for row in rows]
+
+
+def kept(value: Any) -> Any:
+    """A deep copy of a value of the language for as long as it is needed, whatever becomes of the original.
+
+    What the original shares the copy shares, too, so it takes no more memory: `l = [l, l]`, forty times. There may be
+    tuples in it, which are rows.
+    """
+    kind = type(value)
+    if kind is not list and kind is not dict:
+        return value
+    try:
+        return loads(dumps(value, 4))
+    except ValueError:  # there are objects inside
+        return _duplicate(value, {})
+
+
+def _duplicate(value: Any, known: dict[int, Any]) -> Any:
+    kind = type(value)
+    if kind not in (list, dict, tuple):
+        return value
+    if id(value) not in known:
+        parts = [_duplicate(part, known) for part in (value.values() if kind is dict else value)]
+        known[id(value)] = dict(zip(value, parts, strict=True)) if kind is dict else kind(parts)
+    return known[id(value)]
 
 
 def _unwrapped(value: Any) -> Any:

@@ -252,11 +252,8 @@ class _Host:
     def table_rows(self, source: plan.TableSource) -> list[tuple[Any, ...]]:
         return self.parcel.tables[source.id]
 
-    def shape(self, query: plan.Query, rows: Rows, arguments: tuple[Any, ...], named: dict[str, Any]) -> Any:
-        raw = self.shapes.represent(query.representation, with_stars(query, rows), arguments, named)
-        value = self.shapes.language_value(query.representation.name, raw)
-        Sizes(self.parcel.max_size).checked(value)
-        return value
+    def shape(self, query: plan.Query, rows: Rows, arguments: tuple[Any, ...], named: dict[str, Any], run: Run) -> Any:
+        return self.shapes.of_inner(query, with_stars(query, rows), arguments, named, run.sizes)
 
     def _never(self, *given: Any) -> Any:
         raise AssertionError("a search that keeps the written order does not go by levels")

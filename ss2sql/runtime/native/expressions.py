@@ -294,7 +294,7 @@ def temporal(run: Run, name: str, when: Any) -> Any:
 
 
 def store_temporal(run: Run, name: str, keep: Any, value: Any) -> Any:
-    run.host.store_temporal(name, keep, value)
+    run.host.store_temporal(name, keep, run.own(value))
     return value
 
 

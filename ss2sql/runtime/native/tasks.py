@@ -51,7 +51,7 @@ class Task:
     def shaped(self, rows: Rows, outer: tuple[Any, ...] = ()) -> Any:
         """What the query's representation makes of its answer."""
         arguments, named = self.arguments(*outer) if self.arguments else ((), {})
-        return self.run.host.shape(self.form.query, rows, arguments, named)
+        return self.run.host.shape(self.form.query, rows, arguments, named, self.run)
 
     def tuples(self, *outer: Any) -> list[Row]:
         """The rows of a query whose results are rows."""
