@@ -376,7 +376,7 @@ class Query:
     With `group` and `aggregated`: one row per group; `columns`, `having` and `order` contain GroupKey and
     Aggregate and no Element or Column of this query outside an Aggregate. With `group` alone: a dict from
     group value to the partition; `columns` and `order` see elements, `having` groups. Of a search with
-    `aggregated` columns, `rows` are what the rows of its paths consist of, where they have no Aggregate.
+    `aggregated` columns that compares the rows of its paths, `rows` are what these consist of.
     """
 
     id: int

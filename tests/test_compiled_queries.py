@@ -111,6 +111,24 @@ def test_a_query_is_compiled_again_when_values_are_of_other_kinds(ss: ss2sql.Ses
             assert query.run(engine=engine).value == doubled
 
 
+def test_a_query_that_the_database_refused_is_compiled_again(ss: ss2sql.Session) -> None:
+    """When the values that it could not group have become others, and when it is told what a parameter holds."""
+    script = "SELECT v, count(*) FROM items GROUP BY v AS list;"
+    items: list[Any] = [{"v": 1}, {"v": "a"}]
+    parameter = ss.compile(script, engine="database")
+    assert code_of(parameter.run, items=items) == "U001"
+    assert parameter.run(items=[{"v": 3}]).value == [3, 1]
+    ss.attach("items", items)
+    query = ss.compile(script, engine="database")
+    for _ in range(2):
+        assert code_of(query.run) == "U001"
+        items[1]["v"] = 1
+        assert query.run().value == [1, 2]
+        items[1]["v"] = "a"
+    items[:] = [{"w": 1}]
+    assert code_of(query.run) == "R001"
+
+
 @both
 def test_a_query_is_compiled_again_when_a_table_gets_other_values(staff: Path, engine: Any) -> None:
     with ss2sql.connect(staff) as ss:

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 def with_groups(resolver: Resolver, query: plan.Query) -> plan.Query:
     """The query with group values and aggregates in the places that see groups.
 
-    A query whose columns are made of these alone gives one row per group. Of a search the columns are also
-    the rows of its paths, as long as they do not aggregate.
+    A query whose columns are made of these alone gives one row per group. Of a search that compares rows they are
+    the rows, too; of another one nobody asks for rows.
     """
     columns = tuple(replace(output, expr=_lifted(resolver, output.expr, query)) for output in query.columns)
     aggregates = any(isinstance(node, plan.Aggregate) for output in columns for node in walk_own(output.expr))
@@ -45,7 +45,8 @@ def with_groups(resolver: Resolver, query: plan.Query) -> plan.Query:
             message = "ORDER BY sorts groups here, so it sees group values and aggregates only"
             hint = f"add it to GROUP BY, or aggregate it: max({key.expr.span.text})"
             resolver.errors.append(ResolveError("R008", message, key.expr.span, (hint,)))
-    rows = () if aggregates or query.search is None else tuple(output.expr for output in query.columns)
+    compares = query.search is not None and query.search.repeats != "allowed"
+    rows = tuple(output.expr for output in query.columns) if compares else ()
     return _with_spared(replace(query, columns=columns, order=order, aggregated=True, rows=rows))
 
 

@@ -87,9 +87,9 @@ def by_position(tree: ast.Call, parameters: tuple[str, ...] | None) -> tuple[ast
 
 
 def _named_source(resolver: Resolver, name: str, word: str, scope: Scope, span: Span) -> plan.Source:
-    if word in resolver.late:
-        return value_source(resolver, name, _late_list(resolver, word, scope, span), span)
     bound = resolver.bound(word, scope, span)
+    if bound is None and word in resolver.late:
+        return value_source(resolver, name, _late_list(resolver, word, scope, span), span)
     world = world_named(resolver, word) if bound is None else None
     if world is not None:
         return world_source(resolver, world.principal, name, (), span)

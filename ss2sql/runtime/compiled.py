@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from ss2sql import plan
-from ss2sql.errors import ExecutionError, ResolveError, similar
+from ss2sql.errors import ExecutionError, ResolveError, UnsupportedError, similar
 from ss2sql.frontend import ast
 from ss2sql.kinds import ANY, NOTHING, Type, covers, type_of
 from ss2sql.runtime.compiled_query import CompiledQuery
@@ -153,18 +153,28 @@ class Query:
         chosen = engine or self._engine
         if chosen not in self._statements:
             started = time.perf_counter()
-            made = self._statements[chosen] = self._compiled(chosen, values or {})
+            made = self._statements[chosen] = self._compiled_now(chosen, values or {})
             if stats is not None:
                 lowering = sum(query.lowering_seconds for statement in made for query in statement.queries)
                 stats.seconds |= {"lower": lowering, "compile": time.perf_counter() - started - lowering}
         return self._statements[chosen]
 
-    def _compiled(self, engine: Engine, values: Mapping[str, Any]) -> list[CompiledStatement]:
+    def _compiled_now(self, engine: Engine, values: Mapping[str, Any]) -> list[CompiledStatement]:
+        """What an engine refuses is resolved once more: the sources may be others now, and parameters have values."""
+        try:
+            return self._compiled(self._program, self._generation, engine, values)
+        except UnsupportedError:
+            program = self._host.resolve_script(self._script, values)
+            return self._compiled(program, self._host.generation, engine, values)
+
+    def _compiled(
+        self, program: plan.Program, generation: int, engine: Engine, values: Mapping[str, Any]
+    ) -> list[CompiledStatement]:
         statements = []
         assigned: dict[str, plan.Constant | None] = {}
-        for tree, part in zip(self._script.statements, self._program.statements, strict=True):
+        for tree, part in zip(self._script.statements, program.statements, strict=True):
             variable = foretold(self._host.names, dict(assigned), values)
-            statements.append(CompiledStatement(self._host, tree, part, engine, self._generation, variable))
+            statements.append(CompiledStatement(self._host, tree, part, engine, generation, variable))
             for node in walk(part.expr):
                 if isinstance(node, (plan.Assign, plan.TemporalAssign, plan.AssignLate)):
                     assigned[node.name] = None

@@ -244,10 +244,15 @@ class SessionHost:
         known = function.body is not None and "inline" not in self.disabled
         return function if known and not function.body.uses & self.functions.keys() else replace(function, body=None)
 
+    def resolve_script(self, tree: ast.Script, values: Mapping[str, Any], open_names: bool = True) -> plan.Program:
+        """The plan of a script, resolved against the values that stand now and those that are given."""
+        catalog = self.catalog(values, open_names)
+        return with_room(lambda: resolve(tree, catalog))
+
     def resolve_statement(self, tree: ast.Expr, run: Run) -> plan.Statement:
         """The plan of one statement, resolved against the values that stand now."""
-        catalog = self.catalog(run.arguments, open_names=False)
-        return with_room(lambda: resolve(ast.Script((tree,), span=tree.span), catalog)).statements[0]
+        script = ast.Script((tree,), span=tree.span)
+        return self.resolve_script(script, run.arguments, open_names=False).statements[0]
 
     def resolve_text(self, text: str, scope: Any) -> tuple[plan.Expr, ...]:
         """The statements of a text given to `eval`."""

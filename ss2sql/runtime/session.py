@@ -13,7 +13,6 @@ from typing import Any, TypeVar, overload
 from ss2sql import plan
 from ss2sql.errors import SessionError, Source
 from ss2sql.frontend.parser import parse
-from ss2sql.frontend.resolve import resolve
 from ss2sql.lowering.rewrites import REWRITES
 from ss2sql.runtime.compiled import Query
 from ss2sql.runtime.engines import Engine, check_engine
@@ -21,7 +20,6 @@ from ss2sql.runtime.executing import Options, attended, execute
 from ss2sql.runtime.functions import UserFunction, check_name, user_function
 from ss2sql.runtime.host import SessionHost
 from ss2sql.runtime.interrupts import under_way
-from ss2sql.runtime.native.deep import with_room
 from ss2sql.runtime.opening import check_known, check_sizes, name_of, open_connection
 from ss2sql.runtime.opening import source_of as source_of
 from ss2sql.runtime.progress import check_progress
@@ -258,8 +256,7 @@ class Session:
         engine = self.engine if engine == "auto" else engine
         stats = stats or Stats()
         tree = stats.timed("parse", lambda: parse(source_of(script)))()
-        catalog = self.host.catalog(values, open_names)
-        program = stats.timed("resolve", lambda: with_room(lambda: resolve(tree, catalog)))()
+        program = stats.timed("resolve", lambda: self.host.resolve_script(tree, values, open_names))()
         return Query(self.host, self.execute, tree, program, engine)
 
     def run(

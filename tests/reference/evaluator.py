@@ -41,6 +41,7 @@ class Reference:
         self.clock: Callable[[], float] = time.time
         self.printed: list[str] = []
         self.labels: dict[int, str] = {}  # of the columns of the queries that run, by identity
+        self.assigned: frozenset[str] = frozenset()  # the names that the script assigns anywhere
         self.steps = 0
         self.calls: dict[str, int] = {}
 
@@ -55,7 +56,9 @@ class Reference:
             Exception: whatever a function of the user raised.
         """
         value: Any = None
-        for statement in self.parsed(script, "<script>").statements:
+        statements = self.parsed(script, "<script>").statements
+        self.assigned = frozenset(sight.assigned_names(statements))
+        for statement in statements:
             match statement:
                 case ast.Query():
                     value = queries.answer(self, statement, None)

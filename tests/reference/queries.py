@@ -222,7 +222,8 @@ class Sources:
         columns = {name for bounds in self.once[:number] for bound in bounds or () for name in bound.columns}
 
         def elsewhere(name: str) -> bool:
-            known = name in self.ref.variables or name in self.ref.tables or is_visible(self.outer, name)
+            variable = name in self.ref.variables or name in self.ref.assigned
+            known = variable or name in self.ref.tables or is_visible(self.outer, name)
             return known and name not in columns
 
         def late(name: str) -> LateList | None:

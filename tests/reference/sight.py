@@ -210,6 +210,19 @@ def _without(own: Own, names: frozenset[str], sources: frozenset[str], this: boo
     )
 
 
+def assigned_names(node: Any) -> Iterator[str]:
+    """The names of variables that are assigned in a part of a script."""
+    if isinstance(node, ast.Assign):
+        yield node.name
+    if isinstance(node, tuple):
+        for item in node:
+            yield from assigned_names(item)
+    elif is_dataclass(node):
+        for part in fields(node):
+            if part.compare:
+                yield from assigned_names(getattr(node, part.name))
+
+
 def late_literal(expr: ast.Expr, frame: Frame | None) -> bool:
     """Whether an assigned expression is a list literal that mentions `a.this` of a source that is not in sight."""
     return isinstance(expr, ast.ListLiteral) and any(_unseen(item, frame) for item in expr.items)
