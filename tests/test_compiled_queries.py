@@ -116,6 +116,7 @@ def test_a_query_that_the_database_refused_is_compiled_again(ss: ss2sql.Session)
     script = "SELECT v, count(*) FROM items GROUP BY v AS list;"
     items: list[Any] = [{"v": 1}, {"v": "a"}]
     parameter = ss.compile(script, engine="database")
+    assert code_of(lambda: parameter.sql) == "U001"
     assert code_of(parameter.run, items=items) == "U001"
     assert parameter.run(items=[{"v": 3}]).value == [3, 1]
     ss.attach("items", items)
@@ -127,6 +128,11 @@ def test_a_query_that_the_database_refused_is_compiled_again(ss: ss2sql.Session)
         items[1]["v"] = "a"
     items[:] = [{"w": 1}]
     assert code_of(query.run) == "R001"
+    refused = ss.compile("SELECT w, count(*) FROM items GROUP BY w AS list;", engine="database")
+    items[:] = [{"w": 1}, {"w": "a"}]
+    assert code_of(refused.run) == "U001"
+    items[:] = [{"v": 1}]
+    assert code_of(refused.run) == "R001"
 
 
 @both

@@ -167,7 +167,8 @@ class EnteringStep:
         if of.rank is not None:
             later = _plus(self.total(), self.estimate())
             goal = None if self.query.where is None else self.goal()
-            carried[of.rank] = self.total() if goal is None else sql.case([(goal, self.total())], later)
+            reached = self._reached()
+            carried[of.rank] = reached if goal is None else sql.case([(goal, reached)], later)
             if of.estimate is not None:
                 # Only a goal waits twice, and needs the estimate when it has come out.
                 estimate = self.estimate()
@@ -182,6 +183,13 @@ class EnteringStep:
         for short, read in of.reads:
             carried[short] = self.expressions.lower(read, self.env)
         return [carried[name] for name in of.all_names]
+
+    def _reached(self) -> Node:
+        """The rank of a goal. Where it is never expanded its estimate is asked for all the same: it may fail."""
+        if self.of.estimate is not None or not self._estimate_fails():
+            return self.total()
+        asked = sql.call("in_turn", self.estimate(), self.total())
+        return self._unless_it_stops(asked, self.total()) if self.of.asks_both else asked
 
     def _number(self, positions: list[Node]) -> Node:
         """The number of the step; it notes the step's row with it."""

@@ -99,8 +99,9 @@ class OnEntering(SearchLowering):
         """
         search, query = self.search, self.query
         clauses = [query.where, search.stop, search.weight, search.heuristic, *(expr for _, expr in search.connect)]
-        if search.weight is not None and search.repeats == "unique" and _any_fails([query.where, search.stop]):
-            return True  # they are asked of a step that is not better, too, whose failing would not show
+        drops = search.order == "probability" or (search.weight is not None and search.repeats == "unique")
+        if drops and _any_fails([query.where, search.stop]):
+            return True  # they are asked of a step that is not better, or impossible, too: its failing would not show
         if self.selects.needs.careful:
             weights = [expr for expr in (search.weight, search.heuristic) if expr is not None]
             refused = any(not lies_within(expr.type, self.most) for expr in weights)

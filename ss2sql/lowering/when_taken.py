@@ -106,19 +106,21 @@ class WhenTaken(SearchLowering):
             goal: Node | None = None if stop is None else exp.Not(this=sql.operand(stop))
         else:
             goal = self.expressions.condition(self.query.where, env)
-            if stop is not None and self.search.stop is not None and can_fail(self.search.stop) and self.cut:
+            matters = self.cut or can_fail(self.query.where)
+            if stop is not None and self.search.stop is not None and can_fail(self.search.stop) and matters:
                 goal = sql.call("in_turn", stop, goal)
-        goal = self.with_next(goal, stop)
+        goal = self.with_next(env, goal, stop)
         if self.guard.met is None:
             return goal
         missed = [(exp.Not(this=sql.operand(goal)), sql.number(0))] if goal is not None else []
         return self.guarded(env, missed + self.met(env), sql.number(1))
 
-    def with_next(self, goal: Node | None, stop: Node | None) -> Node | None:
-        """The goal, after CONNECT BY of a step that goes on: the last result's own can fail, too."""
+    def with_next(self, env: Env, goal: Node | None, stop: Node | None) -> Node | None:
+        """The goal, after SELECT and CONNECT BY of a step that goes on: the last result's own can fail, too."""
         if not (self.cut and any(can_fail(expr) for _, expr in self.search.connect)):
             return goal
-        go_on = sql.call("in_turn", *(node.copy() for node in self.next_states), sql.number(1))
+        shown = [self.expressions.value(one.expr, env) for one in self.query.columns if can_fail(one.expr)]
+        go_on = sql.call("in_turn", *shown, *(node.copy() for node in self.next_states), sql.number(1))
         reached = go_on if stop is None else sql.case([(stop.copy(), sql.number(1))], go_on)
         return reached if goal is None else sql.case([(goal, reached)], sql.number(0))
 

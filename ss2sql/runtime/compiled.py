@@ -153,19 +153,20 @@ class Query:
         chosen = engine or self._engine
         if chosen not in self._statements:
             started = time.perf_counter()
-            made = self._statements[chosen] = self._compiled_now(chosen, values or {})
+            made = self._statements[chosen] = self._compiled_now(chosen, values)
             if stats is not None:
                 lowering = sum(query.lowering_seconds for statement in made for query in statement.queries)
                 stats.seconds |= {"lower": lowering, "compile": time.perf_counter() - started - lowering}
         return self._statements[chosen]
 
-    def _compiled_now(self, engine: Engine, values: Mapping[str, Any]) -> list[CompiledStatement]:
+    def _compiled_now(self, engine: Engine, values: Mapping[str, Any] | None) -> list[CompiledStatement]:
         """What an engine refuses is resolved once more: the sources may be others now, and parameters have values."""
+        given = values or {}
         try:
-            return self._compiled(self._program, self._generation, engine, values)
+            return self._compiled(self._program, self._generation, engine, given)
         except UnsupportedError:
-            program = self._host.resolve_script(self._script, values)
-            return self._compiled(program, self._host.generation, engine, values)
+            program = self._host.resolve_script(self._script, given, open_names=values is None)
+            return self._compiled(program, self._host.generation, engine, given)
 
     def _compiled(
         self, program: plan.Program, generation: int, engine: Engine, values: Mapping[str, Any]

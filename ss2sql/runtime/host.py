@@ -244,7 +244,7 @@ class SessionHost:
         known = function.body is not None and "inline" not in self.disabled
         return function if known and not function.body.uses & self.functions.keys() else replace(function, body=None)
 
-    def resolve_script(self, tree: ast.Script, values: Mapping[str, Any], open_names: bool = True) -> plan.Program:
+    def resolve_script(self, tree: ast.Script, values: Mapping[str, Any], open_names: bool) -> plan.Program:
         """The plan of a script, resolved against the values that stand now and those that are given."""
         catalog = self.catalog(values, open_names)
         return with_room(lambda: resolve(tree, catalog))
