@@ -117,7 +117,9 @@ class WhenTaken(SearchLowering):
 
     def with_next(self, env: Env, goal: Node | None, stop: Node | None) -> Node | None:
         """The goal, after SELECT and CONNECT BY of a step that goes on: the last result's own can fail, too."""
-        if not (self.cut and any(can_fail(expr) for _, expr in self.search.connect)):
+        keys = [*self.query.group, *(key.expr for key in self.query.order)]  # which come after CONNECT BY
+        matters = self.cut or any(map(can_fail, keys))
+        if not (matters and any(can_fail(expr) for _, expr in self.search.connect)):
             return goal
         shown = [self.expressions.value(one.expr, env) for one in self.query.columns if can_fail(one.expr)]
         go_on = sql.call("in_turn", *shown, *(node.copy() for node in self.next_states), sql.number(1))
