@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from ss2sql.frontend import ast
 
 from . import groups, search
+from .functions import BUILTINS
 from .sight import Bound, Frame, LateList, Own, columns_of, elements_of, is_visible, mentions, source_name
 from .values import Failure, Row, compare_keys, shape
 
@@ -280,12 +281,23 @@ class Sources:
         if not query.group or any(isinstance(column, ast.Star) for column in query.columns):
             return False
 
-        keys = {repr(self.with_sources(key)) for key in query.group}
+        own = self.own(len(query.sources))
+
+        def applied(node: Any) -> Any:
+            """A function's name that stands alone means its call."""
+            meant = self.with_sources(node)  # no name any more, if it is a column
+            if not isinstance(meant, ast.Name) or own.elsewhere(meant.name) or meant.name in self.state:
+                return node
+            is_call = meant.name in self.ref.functions or meant.name in BUILTINS
+            this = ast.This(None, span=meant.span)
+            return ast.Call(meant.name, (this,), span=meant.span) if is_call else node
+
+        keys = {repr(self.with_sources(form)) for key in query.group for form in (key, applied(key))}
 
         def free(node: Any) -> bool:
             return groups.is_aggregate(self.ref, node) or repr(self.with_sources(node)) in keys
 
-        return not mentions(query.columns, replace(self.own(len(query.sources)), free=free))
+        return not mentions(tuple(map(applied, query.columns)), replace(own, free=free))
 
 
 # Order and limits
