@@ -10,8 +10,8 @@ from itertools import product
 from typing import Any
 
 import pytest
-from agreement import Outcome
-from reference import Failure, Reference
+from agreement import Outcome, exact, judged
+from reference import Reference
 
 import ss2sql
 
@@ -32,18 +32,11 @@ def engine_outcome(script: str, engine: Any) -> tuple[Outcome | None, int | None
     """What an engine makes of it, None where it refuses it, and where in the script it fails."""
     with ss2sql.connect() as session:
         try:
-            return Outcome(session.run(script, engine=engine, max_rows=1000).value), 0
+            return Outcome(exact(session.run(script, engine=engine, max_rows=1000).value)), 0
         except ss2sql.UnsupportedError:
             return None, 0
         except ss2sql.Error as error:
             return Outcome(error=error.code), error.span and error.span.start
-
-
-def expected_outcome(script: str) -> Outcome:
-    try:
-        return Outcome(Reference().run(script))
-    except Failure as failure:
-        return Outcome(error=failure.code)
 
 
 def agree(scripts: Iterable[str]) -> int:
@@ -51,7 +44,7 @@ def agree(scripts: Iterable[str]) -> int:
     in_database = 0
     for script in scripts:
         native, place = engine_outcome(script, "native")
-        assert native == expected_outcome(script), script
+        assert native == judged(Reference(), script), script
         found, where = engine_outcome(script, "database")
         assert found is None or (found, where) == (native, place), script
         in_database += found is not None

@@ -25,7 +25,8 @@ def with_groups(resolver: Resolver, query: plan.Query) -> plan.Query:
     columns = tuple(replace(output, expr=_lifted(resolver, output.expr, query)) for output in query.columns)
     aggregates = any(isinstance(node, plan.Aggregate) for output in columns for node in walk_own(output.expr))
     aggregated = not any(_sees_rows(output.expr, query) for output in columns)
-    if query.search is not None and aggregates and query.search.repeats != "allowed":
+    compares = query.search is not None and query.search.repeats != "allowed"
+    if compares and aggregates:
         _refuse(resolver, query, "SELECT makes the rows that this search compares, so it cannot aggregate")
     if aggregates and not aggregated:
         _refuse_mixture(resolver, query, columns)
@@ -45,7 +46,6 @@ def with_groups(resolver: Resolver, query: plan.Query) -> plan.Query:
             message = "ORDER BY sorts groups here, so it sees group values and aggregates only"
             hint = f"add it to GROUP BY, or aggregate it: max({key.expr.span.text})"
             resolver.errors.append(ResolveError("R008", message, key.expr.span, (hint,)))
-    compares = query.search is not None and query.search.repeats != "allowed"
     rows = tuple(output.expr for output in query.columns) if compares else ()
     return _with_spared(replace(query, columns=columns, order=order, aggregated=True, rows=rows))
 

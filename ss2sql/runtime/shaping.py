@@ -16,8 +16,6 @@ from ss2sql.runtime.rows import Row, Rows
 from ss2sql.runtime.sizes import MOST, Sizes
 from ss2sql.runtime.values import Opaque, fresh, fresh_rows, normalise
 
-PATH_FORMS = frozenset({"dict", "list", "rows", "value"})  # which cannot fail
-FORMS = PATH_FORMS | {"set", "void"}  # of values of the language
 # What the language makes of rows so that scripts go on with it: lists where `AS rows` gives tuples.
 SHARED: dict[str, Callable[[representations.Table], Any]] = {
     "dict": representations.ALL["dict"],
@@ -25,6 +23,8 @@ SHARED: dict[str, Callable[[representations.Table], Any]] = {
     "rows": lambda table: list(map(list, table.rows)),
     "value": representations.ALL["value"],
 }
+PATH_FORMS = frozenset(SHARED)  # which cannot fail
+FORMS = PATH_FORMS | {"set", "void"}  # of values of the language
 PLAIN = (bool, int, float, str, list, dict, type(None))
 
 
