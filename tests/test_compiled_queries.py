@@ -167,3 +167,58 @@ def test_a_query_is_compiled_again_when_a_representation_is_replaced(ss: ss2sql.
     assert query.run().value == 2
     ss.representation("Form")(lambda table: table.columns)
     assert query.run().value == ("this",)
+
+
+@both
+def test_names_of_all_statements_are_resolved_before_the_first_one_runs(ss: ss2sql.Session, engine: Any) -> None:
+    calls: list[int] = []
+    ss.function("noted", lambda: calls.append(1) or 1, volatility="volatile")
+    rows = [{"a": 1}]
+    ss.attach("rows", rows)
+    query = ss.compile("x = noted(); y = SELECT a FROM rows AS list; SELECT this + 1 FROM y AS list;")
+    assert (query.run(engine=engine).value, calls) == ([2], [1])
+    rows[:] = [{"b": 1}]
+    assert code_of(query.run, engine=engine) == "R001"
+    assert calls == [1]
+    rows[:] = [{"a": 2.5}]
+    assert (query.run(engine=engine).value, calls) == ([3.5], [1, 1])
+    ss.function("noted", lambda x: x)
+    assert code_of(query.run, engine=engine) == "R005"
+    ss.function("noted", lambda: calls.append(2) or 2)
+    ss.detach("rows")
+    assert code_of(query.run, engine=engine) == "R003"
+    assert (calls, ss.get("x")) == ([1, 1], 1)
+
+
+@both
+def test_names_of_a_source_that_is_a_parameter_are_resolved_before_anything_runs(
+    ss: ss2sql.Session, engine: Any
+) -> None:
+    query = ss.compile("x = 1; SELECT name FROM people WHERE age > x AS list;")
+    assert query.parameters == ("people",)
+    assert code_of(query.run, people=[{"age": 2}], engine=engine) == "R001"
+    assert ss.variables() == {}
+    assert query.run(people=[{"age": 2, "name": "Ada"}], engine=engine).value == ["Ada"]
+    assert ss.variables() == {"x": 1}
+
+
+def test_what_the_database_would_refuse_later_is_refused_before_anything_runs(ss: ss2sql.Session) -> None:
+    items: list[Any] = [{"v": 1}]
+    ss.attach("items", items)
+    query = ss.compile("x = 1; SELECT v, count(*) FROM items GROUP BY v AS list;", engine="database")
+    items.append({"v": "a"})
+    assert code_of(query.run) == "U001"
+    assert ss.variables() == {}
+    items.pop()
+    assert query.run().value == [1, 1]
+
+
+def test_what_the_statements_before_assign_does_not_make_a_script_outdated(
+    ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The variable has another type when the script begins than when the statement runs that reads it."""
+    query = ss.compile("x = [[1]]; y = len(x); x = y; IF(y > 0; z = x; z = y); SELECT z + this FROM [x, 2] AS list;")
+    assert query.run().value == [2, 3]
+    resolved: list[Any] = []
+    monkeypatch.setattr("ss2sql.runtime.host.resolve", lambda tree, catalog: resolved.append(tree))
+    assert (query.run().value, resolved) == ([2, 3], [])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -25,6 +25,8 @@ from ss2sql.walk import walk
 if TYPE_CHECKING:
     from ss2sql.explained.explanation import Explanation
     from ss2sql.runtime.host import SessionHost
+
+ASSIGNMENTS = (plan.Assign, plan.TemporalAssign, plan.AssignLate)
 
 
 class CompiledStatement:
@@ -52,6 +54,7 @@ class CompiledStatement:
         self.function: Callable[[Run], Any] = function
         self.queries: list[CompiledQuery] = queries
         self.statement = statement
+        self.assigns = frozenset(node.name for node in walk(statement.expr) if isinstance(node, ASSIGNMENTS))
         self.looked_at: dict[str, Any] = {}  # values of variables that are of the types that the plan relies on
         self.generation = generation  # last: what was broken off before is made anew
 
@@ -76,26 +79,26 @@ class CompiledStatement:
         return isinstance(expr.value if isinstance(expr, plan.Assign) else expr, plan.Subquery)
 
     def value(self, run: Run) -> Any:
-        if self._is_stale(run):
+        if self.statement.tentative or self.is_outdated(run, run.source):
             self._compile(self.host.resolve_statement(self.tree, run), self.host.generation, run.source)
         if run.framed:
             return framed_answer(self.statement.expr, self.queries, run)
         return self.function(run)
 
-    def _is_stale(self, run: Run) -> bool:
-        """Whether the plan relies on columns or types that are no longer so."""
-        if self.statement.tentative or self.generation != self.host.generation:
+    def is_outdated(self, run: Run, source: Callable[[str], Any], but: Container[str] = ()) -> bool:
+        """Whether the plan relies on columns or types that are no longer so, of other variables than these."""
+        if self.generation != self.host.generation:
             return True
         own = self.host.names.values
         for name, kind in self.statement.reads:
-            if kind == ANY:
+            if kind == ANY or name in but:
                 continue
             # Nobody changes the value of a script variable in place, so one that was looked at stays as it is. What is
             # attached, or given to this run, the user may have changed.
             kept = None if name in run.arguments else own.get(name)
             if kept is not None and kept is self.looked_at.get(name):
                 continue
-            if not covers(kind, _type_of(run, name)):
+            if not covers(kind, _type_of(source, name)):
                 return True
             self.looked_at[name] = kept
         return any(self.host.table_changed(table, run) for table in self.statement.tables)
@@ -109,10 +112,12 @@ class CompiledStatement:
         return Sql("\n".join(f"{text};" for text in texts), statements=tuple(texts))
 
 
-def _type_of(run: Run, name: str) -> Type:
+def _type_of(source: Callable[[str], Any], name: str) -> Type:
     """The type of a variable's present value; of one that cannot be read nothing: whoever reads it says so."""
     try:
-        return type_of(run.source(name))
+        return type_of(source(name))
+    except KeyError:
+        return ANY  # there is none any more
     except ExecutionError:
         return NOTHING
 
@@ -123,10 +128,10 @@ def script_sql(statements: Sequence[CompiledStatement], run: Run | None = None) 
 
 
 class Query:
-    """A compiled script, to be run many times.
+    """A compiled script, to be run many times. Names are resolved before anything runs, anew where that is called for.
 
     `parameters` are the names that the script does not know; `run` takes them as keywords. `plan` is the
-    resolved program, `sql` the text that runs.
+    resolved program, `sql` the text that runs. It is `fresh` where it was resolved for the run that comes next.
     """
 
     def __init__(
@@ -136,6 +141,7 @@ class Query:
         script: ast.Script,
         program: plan.Program,
         engine: Engine,
+        fresh: bool = False,
     ) -> None:
         self.parameters = program.parameters
         self._host = host
@@ -145,42 +151,68 @@ class Query:
         self._engine: Engine = engine
         self._generation = host.generation
         self._statements: dict[Engine, list[CompiledStatement]] = {}
+        self._open: set[Engine] = set()  # those whose statements were made before parameters had values
+        self._fresh = fresh
 
-    def statements(
-        self, engine: Engine | None = None, values: Mapping[str, Any] | None = None, stats: Stats | None = None
-    ) -> list[CompiledStatement]:
-        """The compiled statements for an engine; `values` are those of parameters, as far as they are known."""
+    def statements(self, engine: Engine | None = None, run: Run | None = None) -> list[CompiledStatement]:
+        """The compiled statements for an engine; for a run, which has begun, with the values that it is given."""
         chosen = engine or self._engine
         if chosen not in self._statements:
-            started = time.perf_counter()
-            made = self._statements[chosen] = self._compiled_now(chosen, values)
-            if stats is not None:
-                lowering = sum(query.lowering_seconds for statement in made for query in statement.queries)
-                stats.seconds |= {"lower": lowering, "compile": time.perf_counter() - started - lowering}
+            self._statements[chosen] = self._compiled_now(chosen, run)
+        if run is not None and not self._fresh and self._is_outdated(chosen, run):
+            self._statements[chosen] = self._resolved_now(chosen, run)
+        self._fresh = False
         return self._statements[chosen]
 
-    def _compiled_now(self, engine: Engine, values: Mapping[str, Any] | None) -> list[CompiledStatement]:
+    def _is_outdated(self, engine: Engine, run: Run) -> bool:
+        """Whether names in statements after the first one, which looks itself, might no longer mean what they meant."""
+        first, *others = self._statements[engine]
+        if engine in self._open and any(compiled.statement.tentative for compiled in others):
+            return True
+
+        def source(name: str) -> Any:
+            return run.arguments[name] if name in run.arguments else self._host.names.source(name)
+
+        assigned = set(first.assigns)
+        for compiled in others:
+            if compiled.is_outdated(run, source, assigned):
+                return True
+            assigned |= compiled.assigns
+        return False
+
+    def _compiled_now(self, engine: Engine, run: Run | None) -> list[CompiledStatement]:
         """What an engine refuses is resolved once more: the sources may be others now, and parameters have values."""
-        given = values or {}
+        if self._program.parameters:
+            self._open.add(engine)
         try:
-            return self._compiled(self._program, self._generation, engine, given)
+            return self._compiled(self._program, self._generation, engine, run)
         except UnsupportedError:
-            program = self._host.resolve_script(self._script, given, open_names=values is None)
-            return self._compiled(program, self._host.generation, engine, given)
+            return self._resolved_now(engine, run)
+
+    def _resolved_now(self, engine: Engine, run: Run | None) -> list[CompiledStatement]:
+        """The statements resolved against the values that stand now, and those that the run is given."""
+        values, stats = ({}, Stats()) if run is None else (run.arguments, run.stats)
+        resolved = stats.timed("resolve", lambda: self._host.resolve_script(self._script, values, run is None))
+        statements = self._compiled(resolved(), self._host.generation, engine, run)
+        if run is not None:
+            self._open.discard(engine)
+        return statements
 
     def _compiled(
-        self, program: plan.Program, generation: int, engine: Engine, values: Mapping[str, Any]
+        self, program: plan.Program, generation: int, engine: Engine, run: Run | None
     ) -> list[CompiledStatement]:
-        statements = []
+        started = time.perf_counter()
+        statements: list[CompiledStatement] = []
         assigned: dict[str, plan.Constant | None] = {}
         for tree, part in zip(self._script.statements, program.statements, strict=True):
-            variable = foretold(self._host.names, dict(assigned), values)
+            variable = foretold(self._host.names, dict(assigned), {} if run is None else run.arguments)
             statements.append(CompiledStatement(self._host, tree, part, engine, generation, variable))
-            for node in walk(part.expr):
-                if isinstance(node, (plan.Assign, plan.TemporalAssign, plan.AssignLate)):
-                    assigned[node.name] = None
+            assigned |= dict.fromkeys(statements[-1].assigns)
             if isinstance(part.expr, plan.Assign) and isinstance(part.expr.value, plan.Constant):
                 assigned[part.expr.name] = part.expr.value
+        if run is not None:
+            lowering = sum(query.lowering_seconds for compiled in statements for query in compiled.queries)
+            run.stats.seconds |= {"lower": lowering, "compile": time.perf_counter() - started - lowering}
         return statements
 
     @cached_property

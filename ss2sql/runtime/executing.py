@@ -101,7 +101,7 @@ def execute(host: SessionHost, query: Query, options: Options, variables: Mappin
     run.deadline, run.max_rows = _deadline(host, options.timeout), options.max_rows
     run.ceiling, run.sizes.rows = _ceiling(host), run.max_rows
     run.arguments = {name: normalise(value, f"the variable '{name}'") for name, value in variables.items()}
-    statements = run.statements = query.statements(options.engine, run.arguments, run.stats)
+    statements = run.statements = query.statements(options.engine, run)
     run.call_places = query.call_places
     run.foreteller = _foreteller(host, run, options.workers)
     run.progress = None if host.runs else progress_of(run, options.progress)  # one inside of another shows none

@@ -257,7 +257,7 @@ class Session:
         stats = stats or Stats()
         tree = stats.timed("parse", lambda: parse(source_of(script)))()
         program = stats.timed("resolve", lambda: self.host.resolve_script(tree, values, open_names))()
-        return Query(self.host, self.execute, tree, program, engine)
+        return Query(self.host, self.execute, tree, program, engine, fresh=not open_names)
 
     def run(
         self,
