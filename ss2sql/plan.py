@@ -17,6 +17,12 @@ from ss2sql.plan_function import Function as Function
 from ss2sql.plan_function import Volatility as Volatility
 from ss2sql.plan_program import Program as Program
 from ss2sql.plan_program import Statement as Statement
+from ss2sql.plan_sources import SOURCES as SOURCES
+from ss2sql.plan_sources import QuerySource as QuerySource
+from ss2sql.plan_sources import Source as Source
+from ss2sql.plan_sources import TableSource as TableSource
+from ss2sql.plan_sources import ValueSource as ValueSource
+from ss2sql.plan_sources import WorldSource as WorldSource
 
 
 def _span() -> Any:
@@ -238,72 +244,6 @@ class Subquery:
 
 
 # --- queries -------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, slots=True)
-class TableSource:
-    """A table or view of the database. `order` names what sorts it: `rowid`, primary key columns, or nothing (a view).
-
-    `collated`: columns that SQLite would not compare byte by byte. `indexes`: (columns, index), "" for the primary key.
-    """
-
-    id: int
-    name: str
-    schema: str
-    table: str
-    columns: tuple[tuple[str, Type], ...]
-    order: tuple[str, ...]
-    collated: tuple[str, ...] = ()
-    indexes: tuple[tuple[tuple[str, ...], str], ...] = ()
-    indexed: bool = False  # SQLite may find its rows in another order
-    span: Span = _span()
-
-
-@dataclass(frozen=True, slots=True)
-class ValueSource:
-    """The elements of a value, which may mention earlier sources, the search's state and outer queries.
-
-    `columns` is None where they are known only at run time.
-    """
-
-    id: int
-    name: str
-    value: Expr
-    element: Type
-    columns: tuple[tuple[str, Type], ...] | None
-    span: Span = _span()
-
-
-@dataclass(frozen=True, slots=True)
-class QuerySource:
-    """A query in FROM: its elements are those of the query's value."""
-
-    id: int
-    name: str
-    query: Query
-    element: Type
-    columns: tuple[tuple[str, Type], ...] | None
-    span: Span = _span()
-
-
-@dataclass(frozen=True, slots=True)
-class WorldSource:
-    """A table of an attached world; the `arguments` of a table function may mention earlier sources and the state.
-
-    `table` is the session's, see vtables/attached.py.
-    """
-
-    id: int
-    name: str
-    table: Any
-    arguments: tuple[Expr, ...]
-    element: Type
-    columns: tuple[tuple[str, Type], ...]
-    span: Span = _span()
-
-
-Source: TypeAlias = TableSource | ValueSource | QuerySource | WorldSource
-SOURCES = (TableSource, ValueSource, QuerySource, WorldSource)
 
 
 @dataclass(frozen=True, slots=True)

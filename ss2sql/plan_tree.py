@@ -9,7 +9,7 @@ from typing import Any
 from ss2sql import plan
 from ss2sql.kinds import Kind, Type
 
-_HIDDEN = frozenset({"span", "place", "type", "scope", "literal", "reads", "tables", "tentative"})
+_HIDDEN = frozenset({"span", "place", "type", "scope", "literal", "reads", "tables", "tentative", "lateral"})
 
 
 def plan_tree(program: plan.Program) -> str:

@@ -33,8 +33,9 @@ class Scope:
             scope = scope.parent
 
     def copy(self) -> Scope:
-        """The scope as it is now; `eval` keeps it for the text that it will meet."""
-        return Scope(self.parent, self.query, list(self.sources), dict(self.states), self.grouped)
+        """The scope as it is now, with those around it; `eval` keeps it for the text that it will meet."""
+        parent = None if self.parent is None else self.parent.copy()
+        return Scope(parent, self.query, list(self.sources), dict(self.states), self.grouped)
 
     @property
     def depth(self) -> int:

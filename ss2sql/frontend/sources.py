@@ -11,6 +11,7 @@ from ss2sql.frontend import ast
 from ss2sql.frontend.scope import Scope
 from ss2sql.frontend.worlds import function_source, table_of_world, world_named, world_source
 from ss2sql.kinds import ANY, Kind, Type
+from ss2sql.walk import sources_read, states_read
 
 if TYPE_CHECKING:
     from ss2sql.frontend.resolve import Resolver
@@ -33,7 +34,16 @@ def open_sources(resolver: Resolver, tree: ast.Query, scope: Scope) -> None:
             nothing = plan.Constant(None, ANY, span=part.span)
             name = part.name or _name_of(part.expr)
             source = plan.ValueSource(resolver.number(), name, nothing, ANY, None, span=part.span)
-        scope.sources.append(source)
+        scope.sources.append(_placed(source, scope))
+
+
+def _placed(source: plan.Source, scope: Scope) -> plan.Source:
+    """The source, marked where it reads those before it or the state."""
+    if not isinstance(source, (plan.ValueSource, plan.QuerySource)) or not (scope.sources or scope.states):
+        return source
+    before = {one.id for one in scope.sources}
+    reads = any(query == scope.query for query, _ in states_read(source)) or not before.isdisjoint(sources_read(source))
+    return replace(source, lateral=True) if reads else source
 
 
 def _source(resolver: Resolver, tree: ast.From, scope: Scope) -> plan.Source:
