@@ -18,7 +18,7 @@ test: $(VENV)/dev.stamp      ## runs all tests, those of the examples and the do
 	$(PY) -m pytest
 
 RANDOM := $(addprefix tests/test_,agreement.py mutated.py mixed_programs.py partitions.py second_opinion.py rewrites.py \
-	inline_random.py program_laws.py scene_programs.py histories.py)
+	inline_random.py program_laws.py scene_programs.py histories.py texts.py)
 
 nightly: $(VENV)/dev.stamp   ## the random tests, many more of them: 20,000 programs, 5,000 queries of each world
 	SS2SQL_PROGRAMS=20000 SS2SQL_WORLD_QUERIES=5000 SS2SQL_SCENES=200 \

@@ -8,6 +8,7 @@ expression that fails is replaced by a placeholder and the search for further er
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from typing import Any, assert_never
 
 from ss2sql import plan
@@ -47,8 +48,8 @@ def resolve(script: ast.Script, catalog: Catalog) -> plan.Program:
 
 
 def resolve_text(script: ast.Script, scope: Scope | None, catalog: Catalog) -> tuple[plan.Expr, ...]:
-    """The statements of a text given to `eval`, resolved where the eval stands."""
-    resolver = Resolver(catalog, base=1_000_000)
+    """The statements of a text given to `eval`, resolved where the eval stands; they see a row, never its group."""
+    resolver, scope = Resolver(catalog, base=1_000_000), scope and replace(scope, grouped=False)
     expressions = tuple(resolver.statement(statement, scope).expr for statement in script.statements)
     resolver.finish()
     return expressions
