@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import fields, is_dataclass, replace
 from typing import Any, TypeAlias, TypeVar
 
@@ -120,6 +120,11 @@ def states_read(node: Node) -> frozenset[tuple[int, str]]:
             case plan.Eval(states=states):
                 found.update(states)
     return frozenset(found)
+
+
+def moves(node: Node, sources: Collection[int], search: int | None) -> bool:
+    """Whether the node is another one for each row of these sources, or each state of this query's search."""
+    return not sources_read(node).isdisjoint(sources) or any(query == search for query, _ in states_read(node))
 
 
 def set_at_once(query: plan.Query) -> dict[str, plan.Expr]:

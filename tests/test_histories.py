@@ -75,10 +75,8 @@ class History:
 
     def __post_init__(self) -> None:
         self.attached = {name: deepcopy(value) for name, value in self.case.variables.items()}
-        self.lives = [Life(engine, session_for(self._here())) for engine in ("native", "database")]
-
-    def _here(self) -> ProgramCase:
-        return replace(self.case, variables=self.attached)
+        here = replace(self.case, variables=self.attached)
+        self.lives = [Life(engine, session_for(here)) for engine in ("native", "database")]
 
     def change(self) -> None:
         """One of the lists gets other values, of its own or of another name: in place, or by a new list.

@@ -11,7 +11,7 @@ from ss2sql.frontend import ast
 from ss2sql.frontend.scope import Scope
 from ss2sql.frontend.worlds import function_source, table_of_world, world_named, world_source
 from ss2sql.kinds import ANY, Kind, Type
-from ss2sql.walk import sources_read, states_read
+from ss2sql.walk import moves
 
 if TYPE_CHECKING:
     from ss2sql.frontend.resolve import Resolver
@@ -41,9 +41,8 @@ def _placed(source: plan.Source, scope: Scope) -> plan.Source:
     """The source, marked where it reads those before it or the state."""
     if not isinstance(source, (plan.ValueSource, plan.QuerySource)) or not (scope.sources or scope.states):
         return source
-    before = {one.id for one in scope.sources}
-    reads = any(query == scope.query for query, _ in states_read(source)) or not before.isdisjoint(sources_read(source))
-    return replace(source, lateral=True) if reads else source
+    lateral = moves(source, {one.id for one in scope.sources}, scope.query)
+    return replace(source, lateral=True) if lateral else source
 
 
 def _source(resolver: Resolver, tree: ast.From, scope: Scope) -> plan.Source:

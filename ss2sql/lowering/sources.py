@@ -19,7 +19,7 @@ from ss2sql.lowering.copies import materialized
 from ss2sql.lowering.expressions import Env, Reader, can_fail, is_flag
 from ss2sql.lowering.sql import Node
 from ss2sql.vtables.names import PLACE
-from ss2sql.walk import sources_inside, sources_read, states_read
+from ss2sql.walk import moves, sources_inside, sources_read, states_read
 
 if TYPE_CHECKING:
     from ss2sql.lowering.select import Selects
@@ -86,12 +86,7 @@ def _fails_alone(source: plan.Source, sources: tuple[plan.Source, ...], search: 
         case _:
             return False
     own = {other.id for other in sources}
-    return any(map(can_fail, read)) and not any(_moves(part, own, search) for part in read)
-
-
-def _moves(node: object, sources: set[int], search: int | None) -> bool:
-    """Whether something is another one for each row of these sources, or each state of the search."""
-    return bool(sources_read(node) & sources) or any(query == search for query, _ in states_read(node))
+    return any(map(can_fail, read)) and not any(moves(part, own, search) for part in read)
 
 
 def open_source(
@@ -113,7 +108,7 @@ def open_source(
                 return _elements(selects, source, _once(selects, plan.Subquery(query, span=source.span), env, asked))
             if _can_join(query) and not (search is None and _shows_outside(query, siblings)):
                 return _joined(selects, source, env, siblings, search)
-            lateral = _moves(query, siblings, search)
+            lateral = moves(query, siblings, search)
             whole = can_fail(query) or search is not None
             outside = sources_read(query) - sources_inside(query) or states_read(query)
             apart = not lateral and not (whole and outside)

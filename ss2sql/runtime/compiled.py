@@ -170,12 +170,9 @@ class Query:
         if engine in self._open and any(compiled.statement.tentative for compiled in others):
             return True
 
-        def source(name: str) -> Any:
-            return run.arguments[name] if name in run.arguments else self._host.names.source(name)
-
         assigned = set(first.assigns)
         for compiled in others:
-            if compiled.is_outdated(run, source, assigned):
+            if compiled.is_outdated(run, lambda name: self._host.present(name, run.arguments), assigned):
                 return True
             assigned |= compiled.assigns
         return False

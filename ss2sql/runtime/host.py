@@ -216,7 +216,7 @@ class SessionHost:
 
         def variable_type(name: str) -> Any:
             if name not in snapshots:
-                snapshots[name] = given[name] if name in given else self.names.source(name)
+                snapshots[name] = self.present(name, given)
             return type_of(snapshots[name])
 
         functions = builtin_functions()
@@ -237,6 +237,10 @@ class SessionHost:
             files=tuple(self.tables.files),
             asked=self.shapes.asked(),
         )
+
+    def present(self, name: str, given: Mapping[str, Any]) -> Any:
+        """The value that is given, or else the present one, as it stands in FROM; raises what `source` raises."""
+        return given[name] if name in given else self.names.source(name)
 
     def _planned(self, entry: UserFunction) -> plan.Function:
         """The function as the plan knows it; its body counts only while the operators in it are the built-in ones."""

@@ -17,7 +17,7 @@ from ss2sql.runtime.remembered.functions import fingerprint
 from ss2sql.runtime.remembered.sources import digest_of, table_digest, world_digest, worlds_in
 from ss2sql.runtime.remembered.texts import NotKept
 from ss2sql.vtables.base import World
-from ss2sql.walk import can_fail, functions, parts, sources_read, states_read
+from ss2sql.walk import can_fail, functions, moves, parts, states_read
 
 if TYPE_CHECKING:
     from ss2sql.runtime.functions import UserFunction
@@ -212,8 +212,7 @@ def costs_nothing(expr: plan.Expr) -> bool:
 
 def follows_state(source: plan.Source, query: plan.Query) -> bool:
     """Whether a source is read again for each state, or for each element of a source before it."""
-    own = {one.id for one in query.sources if one is not source}
-    return any(number == query.id for number, _ in states_read(source)) or not own.isdisjoint(sources_read(source))
+    return moves(source, {one.id for one in query.sources if one is not source}, query.id)
 
 
 def _evaluated(expr: plan.Expr) -> Iterator[plan.Expr]:
