@@ -52,7 +52,7 @@ def with_text(script: str, dice: Random) -> str:
     quote = next((mark for mark in "\"'" if mark not in text), None)
     if quote is None or "\\" in text:
         return script
-    return f"{script[:start]}eval({quote}{text}{quote}){script[end:]}"
+    return f"{script[:start]}(eval({quote}{text}{quote})){script[end:]}"  # MAXIMUM wants the outer parentheses
 
 
 def with_texts(part: int) -> Iterator[ProgramCase]:
