@@ -173,6 +173,7 @@ ENDLESS: dict[str, dict[str, Any]] = {
     "a level that is missed": {"stop": "STOP WITH n == 4", "next": "n + 2"},
     "a level that is behind": {"stop": "STOP WITH n == 0"},
     "a level that falls": {"stop": "STOP WITH n >= 3", "next": "n + -1"},
+    "a level that is set back": {"options": "n = 0,", "stop": "STOP WITH n >= 3"},
     "one condition of two": {"stop": "STOP WITH n >= 3 AND this == 2"},
     "a limit that moves": {"stop": "STOP WITH n > this"},
     "rows that count": {"options": "UNIQUE", "select": "this, n"},

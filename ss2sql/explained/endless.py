@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from ss2sql import plan
-from ss2sql.walk import walk
+from ss2sql.walk import set_at_once, walk
 
 CHANGES = (plan.Eval, plan.Assign, plan.AssignLate, plan.TemporalAssign)
 ADVICE = (
@@ -27,7 +27,7 @@ def endless(query: plan.Query) -> Iterator[str]:
 def _ends(query: plan.Query, search: plan.Search) -> bool:
     if search.maximum is not None or search.bound is not None:
         return True
-    if search.stop is not None and any(_counts_steps(part, search) for part in _certain(search.stop)):
+    if search.stop is not None and any(_counts_steps(part, query, search) for part in _certain(search.stop)):
         return True
     if search.repeats == "allowed" or any(isinstance(node, CHANGES) for node in walk(query)):
         return False
@@ -42,21 +42,21 @@ def _certain(expr: plan.Expr) -> Sequence[plan.Expr]:
 # --- counted steps -------------------------------------------------------------------------------------
 
 
-def _counts_steps(stop: plan.Expr, search: plan.Search) -> bool:
+def _counts_steps(stop: plan.Expr, query: plan.Query, search: plan.Search) -> bool:
     """Whether a condition holds at the latest after so many steps."""
     match stop:
         case plan.Constant(value=value):
             return bool(value)
         case plan.Call(plan.Function(name="eq" | "ge" | "gt" as name, builtin=True), (plan.State() as state, limit)):
-            return _rises_to(state, limit, name, search)
+            return _rises_to(state, limit, name, query, search)
         case plan.Call(plan.Function(name="le" | "lt" as name, builtin=True), (limit, plan.State() as state)):
-            return _rises_to(state, limit, "ge" if name == "le" else "gt", search)
+            return _rises_to(state, limit, "ge" if name == "le" else "gt", query, search)
     return False
 
 
-def _rises_to(state: plan.State, limit: plan.Expr, name: str, search: plan.Search) -> bool:
+def _rises_to(state: plan.State, limit: plan.Expr, name: str, query: plan.Query, search: plan.Search) -> bool:
     """Whether a state variable grows with every step, and does not miss the limit."""
-    step = _step_of(dict(search.connect).get(state.name), state)
+    step = _step_of(set_at_once(query).get(state.name), state)
     moving = (plan.State, plan.Element, plan.Column)
     if step is None or step <= 0 or any(isinstance(node, moving) for node in walk(limit)):
         return False
