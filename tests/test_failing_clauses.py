@@ -1,12 +1,14 @@
-"""Searches in which several clauses fail: both engines and the reference hear of the same one, at the same place.
+"""Queries in which several clauses fail: both engines and the reference hear of the same one, at the same place.
 
-Every order and rule for repeats meets every clause that fails, alone and with others, for a goal and for what is none.
+Every order and rule for repeats meets every clause that fails, alone and with others, for a goal and for what is none;
+so does every clause of a query that is no search, each piece failing at the first row, a later one, or at none.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from itertools import product
+from string import Formatter
 from typing import Any
 
 import pytest
@@ -26,6 +28,37 @@ NEXT = ("node = this, text = this + 'y'", "node = this, text = text", "node = 1 
 LATER = ("node = this, text = text[this - 6]", "node = node + this, text = text")
 ENDS = ("GROUP BY 1 / (this - 7)", "ORDER BY 1 / (this - 8)", "ORDER BY this LIMIT 1 - 3", "GROUP BY this")
 STOPS = ("node >= 4", "node >= 1", "text[8] == 'x'")
+QUERIES = {
+    "plain": "SELECT {0} FROM [7, 8, 9] WHERE {1} > -5 ORDER BY {2} LIMIT 2 AS list",
+    "cut": "SELECT {0}, {1} FROM [7, 8, 9] WHERE {2} > -5 LIMIT 1 AS list",
+    "conditions": "SELECT {0} FROM [7, 8, 9] WHERE {1} > -5 AND {2} > 0 OR {3} > 1 AS list",
+    "groups": "SELECT sum({0}), max({1}) FROM [7, 8, 9] WHERE {2} > -5 GROUP BY {3} AS rows",
+    "having": "SELECT max({0}) FROM [7, 8, 9] GROUP BY {1} HAVING max({2}) > 0 ORDER BY min({3}) AS rows",
+    "keys": "SELECT {0}, count(*) FROM [7, 8, 9] GROUP BY {0}, {1} HAVING min({2}) > 0 ORDER BY sum({3}) AS rows",
+    "partitions": "SELECT {0.a}, b.this FROM a = [7, 8, 9], b = [1, 2] WHERE {1.a} > -5 GROUP BY {2.a} "
+    "ORDER BY {3.a} AS rows",
+    "two sources": "SELECT {0.a} FROM a = [7, 8, 9], b = [1, {1.a}] WHERE {2.a} > b.this - 5 ORDER BY {3.a} AS rows",
+    "groups of two": "SELECT sum({0.a}) FROM a = [7, 8, 9], b = [1, {1.a}] WHERE {2.a} > b.this - 5 "
+    "GROUP BY {3.a}, b.this AS rows",
+    "three sources": "SELECT {0.a} FROM a = [7, 8, 9], b = [8, {1.a}], c = [7, b.this] "
+    "WHERE {2.a} > -9 AND {3.a} > -c.this AS list",
+    "inside": "SELECT {0}, len(SELECT {1} FROM [7, 8] AS list) FROM [7, 8, 9] WHERE {2} > -5 ORDER BY {3} AS rows",
+    "groups inside": "SELECT {0}, (SELECT sum({1}) FROM [8, 9] GROUP BY {2} AS list) FROM [7, 8, 9] AS rows",
+    "in FROM": "SELECT u FROM (SELECT to({0}, u), to({1}, v) FROM [7, 8, 9] WHERE {2} > 0 LIMIT 2) WHERE v > 0 AS list",
+    "groups in FROM": "SELECT u FROM (SELECT to(sum({0}), u) FROM [7, 8, 9] WHERE {2} > -5 GROUP BY {1}) AS list",
+}
+
+
+class Piece(str):
+    """An expression of `this`, which is 7, 8 or 9."""
+
+    @property
+    def a(self) -> str:
+        """The same of the source a."""
+        return self.replace("this", "a.this")
+
+
+PIECES = [Piece("this"), Piece("1 / (this - 8)"), Piece("int('12z'[this - 7])"), Piece("int('z12'[this - 7])")]
 
 
 def engine_outcome(script: str, engine: Any) -> tuple[Outcome | None, int | None]:
@@ -70,3 +103,9 @@ def test_what_is_done_with_results_fails_after_the_steps(option: str) -> None:
         for shown, goal, following, end in product(SHOWN, GOALS, LATER, ENDS)
     )
     assert agree(scripts) > 50
+
+
+@pytest.mark.parametrize("name", QUERIES)
+def test_the_first_clause_of_a_query_that_fails_shows(name: str) -> None:
+    slots = {field[0] for _, field, _, _ in Formatter().parse(QUERIES[name]) if field}
+    assert agree(QUERIES[name].format(*chosen) for chosen in product(PIECES, repeat=len(slots))) > 20

@@ -118,22 +118,33 @@ class Selects:
                 arguments.append(node.argument)
         names_of = [f"argument_{index}" for index in range(1, len(arguments) + 1)]
         outputs = [
-            sql.alias(self.expressions.lower(key, flat.env), f"key_{index}") for index, key in enumerate(query.group, 1)
-        ]
-        outputs += [
             sql.alias(self.expressions.value(expr, flat.env), name)
             for expr, name in zip(arguments, names_of, strict=True)
         ]
-        order = [(key, False) for key in flat.natural or ()]
-        if any(map(can_fail, (*_before_groups(query), *query.group, *arguments))):
-            # To sort the rows SQLite would ask WHERE of all of them first, and find another error.
+        outputs += [
+            sql.alias(self.expressions.lower(key, flat.env), f"key_{index}") for index, key in enumerate(query.group, 1)
+        ]
+        fails = any(map(can_fail, (*_before_groups(query), *query.group, *arguments)))
+        if fails:
             self._walk_in_order(flat)
-            order = []
-        outputs.append(sql.alias(sql.row_number(order), "position"))
-        inner = sql.derived(sql.select(outputs, flat.items, where), label)
+        inner = sql.derived(self._numbered(flat, outputs, where, fails), label)
         keys: list[Node] = [sql.column(f"key_{index}", label) for index in range(1, len(query.group) + 1)]
         lowering = _Numbered(self, arguments, [sql.column(name, label) for name in names_of])
         return lowering._group(query, _Rows(flat.env, [inner], None, keys, sql.column("position", label)), names)
+
+    def _numbered(self, flat: Product, outputs: list[Node], where: Node | None, fails: bool) -> exp.Select:
+        """The rows of a product with these columns, and their positions in its order."""
+        natural = flat.natural or []
+        if len(natural) == 1:
+            return sql.select([*outputs, sql.alias(natural[0], "position")], flat.items, where, (), sql.unlimited())
+        if not fails:
+            number = sql.row_number([(key, False) for key in natural])
+            return sql.select([*outputs, sql.alias(number, "position")], flat.items, where)
+        # To number a row SQLite would ask WHERE of the next one first, or of all to sort them, and find another error.
+        label = self.needs.label("found")
+        rows = sql.derived(sql.select(outputs, flat.items, where, (), sql.unlimited()), label)
+        columns = [sql.column(output.alias, label) for output in outputs]
+        return sql.select([*columns, sql.alias(sql.row_number([]), "position")], [rows])
 
     def _group(self, query: plan.Query, rows: _Rows, names: list[str | None]) -> exp.Select:
         asked = (query.having, *(output.expr for output in query.columns))
@@ -316,6 +327,7 @@ def _needs_numbers(query: plan.Query) -> bool:
 
 
 def _group_nodes(query: plan.Query) -> list[object]:
-    places = [output.expr for output in query.columns] + [key.expr for key in query.order]
-    places += [query.having] if query.having is not None else []
+    """What is evaluated in groups, in the order of evaluation: of SELECT, HAVING and ORDER BY."""
+    places = [output.expr for output in query.columns] + ([query.having] if query.having is not None else [])
+    places += [key.expr for key in query.order]
     return [node for place in places for node in walk_own(place)]

@@ -23,7 +23,7 @@ from ss2sql.runtime.finishing import finished
 from ss2sql.runtime.levels.query import LevelQuery
 from ss2sql.runtime.native import NativeQuery, compile_statement
 from ss2sql.runtime.native.deep import with_room
-from ss2sql.runtime.native.options import whole
+from ss2sql.runtime.native.options import least_of, whole
 from ss2sql.runtime.result import Answer, Sql, Status
 from ss2sql.runtime.rows import Rows
 from ss2sql.runtime.run import Run, Sink
@@ -163,7 +163,7 @@ class CompiledQuery:
             run.handed = outer
         arguments = tuple([argument(run) for argument in self.arguments])  # a generator changes StopIteration
         named = {name: argument(run) for name, argument in self.named.items()}
-        status: Status = "maximum" if self._ended_by_maximum(run, rows) else "complete"
+        status: Status = "maximum" if rows.are_most else "complete"
         make = run.stats.timed("shape", partial(shapes.represent, form, rows, arguments, named))
         answer = run.answer = Answer(rows.shown(), make, self.engine, status, query.columns)
         return answer
@@ -178,8 +178,7 @@ class CompiledQuery:
 
     def most(self, run: Run) -> int | None:
         """How many results of a search are wanted that has no ORDER BY."""
-        counts = (self._count(self.limit, run, 0, "LIMIT", self.query.limit), self._most(run))
-        return min((count for count in counts if count is not None), default=None)
+        return least_of(self._limit(run), self._maximum(run)[1])
 
     def _native_rows(self, run: Run, sink: Rows) -> Rows:
         assert self.native is not None
@@ -192,16 +191,21 @@ class CompiledQuery:
 
     def _database_rows(self, run: Run, sink: Rows) -> Rows:
         assert self.lowered is not None
-        limit = self._count(self.limit, run, 0, "LIMIT", self.query.limit)
-        maximum = self._most(run)
+        limit = self._limit(run)
+        known, sink.most = self._maximum(run)
+        counts = {id(self.query.limit): limit}
+        if self.query.search is not None:
+            counts[id(self.query.search.maximum)] = known
         cut_early = limit is not None and not self.query.order and not self.query.group
         if cut_early and limit == 0:
             return sink  # nothing of the query is evaluated; SQLite would bind values and take first steps
-        most = min((n for n in (maximum, limit if cut_early else None) if n is not None), default=None)
+        most = least_of(sink.most, limit if cut_early else None)
         bound = run.bound[self] = {}
 
         def evaluate(parameter: Parameter) -> Any:
-            value = bound[parameter.name] = parameter.bound(self._binding(parameter.expr)(run))
+            expr = parameter.expr
+            value = counts[id(expr)] if id(expr) in counts else self._binding(expr)(run)
+            bound[parameter.name] = value = parameter.bound(value)
             return value
 
         def careful() -> SqlQuery:
@@ -248,11 +252,15 @@ class CompiledQuery:
         names, disabled = self.host.sql_names, {*self.host.disabled, *off}
         return with_room(lambda: lower(query, names, cut=cut, careful=careful, disabled=disabled))
 
-    def _most(self, run: Run) -> int | None:
-        expr = self.query.search.maximum if self.query.search else None
-        own = self._count(self.maximum, run, 1, "MAXIMUM", expr)
-        counts = [n for n in (own, run.maximum if self.query.search else None) if n is not None]
-        return min(counts) if counts else None
+    def _limit(self, run: Run) -> int | None:
+        return self._count(self.limit, run, 0, "LIMIT", self.query.limit)
+
+    def _maximum(self, run: Run) -> tuple[int | None, int | None]:
+        """MAXIMUM, and the lower one of it and that of the run."""
+        if self.query.search is None:
+            return None, None
+        own = self._count(self.maximum, run, 1, "MAXIMUM", self.query.search.maximum)
+        return own, least_of(own, run.maximum)
 
     def _count(
         self, compute: Callable[[Run], Any] | None, run: Run, least: int, word: str, expr: plan.Expr | None
@@ -263,12 +271,6 @@ class CompiledQuery:
             return whole(compute(run), least, word)
         except ExecutionError as error:
             raise error.located(expr.span) from None
-
-    def _ended_by_maximum(self, run: Run, rows: Rows) -> bool:
-        if self.query.search is None or (self.query.search.maximum is None and run.maximum is None):
-            return False
-        most = self._most(run)
-        return most is not None and len(rows.paths or rows.rows or ()) >= most
 
     def sql(self, run: Run | None = None) -> Sql:
         """The text that runs, with the values of its parameters: those that it had in a run, else those in the text."""

@@ -24,7 +24,6 @@ def finished(lowered: SqlQuery, sink: Rows, extras: Sequence[tuple[Any, Any]], l
             raise error.located(query.order[0].expr.span) from None
     if limit is not None and not lowered.limited:
         order = list(order[:limit])
-    groups = None
     if query.group and not query.aggregated:
         members: dict[Any, list[int]] = {}
         shown: dict[Any, Any] = {}
@@ -33,13 +32,13 @@ def finished(lowered: SqlQuery, sink: Rows, extras: Sequence[tuple[Any, Any]], l
             key = tuple(map(freeze, keys))
             shown.setdefault(key, keys[0] if len(keys) == 1 else keys)
             members.setdefault(key, []).append(position)
-        groups = [(group_value(shown[key]), positions) for key, positions in members.items()]
+        sink.groups = [(group_value(shown[key]), positions) for key, positions in members.items()]
     if sink.paths is not None:
-        chosen = sink.paths.chosen(order) if isinstance(sink.paths, Paths) else []
-        return Rows(sink.columns, paths=chosen, groups=groups, plain=sink.plain)
-    assert sink.rows is not None
-    rows = sink.rows if isinstance(order, range) else [sink.rows[index] for index in order]
-    return Rows(sink.columns, rows=rows, groups=groups, plain=sink.plain, hidden=sink.hidden)
+        sink.paths = sink.paths.chosen(order) if isinstance(sink.paths, Paths) else []
+    elif not isinstance(order, range):
+        assert sink.rows is not None
+        sink.rows = [sink.rows[index] for index in order]
+    return sink
 
 
 def group_value(value: Any) -> Any:

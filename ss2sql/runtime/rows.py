@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import chain
 from typing import Any, ClassVar, TypeAlias
@@ -38,7 +38,7 @@ class Rows:
     is None. With a GROUP BY that partitions, `groups` lists each group's value and the positions of its
     members in `rows` or `paths`, in order of first appearance. `plain` says that the rows consist of numbers,
     strings, bools and None, so that nobody can change them. The last `hidden` columns are for the representation
-    alone.
+    alone. `most` is the number of results after which MAXIMUM, of the script or of the run, ends the search.
     """
 
     columns: tuple[str, ...]
@@ -47,6 +47,7 @@ class Rows:
     groups: list[tuple[Any, list[int]]] | None = None
     plain: bool = False
     hidden: int = 0
+    most: int | None = None
 
     def clear(self) -> None:
         """Forgets all rows and paths."""
@@ -68,6 +69,11 @@ class Rows:
         if not hidden or self.rows is None:
             return self
         return Rows(self.columns[:-hidden], [row[:-hidden] for row in self.rows], None, self.groups, self.plain)
+
+    @property
+    def are_most(self) -> bool:
+        """Whether MAXIMUM may have ended the search."""
+        return self.most is not None and len(self.paths or self.rows or ()) >= self.most
 
     def all_rows(self) -> Iterator[Row]:
         """The rows, or the rows of all paths."""
@@ -95,7 +101,7 @@ class Rows:
 
         rows = None if self.rows is None else [wide(row) for row in self.rows]
         paths = None if self.paths is None else [[wide(row) for row in path] for path in self.paths]
-        return Rows(tuple(names), rows, paths, self.groups, self.plain, self.hidden)
+        return replace(self, columns=tuple(names), rows=rows, paths=paths)
 
 
 def free_name(name: str, taken: Collection[str]) -> str:

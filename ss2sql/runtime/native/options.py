@@ -15,6 +15,11 @@ _AT_LEAST = {
 }
 
 
+def least_of(*counts: int | None) -> int | None:
+    """The lowest of the counts that there are."""
+    return min((count for count in counts if count is not None), default=None)
+
+
 def whole(value: Any, least: int, word: str) -> int:
     """The value of LIMIT, MAXIMUM or MEMORIZE; raises ExecutionError X006 if it is not a number of at least `least`."""
     if type(value) is not int or value < least:

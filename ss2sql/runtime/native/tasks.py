@@ -13,6 +13,7 @@ from ss2sql import plan
 from ss2sql.runtime.memorize.hunt import Found, Hunt
 from ss2sql.runtime.memorize.pieces import Pieces
 from ss2sql.runtime.native.endings import Ending, Form, too_many
+from ss2sql.runtime.native.options import least_of
 from ss2sql.runtime.native.searches import SEARCHES
 from ss2sql.runtime.rows import Row, Rows
 from ss2sql.runtime.run import Run
@@ -73,9 +74,9 @@ class Task:
         settings = Settings(*self.settings(*outer)) if self.settings else NO_SETTINGS
         nothing = settings.limit == 0 and not self._is_keyed  # is evaluated then
         every = _none_found() if nothing else self._found(settings.bound, outer)
-        counts = [settings.maximum, self.run.maximum if outermost and query.search else None]
-        found = islice(every, min((number for number in counts if number is not None), default=None))
         answer = Rows(form.columns) if sink is None else sink
+        answer.most = least_of(settings.maximum, self.run.maximum if outermost and query.search else None)
+        found = islice(every, answer.most)
         if settings.labels is not None:
             answer.columns = distinct(settings.labels)
         results: list[Any] = []
