@@ -163,7 +163,7 @@ class CompiledQuery:
             run.handed = outer
         arguments = tuple([argument(run) for argument in self.arguments])  # a generator changes StopIteration
         named = {name: argument(run) for name, argument in self.named.items()}
-        status: Status = "maximum" if rows.are_most else "complete"
+        status: Status = "maximum" if rows.ended else "complete"
         make = run.stats.timed("shape", partial(shapes.represent, form, rows, arguments, named))
         answer = run.answer = Answer(rows.shown(), make, self.engine, status, query.columns)
         return answer
@@ -192,14 +192,14 @@ class CompiledQuery:
     def _database_rows(self, run: Run, sink: Rows) -> Rows:
         assert self.lowered is not None
         limit = self._limit(run)
-        known, sink.most = self._maximum(run)
+        known, maximum = self._maximum(run)
         counts = {id(self.query.limit): limit}
         if self.query.search is not None:
             counts[id(self.query.search.maximum)] = known
         cut_early = limit is not None and not self.query.order and not self.query.group
         if cut_early and limit == 0:
             return sink  # nothing of the query is evaluated; SQLite would bind values and take first steps
-        most = least_of(sink.most, limit if cut_early else None)
+        most = least_of(maximum, limit if cut_early else None)
         bound = run.bound[self] = {}
 
         def evaluate(parameter: Parameter) -> Any:
@@ -224,6 +224,7 @@ class CompiledQuery:
             self.reason = f"{error.message}, so it runs natively"
             self.native, self.lowered = NativeQuery(self.query), None
             return self._native_rows(run, sink)
+        sink.ended = maximum is not None and len(extras) >= maximum
         return finished(lowered, sink, extras, limit)
 
     def _binding(self, expr: plan.Expr) -> Callable[[Run], Any]:

@@ -38,7 +38,7 @@ class Rows:
     is None. With a GROUP BY that partitions, `groups` lists each group's value and the positions of its
     members in `rows` or `paths`, in order of first appearance. `plain` says that the rows consist of numbers,
     strings, bools and None, so that nobody can change them. The last `hidden` columns are for the representation
-    alone. `most` is the number of results after which MAXIMUM, of the script or of the run, ends the search.
+    alone. `ended` says that MAXIMUM, of the script or of the run, ended the search.
     """
 
     columns: tuple[str, ...]
@@ -47,7 +47,7 @@ class Rows:
     groups: list[tuple[Any, list[int]]] | None = None
     plain: bool = False
     hidden: int = 0
-    most: int | None = None
+    ended: bool = False
 
     def clear(self) -> None:
         """Forgets all rows and paths."""
@@ -69,11 +69,6 @@ class Rows:
         if not hidden or self.rows is None:
             return self
         return Rows(self.columns[:-hidden], [row[:-hidden] for row in self.rows], None, self.groups, self.plain)
-
-    @property
-    def are_most(self) -> bool:
-        """Whether MAXIMUM may have ended the search."""
-        return self.most is not None and len(self.paths or self.rows or ()) >= self.most
 
     def all_rows(self) -> Iterator[Row]:
         """The rows, or the rows of all paths."""

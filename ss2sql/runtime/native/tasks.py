@@ -75,8 +75,8 @@ class Task:
         nothing = settings.limit == 0 and not self._is_keyed  # is evaluated then
         every = _none_found() if nothing else self._found(settings.bound, outer)
         answer = Rows(form.columns) if sink is None else sink
-        answer.most = least_of(settings.maximum, self.run.maximum if outermost and query.search else None)
-        found = islice(every, answer.most)
+        maximum = least_of(settings.maximum, self.run.maximum if outermost and query.search else None)
+        found: Iterator[Any] = every if maximum is None else _first(every, maximum, answer)
         if settings.labels is not None:
             answer.columns = distinct(settings.labels)
         results: list[Any] = []
@@ -146,6 +146,15 @@ class Task:
 
 def _none_found() -> Generator[Any, None, None]:
     yield from ()
+
+
+def _first(every: Iterator[Any], maximum: int, answer: Rows) -> Iterator[Any]:
+    """The first results; the answer hears it if there are as many, and no other one is looked for."""
+    for number, result in enumerate(every, 1):
+        answer.ended = number == maximum
+        yield result
+        if answer.ended:
+            return
 
 
 def _with_outer(function: Callable[..., Any], outer: tuple[Any, ...], *seen: Any) -> Any:
