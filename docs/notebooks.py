@@ -49,7 +49,7 @@ def _shown(output: dict[str, Any]) -> Iterator[str]:
         picture = "".join(output["data"]["image/png"]).replace("\n", "")
         yield _fenced("{raw} html", f'<p><img alt="a picture" src="data:image/png;base64,{picture}"></p>')
     elif "text/html" in output["data"]:
-        html = "".join(output["data"]["text/html"]).replace('class="ss2sql"', 'class="docutils"')
+        html = "".join(output["data"]["text/html"]).replace('class="ss2sql', 'class="docutils')
         yield _fenced("{raw} html", f'<div class="table-wrapper" style="margin-bottom: 1em">{html}</div>')
     else:
         yield _fenced("text", "".join(output["data"]["text/plain"]))

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
+from html import unescape
+from io import StringIO
 from itertools import accumulate
 from operator import mul
 from typing import Any
@@ -183,6 +186,26 @@ def test_texts_at_one_place_are_one(ss: ss2sql.Session) -> None:
 
 def test_the_command_draws_all_kinds() -> None:
     assert KINDS_OF_COMMAND == KINDS
+
+
+@pytest.mark.parametrize(
+    "script",
+    [
+        "SELECT to(this, {0}), 1 FROM [{0}] AS rows;",
+        "SELECT to(this, {0}), to(this, y) FROM [1, 2] AS rows;",
+        "SELECT to(this, {0}), [this, 1], {0} FROM [1, 2] AS rows;",
+        "SELECT this FROM [{0}] START WITH n = 0 CONNECT BY n = n + 1 STOP WITH n > 1;",
+        "SELECT to(this, {0}), to(this, y) FROM [1, 2] START WITH n = 0 CONNECT BY n = n + 1 STOP WITH n > 1;",
+    ],
+)
+@pytest.mark.parametrize("text", ["$x^{$", "from $5 to $10"])
+def test_dollars_are_no_formula(ss: ss2sql.Session, script: str, text: str) -> None:
+    ax = ss.run(script.format(f'"{text}"')).plot()
+    ax.figure.canvas.draw()
+    with StringIO() as file:
+        ax.figure.savefig(file, format="svg")
+        shown = re.findall("<!-- (.*) -->", file.getvalue())
+    assert unescape(text) in map(unescape, shown)
 
 
 @pytest.mark.parametrize("kind", ["paths", "graph", "tree", "costs", "lengths"])

@@ -91,6 +91,7 @@ def test_html_is_only_text(ss: ss2sql.Session) -> None:
     shown = ss.run("SELECT to(this, '<b>') FROM t;")._repr_html_()
     assert "<script>" not in shown
     assert "<b>" not in shown
+    assert "mathjax_ignore" in shown  # dollars are no formula
     for value in ("<b>", "<script>alert('x')</script>", "a & b", 'quote"'):
         assert html.escape(value) in shown
     assert "1 → 1" in ss.run(WALK.format("this", 2, 2))._repr_html_()

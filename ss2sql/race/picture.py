@@ -10,7 +10,7 @@ from ss2sql.race.cells import Cell
 from ss2sql.race.heats import Heat
 from ss2sql.race.sheet import milliseconds, title
 from ss2sql.results import package
-from ss2sql.results.looks import BLUE, ORANGE, RED, open_frame
+from ss2sql.results.looks import BLUE, ORANGE, RED, open_frame, short
 
 COLOURS = {"database": BLUE, "native": ORANGE}
 WIDE = 50  # times the fastest from which on the bars are drawn on a logarithmic scale
@@ -43,8 +43,9 @@ def _field(heat: Heat, field: Any) -> None:
         field.xaxis.set_major_formatter("{x:g}")
     for cell, place in zip(heat.cells, places, strict=True):
         if cell.best is None:
-            field.annotate(_short(_reason(cell)), (left, place), (4, 0), textcoords="offset points", va="center",
-                           fontsize=8, color=RED if cell.forbidden else "#777777", style="italic")  # fmt: skip
+            field.annotate(short(_reason(cell), MOST_TEXT), (left, place), (4, 0), textcoords="offset points",
+                           va="center", fontsize=8, color=RED if cell.forbidden else "#777777",
+                           style="italic")  # fmt: skip
             continue
         value = cell.best * 1000
         field.barh(place, value - left, left=left, height=0.85, color=COLOURS[cell.engine],
@@ -55,7 +56,7 @@ def _field(heat: Heat, field: Any) -> None:
     field.set_ylim(max(places) + 0.8, min(places) - 0.8)
     field.set_xlim(left=left or None, right=max(times, default=1) * 1000 * (30 if wide else 1.6))
     field.set_xlabel("milliseconds of the best run" + (", logarithmic" if wide else ""))
-    field.set_title(_short(title(heat), 90), fontsize=10, loc="left")
+    field.set_title(short(title(heat), 90), fontsize=10, loc="left")
     open_frame(field)
     field.tick_params(axis="y", length=0)
 
@@ -69,22 +70,18 @@ def _places(cells: Sequence[Cell]) -> tuple[list[float], list[tuple[float, str]]
         here += 1.0 if cell.strategy in of else 1.5
         places.append(here)
         of.setdefault(cell.strategy, []).append(here)
-    return places, [(sum(found) / len(found), _short(name, 34)) for name, found in of.items()]
+    return places, [(sum(found) / len(found), short(name, 34)) for name, found in of.items()]
 
 
 def _label(cell: Cell) -> str:
     """The time, and the answer where it is another one."""
     assert cell.best is not None
     told = "" if cell.same else f", {cell.answer}"
-    return f"{milliseconds(cell.best)} ms{_short(told)}"
+    return f"{milliseconds(cell.best)} ms{short(told, MOST_TEXT)}"
 
 
 def _reason(cell: Cell) -> str:
     return f"{cell.engine}: {cell.missing}"
-
-
-def _short(text: str, most: int = MOST_TEXT) -> str:
-    return text if len(text) <= most else text[: most - 1] + "…"
 
 
 def _legend(cells: Sequence[Cell], figure: Any) -> None:

@@ -9,7 +9,7 @@ from statistics import mean
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.results import found_paths, graphs, package
-from ss2sql.results.looks import BLUE, FRAME, ORANGE, PALE, ended, paths_drawn
+from ss2sql.results.looks import BLUE, FRAME, ORANGE, PALE, ended, paths_drawn, short
 from ss2sql.results.show import cell
 from ss2sql.runtime.rows import Row
 
@@ -198,5 +198,4 @@ def _spread(nodes: list[Any]) -> dict[Any, float]:
 
 
 def _text(row: tuple[Any, ...]) -> str:
-    lines = [cell(value) for value in row[:MOST_LINES]]
-    return "\n".join(line if len(line) <= MOST_TEXT else line[: MOST_TEXT - 1] + "…" for line in lines)
+    return "\n".join(short(cell(value), MOST_TEXT) for value in row[:MOST_LINES])

@@ -23,6 +23,16 @@ def refuse(message: str, *hints: str) -> NoReturn:
     raise RepresentationError("V001", message, hints=hints)
 
 
+def plain(text: str) -> str:
+    """A name or a value as it is shown: two dollars would make a formula of what is between them."""
+    return text.replace("$", r"\$")
+
+
+def short(text: str, most: int) -> str:
+    """At most so many characters of a name or a value, as they are shown."""
+    return plain(text if len(text) <= most else text[: most - 1] + "…")
+
+
 def styles(number: int, total: int, wider: float) -> dict[str, Any]:
     """How the line of a path looks: few have a colour each, among many only the first one has.
 

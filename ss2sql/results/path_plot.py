@@ -12,8 +12,20 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from ss2sql import plan
-from ss2sql.results.looks import BLUE, FEW, counted, ended, ends, legend, open_frame, paths_drawn, refuse, styles
-from ss2sql.results.looks import whole_numbers as whole
+from ss2sql.results.looks import (
+    BLUE,
+    FEW,
+    counted,
+    ended,
+    ends,
+    legend,
+    open_frame,
+    paths_drawn,
+    plain,
+    refuse,
+    styles,
+    whole_numbers,
+)
 from ss2sql.runtime.paths import lengths_of
 from ss2sql.runtime.rows import Row
 
@@ -78,7 +90,7 @@ def draw_paths(result: Result, paths: Found, where: Places, ax: Any, most: int |
     ends(ax, starts, goals, width)
     if not over:
         for axis, name in zip("xyz"[:width], where.names or "xyz", strict=False):
-            getattr(ax, f"set_{axis}label")(name)
+            getattr(ax, f"set_{axis}label")(plain(name))
         if where.alike:
             ax.set_aspect("equal", adjustable="datalim")
         ax.grid(alpha=0.25)
@@ -141,7 +153,7 @@ def draw_costs(result: Result, paths: Found, given: Weights, ax: Any, most: int 
     ]
     _lines(ax, [(range(len(line)), line) for line in totals])
     ends(ax, None, np.unique([(len(line) - 1, line[-1]) for line in totals], axis=0))
-    whole(ax.xaxis)
+    whole_numbers(ax.xaxis)
     ax.set_xlabel("step")
     ax.set_ylabel(f"{given.name} so far")
     ax.grid(alpha=0.25)
@@ -169,8 +181,8 @@ def draw_lengths(result: Result, paths: Found, ax: Any) -> str:
         ax.bar_label(ax.bar(list(counts), list(counts.values()), color=BLUE), padding=2)
     else:  # a bar takes 0.2 ms and 10 KB, and an endless search finds a length for each path
         ax.hist(list(counts), MOST_BARS, weights=list(counts.values()), color=BLUE)
-    whole(ax.xaxis)
-    whole(ax.yaxis)
+    whole_numbers(ax.xaxis)
+    whole_numbers(ax.yaxis)
     ax.set_xlabel("steps of a path")
     ax.set_ylabel("paths")
     ax.margins(y=0.1)

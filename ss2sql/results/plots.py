@@ -11,7 +11,7 @@ import numpy as np
 from ss2sql import plan
 from ss2sql.results import found_paths, package
 from ss2sql.results.graph_plot import draw_graph, draw_tree
-from ss2sql.results.looks import BLUE, PALETTE, open_frame, refuse, whole_numbers
+from ss2sql.results.looks import BLUE, PALETTE, open_frame, plain, refuse, short, whole_numbers
 from ss2sql.results.path_plot import chosen_weights, draw_costs, draw_lengths, draw_paths, is_point, places
 from ss2sql.results.show import cell
 from ss2sql.runtime.rows import Row
@@ -88,7 +88,7 @@ def _heat(result: Result, ax: Any) -> str:
     image = ax.imshow(
         np.asarray(value), origin="lower" if extent else "upper", extent=extent, cmap="Greys" if marks else "viridis"
     )
-    name = result.columns[-1]
+    name = plain(result.columns[-1])
     if not marks:
         ax.figure.colorbar(image, ax=ax, label=name, shrink=0.9)
     across, up = _axes(result) if extent else ("column", "row")
@@ -109,7 +109,7 @@ def _axes(result: Result) -> tuple[str, str]:
 
 def _flat(result: Result, kind: str) -> Draw:
     """Bars, lines or points, by the columns that there are."""
-    columns, rows = result.columns, list(result)
+    columns, rows = list(map(plain, result.columns)), list(result)
     kinds = [{type(row[index]) for row in rows} - {type(None)} for index in range(len(columns))]
     numbers = [index for index, found in enumerate(kinds) if found and found <= {int, float}]
     labels = [index for index, found in enumerate(kinds) if index not in numbers]
@@ -138,7 +138,7 @@ def _flat(result: Result, kind: str) -> Draw:
             return lambda ax, most: _lines(columns, rows, numbers, ax)
     wanted = "" if kind == "auto" else f" as {kind}"
     return refuse(
-        f"plot() cannot draw the columns {', '.join(columns)}{wanted}",
+        f"plot() cannot draw the columns {', '.join(result.columns)}{wanted}",
         "it draws a label and a number as bars, numbers as lines or points, lists of two numbers as points",
     )
 
@@ -153,9 +153,7 @@ def _bars(columns: Sequence[str], rows: Sequence[Row], label: int | None, number
     values = [row[number] or 0 for row in shown]
     bars = ax.barh(range(len(shown)), values, color=BLUE)
     ax.bar_label(bars, [cell(row[number]) for row in shown], padding=3)
-    ax.set_yticks(
-        range(len(shown)), [name if len(name) <= MOST_TEXT else name[: MOST_TEXT - 1] + "…" for name in names]
-    )
+    ax.set_yticks(range(len(shown)), [short(name, MOST_TEXT) for name in names])
     ax.invert_yaxis()
     ax.margins(x=0.12)
     ax.set_xlabel(columns[number])
@@ -192,8 +190,7 @@ def _points(names: Sequence[str], spots: Sequence[Sequence[Any]], texts: Sequenc
         for index in there:
             named.setdefault(tuple(spots[index][:2]), []).append(texts[index])
         for place, names_there in named.items():
-            text = ", ".join(dict.fromkeys(names_there))
-            shown = text if len(text) <= MOST_TEXT else f"{text[: MOST_TEXT - 1]}…"
+            shown = short(", ".join(dict.fromkeys(names_there)), MOST_TEXT)
             ax.annotate(shown, place, xytext=(4, 4), textcoords="offset points", fontsize=8)
     ax.set_xlabel(names[0])
     ax.set_ylabel(names[1])

@@ -73,7 +73,8 @@ def html(result: Result, most: int = MOST_ROWS) -> str:
     """The table as notebooks show it."""
     made = sheet(result, most, HTML_WIDE, " → ", HTML_COLUMNS)
     aligned = [f' style="text-align: {"right" if right else "left"}"' for right in made.right]
-    lines = ['<table class="ss2sql">', "<thead><tr>"]
+    # Notebooks would show what is between two dollars as a formula.
+    lines = ['<table class="ss2sql tex2jax_ignore mathjax_ignore">', "<thead><tr>"]
     lines += [f"<th{style}>{escape(name)}</th>" for name, style in zip(made.headings, aligned, strict=True)]
     lines.append("</tr></thead>\n<tbody>")
     for row in made.rows:
