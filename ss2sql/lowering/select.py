@@ -127,12 +127,12 @@ class Selects:
         fails = any(map(can_fail, (*_before_groups(query), *query.group, *arguments)))
         if fails:
             self._walk_in_order(flat)
-        inner = sql.derived(self._numbered(flat, outputs, where, fails), label)
+        inner = sql.derived(self._positioned(flat, outputs, where, fails), label)
         keys: list[Node] = [sql.column(f"key_{index}", label) for index in range(1, len(query.group) + 1)]
         lowering = _Numbered(self, arguments, [sql.column(name, label) for name in names_of])
         return lowering._group(query, _Rows(flat.env, [inner], None, keys, sql.column("position", label)), names)
 
-    def _numbered(self, flat: Product, outputs: list[Node], where: Node | None, fails: bool) -> exp.Select:
+    def _positioned(self, flat: Product, outputs: list[Node], where: Node | None, fails: bool) -> exp.Select:
         """The rows of a product with these columns, and their positions in its order."""
         natural = flat.natural or []
         if len(natural) == 1:

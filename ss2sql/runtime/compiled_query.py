@@ -192,10 +192,10 @@ class CompiledQuery:
     def _database_rows(self, run: Run, sink: Rows) -> Rows:
         assert self.lowered is not None
         limit = self._limit(run)
-        known, maximum = self._maximum(run)
-        counts = {id(self.query.limit): limit}
+        own, maximum = self._maximum(run)
+        counts = {id(self.query.limit): limit}  # they are evaluated once, although the statement has them as parameters
         if self.query.search is not None:
-            counts[id(self.query.search.maximum)] = known
+            counts[id(self.query.search.maximum)] = own
         cut_early = limit is not None and not self.query.order and not self.query.group
         if cut_early and limit == 0:
             return sink  # nothing of the query is evaluated; SQLite would bind values and take first steps
