@@ -45,10 +45,10 @@ def lower(
     """
     check(query)
     needs = Needs(function_names, careful=careful or is_volatile(query), disabled=disabled)
-    written = query
-    query = query if "positions" in disabled else by_position(query)
-    if query is not written:
-        needs.applied["positions"] = None
+    if "positions" not in disabled:
+        query, needs.written = by_position(query)
+        if needs.written is not None:
+            needs.applied["positions"] = None
     selects = Selects(needs)
     selects.copies = Copies() if query.search is None else None
     is_sorted = is_limited = ahead = False

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias
 
@@ -62,7 +62,8 @@ class Needs:
     `function_names` maps the functions of the language to their names in SQL. `worlds` are the tables of worlds by the
     labels of their sources, `collected` the queries in FROM that are evaluated as a whole, by the numbers of theirs.
     `plain` are parameters with which values are compared by their handles; where a statement is to be `careful`,
-    nothing is. `disabled` are the rewrites that are switched off, `applied` those that lowering has applied.
+    nothing is. `disabled` are the rewrites that are switched off, `applied` those that lowering has applied; `written`
+    gives an expression as it was before these, for Python to evaluate.
     """
 
     function_names: Mapping[str, str]
@@ -77,6 +78,7 @@ class Needs:
     plain: set[str] = field(default_factory=set)
     disabled: Collection[str] = ()
     applied: dict[str, None] = field(default_factory=dict)
+    written: Callable[[plan.Expr], plan.Expr] | None = None
 
     def label(self, name: str) -> str:
         """A name for a source that no other source of the statement has; the user's own for the first."""
@@ -97,6 +99,7 @@ class Needs:
         self, expr: plan.Expr, name: str | None = None, flag: bool = False, packing: Packing | None = None
     ) -> Node:
         """The placeholder for the value of an expression; equal expressions share one."""
+        expr = expr if self.written is None else self.written(expr)
         for known in self.parameters.values():
             alike = known.flag == flag and known.packing == packing
             if alike and known.expr == expr and type(known.expr) is type(expr):

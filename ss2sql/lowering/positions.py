@@ -8,6 +8,7 @@ known to have one length, for sources of searches and for those that stand alone
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -18,8 +19,11 @@ from ss2sql.walk import rebuild, walk
 _Listed = plan.ValueSource | plan.QuerySource
 
 
-def by_position(query: plan.Query) -> plan.Query:
-    """The query with `this[0]` as the column `this_0`; the same query where there is nothing to change."""
+def by_position(query: plan.Query) -> tuple[plan.Query, Callable[[plan.Expr], plan.Expr] | None]:
+    """The query with `this[0]` as the column `this_0`, and what gives a part of it as it was; None if all is.
+
+    Only SQL has these columns: what Python evaluates of the query, as a parameter, has to be as it was.
+    """
     sources = {
         source.id: source
         for node in walk(query)
@@ -27,13 +31,14 @@ def by_position(query: plan.Query) -> plan.Query:
         for source in node.sources
         if isinstance(source, _Listed) and source.element.kinds == Kind.LIST and source.columns == ()
     }
-    used: dict[int, set[int]] = {}
+    used: dict[int, dict[int, plan.Call]] = {}
     for node in walk(query):
         place = _place(node, sources)
         if place is not None:
-            used.setdefault(place[0], set()).add(place[1])
+            used.setdefault(place[0], {}).setdefault(place[1], node)
     if not used:
-        return query
+        return query, None
+    read = {(source, column_name(at)): node for source, places in used.items() for at, node in places.items()}
 
     def change(node: Any) -> Any:
         place = _place(node, sources)
@@ -45,8 +50,13 @@ def by_position(query: plan.Query) -> plan.Query:
             return replace(node, columns=tuple((column_name(at), positions[at]) for at in sorted(used[node.id])))
         return node
 
-    changed: plan.Query = rebuild(query, change)
-    return changed
+    def written(node: Any) -> Any:
+        if isinstance(node, plan.Column) and (node.source, node.name) in read:
+            return read[node.source, node.name]
+        node = rebuild(node, written)
+        return replace(node, columns=()) if isinstance(node, _Listed) and node.id in used else node
+
+    return rebuild(query, change), written
 
 
 def column_name(position: int) -> str:

@@ -193,9 +193,8 @@ class CompiledQuery:
         assert self.lowered is not None
         limit = self._limit(run)
         own, maximum = self._maximum(run)
-        counts = {id(self.query.limit): limit}  # they are evaluated once, although the statement has them as parameters
-        if self.query.search is not None:
-            counts[id(self.query.search.maximum)] = own
+        # They are evaluated once, although the statement has them as parameters.
+        counts = [(self.query.limit, limit), (self.query.search and self.query.search.maximum, own)]
         cut_early = limit is not None and not self.query.order and not self.query.group
         if cut_early and limit == 0:
             return sink  # nothing of the query is evaluated; SQLite would bind values and take first steps
@@ -204,8 +203,8 @@ class CompiledQuery:
 
         def evaluate(parameter: Parameter) -> Any:
             expr = parameter.expr
-            value = counts[id(expr)] if id(expr) in counts else self._binding(expr)(run)
-            bound[parameter.name] = value = parameter.bound(value)
+            known = next((count for counted, count in counts if counted == expr), None)
+            value = bound[parameter.name] = parameter.bound(self._binding(expr)(run) if known is None else known)
             return value
 
         def careful() -> SqlQuery:
