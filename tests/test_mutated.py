@@ -19,7 +19,7 @@ from cases.functions import FUNCTIONS
 from fuzz import seeds
 from fuzz_judge import CALLED, VARIABLES, session
 from golden import cases
-from mutated_scripts import Limited, engine_outcomes, mutated, reference_outcome
+from mutated_scripts import ALONE, Limited, engine_outcomes, mutated, reference_outcome
 from test_cases import MANY_ARGUMENTS, UNKNOWN_TO_REFERENCE
 
 COUNT = int(os.environ.get("SS2SQL_PROGRAMS", "1000")) // 10
@@ -51,7 +51,7 @@ def like_a_session() -> Limited:
 @pytest.mark.parametrize("part", range(2))
 def test_the_reference_agrees_on_scripts_with_parts_of_others(part: int) -> None:
     known = [case.script for case in cases() if not case.name.startswith((*UNKNOWN_TO_REFERENCE, *MANY_ARGUMENTS))]
-    scripts = mutated(known, re.compile(f"{MOVING}|{UNKNOWN}"), Random(f"{SEED} {part}"))
+    scripts = mutated(known, re.compile(f"{MOVING}|{UNKNOWN}|{ALONE}"), Random(f"{SEED} {part}"))
     compared = 0
     while compared < COUNT // 2:
         script = next(scripts)

@@ -111,7 +111,7 @@ def _lifted(resolver: Resolver, expr: plan.Expr, query: plan.Query, inside: bool
     `inside` another query the group values are in sight, but its calls of `sum` and its kin are its own.
     """
     for index, key in enumerate(query.group):
-        if expr == key:
+        if expr == key and not isinstance(key, plan.Constant):
             return plan.GroupKey(query.id, index, key.type, span=expr.span)
     match expr:
         case plan.Call(function=plan.Function(name=name, builtin=True), arguments=(argument,)) if (

@@ -96,6 +96,7 @@ def _nested_limit(query: plan.Query, nested: bool) -> Span | None:
         return None
     is_count = limit.type.only(Kind.INT) and limit.type.at_least(0)
     fixed = not (can_fail(limit) or sources_read(limit) or states_read(limit))
+    fixed = fixed and not any(isinstance(node, plan.GroupKey) for node in walk(limit))
     return None if is_count and fixed else limit.span
 
 
