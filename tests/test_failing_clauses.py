@@ -61,9 +61,11 @@ class Piece(str):
 PIECES = [Piece("this"), Piece("1 / (this - 8)"), Piece("int('12z'[this - 7])"), Piece("int('z12'[this - 7])")]
 
 
-def engine_outcome(script: str, engine: Any) -> tuple[Outcome | None, int | None]:
+def engine_outcome(script: str, engine: Any, **variables: Any) -> tuple[Outcome | None, int | None]:
     """What an engine makes of it, None where it refuses it, and where in the script it fails."""
     with ss2sql.connect() as session:
+        for name, value in variables.items():
+            session.attach(name, value)
         try:
             return Outcome(exact(session.run(script, engine=engine, max_rows=1000).value)), 0
         except ss2sql.UnsupportedError:
@@ -72,13 +74,13 @@ def engine_outcome(script: str, engine: Any) -> tuple[Outcome | None, int | None
             return Outcome(error=error.code), error.span and error.span.start
 
 
-def agree(scripts: Iterable[str]) -> int:
+def agree(scripts: Iterable[str], **variables: Any) -> int:
     """How many of them the database runs, too; all come to the same, those that fail at the same place."""
     in_database = 0
     for script in scripts:
-        native, place = engine_outcome(script, "native")
-        assert native == judged(Reference(), script), script
-        found, where = engine_outcome(script, "database")
+        native, place = engine_outcome(script, "native", **variables)
+        assert native == judged(Reference(variables=variables), script), script
+        found, where = engine_outcome(script, "database", **variables)
         assert found is None or (found, where) == (native, place), script
         in_database += found is not None
     return in_database
