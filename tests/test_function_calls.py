@@ -147,3 +147,20 @@ def test_what_was_proved_of_plain_data_is_not_trusted_with_objects(ss: ss2sql.Se
     assert ss.run("SELECT roll(this) FROM items AS list;", engine=engine).value == [1, 2, 3]
     ss.attach("items", [[dice], [dice]])
     assert ss.run("SELECT roll_first(this) FROM items AS list;", engine=engine).value == [4, 5]
+
+
+@pytest.mark.parametrize(
+    "script",
+    [
+        "SELECT tick() FROM [2, 1] ORDER BY this;",
+        "SELECT this, max(tick()) FROM [2, 1] GROUP BY this;",
+        "SELECT len(SELECT tick() FROM [1] AS list) FROM [2, 1];",
+        "SELECT tick() FROM [2, 1] START WITH n = 0 CONNECT BY n = n + 1 STOP WITH n > 0;",
+    ],
+)
+def test_the_database_refuses_volatile_calls_out_of_the_written_order(script: str) -> None:
+    with ss2sql.connect() as ss:
+        ss.function("tick", lambda: 1, volatility="volatile")
+        with pytest.raises(ss2sql.UnsupportedError, match="volatile function must be called in written order"):
+            ss.run(script, engine="database")
+        assert ss.run(script).engine == "native"
