@@ -85,7 +85,8 @@ class Levels:
     def _is_loud(self, source: plan.Source, position: int) -> bool:
         """Whether reading the source could be noticed; what is bound before the statement runs is read anyway."""
         values = [value for value in self._values(source) if can_fail(value)]
-        return any(position == 1 or bool(sources_read(value) - sources_inside(value)) for value in values)
+        lateral = isinstance(source, plan.ValueSource | plan.QuerySource) and source.lateral
+        return any(position == 1 or lateral or bool(sources_read(value) - sources_inside(value)) for value in values)
 
     def _has_elements(self, source: plan.Source) -> bool:
         match source:

@@ -85,6 +85,8 @@ def _fails_alone(source: plan.Source, sources: tuple[plan.Source, ...], search: 
             read = [*arguments]
         case _:
             return False
+    if not isinstance(source, plan.WorldSource) and source.lateral:
+        return False
     own = {other.id for other in sources}
     return any(map(can_fail, read)) and not any(moves(part, own, search) for part in read)
 

@@ -57,8 +57,8 @@ class Loops:
         self.lateral = [
             # What is asked of a world depends on the conditions that it gets.
             isinstance(source, plan.WorldSource)
-            # How often something happens must not depend on rewrites.
-            or (not isinstance(source, plan.TableSource) and source.lateral and not facts.steady)
+            # How often something happens, and whether it fails, must not depend on rewrites.
+            or (not isinstance(source, plan.TableSource) and source.lateral and not (facts.steady and facts.total))
             or not own.isdisjoint(facts.sources)
             or any(number == query.id for number, _ in facts.states)
             for source, facts in zip(self.sources, self.facts, strict=True)
