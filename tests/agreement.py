@@ -12,6 +12,9 @@ from reference import Failure, Reference
 
 import ss2sql
 
+# A list function on what is certainly no list is refused before the run; the reference notices it later, or never.
+EARLY = "R008 before the run"
+
 
 @dataclass(frozen=True)
 class Outcome:
@@ -20,6 +23,11 @@ class Outcome:
     value: Any = None
     error: str | None = None
     printed: str = ""
+
+
+def code_of(error: ss2sql.Error) -> str:
+    """The code of an error, or EARLY."""
+    return EARLY if error.code == "R008" and "needs a list" in error.message else error.code
 
 
 def exact(value: Any) -> Any:
@@ -89,7 +97,7 @@ def outcome(ss: ss2sql.Session, script: str, **options: Any) -> tuple[Outcome | 
         except ss2sql.UnsupportedError:
             return None, ""
         except ss2sql.Error as error:
-            return ended(error=error.code), ""
+            return ended(error=code_of(error)), ""
         except Exception as error:
             return ended(error=type(error).__name__), ""
         return ended(value=exact(result.value)), result.engine
@@ -114,8 +122,7 @@ class Trial:
         return [
             f"{engine}: {outcome}\nreference: {self.expected}"
             for engine, outcome in self.outcomes.items()
-            # A list function on what is certainly no list is refused before the run; the reference notices it later.
-            if outcome is not None and outcome != self.expected and outcome.error != "R008"
+            if outcome is not None and outcome != self.expected and outcome.error != EARLY
         ]
 
 

@@ -117,6 +117,17 @@ def test_aggregates_out_of_place(ss: ss2sql.Session, script: str, found: list[tu
     assert errors(ss, script) == found
 
 
+@engines
+def test_a_query_inside_a_group_value_is_known_again(ss: ss2sql.Session, engine: str) -> None:
+    ss.host.connection.execute("CREATE TABLE ages(a); INSERT INTO ages VALUES (1), (3)")
+    size = "len(SELECT ages.a FROM ages WHERE ages.a {} k.this AS list)"
+    script = f"SELECT {size}, count(*) FROM k = [0, 5, 0] GROUP BY {size} AS rows"
+    assert ss.run(script.format(">", ">"), engine=engine).value == [(2, 2), (0, 1)]
+    assert errors(ss, script.format(">", ">=")) == [("R008", size.format(">"))]
+    other = "len(SELECT k.this FROM ages)"  # has as many numbers inside
+    assert errors(ss, script.format(">", ">").replace(size.format(">"), other, 1)) == [("R008", other)]
+
+
 def test_a_users_function_called_count_takes_no_star(ss: ss2sql.Session) -> None:
     ss.function("count", lambda value: 7)
     assert ss.eval("SELECT count(a) FROM t GROUP BY a AS list") == [7, 7]

@@ -6,7 +6,7 @@ import os
 from typing import Any
 
 import pytest
-from agreement import executor_outcome, reference_outcome
+from agreement import EARLY, executor_outcome, reference_outcome
 from hypothesis import given, seed
 from hypothesis import strategies as st
 from programs import ProgramCase, programs
@@ -96,7 +96,7 @@ def test_random_programs_do_not_notice_a_rewrite(switch: str) -> None:
         expected = reference_outcome(case)
         for engine in ENGINES:
             outcome = executor_outcome(case, engine, **options(switch))
-            assert outcome is None or outcome == expected or outcome.error == "R008"
+            assert outcome is None or outcome == expected or outcome.error == EARLY
 
     run()
     assert tried >= PROGRAMS
@@ -118,7 +118,7 @@ def test_random_programs_call_their_functions_as_the_written_order_does(switch: 
         calls = case.different_calls
         for engine in ENGINES:
             outcome = executor_outcome(case, engine, **options(switch))  # type: ignore[arg-type]
-            if outcome is not None and outcome.error != "R008":
+            if outcome is not None and outcome.error != EARLY:
                 assert (outcome, case.different_calls) == (expected, calls), engine
 
     run()

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from ss2sql import plan
 from ss2sql.errors import ResolveError, Span
+from ss2sql.frontend.alike import alike
 from ss2sql.kinds import ANY, FLOAT, INT, NONE, Kind, Type, list_of, union
 from ss2sql.runtime.builtins import AGGREGATES
 from ss2sql.walk import is_volatile, parts, rebuild, sources_read, states_read, walk_own
@@ -111,7 +112,7 @@ def _lifted(resolver: Resolver, expr: plan.Expr, query: plan.Query, inside: bool
     `inside` another query the group values are in sight, but its calls of `sum` and its kin are its own.
     """
     for index, key in enumerate(query.group):
-        if expr == key and not isinstance(key, plan.Constant):
+        if not isinstance(key, plan.Constant) and alike(expr, key):
             return plan.GroupKey(query.id, index, key.type, span=expr.span)
     match expr:
         case plan.Call(function=plan.Function(name=name, builtin=True), arguments=(argument,)) if (

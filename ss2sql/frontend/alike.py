@@ -1,0 +1,42 @@
+"""Whether two expressions are written alike: the numbers of the queries and sources inside of them do not count."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from ss2sql import plan
+from ss2sql.walk import rebuild, walk
+
+
+def alike(one: plan.Expr, other: plan.Expr) -> bool:
+    """Whether both mean the same: they are equal once what is inside of them is numbered in the same way."""
+    if type(one) is not type(other) or one == other:
+        return one == other
+    ones, others = _numbers_inside(one), _numbers_inside(other)
+    return 0 < len(ones) == len(others) and _renumbered(other, dict(zip(others, ones, strict=True))) == one
+
+
+def _numbers_inside(node: plan.Expr) -> list[int]:
+    """The numbers of the queries and sources inside, in the order of the plan. No two of a script share theirs."""
+    return [part.id for part in walk(node) if isinstance(part, (plan.Query, *plan.SOURCES))]
+
+
+def _renumbered(node: Any, numbers: Mapping[int, int]) -> Any:
+    """The node with other numbers of queries and sources; what is not in `numbers` keeps its own."""
+    node = rebuild(node, lambda part: _renumbered(part, numbers))
+    match node:
+        case plan.Query(id=number) | plan.TableSource(id=number) | plan.ValueSource(id=number):
+            return replace(node, id=numbers.get(number, number))
+        case plan.QuerySource(id=number) | plan.WorldSource(id=number):
+            return replace(node, id=numbers.get(number, number))
+        case plan.Element(source=number) | plan.Column(source=number):
+            return replace(node, source=numbers.get(number, number))
+        case plan.State(query=number) | plan.GroupKey(query=number):
+            return replace(node, query=numbers.get(number, number))
+        case plan.Eval(sources=sources, states=states):
+            renamed = tuple((numbers.get(query, query), name) for query, name in states)
+            return replace(node, sources=tuple(numbers.get(each, each) for each in sources), states=renamed)
+        case _:
+            return node
