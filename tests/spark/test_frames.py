@@ -65,6 +65,27 @@ def test_the_first_paths(ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch, li
     )
 
 
+@pytest.mark.parametrize("limit", ["MAXIMUM (most()) LIMIT 9", "MAXIMUM 9 LIMIT most()"])
+def test_limits_are_evaluated_once(ss: ss2sql.Session, limit: str) -> None:
+    calls = []
+
+    def most() -> int:
+        calls.append(None)
+        return 2
+
+    ss.function("most", most, volatility="volatile")
+    maximum, _, rest = limit.partition(" LIMIT ")
+    script = (
+        f"SELECT n + this FROM [1, 2] START WITH n = 0 CONNECT BY BREADTH FIRST {maximum} n = n + this"
+        f" STOP WITH n > 4 LIMIT {rest} AS list"
+    )
+    frame = ss.compile(script).spark()
+    assert len(calls) == 1
+    paths = sorted({row[0] for row in frame.collect()})
+    assert len(paths) == len(ss.run(script).value) == 2
+    assert len(calls) == 2
+
+
 def test_maximum_of_the_run(ss: ss2sql.Session) -> None:
     agree(ss, "SELECT n + this FROM [1, 2] START WITH n = 0 CONNECT BY BREADTH FIRST n = n + this", maximum=5)
 

@@ -76,7 +76,7 @@ RULES = (
 def packed(hunt: Hunt, trial: Trial) -> bytes:
     """The search as bytes. Raises UnsupportedError where something of it belongs to this process."""
     host: SessionHost = hunt.run.host  # type: ignore[assignment]
-    query = _without_start(hunt.query)
+    query = _of_steps(hunt.query)
     sent: dict[str, UserFunction] = {}
     with deep(DEEPEST):  # a plan is as deep as its script
         for name in sorted({known.inverse_of or known.name for known in functions(query) if not known.builtin}):
@@ -90,11 +90,11 @@ def packed(hunt: Hunt, trial: Trial) -> bytes:
         return _pickled(parcel, sent.values())
 
 
-def _without_start(query: plan.Query) -> plan.Query:
-    """The query without the values of START WITH, which states have; their expressions need not be evaluated again."""
+def _of_steps(query: plan.Query) -> plan.Query:
+    """The query without what is evaluated once, in this process: LIMIT, MAXIMUM, and START WITH, which states have."""
     assert query.search is not None
     start = tuple((name, plan.Constant(None, ANY, span=expr.span)) for name, expr in query.search.start)
-    return replace(query, search=replace(query.search, start=start))
+    return replace(query, limit=None, search=replace(query.search, start=start, maximum=None))
 
 
 def _function(entry: UserFunction, span: Span) -> UserFunction:

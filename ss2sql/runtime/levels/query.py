@@ -109,9 +109,13 @@ class LevelQuery:
         return self._native.rows(run, sink)
 
     def frame(self, run: Run, most: int | None) -> tuple[tuple[str, ...], Any]:
-        """The columns of the query, and its first `most` paths as a DataFrame of the database; without it all."""
+        """The columns of the query, and its first `most` paths as a DataFrame of the database; without it all.
+
+        `most` is what LIMIT and MAXIMUM came to, which are not evaluated again.
+        """
         made: list[Any] = []
-        query = taken_apart(replace(self.query, limit=None))
+        assert self.query.search is not None, "framed.py has looked"
+        query = taken_apart(replace(self.query, limit=None, search=replace(self.query.search, maximum=None)))
         rows = NativeQuery(query, find=partial(self._framed, most, made)).rows(run)
         return rows.columns, made[0]
 
