@@ -62,6 +62,10 @@ SHOWN = {
 ss.run("t = 'ha'; SELECT len(t = t + t) FROM range(40)")""",
     "T003": """ss = ss2sql.connect(max_memory=500_000_000)
 ss.run("SELECT n FROM [1, 2] WHERE n < 0 START WITH n = 1 CONNECT BY BREADTH FIRST n = n + this")""",
+    "X015": """ss = ss2sql.connect(max_output=10)
+ss.run("SELECT this FROM range(1000) WHERE print('looking at', this) > 5")""",
+    "T004": """ss = ss2sql.connect(max_steps=1000)
+ss.run("SELECT n FROM [1, 2] WHERE n < 0 START WITH n = 1 CONNECT BY BREADTH FIRST n = n + this")""",
     "X012": """ss.function("first", lambda numbers: numbers[:1], vectorized=True)
 ss.run("SELECT first(this) FROM [1, 2, 3];")""",
     "X013": "ss.run(script, workers=2)  # and the function onward ends its process",

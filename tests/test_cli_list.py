@@ -102,7 +102,7 @@ def test_what_is_completed() -> None:
     assert completed("run", "--eng") == ["--engine"]
     assert completed("run", "--engine", "d") == ["database", "duckdb"]
     assert completed("list", "err") == ["errors"]
-    assert completed("list", "errors", "t") == ["T001", "T002", "T003"]
+    assert completed("list", "errors", "t") == ["T001", "T002", "T003", "T004"]
     assert completed("list", "functions", "sq") == ["sqrt"]
     assert completed("sql", "--dialect", "") == ["sqlite", "duckdb", "spark", "postgres"]
     assert completed("run", "-o", "t") == ["t"]  # the shell goes on with the names of files

@@ -18,6 +18,7 @@ from ss2sql.scenes.bullet import package
 
 ENDLESS = "SELECT n FROM [1] WHERE n % 1000 == 0 START WITH n = 1 CONNECT BY n = n + 1"
 GROWING = "SELECT n FROM [1, 2] WHERE n < 0 START WITH n = 1 CONNECT BY BREADTH FIRST n = n + this"
+TALKING = "SELECT this FROM range(1000) WHERE print('looking at', this) > 5"
 SLOW = "SELECT a.this FROM a = range(1000), b = range(1000), c = range(1000) WHERE a.this + b.this + c.this < 0"
 
 
@@ -77,6 +78,8 @@ FROM_PYTHON: dict[str, Callable[[Session], object]] = {
     "U001": lambda session: session.run("n = 0; SELECT (n = n + 1) FROM [1]", engine="database"),
     "X010": lambda session: session.run("SELECT this FROM [1, 2, 3]", max_rows=2),
     "X014": lambda session: ss2sql.connect(max_size=2**18).run("t = 'ha'; SELECT len(t = t + t) FROM range(40)"),
+    "X015": lambda session: ss2sql.connect(max_output=10).run(TALKING),
+    "T004": lambda session: ss2sql.connect(max_steps=1000).run(GROWING),
     "T003": lambda session: ss2sql.connect(max_memory=20 * 2**20).run(GROWING),
     "X012": lambda session: wrong_block(session),
     "X013": worker_that_dies,

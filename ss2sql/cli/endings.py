@@ -106,7 +106,7 @@ SPELLINGS = (
         "name its file with --functions FILE.py; 'ss2sql list functions' lists",
     ),
     (re.compile(r"^raise timeout=, "), "raise --timeout, "),
-    (re.compile(r"raise max_(rows|size|memory)$"), r"raise --max-\1"),
+    (re.compile(r"raise max_(rows|size|memory|steps|output)$"), r"raise --max-\1"),
     (re.compile(r"max_rows, max_size and max_memory do so$"), "--max-rows, --max-size and --max-memory do so"),
     (re.compile(r"engine='(\w+)'"), r"--engine \1"),
     (re.compile(r"from Python: run\(script, (\w+)=\.\.\.\)"), r"with -p \1 VALUE"),

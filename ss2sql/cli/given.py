@@ -49,6 +49,10 @@ LIMITS = (
                  help="A larger text or list that the script makes is an error."),
     click.option("--max-memory", type=click.IntRange(min=1), metavar="BYTES",
                  help="The run ends when it has taken more memory (on Linux)."),
+    click.option("--max-steps", type=click.IntRange(min=0), metavar="N",
+                 help="The run ends when its searches have tried more steps."),
+    click.option("--max-output", type=click.IntRange(min=0), metavar="N",
+                 help="More characters that the script prints are an error."),
 )  # fmt: skip
 
 SCRIPT_OPTIONS = (
@@ -73,6 +77,8 @@ class Given:
     text: str | None = None
     max_size: int | None = None
     max_memory: int | None = None
+    max_steps: int | None = None
+    max_output: int | None = None
 
     @property
     def script(self) -> str | Path | Source:
@@ -102,6 +108,8 @@ class Given:
             read_only=self.database is not None,
             max_size=MOST if self.max_size is None else self.max_size,
             max_memory=self.max_memory,
+            max_steps=self.max_steps,
+            max_output=self.max_output,
         )
         for path in self.function_files:
             register(session, path)

@@ -17,6 +17,7 @@ from ss2sql.errors.family import Cancelled as Cancelled
 from ss2sql.errors.family import Error as Error
 from ss2sql.errors.family import ExecutionError as ExecutionError
 from ss2sql.errors.family import OutOfMemory as OutOfMemory
+from ss2sql.errors.family import OutOfSteps as OutOfSteps
 from ss2sql.errors.family import ParseError as ParseError
 from ss2sql.errors.family import RepresentationError as RepresentationError
 from ss2sql.errors.family import ResolveError as ResolveError

@@ -283,6 +283,12 @@ CODES: dict[str, Code] = _table(
         "`connect(max_size=...)`.",
     ),
     (
+        "X015", "too much output",
+        "The script printed more characters than `max_output` allows.",
+        "`print` in WHERE writes a line for every row that is looked at, and a search looks at many.",
+        "Print where it matters, `IF(age > 100; print(name))`, or raise `connect(max_output=...)`.",
+    ),
+    (
         "V001", "representation failed",
         "The rows do not fit the representation, or its arguments are wrong.",
         "A form asks something of its rows: a set needs values that can be compared, a plane needs bodies.",
@@ -307,6 +313,13 @@ CODES: dict[str, Code] = _table(
         "is in `error.partial`.",
         "Bound the search: MAXIMUM, STOP WITH or MEMORIZE with a number; bound results with LIMIT or "
         "`max_rows`.",
+    ),
+    (
+        "T004", "out of steps",
+        "The searches of the run tried more steps than `max_steps` allows.",
+        "A search whose paths go on and on never ends, and steps are counted the same on every machine, however fast "
+        "it is. What was found is in `error.partial`.",
+        "Bound the search: MAXIMUM, STOP WITH, UNIQUE or MEMORIZE with a number; or raise `connect(max_steps=...)`.",
     ),
     (
         "S001", "session is closed",

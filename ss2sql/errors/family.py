@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any
+from typing import Any, ClassVar, Literal
 
 from ss2sql.errors.codes import CODES
 from ss2sql.errors.places import Span
@@ -98,21 +98,34 @@ class RepresentationError(Error):
 
 
 class Stopped(Error):  # noqa: N818 - not an error of the script
-    """A run ended early; `partial` holds the result so far (a `Result`, or None)."""
+    """A run ended early; `partial` holds the result so far (a `Result`, or None), whose status is `status`."""
 
+    status: ClassVar[Literal["timeout", "cancelled", "memory", "steps"]]
     partial: Any = None
 
 
 class Timeout(Stopped):
     """The run took longer than its timeout; `partial` holds what was found."""
 
+    status = "timeout"
+
 
 class Cancelled(Stopped):
     """The run was interrupted; `partial` holds what was found."""
 
+    status = "cancelled"
+
 
 class OutOfMemory(Stopped):
     """The run took more memory than it may, or than there is; `partial` holds what was found, where that is known."""
+
+    status = "memory"
+
+
+class OutOfSteps(Stopped):
+    """The searches of the run tried more steps than they may; `partial` holds what was found."""
+
+    status = "steps"
 
 
 class SessionError(Error):

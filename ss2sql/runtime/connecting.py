@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from ss2sql.runtime.engines import Engine
+from ss2sql.runtime.limits import Limits
 from ss2sql.runtime.session import Session
 from ss2sql.runtime.sizes import MOST
 
@@ -19,6 +20,8 @@ def connect(
     disable: Sequence[str] = (),
     max_size: int = MOST,
     max_memory: int | None = None,
+    max_steps: int | None = None,
+    max_output: int | None = None,
     engine: Engine = "auto",
     session: Any = None,
 ) -> Session:
@@ -33,6 +36,8 @@ def connect(
         disable: names of optimisations to switch off: "memo", "remember", "inline" and others.
         max_size: bytes of one value that a script makes, a text or a list: at least 262,144, at most 10**9.
         max_memory: bytes by which the process may grow while a script runs; None for no limit. Only on Linux.
+        max_steps: steps that the searches of one run may try together, as `result.stats.generated` counts them.
+        max_output: characters that one run may print.
         engine: where scripts run for which nothing else is said, see `Session.run`.
         session: with the engine "duckdb" a connection of DuckDB, whose tables and views scripts can read by their names
             and whose settings count: memory, threads, folder; with "spark" a SparkSession.
@@ -40,4 +45,5 @@ def connect(
     Raises:
         SessionError: the file cannot be opened, a name in `disable` is unknown, or the engine is not installed.
     """
-    return Session(path, timeout, progress, read_only, disable, max_size, max_memory, engine, session)
+    limits = Limits(max_size, max_memory, max_steps, max_output)
+    return Session(path, timeout, progress, read_only, disable, limits, engine, session)

@@ -15,7 +15,7 @@ from typing import Any
 import apsw
 
 from ss2sql import plan
-from ss2sql.errors import Error, ExecutionError, Span, Stopped
+from ss2sql.errors import Error, Span, Stopped
 from ss2sql.lowering.expressions import PREDICATES, builtin_name
 from ss2sql.lowering.packing import Packed
 from ss2sql.lowering.parameters import Bookkeeping, Parameter, Shown, SqlQuery
@@ -28,7 +28,7 @@ from ss2sql.runtime.native.options import cost, heuristic, probability
 from ss2sql.runtime.paths import Paths
 from ss2sql.runtime.pool import FALSE, TRUE, OtherFormError, Pool
 from ss2sql.runtime.result import Sql
-from ss2sql.runtime.rows import Row, Rows
+from ss2sql.runtime.rows import Row, Rows, check_room, within
 from ss2sql.runtime.run import Run
 from ss2sql.runtime.scouts import Scouts, looking_ahead
 from ss2sql.runtime.search_functions import FUNCTIONS, SearchState, next_number
@@ -197,6 +197,8 @@ class Database:
             if run.progress is not None:
                 run.progress.look(self.current.outermost, self.search)
             run.check()
+            if self.current.query is not None and self.current.query.search is not None:
+                run.check_steps(self.search.tried(self.current.book, self.current.results()))
         elif self.begun:
             self.begun[-1].check()
         return False
@@ -358,27 +360,14 @@ class Database:
         for raw in cursor:
             row = decode(raw[2:])
             paths.add((*raw[:2], *row[:width]))
-            _check_room(len(paths), most)
+            check_room(len(paths), most)
             yield row[width:keys], row[keys:]
 
 
 def _room(run: Run, results: list[Any] | None, result: Any) -> None:
     assert results is not None
     results.append(result)
-    _check_room(len(results), run.max_rows)
-
-
-def within(rows: Iterable[Row], most: int) -> Iterator[Row]:
-    """The rows; raises ExecutionError X010 at the first one beyond `most`."""
-    for number, row in enumerate(rows, 1):
-        _check_room(number, most)
-        yield row
-
-
-def _check_room(number: int, most: int | None) -> None:
-    if most is not None and number > most:
-        hint = "add LIMIT or MAXIMUM to the query, or raise max_rows"
-        raise ExecutionError("X010", f"the query has more than max_rows={most} results", hints=(hint,))
+    check_room(len(results), run.max_rows)
 
 
 def _has_other_form(pool: Pool, values: Mapping[str, Any]) -> bool:

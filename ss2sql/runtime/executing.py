@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from ss2sql.errors import Cancelled, OutOfMemory, Timeout
+from ss2sql.errors import Cancelled, Stopped
 from ss2sql.explained.outline import outline
 from ss2sql.runtime.calls import HeldError
 from ss2sql.runtime.compiled import CompiledStatement, Query, script_sql
@@ -53,8 +53,7 @@ class Options:
 def attended(host: SessionHost, work: Callable[[Run], T]) -> T:
     """What `work` gives, a new run, which hears of Ctrl-C and `interrupt` from here on.
 
-    Raises Cancelled, Timeout and OutOfMemory with what was found until then; whoever was interrupted hears of nothing
-    else.
+    Raises Stopped, of whichever kind, with what was found until then; whoever was interrupted hears of nothing else.
     """
     run: Run | None = None
     try:
@@ -72,14 +71,10 @@ def attended(host: SessionHost, work: Callable[[Run], T]) -> T:
     except KeyboardInterrupt:
         pass
     except Exception as error:
-        if isinstance(error, Cancelled):
-            error.partial = _partial(run, "cancelled")
-        elif run is not None and run.interrupted:
+        if run is not None and run.interrupted and not isinstance(error, Cancelled):
             raise _cancelled(run) from error
-        elif isinstance(error, Timeout):
-            error.partial = _partial(run, "timeout")
-        elif isinstance(error, OutOfMemory):
-            error.partial = _partial(run, "memory")
+        if isinstance(error, Stopped):
+            error.partial = _partial(run, error.status)
         elif isinstance(error, MemoryError):
             raise out_of_memory(error) from None
         elif isinstance(error, HeldError):
@@ -90,7 +85,7 @@ def attended(host: SessionHost, work: Callable[[Run], T]) -> T:
 
 def _cancelled(run: Run | None) -> Cancelled:
     cancelled = Cancelled("T002", "the run was interrupted")
-    cancelled.partial = _partial(run, "cancelled")
+    cancelled.partial = _partial(run, cancelled.status)
     return cancelled
 
 
@@ -100,6 +95,7 @@ def execute(host: SessionHost, query: Query, options: Options, variables: Mappin
     host.ready()
     run.deadline, run.max_rows = _deadline(host, options.timeout), options.max_rows
     run.ceiling, run.sizes.rows = _ceiling(host), run.max_rows
+    run.steps_left = _steps_left(host)
     run.arguments = {name: normalise(value, f"the variable '{name}'") for name, value in variables.items()}
     statements = run.statements = query.statements(options.engine, run)
     run.call_places = query.call_places
@@ -112,6 +108,8 @@ def execute(host: SessionHost, query: Query, options: Options, variables: Mappin
         value = _last_value(host, run, statements, options)
     finally:
         host.runs.remove(run)
+        if host.runs:
+            host.runs[-1].steps_inside += run.steps
         run.graph = run.sizes.pause = None
         if run.progress is not None:
             run.progress.end()
@@ -133,6 +131,7 @@ def _last_value(host: SessionHost, run: Run, statements: Sequence[CompiledStatem
             run.progress.begin()
         host.forget_stable(run)
         value = statement.value(run)
+        run.check_steps()
     return value
 
 
@@ -193,10 +192,18 @@ def _deadline(host: SessionHost, seconds: float | None) -> float | None:
 
 def _ceiling(host: SessionHost) -> int | None:
     """The bytes that the process may hold; a run inside of another one has no more."""
-    if host.max_memory is None:
+    if host.limits.max_memory is None:
         return None
     ceilings = [run.ceiling for run in host.runs if run.ceiling is not None]
-    return min(ceilings, default=(memory_in_use() or 0) + host.max_memory)
+    return min(ceilings, default=(memory_in_use() or 0) + host.limits.max_memory)
+
+
+def _steps_left(host: SessionHost) -> int | None:
+    """The steps that a run may try; one inside of another has what that has left."""
+    outer = host.runs[-1] if host.runs else None
+    if outer is None or outer.steps_left is None:
+        return host.limits.max_steps
+    return outer.steps_left - outer.steps
 
 
 def _partial(run: Run | None, status: Status) -> Result | None:

@@ -23,6 +23,7 @@ from ss2sql.runtime.builtins import BUILTINS
 from ss2sql.runtime.database import Database
 from ss2sql.runtime.functions import MEMO_LIMIT, UserFunction, builtin_functions, sql_names
 from ss2sql.runtime.held import Held
+from ss2sql.runtime.limits import Limits
 from ss2sql.runtime.native.calls import native_callable, unremembered_call
 from ss2sql.runtime.native.deep import with_room
 from ss2sql.runtime.remembered.keeper import GraphKeeper
@@ -73,22 +74,21 @@ class SessionHost:
         file: TemporalFile | None,
         read_only: bool,
         disabled: frozenset[str],
-        max_size: int,
-        max_memory: int | None,
+        limits: Limits,
         engine_session: Any = None,
     ) -> None:
         self.connection = connection
-        self.max_size = max_size
-        self.max_memory = max_memory
+        self.limits = limits
+        self.max_size = limits.max_size
         self.turns = Turns(self._release, in_file=file is not None)
         self.disabled = disabled
         self.memo_limit = 0 if "memo" in disabled else MEMO_LIMIT
         self.begun: list[Run] = []  # what runs, or is compiled to run, the innermost last
         self.database = Database(connection, self.memo_limit, self.begun)
-        connection.limit(apsw.SQLITE_LIMIT_LENGTH, max_size)
+        connection.limit(apsw.SQLITE_LIMIT_LENGTH, limits.max_size)
         self.memories = Memories()
         self.tables = Tables(connection)
-        self.shapes = Shapes(max_size)
+        self.shapes = Shapes(limits.max_size)
         self.functions: dict[str, UserFunction] = {}
         self.world_functions: dict[str, UserFunction] = {}  # by the names that scripts use
         self.sql_names: dict[str, str] = {}
@@ -113,7 +113,7 @@ class SessionHost:
                 self.graphs = GraphKeeper(self.graph_store, self._entry, self._worlds)
         self.names = Variables(temporals, None if read_only else file)
         self.names.let_go = self._detached
-        self.own = SessionFunctions(self.names, self.functions, self.world_functions, max_size)
+        self.own = SessionFunctions(self.names, self.functions, self.world_functions, limits, self.begun)
         for name, builtin in BUILTINS.items():
             if name not in ("eq", "ne"):  # of these the database has its own
                 self.database.register_builtin(name, builtin.python or self.own.function(name))

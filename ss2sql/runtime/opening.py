@@ -10,8 +10,6 @@ from typing import Any
 import apsw
 
 from ss2sql.errors import SessionError, Source, did_you_mean
-from ss2sql.runtime.run import memory_in_use
-from ss2sql.runtime.sizes import LEAST, MOST
 from ss2sql.runtime.tables import CACHE_SIZE
 
 BUSY_MILLISECONDS = 1000  # how long to wait for a file that somebody else is writing
@@ -38,17 +36,6 @@ def check_known(what: str, words: Iterable[Any], known: Collection[str]) -> None
     for word in words:
         if word not in known:
             raise SessionError("S002", f"there is no {what} {word!r}", hints=did_you_mean(str(word), known))
-
-
-def check_sizes(max_size: Any, max_memory: Any) -> None:
-    """Raises SessionError S002 for limits that make no sense, or that cannot be kept here."""
-    check_bound("max_size", max_size, LEAST)
-    if max_size is None or max_size > MOST:
-        raise SessionError("S002", f"max_size is at most {MOST}, not {max_size!r}")
-    check_bound("max_memory", max_memory, 1)
-    if max_memory is not None and memory_in_use() is None:
-        hint = "bound the process from outside"
-        raise SessionError("S002", "max_memory needs /proc/self/statm, which this system does not have", hints=(hint,))
 
 
 def open_connection(path: str | os.PathLike[str] | None, read_only: bool) -> apsw.Connection:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ss2sql.explained.outline import OutlinedStatement
     from ss2sql.runtime.run import Run
 
-Status: TypeAlias = Literal["complete", "maximum", "timeout", "cancelled", "memory"]
+Status: TypeAlias = Literal["complete", "maximum", "timeout", "cancelled", "memory", "steps"]
 
 
 class Sql(str):

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import chain
 from typing import Any, ClassVar, TypeAlias
 
+from ss2sql.errors import ExecutionError, Span
 from ss2sql.runtime.values import kept
 
 Row: TypeAlias = tuple[Any, ...]
@@ -106,3 +107,22 @@ def free_name(name: str, taken: Collection[str]) -> str:
         count += 1
         candidate = f"{name}_{count}"
     return candidate
+
+
+def within(rows: Iterable[Row], most: int) -> Iterator[Row]:
+    """The rows; raises ExecutionError X010 at the first one beyond `most`."""
+    for number, row in enumerate(rows, 1):
+        check_room(number, most)
+        yield row
+
+
+def check_room(number: int, most: int | None) -> None:
+    """Raises ExecutionError X010 for more results than `most`."""
+    if most is not None and number > most:
+        raise too_many(most)
+
+
+def too_many(most: int, span: Span | None = None) -> ExecutionError:
+    """The error for more results than the run allows."""
+    hints = ("add LIMIT or MAXIMUM to the query, or raise max_rows",)
+    return ExecutionError("X010", f"the query has more than max_rows={most} results", span, hints)

@@ -11,7 +11,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias, TypeVar
 
 from ss2sql import plan
-from ss2sql.errors import Cancelled, OutOfMemory, Timeout
+from ss2sql.errors import Cancelled, OutOfMemory, OutOfSteps, Timeout
 from ss2sql.runtime.rows import Rows
 from ss2sql.runtime.sizes import Sizes
 from ss2sql.runtime.values import kept
@@ -131,7 +131,9 @@ class Run:
     - `table_rows(source)`: all rows of a table of the database, in its order, values of its columns in order.
 
     `framed` says that the paths of the search that runs are wanted as a DataFrame of the database that finds them.
-    `ceiling` bounds the bytes of memory of the process, which is looked at again at the time `next_look`. `readings`
+    `ceiling` bounds the bytes of memory of the process, which is looked at again at the time `next_look`. `steps_left`
+    bounds the steps of its searches, `steps_inside` are those of runs inside of this one; `printed` counts characters
+    that were printed while it was the outermost. `readings`
     is what was read of another database, `endings` lets go of that, and `handed` are tables of it of which some
     rows are read, by the variables that stand for them. `sizes` measures what the script makes, see sizes.py. `sink`
     holds the rows found so far by the query that runs; `answer` what the last query gave. `statements` are those of
@@ -149,6 +151,9 @@ class Run:
     deadline: float | None = None
     ceiling: int | None = None
     next_look: float = 0.0
+    steps_left: int | None = None
+    steps_inside: int = 0
+    printed: int = 0
     interrupted: bool = False
     max_rows: int | None = None
     maximum: int | None = None
@@ -174,15 +179,26 @@ class Run:
     call_places: Mapping[str, Places] = field(default_factory=dict)
 
     @property
-    def watched(self) -> bool:
-        """Whether `check` has anything to say, now or later."""
-        return self.interrupted or self.deadline is not None or self.ceiling is not None
+    def steps(self) -> int:
+        """The steps that have been tried so far, here and in runs inside of this one."""
+        return self.stats.generated + self.steps_inside
+
+    def check_steps(self, more: int = 0) -> None:
+        """Raises OutOfSteps when too many steps have been tried; `more` of them are not in the statistics yet.
+
+        It is asked now and then, and always at the end of a statement: so whether it is too many depends on the script
+        alone. How many there were by then depends on when somebody asks.
+        """
+        if self.steps_left is not None and self.steps + more > self.steps_left:
+            hint = "bound the search, for example with MAXIMUM, UNIQUE or STOP WITH, or raise max_steps"
+            raise OutOfSteps("T004", "the searches of the run tried more steps than max_steps allows", hints=(hint,))
 
     def check(self) -> None:
-        """Raises Cancelled, Timeout or OutOfMemory when the run has to end."""
+        """Raises Cancelled, Timeout, OutOfMemory or OutOfSteps when the run has to end."""
         if self.interrupted:
             raise Cancelled("T002", "the run was interrupted")
         self.sizes.look()
+        self.check_steps()
         if self.progress is not None:
             self.progress.show()
         if self.ceiling is not None and time.monotonic() >= self.next_look:

@@ -131,16 +131,24 @@ class SearchState:
 
     def count(self, stats: Stats, book: Bookkeeping, results: int) -> None:
         """Adds what the search has done; `results` is the number of paths."""
-        entered = results if book.all_results else len(self.rows) - 1
-        expanded = entered if book.all_go_on else self.expanded + len(self.kept)
+        stats.generated += self.tried(book, results)
+        stats.expanded += self._went_on(book, results)
+        stats.pruned += self.pruned
+
+    def tried(self, book: Bookkeeping, results: int) -> int:
+        """The number of steps that have been generated until now."""
         generated = self.generated + self.steps
         if not generated and book.counts == "product":
-            generated = prod(self.walks) * (expanded + 1)
-        elif not generated and book.counts == "entered":
-            generated = entered + self.pruned - self.late
-        stats.generated += generated
-        stats.expanded += expanded
-        stats.pruned += self.pruned
+            return prod(self.walks) * (self._went_on(book, results) + 1)
+        if not generated and book.counts == "entered":
+            return self._came_in(book, results) + self.pruned - self.late
+        return generated
+
+    def _went_on(self, book: Bookkeeping, results: int) -> int:
+        return self._came_in(book, results) if book.all_go_on else self.expanded + len(self.kept)
+
+    def _came_in(self, book: Bookkeeping, results: int) -> int:
+        return results if book.all_results else len(self.rows) - 1
 
     @property
     def entered(self) -> int:

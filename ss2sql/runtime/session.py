@@ -20,13 +20,13 @@ from ss2sql.runtime.executing import Options, attended, execute
 from ss2sql.runtime.functions import UserFunction, check_name, user_function
 from ss2sql.runtime.host import SessionHost
 from ss2sql.runtime.interrupts import under_way
-from ss2sql.runtime.opening import check_known, check_sizes, name_of, open_connection
+from ss2sql.runtime.limits import NO_LIMITS, Limits
+from ss2sql.runtime.opening import check_known, name_of, open_connection
 from ss2sql.runtime.opening import source_of as source_of
 from ss2sql.runtime.progress import check_progress
 from ss2sql.runtime.remembered.listing import Graphs, listed
 from ss2sql.runtime.result import Result
 from ss2sql.runtime.run import Run, Stats
-from ss2sql.runtime.sizes import MOST
 from ss2sql.runtime.tables import parquet_of, path_of
 from ss2sql.runtime.temporal import TemporalFile
 from ss2sql.runtime.triggers import Trigger
@@ -54,14 +54,13 @@ class Session:
         progress: str | bool = "auto",
         read_only: bool = False,
         disable: Sequence[str] = (),
-        max_size: int = MOST,
-        max_memory: int | None = None,
+        limits: Limits = NO_LIMITS,
         engine: Engine = "auto",
         session: Any = None,
     ) -> None:
         check_known("optimisation", disable, SWITCHES)
         check_progress(progress)
-        check_sizes(max_size, max_memory)
+        limits.check()
         check_engine(engine)
         connection = open_connection(path, read_only)
         self.timeout = timeout
@@ -69,7 +68,7 @@ class Session:
         self._closed = False
         file = None if path is None else TemporalFile(connection)
         self.engine: Engine = engine
-        self.host = SessionHost(connection, file, read_only, frozenset(disable), max_size, max_memory, session)
+        self.host = SessionHost(connection, file, read_only, frozenset(disable), limits, session)
         # apsw keeps the host of a session that nobody closes; a finalizer that did so too would keep all sessions.
         weakref.finalize(self, self.host.held.end)
         found = self.host.held.engine(engine)  # says now what is not installed
@@ -287,9 +286,9 @@ class Session:
             The result of the last statement.
 
         Raises:
-            ParseError, ResolveError, UnsupportedError, ExecutionError, RepresentationError; Timeout, OutOfMemory and
-            Cancelled, whose `partial` is the result so far; whatever a registered function raised, with a note that
-            names the line of the script.
+            ParseError, ResolveError, UnsupportedError, ExecutionError, RepresentationError; Timeout, OutOfMemory,
+            OutOfSteps and Cancelled, whose `partial` is the result so far; whatever a registered function raised, with
+            a note that names the line of the script.
         """
 
         def work(run: Run) -> Result:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from inspect import signature
 from typing import Any
 
@@ -10,7 +10,9 @@ from ss2sql.errors import ExecutionError, did_you_mean
 from ss2sql.errors.visible import visible
 from ss2sql.runtime.builtins import BUILTINS, usage
 from ss2sql.runtime.functions import UserFunction
-from ss2sql.runtime.sizes import MOST, Sizes
+from ss2sql.runtime.limits import Limits
+from ss2sql.runtime.run import Run
+from ss2sql.runtime.sizes import Sizes
 from ss2sql.runtime.values import fresh
 from ss2sql.runtime.variables import Variables
 from ss2sql.vtables.describe import description
@@ -24,10 +26,12 @@ class SessionFunctions:
         names: Variables,
         functions: Mapping[str, UserFunction],
         world_functions: Mapping[str, UserFunction],
-        most: int = MOST,
+        limits: Limits,
+        begun: Sequence[Run],
     ) -> None:
         self.names = names
-        self.most = most  # bytes of a value
+        self.limits = limits
+        self.begun = begun  # the runs of the session, the outermost first
         self.functions = functions
         self.world_functions = world_functions
 
@@ -38,7 +42,14 @@ class SessionFunctions:
 
     def _print(self, *values: Any) -> Any:
         """Prints the values with blanks between them and gives the last one."""
-        print(*(visible(str(fresh(value))) for value in values))
+        text = " ".join(visible(str(fresh(value))) for value in values)
+        if self.limits.max_output is not None and self.begun:
+            run = self.begun[0]
+            run.printed += len(text) + 1
+            if run.printed > self.limits.max_output:
+                message = f"the script printed more than max_output={self.limits.max_output} characters"
+                raise ExecutionError("X015", message, hints=("print less, or raise max_output",))
+        print(text)
         return values[-1] if values else None
 
     def _help(self, name: Any = None) -> str:
@@ -75,7 +86,7 @@ class SessionFunctions:
     def _var(self, name: str | None = None) -> Any:
         """All script variables as a dict, or the value of one."""
         if name is None:
-            Sizes(self.most).checked(self.names.values)
+            Sizes(self.limits.max_size).checked(self.names.values)
             return self.names.copies()
         variables = self.names.values
         if type(name) is not str or name not in variables:

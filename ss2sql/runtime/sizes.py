@@ -18,6 +18,7 @@ from typing import Any
 from ss2sql.errors import ExecutionError
 from ss2sql.runtime import library, operators
 from ss2sql.runtime.messages import DEPTH_LIMIT, too_deep
+from ss2sql.runtime.rows import too_many
 
 MOST = 10**9  # what SQLite allows a text at most
 LEAST = 2**18  # the length of a script, so of the texts in it
@@ -190,8 +191,7 @@ class Sizes:
         """The error for a query whose rows are more than that."""
         if self.rows is None or self.cells < self.rows:
             return self.too_large("the result of a query")
-        hints = ("add LIMIT or MAXIMUM to the query, or raise max_rows",)
-        return ExecutionError("X010", f"the query has more than max_rows={self.rows} results", hints=hints)
+        return too_many(self.rows)
 
     def too_large(self, what: str) -> ExecutionError:
         """The error for a value beyond the limit."""

@@ -132,7 +132,7 @@ class Shell:
 SPELLINGS = (
     (re.compile(r"^register it with session\.function; help\(\)"), "load it with .load FILE.py; .functions"),
     (re.compile(r"^raise timeout="), "give more time with .timeout SECONDS"),
-    (re.compile(r"raise max_(rows|size|memory)$"), r"start the shell with a larger --max-\1"),
+    (re.compile(r"raise max_(rows|size|memory|steps|output)$"), r"start the shell with a larger --max-\1"),
     (re.compile(r"max_rows, max_size and max_memory do so$"), "--max-rows, --max-size and --max-memory do so"),
     (re.compile(r"engine='(\w+)'"), r".engine \1"),
     (re.compile(r"from Python: run\(script, (\w+)=\.\.\.\)"), r"with .set \1 VALUE"),

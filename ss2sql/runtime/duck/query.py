@@ -11,7 +11,6 @@ from ss2sql.errors import Error, ExecutionError, UnsupportedError
 from ss2sql.kinds import Kind
 from ss2sql.lowering.dialects import DUCKDB
 from ss2sql.lowering.portable.here import LIMIT, Loaded, Outside, WrittenHere, write_here
-from ss2sql.runtime.database import within
 from ss2sql.runtime.duck.exact import give
 from ss2sql.runtime.duck.loading import as_arrow, columns_of
 from ss2sql.runtime.duck.tables import DuckFrame, DuckSources, Reading
@@ -19,7 +18,7 @@ from ss2sql.runtime.levels.watch import watched
 from ss2sql.runtime.native.compiled import compile_statement
 from ss2sql.runtime.native.options import whole
 from ss2sql.runtime.result import Sql
-from ss2sql.runtime.rows import Row, Rows
+from ss2sql.runtime.rows import Row, Rows, within
 from ss2sql.runtime.run import Run
 from ss2sql.runtime.sizes import CELL
 from ss2sql.walk import walk

@@ -8,9 +8,9 @@ from itertools import islice
 from typing import Any
 
 from ss2sql import plan
-from ss2sql.errors import Error, ExecutionError
+from ss2sql.errors import Error
 from ss2sql.runtime.memorize.hunt import Find
-from ss2sql.runtime.rows import Row, Rows
+from ss2sql.runtime.rows import Row, Rows, too_many
 from ss2sql.runtime.values import freeze, places_in_order
 
 
@@ -101,7 +101,7 @@ class Ending:
 
     def _room(self, number: int) -> None:
         if self.most is not None and number > self.most:
-            raise too_many(self.query, self.most)
+            raise too_many(self.most, self.query.span)
 
     # --- groups ----------------------------------------------------------------------------------------
 
@@ -172,9 +172,3 @@ def _shown(value: Any) -> Any:
     if isinstance(value, (list, tuple)):
         return tuple(map(_shown, value))
     return _shown(list(map(list, value.items()))) if isinstance(value, dict) else value
-
-
-def too_many(query: plan.Query, most: int) -> ExecutionError:
-    """The error for more results than the run allows."""
-    hints = ("add LIMIT or MAXIMUM to the query, or raise max_rows",)
-    return ExecutionError("X010", f"the query has more than max_rows={most} results", query.span, hints)

@@ -65,10 +65,10 @@ turns = iter(block) if len(block) <= {SHORT} else Parts(block, run)
 """
 
 COUNTED = """
-generated += len(block) if together else 1
 if generated >= due:
     due = meter(generated, expanded, pruned, reached)
     generated = expanded = pruned = 0
+generated += len(block) if together else 1
 """
 
 PLACE = "(way, row, key, 1 if way is None else way[3] + 1)"
@@ -246,8 +246,8 @@ class LoopCode:
                 nobody = self.pen.compare(self.pen.name("choose"), ast.Is(), self.pen.constant(None))
                 items = self.pen.either(nobody, items, self.pen.call("choose", items, self.pen.name("came")))
             code.append(self.pen.assign("block", items))
-            self._block(_parsed(TURNS), code, self.inside)
             self._count(code)
+            self._block(_parsed(TURNS), code, self.inside)
             self._block(body, self._turns(code).body, self.inside)
         else:
             inside = self.step.inner.blocks[-1]

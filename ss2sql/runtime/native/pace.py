@@ -92,7 +92,7 @@ class Parts:
 
     def __init__(self, items: Sequence[Any], run: Run) -> None:
         self._items = items
-        self._check = run.check
+        self._run = run
         self._begun = 0
         self._part: Iterator[Any] = iter(())
 
@@ -101,7 +101,8 @@ class Parts:
 
     def _parts(self) -> Iterator[Iterator[Any]]:
         for start in range(0, len(self._items), SHORT):
-            self._check()
+            self._run.check()
+            self._run.check_steps(start)
             part = self._items[start : start + SHORT]
             self._begun, self._part = start + len(part), iter(part)
             yield self._part

@@ -12,10 +12,10 @@ from typing import Any
 from ss2sql import plan
 from ss2sql.runtime.memorize.hunt import Found, Hunt
 from ss2sql.runtime.memorize.pieces import Pieces
-from ss2sql.runtime.native.endings import Ending, Form, too_many
+from ss2sql.runtime.native.endings import Ending, Form
 from ss2sql.runtime.native.options import least_of
 from ss2sql.runtime.native.searches import SEARCHES
-from ss2sql.runtime.rows import Row, Rows
+from ss2sql.runtime.rows import Row, Rows, too_many
 from ss2sql.runtime.run import Run
 
 
@@ -141,7 +141,7 @@ class Task:
             found, most = islice(found, limit), None
         results.extend(found if most is None else islice(found, most + 1))
         if most is not None and len(results) > most:
-            raise too_many(self.form.query, most)
+            raise too_many(most, self.form.query.span)
 
 
 def _none_found() -> Generator[Any, None, None]:
