@@ -253,12 +253,19 @@ class Sources:
             case _:
                 return frozenset((column_name(self.ref, column, Frame(None)),))
 
-    def with_sources(self, node: Any) -> Any:
-        """The same with the names of sources before `this` and columns, so that equal texts mean the same."""
+    def with_sources(self, node: Any, own: Own) -> Any:
+        """The same with the names of sources before `this` and columns, so that equal texts mean the same.
+
+        `own` is what belongs to this query where the node stands: inside of another one `this` does not.
+        """
         first = source_name(self.query.sources[0])
         match node:
             case ast.This(source=None) | ast.Attribute(source=None):
-                return replace(node, source=first)
+                return replace(node, source=first) if own.this else node
+            case ast.This(source=name) | ast.Attribute(source=name) if name not in own.sources:
+                return replace(node, source=f"another {name}")
+            case ast.Name(name=name) if own.elsewhere(name):
+                return node
             case ast.Name(name=name):
                 pairs = zip(map(source_name, self.query.sources), self.once, strict=True)
                 having = [source for source, bounds in pairs if any(name in bound.columns for bound in bounds or ())]
@@ -267,10 +274,10 @@ class Sources:
             case ast.Query():
                 return node
             case tuple():
-                return tuple(map(self.with_sources, node))
+                return tuple(self.with_sources(item, own) for item in node)
             case _ if is_dataclass(node) and not isinstance(node, type):
-                changed = {part.name: self.with_sources(getattr(node, part.name)) for part in fields(node) if part.repr}
-                return replace(node, **changed)
+                shown = [part.name for part in fields(node) if part.repr]
+                return replace(node, **{name: self.with_sources(getattr(node, name), own) for name in shown})
             case _:
                 return node
 
@@ -285,19 +292,22 @@ class Sources:
 
         def applied(node: Any) -> Any:
             """A function's name that stands alone means its call."""
-            meant = self.with_sources(node)  # no name any more, if it is a column
+            meant = self.with_sources(node, own)  # no name any more, if it is a column
             if not isinstance(meant, ast.Name) or own.elsewhere(meant.name) or meant.name in self.state:
                 return node
             is_call = meant.name in self.ref.functions or meant.name in BUILTINS
             this = ast.This(None, span=meant.span)
             return ast.Call(meant.name, (this,), span=meant.span) if is_call else node
 
-        keys = {repr(self.with_sources(form)) for key in query.group for form in (key, applied(key))}
+        keys = {repr(self.with_sources(form, own)) for key in query.group for form in (key, applied(key))}
 
-        def free(node: Any) -> bool:
-            return groups.is_aggregate(self.ref, node) or repr(self.with_sources(node)) in keys
+        def free(node: Any, here: Own) -> bool:
+            return groups.is_aggregate(self.ref, node) or repr(self.with_sources(node, here)) in keys
 
-        return not mentions(tuple(map(applied, query.columns)), replace(own, free=free))
+        mixed = mentions(tuple(map(applied, query.columns)), replace(own, free=free))
+        if mixed and any(call.star or len(call.arguments) == 1 for call in groups.calls_in(self.ref, query.columns)):
+            raise Failure("R008", "an aggregate beside a value of single rows")
+        return not mixed
 
 
 # Order and limits

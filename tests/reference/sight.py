@@ -144,7 +144,7 @@ class Own:
     elsewhere: Callable[[str], bool]  # whether a bare name means something outside of the query
     late: Callable[[str], LateList | None]
     columns: Callable[[ast.Expr], frozenset[str]]  # those of what stands in FROM, as far as they are known
-    free: Callable[[Any], bool] = lambda node: False  # parts that do not count
+    free: Callable[[Any, Own], bool] = lambda node, own: False  # parts that do not count where they stand
 
 
 def mentions(node: Any, own: Own) -> bool:
@@ -152,7 +152,7 @@ def mentions(node: Any, own: Own) -> bool:
 
     A bare name counts unless it is known to mean something elsewhere; `eval` always counts.
     """
-    if own.free(node):
+    if own.free(node, own):
         return False
     match node:
         case ast.This(source=None) | ast.Attribute(source=None):
