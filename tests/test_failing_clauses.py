@@ -35,6 +35,12 @@ QUERIES = {
     "groups": "SELECT sum({0}), max({1}) FROM [7, 8, 9] WHERE {2} > -5 GROUP BY {3} AS rows",
     "having": "SELECT max({0}) FROM [7, 8, 9] GROUP BY {1} HAVING max({2}) > 0 ORDER BY min({3}) AS rows",
     "keys": "SELECT {0}, count(*) FROM [7, 8, 9] GROUP BY {0}, {1} HAVING min({2}) > 0 ORDER BY sum({3}) AS rows",
+    "having of a key": "SELECT count(*) FROM [7, 8, 9] WHERE {0} > -5 GROUP BY this % 2, {1} HAVING this % 2 > 1 "
+    "ORDER BY max({2}) LIMIT 2 AS rows",
+    "having of keys": "SELECT {0}, count(*) FROM [7, 8, 9] GROUP BY {0}, this, {1} "
+    "HAVING this > 8 AND {0} > 0 OR 1 > 2 ORDER BY {1} DESC, max({2}) AS rows",
+    "having of two": "SELECT count(*) FROM a = [7, 8, 9], b = [1, {0.a}] GROUP BY {1.a}, {2.a}, b.this "
+    "HAVING b.this > 1 AS rows",
     "partitions": "SELECT {0.a}, b.this FROM a = [7, 8, 9], b = [1, 2] WHERE {1.a} > -5 GROUP BY {2.a} "
     "ORDER BY {3.a} AS rows",
     "two sources": "SELECT {0.a} FROM a = [7, 8, 9], b = [1, {1.a}] WHERE {2.a} > b.this - 5 ORDER BY {3.a} AS rows",

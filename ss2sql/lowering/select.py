@@ -124,7 +124,7 @@ class Selects:
         outputs += [
             sql.alias(self.expressions.lower(key, flat.env), f"key_{index}") for index, key in enumerate(query.group, 1)
         ]
-        fails = any(map(can_fail, (*_before_groups(query), *query.group, *arguments)))
+        fails = any(map(can_fail, (*_before_groups(query), *arguments)))
         if fails:
             self._walk_in_order(flat)
         inner = sql.derived(self._positioned(flat, outputs, where, fails), label)
@@ -305,7 +305,7 @@ def _all_sources(query: plan.Query) -> list[plan.Source]:
 
 def _before_groups(query: plan.Query) -> tuple[object, ...]:
     """What is evaluated of a row before it is put into its group."""
-    return (*query.sources, *(() if query.where is None else (query.where,)))
+    return (*query.sources, *(() if query.where is None else (query.where,)), *query.group)
 
 
 def _of_a_group(node: Any) -> Any:
