@@ -63,7 +63,7 @@ MUTANTS = 300
 SECONDS = 20.0
 """What the tests of one mutant take together without it; cheap tests of every file come first."""
 
-PATIENCE = 10
+PATIENCE = 30
 """How many times as long those are tried that live."""
 
 MEMORY = 4 << 30
