@@ -21,6 +21,7 @@ from ss2sql.race.jury import Finished, Jury
 from ss2sql.race.lineup import Strategy, lineup
 from ss2sql.race.named import unnamed, whims
 from ss2sql.race.promises import Answer, compared, compared_rows
+from ss2sql.runtime import executing, run
 
 QUICK = Rules(repeat=1)
 
@@ -292,6 +293,27 @@ def test_a_reference_that_did_not_finish_gives_way() -> None:
     assert heat.reference == "NO CYCLE"
     assert [cell.paths for cell in heat.cells] == [None, 4, 2]
     assert heat.cells[2].answer == "2 of the 4, one for each row"
+
+
+@pytest.mark.parametrize(
+    ("limits", "missing"),
+    [({"max_steps": 100}, "over 100 steps, "), ({"max_memory": 10**6}, "out of memory")],
+    ids=["steps", "memory"],
+)
+def test_what_comes_up_against_a_limit_of_the_session_is_out_of_the_race(
+    monkeypatch: pytest.MonkeyPatch, limits: dict[str, int], missing: str
+) -> None:
+    script = "SELECT n FROM [1, 2] START WITH n = 0 CONNECT BY n = n + this STOP WITH n >= 12;"
+    monkeypatch.setattr(run, "LOOK_EVERY", 0.0)
+    with ss2sql.connect(**limits) as ss:  # type: ignore[arg-type]
+        if "max_memory" in limits:  # each look finds a megabyte more
+            looks = iter(range(10**9))
+            for module in (run, executing):
+                monkeypatch.setattr(module, "memory_in_use", lambda: next(looks) * 2**20)
+        (heat,) = raced(ss, script, Rules(engines=("native",), strategies=("DEPTH FIRST", "UNIQUE"), repeat=1))
+    assert (heat.cells[0].missing or "").startswith(missing)
+    if "max_steps" in limits:
+        assert [cell.paths for cell in heat.cells] == [None, 12]
 
 
 def test_random_programs_keep_their_promises() -> None:

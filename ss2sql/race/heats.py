@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from ss2sql import plan
-from ss2sql.errors import Cancelled, Error, SessionError, Source, Timeout, UnsupportedError
+from ss2sql.errors import Cancelled, Error, OutOfSteps, SessionError, Source, Stopped, Timeout, UnsupportedError
 from ss2sql.frontend import ast
 from ss2sql.frontend.parser import parse
 from ss2sql.frontend.resolve import resolve
@@ -106,13 +106,13 @@ class Heat:
             result = timed(self.session, query, self.rules, cell)
         except UnsupportedError as error:
             cell.missing = error.message.rstrip(".")
-        except Timeout as stopped:
-            cell.seconds.clear()
-            paths = found_paths(stopped.partial) if stopped.partial is not None else None
-            cell.missing = f"over {self.rules.timeout:g} s" + (f", {len(paths):,} paths by then" if paths else "")
         except Cancelled:
             cell.missing = "cancelled"
             raise
+        except Stopped as stopped:
+            cell.seconds.clear()
+            paths = found_paths(stopped.partial) if stopped.partial is not None else None
+            cell.missing = self._bound(stopped) + (f", {len(paths):,} paths by then" if paths else "")
         except Exception as error:
             if jury.reference is None and cell.strategy == self.cells[0].strategy:
                 raise
@@ -124,6 +124,14 @@ class Heat:
             cell.paths, cell.rows = None if paths is None else len(paths), len(result)
             return Finished(strategy, cell, _query(query.plan.statements[0].expr), result)
         return None
+
+    def _bound(self, stopped: Stopped) -> str:
+        """What a run has come up against."""
+        if isinstance(stopped, Timeout):
+            return f"over {self.rules.timeout:g} s"
+        if isinstance(stopped, OutOfSteps):
+            return f"over {self.session.host.limits.max_steps:,} steps"
+        return "out of memory"
 
     def _variant(self, strategy: Strategy) -> ast.Expr:
         """The statement with the options of a strategy."""
