@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from ss2sql.editor.lexer import SelectScriptLexer
+from ss2sql.editor.sql import BoundSqlLexer
 from ss2sql.shell.colors import TranscriptLexer
 
 project = "ss2sql"
@@ -32,3 +33,4 @@ autodoc_typehints_format = "short"
 def setup(app: Any) -> None:
     app.add_lexer("selectscript", SelectScriptLexer)
     app.add_lexer("ss2sql", TranscriptLexer)
+    app.add_lexer("sql", BoundSqlLexer)

@@ -16,6 +16,7 @@ from pygments.token import Comment, Error, Keyword, Name, Operator, Punctuation,
 from ss2sql.editor import textmate
 from ss2sql.editor.keywords import CONSTANTS, TEXTS, keywords, words
 from ss2sql.editor.lexer import SelectScriptLexer
+from ss2sql.editor.sql import BoundSqlLexer
 from ss2sql.errors import ParseError, Source
 from ss2sql.frontend import ast, text
 from ss2sql.frontend.parser import read
@@ -186,3 +187,18 @@ def test_the_textmate_grammar_sees_the_same_words(case: Case):
             assert token.text.upper() in CONTEXTUAL or name.startswith(("variable", "entity", "support", "string")), (
                 token
             )
+
+
+@pytest.mark.parametrize(
+    ("sql", "named"),
+    [
+        ("SELECT kind FROM sales WHERE price > $least AND day < CAST($day AS BIGINT)", ["$least", "$day"]),
+        ("SELECT x.this FROM elements(:xs) AS x WHERE x.this != :p1 /* [':no', '$no'] */", [":xs", ":p1"]),
+        ("SELECT '$no', \":no\", place FROM \"steps\"", []),
+    ],
+)
+def test_parameters_of_sql_have_a_color(sql: str, named: list[str]):
+    tokens = list(BoundSqlLexer().get_tokens(sql))
+    assert "".join(text for _, text in tokens) == sql + "\n"
+    assert [text for kind, text in tokens if kind is Error] == []
+    assert [text for kind, text in tokens if kind is Name.Variable] == named

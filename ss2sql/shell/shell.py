@@ -122,9 +122,10 @@ class Shell:
         if wants_color(sys.stdout):
             from pygments import highlight
             from pygments.formatters import TerminalFormatter
-            from pygments.lexers import SqlLexer
 
-            text = highlight(text, SqlLexer(), TerminalFormatter()).rstrip("\n")
+            from ss2sql.editor.sql import BoundSqlLexer
+
+            text = highlight(text, BoundSqlLexer(), TerminalFormatter()).rstrip("\n")
         click.echo(text)
 
 
