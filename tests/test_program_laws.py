@@ -7,11 +7,13 @@ from __future__ import annotations
 
 import os
 from collections import Counter
+from contextlib import redirect_stdout
+from io import StringIO
 from random import Random
 from typing import Any
 
 import pytest
-from agreement import Outcome, executor_outcome, session_for
+from agreement import Outcome, exact, executor_outcome, session_for
 from hypothesis import given, seed
 from hypothesis import strategies as st
 from programs import ProgramCase, programs
@@ -19,6 +21,8 @@ from programs.drawn import drawn
 from programs.renaming import CASES, RenamedCase, renamed
 from programs.shuffling import product, shuffled
 from sessions import ENGINES
+
+import ss2sql
 
 COUNT = int(os.environ.get("SS2SQL_PROGRAMS", "1000")) // 25
 SEED = int(os.environ.get("SS2SQL_SEED", "2015"))
@@ -136,6 +140,37 @@ def rows_of(case: ProgramCase, engine: str) -> list[Any]:
     """The rows of a program that does not fail."""
     with session_for(case) as ss:
         return list(ss.run(case.script, engine=engine).value)  # type: ignore[arg-type]
+
+
+def test_as_many_steps_as_a_program_takes_are_enough_and_one_fewer_are_not() -> None:
+    tried: Counter[str] = Counter()
+
+    @seed(SEED)
+    @many
+    @given(programs())
+    def run(case: ProgramCase) -> None:
+        for engine in ENGINES:
+            expected, steps = steps_of(case, engine)
+            if steps:
+                assert steps_of(case, engine, max_steps=steps) == (expected, steps)
+                assert steps_of(case, engine, max_steps=steps - 1)[0].error == "T004"
+                tried[engine] += 1
+
+    run()
+    assert tried["native"] > COUNT / 4
+    assert tried["database"] > COUNT / 8
+
+
+def steps_of(case: ProgramCase, engine: str, **limits: int) -> tuple[Outcome, int]:
+    """What a program comes to, and the steps of its searches; none where it fails or is refused."""
+    with session_for(case, **limits) as ss, redirect_stdout(StringIO()):
+        try:
+            result = ss.run(case.script, engine=engine)  # type: ignore[arg-type]
+        except ss2sql.Error as error:
+            return Outcome(error=error.code), 0
+        except Exception as error:
+            return Outcome(error=type(error).__name__), 0
+        return Outcome(exact(result.value)), result.stats.generated
 
 
 @pytest.mark.parametrize(
