@@ -197,7 +197,7 @@ class Database:
             if run.progress is not None:
                 run.progress.look(self.current.outermost, self.search)
             run.check()
-            if self.current.query is not None and self.current.query.search is not None:
+            if run.steps_left is not None and self.current.query is not None and self.current.query.search is not None:
                 run.check_steps(self.search.tried(self.current.book, self.current.results()))
         elif self.begun:
             self.begun[-1].check()
