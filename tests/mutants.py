@@ -181,7 +181,7 @@ class Mutating:
     ) -> tuple[str, str, int]:
         """What becomes of a mutant, the test that kills it, and the number of tests that were tried.
 
-        One that lives is tried with many more tests: 13 of 15 that lived on a loaded machine did not then.
+        One that lives is tried with many more tests: 12 of 15 that had lived on a loaded machine did not.
         """
         tried: dict[str, None] = {}
         verdict, killer = LIVED, ""

@@ -57,7 +57,19 @@ class Replay:
                 found += [] if step is None else [step]
         return found
 
+    def _leaves_no_trace(self, frame: Frame) -> bool:
+        """Whether the step stops and is no goal: SELECT is not asked of it, and it is on no path."""
+        where, stop = self.query.where, self.query.stop
+        if stop is None:
+            return False
+        with suppress(Exception):
+            stops = bool(self.reference.evaluate(stop, frame))
+            return stops and not (where is not None and self.reference.evaluate(where, frame))
+        return False
+
     def _step(self, frame: Frame, row: tuple[Any, ...]) -> Step | None:
+        if self._leaves_no_trace(frame):
+            return None
         made = queries.select(self.reference, self.query, frame)
         if [value for _, value in made] != list(row):
             return None

@@ -57,7 +57,7 @@ def attended(host: SessionHost, work: Callable[[Run], T]) -> T:
     """
     run: Run | None = None
     try:
-        run = Run(host, Stats(), sizes=Sizes(host.max_size))
+        run = Run(host, Stats(), sizes=Sizes(host.limits.max_size))
         with under_way(run), host.turns:
             host.begun.append(run)
             try:

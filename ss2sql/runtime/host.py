@@ -79,7 +79,6 @@ class SessionHost:
     ) -> None:
         self.connection = connection
         self.limits = limits
-        self.max_size = limits.max_size
         self.turns = Turns(self._release, in_file=file is not None)
         self.disabled = disabled
         self.memo_limit = 0 if "memo" in disabled else MEMO_LIMIT
@@ -342,7 +341,7 @@ class SessionHost:
 
     def temporal(self, name: str, when: Any) -> Any:
         value = self.names.temporal(name, when)
-        Sizes(self.max_size).checked(value)
+        Sizes(self.limits.max_size).checked(value)
         return value
 
     def store_temporal(self, name: str, keep: Any, value: Any) -> None:

@@ -37,7 +37,6 @@ VARIABLES: dict[str, tuple[str, Callable[[Choices], Any]]] = {
     "word": ("str", lambda c: c.pick(("ab", "", "c"))),
 }
 ROW_KINDS = {"k": "str", "v": "maybe", "l": "list"}
-OWN_THIS = re.compile(r"(?<![.\w])this\b")  # inside of another query it is that of the other
 COLUMN_KINDS = {"p": "int", "q": "str"}
 TABLE_KINDS = {"id": "int", "label": "str", "weight": "any"}
 
@@ -375,7 +374,7 @@ class Flat(Expressions):
         shown.append(choices.pick((self.aggregate(sight), f"(1 + {self.aggregate(sight)})", f"[{keys[0]}, count(*)]")))
         if choices.chance(10):
             shown.append("1 / (count(*) - 1)")
-        if choices.chance(15) and "." in keys[0] and not OWN_THIS.search(keys[0]):
+        if choices.chance(15) and "." in keys[0]:
             self.variable("xs")
             shown.append(f"(SELECT [d.this, {keys[0]}] FROM d = xs WHERE d.this != {keys[0]} AS list)")
         if choices.chance(15):  # groups in a group, with an aggregate that looks like that around

@@ -85,7 +85,7 @@ def packed(hunt: Hunt, trial: Trial) -> bytes:
         tables = {node.id: host.table_rows(node) for node in walk(query) if isinstance(node, plan.TableSource)}
         forms = {node.representation.name for node in walk(query) if isinstance(node, plan.Query) and node is not query}
         shapes = {name: host.shapes.functions[name] for name in forms & host.shapes.functions.keys()}
-        rest = host.max_size, host.memo_limit, trial.over(None)
+        rest = host.limits.max_size, host.memo_limit, trial.over(None)
         parcel = Parcel(query, sent, variables, frames, tables, shapes, *rest)
         return _pickled(parcel, sent.values())
 
