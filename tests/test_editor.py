@@ -194,7 +194,7 @@ def test_the_textmate_grammar_sees_the_same_words(case: Case):
     [
         ("SELECT kind FROM sales WHERE price > $least AND day < CAST($day AS BIGINT)", ["$least", "$day"]),
         ("SELECT x.this FROM elements(:xs) AS x WHERE x.this != :p1 /* [':no', '$no'] */", [":xs", ":p1"]),
-        ("SELECT '$no', \":no\", place FROM \"steps\"", []),
+        ('SELECT \'$no\', ":no", place FROM "steps"', []),
     ],
 )
 def test_parameters_of_sql_have_a_color(sql: str, named: list[str]):

@@ -14,7 +14,7 @@ from itertools import islice
 from random import Random
 
 import pytest
-from agreement import Outcome, session_for
+from agreement import Outcome, is_spared, session_for
 from hypothesis import given, seed
 from mutated_scripts import ALONE, LONGEST, Limited, engine_outcomes, is_no_program, mutated, reference_outcome
 from programs import ProgramCase, programs
@@ -62,12 +62,6 @@ def mixed(part: int) -> Iterator[ProgramCase]:
         cases = dice.sample(pool(part), TOGETHER)
         for script in islice(mutated([case.script for case in cases], OMITTED, dice), OF_EACH):
             yield together(cases, script)
-
-
-def is_spared(case: ProgramCase) -> bool:
-    """Whether a search asks nothing of steps that lead to no goal, so that nothing fails there."""
-    with session_for(case) as ss:
-        return "searched from both ends" in ss.compile(case.script).explain()
 
 
 def outcomes(case: ProgramCase) -> list[Outcome]:

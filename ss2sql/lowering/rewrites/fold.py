@@ -4,7 +4,8 @@
 
 A call of a built-in function is computed if that does not fail; one that fails stays and fails when the query
 runs. Functions of the user are not run. In AND, OR and IF a constant decides or goes away; what stood to its
-left and may fail stays, what would not have been evaluated goes.
+left and may fail stays, what would not have been evaluated goes. Aggregates are: they are fed before anything is asked
+of their group, so those that may fail hold the constant.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from ss2sql.lowering.expressions import can_fail
 from ss2sql.lowering.rewrites.nodes import as_bool, bottom_up, constant, is_true
 from ss2sql.lowering.rewrites.world import MOST_ELEMENTS, World, is_plain
 from ss2sql.runtime.builtins import BUILTINS
+from ss2sql.walk import walk_own
 
 
 def rewrite(query: plan.Query, world: World) -> plan.Query:
@@ -38,7 +40,8 @@ def folded(node: Any) -> Any:
         case plan.Not(operand=plan.Constant() as known):
             return constant(not is_true(known), node.span)
         case plan.If(condition=plan.Constant() as known):
-            return _branch(node, node.then if is_true(known) else node.otherwise)
+            taken, other = (node.then, node.otherwise) if is_true(known) else (node.otherwise, node.then)
+            return node if _feeds_what_fails(other) else _branch(node, taken)
         case plan.MakeList(items=items) if all(isinstance(item, plan.Constant) for item in items):
             return _small([item.value for item in items if isinstance(item, plan.Constant)], node)
         case plan.Query():
@@ -90,10 +93,12 @@ def _connected(node: plan.And | plan.Or) -> plan.Expr:
     deciding = isinstance(node, plan.Or)
     parts: list[plan.Expr] = []
     decided = False
-    for part in node.parts:
+    for index, part in enumerate(node.parts):
         if not isinstance(part, plan.Constant):
             parts.append(part)
         elif is_true(part) is deciding:
+            if _feeds_what_fails(node.parts[index + 1 :]):
+                return node
             decided = True
             break
     if decided or not parts:
@@ -103,6 +108,12 @@ def _connected(node: plan.And | plan.Or) -> plan.Expr:
     if len(parts) == 1:
         return as_bool(parts[0])
     return node if len(parts) == len(node.parts) else replace(node, parts=tuple(parts))
+
+
+def _feeds_what_fails(parts: tuple[plan.Expr, ...]) -> bool:
+    """Whether an aggregate in what is not evaluated is fed what can fail, before that is known."""
+    nodes = (node for part in parts for node in walk_own(part))
+    return any(isinstance(node, plan.Aggregate) and can_fail(node) for node in nodes)
 
 
 def _exclusive(node: plan.Xor, left: plan.Expr, right: plan.Expr) -> plan.Expr:
