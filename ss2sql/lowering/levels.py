@@ -19,6 +19,19 @@ from ss2sql.walk import is_volatile, sources_inside, sources_read, walk
 MOST_HOISTED = 24
 
 
+def has_elements(source: plan.Source) -> bool:
+    """Whether a source is known to have elements."""
+    match source:
+        case plan.ValueSource(value=plan.Constant(value=value)):
+            return bool(value != [])
+        case plan.ValueSource(value=plan.MakeList(items=items)):
+            return bool(items)
+        case plan.ValueSource(value=value):
+            return not value.type.may(Kind.LIST | Kind.DICT | Kind.OBJECT)
+        case _:
+            return False
+
+
 @dataclass(frozen=True, slots=True)
 class Condition:
     """A part of WHERE with its level. A `free` one may be asked at any time from then on."""
@@ -38,7 +51,7 @@ class Hoisted:
 
 @dataclass(slots=True)
 class Levels:
-    """The levels of one query.
+    """The levels of one query, which `asks` if something that may fail is read before its first source.
 
     `silent_from` is the level from which on nobody can notice whether a source is read; `certain_from` that
     from which on all sources are known to have elements, if those in `guarded` turn out to have some.
@@ -47,6 +60,7 @@ class Levels:
     query: plan.Query
     early: bool
     hoist: bool
+    asks: bool
     number: dict[int, int] = field(init=False)
     silent_from: int = field(init=False)
     certain_from: int = field(init=False)
@@ -55,12 +69,12 @@ class Levels:
     def __post_init__(self) -> None:
         sources = self.query.sources
         self.number = {source.id: position for position, source in enumerate(sources, 1)}
-        self.silent_from = self.certain_from = 0
+        self.silent_from, self.certain_from = int(self.asks), 0
         guarded: list[plan.Source] = []
         for position, source in enumerate(sources, 1):
             if self._is_loud(source, position):
                 self.silent_from = position
-            if self._has_elements(source):
+            if has_elements(source):
                 continue
             if self._may_be_guarded(source):
                 guarded.append(source)
@@ -87,17 +101,6 @@ class Levels:
         values = [value for value in self._values(source) if can_fail(value)]
         lateral = isinstance(source, plan.ValueSource | plan.QuerySource) and source.lateral
         return any(position == 1 or lateral or bool(sources_read(value) - sources_inside(value)) for value in values)
-
-    def _has_elements(self, source: plan.Source) -> bool:
-        match source:
-            case plan.ValueSource(value=plan.Constant(value=value)):
-                return bool(value != [])
-            case plan.ValueSource(value=plan.MakeList(items=items)):
-                return bool(items)
-            case plan.ValueSource(value=value):
-                return not value.type.may(Kind.LIST | Kind.DICT | Kind.OBJECT)
-            case _:
-                return False
 
     def _may_be_guarded(self, source: plan.Source) -> bool:
         """Whether it can be asked beforehand if the source has elements."""

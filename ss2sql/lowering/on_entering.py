@@ -21,6 +21,7 @@ from ss2sql import plan
 from ss2sql.lowering import sql
 from ss2sql.lowering.entering_step import EnteringStep, certain, fallible, lies_within
 from ss2sql.lowering.expressions import Env, can_fail, is_flag
+from ss2sql.lowering.levels import has_elements
 from ss2sql.lowering.lookup import lookups, without
 from ss2sql.lowering.parameters import Bookkeeping, Counts
 from ss2sql.lowering.search import SearchLowering, element_reads
@@ -229,16 +230,33 @@ class OnEntering(SearchLowering):
 
     def steps(self, env: Env, first: bool) -> exp.Select:
         """The steps from the START WITH state, or those from a step that goes on."""
-        sources, conditions, env, witness = self.open(env)
+        sources, conditions, env, witnesses = self.open(env)
         items: list[Node] = [] if first else [sql.table(self.table, self.table)]
         step = EnteringStep(self, env, first)
         conditions += step.lookups()
         sources = self.arranged(sources, conditions)
-        fails = any(map(can_fail, self.query.sources))
-        entering = [_asked_of_all(node, witness, fails) for node in step.enters()]
+        entering = [self._in_turn(node, witnesses) for node in step.enters()]
         where = [*([] if first else self.parent_goes_on()), *conditions, *entering]
         outputs = step.outputs(self.positions_of(sources, conditions))
         return sql.select(outputs, items + sources, sql.conjunction(where))
+
+    def _in_turn(self, node: Node, witnesses: list[Node]) -> Node:
+        """A condition on entering that SQLite must not ask before the sources are read, of which these are columns.
+
+        SQLite asks a condition as soon as all columns are known that it mentions. Its answer may change from step to
+        step; a source that fails would not be read behind a condition that does not hold; and where the order of
+        evaluation shows, nothing is asked for the sake of elements that a later source turns out not to have.
+        """
+        sources = self.query.sources
+        if any(map(can_fail, sources)) or any(call.name in _CHANGING for call in node.find_all(exp.Anonymous)):
+            last = len(sources)
+        else:
+            unsure = (number for number, source in enumerate(sources, 1) if not has_elements(source))
+            last = max(unsure, default=0) if self.strict else 0
+        known = {_table_of(witness) for witness in witnesses[last - 1 :]}
+        if last == 0 or any(column.table in known for column in node.find_all(exp.Column)):
+            return node
+        return sql.call("in_turn", witnesses[last - 1].copy(), node)
 
     def parent_goes_on(self) -> list[Node]:
         """What is asked of the step that was taken, before its children are made."""
@@ -316,18 +334,8 @@ def _user_calls(clause: object) -> list[plan.Call]:
     return [node for node in walk(clause) if isinstance(node, plan.Call) and not node.function.builtin]
 
 
-def _asked_of_all(node: Node, witness: Node, fails: bool) -> Node:
-    """A condition that SQLite must not ask before the last source is read.
-
-    SQLite asks a condition as soon as all columns are known that it mentions. Its answer may change from step to step,
-    and where a source `fails` it would not be read behind a condition that does not hold.
-    """
-    table = witness.find(exp.Column).table  # type: ignore[union-attr]
-    if not fails and not any(call.name in _CHANGING for call in node.find_all(exp.Anonymous)):
-        return node
-    if any(column.table == table for column in node.find_all(exp.Column)):
-        return node
-    return sql.call("in_turn", witness.copy(), node)
+def _table_of(witness: Node) -> str:
+    return witness.find(exp.Column).table  # type: ignore[union-attr]
 
 
 _CHANGING = frozenset({"go_on", "reached", "improves"})

@@ -184,8 +184,10 @@ class Product:
             node = sql.case([(exp.Not(this=sql.operand(part)), sql.number(0)) for part in before], node)
         if level == self._guarded_from:
             node = sql.case([(exp.Not(this=guard), sql.number(0)) for guard in self._guards(level)], node)
-        # What can fail calls a function, so that SQLite never asks it before the first source is read.
-        return self._not_before(level, max(1, *map(self.levels.of, group)), node)
+        # What can fail calls a function, so that SQLite never asks it before the first source is read. Only the other
+        # side of `column = ...` it evaluates before a derived table, to look that up in an index that it makes.
+        indexed = isinstance(self.opened[level - 1].items[-1], exp.Subquery) and isinstance(node, exp.EQ)
+        return self._not_before(level, 0 if indexed else max(1, *map(self.levels.of, group)), node)
 
     def _not_before(self, level: int, known: int, node: Node) -> Node:
         """A condition that is not asked before the source at its level is read."""

@@ -174,11 +174,16 @@ class SearchLowering(ABC):
 
     # --- sources ---------------------------------------------------------------------------------------
 
-    def open(self, env: Env) -> tuple[list[Node], list[Node], Env, Node]:
-        """The items of FROM for the children of a state, their conditions, the sight on them, a column of the last."""
+    def open(self, env: Env) -> tuple[list[Node], list[Node], Env, list[Node]]:
+        """The items of FROM for the children of a state, their conditions, the sight on them, a column of each."""
         opened, env = open_sources(self.selects, self.query.sources, env, self.query.id)
         items = [item for part in opened for item in part.items]
-        return items, [condition for part in opened for condition in part.conditions], env, opened[-1].witness
+        return (
+            items,
+            [condition for part in opened for condition in part.conditions],
+            env,
+            [part.witness for part in opened],
+        )
 
     def arranged(self, items: list[Node], conditions: list[Node]) -> list[Node]:
         """The items of FROM, read so that their rows come in order under these conditions, which may become more."""

@@ -65,7 +65,7 @@ class Selects:
         opened, inner = open_sources(self, query.sources, env)
         tables = any(isinstance(source, plan.TableSource) for source in _all_sources(query))
         disabled = self.needs.disabled
-        levels = Levels(query, "early" not in disabled, "hoist" not in disabled and not tables)
+        levels = Levels(query, "early" not in disabled, "hoist" not in disabled and not tables, opened[0].asks)
         return Product(self, query, opened, inner, levels)
 
     def order(self, query: plan.Query, flat: Product) -> list[tuple[Node, bool]] | None:
@@ -112,10 +112,7 @@ class Selects:
     ) -> exp.Select:
         """Groups of a product: its rows are numbered first, so that groups can be sorted by first appearance."""
         label = self.needs.label("product")
-        arguments: list[plan.Expr] = []
-        for node in _group_nodes(query):
-            if isinstance(node, plan.Aggregate) and node.argument is not None and node.argument not in arguments:
-                arguments.append(node.argument)
+        arguments = list(dict.fromkeys(_fed(query)))
         names_of = [f"argument_{index}" for index in range(1, len(arguments) + 1)]
         outputs = [
             sql.alias(self.expressions.value(expr, flat.env), name)
@@ -154,7 +151,7 @@ class Selects:
         select = rows.grouped(self.outputs(query, env, names))
         if query.having is not None:
             having = self.expressions.condition(query.having, env)
-            if any(map(can_fail, _before_groups(query))):
+            if any(map(can_fail, (*_before_groups(query), *_fed(query)))):
                 # SQLite makes WHERE of what mentions no aggregate, and then evaluates less than it should.
                 having = sql.case([(exp.Count(this=exp.Star()), having)], sql.number(0))
             select.set("having", exp.Having(this=having))
@@ -322,8 +319,13 @@ def _needs_numbers(query: plan.Query) -> bool:
     outer query. One that can fail must not be spared by HAVING, which SQLite asks before where it can.
     """
     own = {source.id for source in query.sources}
-    arguments = [node.argument for node in _group_nodes(query) if isinstance(node, plan.Aggregate) and node.argument]
-    return any(not sources_read(argument) & own or can_fail(argument) for argument in arguments)
+    return any(not sources_read(argument) & own or can_fail(argument) for argument in _fed(query))
+
+
+def _fed(query: plan.Query) -> list[plan.Expr]:
+    """What the aggregates are fed with, row by row."""
+    nodes = (node for node in _group_nodes(query) if isinstance(node, plan.Aggregate))
+    return [node.argument for node in nodes if node.argument is not None]
 
 
 def _group_nodes(query: plan.Query) -> list[object]:

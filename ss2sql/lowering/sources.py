@@ -30,7 +30,7 @@ class Opened:
     """A source as SQL: the item of FROM, how it is read, and what sorts it in its own order (empty: nothing does).
 
     `witness` is some column of it; mentioning it keeps a condition from being asked before the source is read.
-    `conditions` filter it, when it stems from a query.
+    `conditions` filter it, when it stems from a query. Where it `asks`, something that may fail is read before it.
     """
 
     items: tuple[Node, ...]
@@ -38,6 +38,7 @@ class Opened:
     order: tuple[Node, ...]
     witness: Node
     conditions: tuple[Node, ...] = ()
+    asks: bool = False
 
 
 def sql_names(columns: tuple[str, ...]) -> dict[str, str]:
@@ -70,7 +71,7 @@ def open_sources(
     if asked:
         value = sql.call("in_turn", *(node.copy() for node in asked), sql.number(0))
         first = sql.table_function(selects.needs.elements(()), [value], selects.needs.label("asked"))
-        opened[0] = replace(opened[0], items=(first, *opened[0].items))
+        opened[0] = replace(opened[0], items=(first, *opened[0].items), asks=True)
     return opened, env
 
 

@@ -7,7 +7,7 @@ and the error of `engine="database"` say.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Any
 
@@ -113,6 +113,14 @@ def _nested_cut(query: plan.Query, nested: bool) -> Span | None:
     return query.limit.span if nested and query.limit is not None and cuts_unasked(query) else None
 
 
+def _nested_none(query: plan.Query, nested: bool) -> Span | None:
+    """A LIMIT of 0: SQLite reads nothing then, not even what is to be sorted or put into groups before."""
+    limit = query.limit
+    if not nested or limit is None or limit.type.at_least(1) or not (query.order or query.group):
+        return None
+    return limit.span if can_fail(replace(query, limit=None)) else None
+
+
 def _label(query: plan.Query, nested: bool) -> Span | None:
     return next((output.label.span for output in query.columns if output.label is not None), None)
 
@@ -177,6 +185,11 @@ RULES: tuple[Rule, ...] = (
     Rule("an inner ORDER BY over values of several kinds", "sort by numbers or strings alone", _nested_order),
     Rule("an inner LIMIT that is not known beforehand to be a count", "write a number", _nested_limit),
     Rule("an inner LIMIT behind ORDER BY where SELECT may fail", "leave out ORDER BY or LIMIT", _nested_cut),
+    Rule(
+        "an inner LIMIT that may be 0, behind ORDER BY or GROUP BY of what may fail",
+        "write a count above 0",
+        _nested_none,
+    ),
     Rule("SELECT * over columns that only the elements know", "name the columns", _nested_star),
     Rule("a column name with half of a surrogate pair", "give the column another name", _unwritable_name),
     Rule("a column name that is computed", "write the name itself in to(expr, name)", _label),
