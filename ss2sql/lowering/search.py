@@ -24,13 +24,14 @@ from ss2sql import plan
 from ss2sql.lowering import sql
 from ss2sql.lowering.copies import asked_equal, by_index, keep_columns, materialized, rows_in_order
 from ss2sql.lowering.expressions import Env, can_fail, is_flag
+from ss2sql.lowering.levels import has_elements
 from ss2sql.lowering.parameters import Bookkeeping
 from ss2sql.lowering.select import Selects
-from ss2sql.lowering.sources import open_sources, sql_names
+from ss2sql.lowering.sources import Opened, open_sources, sql_names
 from ss2sql.lowering.sql import Node, free_name
 from ss2sql.lowering.strategies import guard_of, order_of
 from ss2sql.vtables.names import PLACE
-from ss2sql.walk import rebuild, sources_read, states_read, walk
+from ss2sql.walk import moves, rebuild, sources_read, states_read, walk
 
 TABLE = "search"
 Read = plan.Element | plan.Column | plan.State
@@ -75,6 +76,7 @@ class SearchLowering(ABC):
         self.sets_again = any(map(can_fail, overwritten))  # they are evaluated all the same
         self.tables: list[exp.CTE] = []
         self.positions: dict[str, str] = {}  # the column of each copied table that numbers its rows
+        self.walked: set[str] = set()  # labels of lists that are read again for each step
         self.copied: dict[str, Node] = {}  # the lists and worlds that are read once, by the names of their copies
 
     @abstractmethod
@@ -177,6 +179,7 @@ class SearchLowering(ABC):
     def open(self, env: Env) -> tuple[list[Node], list[Node], Env, list[Node]]:
         """The items of FROM for the children of a state, their conditions, the sight on them, a column of each."""
         opened, env = open_sources(self.selects, self.query.sources, env, self.query.id)
+        self._note_walked(opened)
         items = [item for part in opened for item in part.items]
         return (
             items,
@@ -184,6 +187,15 @@ class SearchLowering(ABC):
             env,
             [part.witness for part in opened],
         )
+
+    def _note_walked(self, opened: list[Opened]) -> None:
+        """Lists that may be empty, behind a source that may fail: SQLite would see it of a copy, and read nothing."""
+        own = {source.id for source in self.query.sources}
+        failing = False
+        for source, part in zip(self.query.sources, opened, strict=True):
+            if failing and not has_elements(source):
+                self.walked |= {item.alias_or_name for item in part.items}
+            failing = failing or (can_fail(source) and moves(source, own, self.query.id))
 
     def arranged(self, items: list[Node], conditions: list[Node]) -> list[Node]:
         """The items of FROM, read so that their rows come in order under these conditions, which may become more."""
@@ -216,6 +228,8 @@ class SearchLowering(ABC):
         needs = self.selects.needs
         if item.alias_or_name in needs.worlds:
             return self._copied_once(item, (name for name, _ in needs.worlds[item.alias_or_name].columns), PLACE)
+        if item.alias_or_name in self.walked:
+            return item
         if isinstance(item.this, exp.Anonymous):
             return self._copied_once(item, needs.modules[item.this.name], "rowid")
         if any(item.name == table.alias for table in needs.collected.values()):

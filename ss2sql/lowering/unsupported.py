@@ -17,7 +17,7 @@ from ss2sql.kinds import Kind
 from ss2sql.lowering.select import sortable_key, uniform
 from ss2sql.lowering.sql import can_be_text
 from ss2sql.lowering.strategies import GUARDS
-from ss2sql.walk import can_fail, is_volatile, sources_read, states_read, walk, walk_own
+from ss2sql.walk import can_fail, is_volatile, moves, sources_read, states_read, walk, walk_own
 
 LANGUAGE_REPRESENTATIONS = ("dict", "list", "rows", "value", "set", "void")
 MOST_SOURCES = 60  # SQLite joins at most 64 tables
@@ -66,6 +66,30 @@ def _volatile_source(query: plan.Query, nested: bool) -> Span | None:
     values = [source.value for source in query.sources if isinstance(source, plan.ValueSource)]
     values += [e for source in query.sources if isinstance(source, plan.WorldSource) for e in source.arguments]
     return next((value.span for value in values if is_volatile(value)), None)
+
+
+def _later_element(query: plan.Query, nested: bool) -> Span | None:
+    """A source that is made anew for each element of another; the language evaluates the step before the next one.
+
+    So does SQLite where all is evaluated on entering, which with weights is always so.
+    """
+    if query.search is None or query.search.weight is not None:
+        return None
+    own = {source.id for source in query.sources}
+    return next((source.span for source in query.sources if can_fail(source) and sources_read(source) & own), None)
+
+
+def _behind_what_fails(query: plan.Query, nested: bool) -> Span | None:
+    """If a stored table is empty that it joins as the third or later, SQLite sees that first, and reads nothing."""
+    own = {source.id for source in query.sources}
+    failing = False
+    for source in query.sources:
+        rows = isinstance(source, plan.QuerySource) and source.query.representation.name == "dict"
+        copied = isinstance(source, plan.WorldSource) and query.search is not None
+        if failing and (rows or copied or isinstance(source, plan.TableSource)):
+            return source.span
+        failing = failing or (can_fail(source) and moves(source, own, None if query.search is None else query.id))
+    return None
 
 
 def _nested_search(query: plan.Query, nested: bool) -> Span | None:
@@ -197,6 +221,19 @@ RULES: tuple[Rule, ...] = (
     Rule("HAVING on a partition", "leave the engine to ss2sql", _partition_having),
     Rule("groups over values of several kinds", "group by integers or strings", _group_values),
     Rule("more sources than SQLite can join", "split the query", _limits),
+    Rule(
+        "a table or query that may be empty, behind a source that may fail for each element of another",
+        "write it before that source",
+        _behind_what_fails,
+    ),
+)
+
+
+# Nobody can tell as long as nothing fails.
+FAILED = Rule(
+    "something failed, and SQLite makes all elements of a step before it takes the first of them",
+    "leave the engine to ss2sql",
+    _later_element,
 )
 
 
@@ -217,4 +254,14 @@ def objections(query: plan.Query, nested: bool = False) -> Iterator[tuple[Rule, 
 def check(query: plan.Query) -> None:
     """Raises UnsupportedError for the first objection."""
     for rule, place in objections(query):
-        raise UnsupportedError("U001", f"{rule.reason}, so it runs natively", place, (rule.cure,))
+        raise _refusal(rule, place)
+
+
+def refusal_of_failed(query: plan.Query) -> UnsupportedError | None:
+    """Why a query in which something failed has to run natively, for its result or for the error that comes first."""
+    place = FAILED.find(query, False)
+    return None if place is None else _refusal(FAILED, place)
+
+
+def _refusal(rule: Rule, place: Span) -> UnsupportedError:
+    return UnsupportedError("U001", f"{rule.reason}, so it runs natively", place, (rule.cure,))

@@ -5,16 +5,17 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from functools import cache, partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeGuard
 
 import apsw
 
 from ss2sql import plan
-from ss2sql.errors import Error, ExecutionError, UnsupportedError
+from ss2sql.errors import Error, ExecutionError, Stopped, UnsupportedError
 from ss2sql.kinds import Kind
 from ss2sql.lowering.lower import lower
 from ss2sql.lowering.parameters import Parameter, SqlQuery
 from ss2sql.lowering.rewrites import optimise
+from ss2sql.lowering.unsupported import refusal_of_failed
 from ss2sql.runtime.call_sites import takes_arrays
 from ss2sql.runtime.duck.narrowing import Handed, narrow
 from ss2sql.runtime.duck.query import DuckQuery, NotHereError
@@ -216,15 +217,27 @@ class CompiledQuery:
         lowered = run.lowered[self] = self.lowered_for(run)
         try:
             extras = host.database.execute(lowered, run, evaluate, careful, sink, most, self.scouts)
-        except ExecutionError as error:
-            if error.code != "X009" or self.demanded or not isinstance(error.__cause__, _TOO_MUCH):
-                raise
-            # Too many terms, too deep, too long for SQLite: found out by its own prepare, before any row.
-            self.reason = f"{error.message}, so it runs natively"
-            self.native, self.lowered = NativeQuery(self.query), None
-            return self._native_rows(run, sink)
+        except Stopped:
+            raise
+        except Exception as error:
+            return self._natively_after(error, run, sink)
         sink.ended = maximum is not None and len(extras) >= maximum
         return finished(lowered, sink, extras, limit)
+
+    def _natively_after(self, error: Exception, run: Run, sink: Rows) -> Rows:
+        """The native rows, where SQLite cannot have them, or not the error that comes first; else raises the error."""
+        refusal = refusal_of_failed(self.query)
+        if refusal is not None:
+            if self.demanded:
+                raise refusal from error
+            self.reason = refusal.message
+        elif self.demanded or not _is_too_much(error):
+            raise error
+        else:
+            self.reason = f"{error.message}, so it runs natively"
+        sink.clear()
+        self.native, self.lowered = NativeQuery(self.query), None
+        return self._native_rows(run, sink)
 
     def _binding(self, expr: plan.Expr) -> Callable[[Run], Any]:
         """What computes the value of a parameter; compiled once, 0.1 ms."""
@@ -289,4 +302,7 @@ class CompiledQuery:
         return self.lowered if run is None or self.lowered is None else run.lowered.get(self, self.lowered)
 
 
-_TOO_MUCH = (apsw.SQLError, apsw.TooBigError)
+def _is_too_much(error: Exception) -> TypeGuard[ExecutionError]:
+    """Too many terms, too deep, too long for SQLite: found out by its own prepare, before any row."""
+    too_much = isinstance(error.__cause__, (apsw.SQLError, apsw.TooBigError))
+    return isinstance(error, ExecutionError) and error.code == "X009" and too_much

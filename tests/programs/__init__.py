@@ -6,7 +6,7 @@ functions, `expressions` writes expressions, `flat` queries, `searches` hierarch
 programs; `drawn` says how many are drawn, `features` reports what a script uses, `score` what a run of many came to.
 
 `renaming` and `shuffling` write a program again with other names and in another order; `scenes` writes programs over a
-world whose bodies come and go, `joins` joins.
+world whose bodies come and go, `joins` joins, `failing` queries in which almost every part may fail.
 """
 
 from .case import ProgramCase
