@@ -19,8 +19,8 @@ test: $(VENV)/dev.stamp      ## runs all tests, those of the examples and the do
 
 # What draws its programs by chance, the longest first. Each file is a target of its own: `make -j2 -k nightly` has two
 # cores work on them.
-CHANCE := agreement failing_programs mixed_programs mutated histories texts scene_programs partitions program_laws second_opinion rewrites \
-	inline_random
+CHANCE := agreement failing_programs mixed_programs mutated histories texts scene_programs partitions program_laws \
+	second_opinion rewrites inline_random
 DRAWN := $(addprefix drawn-,$(CHANCE) world_queries pybullet)
 .PHONY: $(DRAWN)
 

@@ -181,12 +181,8 @@ class SearchLowering(ABC):
         opened, env = open_sources(self.selects, self.query.sources, env, self.query.id)
         self._note_walked(opened)
         items = [item for part in opened for item in part.items]
-        return (
-            items,
-            [condition for part in opened for condition in part.conditions],
-            env,
-            [part.witness for part in opened],
-        )
+        conditions = [condition for part in opened for condition in part.conditions]
+        return items, conditions, env, [part.witness for part in opened]
 
     def _note_walked(self, opened: list[Opened]) -> None:
         """Lists that may be empty, behind a source that may fail: SQLite would see it of a copy, and read nothing."""

@@ -68,28 +68,31 @@ def _volatile_source(query: plan.Query, nested: bool) -> Span | None:
     return next((value.span for value in values if is_volatile(value)), None)
 
 
-def _later_element(query: plan.Query, nested: bool) -> Span | None:
-    """A source that is made anew for each element of another; the language evaluates the step before the next one.
+def _behind_what_fails(query: plan.Query) -> Iterator[plan.Source]:
+    """Sources behind one that may fail for each element of another, or for each state of a search.
 
-    So does SQLite where all is evaluated on entering, which with weights is always so.
+    If a stored table is empty that it joins as the third or later, SQLite sees that first, and reads nothing.
     """
-    if query.search is None or query.search.weight is not None:
-        return None
-    own = {source.id for source in query.sources}
-    return next((source.span for source in query.sources if can_fail(source) and sources_read(source) & own), None)
-
-
-def _behind_what_fails(query: plan.Query, nested: bool) -> Span | None:
-    """If a stored table is empty that it joins as the third or later, SQLite sees that first, and reads nothing."""
     own = {source.id for source in query.sources}
     failing = False
     for source in query.sources:
-        rows = isinstance(source, plan.QuerySource) and source.query.representation.name == "dict"
-        copied = isinstance(source, plan.WorldSource) and query.search is not None
-        if failing and (rows or copied or isinstance(source, plan.TableSource)):
-            return source.span
+        if failing:
+            yield source
         failing = failing or (can_fail(source) and moves(source, own, None if query.search is None else query.id))
+
+
+def _stored_behind(query: plan.Query, nested: bool) -> Span | None:
+    for source in _behind_what_fails(query):
+        rows = isinstance(source, plan.QuerySource) and source.query.representation.name == "dict"
+        if rows or (isinstance(source, plan.WorldSource) and query.search is not None):
+            return source.span
     return None
+
+
+def tables_behind_what_fails(query: plan.Query) -> list[plan.TableSource]:
+    """Tables that must not be empty where the query, or one inside it, runs in SQLite."""
+    queries = (node for node in walk(query) if isinstance(node, plan.Query))
+    return [source for one in queries for source in _behind_what_fails(one) if isinstance(source, plan.TableSource)]
 
 
 def _nested_search(query: plan.Query, nested: bool) -> Span | None:
@@ -222,18 +225,10 @@ RULES: tuple[Rule, ...] = (
     Rule("groups over values of several kinds", "group by integers or strings", _group_values),
     Rule("more sources than SQLite can join", "split the query", _limits),
     Rule(
-        "a table or query that may be empty, behind a source that may fail for each element of another",
+        "a query that may be empty, behind a source that may fail for each element of another",
         "write it before that source",
-        _behind_what_fails,
+        _stored_behind,
     ),
-)
-
-
-# Nobody can tell as long as nothing fails.
-FAILED = Rule(
-    "something failed, and SQLite makes all elements of a step before it takes the first of them",
-    "leave the engine to ss2sql",
-    _later_element,
 )
 
 
@@ -254,14 +249,34 @@ def objections(query: plan.Query, nested: bool = False) -> Iterator[tuple[Rule, 
 def check(query: plan.Query) -> None:
     """Raises UnsupportedError for the first objection."""
     for rule, place in objections(query):
-        raise _refusal(rule, place)
+        raise _refusal(rule.reason, rule.cure, place)
+
+
+def refusal_of_empty(source: plan.TableSource) -> UnsupportedError:
+    """Why a query has to run natively that reads this empty table behind a source that may fail."""
+    reason = "the table is empty, which SQLite would see before the source in front of it fails"
+    return _refusal(reason, "write it before that source", source.span)
 
 
 def refusal_of_failed(query: plan.Query) -> UnsupportedError | None:
     """Why a query in which something failed has to run natively, for its result or for the error that comes first."""
-    place = FAILED.find(query, False)
-    return None if place is None else _refusal(FAILED, place)
+    place = _later_element(query)
+    if place is None:
+        return None
+    reason = "something failed, and SQLite makes all elements of a step before it takes the first of them"
+    return _refusal(reason, "leave the engine to ss2sql", place)
 
 
-def _refusal(rule: Rule, place: Span) -> UnsupportedError:
-    return UnsupportedError("U001", f"{rule.reason}, so it runs natively", place, (rule.cure,))
+def _later_element(query: plan.Query) -> Span | None:
+    """A source that is made anew for each element of another; the language evaluates the step before the next one.
+
+    So does SQLite where all is evaluated on entering, which with weights is always so.
+    """
+    if query.search is None or query.search.weight is not None:
+        return None
+    own = {source.id for source in query.sources}
+    return next((source.span for source in query.sources if can_fail(source) and sources_read(source) & own), None)
+
+
+def _refusal(reason: str, cure: str, place: Span) -> UnsupportedError:
+    return UnsupportedError("U001", f"{reason}, so it runs natively", place, (cure,))

@@ -15,7 +15,7 @@ from ss2sql.kinds import Kind
 from ss2sql.lowering.lower import lower
 from ss2sql.lowering.parameters import Parameter, SqlQuery
 from ss2sql.lowering.rewrites import optimise
-from ss2sql.lowering.unsupported import refusal_of_failed
+from ss2sql.lowering.unsupported import refusal_of_empty, refusal_of_failed, tables_behind_what_fails
 from ss2sql.runtime.call_sites import takes_arrays
 from ss2sql.runtime.duck.narrowing import Handed, narrow
 from ss2sql.runtime.duck.query import DuckQuery, NotHereError
@@ -101,6 +101,7 @@ class CompiledQuery:
         self.arguments = [compile_statement(expr) for expr in query.representation.arguments]
         self.named = {name: compile_statement(expr) for name, expr in query.representation.named}
         self.moves = may_move(query)
+        self.stored = tables_behind_what_fails(query) if self.lowered else []
         self.made = True
 
     def _constant(self, expr: plan.Expr | None) -> Callable[[Run], Any] | None:
@@ -192,6 +193,9 @@ class CompiledQuery:
 
     def _database_rows(self, run: Run, sink: Rows) -> Rows:
         assert self.lowered is not None
+        empty = next(filter(self.host.tables.is_empty, self.stored), None)
+        if empty is not None:
+            return self._natively(refusal_of_empty(empty), run, sink)
         limit = self._limit(run)
         own, maximum = self._maximum(run)
         # They are evaluated once, although the statement has them as parameters.
@@ -227,14 +231,17 @@ class CompiledQuery:
     def _natively_after(self, error: Exception, run: Run, sink: Rows) -> Rows:
         """The native rows, where SQLite cannot have them, or not the error that comes first; else raises the error."""
         refusal = refusal_of_failed(self.query)
-        if refusal is not None:
-            if self.demanded:
-                raise refusal from error
-            self.reason = refusal.message
-        elif self.demanded or not _is_too_much(error):
-            raise error
-        else:
-            self.reason = f"{error.message}, so it runs natively"
+        if refusal is None:
+            if self.demanded or not _is_too_much(error):
+                raise error
+            refusal = UnsupportedError("U001", f"{error.message}, so it runs natively")
+        return self._natively(refusal, run, sink, error)
+
+    def _natively(self, refusal: UnsupportedError, run: Run, sink: Rows, error: Exception | None = None) -> Rows:
+        """The native rows, from now on; raises the refusal where the database was demanded."""
+        if self.demanded:
+            raise refusal from error
+        self.reason = refusal.message
         sink.clear()
         self.native, self.lowered = NativeQuery(self.query), None
         return self._native_rows(run, sink)

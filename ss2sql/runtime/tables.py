@@ -138,6 +138,10 @@ class Tables:
         order = f" ORDER BY {', '.join(quoted(key) for key in source.order)}" if source.order else ""
         return self._fetch(f"SELECT {columns} FROM {quoted(source.schema)}.{quoted(source.table)}{order}")
 
+    def is_empty(self, source: plan.TableSource) -> bool:
+        """Whether a table or view has no rows."""
+        return not self._fetch(f"SELECT 1 FROM {quoted(source.schema)}.{quoted(source.table)} LIMIT 1")
+
     def _fetch(self, text: str, bindings: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
         """The rows of a statement. Raises ExecutionError X009 where SQLite refuses it: the file may be locked."""
         try:

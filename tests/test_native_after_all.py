@@ -1,4 +1,7 @@
-"""A search whose elements are made one after another, where a later one fails: SQLite has made it before it was due."""
+"""What SQLite evaluates in another order than the language shows once something fails; then it runs natively.
+
+A search has made all elements of a step before the first is taken; a join reads nothing if a later table is empty.
+"""
 
 from __future__ import annotations
 
@@ -47,3 +50,28 @@ def test_the_first_error_shows(session: ss2sql.Session) -> None:
         session.run(script)
     assert caught.value.span is not None
     assert script[caught.value.span.start :].startswith("int('z')")
+
+
+TABLE = "SELECT u FROM a = [1, 2], b = [1 / (a.this - 2)], c = places AS list;"
+SEARCH = """SELECT u FROM a = near(n), c = places START WITH n = 0
+CONNECT BY n = a.this STOP WITH n > 0 AS list;"""
+
+
+@pytest.mark.parametrize("script", [TABLE, f"SELECT len({TABLE[:-1]}) FROM [1] AS list;", SEARCH])
+def test_an_empty_table_behind_what_fails_hides_nothing(session: ss2sql.Session, script: str) -> None:
+    session.host.connection.execute("CREATE TABLE places(u)")
+    session.function("near", lambda n: [1 // n])
+    with pytest.raises(ss2sql.UnsupportedError, match="the table is empty") as refused:
+        session.run(script, engine="database")
+    assert refused.value.span is not None
+    assert script[refused.value.span.start :].startswith("places")
+    with pytest.raises((ss2sql.ExecutionError, ZeroDivisionError), match="division"):
+        session.run(script)
+
+
+def test_a_table_with_rows_is_joined_in_the_database(session: ss2sql.Session) -> None:
+    session.host.connection.execute("CREATE TABLE places(u)")
+    session.host.connection.execute("INSERT INTO places VALUES (5)")
+    session.function("near", lambda n: [n + 1])
+    result = session.run(SEARCH, engine="database")
+    assert (result.value, result.engine) == ([[5]], "database")
