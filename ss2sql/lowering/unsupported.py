@@ -12,7 +12,7 @@ from itertools import islice
 from typing import Any
 
 from ss2sql import plan
-from ss2sql.errors import Span, UnsupportedError
+from ss2sql.errors import Error, Span, UnsupportedError
 from ss2sql.kinds import Kind
 from ss2sql.lowering.select import sortable_key, uniform
 from ss2sql.lowering.sql import can_be_text
@@ -258,12 +258,13 @@ def refusal_of_empty(source: plan.TableSource) -> UnsupportedError:
     return _refusal(reason, "write it before that source", source.span)
 
 
-def refusal_of_failed(query: plan.Query) -> UnsupportedError | None:
+def refusal_of_failed(query: plan.Query, error: Exception) -> UnsupportedError | None:
     """Why a query in which something failed has to run natively, for its result or for the error that comes first."""
     place = _later_element(query)
     if place is None:
         return None
-    reason = "something failed, and SQLite makes all elements of a step before it takes the first of them"
+    failed = error.message if isinstance(error, Error) else type(error).__name__  # its text is the user's own code
+    reason = f"{failed}; SQLite makes all elements of a step before it takes the first of them"
     return _refusal(reason, "leave the engine to ss2sql", place)
 
 

@@ -230,7 +230,7 @@ class CompiledQuery:
 
     def _natively_after(self, error: Exception, run: Run, sink: Rows) -> Rows:
         """The native rows, where SQLite cannot have them, or not the error that comes first; else raises the error."""
-        refusal = refusal_of_failed(self.query)
+        refusal = refusal_of_failed(self.query, error)
         if refusal is None:
             if self.demanded or not _is_too_much(error):
                 raise error

@@ -14,6 +14,8 @@ INTS = (1, 2, 3, 0, -1, 4, 2)
 NUMS = (1, 0.5, 1.0, 2, 2.5, True, 0)
 MIXED: tuple[Any, ...] = (None, 1, 1.0, True, "a", [1], [1.0], 0, "", [], [[]], 2.5, "1")
 
+BARE_THIS = re.compile(r"(?<!\.)\bthis\b")  # means another element in a query inside
+
 # How the parts of a condition are joined; mostly not at all.
 CONDITIONS = ((44, ""), (6, "{} AND {}"), (6, "{} OR {}"), (24, "{} XOR {}"), (20, "NOT {}"))
 
@@ -374,7 +376,7 @@ class Flat(Expressions):
         shown.append(choices.pick((self.aggregate(sight), f"(1 + {self.aggregate(sight)})", f"[{keys[0]}, count(*)]")))
         if choices.chance(10):
             shown.append("1 / (count(*) - 1)")
-        if choices.chance(15) and "." in keys[0]:
+        if choices.chance(15) and "." in keys[0] and not BARE_THIS.search(keys[0]):
             self.variable("xs")
             shown.append(f"(SELECT [d.this, {keys[0]}] FROM d = xs WHERE d.this != {keys[0]} AS list)")
         if choices.chance(15):  # groups in a group, with an aggregate that looks like that around
