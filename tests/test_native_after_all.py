@@ -75,3 +75,35 @@ def test_a_table_with_rows_is_joined_in_the_database(session: ss2sql.Session) ->
     session.function("near", lambda n: [n + 1])
     result = session.run(SEARCH, engine="database")
     assert (result.value, result.engine) == ([[5]], "database")
+
+
+def test_the_next_run_asks_sqlite_again(session: ss2sql.Session) -> None:
+    """Whether a table is empty and a step fails is a matter of one run."""
+    session.host.connection.execute("CREATE TABLE places(u)")
+    session.function("near", lambda n: [n // n])
+    session.set("first", 0)
+    query = session.compile(SEARCH.replace("n = 0", "n = first"))
+    with pytest.raises(ZeroDivisionError):
+        query.run()
+    assert "the table is empty" in query.explain()
+    session.host.connection.execute("INSERT INTO places VALUES (5)")
+    with pytest.raises(ZeroDivisionError):
+        query.run()
+    assert "WITH RECURSIVE" in query.explain()
+    session.set("first", -1)
+    result = query.run()
+    assert (result.value, result.engine) == ([[5]], "database")
+    session.host.connection.execute("DELETE FROM places")
+    result = query.run()
+    assert (result.value, result.engine) == ([], "native")
+
+
+def test_the_next_run_tries_the_steps_in_sqlite_again(session: ss2sql.Session) -> None:
+    session.set("top", 2)
+    query = session.compile(SCRIPT)
+    engines = [query.run().engine]
+    session.set("top", 3)
+    engines += [query.run().engine, query.run().engine]
+    session.set("top", 2)
+    engines += [query.run().engine, query.run().engine]
+    assert engines == ["native", "database", "database", "native", "native"]

@@ -66,6 +66,8 @@ class CompiledQuery:
         self.reason, self.cures = "engine='native' was asked for", tuple[str, ...]()
         self.refusal = None
         self.native: NativeQuery | LevelQuery | DuckQuery | None = None
+        self.set_aside: SqlQuery | None = None  # ran natively last time for what its tables and values were
+        self.stand_in: NativeQuery | None = None
         self.passed_on: str | None = None  # why the engine that was asked for does not run it
         tables = host.held.engine(self.wanted)
         levels = tables if query.search else None
@@ -175,6 +177,8 @@ class CompiledQuery:
         held = self.made and self.world.holds(run.source)
         if not (held and all(handed.holds(run.source) for handed in self.handed.values())):
             self._make(run.source)
+        if self.set_aside is not None:
+            self.native, self.lowered, self.set_aside = None, self.set_aside, None
         if self.refusal is not None:
             raise self.refusal
 
@@ -195,7 +199,7 @@ class CompiledQuery:
         assert self.lowered is not None
         empty = next(filter(self.host.tables.is_empty, self.stored), None)
         if empty is not None:
-            return self._natively(refusal_of_empty(empty), run, sink)
+            return self._natively_this_time(refusal_of_empty(empty), run, sink)
         limit = self._limit(run)
         own, maximum = self._maximum(run)
         # They are evaluated once, although the statement has them as parameters.
@@ -231,19 +235,24 @@ class CompiledQuery:
     def _natively_after(self, error: Exception, run: Run, sink: Rows) -> Rows:
         """The native rows, where SQLite cannot have them, or not the error that comes first; else raises the error."""
         refusal = refusal_of_failed(self.query, error)
-        if refusal is None:
-            if self.demanded or not _is_too_much(error):
-                raise error
-            refusal = UnsupportedError("U001", f"{error.message}, so it runs natively")
-        return self._natively(refusal, run, sink, error)
+        if refusal is not None:
+            return self._natively_this_time(refusal, run, sink, error)
+        if self.demanded or not _is_too_much(error):
+            raise error
+        self.reason = f"{error.message}, so it runs natively"
+        self.native, self.lowered = NativeQuery(self.query), None
+        return self._native_rows(run, sink)
 
-    def _natively(self, refusal: UnsupportedError, run: Run, sink: Rows, error: Exception | None = None) -> Rows:
-        """The native rows, from now on; raises the refusal where the database was demanded."""
+    def _natively_this_time(
+        self, refusal: UnsupportedError, run: Run, sink: Rows, error: Exception | None = None
+    ) -> Rows:
+        """The native rows; the next run asks SQLite again. Raises the refusal where the database was demanded."""
         if self.demanded:
             raise refusal from error
         self.reason = refusal.message
         sink.clear()
-        self.native, self.lowered = NativeQuery(self.query), None
+        self.stand_in = self.stand_in or NativeQuery(self.query)
+        self.native, self.lowered, self.set_aside = self.stand_in, None, self.lowered
         return self._native_rows(run, sink)
 
     def _binding(self, expr: plan.Expr) -> Callable[[Run], Any]:
