@@ -31,7 +31,7 @@ from ss2sql.lowering.sources import Opened, open_sources, sql_names
 from ss2sql.lowering.sql import Node, free_name
 from ss2sql.lowering.strategies import guard_of, order_of
 from ss2sql.vtables.names import PLACE
-from ss2sql.walk import moves, rebuild, sources_read, states_read, walk
+from ss2sql.walk import behind_what_fails, rebuild, sources_read, states_read, walk
 
 TABLE = "search"
 Read = plan.Element | plan.Column | plan.State
@@ -186,12 +186,10 @@ class SearchLowering(ABC):
 
     def _note_walked(self, opened: list[Opened]) -> None:
         """Lists that may be empty, behind a source that may fail: SQLite would see it of a copy, and read nothing."""
-        own = {source.id for source in self.query.sources}
-        failing = False
+        behind = {source.id for source in behind_what_fails(self.query)}
         for source, part in zip(self.query.sources, opened, strict=True):
-            if failing and not has_elements(source):
+            if source.id in behind and not has_elements(source):
                 self.walked |= {item.alias_or_name for item in part.items}
-            failing = failing or (can_fail(source) and moves(source, own, self.query.id))
 
     def arranged(self, items: list[Node], conditions: list[Node]) -> list[Node]:
         """The items of FROM, read so that their rows come in order under these conditions, which may become more."""

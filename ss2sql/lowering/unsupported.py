@@ -17,7 +17,7 @@ from ss2sql.kinds import Kind
 from ss2sql.lowering.select import sortable_key, uniform
 from ss2sql.lowering.sql import can_be_text
 from ss2sql.lowering.strategies import GUARDS
-from ss2sql.walk import can_fail, is_volatile, moves, sources_read, states_read, walk, walk_own
+from ss2sql.walk import behind_what_fails, can_fail, is_volatile, sources_read, states_read, walk, walk_own
 
 LANGUAGE_REPRESENTATIONS = ("dict", "list", "rows", "value", "set", "void")
 MOST_SOURCES = 60  # SQLite joins at most 64 tables
@@ -68,21 +68,9 @@ def _volatile_source(query: plan.Query, nested: bool) -> Span | None:
     return next((value.span for value in values if is_volatile(value)), None)
 
 
-def _behind_what_fails(query: plan.Query) -> Iterator[plan.Source]:
-    """Sources behind one that may fail for each element of another, or for each state of a search.
-
-    If a stored table is empty that it joins as the third or later, SQLite sees that first, and reads nothing.
-    """
-    own = {source.id for source in query.sources}
-    failing = False
-    for source in query.sources:
-        if failing:
-            yield source
-        failing = failing or (can_fail(source) and moves(source, own, None if query.search is None else query.id))
-
-
 def _stored_behind(query: plan.Query, nested: bool) -> Span | None:
-    for source in _behind_what_fails(query):
+    """If a stored table is empty that it joins as the third or later, SQLite sees that first, and reads nothing."""
+    for source in behind_what_fails(query):
         rows = isinstance(source, plan.QuerySource) and source.query.representation.name == "dict"
         if rows or (isinstance(source, plan.WorldSource) and query.search is not None):
             return source.span
@@ -92,7 +80,7 @@ def _stored_behind(query: plan.Query, nested: bool) -> Span | None:
 def tables_behind_what_fails(query: plan.Query) -> list[plan.TableSource]:
     """Tables that must not be empty where the query, or one inside it, runs in SQLite."""
     queries = (node for node in walk(query) if isinstance(node, plan.Query))
-    return [source for one in queries for source in _behind_what_fails(one) if isinstance(source, plan.TableSource)]
+    return [source for one in queries for source in behind_what_fails(one) if isinstance(source, plan.TableSource)]
 
 
 def _nested_search(query: plan.Query, nested: bool) -> Span | None:
