@@ -61,4 +61,4 @@ QUERIES = (
 @pytest.mark.parametrize("query", QUERIES)
 def test_a_query_inside_means_the_same_in_every_clause(query: str) -> None:
     others = NUMBERS[5:] + NUMBERS[:5]
-    agree((query.format(*both) for both in zip(NUMBERS, others, strict=True)), **VARIABLES)
+    agree([query.format(*both) for both in zip(NUMBERS, others, strict=True)], **VARIABLES)
