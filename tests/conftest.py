@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from interrupting import as_usual
 from sessions import ENGINES, STAFF, write
 
 import ss2sql
@@ -53,6 +54,13 @@ def client(simulation: Any) -> Any:
     """PyBullet without bodies."""
     simulation.resetSimulation()
     return simulation
+
+
+@pytest.fixture
+def usual() -> Iterator[None]:
+    """Ctrl-C is heard here, and by processes that are started."""
+    with as_usual():
+        yield
 
 
 @pytest.fixture

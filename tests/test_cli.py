@@ -191,25 +191,26 @@ def test_as_a_process() -> None:
     assert (answer.returncode, stdout) == (2, "")
 
 
+@pytest.mark.usefixtures("usual")
 @pytest.mark.parametrize("engine", ["database", "native"])
 def test_ctrl_c(engine: str, folder: Path) -> None:
     (folder / "begun.py").write_text(
         "from pathlib import Path\ndef begun(x):\n    Path('begun').touch()\n    return x\n"
     )
     script = "begun(1); " + ENDLESS
-    answer = process("run", "-e", script, "--functions", "begun.py", "--engine", engine, "--timeout", "60")
-    try:
-        for _ in range(600):
-            if (folder / "begun").exists():
-                break
-            time.sleep(0.05)
-        time.sleep(0.2)
-        pressed = time.monotonic()
-        answer.send_signal(signal.SIGINT)
-        stdout, stderr = answer.communicate(timeout=30)
-        assert time.monotonic() - pressed < 5
-    finally:
-        answer.kill()
+    with process("run", "-e", script, "--functions", "begun.py", "--engine", engine, "--timeout", "60") as answer:
+        try:
+            for _ in range(600):
+                if (folder / "begun").exists():
+                    break
+                time.sleep(0.05)
+            time.sleep(0.2)
+            pressed = time.monotonic()
+            answer.send_signal(signal.SIGINT)
+            stdout, stderr = answer.communicate(timeout=30)
+            assert time.monotonic() - pressed < 5
+        finally:
+            answer.kill()
     assert answer.returncode == 130
     assert re.fullmatch(r"cancelled; [\d,]+ paths had been found\n", stderr)
     assert re.search(rf"\d+ paths, \d+ rows, the first 20 paths shown, {engine}, cancelled$", stdout.rstrip())

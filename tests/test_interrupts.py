@@ -11,14 +11,13 @@ import sys
 import threading
 import tracemalloc
 import weakref
-from collections.abc import Iterator
 from pathlib import Path
 from random import Random
 from typing import Any
 
 import interrupting
 import pytest
-from interrupting import NumberWorld, as_usual, check_session, press_at
+from interrupting import NumberWorld, check_session, press_at
 from sessions import both, write
 from worker_runs import declare, graph, processes_of
 
@@ -27,12 +26,6 @@ from ss2sql.runtime import interrupts
 from ss2sql.runtime.tables import Tables
 
 SIX = ("sql", "function", "world", "native", "memorize", "parallel")
-
-
-@pytest.fixture
-def usual() -> Iterator[None]:
-    with as_usual():
-        yield
 
 
 def press(*_: Any) -> None:

@@ -5,7 +5,10 @@ A search has made all elements of a step before the first is taken; a join reads
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
+from balls import BallWorld, Box
 
 import ss2sql
 
@@ -75,6 +78,15 @@ def test_a_table_with_rows_is_joined_in_the_database(session: ss2sql.Session) ->
     session.function("near", lambda n: [n + 1])
     result = session.run(SEARCH, engine="database")
     assert (result.value, result.engine) == ([[5]], "database")
+
+
+@pytest.mark.parametrize("engine", ["auto", "native"])
+def test_an_empty_world_behind_what_fails_hides_nothing_of_a_search(session: ss2sql.Session, engine: Any) -> None:
+    session.attach("scene", BallWorld(Box.row(0)))
+    script = """SELECT n FROM a = [1, 2], b = [1 / (a.this - 2)], c = scene.balls START WITH n = 0
+CONNECT BY n = n + 1 STOP WITH n > 0 AS list;"""
+    with pytest.raises(ss2sql.ExecutionError, match="division by zero"):
+        session.run(script, engine=engine)
 
 
 def test_the_next_run_asks_sqlite_again(session: ss2sql.Session) -> None:

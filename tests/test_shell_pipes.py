@@ -104,6 +104,7 @@ def test_as_a_process() -> None:
     assert (answer.returncode, answer.stdout, answer.stderr) == (0, "2\n", "")
 
 
+@pytest.mark.usefixtures("usual")
 def test_ctrl_c_ends_a_pipe(folder: Path) -> None:
     (folder / "begun.py").write_text("from pathlib import Path\ndef begun():\n    Path('begun').touch()\n")
     command = [sys.executable, "-m", "ss2sql.cli", "repl", "--functions", "begun.py"]

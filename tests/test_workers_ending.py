@@ -38,20 +38,17 @@ def test_a_timeout_ends_the_processes(ss: ss2sql.Session) -> None:
     same(ss, graph())
 
 
+@pytest.mark.usefixtures("usual")
 @pytest.mark.parametrize("way", ["interrupt", "Ctrl-C"])
 def test_an_interrupt_ends_the_processes(ss: ss2sql.Session, way: str) -> None:
     declare(ss, onward=worker_functions.endless)
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's job in the background ignores it
     press = ss.interrupt if way == "interrupt" else lambda: os.kill(os.getpid(), signal.SIGINT)
     timer = threading.Timer(0.5, press)
     timer.start()
     started = time.monotonic()
-    try:
-        with pytest.raises(ss2sql.Cancelled):
-            ss.run(graph(), workers=2)
-        timer.join()
-    finally:
-        signal.signal(signal.SIGINT, before)
+    with pytest.raises(ss2sql.Cancelled):
+        ss.run(graph(), workers=2)
+    timer.join()
     assert time.monotonic() - started < 5
     assert processes_of(ss) == []
 
