@@ -67,7 +67,10 @@ def test_at_any_line(file: Path, engine: Any, name: str) -> None:
             _, lines = press_at(0, work)
             for line in sorted(dice.sample(range(40, lines - 20), 12)):
                 ss.graphs().drop()
-                error, _ = press_at(line, work)
+                error, reached = press_at(line, work)
+                if error is None:  # now and then a run has some lines more, for what is done once in so many milliseconds
+                    assert line > max(reached, lines - 200) - 20
+                    continue
                 assert isinstance(error, ss2sql.Cancelled), line
                 assert error.partial is None or error.partial.status == "cancelled"
                 check_session(ss)

@@ -19,10 +19,14 @@ NOTEBOOK = Path(__file__).parent.parent / "docs" / "tutorial.ipynb"
 
 
 def shown(cell: Any) -> list[str]:
-    """What a cell shows, as text; of a picture that there is one."""
-    found = []
+    """What a cell shows, as text; of a picture that there is one. A stream may come in any number of parts."""
+    found: list[str] = []
+    stream = None
     for output in cell.get("outputs", ()):
+        before, stream = stream, output.get("name")
         match output["output_type"]:
+            case "stream" if stream == before:
+                found[-1] += output["text"]
             case "stream":
                 found.append(output["text"])
             case "error":
