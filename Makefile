@@ -21,7 +21,7 @@ test: $(VENV)/dev.stamp      ## runs all tests, those of the examples and the do
 # cores work on them.
 CHANCE := agreement failing_programs mixed_programs mutated histories texts scene_programs partitions program_laws \
 	second_opinion rewrites inline_random
-DRAWN := $(addprefix drawn-,$(CHANCE) failing_clauses world_queries pybullet)
+DRAWN := $(addprefix drawn-,$(CHANCE) failing_clauses joins world_queries pybullet)
 .PHONY: $(DRAWN)
 
 nightly: export SS2SQL_PROGRAMS = 20000

@@ -17,7 +17,7 @@ from sessions import code_of
 
 import ss2sql
 
-COUNT = int(os.environ.get("SS2SQL_PROGRAMS", "1000")) // 2
+COUNT = int(os.environ.get("SS2SQL_PROGRAMS", "1000")) // 4  # for each of eight ways
 INDEX = "in an index that SQLite makes for this query"
 
 

@@ -86,7 +86,9 @@ class DuckQuery:
         if limit == 0:
             return sink  # nothing of the query is evaluated
         reading = self.sources.reading(run)
-        if reading.strange:
+        with self.sources.asked():
+            strange = reading.strange
+        if strange:
             raise NotHereError("settings of the connection say how texts compare, or where None is sorted")
         if run.max_rows is not None and self._has_lists:
             raise NotHereError("max_rows counts the elements of the list that a query in FROM gives")

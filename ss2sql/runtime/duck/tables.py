@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -62,7 +63,20 @@ class Reading:
     def __init__(self, cursor: duckdb.DuckDBPyConnection) -> None:
         self.cursor = cursor
         self.cursor.begin()
-        ((self.collated, self.strange),) = self.rows(_SETTINGS)
+
+    @property
+    def collated(self) -> bool:
+        return self._settings[0]
+
+    @property
+    def strange(self) -> bool:
+        return self._settings[1]
+
+    @cached_property
+    def _settings(self) -> tuple[bool, bool]:
+        """Asked when it is wanted, which takes 4 ms: to find a name it is not."""
+        ((collated, strange),) = self.rows(_SETTINGS)
+        return collated, strange
 
     def rows(self, text: str, values: Any = None) -> list[tuple[Any, ...]]:
         return self.cursor.execute(text, values).fetchall()
