@@ -64,6 +64,15 @@ def usual() -> Iterator[None]:
         yield
 
 
+@pytest.fixture(scope="module")
+def little_heap() -> Iterator[None]:
+    """`gc.collect` looks at what the tests of a file make, and not at 16,000 tests, which takes it 3 s each time."""
+    gc.collect()
+    gc.freeze()
+    yield
+    gc.unfreeze()
+
+
 @pytest.fixture
 def eager(monkeypatch: pytest.MonkeyPatch) -> None:
     """All calls are worth other processes."""
@@ -87,9 +96,3 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         others = [item for item in items if getattr(item, "originalname", "") != "test_answer"]
         config.hook.pytest_deselected(items=others)
         items[:] = [item for item in items if item not in others]
-
-
-def pytest_collection_finish() -> None:
-    """What is here by now stays: 16,000 tests, which `gc.collect` would look at for 3 s whenever a test calls it."""
-    gc.collect()
-    gc.freeze()

@@ -55,6 +55,7 @@ TESTS = (
     *("test_states", "test_positions", "test_cells", "test_unknown_parameters", "test_tables", "test_rare_forms"),
     *("test_worlds", "test_world_errors", "test_world_layouts", "test_navigation", "test_security", "test_new_calls"),
     *("test_explain", "test_explain_levels", "test_translated", "test_levels_typed", "test_joins", "duck/test_*"),
+    "test_native_after_all",
 )
 LONG = ("random", "every_state", "hash_seed")
 """Words in the names of tests that take long, with whatever they draw."""

@@ -23,6 +23,8 @@ from sessions import write
 
 import ss2sql
 
+pytestmark = pytest.mark.usefixtures("little_heap")
+
 ALL = os.environ.get("SS2SQL_FAULTS") == "all"
 MOST = 10_000_000  # bytes that the process may grow by
 SCRIPTS = (

@@ -89,6 +89,14 @@ CONNECT BY n = n + 1 STOP WITH n > 0 AS list;"""
         session.run(script, engine=engine)
 
 
+@pytest.mark.parametrize("last", ["scene.balls", "(SELECT this FROM some AS list)"])
+def test_the_database_reads_these_after_what_fails(session: ss2sql.Session, last: str) -> None:
+    session.attach("scene", BallWorld(Box.row(0)))
+    session.set("some", [])
+    with pytest.raises(ss2sql.ExecutionError, match="division by zero"):
+        session.run(f"SELECT 1 FROM a = [1, 2], b = [1 / (a.this - 2)], c = {last};", engine="database")
+
+
 def test_the_next_run_asks_sqlite_again(session: ss2sql.Session) -> None:
     """Whether a table is empty and a step fails is a matter of one run."""
     session.host.connection.execute("CREATE TABLE places(u)")

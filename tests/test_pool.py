@@ -206,6 +206,7 @@ def test_equal_objects_keep_their_identity() -> None:
     assert pool.fresh(two)[0] is second
 
 
+@pytest.mark.usefixtures("little_heap")
 def test_objects_live_as_long_as_the_pool() -> None:
     pool = Pool()
     thing = Thing()

@@ -118,6 +118,7 @@ def pools() -> int:
 
 
 @both
+@pytest.mark.usefixtures("little_heap")
 @pytest.mark.parametrize("option", ["", "BREADTH FIRST", "NO CYCLE", "COST 1"])
 def test_what_a_search_kept_is_given_back_with_its_result(option: str, engine: Any) -> None:
     before = pools()
@@ -135,6 +136,7 @@ def test_what_a_search_kept_is_given_back_with_its_result(option: str, engine: A
     assert pools() == before
 
 
+@pytest.mark.usefixtures("little_heap")
 def test_searches_one_after_the_other_need_no_more_memory_than_one() -> None:
     session = ss2sql.connect()
     query = session.compile(
