@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
+import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -89,3 +91,13 @@ def process(*arguments: str, **environment: str) -> subprocess.Popen[str]:
         encoding="utf-8",
         env={**os.environ, **environment},
     )
+
+
+def press_ctrl_c_after(begun: Path, answer: subprocess.Popen[str]) -> None:
+    """Presses Ctrl-C a little after the process has made the file `begun`, or after 30 s."""
+    for _ in range(600):
+        if begun.exists():
+            break
+        time.sleep(0.05)
+    time.sleep(0.2)
+    answer.send_signal(signal.SIGINT)

@@ -6,7 +6,6 @@ import csv
 import io
 import json
 import re
-import signal
 import sqlite3
 import time
 from contextlib import closing
@@ -14,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from command_lines import ENDLESS, FUNCTIONS, bad, call, good, moved_into, process, value
+from command_lines import ENDLESS, FUNCTIONS, bad, call, good, moved_into, press_ctrl_c_after, process, value
 
 import ss2sql
 
@@ -200,13 +199,8 @@ def test_ctrl_c(engine: str, folder: Path) -> None:
     script = "begun(1); " + ENDLESS
     with process("run", "-e", script, "--functions", "begun.py", "--engine", engine, "--timeout", "60") as answer:
         try:
-            for _ in range(600):
-                if (folder / "begun").exists():
-                    break
-                time.sleep(0.05)
-            time.sleep(0.2)
+            press_ctrl_c_after(folder / "begun", answer)
             pressed = time.monotonic()
-            answer.send_signal(signal.SIGINT)
             stdout, stderr = answer.communicate(timeout=30)
             assert time.monotonic() - pressed < 5
         finally:

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import io
-import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner, Result
+from command_lines import press_ctrl_c_after
 from shells import moved_into
 
 import ss2sql
@@ -113,12 +112,7 @@ def test_ctrl_c_ends_a_pipe(folder: Path) -> None:
         try:
             answer.stdin.write(f"begun(); {ENDLESS} 7;\n8;\n")
             answer.stdin.flush()
-            for _ in range(600):
-                if (folder / "begun").exists():
-                    break
-                time.sleep(0.05)
-            time.sleep(0.2)
-            answer.send_signal(signal.SIGINT)
+            press_ctrl_c_after(folder / "begun", answer)
             out, err = answer.communicate(timeout=60)
         finally:
             answer.kill()

@@ -19,7 +19,7 @@ from ss2sql.runtime.duck.tables import Reading
 
 duckdb = pytest.importorskip("duckdb")
 
-COUNT = int(os.environ.get("SS2SQL_PROGRAMS", "1000")) // 10
+COUNT = int(os.environ.get("SS2SQL_PROGRAMS", "1000")) // 5
 TYPES = {"a": "BIGINT", "b": "BIGINT", "s": "VARCHAR", "w": "DOUBLE"}
 
 
