@@ -10,6 +10,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 
 from ss2sql.kinds import INT_MAX, INT_MIN, Opaque
+from ss2sql.runtime.values import show
 
 # A busy machine is no error of the code under test.
 settings.register_profile("no deadline", deadline=None)
@@ -32,6 +33,13 @@ FLOATS = st.one_of(
 NUMBERS = st.one_of(st.booleans(), INTEGERS, FLOATS)
 TEXTS = st.one_of(st.sampled_from(["", "a", "b", "gTF{ls(", "7", "1.5", "nan", "\ud800", "ä\0"]), st.text(max_size=4))
 SCALARS = st.one_of(st.none(), NUMBERS, TEXTS)
+
+
+def label(value: Any) -> str:
+    """The name of a test case: equal in every process, so without addresses and without the order of a set."""
+    if isinstance(value, frozenset):
+        return f"frozenset {sorted(map(repr, value))}"
+    return show(value, 30).partition(" at 0x")[0]
 
 
 class Thing:

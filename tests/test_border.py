@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from random_values import PLAIN_VALUES, SCALARS, VALUES, Thing, Unhashable, same
+from random_values import PLAIN_VALUES, SCALARS, VALUES, Thing, Unhashable, label, same
 
 from ss2sql.errors import ExecutionError
 from ss2sql.runtime.values import Opaque, compare, freeze, fresh, normalise, show, truth
@@ -44,11 +44,6 @@ class Text(str):
 
 
 Point = namedtuple("Point", "x y")
-
-
-def label(value: Any) -> str:
-    """The name of a case: no addresses, which differ from run to run."""
-    return show(value, 30).partition(" at 0x")[0]
 
 
 def failure(call: Any, *arguments: Any) -> ExecutionError:

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 from balls import BallWorld, Box
+from random_values import label
 
 import ss2sql
 
@@ -20,7 +21,7 @@ VALUES = [
 
 @pytest.mark.parametrize("column", ["a", "b", "c"])
 @pytest.mark.parametrize("source", ["rows", "t"])
-@pytest.mark.parametrize("value", VALUES, ids=repr)
+@pytest.mark.parametrize("value", VALUES, ids=label)
 def test_they_equal_what_python_says(engine: Any, source: str, column: str, value: Any) -> None:
     ss = ss2sql.connect()
     ss.attach("rows", ROWS)

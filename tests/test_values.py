@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from random_values import ALIKE, NUMBERS, VALUES, Thing, Unhashable, lists, same, values
+from random_values import ALIKE, NUMBERS, VALUES, Thing, Unhashable, label, lists, same, values
 
 from ss2sql.errors import ExecutionError
 from ss2sql.runtime.values import (
@@ -32,11 +32,6 @@ from ss2sql.runtime.values import (
 )
 
 GIVER = "the function 'f'"
-
-
-def label(value: Any) -> str:
-    """The name of a case: no addresses, which differ from run to run."""
-    return show(value, 30).partition(" at 0x")[0]
 
 
 def failure(call: Any, *arguments: Any) -> ExecutionError:
