@@ -37,8 +37,8 @@ SCALARS = st.one_of(st.none(), NUMBERS, TEXTS)
 
 def label(value: Any) -> str:
     """The name of a test case: equal in every process, so without addresses and without the order of a set."""
-    if isinstance(value, frozenset):
-        return f"frozenset {sorted(map(repr, value))}"
+    if isinstance(value, set | frozenset):
+        return f"{type(value).__name__} of {', '.join(sorted(map(label, value)))}"
     return show(value, 30).partition(" at 0x")[0]
 
 
