@@ -1,31 +1,27 @@
 """Three evaluators agree on random programs: the obvious one in tests/reference, SQLite, and the native one.
 
-`SS2SQL_PROGRAMS` sets how many programs are tried, 1,000 without it; `SS2SQL_SEED` draws others. They come in parts of
-1,000, each with a seed of its own, so that a difference in one part hides none in the next. The last test prints the
-score and writes it to out/score.json.
+They come in parts of 1,000, each with a seed of its own, so that a difference in one part hides none in the next. The
+last test prints the score and writes it to out/score.json.
 """
 
 from __future__ import annotations
 
 import contextlib
 import io
-import os
 from pathlib import Path
 
 import pytest
 from agreement import Outcome, Trial, exact, session_for, trial
 from hypothesis import given, seed, settings
 from programs import ProgramCase, Score, features, programs
-from programs.drawn import drawn
+from programs.drawn import SEED, amount, drawn
 from reference import Reference
 from replay import Replay, search_of
 
 from ss2sql.errors import Source
 from ss2sql.frontend.parser import parse
 
-COUNT = int(os.environ.get("SS2SQL_PROGRAMS", "1000"))
-assert COUNT > 0, "SS2SQL_PROGRAMS sets how many programs are tried: not none"
-SEED = int(os.environ.get("SS2SQL_SEED", "2015"))
+COUNT = amount()
 PART = 1000
 SCORE = Score(SEED)
 

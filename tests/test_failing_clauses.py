@@ -8,7 +8,6 @@ number of choices, so that every choice is among those that are tried.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable
 from itertools import product
 from string import Formatter
@@ -16,11 +15,12 @@ from typing import Any
 
 import pytest
 from agreement import Outcome, exact, judged
+from programs.drawn import PROGRAMS
 from reference import Reference
 
 import ss2sql
 
-ALL = int(os.environ.get("SS2SQL_PROGRAMS", "1000")) > 1000
+ALL = PROGRAMS > 1000
 OPTIONS = (
     "", "BREADTH FIRST", "UNIQUE", "NO CYCLE", "DEPTH FIRST UNIQUE", "COST 1", "COST 1 UNIQUE", "COST 1 NO CYCLE",
     "COST 1 / (node - 2)", "COST 1 HEURISTIC 'a' + 1", "COST 1 HEURISTIC 'a' + 1 UNIQUE", "COST 1 HEURISTIC node - 3",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from random import Random
 from typing import Any
 
@@ -10,12 +9,12 @@ import pytest
 from agreement import Outcome, exact, session_for
 from mutated_scripts import LIMITED, Limited, is_no_program, reference_outcome
 from programs import ProgramCase
+from programs.drawn import SEED, amount
 from programs.failing import FailingPrograms
 
 import ss2sql
 
-COUNT = int(os.environ.get("SS2SQL_PROGRAMS", "1000")) // 2
-SEED = int(os.environ.get("SS2SQL_SEED", "2015"))
+COUNT = amount(1 / 2)
 PARTS = 4
 
 

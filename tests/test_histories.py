@@ -6,7 +6,6 @@ script there is a fresh session with the same values: it comes to the same, and 
 
 from __future__ import annotations
 
-import os
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from itertools import islice
@@ -17,11 +16,12 @@ import pytest
 from agreement import Outcome, outcome, session_for
 from mutated_scripts import LIMITED, LONGEST, mutated
 from programs import ProgramCase
+from programs.drawn import amount
 from test_mixed_programs import OMITTED, SEED, TOGETHER, pool, together
 
 import ss2sql
 
-COUNT = int(os.environ.get("SS2SQL_PROGRAMS", "1000")) // 5
+COUNT = amount(1 / 5)
 PARTS = 2
 STEPS = 14  # of one history
 MUTATED = 4  # scripts

@@ -6,7 +6,6 @@ SS2SQL_PROGRAMS sets the number of functions; `make nightly` tries many.
 from __future__ import annotations
 
 import importlib.util
-import os
 import random
 from collections import Counter
 from pathlib import Path
@@ -15,10 +14,11 @@ from typing import Any
 
 import pytest
 from agreement import exact
+from programs.drawn import amount
 
 import ss2sql
 
-FUNCTIONS = int(os.environ.get("SS2SQL_PROGRAMS", "600")) // 10
+FUNCTIONS = amount(1 / 10)
 HELPERS = """import math
 
 LIMIT = 3

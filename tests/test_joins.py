@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from typing import Any
 
@@ -10,14 +9,14 @@ import pytest
 from agreement import exact, outcome, reference_outcome, session_for
 from hypothesis import given, seed
 from programs import ProgramCase
-from programs.drawn import drawn
+from programs.drawn import amount, drawn
 from programs.joins import joins
 from reference import Reference
 from sessions import code_of
 
 import ss2sql
 
-COUNT = int(os.environ.get("SS2SQL_PROGRAMS", "1000")) // 4  # for each of eight ways
+COUNT = amount(1 / 4)  # for each of eight ways
 INDEX = "in an index that SQLite makes for this query"
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 import tempfile
 import time
@@ -13,6 +12,7 @@ import golden
 import pytest
 from agreement import exact
 from level_searches import FORMS, ROADS, by_length, compare_random
+from programs.drawn import amount
 from sessions import code_of
 
 import ss2sql
@@ -23,7 +23,7 @@ from ss2sql.runtime.run import Run
 
 duckdb = pytest.importorskip("duckdb")
 
-COUNT = int(os.environ.get("SS2SQL_PROGRAMS", "1000")) // 10
+COUNT = amount(1 / 10)
 OWN = duckdb.connect(config={"threads": 1})  # to connect takes 20 ms
 
 

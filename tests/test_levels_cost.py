@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import random
 from collections.abc import Callable
 from dataclasses import replace
@@ -11,13 +10,14 @@ from typing import Any
 import pytest
 from agreement import exact
 from level_searches import compare_random, kept, options
+from programs.drawn import amount
 from test_levels import COUNT, OWN
 
 import ss2sql
 from ss2sql.frontend import ast
 from ss2sql.runtime.levels import duck
 
-TRIALS = int(os.environ.get("SS2SQL_PROGRAMS", "1000")) // 25
+TRIALS = amount(1 / 25)
 GUARDS = ("", "UNIQUE", "NO CYCLE")
 GIVEN = ("COST 1", "COST 0", "COST 0.1", "PROBABILITY 0.5", "PROBABILITY 1")
 

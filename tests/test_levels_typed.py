@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from typing import Any
 
 import pytest
 from agreement import exact
 from hypothesis import given, seed, settings
 from hypothesis import strategies as st
+from programs.drawn import amount
 from sessions import code_of
 
 import ss2sql
@@ -17,7 +17,7 @@ from ss2sql.runtime.levels import beginning, typed_search
 
 duckdb = pytest.importorskip("duckdb")
 
-COUNT = int(os.environ.get("SS2SQL_PROGRAMS", "1000")) // 8
+COUNT = amount(1 / 8)
 MOVES = [
     {"by": 1, "word": "a", "far": False},
     {"by": -2, "word": "", "far": True},

@@ -6,7 +6,6 @@ random programs together, so that whatever is taken from one of them means somet
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Callable, Iterator
 from functools import cache, partial
@@ -18,10 +17,9 @@ from agreement import Outcome, is_spared, session_for
 from hypothesis import given, seed
 from mutated_scripts import ALONE, LONGEST, Limited, engine_outcomes, is_no_program, mutated, reference_outcome
 from programs import ProgramCase, programs
-from programs.drawn import drawn
+from programs.drawn import SEED, amount, drawn
 
-COUNT = int(os.environ.get("SS2SQL_PROGRAMS", "1000")) // 5
-SEED = int(os.environ.get("SS2SQL_SEED", "2015"))
+COUNT = amount(1 / 5)
 PARTS = 4
 POOL = 400  # programs
 TOGETHER = 5  # programs

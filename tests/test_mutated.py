@@ -7,7 +7,6 @@ reference evaluator knows enough of come to the same there, too.
 
 from __future__ import annotations
 
-import os
 import re
 from random import Random
 
@@ -20,10 +19,10 @@ from fuzz import seeds
 from fuzz_judge import CALLED, VARIABLES, session
 from golden import cases
 from mutated_scripts import ALONE, Limited, engine_outcomes, mutated, reference_outcome
+from programs.drawn import SEED, amount
 from test_cases import MANY_ARGUMENTS, UNKNOWN_TO_REFERENCE
 
-COUNT = int(os.environ.get("SS2SQL_PROGRAMS", "1000")) // 10
-SEED = int(os.environ.get("SS2SQL_SEED", "2015"))
+COUNT = amount(1 / 10)
 MOVING = "tick|getTime|print"  # they differ from call to call
 # The reference does not know these: what it says of variables, worlds and the distance of their objects, history, and
 # totals of more than 64 bits.

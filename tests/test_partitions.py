@@ -6,7 +6,6 @@ a row, both queries fail, with the same error. `SS2SQL_PROGRAMS` sets the number
 
 from __future__ import annotations
 
-import os
 from collections import Counter
 from dataclasses import dataclass
 from typing import Any
@@ -16,12 +15,12 @@ from hypothesis import given, seed
 from hypothesis import strategies as st
 from programs import ProgramCase
 from programs.choices import Choices
-from programs.drawn import drawn
+from programs.drawn import amount, drawn
 from programs.expressions import WITH_LISTS, Sight
 from programs.flat import Flat
 from sessions import ENGINES
 
-COUNT = int(os.environ.get("SS2SQL_PROGRAMS", "1000")) // 5
+COUNT = amount(1 / 5)
 DECISIONS = 160
 
 

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import os
 from collections import Counter
 from contextlib import redirect_stdout
 from io import StringIO
@@ -17,15 +16,14 @@ from agreement import Outcome, exact, executor_outcome, session_for
 from hypothesis import given, seed
 from hypothesis import strategies as st
 from programs import ProgramCase, programs
-from programs.drawn import drawn
+from programs.drawn import SEED, amount, drawn
 from programs.renaming import CASES, RenamedCase, renamed
 from programs.shuffling import product, shuffled
 from sessions import ENGINES
 
 import ss2sql
 
-COUNT = int(os.environ.get("SS2SQL_PROGRAMS", "1000")) // 25
-SEED = int(os.environ.get("SS2SQL_SEED", "2015"))
+COUNT = amount(1 / 25)
 many = drawn(COUNT)
 
 

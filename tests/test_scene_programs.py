@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import contextlib
 import io
-import os
 from collections import Counter
 from collections.abc import Callable
 from typing import Any
@@ -19,7 +18,7 @@ from agreement import EARLY, code_of, exact
 from balls import BallWorld
 from hypothesis import given, seed
 from hypothesis import strategies as st
-from programs.drawn import drawn
+from programs.drawn import SEED, amount, drawn
 from programs.library import LIBRARY
 from programs.scenes import BALL, CALLED, DECISIONS, SceneCase, Stirring, over_copies, scene_program
 from reference import Failure, Reference
@@ -27,8 +26,7 @@ from sessions import ENGINES
 
 import ss2sql
 
-COUNT = int(os.environ.get("SS2SQL_PROGRAMS", "1000")) // 25
-SEED = int(os.environ.get("SS2SQL_SEED", "2015"))
+COUNT = amount(1 / 25)
 FRAMES: tuple[Callable[..., Any], ...] = (pd.DataFrame, pl.DataFrame)
 Outcome = tuple[str, Any]
 

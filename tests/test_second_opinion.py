@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import os
 from collections import Counter
 from collections.abc import Iterable
 from typing import Any
@@ -14,11 +13,11 @@ import pytest
 from agreement import exact, executor_outcome, reference_outcome
 from hypothesis import given, seed
 from hypothesis import strategies as st
-from programs.drawn import drawn
+from programs.drawn import amount, drawn
 from second_opinion import DECISIONS, TYPES, Twin, twin
 from sessions import ENGINES
 
-COUNT = int(os.environ.get("SS2SQL_PROGRAMS", "1000")) * 3 // 10
+COUNT = amount(3 / 10)
 duckdb = pytest.importorskip("duckdb")
 
 

@@ -6,7 +6,6 @@ their groups, and is a value of any type.
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass, replace
@@ -17,13 +16,14 @@ import pytest
 from agreement import Outcome, judged
 from mutated_scripts import LONGEST, EnoughError, Limited
 from programs import ProgramCase
+from programs.drawn import amount
 from test_mixed_programs import SEED, agree, pool
 
 from ss2sql.errors import Source
 from ss2sql.frontend import ast
 from ss2sql.frontend.parser import parse
 
-COUNT = int(os.environ.get("SS2SQL_PROGRAMS", "1000")) // 5
+COUNT = amount(1 / 5)
 PARTS = 4
 MOST = 3  # texts of a program
 OURS = re.compile(r"[A-Z]\d{3}")  # codes of errors; others are exceptions of functions

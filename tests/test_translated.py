@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections import Counter
 
 import pytest
@@ -11,7 +10,7 @@ from agreement import exact
 from click.testing import CliRunner
 from hypothesis import given, seed
 from hypothesis import strategies as st
-from programs.drawn import drawn
+from programs.drawn import amount, drawn
 from second_opinion import DECISIONS, Twin, twin
 from sqlglot import exp
 from sqlglot.errors import TokenError
@@ -24,7 +23,7 @@ from ss2sql.lowering.dialects import DIALECTS, DUCKDB
 from ss2sql.runtime.translated import translated
 
 duckdb = pytest.importorskip("duckdb")
-COUNT = int(os.environ.get("SS2SQL_PROGRAMS", "1000")) * 3 // 10
+COUNT = amount(3 / 10)
 
 
 def in_dialect(script: str, dialect: str, **variables: object) -> str:

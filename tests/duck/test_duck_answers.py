@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections import Counter
 from typing import Any
 
@@ -12,7 +11,7 @@ from agreement import exact, outcome, reference_outcome, session_for
 from hypothesis import given, seed
 from hypothesis import strategies as st
 from programs import ProgramCase, programs
-from programs.drawn import drawn
+from programs.drawn import SEED, amount, drawn
 from second_opinion import DECISIONS, TYPES, Twin, twin
 from sessions import code_of
 
@@ -20,8 +19,7 @@ import ss2sql
 
 duckdb = pytest.importorskip("duckdb")
 
-COUNT = int(os.environ.get("SS2SQL_PROGRAMS", "1000")) // 10
-SEED = int(os.environ.get("SS2SQL_SEED", "2015"))
+COUNT = amount(1 / 10)
 OWN = duckdb.connect(config={"threads": 1})  # to connect takes 20 ms
 
 

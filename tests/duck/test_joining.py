@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from typing import Any
 
 import pytest
 from agreement import exact, outcome, reference_outcome, session_for
 from hypothesis import given, seed
 from programs import ProgramCase
-from programs.drawn import drawn
+from programs.drawn import amount, drawn
 from programs.joins import joins
 from sessions import code_of
 
@@ -19,7 +18,7 @@ from ss2sql.runtime.duck.tables import Reading
 
 duckdb = pytest.importorskip("duckdb")
 
-COUNT = int(os.environ.get("SS2SQL_PROGRAMS", "1000")) // 5
+COUNT = amount(1 / 5)
 TYPES = {"a": "BIGINT", "b": "BIGINT", "s": "VARCHAR", "w": "DOUBLE"}
 
 

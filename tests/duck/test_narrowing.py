@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +9,7 @@ import pytest
 from agreement import exact, outcome, reference_outcome
 from hypothesis import given, seed
 from hypothesis import strategies as st
-from programs.drawn import drawn
+from programs.drawn import amount, drawn
 from second_opinion import DECISIONS, TYPES, Twin, twin
 from sessions import code_of
 
@@ -19,7 +18,7 @@ from ss2sql.vtables.frames.frame import Column
 
 duckdb = pytest.importorskip("duckdb")
 
-COUNT = int(os.environ.get("SS2SQL_PROGRAMS", "1000")) // 10
+COUNT = amount(1 / 10)
 SALES = """
     CREATE TABLE sales AS
     SELECT i AS id, i % 7 AS kind, 'n' || i % 3 AS name, i / 2.0::DOUBLE AS price FROM range(100) AS r(i)

@@ -12,6 +12,7 @@ from typing import Any
 import golden
 import pytest
 from level_searches import FORMS, by_length, compare_random, kept, options
+from programs.drawn import PROGRAMS
 
 import ss2sql
 from spark.same import SHORT, agree, ended
@@ -20,7 +21,7 @@ from ss2sql.runtime.levels import beginning, spark_search
 from ss2sql.runtime.levels.spark_store import Store
 
 CASES = golden.level_searches()[:: 1 if os.environ.get("SS2SQL_SPARK") == "all" else 3]
-COUNT = max(10, int(os.environ.get("SS2SQL_PROGRAMS", "1000")) // 100)
+COUNT = max(10, PROGRAMS // 100)
 
 
 @pytest.mark.parametrize("form", FORMS)

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import os
 from typing import Any
 
 import pytest
 from hypothesis import given, seed
-from programs.drawn import drawn
+from programs.drawn import PROGRAMS, drawn
 from test_levels_typed import MOVES, expressions, script_of
 
 import ss2sql
 from spark.same import agree
 from ss2sql.runtime.levels.spark_steps import Steps
 
-COUNT = max(6, int(os.environ.get("SS2SQL_PROGRAMS", "1000")) // 160)
+COUNT = max(6, PROGRAMS // 160)
 STRATEGIES = ("UNIQUE", "BREADTH FIRST NO CYCLE", "BREADTH FIRST")
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import random
 from collections import Counter
 from collections.abc import Callable
@@ -11,6 +10,7 @@ from typing import Any
 
 import pytest
 from level_searches import FORMS, compare_random
+from programs.drawn import PROGRAMS
 from test_levels_cost import GUARDS, World
 from test_levels_cost import variants as by_weight
 from test_levels_memorize import variants as by_graph
@@ -20,7 +20,7 @@ from spark.same import agree, ended
 from ss2sql.frontend import ast
 from ss2sql.runtime.levels import spark_tables
 
-TRIALS = max(4, int(os.environ.get("SS2SQL_PROGRAMS", "1000")) // 250)
+TRIALS = max(4, PROGRAMS // 250)
 WAYS = ("MEMORIZE", "MEMORIZE 1", "MEMORIZE 2", "MEMORIZE 4")
 
 
