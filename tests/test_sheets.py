@@ -1,0 +1,148 @@
+"""Sheets: many small scripts in one file, each with the value or the error that the language gives it.
+
+A sheet, `tests/cases/**/*.sheet`, begins like a golden case: a title, what it needs, an empty line. Then come its rows:
+
+    # a comment
+    SELECT this FROM [1, 2] AS list
+    => [1, 2]
+    1 / 0;
+    => error X002
+
+A script may have several lines; so may a value, whose further lines are indented by two blanks. Every row runs on
+SQLite, natively and in DuckDB, with rewrites and without, and on the reference evaluator. The rows of a sheet share a
+session, so a variable that one assigns is there in the next. `reference: no` below `needs:` leaves the reference
+evaluator out. Expectations follow from the language page; nothing writes them.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from contextlib import contextmanager, redirect_stdout
+from dataclasses import dataclass
+from io import StringIO
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import pytest
+from cases import needs
+from golden import FOLDER, NEEDS
+from reference import Failure, Reference
+
+import ss2sql
+from ss2sql.lowering.rewrites import REWRITES
+
+# How each row runs: the engine, and the rewrites that are switched off.
+RUNS: tuple[tuple[str, tuple[str, ...]], ...] = (
+    ("database", ()),
+    ("database", ("fold",)),
+    ("database", ("split", "unnest", "fold")),
+    ("native", ()),
+    ("native", tuple(REWRITES)),
+    ("duckdb", ()),
+)
+NOT_FOR_REFERENCE = "reference: no"
+
+
+@dataclass(frozen=True)
+class Row:
+    """A script and what it gives: a value, or `error CODE`."""
+
+    line: int
+    script: str
+    expected: str
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """The rows of a file, and the names of what their scripts use."""
+
+    path: Path
+    needs: tuple[str, ...]
+    rows: tuple[Row, ...]
+    in_reference: bool
+
+
+def load(path: Path) -> Sheet:
+    head, _, rest = path.read_text(encoding="utf-8").partition("\n\n")
+    _, *more = head.splitlines()
+    named = [name for line in more if line.startswith(NEEDS) for name in line.removeprefix(NEEDS).split(", ")]
+    first = head.count("\n") + 3
+    return Sheet(path, tuple(named), tuple(rows(rest.splitlines(), first)), NOT_FOR_REFERENCE not in more)
+
+
+def rows(lines: list[str], first: int) -> Iterator[Row]:
+    script: list[str] = []
+    expected: list[str] = []
+    for line, text in [*enumerate(lines, first), (first + len(lines), "# end")]:
+        if expected and not text.startswith("  "):
+            yield Row(line - len(expected) - len(script), "\n".join(script), " ".join(expected))
+            script, expected = [], []
+        if text.startswith("=> ") or expected:
+            expected.append(text.removeprefix("=> ").strip())
+        elif text.strip() and not text.startswith("# "):
+            script.append(text)
+    assert not script, f"{script} gives nothing"
+
+
+SHEETS = [load(path) for path in sorted(FOLDER.rglob("*.sheet"))]
+
+
+def shown(value: Any) -> str:
+    """A value in one line; sets, which have no order, by their sorted elements."""
+    return f"{{{', '.join(sorted(map(repr, value)))}}}" if isinstance(value, set) else repr(value)
+
+
+def wanted(row: Row) -> str:
+    return row.expected if row.expected.startswith("error ") else shown(ast.literal_eval(row.expected))
+
+
+def given(session: ss2sql.Session, row: Row, engine: Any) -> str | None:
+    """What an engine gives; None where it refuses the script."""
+    try:
+        with redirect_stdout(StringIO()):
+            return shown(session.run(row.script, engine=engine).value)
+    except ss2sql.UnsupportedError as error:
+        return f"error {error.code}" if row.expected == f"error {error.code}" else None
+    except ss2sql.Error as error:
+        return f"error {error.code}"
+    except Exception as error:
+        return f"error {type(error).__name__}"
+
+
+def by_reference(judge: Reference, row: Row) -> str:
+    try:
+        return shown(judge.run(row.script))
+    except Failure as failure:
+        return f"error {failure.code}"
+    except Exception as error:
+        return f"error {type(error).__name__}"
+
+
+@pytest.mark.parametrize("sheet", SHEETS, ids=lambda sheet: str(sheet.path.relative_to(FOLDER).with_suffix("")))
+def test_sheet(sheet: Sheet) -> None:
+    assert sheet.rows
+    wrong = []
+    for engine, disable in RUNS:
+        with TemporaryDirectory() as folder, opened(sheet, Path(folder), disable) as session:
+            for row in sheet.rows:
+                if engine == "duckdb" and "CONNECT BY" in row.script.upper():
+                    continue  # searches by levels have tests of their own
+                if (found := given(session, row, engine)) not in (None, wanted(row)):
+                    wrong.append(f"{sheet.path.name}:{row.line}: {engine} without {disable}: {found}")
+    if sheet.in_reference:
+        judge = Reference(**needs.for_reference(sheet.needs))
+        for row in sheet.rows:
+            if (found := by_reference(judge, row)) != wanted(row) and not row.expected.startswith("error "):
+                wrong.append(f"{sheet.path.name}:{row.line}: reference: {found}")
+    if wrong:
+        pytest.fail("\n".join(wrong), pytrace=False)
+
+
+@contextmanager
+def opened(sheet: Sheet, folder: Path, disable: tuple[str, ...]) -> Iterator[ss2sql.Session]:
+    """A session with what the sheet needs."""
+    with ss2sql.connect(needs.database(folder, sheet.needs), disable=disable) as session:
+        needs.furnish(session, sheet.needs)
+        yield session
