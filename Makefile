@@ -54,7 +54,7 @@ lint: $(VENV)/dev.stamp      ## ruff and mypy
 	$(PY) -m mypy
 
 golden: $(VENV)/dev.stamp    ## writes the expectations of tests/cases and the outputs shown on pages anew
-	$(PY) -m pytest tests/test_cases.py --golden -k test_answer
+	$(PY) -m pytest tests/test_cases.py --golden -k test_case
 	$(PY) docs/generate.py
 	$(PY) tests/pages.py --write
 

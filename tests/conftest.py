@@ -93,6 +93,6 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """With `--golden` nothing runs but the test that writes."""
     if config.getoption("--golden"):
-        others = [item for item in items if getattr(item, "originalname", "") != "test_answer"]
+        others = [item for item in items if getattr(item, "originalname", "") != "test_case"]
         config.hook.pytest_deselected(items=others)
         items[:] = [item for item in items if item not in others]

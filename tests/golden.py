@@ -19,6 +19,8 @@ from ss2sql.runtime.result import Sql
 
 FOLDER = Path(__file__).parent / "cases"
 SECTIONS = ("plan", "sql", "printed", "status", "value", "error")
+COMPILED = ("plan", "sql")
+"""Sections of those cases alone whose files have them."""
 NEEDS = "needs: "
 
 
@@ -95,10 +97,11 @@ def load(path: Path) -> Case:
 
 
 def text(case: Case, sections: Mapping[str, str]) -> str:
-    """The file of a case with these sections; empty ones are left out."""
+    """The file of a case with these sections; empty ones are left out, and what is COMPILED where it was left out."""
     head = case.title + (f"\n{NEEDS}{', '.join(case.needs)}" if case.needs else "")
     parts = [f"{head}\n\n{case.script}\n"]
-    parts += [f"--- {name}\n{sections[name]}\n" for name in SECTIONS if sections.get(name)]
+    wanted = [name for name in SECTIONS if name in case.expected or name not in COMPILED]
+    parts += [f"--- {name}\n{sections[name]}\n" for name in wanted if sections.get(name)]
     return "".join(parts)
 
 
