@@ -6,7 +6,7 @@ VENV := .venv
 PY := $(VENV)/bin/python
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test nightly release-check fuzz coverage mutants compat lint golden bench docs clean
+.PHONY: help demo test test-slow nightly release-check drawn fuzz coverage mutants compat lint golden bench docs clean
 
 help:            ## this list
 	@sed -n 's/^\([a-z-]*\): .*## \(.*\)/  make \1\t\2/p; s/^\(help\): *## \(.*\)/  make \1\t\2/p' Makefile
@@ -14,36 +14,42 @@ help:            ## this list
 demo: $(VENV)/demo.stamp     ## runs the examples: scripts, the SQL they become, their rows
 	$(PY) examples/demo.py
 
-test: $(VENV)/dev.stamp      ## runs all tests, those of the examples and the documentation included
-	$(PY) -m pytest
+# The tests of a file stay in one process: they share simulators and connections.
+PYTEST := $(PY) -m pytest -n 2 --dist loadfile --durations 10
 
-# What draws its programs by chance, the longest first. Each file is a target of its own: `make -j2 -k nightly` has two
-# cores work on them.
-CHANCE := agreement failing_programs mixed_programs mutated histories texts scene_programs partitions program_laws \
-	second_opinion rewrites inline_random
-DRAWN := $(addprefix drawn-,$(CHANCE) failing_clauses joins world_queries pybullet)
-.PHONY: $(DRAWN)
+test: $(VENV)/dev.stamp      ## runs the tests of every feature, those of the examples and the documentation included
+	$(PYTEST) -p no:randomly -m "not slow"
+
+# In random order, so that no test leans on another.
+test-slow: $(VENV)/dev.stamp ## runs the tests that take long, and 1,000 random programs of each kind
+	SS2SQL_PROGRAMS=$${SS2SQL_PROGRAMS:-1000} $(PYTEST) --timeout 3600 -m "slow or drawn"
 
 nightly: export SS2SQL_PROGRAMS = 20000
 release-check: export SS2SQL_PROGRAMS = 100000
 nightly release-check: export SS2SQL_WORLD_QUERIES = 5000
 nightly release-check: export SS2SQL_SCENES = 200
-nightly: $(DRAWN) fuzz       ## the random tests, many more of them: 20,000 programs, 5,000 queries of each world; then fuzz
-release-check: $(DRAWN)      ## the same before a release: 100,000 programs, by another seed if SS2SQL_SEED is set
+nightly: drawn fuzz          ## the random tests, many more of them: 20,000 programs, 5,000 queries of each world; then fuzz
+release-check: drawn         ## the same before a release: 100,000 programs, by another seed if SS2SQL_SEED is set
 
-$(DRAWN): drawn-%: $(VENV)/dev.stamp
-	$(PY) -m pytest tests/test_$*.py
+drawn: $(VENV)/dev.stamp
+	$(PYTEST) --timeout 0 -m drawn
 
 fuzz: $(VENV)/fuzz.stamp     ## texts that try to break parser and compiler; 20 minutes, or SS2SQL_FUZZ_SECONDS
 	$(PY) tests/fuzz.py
 
 # Tests that draw their programs by chance are left out: what they reach, others have to reach every time.
+STAGES := --include='ss2sql/frontend/*,ss2sql/lowering/*'
 coverage: $(VENV)/dev.stamp  ## which lines and branches no test reaches; fails below 95 %, below 100 % of frontend and lowering
-	$(PY) -m coverage run -m pytest $(CHANCE:%=--ignore=tests/test_%.py)
-	$(PY) -m coverage report --include='ss2sql/frontend/*,ss2sql/lowering/*' --fail-under=100
+	$(PYTEST) --timeout 600 --cov --cov-report= -m "not slow and not drawn"
+	@echo "== reached by make test"
+	$(PY) -m coverage report $(STAGES)
+	$(PY) -m coverage report | tail -n 1
+	$(PYTEST) --timeout 3600 --cov --cov-append --cov-report= -m "slow and not drawn"
+	@echo "== reached by make test and make test-slow"
+	$(PY) -m coverage report $(STAGES) --fail-under=100
 	$(PY) -m coverage report --fail-under=95
 
-mutants: $(VENV)/dev.stamp   ## small changes of the lowering and the resolver that no test sees; fails above 10 in 100
+mutants: $(VENV)/dev.stamp   ## small changes of the lowering and the resolver that no test sees; fails above 5 in 100
 	$(PY) tests/mutants.py
 
 compat: $(VENV)/compat.stamp ## the oldest and the newest packages that are allowed, under every Python that is here

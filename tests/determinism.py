@@ -1,7 +1,8 @@
-"""All that scripts give, as one line of JSON each: `python tests/determinism.py ORDER PROGRAMS RARE`.
+"""All that scripts give, as one line of JSON each: `python tests/determinism.py ORDER PROGRAMS RARE MOST`.
 
-The scripts are those of tests/cases, so many random programs, and some of the command line. One in RARE is looked at
-more closely: it runs on the native engine too, among names like its own, and a picture is drawn of one in ten of them.
+The scripts are those of tests/cases, so many random programs, and some of the command line: all of them, or MOST, which
+are spread over them. One in RARE is looked at more closely: it runs on the native engine too, among names like its own,
+and a picture is drawn of one in ten of them.
 
 ORDER is a number that should not matter. By it are shuffled: the order in which functions, values, tables and
 representations are registered, the order in which the scripts run in this process, and where objects lie in memory.
@@ -71,7 +72,7 @@ def bag_of(x: Any) -> Any:
     return {"b", "a", ("x", 1), ("x", "y"), None, 2.5, 3, frozenset({"d", "c"}), frozenset({"e"}), "long" * 9, b"a", x}
 
 
-def scripts(programs: int, rare: int) -> dict[str, Callable[[random.Random], Told]]:
+def scripts(programs: int, rare: int, most: int) -> dict[str, Callable[[random.Random], Told]]:
     """What there is to run, by name; each is given what shuffles."""
     cases = {case.name: partial(of_case, case, crc32(case.name.encode()) % rare == 0) for case in golden.cases()}
     for name, text in MORE_SCRIPTS.items():
@@ -79,7 +80,9 @@ def scripts(programs: int, rare: int) -> dict[str, Callable[[random.Random], Tol
         cases[case.name] = partial(of_case, case, True)
     made = (program(random.Random(number).randbytes(DECISIONS)) for number in range(programs))
     drawn = {f"program {number}": partial(of_program, case, number % rare == 0) for number, case in enumerate(made)}
-    return {**cases, **drawn, **{f"ss2sql {' '.join(given)}": partial(of_command, given) for given in COMMANDS}}
+    commands = {f"ss2sql {' '.join(given)}": partial(of_command, given) for given in COMMANDS}
+    found = {**cases, **drawn, **commands}
+    return {name: found[name] for name in list(found)[:: max(1, len(found) // most)]}
 
 
 # --- sessions that are furnished in any order ------------------------------------------------------------
@@ -257,9 +260,9 @@ OTHERS: tuple[Register, ...] = (
 )
 
 
-def report(order: int, programs: int, rare: int) -> Iterator[str]:
+def report(order: int, programs: int, rare: int, most: int) -> Iterator[str]:
     shuffle = random.Random(order)
-    wanted = list(scripts(programs, rare).items())
+    wanted = list(scripts(programs, rare, most).items())
     shuffle.shuffle(wanted)
     yield from sorted(json.dumps([name, tell(shuffle)]) for name, tell in wanted)
 

@@ -1,9 +1,10 @@
 """Mutation testing: which small changes of the lowering and of the resolver does no test see?
 
 `python tests/mutants.py` draws MUTANTS of them by seed, and prints those that live on and a line of figures. It runs
-TESTS once, to learn which of them reach which line. Then it goes over the mutants: for each a fork of this process puts
-the changed function in place and runs tests that reach the line, until one fails. A mutant that lives on needs a test,
-or a row in mutants_justified.toml that says why no test can see it. More than LIVING in a hundred of the others fail.
+the tests of `make test` once, to learn which of them reach which line. Then it goes over the mutants: for each a fork
+of this process puts the changed function in place and runs tests that reach the line, until one fails. Those that live
+on are tried by what `make test-slow` has besides, which is said apart. A mutant that lives on needs a test, or a row in
+mutants_justified.toml that says why no test can see it. More than LIVING in a hundred that `make test` lets live fail.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from importlib import import_module
 from itertools import zip_longest
 from pathlib import Path
 from types import CodeType, FunctionType
-from typing import TextIO
+from typing import Any, TextIO
 
 import coverage
 import mutants_made
@@ -48,17 +49,8 @@ MUTATED = (
     "lowering/**/*.py",
     *(f"frontend/{name}.py" for name in ("resolve", "queries", "sources", "groups", "options")),
 )
-# Tests of these two stages that need no simulator, no other process, and no minute.
-TESTS = (
-    *("test_cases", "test_errors", "test_error_rendering", "test_sql", "test_operators_sql", "test_plan_text"),
-    *("test_resolve_*", "test_rewrites_*", "test_search_*", "test_inline", "test_inline_calls", "test_arity"),
-    *("test_states", "test_positions", "test_cells", "test_unknown_parameters", "test_tables", "test_rare_forms"),
-    *("test_worlds", "test_world_errors", "test_world_layouts", "test_navigation", "test_security", "test_new_calls"),
-    *("test_explain", "test_explain_levels", "test_translated", "test_levels_typed", "test_joins", "duck/test_*"),
-    "test_native_after_all",
-)
-LONG = ("random", "every_state", "hash_seed")
-"""Words in the names of tests that take long, with whatever they draw."""
+# What a fork cannot run, or what runs in processes of its own, so that it would not see the mutant.
+ELSEWHERE = ("spark/", "notebook", "workers", "interrupts", "faults", "crashes", "determinism", "package", "mutants")
 
 MUTANTS = 300
 SECONDS = 20.0
@@ -67,8 +59,15 @@ SECONDS = 20.0
 PATIENCE = 30
 """How many times as long those are tried that live."""
 
+PROGRAMS = 1000
+"""How many programs tests draw, as in `make test-slow`."""
+
+SLOW_SECONDS = 300.0
+"""What slow tests of one mutant may take together."""
+
 MEMORY = 4 << 30
-LIVING = 10
+LIVING = 5
+PROCESSES = 2
 
 Reached = dict[str, dict[int, list[str]]]
 Places = dict[tuple[str, Site], list[FunctionType]]
@@ -87,6 +86,7 @@ class Mutating:
         self.new: list[str] = []  # tests that nothing is known of yet: they are tried on every mutant
         self.lived: list[Mutant] = []
         self.counts: Counter[str] = Counter()
+        self.caches: list[_lru_cache_wrapper[object]] = []
 
     # --- pytest ----------------------------------------------------------------------------------------
 
@@ -101,6 +101,8 @@ class Mutating:
         drawn = self.draw()
         print(f"{len(drawn)} mutants, {len(session.items)} tests", file=self.out, flush=True)
         started = time.monotonic()
+        slow = [item for item in session.items if is_slow(item)]
+        session.items = [item for item in session.items if not is_slow(item)]
         reached = self.reached(session, sorted({mutant.file for mutant in drawn}))
         print(
             f"tests ran in {time.monotonic() - started:.0f} s, failed: {sorted(self.failed)}", file=self.out, flush=True
@@ -110,10 +112,16 @@ class Mutating:
         failed = (forked(lambda: failing(new, len(new)), math.inf) or "").splitlines() if new else []
         self.new = [item.nodeid for item in new if item.nodeid not in failed]
         places = functions()
+        self.caches = [one for one in gc.get_objects() if isinstance(one, _lru_cache_wrapper)]
+        gc.freeze()
         strength: Counter[str] = Counter()
-        for mutant in drawn:
+
+        def judge(mutant: Mutant) -> tuple[str, str, int]:
             verdict, killer, tests = self.judged(mutant, items, reached, strength, places)
             strength[killer] += 1
+            return verdict, killer, tests
+
+        for mutant, (verdict, killer, tests) in in_parallel(drawn, judge):
             self.counts[verdict] += 1
             if verdict == LIVED:
                 self.lived.append(mutant)
@@ -121,13 +129,27 @@ class Mutating:
                 place = f"ss2sql/{mutant.file}:{mutant.line}"
                 print(f"{verdict}: {mutant.name}  [{place}, {tests} tests] {killer}", file=self.out, flush=True)
         LIVED_BEFORE.write_text("".join(f"{mutant.name}\n" for mutant in self.lived), encoding="utf-8")
+        later = self.killed_by_slow_tests(slow, places)
         taken = time.monotonic() - started
         print(
-            f"score: {len(drawn)} mutants, {self.counts[KILLED]} killed, {self.counts[LIVED]} survived, "
-            f"{self.counts[SLOW]} timed out, {taken:.0f} seconds (seed {self.given.seed})",
+            f"score: {len(drawn)} mutants, {self.counts[KILLED]} killed, {self.counts[SLOW]} timed out, "
+            f"{self.counts[LIVED]} survived make test, of which make test-slow kills {later}; "
+            f"{taken:.0f} seconds (seed {self.given.seed})",
             file=self.out,
         )
         return True
+
+    def killed_by_slow_tests(self, slow: Sequence[pytest.Item], places: Places) -> int:
+        """How many mutants that live on a slow test kills."""
+
+        def judge(mutant: Mutant) -> tuple[str, str]:
+            return self.verdict(mutant, slow, places, SLOW_SECONDS)
+
+        killed = 0
+        for mutant, (verdict, killer) in in_parallel(self.lived, judge):
+            killed += verdict == KILLED
+            print(f"by slow tests {verdict}: {mutant.name}  {killer}", file=self.out, flush=True)
+        return killed
 
     # --- choosing --------------------------------------------------------------------------------------
 
@@ -195,17 +217,24 @@ class Mutating:
             verdict, killer = self.verdict(mutant, [items[one] for one in names], places)
         return verdict, killer, len(tried)
 
-    def verdict(self, mutant: Mutant, tests: Sequence[pytest.Item], places: Places) -> tuple[str, str]:
-        """What becomes of a mutant, and the test that kills it."""
+    def verdict(
+        self, mutant: Mutant, tests: Sequence[pytest.Item], places: Places, seconds: float | None = None
+    ) -> tuple[str, str]:
+        """What becomes of a mutant, and the test that kills it.
+
+        With `seconds` tests run in turn until these are over, however long each takes.
+        """
         site, code = mutants_made.mutated(PACKAGE / mutant.file, mutant)
 
         def killer() -> str:
             for function in places[str(PACKAGE / mutant.file), site]:
                 function.__code__ = code
-            forget()
-            return failing(tests, most=1) or "-"
+            for cache in self.caches:  # what is kept in them was found without the mutant
+                cache.cache_clear()
+            return failing(tests, most=1, seconds=seconds or math.inf) or "-"
 
-        said = forked(killer, 20 + 4 * sum(self.seconds[one.nodeid] for one in tests))
+        usual = 20 + 4 * sum(self.seconds[one.nodeid] for one in tests)
+        said = forked(killer, 2 * seconds if seconds else usual)
         match said:
             case None:
                 return SLOW, ""
@@ -213,6 +242,34 @@ class Mutating:
                 return LIVED, ""
             case _:
                 return KILLED, said or "crash"
+
+
+def in_parallel(mutants: Sequence[Mutant], judge: Callable[[Mutant], tuple[Any, ...]]) -> Iterator[tuple[Mutant, Any]]:
+    """Each mutant with what is judged of it, in PROCESSES forks of this process, as they are done."""
+    pipes = []
+    for number in range(PROCESSES):
+        reading, writing = os.pipe()
+        if not os.fork():
+            with os.fdopen(writing, "w") as pipe:
+                for at in range(number, len(mutants), PROCESSES):
+                    print(json.dumps([at, judge(mutants[at])]), file=pipe, flush=True)
+            os._exit(0)
+        os.close(writing)
+        pipes.append(os.fdopen(reading))
+    while pipes:
+        for pipe in select.select(pipes, [], [])[0]:
+            if line := pipe.readline():
+                at, judged = json.loads(line)
+                yield mutants[at], judged
+            else:
+                pipes.remove(pipe)
+                pipe.close()
+                os.wait()
+
+
+def is_slow(item: pytest.Item) -> bool:
+    """Whether a test is one of `make test-slow`, which draws more programs than `make test`."""
+    return any(item.get_closest_marker(name) for name in ("slow", "drawn"))
 
 
 def forked(action: Callable[[], str], seconds: float) -> str | None:
@@ -239,16 +296,10 @@ def forget_in(item: pytest.Item) -> None:
             one.cache_clear()
 
 
-def forget() -> None:
-    """Empties all caches of functions: what is kept in them was found without the mutant."""
-    for one in gc.get_objects():
-        if isinstance(one, _lru_cache_wrapper):
-            one.cache_clear()
-
-
-def failing(tests: Sequence[pytest.Item], most: int) -> str:
-    """Runs tests until so many have failed; those, one a line."""
+def failing(tests: Sequence[pytest.Item], most: int, seconds: float = math.inf) -> str:
+    """Runs tests until so many have failed, or so many seconds are over; those that failed, one a line."""
     failed: dict[str, None] = {}
+    begun = time.monotonic()
 
     class Noted:
         @pytest.hookimpl
@@ -258,7 +309,7 @@ def failing(tests: Sequence[pytest.Item], most: int) -> str:
 
     noted = Noted()
     for item, following in zip_longest(tests, tests[1:]):
-        if len(failed) < most:
+        if len(failed) < most and time.monotonic() - begun < seconds:
             item.config.pluginmanager.register(noted)
             item.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
             item.config.pluginmanager.unregister(noted)
@@ -311,14 +362,14 @@ def main() -> int:
     given = parser.parse_args()
     with os.fdopen(os.dup(sys.stdout.fileno()), "w") as out:
         REACHED.parent.mkdir(exist_ok=True)
+        os.environ.setdefault("SS2SQL_PROGRAMS", str(PROGRAMS))
         mutating = Mutating(given, out)
         if not given.again:
             mutating.measure.start()
-        files = sorted({str(path) for name in TESTS for path in TESTS_FOLDER.glob(f"{name}.py")})
-        ended = pytest.main(
-            ["-q", "--no-header", "-p", "no:cacheprovider", "--no-summary", "-k", f"not ({' or '.join(LONG)})", *files],
-            plugins=[mutating],
-        )
+        files = [str(path) for path in sorted(TESTS_FOLDER.rglob("test_*.py"))]
+        files = [file for file in files if not any(word in file for word in ELSEWHERE)]
+        options = ["-q", "--no-header", "--no-summary", "--timeout=0", "-p", "no:cacheprovider", "-p", "no:randomly"]
+        ended = pytest.main([*options, *files], plugins=[mutating])
     allowed = LIVING * sum(mutating.counts.values()) / 100
     return int(ended) or int(len(mutating.lived) > allowed)
 
