@@ -347,4 +347,12 @@ CODES: dict[str, Code] = _table(
         "Open a session in each thread and in each process, or let threads take turns with a lock. `interrupt` and "
         "`close` may be called from any thread.",
     ),
+    (
+        "S005", "file is open in another SQLite",
+        "The file is open in this process in another copy of SQLite, such as that of Python's `sqlite3`.",
+        "The operating system keeps one set of locks per process. A copy of SQLite that unlocks or closes the file "
+        "drops the locks of the other, and what that one writes then can damage the file.",
+        "Close the other connection first. To read its tables while it is open, attach the connection itself: "
+        "`session.attach(\"name\", connection)`. Connections of `apsw`, and of other processes, are safe.",
+    ),
 )  # fmt: skip

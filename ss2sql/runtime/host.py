@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +21,7 @@ from ss2sql.lowering.rewrites.world import World
 from ss2sql.runtime import representations
 from ss2sql.runtime.builtins import BUILTINS
 from ss2sql.runtime.database import Database
+from ss2sql.runtime.file_locks import close_file, using
 from ss2sql.runtime.functions import MEMO_LIMIT, UserFunction, builtin_functions, sql_names
 from ss2sql.runtime.held import Held
 from ss2sql.runtime.limits import Limits
@@ -79,7 +80,7 @@ class SessionHost:
     ) -> None:
         self.connection = connection
         self.limits = limits
-        self.turns = Turns(self._release, in_file=file is not None)
+        self.turns = Turns(self._release, self._using, in_file=file is not None)
         self.disabled = disabled
         self.memo_limit = 0 if "memo" in disabled else MEMO_LIMIT
         self.begun: list[Run] = []  # what runs, or is compiled to run, the innermost last
@@ -105,7 +106,7 @@ class SessionHost:
             try:
                 file.load(temporals)
             except BaseException:
-                connection.close()
+                close_file(connection)
                 raise
             self.graph_store = self.tables.graphs = Store(connection, not read_only)
             if "remember" not in disabled:
@@ -192,11 +193,19 @@ class SessionHost:
         """The processes of `workers`, if there are any."""
         return self.held.processes
 
+    @contextmanager
+    def _using(self) -> Iterator[None]:
+        """While a thread uses the session: no other copy of SQLite has its files open. Copies are made anew for it."""
+        for copied in self.tables.copied.values():
+            copied.stale = True
+        with using(self.connection):
+            yield
+
     def _release(self) -> None:
         self.silence()
         self.held.end()
         if self.turns.here:
-            self.connection.close()
+            close_file(self.connection)
 
     def _detached(self, world: AttachedWorld) -> None:
         self.database.worlds.forget(world.tables.values())
@@ -233,7 +242,7 @@ class SessionHost:
             {name: world for name, world in self.names.worlds.items() if name not in given},
             {n: self._planned(f) for n, f in self.world_functions.items() if n not in self.functions},
             frames=self.names.frames.keys() - given.keys(),
-            files=tuple(self.tables.files),
+            files=self.tables.attached,
             asked=self.shapes.asked(),
         )
 

@@ -10,6 +10,7 @@ from typing import Any
 import apsw
 
 from ss2sql.errors import SessionError, Source, did_you_mean
+from ss2sql.runtime.file_locks import close_file, open_file
 from ss2sql.runtime.tables import CACHE_SIZE
 
 BUSY_MILLISECONDS = 1000  # how long to wait for a file that somebody else is writing
@@ -42,14 +43,14 @@ def open_connection(path: str | os.PathLike[str] | None, read_only: bool) -> aps
     flags = apsw.SQLITE_OPEN_READONLY if read_only else apsw.SQLITE_OPEN_READWRITE | apsw.SQLITE_OPEN_CREATE
     connection: apsw.Connection | None = None
     try:
-        connection = apsw.Connection(":memory:" if path is None else os.fspath(path), flags=flags)
+        connection = apsw.Connection(":memory:") if path is None else open_file(os.fspath(path), flags)
         connection.set_busy_timeout(BUSY_MILLISECONDS)
         connection.execute("SELECT count(*) FROM sqlite_schema").fetchall()
         for pragma in (CHECKED, *MEMORY):
             connection.execute(pragma)
     except (apsw.Error, ValueError, TypeError) as error:  # a path may be none at all
         if connection is not None:
-            connection.close()  # else it would hold the file for as long as somebody holds the error
+            close_file(connection)  # else it would hold the file for as long as somebody holds the error
         hint = "the folder has to exist, and the file has to be a SQLite database"
         if isinstance(error, (apsw.BusyError, apsw.LockedError)):
             hint = "another program is writing to it: try again when that has ended"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sqlite3
 import weakref
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -153,11 +154,14 @@ class Session:
                 values, dicts or dataclass objects), a dict of columns, any other value of the language. A data frame
                 of pandas or Polars, an Arrow table or what gives Arrow data, a structured NumPy array. The path of a
                 SQLite file, or its text if that ends in .db, .sqlite or .sqlite3; its tables are then `name.table`.
+                A connection of `sqlite3`, likewise: its main database is copied at the start of each run, in the
+                thread of the connection.
                 The path of a Parquet file, which ends in .parquet; DuckDB reads it.
 
         Raises:
             SessionError: S002 for anything else, and for a world that declares what cannot be; S003 where DuckDB is
-                needed and missing.
+                needed and missing; S004 for a connection of another thread; S005 for a file that another copy of
+                SQLite has open in this process.
         """
         self._check_name(name)
         file = parquet_of(source)
@@ -169,6 +173,10 @@ class Session:
         path = path_of(source)
         if path is not None:
             self.host.tables.attach(name, path)
+            self.host.names.forget(name)
+            return
+        if isinstance(source, sqlite3.Connection):
+            self.host.tables.attach_connection(name, source)
             self.host.names.forget(name)
             return
         reader = reader_of(source, name)
@@ -187,7 +195,7 @@ class Session:
     def detach(self, name: str) -> None:
         """Forgets what was attached under the name. Raises KeyError where nothing is."""
         self._check_open()
-        if name not in self.host.names.attached and name not in self.host.tables.files:
+        if name not in self.host.names.attached and name not in self.host.tables.attached:
             raise KeyError(name)
         self.host.tables.detach(name)
         self.host.names.forget(name)
@@ -235,6 +243,7 @@ class Session:
 
     # --- running ---------------------------------------------------------------------------------------
 
+    @in_turn
     def compile(self, script: str | Path | Source, engine: Engine = "auto") -> Query:
         """Parses, resolves and lowers a script once; names that it does not know become its parameters.
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import os
+import sqlite3
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,8 @@ import apsw
 from ss2sql import plan
 from ss2sql.errors import ExecutionError, SessionError
 from ss2sql.kinds import INT_MAX, INT_MIN, Kind, Type
+from ss2sql.runtime.copied_databases import CopiedDatabase
+from ss2sql.runtime.file_locks import attach_file, close_file, detach_file, open_file
 from ss2sql.runtime.guard import UNREADABLE
 from ss2sql.runtime.operator_types import MAX
 from ss2sql.runtime.remembered.store import Store
@@ -62,6 +65,7 @@ class Tables:
         self.connection = connection
         self._known: dict[tuple[str, str], tuple[Any, plan.TableSource]] = {}
         self.files: dict[str, Path] = {}  # what is attached, by name
+        self.copied: dict[str, CopiedDatabase] = {}  # connections of sqlite3 that are attached, by name
         self.graphs: Store | None = None  # of remembered graphs, in tables that are no tables of scripts' own
 
     def attach(self, name: str, path: Path) -> None:
@@ -72,17 +76,15 @@ class Tables:
             what = f"{path} cannot be read: {error.strerror}"
         if what:
             raise SessionError("S002", what, hints=("give the path of a SQLite file",))
-        if name.lower() in ("main", "temp"):
-            raise SessionError("S002", f"'{name}' is the session's own database", hints=("choose another name",))
+        self._check_free(name)
         try:
-            probe = apsw.Connection(str(path), flags=apsw.SQLITE_OPEN_READONLY)
+            probe = open_file(str(path), apsw.SQLITE_OPEN_READONLY)
             try:
                 probe.execute("SELECT count(*) FROM sqlite_schema").fetchall()
             finally:
-                probe.close()
-            for twin in [known for known in self.files if known.lower() == name.lower()]:  # SQLite sees no case
-                self.detach(twin)
-            self.connection.execute(f"ATTACH ? AS {quoted(name)}", (str(path),))
+                close_file(probe)
+            self._make_room(name)
+            attach_file(self.connection, name, str(path))
             self.connection.execute(f"PRAGMA {quoted(name)}.cache_size = {CACHE_SIZE}")
         except apsw.Error as error:
             hint = "an encrypted or damaged file cannot be attached, nor one of another program"
@@ -90,16 +92,44 @@ class Tables:
             raise SessionError("S002", message, hints=(hint,)) from error
         self.files[name] = path
 
+    def attach_connection(self, name: str, source: sqlite3.Connection) -> None:
+        """Makes the tables of a connection of `sqlite3` known as `name.table`, as they are when a script runs."""
+        self._check_free(name)
+        self._make_room(name)
+        copied = CopiedDatabase(self.connection, name, source)
+        copied.refresh()
+        self.copied[name] = copied
+
+    def refresh(self, schema: str | None = None) -> None:
+        """Copies what connections of `sqlite3` hold, where that has changed; once in a turn."""
+        for name, copied in self.copied.items():
+            if schema in (None, name) and copied.refresh():
+                self._known.clear()
+
+    @property
+    def attached(self) -> tuple[str, ...]:
+        """The names of attached files and connections."""
+        return (*self.files, *self.copied)
+
+    def _check_free(self, name: str) -> None:
+        if name.lower() in ("main", "temp"):
+            raise SessionError("S002", f"'{name}' is the session's own database", hints=("choose another name",))
+
+    def _make_room(self, name: str) -> None:
+        for twin in [known for known in self.attached if known.lower() == name.lower()]:  # SQLite sees no case
+            self.detach(twin)
+
     def detach(self, name: str) -> None:
-        """Forgets the file of this name, if there is one. Raises SessionError S002 while a query reads it."""
-        if name in self.files:
+        """Forgets the file or connection of this name, if there is one. Raises SessionError S002 while it is read."""
+        if name in self.attached:
             try:
-                self.connection.execute(f"DETACH {quoted(name)}")
+                detach_file(self.connection, name)
             except apsw.Error as error:
                 hint = "wait until the query that reads it has ended"
                 raise SessionError("S002", f"the file '{name}' cannot be let go: {error}", hints=(hint,)) from error
             self._known.clear()
-            del self.files[name]
+            self.files.pop(name, None)
+            self.copied.pop(name, None)
 
     def names(self) -> list[str]:
         """The names of all tables and views, those of SQLite and of ss2sql apart."""
@@ -110,6 +140,7 @@ class Tables:
 
     def find(self, schema: str | None, name: str) -> plan.TableSource | None:
         """The table or view with this name, exactly as it is written there; None if there is none."""
+        self.refresh(schema)
         rows = self._fetch(
             "SELECT schema, name, type, wr FROM pragma_table_list"
             " WHERE name = ? AND (? IS NULL OR schema = ?) AND type IN ('table', 'view')"

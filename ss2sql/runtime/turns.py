@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import threading
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from functools import wraps
 from typing import TYPE_CHECKING, Concatenate, ParamSpec, TypeVar
 
@@ -24,10 +25,14 @@ class Turns:
     Two runs at once would read each other's values. A second thread does not wait, for the first one may wait for it.
     """
 
-    def __init__(self, release: Callable[[], None], in_file: bool) -> None:
+    def __init__(
+        self, release: Callable[[], None], using: Callable[[], AbstractContextManager[None]], in_file: bool
+    ) -> None:
         self._lock = threading.RLock()
         self._depth = 0
         self._release = release
+        self._using = using
+        self._used: AbstractContextManager[None] | None = None
         self._closed = False
         self._process = os.getpid()
         self._in_file = in_file
@@ -44,10 +49,21 @@ class Turns:
         if not self._lock.acquire(blocking=False):
             hints = ("give each thread a session of its own, or let them take turns with a lock",)
             raise SessionError("S004", "the session is in use in another thread", hints=hints)
+        if not self._depth:
+            used = self._using()
+            try:
+                used.__enter__()
+            except BaseException:
+                self._lock.release()
+                raise
+            self._used = used
         self._depth += 1
 
     def __exit__(self, *_: object) -> None:
         self._depth -= 1
+        if not self._depth and self._used is not None:
+            self._used.__exit__(None, None, None)
+            self._used = None
         self._lock.release()
         if self._closed:
             self._end_if_free()

@@ -102,7 +102,7 @@ class Known:
     def owners(self) -> dict[str, list[str]]:
         """Worlds and attached files with the names of their tables."""
         found: dict[str, list[str]] = {name: list(world.tables)[1:] for name, world in self.host.names.worlds.items()}
-        for name in self.host.tables.files:
+        for name in self.host.tables.attached:
             found[name] = [table[len(name) + 1 :] for table in self.tables if table.startswith(f"{name}.")]
         return found
 

@@ -55,6 +55,7 @@ def tables_in_sight(
     A view that cannot be read, because what it reads is gone, has none; the others are told all the same.
     """
     found: dict[str, tuple[str, ...]] = {}
+    tables.refresh()
     for name in tables.names():
         try:
             source = tables.find(None, name)
