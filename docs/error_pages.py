@@ -76,6 +76,7 @@ ss.run("SELECT first(this) FROM [1, 2, 3];")""",
     "S003": "ss2sql.scenes.chaos()  # without PyBullet",
     "S004": 'ss.function("ask", lambda x: pool.submit(ss.eval, "1 + 1;").result())\n'
     'ss.run("ask(1);")  # it waits for a thread',
+    "S005": 'connection = sqlite3.connect("data.db")\nss2sql.connect("data.db")',
 }
 
 
@@ -134,7 +135,8 @@ def from_python(code: str) -> str:
         try:
             FROM_PYTHON[code](session)
         except ss2sql.Error as error:
-            return str(error).replace("a_package_that_is_missing", "pybullet")  # it is there where this is written
+            told = str(error).replace("a_package_that_is_missing", "pybullet")  # it is there where this is written
+            return re.sub(r"\S*/data\.db", "data.db", told)
     raise AssertionError(f"{code} is not raised")
 
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import sqlite3
 import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
 import worker_functions
@@ -71,6 +74,12 @@ def in_another_thread(session: Session) -> None:
     session.run("ask(1);")
 
 
+def another_copy(_: Session) -> object:
+    """A session with a file that Python's own SQLite has open."""
+    with TemporaryDirectory() as folder, closing(sqlite3.connect(f"{folder}/data.db")):
+        return ss2sql.connect(f"{folder}/data.db")
+
+
 FROM_PYTHON: dict[str, Callable[[Session], object]] = {
     "P004": lambda session: session.run("x = 1;" * 100_000),
     "P005": lambda session: session.run("(" * 10_000 + "1" + ")" * 10_000),
@@ -89,6 +98,7 @@ FROM_PYTHON: dict[str, Callable[[Session], object]] = {
     "S002": lambda session: session.function("two words", len),
     "S003": lambda session: package("a_package_that_is_missing"),
     "S004": in_another_thread,
+    "S005": another_copy,
 }
 
 
