@@ -33,7 +33,7 @@ def resolve_query(resolver: Resolver, tree: ast.Query, outer: Scope | None) -> p
     group = tuple(_key(resolver, key, scope) for key in tree.group)
     scope.grouped = bool(group)
     columns = _columns(resolver, tree, scope)
-    order = tuple(plan.OrderKey(_key(resolver, key.expr, scope), key.descending) for key in tree.order)
+    order = tuple(plan.OrderKey(_order_key(resolver, tree, key.expr, scope), key.descending) for key in tree.order)
     having = None if tree.having is None else resolver.guarded(resolver.expression, tree.having, scope)
     query = plan.Query(
         scope.query,
@@ -172,6 +172,34 @@ def _key(resolver: Resolver, tree: ast.Expr, scope: Scope) -> plan.Expr:
         if found is None:
             tree = ast.Call(tree.name, (ast.This(None, span=tree.span),), span=tree.span)
     return resolver.guarded(resolver.expression, tree, scope)
+
+
+def _order_key(resolver: Resolver, tree: ast.Query, key: ast.Expr, scope: Scope) -> plan.Expr:
+    """A key of ORDER BY. A literal, which SQL takes for a column of SELECT, would order nothing."""
+    if isinstance(key, ast.Literal):
+        shown = [_shown(column) for column in tree.columns]
+        known = list(dict.fromkeys(name for source in scope.sources for name, _ in source.columns or ()))
+        number = key.value if type(key.value) is int else 0
+        if any(isinstance(column, ast.Star) for column in tree.columns):
+            shown = known
+        meant = shown[number - 1] if 0 < number <= len(shown) else key.value
+        if meant in (*shown, *known):
+            hint = f"write ORDER BY {meant}"
+        else:
+            hint = f"write what to order by, such as {', '.join(known or shown or ['this'])}"
+        text = key.span.text
+        message = f"ORDER BY {text} orders nothing: {text} is the same for every row"
+        resolver.errors.append(ResolveError("R014", message, key.span, (hint,)))
+    return _key(resolver, key, scope)
+
+
+def _shown(column: ast.Expr) -> str:
+    """What a column of SELECT shows, without the name that `to` gives to it."""
+    match column:
+        case ast.Call(function="to", arguments=(value, *_)):
+            return value.span.text
+        case _:
+            return column.span.text
 
 
 # --- representation ------------------------------------------------------------------------------------

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import datetime
-import io
 import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,11 +19,18 @@ MOMENTS = (datetime.date, datetime.time)  # a datetime is a date
 
 def csv_text(result: Result) -> str:
     """A line of names and one for each row; None is empty, a list or a dict the text of its JSON."""
-    file = io.StringIO()
-    writer = csv.writer(file, lineterminator="\n")
+    lines = _Lines()
+    writer = csv.writer(lines, lineterminator="\r\n")
     writer.writerow(result.columns)
     writer.writerows([[_field(value) for value in row] for row in rows_of(result)])
-    return file.getvalue()
+    return "".join(lines)
+
+
+class _Lines(list[str]):
+    """Lines that end with a newline, of a writer that quotes what its own end of a line has: a carriage return, too."""
+
+    def write(self, line: str) -> None:
+        self.append(line.removesuffix("\r\n") + "\n")
 
 
 def _field(value: Any) -> Any:

@@ -159,6 +159,13 @@ WITH_LISTS = {kind: PLAIN[kind] + split(AGGREGATING.get(kind, ())) for kind in P
 EVERYTHING = {kind: WITH_LISTS[kind] + split(READ_LATE.get(kind, ())) for kind in PLAIN}
 CALLED = re.compile(r"([a-z]+)\(")
 
+LITERAL = re.compile(r"""-?[\d.]+|'[^']*'|"[^"]*"|True|False|None""")
+
+
+def key_of(expression: str) -> str:
+    """The expression as a key of ORDER BY, which refuses literals: such a one becomes an element of a list."""
+    return f"[{expression}]" if LITERAL.fullmatch(expression) else expression
+
 
 @dataclass
 class Sight:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from random import Random
 
 from programs.case import ProgramCase
+from programs.expressions import key_of
 
 VARIABLES = {"one": 1, "zero": 0, "some": [1, 2], "others": [0, 3], "digits": "01z3"}
 TABLES = {"t": [{"u": 1, "v": 2}, {"u": 2, "v": 0}]}
@@ -93,7 +94,7 @@ class FailingPrograms:
             shown, ends = self.groups(columns, own, names, outer)
         else:
             shown = [self.value(names, depth) for _ in range(columns)]
-            ends = f" ORDER BY {self.value(own)}" if self.happens(0.25) else ""
+            ends = f" ORDER BY {key_of(self.value(own))}" if self.happens(0.25) else ""
         ends += f" LIMIT {self.dice.choice(['1', '2', 'one', 'zero'])}" if self.happens(0.2) else ""
         return f"SELECT {', '.join(shown)} FROM {', '.join(sources)}{where}{ends} AS {representation}"
 
@@ -124,7 +125,7 @@ class FailingPrograms:
         shown = [self.aggregate(names), *(self.dice.choice([*seen, chosen]) for _ in range(columns - 1))]
         ends = f" GROUP BY {', '.join(keys)}"
         ends += f" HAVING {self.condition(outer, 0, seen)}" if self.happens(0.6) else ""
-        return shown, ends + (f" ORDER BY {self.dice.choice(seen)}" if self.happens(0.3) else "")
+        return shown, ends + (f" ORDER BY {key_of(self.dice.choice(seen))}" if self.happens(0.3) else "")
 
     def steps(self, own: Names, names: Names) -> str:
         """The clauses of a search, which comes to an end."""

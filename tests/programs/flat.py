@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from .choices import Choices
-from .expressions import EVERYTHING, PLAIN, Expressions, Sight
+from .expressions import EVERYTHING, PLAIN, Expressions, Sight, key_of
 
 INTS = (1, 2, 3, 0, -1, 4, 2)
 NUMS = (1, 0.5, 1.0, 2, 2.5, True, 0)
@@ -190,7 +190,7 @@ class Flat(Expressions):
         self.nesting += 1
         text, own, _ = self.sources(sight, choices.weighted((4, 1), (1, 2)))
         where = f" WHERE {self.condition(own, 1)}" if choices.chance(50) else ""
-        ending = choices.weighted((6, ""), (2, f" ORDER BY {self.expr('int', own, 1)}"), (2, " LIMIT 2"))
+        ending = choices.weighted((6, ""), (2, f" ORDER BY {key_of(self.expr('int', own, 1))}"), (2, " LIMIT 2"))
         kinds = choices.some(("int", "num", "str", "any"), 1, 2)
         shown = [self.expr(kind, own, 2) for kind in kinds]
         self.nesting -= 1
@@ -256,7 +256,7 @@ class Flat(Expressions):
         text, own, _ = self.sources(sight, 1)
         where = f" WHERE {self.condition(own, 1)}" if self.choices.chance(70) else ""
         column = self.expr(kind, own, 1)
-        order = f" ORDER BY {self.expr('int', own, 0)}" if self.choices.chance(20) else ""
+        order = f" ORDER BY {key_of(self.expr('int', own, 0))}" if self.choices.chance(20) else ""
         self.nesting -= 1
         return f"(SELECT {column} FROM {text}{where}{order} AS {form})"
 
@@ -315,7 +315,7 @@ class Flat(Expressions):
         if not self.choices.chance(35):
             return ""
         kinds = self.choices.some(("int", "num", "maybe", "str", "list", "int"), 1, 2)
-        keys = [self.expr(kind, sight, 1) + self.choices.pick(("", " DESC", " ASC")) for kind in kinds]
+        keys = [key_of(self.expr(kind, sight, 1)) + self.choices.pick(("", " DESC", " ASC")) for kind in kinds]
         return "ORDER BY " + ", ".join(keys)
 
     def limit(self) -> str:
@@ -383,7 +383,7 @@ class Flat(Expressions):
             self.variable("xs")
             shown.append("(SELECT [d.this, count(*)] FROM d = xs GROUP BY d.this HAVING count(*) > 0 AS list)")
         ordering = choices.pick((self.aggregate(sight), keys[0]))
-        order = f"ORDER BY {ordering}{choices.pick(('', ' DESC'))}" if choices.chance(35) else ""
+        order = f"ORDER BY {key_of(ordering)}{choices.pick(('', ' DESC'))}" if choices.chance(35) else ""
         return ", ".join(choices.shuffled(shown)), [group, order, self.limit()]
 
     def partition_columns(self, sight: Sight) -> str:

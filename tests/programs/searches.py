@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from .expressions import EVERYTHING, PLAIN, Sight
+from .expressions import EVERYTHING, PLAIN, Sight, key_of
 from .flat import Flat
 from .machines import MACHINES, Machine, floats, towers, words
 
@@ -116,7 +116,7 @@ class Searches(Flat):
         columns = ["1"] if c.chance(3) else columns  # equal rows
         order = ""
         if c.chance(20):
-            order = f"ORDER BY {c.pick((*machine.ints, *machine.row, *machine.others))}{c.pick(('', ' DESC'))}"
+            order = f"ORDER BY {key_of(c.pick((*machine.ints, *machine.row, *machine.others)))}{c.pick(('', ' DESC'))}"
         clauses = c.shuffled([clause for clause in (order, self.limit()) if clause])
         return ", ".join(columns), "".join(f" {clause}" for clause in clauses)
 
@@ -127,10 +127,10 @@ class Searches(Flat):
         having = f" HAVING count(*) {c.pick(('>', '<='))} {c.below(3)}" if c.chance(55) else ""
         if not guard and c.chance(75):
             aggregates = ", ".join(self.aggregate(sight) for _ in range(1 + c.below(2)))
-            order = c.pick(("", f" ORDER BY {key} DESC", " ORDER BY count(*)"))
+            order = c.pick(("", f" ORDER BY {key_of(key)} DESC", " ORDER BY count(*)"))
             return f"{key}, {aggregates}", f" GROUP BY {key}{having}{order}"
         # The key stands in a list, so that no column is made of it.
-        order = f" ORDER BY {c.pick(machine.ints or machine.row)}" if c.chance(30) else ""
+        order = f" ORDER BY {key_of(c.pick(machine.ints or machine.row))}" if c.chance(30) else ""
         return ", ".join(machine.row), f" GROUP BY [{key}, 'key']{having}{order}"
 
     def options(self, machine: Machine, order: str, guard: str) -> str:
