@@ -133,7 +133,7 @@ def test_every_name_of_all_exists():
 
 
 def test_files_stay_small():
-    large = [path for path in PACKAGE.rglob("*.py") if len(path.read_text("utf-8").splitlines()) > 400]
+    large = [path for path in PACKAGE.rglob("*.py") if len(path.read_text("utf-8").splitlines()) > 600]
     assert [str(path.relative_to(PACKAGE)) for path in large] == []
 
 

@@ -131,6 +131,8 @@ class Resolver:
                 bounds = (bound or ast.Literal(None, span=span) for bound in (lower, upper))
                 return self.call("slice", self.all((value, *bounds), scope), span, span)
             case ast.Operator(function=function, operands=operands, place=place):
+                if function in ("in", "not_in"):
+                    operands = operands[0], as_list(operands[1])
                 arguments = self.operands(operands, scope)
                 compared = function in ("eq", "ne") and self.catalog.functions[function].builtin
                 return self.call(function, keys_of(arguments, scope) if compared else arguments, span, place)
@@ -398,3 +400,16 @@ def _children(tree: ast.Expr) -> Iterable[ast.Expr]:
         for item in value if isinstance(value, tuple) else (value,):
             if hasattr(type(item), "__dataclass_fields__") and not isinstance(item, Span):
                 yield item
+
+
+def as_list(tree: ast.Expr) -> ast.Expr:
+    """What stands right of IN: a query without AS is the list of its single column."""
+    if not isinstance(tree, ast.Query) or tree.representation is not None:
+        return tree
+    hint = "write AS list for a list of all values"
+    if tree.connect:
+        message = "right of IN stands a list of values, and a search gives paths"
+        raise ResolveError("R014", message, tree.span, ("add AS list to compare with whole paths",))
+    if len(tree.columns) > 1 or isinstance(tree.columns[0], ast.Star):
+        raise ResolveError("R014", "right of IN a query without AS has one column", tree.span, (hint,))
+    return replace(tree, representation=ast.Representation("list", (), (), span=tree.span))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any, assert_never
 
 from ss2sql.errors import Error, Source
@@ -109,6 +110,9 @@ class Reference:
             case ast.Slice(value=value, lower=lower, upper=upper):
                 parts = [None if part is None else self.evaluate(part, frame) for part in (value, lower, upper)]
                 return slice_of(*parts)
+            case ast.Operator(function="in" | "not_in", operands=(item, ast.Query(representation=None) as query)):
+                values = replace(query, representation=ast.Representation("list", (), (), span=query.span))
+                return self.operate(expr.function, [self.evaluate(item, frame), self.evaluate(values, frame)])
             case ast.Operator(function=function, operands=operands):
                 return self.operate(function, [self.evaluate(operand, frame) for operand in operands])
             case ast.And(parts=parts):
