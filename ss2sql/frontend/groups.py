@@ -164,14 +164,16 @@ def _aggregate_type(name: str, kind: Type) -> Type:
             return Type(Kind.INT, 0, 2**53)
         case "min" | "max":
             return kind
-        case _ if not kind.only(Kind.NUMBER | Kind.NONE):
+        case "sum" | "average" if not kind.only(Kind.NUMBER | Kind.NONE):
             return ANY
         case "average":
             return union((FLOAT, NONE)) if kind.may(Kind.NONE) else FLOAT
-        case _ if kind.kinds == Kind.FLOAT:
+        case "sum" if kind.kinds == Kind.FLOAT:
             return FLOAT
-        case _:
+        case "sum":
             return Type(Kind.INT | Kind.FLOAT) if kind.may(Kind.FLOAT) else INT
+        case _:
+            raise AssertionError(f"nothing says what type the aggregate {name} has")
 
 
 def _refuse(resolver: Resolver, query: plan.Query, reason: str) -> None:

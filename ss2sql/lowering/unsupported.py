@@ -195,7 +195,11 @@ RULES: tuple[Rule, ...] = (
     ),
     Rule("a source calls a volatile function", "assign its list to a variable before the query", _volatile_source),
     Rule("a search inside another query", "assign its result to a variable before the query", _nested_search),
-    Rule("a representation of the user inside another query", "use AS list or AS dict", _nested_representation),
+    Rule(
+        "a representation that SQL does not make, inside another query",
+        "use AS list or AS dict",
+        _nested_representation,
+    ),
     Rule("a partition inside another query", "assign it to a variable before the query", _nested_partition),
     Rule("an inner ORDER BY over values of several kinds", "sort by numbers or strings alone", _nested_order),
     Rule("an inner LIMIT that is not known beforehand to be a count", "write a number", _nested_limit),

@@ -82,7 +82,10 @@ def write_here(query: plan.Query, outside: Callable[[plan.ValueSource], Outside 
     sources = _Sources(outside)
     portable = _Exact()
     select = _Writer(query, portable, sources.open).select(_limit(query.limit))
-    return WrittenHere(select, tuple(sources.loaded), portable.parameters, tuple(portable.functions))
+    # Keys of ORDER BY that sort nothing are left out, and so are parameters that only they have.
+    bound = {node.this for node in select.find_all(exp.Placeholder)}
+    parameters = {label: name for label, name in portable.parameters.items() if label in bound}
+    return WrittenHere(select, tuple(sources.loaded), parameters, tuple(portable.functions))
 
 
 def narrowed(
