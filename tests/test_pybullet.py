@@ -19,6 +19,7 @@ from bullet_rooms import ENGINES, Counting, ball, box, furnish, jointed, live, m
 from ss2sql.scenes import Sensor, chaos
 from ss2sql.scenes.bullet import connect
 from ss2sql.vtables.pybullet import PyBulletWorld
+from ss2sql.vtables.pybullet.places import Places
 from ss2sql.vtables.pybullet.posture import posture
 
 
@@ -162,6 +163,25 @@ def test_rays_hit_what_is_first_however_many_they_are(client: Any, ss: ss2sql.Se
     assert [hit[0] for hit in hits] == list(range(count))
     assert {hit[1] for hit in hits} == {wall}
     assert "X007" in message(ss, script, start=[[0, 0, 0]] * 2, goal=[[1, 1, 1]] * 3)
+
+
+def test_cells_find_what_lies_in_a_box(client: Any) -> None:
+    dice = Random(3)
+    shape = client.createCollisionShape(client.GEOM_SPHERE, radius=0.1)
+    points = [tuple(dice.choice([-2.5, -1.0, 0.0, 0.5, dice.uniform(-4, 4)]) for _ in range(3)) for _ in range(120)]
+    for point in [*points, *[(3.0, 3.0, 3.0)] * 80, (1e7, 0.0, -1e7)]:
+        client.createMultiBody(1, shape, basePosition=point)
+    world = PyBulletWorld(client)
+    own = [client.getBasePositionAndOrientation(body)[0] for body in world.ids()]
+    for first in (1.0, 0.01, 50.0):
+        places = Places(world)
+        places.between(*[(0.0, first)] * 3)
+        for _ in range(300):
+            middle = dice.choice(own) if dice.random() < 0.7 else [dice.uniform(-5, 5) for _ in range(3)]
+            reach = dice.choice([0.0, 0.5, 1.0, 2.0, float("inf"), -1.0])
+            ranges = [(value - reach, value + reach) for value in middle]
+            inside = [all(a <= part <= b for part, (a, b) in zip(point, ranges, strict=True)) for point in own]
+            assert places.between(*ranges) == [body for body, found in enumerate(inside) if found]
 
 
 # --- how often the simulator is asked ------------------------------------------------------------------

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from balls import BallWorld, Box
 from cases.shelf import Shelf
 from listings import MOVES
 
@@ -97,4 +98,6 @@ VALUES: dict[str, Callable[[], Any]] = {
     "uneven": lambda: [{"name": "Ada", "age": 36}, {"name": "Grace"}],
     "number": lambda: 7,
     "shelf": lambda: Shelf(),
+    "space": lambda: BallWorld(Box.row(5)),
+    "again": lambda: BallWorld(Box.row(2)),
 }
