@@ -49,7 +49,7 @@ class Stage:
 
     source: Any
     look: Callable[[], list[Plain]]
-    change: Callable[[Random], object]
+    change: Callable[[Random], object] = lambda dice: None
     kill: Callable[[str], object] | None = None
 
 
@@ -148,7 +148,7 @@ class PyBullet:
             names[box(self.client, [size] * 3, place, mass) if cube else ball(self.client, size, place, mass)] = name
         bodies = {name: body for body, name in names.items()}
         world = PyBulletWorld(self.client, names=names)
-        return Stage(world, lambda: self.look(names), lambda dice: None, lambda name: self.client.removeBody(bodies[name]))
+        return Stage(world, lambda: self.look(names), kill=lambda name: self.client.removeBody(bodies[name]))
 
 
 class Things(PyBullet):
@@ -295,7 +295,7 @@ class Ode:
             geom = self.ode.GeomBox(space, (size,) * 3) if name == "crate" else self.ode.GeomSphere(space, size)
             geoms[name] = self.add(world, geom, mass, place, name)
         numbers: dict[Any, int] = {}
-        return Stage(space, lambda: self.look(geoms.values(), numbers), lambda dice: None, lambda n: space.remove(geoms[n]))
+        return Stage(space, lambda: self.look(geoms.values(), numbers), kill=lambda name: space.remove(geoms[name]))
 
 
 # --- OpenRAVE ------------------------------------------------------------------------------------------
@@ -347,8 +347,7 @@ class OpenRave:
         for name, size, mass, place in ROOM:
             environment.Add(solid(name, [size / 2] * 3 if name == "crate" else size, mass, place))
         bodies = {body.name: body for body in environment.bodies}
-        return Stage(environment, lambda: self.look(environment), lambda dice: None,
-                     lambda name: environment.Remove(bodies[name]))  # fmt: skip
+        return Stage(environment, lambda: self.look(environment), kill=lambda name: environment.Remove(bodies[name]))
 
 
 SIMULATORS = {found.__name__: found for found in (PyBullet, Things, MuJoCo, Ode, OpenRave)}

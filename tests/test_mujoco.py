@@ -11,11 +11,10 @@ import pytest
 from simulators import ARGUMENTS, MuJoCo, agree, answer
 
 import ss2sql
-
-mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed: pip install mujoco")
-
 from ss2sql.scenes.mujoco_chaos import chaos
 from ss2sql.vtables.mujoco import MuJoCoWorld
+
+mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed: pip install mujoco")
 
 ROBOT = """
     <geom name="floor" type="plane" size="5 5 .1"/>

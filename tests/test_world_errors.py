@@ -114,7 +114,7 @@ def test_what_the_cure_says_helps(cut_off: ss2sql.Session, client: Any, engine: 
     [
         ("SELECT mass(this) FROM kept;", "bodies[2] no longer exists"),
         *[(f"SELECT {column} FROM kept;", "bodies[2] no longer exists")
-          for column in "mass name aabb velocity colour type volume isSensor force rot".split()],
+          for column in ("mass", "name", "aabb", "velocity", "colour", "type", "volume", "isSensor", "force", "rot")],
         ("pos(kept[2]);", "bodies[2] no longer exists"),
         ("SELECT this.x FROM kept WHERE this.x > 0;", "bodies[2] no longer exists"),
         ("distance(kept[0], kept[2]);", "there is no body 2"),

@@ -1,4 +1,4 @@
-"""How values come out of a world: in blocks, in tuples within tuples, read late, and only where they fit their columns."""
+"""How values come out of a world: in blocks, in tuples within tuples, read late, and only where they fit."""
 
 from __future__ import annotations
 

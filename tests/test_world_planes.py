@@ -1,8 +1,11 @@
-"""AS plane, and what it has in common with the other representations of worlds."""
+"""AS plane, AS environment, AS prolog, and what they have in common with the other representations of worlds."""
 
 from __future__ import annotations
 
 import pickle
+import subprocess
+from pathlib import Path
+from shutil import which
 from typing import Any
 
 import numpy as np
@@ -148,27 +151,46 @@ def test_planes_of_partitions_and_paths(scene: Scene, engine: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("columns", "arguments", "words"),
+    ("query", "words"),
     [
-        ("mass", "'XW', [0, 0], [4, 4, 1]", "needs a plane XY, XZ or YZ, not 'XW'"),
-        ("mass", "7, [0, 0], [4, 4, 1]", "needs a plane XY, XZ or YZ, not 7"),
-        ("mass", "'XY', 5, [4, 4, 1]", "the lower corner, a list of 2 numbers, not 5"),
-        ("mass", "'XY', [0, '1'], [4, 4, 1]", "the lower corner, a number, not '1'"),
-        ("mass", "'XY', [0, 0], [4, 4]", "width, height and resolution, a list of 3 numbers"),
-        ("mass", "'XY', [0, 0], [0.5, 4, 0.1]", "0.5 m are 5 cells of 0.1 m"),
-        ("mass", "'XY', [0, 0], [4, 4, 0]", "the edge of a cell, a number above 0, not 0"),
-        ("mass", "'XY', [0, 0], [4, 4, 1], -1", "a blur of at least 0 cells"),
-        ("mass", "'XY', [0, 0], [9999, 9999, 1]", "9999 x 9999 cells"),
-        ("mass", "'XY', [0, 0]", "AS plane(plane, start, size, [blur])"),
-        ("name", "'XY', [0, 0], [4, 4, 1]", "cannot add up 'ball', the 'name' of row 1"),
-        ("velocity", "'XY', [0, 0], [4, 4, 1]", "cannot add up [0.0, 0.0, 0.0]"),
-        ("[1], mass", "'XY', [0, 0], [4, 4, 1]", "needs a place [x, y] or [x, y, z] in row 1, not [1]"),
-        ("position(this), mass", "'XZ', [0, 0], [4, 4, 1]", "needs a place [x, y, z] in row 1"),
+        ("mass FROM space AS plane('XW', [0, 0], [4, 4, 1])", "needs a plane XY, XZ or YZ, not 'XW'"),
+        ("mass FROM space AS plane(7, [0, 0], [4, 4, 1])", "needs a plane XY, XZ or YZ, not 7"),
+        ("mass FROM space AS plane('XY', 5, [4, 4, 1])", "the lower corner, a list of 2 numbers, not 5"),
+        ("mass FROM space AS plane('XY', [0, '1'], [4, 4, 1])", "the lower corner, a number, not '1'"),
+        ("mass FROM space AS plane('XY', [0, 0], [4, 4])", "width, height and resolution, a list of 3 numbers"),
+        ("mass FROM space AS plane('XY', [0, 0], [0.5, 4, 0.1])", "0.5 m are 5 cells of 0.1 m"),
+        ("mass FROM space AS plane('XY', [0, 0], [4, 4, 0])", "the edge of a cell, a number above 0, not 0"),
+        ("mass FROM space AS plane('XY', [0, 0], [4, 4, 1], -1)", "a blur of at least 0 cells"),
+        ("mass FROM space AS plane('XY', [0, 0], [9999, 9999, 1])", "9999 x 9999 cells"),
+        ("mass FROM space AS plane('XY', [0, 0])", "AS plane(plane, start, size, [blur])"),
+        ("name FROM space AS plane('XY', [0, 0], [4, 4, 1])", "cannot add up 'ball', the 'name' of row 1"),
+        ("velocity FROM space AS plane('XY', [0, 0], [4, 4, 1])", "cannot add up [0.0, 0.0, 0.0]"),
+        ("[1], mass FROM space AS plane('XY', [0, 0], [4, 4, 1])", "a place [x, y] or [x, y, z] in row 1, not [1]"),
+        ("position(this), mass FROM space AS plane('XZ', [0, 0], [4, 4, 1])", "needs a place [x, y, z] in row 1"),
+        ("obj FROM space AS occupancygrid('a', 0.1)", "the height z, a number, not 'a'"),
+        ("obj FROM space AS occupancygrid(0, 0)", "the edge of a cell, a number above 0, not 0"),
+        ("obj FROM space AS occupancygrid(0, 0.1, [1, 2])", "an area [[x, y], [x, y]], a list of 2 numbers"),
+        ("obj FROM space AS occupancygrid(0, 0.1, 3)", "needs an area [[x, y], [x, y]], not 3"),
+        ("obj FROM space AS occupancygrid(0, 0.1, [[1, 1], [0, 2]])", "the lower corner of the area first"),
+        ("obj FROM space AS occupancygrid(0, 1e-6, [[0, 0], [1, 1]])", "1000000 x 1000000 cells"),
+        ("obj FROM space AS occupancygrid(0)", "AS occupancygrid(z, cell, [area])"),
+        ("this FROM [1, 2] AS occupancygrid(0, 1)", "finds no bodies in these rows"),
+        ("obj FROM space AS sensorgrid(0, 0.1)", "'ball', which is no sensor"),
+        ("obj FROM space AS sensormap(0)", "AS sensormap(z, cell, [area])"),
+        ("this FROM [1, 2] AS environment", "finds no bodies in these rows"),
+        ("obj FROM space AS environment(7)", "takes"),
     ],
 )
-def test_wrong_planes(scene: Scene, columns: str, arguments: str, words: str) -> None:
+def test_wrong_arguments(scene: Scene, query: str, words: str) -> None:
     scene.add("ball", Sphere(0.1), (0.5, 0.5, 0.0), GREY, 7.0)
-    assert words in refused(scene, f"SELECT {columns} FROM space AS plane({arguments});")
+    assert words in refused(scene, f"SELECT {query};")
+
+
+@pytest.mark.parametrize("name", ["occupancygrid", "sensorgrid", "sensormap", "environment"])
+def test_representations_of_a_world_that_nobody_has_attached(ss: ss2sql.Session, engine: Any, name: str) -> None:
+    with pytest.raises(ss2sql.ResolveError) as caught:
+        ss.run(f"SELECT this FROM [1] AS {name}(0, 1);", engine=engine)
+    assert caught.value.code == "R006"
 
 
 def test_rows_that_are_nowhere() -> None:
@@ -196,3 +218,134 @@ def test_the_columns_stay_hidden_when_a_run_is_cut_off(scene: Scene, engine: Any
     assert caught.value.partial is not None
     assert caught.value.partial.columns == ("mass",)
     assert set(caught.value.partial) <= {(7.0,)}
+
+
+# --- environment ---------------------------------------------------------------------------------------
+
+COLUMNS = (
+    "name, type, pos, quat, velocity, angularVelocity, mass, colour, volume, isSensor, friction, restitution, force"
+)
+
+
+def close_to(one: Any, other: Any) -> bool:
+    """Whether two values are equal up to rounding."""
+    if isinstance(one, (list, tuple)):
+        return len(one) == len(other) and all(map(close_to, one, other))
+    return one == (pytest.approx(other, abs=1e-9) if isinstance(one, float) else other)
+
+
+def test_an_environment_has_the_rows_of_the_query(client: Any, engine: Any) -> None:
+    world = scenes.chaos(seed=7, bodies=25, client=client)
+    world.step(30)
+    where = f"SELECT {COLUMNS}, aabb FROM space WHERE mass > 20 ORDER BY name AS rows;"
+    wanted = ask(world, where, engine)
+    with ask(world, "SELECT obj FROM space WHERE mass > 20 AS environment;", engine) as copy:
+        assert len(wanted) == len(copy.names) > 5
+        assert close_to(ask(copy, f"SELECT {COLUMNS}, aabb FROM space ORDER BY name AS rows;", engine), wanted)
+        assert copy.time == world.time
+        assert len(world.names) > len(copy.names)
+        assert {world.names[old]: copy.names[new] for old, new in copy.ids.items()} == {
+            n: n for n in copy.names.values()
+        }
+
+
+def test_an_environment_of_bodies_from_files_and_with_joints(client: Any) -> None:
+    world = scenes.hall(seed=2, client=client)
+    arm = client.getNumJoints(world.robot) - 2
+    client.resetJointState(world.robot, arm, 0.7)
+    chosen = "name IN ['YouBot', 'table_1', 'shelf_2', 'crate_1', 'sensor_3', 'target', 'barrel_1']"
+    wanted = ask(world, f"SELECT {COLUMNS} FROM space WHERE {chosen} ORDER BY name AS rows;")
+    assert len(wanted) == 7
+    links = "SELECT pos, quat, mass, friction FROM space.links WHERE body == robot AND number < 9 AS rows;"
+    joints = "SELECT type, position FROM space.joints WHERE body == robot AS rows;"
+    with ask(world, f"SELECT obj FROM space WHERE {chosen} AS environment;") as copy:
+        assert close_to(ask(copy, f"SELECT {COLUMNS} FROM space ORDER BY name AS rows;"), wanted)
+        robot = copy.body("YouBot")
+        for script in (links, joints):
+            assert close_to(ask(copy, script, robot=robot), ask(world, script, robot=world.robot)), script
+        assert copy.sensors[copy.body("sensor_3")] == world.sensors[world.body("sensor_3")]
+        grids = [
+            ask(s, "SELECT obj FROM space WHERE name == 'shelf_2' AS occupancygrid(1.0, 0.05);") for s in (world, copy)
+        ]
+        assert np.array_equal(*grids)
+        assert grids[0].any()
+
+
+def test_an_environment_moves_by_itself(scene: Scene) -> None:
+    ball = scene.add("ball", Sphere(0.1), (0.0, 0.0, 10.0), GREY, 2.0)
+    scene.client.setGravity(0, 0, -10)
+    scene.client.resetBaseVelocity(ball, (1.0, 0.0, 0.0))
+    with ask(scene, "SELECT obj FROM space AS environment;") as copy:
+        copy.step(24)
+        scene.step(24)
+        pos = [s.client.getBasePositionAndOrientation(b)[0] for s, b in ((scene, ball), (copy, copy.body("ball")))]
+        assert pos[0] == pytest.approx(pos[1], abs=1e-9)
+        copy.remove(copy.body("ball"))
+        assert ask(copy, "SELECT obj FROM space AS list;") == []
+        assert ask(scene, "SELECT name FROM space AS list;") == ["ball"]
+    with ask(scene, "SELECT obj FROM space WHERE isBox(this) AS environment;") as copy:
+        assert ask(copy, "SELECT count(this) FROM space GROUP BY 1 AS list;") == []
+
+
+def test_an_environment_of_a_client_without_a_scene(scene: Scene) -> None:
+    scene.add("ball", Sphere(0.5), (1.0, 2.0, 3.0), GREY, 2.0)
+    with ask(scene.client, "SELECT obj FROM space AS environment;") as copy:
+        assert copy.bounds == (pytest.approx((0.5, 1.5, 2.5), abs=1e-6), pytest.approx((1.5, 2.5, 3.5), abs=1e-6))
+        assert scenes.render(copy, None, size=(64, 48)).shape == (48, 64, 3)
+
+
+def test_a_terrain_cannot_be_copied(scene: Scene, capfd: pytest.CaptureFixture[str]) -> None:
+    client = scene.client
+    shape = client.createCollisionShape(
+        client.GEOM_HEIGHTFIELD, meshScale=[1, 1, 1], heightfieldData=[0.0] * 16, numHeightfieldRows=4,
+        numHeightfieldColumns=4,
+    )  # fmt: skip
+    scene.adopt(client.createMultiBody(0, shape), "hills")
+    assert "cannot copy the shape of 'hills'" in refused(scene, "SELECT obj FROM space AS environment;")
+
+
+# --- prolog: what is written stands in tests/cases/representations/prolog.sheet; SWI-Prolog has to load it ----
+
+needs_prolog = pytest.mark.skipif(which("swipl") is None, reason="SWI-Prolog is not installed")
+
+
+def prolog(folder: Path, text: str, goal: str) -> list[str]:
+    """What SWI-Prolog prints of the solutions of a goal, one a line. It must load the facts without a word."""
+    (folder / "facts.pl").write_text(text, encoding="utf-8")
+    ask = f"forall(({goal}), (print(X), nl))"
+    done = subprocess.run(
+        ["swipl", "-q", "-g", ask, "-t", "halt", str(folder / "facts.pl")],
+        capture_output=True, text=True, timeout=60, check=True, encoding="utf-8",
+    )  # fmt: skip
+    assert done.stderr == ""
+    return done.stdout.splitlines()
+
+
+@needs_prolog
+def test_prolog_loads_the_facts(scene: Scene, tmp_path: Path) -> None:
+    scene.add("sphere_1", Sphere(0.5), (0.0, 0.0, 0.0), GREY, 3.25)
+    scene.add("YouBot", Box(1, 1, 1), (3.0, 4.0, 0.0), GREY, 2.0)
+    scene.add("it's 1\\2", Box(1, 1, 1), (9.0, 0.0, 0.0), GREY)
+    text = ask(scene, "SELECT mass, isSphere, linearVelocity(this, 2), to(mass * 2, twice), id FROM space AS prolog;")
+    assert prolog(tmp_path, text, "mass(B, M), M > 1, X = B-M") == ["sphere_1-3.25", "'YouBot'-2.0"]
+    assert prolog(tmp_path, text, "isSphere(X)") == ["sphere_1"]
+    assert prolog(tmp_path, text, "linearVelocity(X, 2, 0.0)")[:2] == ["sphere_1", "'YouBot'"]
+    assert prolog(tmp_path, text, "twice(_, X)") == ["6.5", "4.0", "0.0"]
+    assert prolog(tmp_path, text, "id(X, 2)") == ["'it\\'s 1\\\\2'"]
+
+
+@needs_prolog
+def test_prolog_loads_any_value(tmp_path: Path) -> None:
+    texts = ["", "a", "A b", "it's", "\\", "\n\t", "ü€", "\x07", "[]"]
+    values = [*texts, 0, -3, 1e-7, -1e300, 5e-324, 2**62, [1, [2, []]], {"k": -1}]
+    with ss2sql.connect() as ss:
+        text = ss.run("SELECT to(this[0], v) FROM values AS prolog;", values=[[value] for value in values]).value
+    assert len(prolog(tmp_path, text, "v(_, Y), format(atom(X), '~q', [Y])")) == len(values)
+
+
+@needs_prolog
+@pytest.mark.parametrize("name", ["length", "sort", "atom", "is", "write", "name", "call", "number", "var", "op"])
+def test_facts_may_have_the_names_of_standard_predicates(tmp_path: Path, name: str) -> None:
+    with ss2sql.connect() as ss:
+        text = ss.run(f"SELECT to(this * 2, {name}), to(True, {name}) FROM [4] AS prolog;").value
+    assert prolog(tmp_path, text, f"user:clause({name}(4, X), true)") == ["8"]

@@ -156,7 +156,8 @@ def test_distance_from_a_body_by_its_name(ss: ss2sql.Session, engine: Any) -> No
         x, y, z = ss.run("SELECT pos FROM space WHERE name == 'YouBot' AS value").value
         ss.set("away", [x + 3, y + 4, z])
         ss.set("robot", "YouBot")
-        assert ss.run("[distance('YouBot', away), distance(away, robot)];", engine=engine).value == pytest.approx([5, 5])
+        both = ss.run("[distance('YouBot', away), distance(away, robot)];", engine=engine).value
+        assert both == pytest.approx([5, 5])
         here = "SELECT name FROM space WHERE distance(this, 'YouBot') == 0 AS list"
         assert ss.run(here, engine=engine).value == ["YouBot"]
         assert ss.run("distance([0, 0], [3, 4]);", engine=engine).value == 5.0
