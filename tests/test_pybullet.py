@@ -294,9 +294,8 @@ def snapshot(client: Any) -> Any:
     return states, joints, client.getContactPoints()
 
 
-def test_collision_equals_moving_there_and_moves_nothing(client: Any) -> None:
-    session = ss2sql.connect()
-    session.attach("space", client)  # it outlives the resets, so its shapes have to be made anew
+def test_collision_equals_moving_there_and_moves_nothing(client: Any, ss: ss2sql.Session) -> None:
+    """The session outlives the resets, so its shapes have to be made anew."""
     counts: Counter[bool] = Counter()
     for seed in range(12):
         dice = Random(seed)
@@ -313,7 +312,7 @@ def test_collision_equals_moving_there_and_moves_nothing(client: Any) -> None:
         before = snapshot(client)
         for margin in (0.0, 0.2, -0.05):
             script = "SELECT collision(robot, this, margin) FROM poses AS list"
-            found = values(session, script, robot=robot, poses=poses, margin=margin)
+            found = values(ss, script, robot=robot, poses=poses, margin=margin)
             assert snapshot(client) == before
             expected = [moved_collides(client, robot, pose, margin) for pose in poses]
             for body, (frame, speed) in zip(live(client), before[0], strict=True):
@@ -323,18 +322,6 @@ def test_collision_equals_moving_there_and_moves_nothing(client: Any) -> None:
             assert found == expected
             counts.update(found)
     assert min(counts.values()) > 50
-
-
-def test_collision_sees_what_the_last_step_has_moved(client: Any, ss: ss2sql.Session) -> None:
-    robot, quick = ball(client, 0.2, (0, 0, 5)), ball(client, 0.1, (0, 0, 0))
-    client.resetBaseVelocity(quick, (200, 0, 0))
-    client.stepSimulation()
-    place = list(client.getBasePositionAndOrientation(quick)[0])
-    assert values(ss, "[collision(r, p), collision(r, [0, 0, 0]), collision(r)]", r=robot, p=place) == [
-        True,
-        False,
-        False,
-    ]
 
 
 def test_a_margin_counts_and_is_a_number(client: Any, ss: ss2sql.Session) -> None:
@@ -352,56 +339,6 @@ def test_move_and_check_run_in_written_order(client: Any, ss: ss2sql.Session) ->
     )
     assert found.value == [(False, [2, 0], True), (True, [5, 5], False), (False, [2, 0, 7], False)]
     assert values(ss, "SELECT pos FROM space WHERE id == r AS value", r=robot) == [2, 0, 7]
-
-
-CORRIDOR = """
-start_pos = position(robot); target_pos = [4, 0];
-directions = [[1, 0], [0, 1], [0, -1], [-1, 0]];
-SELECT (this + cur_pos) FROM directions WHERE target_pos == {there}
-START WITH cur_pos = start_pos, level = 1
-CONNECT BY MEMORIZE 8 MAXIMUM 20 cur_pos = {there}, level = level + 1
-STOP WITH target_pos == {there} OR distance(target_pos, this + cur_pos) > 8 - level OR {hits}
-AS list
-"""
-
-
-def test_the_papers_search_finds_the_same_with_moving_and_with_pure_tests(client: Any) -> None:
-    robot = ball(client, 0.3)
-    box(client, (0.5, 1, 1), (2, 0, 0))
-    counted = Counting(client)
-    session = ss2sql.connect()
-    session.attach("space", PyBulletWorld(counted, names={robot: "robot"}))
-    session.function("add", lambda a, b: [x + y for x, y in zip(a, b, strict=True)] if isinstance(a, list) else a + b)
-    session.set("robot", "robot")
-    moving = CORRIDOR.format(there="move(robot, this + cur_pos)", hits="IF(checkCollision(robot))")
-    pure = CORRIDOR.format(there="(this + cur_pos)", hits="collision(robot, this + cur_pos)")
-    paths = session.run(moving).value
-    assert counted.calls["resetBasePositionAndOrientation"] > 100
-    client.resetBasePositionAndOrientation(robot, (0, 0, 0), (0, 0, 0, 1))
-    counted.calls.clear()
-    result = session.run(pure)
-    assert result.value == paths
-    assert counted.calls["resetBasePositionAndOrientation"] == 0
-    assert len(paths) == 20
-    assert [len(path) for path in paths] == sorted(len(path) for path in paths)
-    assert len(paths[0]) == 6  # around the box
-    for path in paths:
-        assert path[-1] == [4, 0]
-        assert not any(moved_collides(client, robot, [*spot, 0.0]) for spot in path[:-1])
-
-
-def test_posture_is_bullets_own(client: Any) -> None:
-    for seed in range(8):
-        dice = Random(seed)
-        client.resetSimulation()
-        robot = jointed(client, dice, 3.0, [0, 0, 1], (0, 0.6, 0, 0.8), links=4)
-        client.resetBaseVelocity(robot, (3, 2, 1), (4, 0, 3))
-        client.stepSimulation()
-        frames = posture(client, robot, client.getBasePositionAndOrientation(robot))
-        for link in range(4):
-            place, turn = client.getLinkState(robot, link, computeForwardKinematics=True)[:2]
-            assert frames[link][0] == pytest.approx(place, abs=1e-12)
-            assert abs(sum(a * b for a, b in zip(turn, frames[link][1], strict=True))) == pytest.approx(1)
 
 
 def test_collision_sees_links_that_the_last_step_has_moved(client: Any, ss: ss2sql.Session) -> None:

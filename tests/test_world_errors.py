@@ -99,16 +99,6 @@ def test_a_disconnected_client(cut_off: ss2sql.Session, engine: Any, script: str
     assert where in place(error)
 
 
-def test_what_the_cure_says_helps(cut_off: ss2sql.Session, client: Any, engine: Any) -> None:
-    with ss2sql.connect() as ss:
-        ss.attach("space", cut_off.get("space"))
-        query = ss.compile("SELECT mass FROM space AS list;")
-        with pytest.raises(ss2sql.ExecutionError, match="disconnected"):
-            query.run(engine=engine)
-        ss.attach("space", client)
-        assert query.run(engine=engine).value == [1.0, 2.0, 3.0, 4.0]
-
-
 @pytest.mark.parametrize(
     ("script", "says"),
     [
