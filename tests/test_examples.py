@@ -1,6 +1,5 @@
 """The examples run, quickly, and what they find is right."""
 
-import heapq
 import itertools
 import os
 import re
@@ -188,14 +187,14 @@ def test_robot_paths_reach_the_target_around_the_walls():
 
 def shortest(rows: list[list[str]], start: list[float], target: list[float]) -> int:
     """The length of the shortest way by breadth-first search."""
-    reached, wave = set(), {tuple(map(int, start))}
-    for length in itertools.count():
-        if tuple(target) in wave:
-            return length
+    wave, reached, length = {tuple(map(int, start))}, set(), 0
+    while tuple(target) not in wave:
+        assert wave, "the target cannot be reached"
         reached |= wave
         around = {(x + a, y + b) for x, y in wave for a, b in itertools.product((-1, 0, 1), repeat=2)}
         wave = {(x, y) for x, y in around - reached if rows[y][x] != "#"}
-    raise AssertionError
+        length += 1
+    return length
 
 
 def test_robot_rings_and_is_drawn():
@@ -229,21 +228,13 @@ def test_every_mistake_names_line_column_reason_and_cure():
 # --- converters ----------------------------------------------------------------------------------------
 
 
-def cheapest(library: dict[str, Any], start: str, price: str | None) -> dict[str, tuple[float, list[str]]]:
-    """The least sum of prices from a format to every other, and the formats on the way; without prices each costs 1."""
-    found: dict[str, tuple[float, list[str]]] = {}
-    waiting: list[tuple[float, int, str, list[str]]] = [(0.0, 0, start, [])]
-    numbers = itertools.count(1)
-    while waiting:
-        cost, _, here, way = heapq.heappop(waiting)
-        if here in found:
-            continue
-        found[here] = cost, way
-        for entry in library.values():
-            if entry.takes == here:
-                step = getattr(entry, price) if price else 1.0
-                heapq.heappush(waiting, (cost + step, next(numbers), entry.gives, [*way, entry.gives]))
-    return found
+def cheapest(library: dict[str, Any], price: str | None) -> tuple[dict[str, float], dict[str, list[str]]]:
+    """The least sum of prices from csv to every format, and the formats on the way; without prices each costs 1."""
+    networkx = pytest.importorskip("networkx")
+    graph = networkx.MultiDiGraph()
+    for entry in library.values():
+        graph.add_edge(entry.takes, entry.gives, price=entry.price)
+    return networkx.single_source_dijkstra(graph, "csv", weight=price)  # type: ignore[no-any-return]
 
 
 def test_converters_are_chained_by_their_number_and_by_their_price():
@@ -255,19 +246,19 @@ def test_converters_are_chained_by_their_number_and_by_their_price():
         assert (ends[0][0], ends[-1][1]) == ("csv", "numpy")
         assert all(left[1] == right[0] for left, right in itertools.pairwise(ends))
         assert [price for _, price in chain] == [library[name].price for name, _ in chain]
-    assert len(fewest) == cheapest(library, "csv", None)["numpy"][0] < len(best)
-    assert sum(price for _, price in best) == pytest.approx(cheapest(library, "csv", "price")["numpy"][0])
+    assert len(fewest) == cheapest(library, None)[0]["numpy"] < len(best)
+    assert sum(price for _, price in best) == pytest.approx(cheapest(library, "price")[0]["numpy"])
     values = [data for _, data in example.module["run_chain"]([name for name, _ in best], example.module["TEXT"])]
     assert values[-1].tolist() == [[0.5, 1.25, 3.0], [2.0, 0.75, 1.5]]
 
 
 def test_converters_reach_every_format_by_the_cheapest_chain():
     example = play("converters")
-    expected = cheapest(example.module["LIBRARY"], "csv", "price")
-    del expected["csv"]
+    prices, ways = cheapest(example.module["LIBRARY"], "price")
+    del prices["csv"], ways["csv"]
     chains = example.value("3_all")
-    assert {chain[-1]: chain for chain in chains} == {name: way for name, (_, way) in expected.items()}
-    assert [expected[chain[-1]][0] for chain in chains] == sorted(cost for cost, _ in expected.values())
+    assert {chain[-1]: ["csv", *chain] for chain in chains} == ways
+    assert [prices[chain[-1]] for chain in chains] == sorted(prices.values())
     assert all(" > ".join(["csv", *chain]) in example.text for chain in chains)
 
 
@@ -301,14 +292,9 @@ def test_demo_shows_every_example_but_the_mistakes(monkeypatch):
     demo = runpy.run_path(str(EXAMPLES / "demo.py"))
     assert {*demo["EXAMPLES"], *demo["SIMULATED"], *demo["INSTEAD"]} == set(NAMES) - {"errors"}
     assert set(demo["SIMULATED"]) == set(SIMULATED)
-
-
-@pytest.mark.parametrize("there", [True, False])
-def test_demo_ends_with_the_navigation_or_with_the_floor_made_of_lists(monkeypatch, there):
-    monkeypatch.syspath_prepend(str(EXAMPLES))
-    demo = runpy.run_path(str(EXAMPLES / "demo.py"))
-    monkeypatch.setitem(demo["chosen"].__globals__, "find_spec", lambda name: there or None)
-    assert demo["chosen"]()[-1] == ("navigation" if there else "robot")
+    for there, last in ((True, "navigation"), (False, "robot")):  # with the simulator, or with a floor made of lists
+        monkeypatch.setitem(demo["chosen"].__globals__, "find_spec", lambda name, there=there: there or None)
+        assert demo["chosen"]()[-1] == last
 
 
 def test_demo_runs_to_its_summary():

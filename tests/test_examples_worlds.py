@@ -12,6 +12,7 @@ import pytest
 
 pytest.importorskip("pybullet")
 import listings
+from bullet_rooms import kind_of, mass_of
 from example_pages import EXAMPLES, play
 
 import ss2sql
@@ -137,15 +138,6 @@ def box() -> Any:
         yield world
 
 
-def is_sphere(world: Any, body: int) -> bool:
-    shapes = world.client.getCollisionShapeData(body, -1)
-    return bool(shapes) and shapes[0][2] == world.client.GEOM_SPHERE
-
-
-def mass(world: Any, body: int) -> float:
-    return float(world.client.getDynamicsInfo(body, -1)[0])
-
-
 def test_chaos_runs_the_listings_of_the_paper_as_printed():
     both = script("chaos/2_heaviest.ss")[:-1] + script("chaos/3_planes.ss")
     assert [line for line in both if not line.startswith("#")] == [
@@ -155,13 +147,10 @@ def test_chaos_runs_the_listings_of_the_paper_as_printed():
 
 def test_chaos_finds_heavy_spheres_and_the_heaviest(box):
     example = play("chaos")
-    spheres = {body: mass(box, body) for body in box.names if is_sphere(box, body)}
-    heavy = [
-        (weight, list(box.client.getBasePositionAndOrientation(body)[0]))
-        for body, weight in sorted(spheres.items())
-        if weight > 50
-    ]
-    assert list(example.result("1_heavy")) == heavy
+    spheres = {b: mass_of(box.client, b) for b in box.names if kind_of(box.client, b) == "sphere"}
+    heavy = {body: weight for body, weight in sorted(spheres.items()) if weight > 50}
+    places = [list(box.client.getBasePositionAndOrientation(body)[0]) for body in heavy]
+    assert list(example.result("1_heavy")) == list(zip(heavy.values(), places, strict=True))
     heaviest = max(spheres, key=lambda body: spheres[body])
     assert list(example.result("2_heaviest")) == [(heaviest, box.names[heaviest], spheres[heaviest])]
     assert is_png(example.picture("heaviest.png"))
@@ -171,7 +160,7 @@ def test_chaos_gives_planes_with_what_is_in_the_box(box):
     example = play("chaos")
     masses, velocities = example.value("3_planes")
     assert masses.shape == velocities.shape == (100, 100)
-    total = sum(mass(box, body) for body in box.names)
+    total = sum(mass_of(box.client, body) for body in box.names)
     assert 0.8 * total < masses.sum() <= total * (1 + 1e-9)  # the blur loses what is near the walls
     assert masses.min() >= 0 > velocities.min()
     lines = [
@@ -183,20 +172,15 @@ def test_chaos_gives_planes_with_what_is_in_the_box(box):
 
 def test_chaos_counts_kinds_before_and_after(box):
     example = play("chaos")
-    moving = [body for body in box.names if mass(box, body) > 0]
-    kinds = Counter(kind(box, body) for body in moving)
+    moving = {body: mass_of(box.client, body) for body in box.names if mass_of(box.client, body) > 0}
+    kinds = Counter(kind_of(box.client, body) for body in moving)
     rows = {row[0]: row[1:] for row in example.result("4_kinds")}
     assert {name: row[0] for name, row in rows.items()} == kinds
     for name, (_, weight, fastest) in rows.items():
-        alike = [body for body in moving if kind(box, body) == name]
-        assert weight == round(sum(mass(box, body) for body in alike))
+        alike = [body for body in moving if kind_of(box.client, body) == name]
+        assert weight == round(sum(moving[body] for body in alike))
         assert fastest == round(max(hypot(*box.client.getBaseVelocity(body)[0]) for body in alike), 1)
     assert re.search(r"The same after \d+ steps, [1-9]\d* births and \d+ deaths", example.text)
-
-
-def kind(world: Any, body: int) -> str:
-    names = {getattr(world.client, f"GEOM_{name.upper()}"): name for name in ("sphere", "box", "capsule", "cylinder")}
-    return names[world.client.getCollisionShapeData(body, -1)[0][2]]
 
 
 # --- sensors -------------------------------------------------------------------------------------------
@@ -244,18 +228,9 @@ def test_the_alarm_tells_every_change_while_the_robot_drives():
 # --- facts ---------------------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
-def hall() -> Any:
-    with ss2sql.scenes.hall(seed=0) as world:
-        yield world
-
-
-def test_facts_are_those_of_the_simulation(hall):
-    example = play("facts")
-    weights = {
-        name: sum(hall.client.getDynamicsInfo(body, link)[0] for link in range(-1, hall.client.getNumJoints(body)))
-        for body, name in hall.names.items()
-    }
+def test_facts_are_those_of_the_simulation(floor):
+    example, hall = play("facts"), floor.hall
+    weights = {name: mass_of(hall.client, body) for body, name in hall.names.items()}
     facts = set(example.value("1_bodies").splitlines())
     assert {fact for fact in facts if fact.startswith("is")} == {
         *(f"isSensor({hall.names[sensor]})." for sensor in hall.sensors), "isRobot('YouBot').",

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from simulators import ARGUMENTS, Ode, answer
+from simulators import ARGUMENTS, MuJoCo, Ode, answer
 
 import ss2sql
 from ss2sql.scenes.ode_chaos import chaos
@@ -146,10 +146,8 @@ def test_distances_agree_with_mujoco_for_random_solids(room: Room) -> None:
         halves = size / 2 if kind == "box" else size * (1, 0.5)[: len(size)]
         texts = [" ".join(map(repr, map(float, values))) for values in (place, turn, halves)]
         model.append('<body pos="{}" quat="{}"><geom type="{}" size="{}"/></body>'.format(*texts[:2], kind, texts[2]))
-    made = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{''.join(model)}</worldbody></mujoco>")
+    made, data = MuJoCo().made("".join(model))
     made.opt.ccd_tolerance, made.opt.ccd_iterations = 1e-12, 500
-    data = mujoco.MjData(made)
-    mujoco.mj_forward(made, data)
     world = OdeWorld(space)
     world.found()
     touching = 0
