@@ -7,12 +7,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.machinery import EXTENSION_SUFFIXES
 from importlib.util import module_from_spec, spec_from_file_location
-from math import dist
+from math import dist, sqrt
 from pathlib import Path
 from random import Random
 from typing import Any
 
 import fake_openravepy as fake
+import numpy as np
 import pytest
 
 import ss2sql
@@ -186,8 +187,6 @@ class MuJoCo:
 
     def velocity(self, model: Any, data: Any, body: int) -> list[float]:
         """The spin of a body, and its velocity."""
-        import numpy as np
-
         known = np.zeros(6)
         self.mujoco.mj_objectVelocity(model, data, self.mujoco.mjtObj.mjOBJ_XBODY, body, known, 0)
         return known.tolist()
@@ -317,6 +316,20 @@ class OpenRave:
 
     def __init__(self, request: pytest.FixtureRequest) -> None:
         request.getfixturevalue("monkeypatch").setitem(sys.modules, "openravepy", fake)
+
+    @staticmethod
+    def load(environment: fake.Environment) -> None:
+        """A ball, a crate, and a robot of two links."""
+        environment.Add(solid("ball", 0.5, 60, (0, 0, 1)))
+        environment.Add(solid("crate", (0.5, 0.5, 0.5), 10, (2, 0, 1)))
+        wheel = fake.Link("wheel", 1, fake.Geometry(fake.GeometryType.Sphere, 0.1), (0.5, 0, -0.3))
+        base = fake.Link("base", 20, fake.Geometry(fake.GeometryType.Box, 0.5, 0.3, 0.2))
+        axle = fake.Joint("axle", fake.JointType.Revolute, [0.25])
+        joints = [axle, fake.Joint("ball", fake.JointType.Spherical, [0, 0, 0])]
+        robot = fake.KinBody("YouBot", [base, wheel], joints, robot=True)
+        robot.SetTransform([sqrt(0.5), 0, 0, sqrt(0.5), -3, 0, 1])
+        base.velocity = np.arange(1.0, 7.0)
+        environment.Add(robot)
 
     def look(self, environment: fake.Environment) -> list[Plain]:
         found = []

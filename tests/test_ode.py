@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import gc
-import re
 from math import dist, pi, sqrt
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,7 +11,6 @@ import pytest
 from simulators import ARGUMENTS, MuJoCo, Ode, answer
 
 import ss2sql
-from ss2sql.scenes.ode_chaos import chaos
 from ss2sql.vtables.ode import OdeWorld
 
 
@@ -160,7 +157,7 @@ def test_distances_agree_with_mujoco_for_random_solids(room: Room) -> None:
     assert touching > 2
 
 
-# --- lifetimes, moves, the clock -----------------------------------------------------------------------
+# --- lifetimes and moves -------------------------------------------------------------------------------
 
 
 def test_nothing_is_kept_alive_and_numbers_stay(room: Room, ss: ss2sql.Session, engine: Any) -> None:
@@ -182,24 +179,3 @@ def test_a_move_moves_the_body_and_no_plane(room: Room, ss: ss2sql.Session, engi
     assert room.ball.getBody().getPosition() == (1.5, 0, 0.75)
     with pytest.raises(ss2sql.Error, match="the plane floor cannot be moved"):
         ss.run("move('floor', [1, 1]);", engine=engine)
-
-
-def test_chaos_has_a_clock_is_the_same_for_the_same_seed_and_stays_in_its_box(ss: ss2sql.Session) -> None:
-    one, other = chaos(7, 40), chaos(7, 40)
-    one.step(600)
-    ss.attach("space", one)
-    assert ss.eval("getTime();") == pytest.approx(2.5)
-    for _ in range(600):
-        other.step()
-    places = [[geom.getPosition() for geom in scene.particles] for scene in (one, other)]
-    assert places[0] == places[1]
-    assert np.abs(np.array(places[0])).max() < 5.1
-    assert one.births > 40
-
-
-@pytest.mark.usefixtures("room")
-def test_the_page_shows_what_its_code_gives(capsys: Any) -> None:
-    page = (Path(__file__).parent.parent / "docs" / "ode.md").read_text("utf-8")
-    code, shown = re.findall(r"^```py\n(.*?)^```\n+```\w*\n(.*?)^```", page, re.DOTALL | re.MULTILINE)[0]
-    exec(compile(code, "ode.md", "exec"), {})
-    assert capsys.readouterr().out == shown

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import re
 import sys
 from math import pi, sqrt
-from pathlib import Path
 from typing import Any
 
 import fake_openravepy as fake
 import numpy as np
 import pytest
-from simulators import ARGUMENTS, answer, solid
+from simulators import ARGUMENTS, OpenRave, answer
 
 import ss2sql
 from ss2sql.vtables.openrave import OpenRaveWorld, pose
@@ -25,16 +23,7 @@ def openravepy(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def room() -> fake.Environment:
     environment = fake.Environment()
-    environment.Add(solid("ball", 0.5, 60, (0, 0, 1)))
-    environment.Add(solid("crate", (0.5, 0.5, 0.5), 10, (2, 0, 1)))
-    wheel = fake.Link("wheel", 1, fake.Geometry(fake.GeometryType.Sphere, 0.1), (0.5, 0, -0.3))
-    base = fake.Link("base", 20, fake.Geometry(fake.GeometryType.Box, 0.5, 0.3, 0.2))
-    axle = fake.Joint("axle", fake.JointType.Revolute, [0.25])
-    joints = [axle, fake.Joint("ball", fake.JointType.Spherical, [0, 0, 0])]
-    robot = fake.KinBody("YouBot", [base, wheel], joints, robot=True)
-    robot.SetTransform([sqrt(0.5), 0, 0, sqrt(0.5), -3, 0, 1])
-    base.velocity = np.arange(1.0, 7.0)
-    environment.Add(robot)
+    OpenRave.load(environment)
     return environment
 
 
@@ -106,21 +95,6 @@ def test_the_listing_of_the_paper_moves_the_robot(room: fake.Environment, ss: ss
     assert answer(ss, script, engine) == [[-3, 0], [2, 0], True, [-3, 1], False]
     assert room.bodies[2].GetTransform()[:3, 3].tolist() == [-3, 1, 1]  # it keeps its height
     assert np.allclose(room.bodies[2].GetTransform()[:2, :2], [[0, -1], [1, 0]])  # and how it is turned
-
-
-def test_the_page_shows_what_its_code_gives(
-    capsys: Any, room: fake.Environment, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def load(self: fake.Environment, file: str) -> None:
-        for body in room.bodies:
-            self.Add(body)
-
-    monkeypatch.setattr(fake.Environment, "Load", load, raising=False)
-    page = (Path(__file__).parent.parent / "docs" / "openrave.md").read_text("utf-8")
-    blocks = re.compile(r"^```py\n(.*?)^```\n+```\w*\n(.*?)^```", re.DOTALL | re.MULTILINE)
-    code, shown = blocks.findall(page)[0]
-    exec(compile(code, "openrave.md", "exec"), {})
-    assert capsys.readouterr().out == shown
 
 
 def test_openrave_itself_where_it_is_installed(monkeypatch: pytest.MonkeyPatch, engine: Any) -> None:

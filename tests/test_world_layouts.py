@@ -38,7 +38,7 @@ class Boats(Table):
         return [self.world.names.get(key, f"boat {key}") for key in keys]
 
     def matter(self, keys: list[int]) -> list[tuple[float, bool]]:
-        return [(key / 2, key > 5) for key in keys]
+        return [(self.world.masses.get(key, key / 2), key > 5) for key in keys]
 
     def labels(self, key: int) -> list[Any]:
         return [key, [key]]
@@ -55,6 +55,7 @@ class Harbour(World):
         self.asked: list[list[int]] = []
         self.lost: set[int] = set()
         self.odd: dict[int, Any] = {}
+        self.masses: dict[int, float] = {}
         self.names: dict[int, str] = {}
 
 
@@ -121,10 +122,11 @@ def test_the_dead_are_only_noticed_where_they_are_read(ss: ss2sql.Session, world
 
 @pytest.mark.parametrize("odd", [float("nan"), float("inf"), -2e100])
 def test_floats_beyond_the_limit_are_refused(ss: ss2sql.Session, world: Harbour, engine: Any, odd: float) -> None:
-    world.odd[5] = (1.0, odd, 0.0)
-    assert ss.run("SELECT x FROM boats LIMIT 5 AS list;", engine=engine).value == [0, 0.5, 1, 1.5, 2]
-    with pytest.raises(ExecutionError, match="the column 'pos' of boats holds"):
-        ss.run("SELECT x FROM boats;", engine=engine)
+    world.odd[5], world.masses[5] = (1.0, odd, 0.0), odd
+    for column, named in (("x", "pos"), ("mass", "mass")):
+        assert ss.run(f"SELECT {column} FROM boats LIMIT 5 AS list;", engine=engine).value == [0, 0.5, 1, 1.5, 2]
+        with pytest.raises(ExecutionError, match=f"the column '{named}' of boats holds"):
+            ss.run(f"SELECT {column} FROM boats;", engine=engine)
 
 
 def test_names_beyond_ascii_are_asked_in_blocks_too(ss: ss2sql.Session, world: Harbour, engine: Any) -> None:

@@ -7,11 +7,14 @@ drawn is set by `SS2SQL_PROGRAMS`, or for this file by `SS2SQL_WORLD_QUERIES` an
 from __future__ import annotations
 
 import os
+import re
 from collections import Counter
 from math import pi
+from pathlib import Path
 from random import Random
 from typing import Any
 
+import fake_openravepy as fake
 import pytest
 from programs.drawn import amount
 from sessions import ENGINES
@@ -79,6 +82,43 @@ def test_random_queries_give_what_copies_give(simulator: Any) -> None:
     assert elements["bodies"] > 0
     if isinstance(simulator, Things):
         assert min(elements[table] for table in ("links", "joints", "shapes")) > 0
+
+
+@pytest.mark.parametrize("simulator", ["PyBullet", "MuJoCo", "Ode"], indirect=True)
+def test_chaos_is_the_same_for_the_same_seed_and_stays_in_its_box(simulator: Any, ss: ss2sql.Session) -> None:
+    def played(seed: int, at_once: int) -> list[Any]:
+        """What is there after each second."""
+        stage, seconds = simulator.scene(seed, 40), []
+        ss.attach("space", stage.source)
+        for second in range(1, 4):
+            for _ in range(240 // at_once):
+                stage.source.step(at_once)
+            bodies = stage.look()
+            assert max(abs(part) for body in bodies if body.free for part in body.pos) < 5.1
+            assert ss.eval("getTime();") == pytest.approx(second)
+            seconds.append(bodies)
+        return seconds
+
+    one, other = played(7, 240), played(7, 1)
+    assert one == other != played(8, 240)
+    assert any(body.rise for body in one[-1])
+    born = {body.name for body in one[-1]} - {body.name for body in one[0]}
+    assert born or not hasattr(ss.get("space").source, "births")
+
+
+PAGES = {"Ode": "ode.md", "OpenRave": "openrave.md"}
+
+
+@pytest.mark.parametrize("simulator", PAGES, indirect=True)
+def test_the_page_of_a_simulator_shows_what_its_code_gives(
+    simulator: Any, capsys: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    page = PAGES[type(simulator).__name__]
+    monkeypatch.setattr(fake.Environment, "Load", lambda self, file: simulator.load(self), raising=False)
+    text = (Path(__file__).parent.parent / "docs" / page).read_text("utf-8")
+    code, shown = re.findall(r"^```py\n(.*?)^```\n+```\w*\n(.*?)^```", text, re.DOTALL | re.MULTILINE)[0]
+    exec(compile(code, page, "exec"), {})
+    assert capsys.readouterr().out == shown
 
 
 # --- a ball, a crate and a pearl -----------------------------------------------------------------------
