@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from random import Random
 from typing import Any
 
 import numpy as np
 from balls import Balls, BallWorld, Box, Gaps, Near
 
-from ss2sql.vtables import Column, Table, TableFunction, Where, World, function
+from ss2sql.vtables import Column, Table, Where, World, function
 
 
 class Points(Table):
@@ -43,86 +43,6 @@ class ArrayWorld(World):
 # --- adapters that break a rule ------------------------------------------------------------------------
 
 
-class TooFew(Balls):
-    def keys(self, where: Any) -> list[int]:
-        return [key for key in super().keys(where) if where.low("x") < self.world.source.balls[key].x]
-
-
-class Disorder(Balls):
-    def keys(self, where: Any) -> list[int]:
-        found = super().keys(where)
-        return found[::-1] if where else found
-
-
-class Twice(Balls):
-    def keys(self, where: Any) -> list[int]:
-        found = super().keys(where)
-        return found + found[:1]
-
-
-class Unhashable(Balls):
-    def keys(self, where: Any) -> Any:
-        return [[key] for key in super().keys(where)]
-
-
-class Restless(Balls):
-    def keys(self, where: Any) -> list[int]:
-        self.world.source.balls[min(self.world.source.balls) - 1] = self.world.source.ball(Random(1), 0)
-        return super().keys(where)
-
-
-class Failing(Balls):
-    def keys(self, where: Any) -> list[int]:
-        raise RuntimeError("no connection")
-
-
-class NotANumber(Balls):
-    def place(self, key: int) -> Any:
-        return float("nan"), 0.0, 0.0
-
-
-class AnArray(Balls):
-    def place(self, key: int) -> Any:
-        return np.zeros(3), 0.0, 0.0
-
-
-class TooManyValues(Balls):
-    def place(self, key: int) -> Any:
-        return 1.0, 2.0, 3.0, 4.0
-
-
-class WrongType(Balls):
-    def label(self, key: int) -> Any:
-        return 7, None
-
-
-class NotThere(Balls):
-    def label(self, key: int) -> Any:
-        return None, None
-
-
-class Moving(Balls):
-    def place(self, key: int) -> Any:
-        self.world.source.balls[key].x += 0.5
-        return super().place(key)
-
-
-class Undead(Balls):
-    def place(self, key: int) -> Any:
-        return super().place(key) if key in self.world.source.balls else (0.0, 0.0, 0.0)
-
-
-class KeyErrors(Balls):
-    def place(self, key: int) -> Any:
-        ball = self.world.source.balls[key]
-        return ball.x, ball.y, ball.z
-
-
-class WrongOrder(Points):
-    def place(self, keys: list[int]) -> Any:
-        return self.world.points[sorted(keys)].T
-
-
 class Blocked(Balls):
     """Places in blocks."""
 
@@ -133,53 +53,79 @@ class Blocked(Balls):
         return [self.place(key) for key in keys]
 
 
-class WholeNumbers(Blocked):
-    def spots(self, keys: list[int]) -> Any:
-        return [tuple(map(round, row)) for row in super().spots(keys)]
+def balls_of(table: Table) -> dict[int, Any]:
+    return table.world.source.balls  # type: ignore[no-any-return]
 
 
-class TooFewRows(Blocked):
-    def spots(self, keys: list[int]) -> Any:
-        return super().spots(keys)[: max(1, len(keys) // 2)]
+def changed(work: Callable[[], object], value: Callable[[], Any]) -> Any:
+    """The value after a change."""
+    work()
+    return value()
 
 
-class Backwards(Blocked):
-    def spots(self, keys: list[int]) -> Any:
-        return super().spots(keys)[::-1]
+def failing(text: str) -> Callable[..., Any]:
+    def fail(*_: Any, **__: Any) -> Any:
+        raise RuntimeError(text)
+
+    return fail
 
 
-class UndeadBlocks(Blocked):
-    def spots(self, keys: list[int]) -> Any:
-        return [self.place(key) if key in self.world.source.balls else (0.0, 0.0, 0.0) for key in keys]
+def place_of(ball: Any) -> tuple[float, float, float]:
+    return ball.x, ball.y, ball.z
 
 
-class NoGroup(Balls):
-    groups = {"label": "name colour", "place": "x y z", "dynamics": "mass heavy"}
+def push(balls: dict[int, Any], key: int) -> None:
+    balls[key].x += 0.5
 
 
-class NoMethod(Balls):
-    groups = {**Balls.groups, "nothing": "pos"}
-
-
-class Stranger(Near):
-    def rows(self, x: float, y: float, z: float, radius: float = 1.0) -> list[int]:
-        return [*super().rows(x, y, z, radius), 12345]
-
-
-class Raising(Gaps):
-    def rows(self, id: int, most: float = 1e9) -> Any:
-        raise RuntimeError("no contact")
-
-
-class Twins(Near):
-    def rows(self, x: float, y: float, z: float, radius: float = 1.0) -> list[int]:
-        return super().rows(x, y, z, radius) * 2
-
-
-class Growing(Gaps):
-    def rows(self, id: int, most: float = 1e9) -> Any:
-        self.world.source.balls[id].x += 1.0
-        return super().rows(id, most)
+TOO_FEW, ORDER, UNIQUE = "keys are never too few", "keys keep one order", "keys are unique"
+FIT, BLOCKS, DEAD = "values fit their columns", "blocks fit their columns", "the dead raise Gone"
+READING, DECLARED, OWN = "reading changes nothing", "declarations hold together", "values belong to their keys"
+# What the adapter does, the table it does it in, what it has in place of the table's own, and the rule that it breaks.
+BROKEN_TABLES: list[tuple[str, type[Any], dict[str, Any], str]] = [
+    ("leaves out what lies on a bound", Balls, {"keys": lambda table, where: [
+        key for key in Balls.keys(table, where) if where.low("x") < balls_of(table)[key].x]}, TOO_FEW),
+    ("leaves out what two filters allow", Balls, {"keys": lambda table, where: [] if
+        where.equal("id") is not None and where.low("x") > float("-inf") else Balls.keys(table, where)}, TOO_FEW),
+    ("turns the order around", Balls, {"keys": lambda table, where:
+        Balls.keys(table, where)[:: -1 if where else 1]}, ORDER),
+    ("gives a key twice", Balls, {"keys": lambda table, where:
+        (found := Balls.keys(table, where)) + found[:1]}, UNIQUE),
+    ("gives lists as keys", Balls, {"keys": lambda table, where:
+        [[key] for key in Balls.keys(table, where)]}, "keys are hashable"),
+    ("bears a ball whenever it is asked", Balls, {"keys": lambda table, where: changed(
+        lambda: balls_of(table).update({min(balls_of(table)) - 1: Box.ball(Random(1), 0)}),
+        lambda: Balls.keys(table, where))}, "keys are the same each time"),
+    ("fails", Balls, {"keys": failing("no connection")}, "keys can be listed"),
+    ("gives no number", Balls, {"place": lambda table, key: (float("nan"), 0.0, 0.0)}, FIT),
+    ("gives an array", Balls, {"place": lambda table, key: (np.zeros(3), 0.0, 0.0)}, FIT),
+    ("gives too many values", Balls, {"place": lambda table, key: (1.0, 2.0, 3.0, 4.0)}, FIT),
+    ("gives another type", Balls, {"label": lambda table, key: (7, None)}, FIT),
+    ("gives None", Balls, {"label": lambda table, key: (None, None)}, FIT),
+    ("moves what it reads", Balls, {"place": lambda table, key: changed(
+        lambda: push(balls_of(table), key), lambda: Balls.place(table, key))}, READING),
+    ("reads the dead", Balls, {"place": lambda table, key:
+        Balls.place(table, key) if key in balls_of(table) else (0.0, 0.0, 0.0)}, DEAD),
+    ("says KeyError of the dead", Balls, {"place": lambda table, key: place_of(balls_of(table)[key])}, DEAD),
+    ("gives integers in blocks", Blocked, {"spots": lambda table, keys:
+        [tuple(map(round, row)) for row in Blocked.spots(table, keys)]}, BLOCKS),
+    ("gives too few rows", Blocked, {"spots": lambda table, keys:
+        Blocked.spots(table, keys)[: max(1, len(keys) // 2)]}, BLOCKS),
+    ("turns blocks around", Blocked, {"spots": lambda table, keys: Blocked.spots(table, keys)[::-1]}, OWN),
+    ("reads the dead in blocks", Blocked, {"spots": lambda table, keys: [
+        Balls.place(table, key) if key in balls_of(table) else (0.0, 0.0, 0.0) for key in keys]}, DEAD),
+    ("has a column without a group", Balls, {"groups": {
+        "label": "name colour", "place": "x y z", "dynamics": "mass heavy"}}, DECLARED),
+    ("has a group without a method", Balls, {"groups": {**Balls.groups, "nothing": "pos"}}, DECLARED),
+    # table functions
+    ("gives a stranger", Near, {"rows": lambda table, x, y, z, radius=1.0:
+        [*Near.rows(table, x, y, z, radius), 12345]}, "table functions give keys of their table"),
+    ("gives twins", Near, {"rows": lambda table, x, y, z, radius=1.0: Near.rows(table, x, y, z, radius) * 2}, UNIQUE),
+    ("raises", Gaps, {"rows": lambda table, id, most=1e9: failing("no contact")()},
+        "table functions give rows that fit"),
+    ("moves what it measures", Gaps, {"rows": lambda table, id, most=1e9: changed(
+        lambda: push(balls_of(table), id), lambda: Gaps.rows(table, id, most))}, READING),
+]  # fmt: skip
 
 
 class Placed(Balls):
@@ -201,11 +147,8 @@ class Forgetting(Balls):
 
     def keys(self, where: Any) -> list[int]:
         found = super().keys(where)
-        return (
-            found
-            if self.world.source.calls["keys"] < 300
-            else [key for key in found if key != min(self.world.source.balls)]
-        )
+        gone = None if self.world.source.calls["keys"] < 300 else min(self.world.source.balls)
+        return [key for key in found if key != gone]
 
 
 class Dying(BallWorld):
@@ -221,48 +164,15 @@ class Counting(BallWorld):
         return self.count
 
 
-NOT_MISSED = "missing arguments are an error"
+class WrongOrder(Points):
+    def place(self, keys: list[int]) -> Any:
+        return self.world.points[sorted(keys)].T
 
 
-class Generator(Near):
-    """Its rows come one by one, which is allowed."""
-
-    def rows(self, x: float, y: float, z: float, radius: float = 1.0) -> Iterator[int]:  # type: ignore[override]
-        yield from super().rows(x, y, z, radius)
-
-
-BROKEN_TABLES: list[tuple[type[Table], str]] = [
-    (TooFew, "keys are never too few"),
-    (Disorder, "keys keep one order"),
-    (Twice, "keys are unique"),
-    (Unhashable, "keys are hashable"),
-    (Restless, "keys are the same each time"),
-    (Failing, "keys can be listed"),
-    (NotANumber, "values fit their columns"),
-    (AnArray, "values fit their columns"),
-    (TooManyValues, "values fit their columns"),
-    (WrongType, "values fit their columns"),
-    (NotThere, "values fit their columns"),
-    (Moving, "reading changes nothing"),
-    (Undead, "the dead raise Gone"),
-    (KeyErrors, "the dead raise Gone"),
-    (WholeNumbers, "blocks fit their columns"),
-    (TooFewRows, "blocks fit their columns"),
-    (Backwards, "values belong to their keys"),
-    (UndeadBlocks, "the dead raise Gone"),
-    (NoGroup, "declarations hold together"),
-    (NoMethod, "declarations hold together"),
-]
-BROKEN_FUNCTIONS: list[tuple[type[TableFunction], str]] = [
-    (Stranger, "table functions give keys of their table"),
-    (Twins, "keys are unique"),
-    (Raising, "table functions give rows that fit"),
-    (Growing, "reading changes nothing"),
-]
-BROKEN_WORLDS: list[tuple[Callable[[], Any], str]] = [
-    (object, "there is an adapter"),
-    (lambda: type("Broken", (ArrayWorld,), {"tables": (WrongOrder,)})(), "values belong to their keys"),
-    (lambda: Counting(Box.row(2)), "functions keep what they declare"),
-    (lambda: Crooked(Box.random(4, 9)), "places are true"),
-    (lambda: Dying(Box.random(4, 9)), "queries see what is there"),
+BROKEN_WORLDS: list[tuple[str, Callable[[], Any], str]] = [
+    ("no world", object, "there is an adapter"),
+    ("arrays in another order", lambda: type("Broken", (ArrayWorld,), {"tables": (WrongOrder,)})(), OWN),
+    ("counts", lambda: Counting(Box.row(2)), "functions keep what they declare"),
+    ("measures the wrong way", lambda: Crooked(Box.random(4, 9)), "places are true"),
+    ("forgets", lambda: Dying(Box.random(4, 9)), "queries see what is there"),
 ]

@@ -101,13 +101,13 @@ def furnish(client: Any, dice: Random, count: int) -> None:
         thing(client, dice)
 
 
-def stir(client: Any, dice: Random, change: str) -> None:
+def stir(client: Any, dice: Random) -> None:
     """Steps, a birth or a death."""
-    change = dice.choice(("step", "birth", "death", "death")) if change == "any" else change
+    change = dice.choice(("step", "birth", "death", "death"))
     if change == "step":
         for _ in range(dice.randint(1, 10)):
             client.stepSimulation()
-    elif change == "birth":
+    elif change == "birth" or len(live(client)) < 3:
         thing(client, dice)
     else:
         client.removeBody(dice.choice(live(client)))

@@ -4,27 +4,19 @@ Bodies stand still, and boxes are not turned when collisions are looked for. It 
 as it takes to run the adapter where OpenRAVE cannot be installed.
 """
 
-# ruff: noqa: N802 - the names are OpenRAVE's
+# ruff: noqa: N802, N815 - the names are OpenRAVE's
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from enum import Enum, IntFlag
 from math import dist
 from typing import Any
 
 import numpy as np
 
-
-class GeometryType(Enum):
-    Box = 1
-    Sphere = 2
-    Cylinder = 3
-    Trimesh = 4
-
-
-class JointType(Enum):
-    Revolute = 1
-    Spherical = 2
+GeometryType = Enum("GeometryType", ["Box", "Sphere", "Cylinder", "Trimesh"])
+JointType = Enum("JointType", ["Revolute", "Spherical"])
 
 
 class CollisionOptions(IntFlag):
@@ -33,19 +25,20 @@ class CollisionOptions(IntFlag):
 
 
 class CollisionReport:
-    def __init__(self) -> None:
-        self.minDistance = 1e20
+    minDistance = 1e20
+
+
+def gives(get: Callable[[Any], Any]) -> Any:
+    """A method without arguments."""
+    return lambda self: get(self)
 
 
 class AABB:
     def __init__(self, pos: Any, extents: Any) -> None:
-        self._pos, self._extents = np.array(pos, float), np.array(extents, float)
+        self.middle, self.half = np.array(pos, float), np.array(extents, float)
 
-    def pos(self) -> Any:
-        return self._pos
-
-    def extents(self) -> Any:
-        return self._extents
+    pos = gives(lambda box: box.middle)
+    extents = gives(lambda box: box.half)
 
 
 def matrix(pose: Any) -> Any:
@@ -65,23 +58,13 @@ def matrix(pose: Any) -> Any:
 
 
 class Geometry:
-    def __init__(self, kind: GeometryType, *size: float) -> None:
+    def __init__(self, kind: Any, *size: float) -> None:
         self.kind, self.size = kind, size
 
-    def GetType(self) -> GeometryType:
-        return self.kind
-
-    def GetSphereRadius(self) -> float:
-        return self.size[0]
-
-    def GetBoxExtents(self) -> Any:
-        return np.array(self.size)
-
-    def GetCylinderRadius(self) -> float:
-        return self.size[0]
-
-    def GetCylinderHeight(self) -> float:
-        return self.size[1]
+    GetType = gives(lambda geometry: geometry.kind)
+    GetSphereRadius = GetCylinderRadius = gives(lambda geometry: geometry.size[0])
+    GetBoxExtents = gives(lambda geometry: np.array(geometry.size))
+    GetCylinderHeight = gives(lambda geometry: geometry.size[1])
 
 
 class Link:
@@ -90,25 +73,16 @@ class Link:
         self.velocity = np.zeros(6)
         self.body: Any = None
 
-    def GetName(self) -> str:
-        return self.name
-
-    def GetMass(self) -> float:
-        return self.mass
-
-    def GetGeometries(self) -> list[Geometry]:
-        return [self.geometry]
+    GetName = gives(lambda link: link.name)
+    GetMass = gives(lambda link: link.mass)
+    GetGeometries = gives(lambda link: [link.geometry])
+    GetVelocity = gives(lambda link: link.velocity)
+    IsEnabled = gives(lambda link: True)
 
     def GetTransform(self) -> Any:
         found = self.body.GetTransform()
         found[:3, 3] += found[:3, :3] @ self.offset
         return found
-
-    def GetVelocity(self) -> Any:
-        return self.velocity
-
-    def IsEnabled(self) -> bool:
-        return True
 
     def ComputeAABB(self) -> AABB:
         transform = self.GetTransform()
@@ -119,23 +93,14 @@ class Link:
 
 
 class Joint:
-    def __init__(self, name: str, kind: JointType, values: list[float]) -> None:
+    def __init__(self, name: str, kind: Any, values: list[float]) -> None:
         self.name, self.kind, self.values = name, kind, values
 
-    def GetName(self) -> str:
-        return self.name
-
-    def GetType(self) -> JointType:
-        return self.kind
-
-    def GetValues(self) -> Any:
-        return np.array(self.values)
-
-    def GetVelocities(self) -> Any:
-        return np.zeros(len(self.values))
-
-    def GetLimits(self) -> Any:
-        return np.full(len(self.values), -1.0), np.full(len(self.values), 2.0)
+    GetName = gives(lambda joint: joint.name)
+    GetType = gives(lambda joint: joint.kind)
+    GetValues = gives(lambda joint: np.array(joint.values))
+    GetVelocities = gives(lambda joint: np.zeros(len(joint.values)))
+    GetLimits = gives(lambda joint: (np.full(len(joint.values), -1.0), np.full(len(joint.values), 2.0)))
 
 
 class KinBody:
@@ -146,26 +111,22 @@ class KinBody:
         for link in links:
             link.body = self
 
-    def GetEnvironmentId(self) -> int:
-        return self.number
+    GetEnvironmentId = gives(lambda body: body.number)
+    GetName = gives(lambda body: body.name)
+    GetTransform = gives(lambda body: body.transform.copy())
+    GetLinks = gives(lambda body: list(body.links))
+    GetJoints = gives(lambda body: list(body.joints))
+    GetLinkVelocities = gives(lambda body: np.array([link.GetVelocity() for link in body.links]))
+    IsRobot = gives(lambda body: body.robot)
+    GetAttachedSensors = gives(lambda body: ["laser"] if body.robot else [])
+    IsEnabled = gives(lambda body: True)
+    __enter__ = gives(lambda body: body._saved.append(body.GetTransform()))
 
-    def GetName(self) -> str:
-        return self.name
-
-    def GetTransform(self) -> Any:
-        return self.transform.copy()
+    def __exit__(self, *error: object) -> None:
+        self.transform = self._saved.pop()
 
     def SetTransform(self, pose: Any) -> None:
         self.transform = matrix(pose)
-
-    def GetLinks(self) -> list[Link]:
-        return list(self.links)
-
-    def GetJoints(self) -> list[Joint]:
-        return list(self.joints)
-
-    def GetLinkVelocities(self) -> Any:
-        return np.array([link.GetVelocity() for link in self.links])
 
     def ComputeAABB(self) -> AABB:
         boxes = [link.ComputeAABB() for link in self.links]
@@ -173,27 +134,11 @@ class KinBody:
         high = np.max([box.pos() + box.extents() for box in boxes], axis=0)
         return AABB((low + high) / 2, (high - low) / 2)
 
-    def IsRobot(self) -> bool:
-        return self.robot
-
-    def GetAttachedSensors(self) -> list[str]:
-        return ["laser"] if self.robot else []
-
-    def IsEnabled(self) -> bool:
-        return True
-
-    def __enter__(self) -> None:
-        self._saved.append(self.GetTransform())
-
-    def __exit__(self, *error: object) -> None:
-        self.transform = self._saved.pop()
-
 
 def between(one: Link, other: Link) -> float:
     """The distance of boxes along the axes, and of spheres."""
     first, second = (link.GetTransform()[:3, 3] for link in (one, other))
-    half = np.zeros(3)
-    radius = 0.0
+    half, radius = np.zeros(3), 0.0
     for link in (one, other):
         if link.geometry.kind is GeometryType.Sphere:
             radius += link.geometry.size[0]
@@ -207,8 +152,7 @@ class CollisionChecker:
         self.options = 0
         self.measures = True
 
-    def GetCollisionOptions(self) -> int:
-        return self.options
+    GetCollisionOptions = gives(lambda checker: checker.options)
 
     def SetCollisionOptions(self, options: int) -> bool:
         self.options = int(options)
@@ -221,6 +165,10 @@ class Environment:
         self.births = self.microseconds = 0
         self.checker = CollisionChecker()
 
+    GetBodies = gives(lambda environment: list(reversed(environment.bodies)))
+    GetSimulationTime = gives(lambda environment: environment.microseconds)
+    GetCollisionChecker = gives(lambda environment: environment.checker)
+
     def Add(self, body: KinBody) -> None:
         self.births += 1
         body.number = self.births
@@ -229,17 +177,8 @@ class Environment:
     def Remove(self, body: KinBody) -> None:
         self.bodies.remove(body)
 
-    def GetBodies(self) -> list[KinBody]:
-        return list(reversed(self.bodies))
-
     def GetBodyFromEnvironmentId(self, number: int) -> KinBody | None:
         return next((body for body in self.bodies if body.number == number), None)
-
-    def GetSimulationTime(self) -> int:
-        return self.microseconds
-
-    def GetCollisionChecker(self) -> CollisionChecker:
-        return self.checker
 
     def CheckCollision(
         self, body: KinBody, other: KinBody | None = None, report: CollisionReport | None = None

@@ -1,39 +1,61 @@
-"""MuJoCo as a world: every query beside a loop over MuJoCo's own interface."""
+"""MuJoCo as a world: each column is what MuJoCo itself says, or what follows from the definition of shapes."""
 
 from __future__ import annotations
 
 from collections import Counter
+from math import pi
 from typing import Any
 
 import numpy as np
 import pytest
-from body_queries import ARGUMENTS, agree, answer
-from mujoco_rooms import fixture_robot as fixture_robot
-from mujoco_rooms import fixture_ss as fixture_ss
-from mujoco_rooms import loop, mujoco
+from simulators import ARGUMENTS, MuJoCo, agree, answer
 
 import ss2sql
 from ss2sql.scenes.mujoco_chaos import chaos
 from ss2sql.vtables.mujoco import MuJoCoWorld
 
-# --- the same as a loop --------------------------------------------------------------------------------
+mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed: pip install mujoco")
+
+ROBOT = """
+    <geom name="floor" type="plane" size="5 5 .1"/>
+    <body name="ball" pos="0 0 0.3"><freejoint/><geom name="ball" type="sphere" size=".3" mass="60"/></body>
+    <body name="crate" pos="1 0 .5" quat="0.5 0.5 0.5 0.5">
+      <freejoint/><geom type="box" size=".1 .2 .3" mass="20"/>
+    </body>
+    <body name="base" pos="3 0 1">
+      <geom type="cylinder" size=".1 .2" mass="5"/>
+      <body name="arm" pos=".5 0 0">
+        <joint name="elbow" type="hinge" axis="0 0 1" limited="true" range="-1 2"/>
+        <geom type="capsule" size=".05 .2" mass="2"/><geom type="sphere" size=".1" pos="0 0 .5" mass="1"/>
+        <site name="hand"/>
+      </body>
+    </body>
+    <body name="lift" pos="-3 0 1">
+      <joint name="rail" type="slide"/><geom type="ellipsoid" size=".1 .2 .3" mass="3"/>
+    </body>
+    <body name="ghost" pos="0 3 1" mocap="true"/>"""
+AROUND = """
+    <compiler angle="radian"/><actuator><motor joint="elbow"/></actuator>
+    <sensor><accelerometer name="felt" site="hand"/><jointpos name="turned" joint="elbow"/></sensor>"""
 
 
-@pytest.mark.parametrize("seed", range(8))
-def test_queries_give_what_loops_give(seed: int, engine: Any) -> None:
-    scene = chaos(seed, 10 + 10 * seed)
-    with ss2sql.connect() as ss:
-        ss.attach("space", scene)
-        agree(ss, loop(scene.model, scene.data), engine)
-        scene.step(30)
-        agree(ss, loop(scene.model, scene.data), engine)
+@pytest.fixture
+def robot() -> tuple[Any, Any]:
+    return MuJoCo().made(ROBOT, AROUND)
 
 
-def test_a_robot_too(robot: tuple[Any, Any], ss: ss2sql.Session, engine: Any) -> None:
-    agree(ss, loop(*robot), engine)
-    for _ in range(20):
-        mujoco.mj_step(*robot)
-    agree(ss, loop(*robot), engine)
+@pytest.fixture
+def ss(ss: ss2sql.Session, robot: tuple[Any, Any]) -> ss2sql.Session:
+    ss.attach("space", robot[1])
+    return ss
+
+
+def test_queries_over_a_robot_give_what_loops_give(robot: tuple[Any, Any], ss: ss2sql.Session, engine: Any) -> None:
+    for _ in range(2):
+        agree(ss, MuJoCo().look(*robot), engine)
+        for _ in range(20):
+            mujoco.mj_step(*robot)
+        mujoco.mj_forward(*robot)
 
 
 def test_check_world_passes_for_the_robot(robot: tuple[Any, Any]) -> None:
@@ -45,34 +67,144 @@ def test_check_world_passes_for_the_robot(robot: tuple[Any, Any]) -> None:
     assert report.skipped == []
 
 
+# --- columns of bodies ---------------------------------------------------------------------------------
+
+
+def test_quaternions_have_their_real_part_last(ss: ss2sql.Session, engine: Any) -> None:
+    script = "SELECT qx, qy, qz, qw, quat FROM space WHERE name == 'crate';"
+    assert answer(ss, script, engine) == [{"qx": 0.5, "qy": 0.5, "qz": 0.5, "qw": 0.5, "quat": [0.5, 0.5, 0.5, 0.5]}]
+    assert answer(ss, "SELECT quat FROM space WHERE name == 'ball' AS list;", engine) == [[0, 0, 0, 1]]
+
+
+def test_angles_make_the_matrix_that_mujoco_has(robot: tuple[Any, Any], ss: ss2sql.Session) -> None:
+    model, data = robot
+    random = np.random.default_rng(1)
+    for turn in [*random.normal(size=(20, 4)), (1, 0, 1, 0), (1, 0, -1, 0), (0, 1, 0, 1), (1, 1, 1, 1)]:
+        data.joint(model.body("ball").jntadr[0]).qpos[3:] = np.asarray(turn) / np.linalg.norm(turn)
+        mujoco.mj_forward(model, data)
+        (roll, pitch, yaw), (*_, qx, qy, qz, qw) = answer(
+            ss, "SELECT rot, pose FROM space WHERE name == 'ball' AS rows;"
+        )[0]
+        x, y, z = (_around(axis, angle) for axis, angle in zip("xyz", (roll, pitch, yaw), strict=True))
+        assert np.allclose(z @ y @ x, data.body("ball").xmat.reshape(3, 3), atol=1e-7)
+        assert np.allclose((qw, qx, qy, qz), data.body("ball").xquat)
+
+
+def _around(axis: str, angle: float) -> Any:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array({"x": [[1, 0, 0], [0, c, -s], [0, s, c]], "y": [[c, 0, s], [0, 1, 0], [-s, 0, c]],
+                     "z": [[c, -s, 0], [s, c, 0], [0, 0, 1]]}[axis])  # fmt: skip
+
+
+def test_velocities_are_those_of_mj_object_velocity(robot: tuple[Any, Any], ss: ss2sql.Session, engine: Any) -> None:
+    model, data = robot
+    data.qvel[:] = np.arange(1.0, model.nv + 1)
+    mujoco.mj_step(model, data)
+    rows = answer(ss, "SELECT id, velocity, angularVelocity FROM space AS rows;", engine)
+    assert len(rows) == model.nbody
+    for number, linear, angular in rows:
+        assert np.allclose((*angular, *linear), MuJoCo().velocity(model, data, number), atol=1e-12)
+
+
+def test_volumes_of_shapes(ss: ss2sql.Session) -> None:
+    volumes = dict(answer(ss, "SELECT name, volume FROM space AS rows;"))
+    ball, arm = 4 / 3 * pi * 0.3**3, 4 / 3 * pi * 0.05**3 + pi * 0.05**2 * 0.4 + 4 / 3 * pi * 0.1**3
+    assert volumes["world"] is None  # a plane has no end
+    assert [volumes[name] for name in ("ball", "crate", "arm", "base", "lift", "ghost")] == pytest.approx(
+        [ball, 0.2 * 0.4 * 0.6, arm, pi * 0.1**2 * 0.4, 4 / 3 * pi * 0.1 * 0.2 * 0.3, 0.0]
+    )
+
+
+def test_meshes_have_a_volume_and_count_once_where_another_shape_shows_them(ss: ss2sql.Session) -> None:
+    _, data = MuJoCo().made(
+        """<body name="solid"><geom type="mesh" mesh="corner"/></body>
+           <body name="shown">
+             <geom type="mesh" mesh="corner" contype="0" conaffinity="0"/><geom type="sphere" size="1"/>
+           </body>""",
+        '<asset><mesh name="corner" vertex="0 0 0  1 0 0  0 1 0  0 0 1"/></asset>',
+    )
+    ss.attach("space", data)
+    rows = answer(ss, "SELECT type, volume, isMesh FROM space WHERE id > 0 AS rows;")
+    assert rows == [["mesh", pytest.approx(1 / 6), True], ["sphere", pytest.approx(4 / 3 * pi), False]]
+
+
+def test_boxes_hold_the_outermost_points_of_shapes(ss: ss2sql.Session) -> None:
+    scene = chaos(4, 40)
+    scene.step(50)
+    ss.attach("space", scene)
+    for number, (low, high) in answer(ss, "SELECT id, aabb FROM space WHERE hasBody AS rows;"):
+        (geom,) = np.flatnonzero(scene.model.geom_bodyid == number)
+        for axis in range(3):
+            for side, sign in ((low, -1), (high, 1)):
+                outermost = _furthest(scene.model, scene.data, geom, sign * np.eye(3)[axis])
+                assert side[axis] == pytest.approx(outermost[axis], abs=1e-9)
+
+
+def _furthest(model: Any, data: Any, geom: int, direction: Any) -> Any:
+    """The point of a shape that lies furthest in a direction, by the shape's definition."""
+    axes, (a, b, c) = data.geom_xmat[geom].reshape(3, 3), model.geom_size[geom]
+    local = direction @ axes
+    match mujoco.mjtGeom(int(model.geom_type[geom])):
+        case mujoco.mjtGeom.mjGEOM_SPHERE:
+            point = a * local
+        case mujoco.mjtGeom.mjGEOM_BOX:
+            point = np.sign(local) * (a, b, c)
+        case mujoco.mjtGeom.mjGEOM_CAPSULE:
+            point = a * local + (0, 0, np.sign(local[2]) * b)
+        case _:
+            across = np.hypot(local[0], local[1])
+            point = np.array([a * local[0] / across, a * local[1] / across, np.sign(local[2]) * b])
+    return data.geom_xpos[geom] + axes @ point
+
+
+@pytest.mark.parametrize(
+    ("condition", "names"),
+    [
+        ("isRobot", ["base", "arm"]),
+        ("isSensor(this)", ["arm"]),
+        ("hasBody(this)", ["ball", "crate", "arm", "lift"]),
+        ("NOT isEnabled", ["ghost"]),
+        ("isSphere OR isBox", ["ball", "crate"]),
+        ("below(this, [[-1, -1, 1], [1, 1, 2]])", ["world", "ball", "crate"]),
+    ],
+)
+def test_who_is_what(ss: ss2sql.Session, engine: Any, condition: str, names: list[str]) -> None:
+    assert answer(ss, f"SELECT name FROM space WHERE {condition} AS list;", engine) == names
+
+
+def test_forces_are_those_that_were_applied_and_the_clock_is_that_of_mujoco(
+    robot: tuple[Any, Any], ss: ss2sql.Session
+) -> None:
+    robot[1].body("ball").xfrc_applied[:] = [1, 2, 3, 4, 5, 6]
+    assert answer(ss, "SELECT force, torque FROM space WHERE name == 'ball';") == [
+        {"force": [1, 2, 3], "torque": [4, 5, 6]}
+    ]
+    mujoco.mj_step(*robot)
+    assert answer(ss, "getTime();") == robot[1].time > 0
+
+
 # --- the other tables ----------------------------------------------------------------------------------
 
 
-def test_joints(ss: ss2sql.Session, engine: Any) -> None:
+def test_joints_and_how_they_move(robot: tuple[Any, Any], ss: ss2sql.Session, engine: Any) -> None:
+    model, data = robot
     rows = answer(ss, "SELECT name, type, lower, upper FROM space.joints AS rows;", engine)
     assert rows == [
         ["", "free", None, None], ["", "free", None, None], ["elbow", "hinge", -1, 2], ["rail", "slide", None, None],
     ]  # fmt: skip
-
-
-def test_joints_move(robot: tuple[Any, Any], ss: ss2sql.Session) -> None:
-    model, data = robot
     data.joint("elbow").qpos, data.joint("elbow").qvel = 0.25, 0.5
     mujoco.mj_forward(model, data)
-    assert answer(ss, "SELECT angle, speed, axis FROM space.joints WHERE name == 'elbow';") == [
+    assert answer(ss, "SELECT angle, speed, axis FROM space.joints WHERE name == 'elbow';", engine) == [
         {"angle": 0.25, "speed": 0.5, "axis": [0, 0, 1]}
     ]
     joined = "SELECT b.name FROM j = space.joints, b = space WHERE j.body == b.id AND j.name == 'rail' AS list;"
-    assert answer(ss, joined) == ["lift"]
+    assert answer(ss, joined, engine) == ["lift"]
 
 
-def test_sensors(robot: tuple[Any, Any], ss: ss2sql.Session, engine: Any) -> None:
+def test_sensors_and_geoms(robot: tuple[Any, Any], ss: ss2sql.Session, engine: Any) -> None:
     rows = answer(ss, "SELECT name, type, value, values FROM space.sensors AS rows;", engine)
     felt = robot[1].sensor("felt").data.tolist()
     assert rows == [["felt", "accelerometer", None, felt], ["turned", "jointpos", 0.0, [0.0]]]
-
-
-def test_geoms(ss: ss2sql.Session, engine: Any) -> None:
     rows = answer(ss, "SELECT name, type, body FROM space.geoms WHERE isSphere(this) AS rows;", engine)
     assert rows == [["ball", "sphere", 1], ["", "sphere", 4]]
     assert answer(ss, "SELECT pos FROM space.geoms WHERE id == 4 AS list;", engine) == [[3.5, 0, 1]]
@@ -95,45 +227,16 @@ def test_contacts_are_those_of_mujoco(robot: tuple[Any, Any], engine: Any, ss: s
     assert answer(ss, turned, engine) == [[1, pytest.approx([0, 0, -0.01]), [0, 0, 1]]]
 
 
-# --- functions -----------------------------------------------------------------------------------------
-
-
-def test_distances_between_surfaces(ss: ss2sql.Session, engine: Any) -> None:
+def test_a_turned_box_is_measured_and_what_cannot_be_moved_stays(ss: ss2sql.Session, engine: Any) -> None:
     script = "SELECT c.distance FROM a = space, c = space.closest(a.this, 2, 5.0) WHERE a.name == 'ball' AS list;"
     # the box is turned: its half edges of 0.1, 0.2 and 0.3 lie along y, z and x; its nearest corner edge is at x = 0.7
     assert answer(ss, script, engine) == pytest.approx([0.4], abs=1e-6)
-
-
-def test_bodies_are_moved_and_tried_out(robot: tuple[Any, Any], ss: ss2sql.Session, engine: Any) -> None:
-    _, data = robot
-    before = data.qpos.copy()
-    script = "[collision('ball', [0.5, 0, 0.5]), collision('ball', [-2, 2, 2]), collision('ball', 2)];"
-    assert answer(ss, script, engine) == [True, False, False]
-    assert (data.qpos == before).all()
-    assert answer(ss, "[move('ball', [0.5, 0, 0.5]), checkCollision('ball'), position('ball')];", engine) == [
-        [0.5, 0, 0.5], True, [0.5, 0],
-    ]  # fmt: skip
     assert answer(ss, "[move('ghost', [1, 1, 1, 0, 0, 0, 2]), position('ghost')];", engine)[1] == [1, 1]
     with pytest.raises(ss2sql.Error, match="the body 'base' cannot be moved freely"):
-        answer(ss, "move('base', [1, 1]);", engine=engine)
+        answer(ss, "move('base', [1, 1]);", engine)
 
 
-def test_above_below_within_and_overlaps(ss: ss2sql.Session, engine: Any) -> None:
-    def names(condition: str, source: str = "space") -> Any:
-        return answer(ss, f"SELECT name FROM {source} WHERE {condition} AS list;", engine)
-
-    assert names("within(this, [[-1, -1, -1], [2, 1, 2]])") == ["ball", "crate"]
-    assert names("above(this, [[2, -1, -1], [4, 1, 0]])") == ["base", "arm"]
-    assert names("below(this, [[-1, -1, 1], [1, 1, 2]])") == ["world", "ball", "crate"]
-    assert names("hasBody", "space.overlaps([[0.5, -1, 0], [1.2, 1, 1]])") == ["crate"]
-
-
-def test_the_clock_is_that_of_mujoco(robot: tuple[Any, Any], ss: ss2sql.Session) -> None:
-    mujoco.mj_step(*robot)
-    assert answer(ss, "getTime();") == robot[1].time > 0
-
-
-# --- whole arrays --------------------------------------------------------------------------------------
+# --- whole arrays, and bad input -----------------------------------------------------------------------
 
 
 class Counting:
@@ -147,81 +250,30 @@ class Counting:
         return getattr(self.real, name)
 
 
-@pytest.mark.parametrize("count", [10, 1000])
-def test_a_scan_fetches_arrays_a_constant_number_of_times(count: int, engine: Any) -> None:
-    bodies = "".join(
+@pytest.mark.parametrize("count", [10, 300])
+def test_a_scan_fetches_arrays_a_constant_number_of_times(ss: ss2sql.Session, count: int, engine: Any) -> None:
+    model, data = MuJoCo().made("".join(
         f'<body name="b{n}" pos="{n % 10} {n // 10 % 10} {n // 100}"><freejoint/><geom size=".1"/></body>'
         for n in range(count)
-    )
-    model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{bodies}</worldbody></mujoco>")
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
+    ))  # fmt: skip
     counts: Counter[str] = Counter()
-    ss = ss2sql.connect()
     ss.attach("space", MuJoCoWorld(Counting(model, counts), Counting(data, counts)))
     counts.clear()
     script = "SELECT name, x, pos, quat, velocity, mass, volume, aabb FROM space WHERE isSphere(this) AS rows;"
-    rows = answer(ss, script, engine)
-    assert len(rows) == count
+    assert len(answer(ss, script, engine)) == count
     del counts["_pybind11_conduit_v1_"]  # of MuJoCo's functions for names, which never change and are kept
     assert max(counts.values()) <= 20
     assert counts["xpos"] <= 6
 
 
-# --- bad input -----------------------------------------------------------------------------------------
-
-
-def test_data_that_nothing_has_been_computed_of_are_refused(robot: tuple[Any, Any], engine: Any) -> None:
-    model, _ = robot
-    data = mujoco.MjData(model)
-    with ss2sql.connect() as ss:
-        ss.attach("space", data)
-        with pytest.raises(ss2sql.Error, match="has not computed these data yet"):
-            answer(ss, "SELECT name FROM space;", engine=engine)
-        mujoco.mj_forward(model, data)
-        assert len(ss.run("SELECT name FROM space AS list;", engine)) == 7
-
-
-@pytest.mark.parametrize(
-    ("script", "message"),
-    [
-        ("SELECT colour FROM space;", "colour"),
-        ("SELECT distance FROM space.closest(1, 2);", "lacks distance"),
-        ("move('bal', [1, 2]);", "no body is called 'bal'"),
-        ("move('ball', [1]);", r"a place \[x, y\]"),
-        ("SELECT linearVelocity(this, 3) FROM space;", "an axis 0, 1 or 2"),
-        ("SELECT name FROM space WHERE within(this, [1, 2]);", "a box"),
-        ("SELECT name FROM space WHERE distance(this, [1]) < 1;", "two or three numbers"),
-    ],
-)
-def test_wrong_use_is_told(ss: ss2sql.Session, engine: Any, script: str, message: str) -> None:
-    with pytest.raises(ss2sql.Error, match=message):
-        answer(ss, script, engine=engine)
-    assert len(ss.run("SELECT name FROM space AS list;", engine)) == 7
-
-
-def test_what_is_no_data_is_refused() -> None:
+def test_what_is_no_data_or_was_not_computed_is_refused(
+    robot: tuple[Any, Any], ss: ss2sql.Session, engine: Any
+) -> None:
     with pytest.raises(ss2sql.Error, match="a int is no data of MuJoCo"):
         MuJoCoWorld(3)
-
-
-# --- the scene -----------------------------------------------------------------------------------------
-
-
-def test_chaos_is_the_same_for_the_same_seed() -> None:
-    one, other, another = chaos(7, 30), chaos(7, 30), chaos(8, 30)
-    assert one.mjcf == other.mjcf != another.mjcf
-    one.step(100)
-    for _ in range(100):
-        other.step()
-    assert np.array_equal(one.data.qpos, other.data.qpos)
-
-
-def test_chaos_stays_in_its_box() -> None:
-    scene = chaos(2, 60)
-    for _ in range(20):
-        scene.step(60)
-        moving = scene.data.xpos[7:]
-        assert np.abs(moving).max() < 5.05
-    assert len(scene.names) == scene.model.nbody == 67
-    assert np.linalg.norm(scene.data.qvel) > 1
+    data = mujoco.MjData(robot[0])
+    ss.attach("space", data)
+    with pytest.raises(ss2sql.Error, match="has not computed these data yet"):
+        answer(ss, "SELECT name FROM space;", engine)
+    mujoco.mj_forward(robot[0], data)
+    assert len(answer(ss, "SELECT name FROM space AS list;", engine)) == 7

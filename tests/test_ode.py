@@ -1,59 +1,35 @@
-"""ODE as a world: every query beside a loop over ODE's own interface. It runs where python3-pyode is installed."""
+"""ODE as a world, beside ODE's own interface. It runs where python3-pyode is installed."""
 
 from __future__ import annotations
 
 import gc
-import re
 from math import dist, pi, sqrt
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 import pytest
-from body_queries import ARGUMENTS, agree, answer
-from ode_rooms import loop
-from pyode import load
+from simulators import ARGUMENTS, MuJoCo, Ode, answer
 
 import ss2sql
-from ss2sql.scenes.ode_chaos import chaos
 from ss2sql.vtables.ode import OdeWorld
 
-_folder = TemporaryDirectory()
-ode = load(Path(_folder.name))
-REASON = "ODE is not installed for this Python: apt-get install python3-pyode"
-pytestmark = pytest.mark.skipif(ode is None, reason=REASON)
 
-
-_worlds: list[Any] = []  # kept to the end: pyode crashes where a failed test leaves world and bodies to the collector
-
-
-class Room:
-    """A floor and some bodies."""
+class Room(Ode):
+    """A floor and some bodies, of which two are in an inner space."""
 
     def __init__(self) -> None:
-        self.world, self.space = ode.World(), ode.HashSpace()
-        _worlds.append(self.world)
+        super().__init__()
+        ode, self.world = self.ode, self.kept()
+        self.space = ode.HashSpace()
         self.floor = ode.GeomPlane(self.space, (0, 0, 1), 0)
         self.floor.name = "floor"
-        self.ball = self.add(ode.GeomSphere(self.space, 0.5), 60.0, (0, 0, 0.75), "ball")
-        self.box = self.add(ode.GeomBox(self.space, (1, 1, 1)), 10.0, (2, 0, 0.5), "box")
+        self.ball = self.add(self.world, ode.GeomSphere(self.space, 0.5), 60.0, (0, 0, 0.75), "ball")
+        self.box = self.add(self.world, ode.GeomBox(self.space, (1, 1, 1)), 10.0, (2, 0, 0.5), "box")
         self.post = ode.GeomCylinder(self.space, 0.25, 2)
         self.post.setPosition((0, 3, 1))
         self.inner = ode.SimpleSpace(self.space)
-        self.rod = self.add(ode.GeomCapsule(self.inner, 0.25, 1), 70.0, (3, 3, 1), "rod")
-        self.pearl = self.add(ode.GeomSphere(self.inner, 0.1), 51.0, (-1, 0, 1), None)
-
-    def add(self, geom: Any, mass: float, position: tuple[float, ...], name: str | None) -> Any:
-        body, weight = ode.Body(self.world), ode.Mass()
-        weight.setSphere(1.0, 1.0)
-        weight.adjust(mass)
-        body.setMass(weight)
-        body.setPosition(position)
-        geom.setBody(body)
-        if name:
-            geom.name = name
-        return geom
+        self.rod = self.add(self.world, ode.GeomCapsule(self.inner, 0.25, 1), 70.0, (3, 3, 1), "rod")
+        self.pearl = self.add(self.world, ode.GeomSphere(self.inner, 0.1), 51.0, (-1, 0, 1), None)
 
 
 @pytest.fixture
@@ -65,35 +41,6 @@ def room() -> Room:
 def ss(ss: ss2sql.Session, room: Room) -> ss2sql.Session:
     ss.attach("space", room.space)
     return ss
-
-
-# --- the same as a loop --------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("seed", range(8))
-def test_queries_give_what_loops_give(seed: int, engine: Any) -> None:
-    scene = chaos(seed, 10 + 10 * seed)
-    with ss2sql.connect() as ss:
-        ss.attach("space", scene)
-        agree(ss, loop(scene), engine)
-        scene.step(30)
-        agree(ss, loop(scene), engine)
-
-
-def test_births_and_deaths_are_seen(engine: Any) -> None:
-    scene = chaos(1, 10)
-    with ss2sql.connect() as ss:
-        ss.attach("space", scene)
-        before = answer(ss, "SELECT id, name FROM space AS rows;", engine)
-        victim = scene.particles[3].name
-        scene.explode(scene.particles[3])
-        scene.step(100)
-        after = answer(ss, "SELECT id, name FROM space AS rows;", engine)
-        assert [row for row in before if row[1] == victim and row in after] == []
-        assert [row for row in before if row[1] != victim] == after[: len(before) - 1]
-        names = [geom.name for geom in (*scene.walls, *scene.particles)]
-        assert sorted(name for _, name in after) == sorted(names)
-        assert [number for number, _ in after] == sorted({number for number, _ in after})
 
 
 def test_check_world_passes_for_spaces_in_spaces(room: Room) -> None:
@@ -134,26 +81,23 @@ def test_volumes_and_boxes(ss: ss2sql.Session, engine: Any) -> None:
     boxes = {name: box for name, _, box in rows}
     assert volumes["floor"] is None
     assert boxes["floor"] == [[-1e30, -1e30, -1e30], [1e30, 1e30, 0]]
-    assert volumes["ball"] == pytest.approx(4 / 3 * pi * 0.5**3)
-    assert volumes["box"] == 1.0
-    assert volumes["rod"] == pytest.approx(4 / 3 * pi * 0.25**3 + pi * 0.25**2)
-    assert volumes["cylinder_4"] == pytest.approx(pi * 0.25**2 * 2)
+    assert [volumes[name] for name in ("ball", "box", "rod", "cylinder_4")] == pytest.approx(
+        [4 / 3 * pi * 0.5**3, 1.0, 4 / 3 * pi * 0.25**3 + pi * 0.25**2, pi * 0.25**2 * 2]
+    )
     assert boxes["ball"] == [[-0.5, -0.5, 0.25], [0.5, 0.5, 1.25]]
 
 
-def test_geoms_that_are_switched_off_and_geoms_inside_of_others(room: Room, engine: Any) -> None:
-    wrapped = ode.GeomTransform(room.space)
-    wrapped.setGeom(ode.GeomSphere(None, 0.5))
+def test_geoms_that_are_switched_off_and_geoms_inside_of_others(room: Room, ss: ss2sql.Session, engine: Any) -> None:
+    wrapped = room.ode.GeomTransform(room.space)
+    wrapped.setGeom(room.ode.GeomSphere(None, 0.5))
     wrapped.setPosition((9, 9, 9))
     wrapped.name = "wrapped"
     room.post.disable()
-    with ss2sql.connect() as ss:
-        ss.attach("space", room.space)
-        assert answer(ss, "SELECT name FROM space WHERE NOT isEnabled AS list;", engine) == ["cylinder_4"]
-        row = answer(ss, "SELECT type, volume, pos FROM space WHERE name == 'wrapped' AS rows;", engine)
-        assert row == [["sphere", pytest.approx(pi / 6), [9, 9, 9]]]
-        gap = "SELECT c.distance FROM a = space, c = space.closest(a.this, 1, 50) WHERE a.name == 'wrapped' AS list;"
-        assert answer(ss, gap, engine) == [pytest.approx(8.5)]
+    assert answer(ss, "SELECT name FROM space WHERE NOT isEnabled AS list;", engine) == ["cylinder_4"]
+    row = answer(ss, "SELECT type, volume, pos FROM space WHERE name == 'wrapped' AS rows;", engine)
+    assert row == [["sphere", pytest.approx(pi / 6), [9, 9, 9]]]
+    gap = "SELECT c.distance FROM a = space, c = space.closest(a.this, 1, 50) WHERE a.name == 'wrapped' AS list;"
+    assert answer(ss, gap, engine) == [pytest.approx(8.5)]
 
 
 # --- touching and distances ----------------------------------------------------------------------------
@@ -163,8 +107,8 @@ def test_contacts_are_those_of_collide(room: Room, ss: ss2sql.Session, engine: A
     room.ball.getBody().setPosition((0, 0, 0.25))
     script = "SELECT idA, idB, pos, normal, distance FROM space.contacts AS rows;"
     rows = answer(ss, script, engine)
-    known = [[1, 2, list(p), list(n), -d]
-             for p, n, d, _, _ in (c.getContactGeomParams() for c in ode.collide(room.floor, room.ball))]  # fmt: skip
+    touching = [contact.getContactGeomParams() for contact in room.ode.collide(room.floor, room.ball)]
+    known = [[1, 2, list(place), list(normal), -depth] for place, normal, depth, _, _ in touching]
     assert [row for row in rows if row[1] == 2] == known
     assert known[0][3:] == [[0, 0, -1], -0.25]
     turned = "SELECT idA, normal FROM f = space, c = space.contacts(f.this) WHERE f.name == 'ball' AS rows;"
@@ -174,21 +118,19 @@ def test_contacts_are_those_of_collide(room: Room, ss: ss2sql.Session, engine: A
 def test_distances_between_surfaces(ss: ss2sql.Session, engine: Any) -> None:
     script = "SELECT a.name, b.name, c.distance FROM a = space, b = space, c = space.closest(a.this, b.this, 10)"
     rows = answer(ss, f"{script} WHERE a.name == 'ball' AND a.id != b.id AS rows;", engine)
-    gaps = {name: gap for _, name, gap in rows}
-    assert gaps["floor"] == pytest.approx(0.25)
-    assert gaps["box"] == pytest.approx(1.0)
-    assert gaps["cylinder_4"] == pytest.approx(2.25)
-    assert gaps["sphere_6"] == pytest.approx(dist((0, 0, 0.75), (-1, 0, 1)) - 0.6)
-    assert gaps["rod"] == pytest.approx(dist((0, 0, 0.75), (3, 3, 0.75)) - 0.75)
+    assert {name: gap for _, name, gap in rows} == pytest.approx({
+        "floor": 0.25, "box": 1.0, "cylinder_4": 2.25, "sphere_6": dist((0, 0, 0.75), (-1, 0, 1)) - 0.6,
+        "rod": dist((0, 0, 0.75), (3, 3, 0.75)) - 0.75,
+    })  # fmt: skip
 
 
 SIZES = {"sphere": 1, "box": 3, "capsule": 2, "cylinder": 2}
 
 
-def test_distances_agree_with_mujoco_for_random_solids() -> None:
+def test_distances_agree_with_mujoco_for_random_solids(room: Room) -> None:
     """MuJoCo measures by itself what is computed here for ODE."""
     mujoco = pytest.importorskip("mujoco")
-    random = np.random.default_rng(1)
+    ode, random = room.ode, np.random.default_rng(1)
     space, model, geoms = ode.SimpleSpace(), [], []
     for number in range(24):
         kind = list(SIZES)[number % 4]
@@ -201,10 +143,8 @@ def test_distances_agree_with_mujoco_for_random_solids() -> None:
         halves = size / 2 if kind == "box" else size * (1, 0.5)[: len(size)]
         texts = [" ".join(map(repr, map(float, values))) for values in (place, turn, halves)]
         model.append('<body pos="{}" quat="{}"><geom type="{}" size="{}"/></body>'.format(*texts[:2], kind, texts[2]))
-    made = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{''.join(model)}</worldbody></mujoco>")
+    made, data = MuJoCo().made("".join(model))
     made.opt.ccd_tolerance, made.opt.ccd_iterations = 1e-12, 500
-    data = mujoco.MjData(made)
-    mujoco.mj_forward(made, data)
     world = OdeWorld(space)
     world.found()
     touching = 0
@@ -217,23 +157,10 @@ def test_distances_agree_with_mujoco_for_random_solids() -> None:
     assert touching > 2
 
 
-def test_bodies_are_moved_and_tried_out(room: Room, ss: ss2sql.Session, engine: Any) -> None:
-    script = "[collision('ball', [1.5, 0, 0.5]), collision('ball', [-4, 0, 2]), collision('ball', 'box')];"
-    assert answer(ss, script, engine) == [True, False, False]
-    assert room.ball.getPosition() == (0, 0, 0.75)
-    assert answer(ss, "[move('ball', [1.5, 0]), checkCollision('ball'), position('ball')];", engine) == [
-        [1.5, 0], True, [1.5, 0],
-    ]  # fmt: skip
-    assert room.ball.getBody().getPosition() == (1.5, 0, 0.75)
-    with pytest.raises(ss2sql.Error, match="the plane floor cannot be moved"):
-        ss.run("move('floor', [1, 1]);", engine=engine)
+# --- lifetimes and moves -------------------------------------------------------------------------------
 
 
-# --- lifetimes -----------------------------------------------------------------------------------------
-
-
-def test_nothing_is_kept_alive_and_the_dead_are_gone(room: Room, ss: ss2sql.Session, engine: Any) -> None:
-    assert answer(ss, "len(SELECT this FROM space AS list);", engine) == 6
+def test_nothing_is_kept_alive_and_numbers_stay(room: Room, ss: ss2sql.Session, engine: Any) -> None:
     (pearl,) = ss.eval("SELECT this FROM space WHERE name == 'sphere_6' AS list;")
     assert pearl.mass == 51.0
     room.pearl = None
@@ -247,37 +174,8 @@ def test_nothing_is_kept_alive_and_the_dead_are_gone(room: Room, ss: ss2sql.Sess
     assert answer(ss, "SELECT name FROM space WHERE id == 3 AS list;", engine) == ["box"]
 
 
-def test_two_sessions_see_the_same_numbers(room: Room, ss: ss2sql.Session) -> None:
-    (ball,) = ss.eval("SELECT this FROM space WHERE name == 'ball' AS list;")
-    with ss2sql.connect() as other:
-        other.attach("room", room.space)
-        assert other.eval("SELECT this FROM room WHERE id == 2 AS list;") == [ball]
-
-
-def test_the_clock_of_a_scene() -> None:
-    scene = chaos(1, 3)
-    scene.step(24)
-    with ss2sql.connect() as ss:
-        ss.attach("space", scene)
-        assert ss.eval("getTime();") == pytest.approx(0.1)
-
-
-def test_chaos_is_the_same_for_the_same_seed_and_stays_in_its_box() -> None:
-    one, other = chaos(7, 40), chaos(7, 40)
-    one.step(600)
-    for _ in range(600):
-        other.step()
-    places = [[geom.getPosition() for geom in scene.particles] for scene in (one, other)]
-    assert places[0] == places[1]
-    assert np.abs(np.array(places[0])).max() < 5.1
-    assert one.births > 40
-
-
-# --- the page ------------------------------------------------------------------------------------------
-
-
-def test_the_page_shows_what_its_code_gives(capsys: Any) -> None:
-    page = (Path(__file__).parent.parent / "docs" / "ode.md").read_text("utf-8")
-    code, shown = re.findall(r"^```py\n(.*?)^```\n+```\w*\n(.*?)^```", page, re.DOTALL | re.MULTILINE)[0]
-    exec(compile(code, "ode.md", "exec"), {})
-    assert capsys.readouterr().out == shown
+def test_a_move_moves_the_body_and_no_plane(room: Room, ss: ss2sql.Session, engine: Any) -> None:
+    assert answer(ss, "move('ball', [1.5, 0]);", engine) == [1.5, 0]
+    assert room.ball.getBody().getPosition() == (1.5, 0, 0.75)
+    with pytest.raises(ss2sql.Error, match="the plane floor cannot be moved"):
+        ss.run("move('floor', [1, 1]);", engine=engine)

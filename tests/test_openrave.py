@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import re
 import sys
 from math import pi, sqrt
-from pathlib import Path
 from typing import Any
 
 import fake_openravepy as fake
 import numpy as np
 import pytest
-from body_queries import ARGUMENTS, Plain, agree, answer
-from openrave_rooms import ball, crate, scene
+from simulators import ARGUMENTS, OpenRave, answer
 
 import ss2sql
 from ss2sql.vtables.openrave import OpenRaveWorld, pose
@@ -26,16 +23,7 @@ def openravepy(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def room() -> fake.Environment:
     environment = fake.Environment()
-    environment.Add(ball("ball", 0.5, 60, (0, 0, 1)))
-    environment.Add(crate("crate", (0.5, 0.5, 0.5), 10, (2, 0, 1)))
-    wheel = fake.Link("wheel", 1, fake.Geometry(fake.GeometryType.Sphere, 0.1), (0.5, 0, -0.3))
-    base = fake.Link("base", 20, fake.Geometry(fake.GeometryType.Box, 0.5, 0.3, 0.2))
-    axle = fake.Joint("axle", fake.JointType.Revolute, [0.25])
-    joints = [axle, fake.Joint("ball", fake.JointType.Spherical, [0, 0, 0])]
-    robot = fake.KinBody("YouBot", [base, wheel], joints, robot=True)
-    robot.SetTransform([sqrt(0.5), 0, 0, sqrt(0.5), -3, 0, 1])
-    base.velocity = np.arange(1.0, 7.0)
-    environment.Add(robot)
+    OpenRave.load(environment)
     return environment
 
 
@@ -45,37 +33,14 @@ def ss(ss: ss2sql.Session, room: fake.Environment) -> ss2sql.Session:
     return ss
 
 
-def loop(environment: fake.Environment) -> list[Plain]:
-    found = []
-    for body in sorted(environment.GetBodies(), key=lambda body: body.GetEnvironmentId()):
-        (link,) = body.GetLinks()
-        (geometry,) = link.GetGeometries()
-        place = tuple(body.GetTransform()[:3, 3].tolist())
-        kind = geometry.GetType().name.lower()
-        found.append(Plain(body.GetEnvironmentId(), body.GetName(), kind, place, link.GetMass()))
-    return found
-
-
-@pytest.mark.parametrize("seed", range(8))
-def test_queries_give_what_loops_give(seed: int, engine: Any) -> None:
-    environment = scene(seed, 10 + 10 * seed)
-    with ss2sql.connect() as ss:
-        ss.attach("space", environment)
-        agree(ss, loop(environment), engine)
-        environment.Remove(environment.bodies[4])
-        environment.Add(ball("new", 0.3, 77, (1, 1, 1)))
-        environment.bodies[2].SetTransform([1, 0, 0, 0, 1, 1, 1])
-        agree(ss, loop(environment), engine)
-
-
 def test_check_world_passes(room: fake.Environment) -> None:
     report = ss2sql.check_world(OpenRaveWorld(room), queries=30, arguments=ARGUMENTS)
     assert report.elements == {"bodies": 3, "links": 4, "joints": 2}
 
 
 def test_a_robot_is_the_sum_of_its_links(ss: ss2sql.Session, engine: Any) -> None:
-    names = "type, mass, isRobot, isSensor, velocity, angularVelocity, volume, aabb"
-    ((kind, mass, robot, sensor, velocity, spin, volume, (low, high)),) = answer(
+    names = "type, mass, isRobot, isSensor, velocity, angularVelocity, volume, aabb, quat, rot"
+    ((kind, mass, robot, sensor, velocity, spin, volume, (low, high), quat, rot),) = answer(
         ss, f"SELECT {names} FROM space WHERE name == 'YouBot' AS rows;", engine
     )
     assert (kind, mass, robot, sensor, velocity, spin) == ("compound", 21, True, True, [1, 2, 3], [4, 5, 6])
@@ -83,6 +48,8 @@ def test_a_robot_is_the_sum_of_its_links(ss: ss2sql.Session, engine: Any) -> Non
     # the robot is turned by a right angle: its front, where the wheel is, looks along y
     assert low == pytest.approx([-3.3, -0.5, 0.6])
     assert high == pytest.approx([-2.7, 0.6, 1.2])
+    assert quat == pytest.approx([0, 0, sqrt(0.5), sqrt(0.5)])  # the real part last
+    assert rot == pytest.approx([0, 0, pi / 2])
 
 
 def test_links_and_joints(ss: ss2sql.Session, engine: Any) -> None:
@@ -106,12 +73,6 @@ def test_poses_as_matrices_and_as_quaternions() -> None:
         assert np.allclose(found, known) or np.allclose(found, -known)
 
 
-def test_quaternions_have_their_real_part_last(ss: ss2sql.Session) -> None:
-    half = sqrt(0.5)
-    assert ss.eval("SELECT quat FROM space WHERE name == 'YouBot' AS list;") == [pytest.approx([0, 0, half, half])]
-    assert ss.eval("SELECT rot FROM space WHERE name == 'YouBot' AS list;") == [pytest.approx([0, 0, pi / 2])]
-
-
 def test_distances_are_those_of_the_collision_checker(room: fake.Environment, ss: ss2sql.Session, engine: Any) -> None:
     script = "SELECT idB, distance FROM space.closest('ball', None, 9) AS rows;"
     assert answer(ss, script, engine)[0] == [2, pytest.approx(1.0)]
@@ -123,47 +84,17 @@ def test_distances_are_those_of_the_collision_checker(room: fake.Environment, ss
 
 
 def test_the_listing_of_the_paper_moves_the_robot(room: fake.Environment, ss: ss2sql.Session, engine: Any) -> None:
+    before = [body.GetTransform().tolist() for body in room.bodies]
+    tried = "[collision('YouBot', [2, 0]), collision('YouBot', [0, 5]), collision(1, 2), getTime()];"
+    room.microseconds = 2_500_000
+    assert answer(ss, tried, engine) == [True, False, False, 2.5]
+    assert [body.GetTransform().tolist() for body in room.bodies] == before
     script = """
         robot = "YouBot";
         [position(robot), move(robot, [2, 0]), checkCollision(robot), move(robot, [-3, 1]), checkCollision(robot)];"""
     assert answer(ss, script, engine) == [[-3, 0], [2, 0], True, [-3, 1], False]
     assert room.bodies[2].GetTransform()[:3, 3].tolist() == [-3, 1, 1]  # it keeps its height
     assert np.allclose(room.bodies[2].GetTransform()[:2, :2], [[0, -1], [1, 0]])  # and how it is turned
-
-
-def test_collisions_are_tried_out_without_moving(room: fake.Environment, ss: ss2sql.Session, engine: Any) -> None:
-    before = [body.GetTransform().tolist() for body in room.bodies]
-    assert answer(ss, "[collision('YouBot', [2, 0]), collision('YouBot', [0, 5]), collision(1, 2)];", engine) == [
-        True, False, False,
-    ]  # fmt: skip
-    assert [body.GetTransform().tolist() for body in room.bodies] == before
-
-
-def test_the_clock_counts_microseconds(room: fake.Environment, ss: ss2sql.Session) -> None:
-    room.microseconds = 2_500_000
-    assert ss.eval("getTime();") == 2.5
-
-
-def test_the_dead_are_gone(room: fake.Environment, ss: ss2sql.Session) -> None:
-    (found,) = ss.eval("SELECT this FROM space WHERE name == 'ball' AS list;")
-    room.Remove(room.bodies[0])
-    with pytest.raises(ss2sql.Error, match="no longer exists"):
-        found.mass  # noqa: B018
-
-
-def test_the_page_shows_what_its_code_gives(
-    capsys: Any, room: fake.Environment, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def load(self: fake.Environment, file: str) -> None:
-        for body in room.bodies:
-            self.Add(body)
-
-    monkeypatch.setattr(fake.Environment, "Load", load, raising=False)
-    page = (Path(__file__).parent.parent / "docs" / "openrave.md").read_text("utf-8")
-    blocks = re.compile(r"^```py\n(.*?)^```\n+```\w*\n(.*?)^```", re.DOTALL | re.MULTILINE)
-    code, shown = blocks.findall(page)[0]
-    exec(compile(code, "openrave.md", "exec"), {})
-    assert capsys.readouterr().out == shown
 
 
 def test_openrave_itself_where_it_is_installed(monkeypatch: pytest.MonkeyPatch, engine: Any) -> None:

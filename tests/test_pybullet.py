@@ -1,10 +1,9 @@
-"""PyBullet as a world: what scripts see is what a plain loop over the simulator's own functions sees."""
+"""PyBullet as a world: what scripts see is what the simulator's own functions say."""
 
 from __future__ import annotations
 
-import os
 from collections import Counter
-from math import dist, hypot, pi
+from math import hypot, pi
 from random import Random
 from typing import Any
 
@@ -15,25 +14,13 @@ import ss2sql
 pytest.importorskip("pybullet")
 
 import pybullet
-from bullet_rooms import (
-    ENGINES,
-    Counting,
-    ball,
-    box,
-    furnish,
-    kind_of,
-    live,
-    mass_of,
-    message,
-    stir,
-    values,
-)
+from bullet_rooms import ENGINES, Counting, ball, box, furnish, jointed, live, message, values
 
 from ss2sql.scenes import Sensor, chaos
 from ss2sql.scenes.bullet import connect
 from ss2sql.vtables.pybullet import PyBulletWorld
-
-SCENES = int(os.environ.get("SS2SQL_SCENES", "50"))  # more by night
+from ss2sql.vtables.pybullet.places import Places
+from ss2sql.vtables.pybullet.posture import posture
 
 
 @pytest.fixture
@@ -42,85 +29,7 @@ def ss(ss: ss2sql.Session, client: Any) -> ss2sql.Session:
     return ss
 
 
-# --- the paper's queries against plain loops -----------------------------------------------------------
-
-
-def check_queries(client: Any, queries: dict[str, Any]) -> None:
-    ids = live(client)
-    masses = {body: mass_of(client, body) for body in ids}
-    places = {body: list(client.getBasePositionAndOrientation(body)[0]) for body in ids}
-    spheres = [body for body in ids if kind_of(client, body) == "sphere"]
-    expected: dict[str, Any] = {
-        "heavy": [{"mass": masses[b], "pos": places[b]} for b in spheres if masses[b] > 50],
-        "largest": max((masses[b] for b in spheres), default=None),
-        "moving": [masses[b] for b in ids if masses[b] > 0],
-        "rising": [client.getBaseVelocity(b)[0][2] for b in ids if masses[b] > 0],
-        "kinds": [(b, kind_of(client, b)) for b in ids],
-        "corner": [b for b in ids if places[b][0] > 0 and places[b][1] <= 1.5],
-        "pairs": [(a, b) for a in ids for b in ids if a != b and dist(places[a], places[b]) <= 2],
-    }
-    expected["near"] = expected["pairs"]
-    for name, query in queries.items():
-        for engine, compiled in query.items():
-            assert compiled.run().value == expected[name], (name, engine)
-
-
-PAPER = {
-    "heavy": "SELECT mass, pos FROM space WHERE isSphere(this) AND mass(this) > 50",
-    "largest": """spheres = SELECT obj FROM space WHERE isSphere(this) AS list;
-                  IF([] == spheres; None; max(SELECT mass(this) FROM spheres AS list))""",
-    "moving": "SELECT mass FROM space WHERE hasBody(this) AS list",
-    "rising": "SELECT linearVelocity(this, 2) FROM space WHERE hasBody(this) AS list",
-    "kinds": "SELECT id, type FROM space AS rows",
-    "corner": "SELECT id FROM space WHERE x > 0 AND posY(this) <= 1.5 AS list",
-    "pairs": "SELECT a.id, b.id FROM a = space, b = space WHERE a.id != b.id AND distance(a.this, b.this) <= 2 AS rows",
-    "near": "SELECT a.id, b.id FROM a = space, b = space.near(a.this, 2) WHERE a.id != b.id AS rows",
-}
-
-
-def test_queries_equal_plain_loops_while_the_world_moves(client: Any) -> None:
-    session = ss2sql.connect()
-    session.attach("space", client)
-    queries = {n: {e: session.compile(text, engine=e) for e in ENGINES} for n, text in PAPER.items()}
-    for seed in range(SCENES):
-        dice = Random(seed)
-        client.resetSimulation()
-        furnish(client, dice, 7)
-        check_queries(client, queries)
-        for change in ("step", "birth", "death"):
-            stir(client, dice, change)
-        check_queries(client, queries)
-
-
-def test_check_world_finds_nothing(client: Any) -> None:
-    dice = Random(5)
-    furnish(client, dice, 12)
-    client.setGravity(0, 0, -9.81)
-    pairs = [(None, None, 0.5), *((a, b, 1.0) for a in live(client)[:2] for b in live(client)[:3])]
-    arguments = {
-        "closest": pairs,
-        "near": [([0.0, 0.0, 1.0], 2.0), ([0.0, 0.0], 1.0)],
-        "overlaps": [([[-1, -1, -1], [1, 1, 1]],)],
-        "rays": [([0.0, 0.0, 9.0], [0.0, 0.0, -9.0]), ([[3.0, 0.0, 1.0]], [[-3.0, 0.0, 1.0]])],
-        "contacts": [()],
-    }
-    report = ss2sql.check_world(
-        client, seed=2, queries=60, change=lambda dice: stir(client, dice, "any"), arguments=arguments
-    )
-    assert report.queries == 60
-    assert report.skipped == []
-
-
 # --- columns -------------------------------------------------------------------------------------------
-
-
-def test_a_sphere_measures_what_geometry_says(client: Any, ss: ss2sql.Session) -> None:
-    ball(client, 0.5, (1, 2, 3), mass=4.0)
-    (row,) = values(ss, "SELECT aabb, volume, mass, distance(this, [1, 2, 7]) FROM space")
-    assert row["aabb"] == [[0.5, 1.5, 2.5], [1.5, 2.5, 3.5]]
-    assert row["volume"] == pytest.approx(4 / 3 * pi * 0.5**3)
-    assert (row["mass"], row["distance"]) == (4.0, 4.0)
-    assert values(ss, "SELECT distance(this, [4, 6]), position(this) FROM space AS rows") == [(5.0, [1.0, 2.0])]
 
 
 @pytest.mark.parametrize(
@@ -198,14 +107,6 @@ def test_names_come_from_the_file_the_scene_or_the_caller(client: Any) -> None:
 # --- functions of two bodies ---------------------------------------------------------------------------
 
 
-def test_above_below_and_within_go_by_boxes(client: Any, ss: ss2sql.Session) -> None:
-    table, cup, far = box(client, (2, 2, 1)), box(client, (0.2, 0.2, 0.4), (0.5, 0, 0.69)), ball(client, 0.2, (5, 0, 3))
-    script = "SELECT above(this, table), below(table, this), within(this, [[-1, -1, -1], [1, 1, 1]]) FROM space AS rows"
-    assert values(ss, script, table=table) == [(False, False, True), (True, True, True), (False, False, False)]
-    assert values(ss, "within(cup, table)", cup=cup, table=table) is False
-    assert values(ss, "above(far, cup)", far=far, cup=cup) is False
-
-
 def test_a_sensor_sees_what_is_in_its_cone_and_not_hidden(client: Any) -> None:
     eye = box(client, (0.1, 0.1, 0.1))
     seen, aside, far = ball(client, 0.2, (3, 0.5, 0)), ball(client, 0.2, (1, 3, 0)), ball(client, 0.2, (9, 0, 0))
@@ -262,6 +163,25 @@ def test_rays_hit_what_is_first_however_many_they_are(client: Any, ss: ss2sql.Se
     assert [hit[0] for hit in hits] == list(range(count))
     assert {hit[1] for hit in hits} == {wall}
     assert "X007" in message(ss, script, start=[[0, 0, 0]] * 2, goal=[[1, 1, 1]] * 3)
+
+
+def test_cells_find_what_lies_in_a_box(client: Any) -> None:
+    dice = Random(3)
+    shape = client.createCollisionShape(client.GEOM_SPHERE, radius=0.1)
+    points = [tuple(dice.choice([-2.5, -1.0, 0.0, 0.5, dice.uniform(-4, 4)]) for _ in range(3)) for _ in range(120)]
+    for point in [*points, *[(3.0, 3.0, 3.0)] * 80, (1e7, 0.0, -1e7)]:
+        client.createMultiBody(1, shape, basePosition=point)
+    world = PyBulletWorld(client)
+    own = [client.getBasePositionAndOrientation(body)[0] for body in world.ids()]
+    for first in (1.0, 0.01, 50.0):
+        places = Places(world)
+        places.between(*[(0.0, first)] * 3)
+        for _ in range(300):
+            middle = dice.choice(own) if dice.random() < 0.7 else [dice.uniform(-5, 5) for _ in range(3)]
+            reach = dice.choice([0.0, 0.5, 1.0, 2.0, float("inf"), -1.0])
+            ranges = [(value - reach, value + reach) for value in middle]
+            inside = [all(a <= part <= b for part, (a, b) in zip(point, ranges, strict=True)) for point in own]
+            assert places.between(*ranges) == [body for body, found in enumerate(inside) if found]
 
 
 # --- how often the simulator is asked ------------------------------------------------------------------
@@ -334,20 +254,6 @@ def test_a_disconnected_client_says_so_even_if_its_number_lives_on() -> None:
         follower.disconnect()
 
 
-def test_a_removed_body_is_named(client: Any, ss: ss2sql.Session) -> None:
-    kept, body = ball(client), ball(client)
-    ss.run("bodies = SELECT obj FROM space AS list")
-    client.removeBody(body)
-    assert values(ss, "SELECT id FROM space AS list") == [kept]
-    text = message(ss, "SELECT mass(this) FROM bodies AS list")
-    assert text.startswith("X011")
-    assert f"bodies[{body}] no longer exists" in text
-    for column in ("name", "aabb", "velocity", "colour", "type", "volume", "isSensor", "force", "rot"):
-        assert "no longer exists" in message(ss, f"SELECT {column}(this) FROM bodies")
-    assert f"no body {body}" in message(ss, "position(n)", n=body)
-    assert values(ss, "SELECT id FROM space WHERE id == 99999999999 AS list") == []
-
-
 # --- scenes --------------------------------------------------------------------------------------------
 
 
@@ -367,3 +273,136 @@ def test_a_scene_brings_names_forces_and_its_clock(client: Any) -> None:
     assert set(seen) <= set(scene.names)
     assert len(seen) > 5
     assert max(values(session, "SELECT aabb[1][0] FROM space WHERE hasBody(this) AS list")) < 6
+
+
+# --- collisions: tests that move nothing say what moving there would say --------------------------------
+
+
+def moved_collides(client: Any, robot: int, pose: list[float], margin: float = 0.0) -> bool:
+    """What moving the robot there, looking, and moving it back says."""
+    before = client.getBasePositionAndOrientation(robot)
+    client.resetBasePositionAndOrientation(robot, pose[:3], pose[3:] or before[1])
+    found = any(client.getClosestPoints(robot, other, margin) for other in live(client) if other != robot)
+    client.resetBasePositionAndOrientation(robot, *before)
+    return found
+
+
+def snapshot(client: Any) -> Any:
+    """Everything that a test of a collision might have changed."""
+    states = [(client.getBasePositionAndOrientation(b), client.getBaseVelocity(b)) for b in live(client)]
+    joints = [client.getLinkState(b, n)[:2] for b in live(client) for n in range(client.getNumJoints(b))]
+    return states, joints, client.getContactPoints()
+
+
+def test_collision_equals_moving_there_and_moves_nothing(client: Any, ss: ss2sql.Session) -> None:
+    """The session outlives the resets, so its shapes have to be made anew."""
+    counts: Counter[bool] = Counter()
+    for seed in range(12):
+        dice = Random(seed)
+        client.resetSimulation()
+        furnish(client, dice, 5)
+        place = [dice.uniform(-2, 2) for _ in range(3)]
+        robot = jointed(client, dice, 3.0, place, client.getQuaternionFromEuler([0.3, 0.2, dice.uniform(-3, 3)]))
+        if seed % 2:
+            client.stepSimulation()
+        poses = []
+        for turned in (False, True) * 12:
+            pose = [dice.uniform(-2.5, 2.5) for _ in range(3)]
+            poses.append(pose + list(client.getQuaternionFromEuler([dice.uniform(-3, 3)] * 3)) * turned)
+        before = snapshot(client)
+        for margin in (0.0, 0.2, -0.05):
+            script = "SELECT collision(robot, this, margin) FROM poses AS list"
+            found = values(ss, script, robot=robot, poses=poses, margin=margin)
+            assert snapshot(client) == before
+            expected = [moved_collides(client, robot, pose, margin) for pose in poses]
+            for body, (frame, speed) in zip(live(client), before[0], strict=True):
+                client.resetBasePositionAndOrientation(body, *frame)
+                client.resetBaseVelocity(body, *speed)
+            before = snapshot(client)
+            assert found == expected
+            counts.update(found)
+    assert min(counts.values()) > 50
+
+
+def test_a_margin_counts_and_is_a_number(client: Any, ss: ss2sql.Session) -> None:
+    ground, robot = box(client, (9, 9, 1)), ball(client, 0.5, (0, 0, 1))
+    script = "[collision(r, g), collision(r, [2, 0]), collision(r, [2, 0], -0.001), collision(r, [2, 0, 2], 1.1)]"
+    assert values(ss, script, r=robot, g=ground) == [True, True, False, True]
+    assert "X007" in message(ss, "collision(r, [1, 2], 'near')", r=robot)
+
+
+def test_move_and_check_run_in_written_order(client: Any, ss: ss2sql.Session) -> None:
+    wall, robot = box(client, (1, 1, 1), (2, 0, 0)), ball(client, 0.2)
+    assert wall != robot
+    found = ss.run(
+        "SELECT checkCollision(r), move(r, this), checkCollision(r) FROM [[2, 0], [5, 5], [2, 0, 7]] AS rows", r=robot
+    )
+    assert found.value == [(False, [2, 0], True), (True, [5, 5], False), (False, [2, 0, 7], False)]
+    assert values(ss, "SELECT pos FROM space WHERE id == r AS value", r=robot) == [2, 0, 7]
+
+
+def test_collision_sees_links_that_the_last_step_has_moved(client: Any, ss: ss2sql.Session) -> None:
+    counts: Counter[bool] = Counter()
+    for seed in range(6):
+        dice = Random(seed)
+        client.resetSimulation()
+        arms = [jointed(client, dice, 3.0, [dice.uniform(-1, 1) for _ in range(3)], (0, 0, 0, 1)) for _ in range(3)]
+        for arm in arms:
+            client.resetBaseVelocity(arm, [dice.uniform(-200, 200) for _ in range(3)], (9, -20, 30))
+        robot = ball(client, 0.15, (0, 0, 90))
+        client.stepSimulation()
+        links = [posture(client, arm, client.getBasePositionAndOrientation(arm)) for arm in arms]
+        centres = [frame[0] for frames in links for frame in frames.values()]
+        poses = [[part + dice.uniform(-0.4, 0.4) for part in dice.choice(centres)] for _ in range(60)]
+        found = values(ss, "SELECT collision(r, this) FROM poses AS list", r=robot, poses=poses)
+        assert found == [moved_collides(client, robot, pose) for pose in poses]
+        counts.update(found)
+    assert min(counts.values()) > 30
+
+
+def test_shapes_of_all_kinds_stand_in_the_way(client: Any, ss: ss2sql.Session) -> None:
+    flat, solid = [0.0] * 12 + [1.0] * 4, [(-1, -1, 0), (1, -1, 0), (0, 1, 0), (0, 0, 1)]
+    hills = client.createCollisionShape(
+        client.GEOM_HEIGHTFIELD, meshScale=[1, 1, 1], heightfieldData=flat, numHeightfieldRows=4,
+        numHeightfieldColumns=4,
+    )  # fmt: skip
+    hollow = client.createCollisionShape(
+        client.GEOM_MESH, vertices=solid, indices=[0, 1, 2, 0, 2, 3, 0, 3, 1, 1, 2, 3],
+        flags=client.GEOM_FORCE_CONCAVE_TRIMESH,
+    )  # fmt: skip
+    client.createMultiBody(0, hills, basePosition=(5, 0, 0))
+    client.createMultiBody(0, hollow, basePosition=(0, 5, 0))
+    round_box = client.createCollisionShape(client.GEOM_BOX, halfExtents=(0.2, 0.3, 0.4))
+    client.createMultiBody(1, round_box, basePosition=(-5, 0, 0), useMaximalCoordinates=True)
+    dice = Random(1)
+    robot = jointed(client, dice, 3.0, [0, 0, 20], (0, 0, 0, 1))
+    poses = [
+        [x + dice.uniform(-1.5, 1.5), y + dice.uniform(-1.5, 1.5), dice.uniform(-1, 1)]
+        for x, y in [(5, 0), (0, 5), (-5, 0)] * 30
+    ]
+    found = values(ss, "SELECT collision(robot, this) FROM poses AS list", robot=robot, poses=poses)
+    assert found == [moved_collides(client, robot, pose) for pose in poses]
+    assert min(Counter(found).values()) > 20
+
+
+def test_only_what_is_near_is_asked() -> None:
+    with ss2sql.scenes.hall(seed=0) as hall:
+        counted = Counting(hall.client)
+        session = ss2sql.connect()
+        session.attach("space", PyBulletWorld(counted, names=hall.names))
+        robot = next(body for body, name in hall.names.items() if name == "YouBot")
+        dice = Random(0)
+        poses = [[dice.uniform(0.5, 15.5), dice.uniform(0.5, 11.5), 0.11] for _ in range(200)]
+        for pose in poses[::2]:
+            pose.extend(hall.client.getQuaternionFromEuler([0, 0, dice.uniform(-3, 3)]))
+        for engine in ENGINES:
+            counted.calls.clear()
+            found = session.run("SELECT collision('YouBot', this) FROM poses AS list", poses=poses, engine=engine).value
+            assert counted.calls["getClosestPoints"] < 5 * len(poses)
+            assert counted.calls["getAABB"] < 100  # once for each body and link of the hall
+            assert counted.calls["getJointState"] <= 9  # once for each joint of the robot
+        assert found == [moved_collides(hall.client, robot, pose) for pose in poses]
+        assert min(Counter(found).values()) > 50
+        counted.calls.clear()
+        assert session.run("checkCollision('YouBot')").value is False
+        assert counted.calls["getClosestPoints"] < 5

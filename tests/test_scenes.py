@@ -16,6 +16,7 @@ import pytest
 pytest.importorskip("pybullet")
 
 import pybullet
+from bullet_rooms import mass_of
 from pybullet_utils.bullet_client import BulletClient
 
 import ss2sql
@@ -39,25 +40,7 @@ def moving(scene: Scene) -> list[int]:
     return [body for body, name in scene.names.items() if not name.startswith("wall")]
 
 
-def mass(scene: Scene, body: int) -> float:
-    return float(scene.client.getDynamicsInfo(body, -1)[0])
-
-
 # --- chaos ---------------------------------------------------------------------------------------------
-
-
-def test_chaos_is_the_same_for_the_same_seed(client):
-    with scenes.chaos(seed=3, bodies=100) as other:
-        scene = scenes.chaos(seed=3, bodies=100, client=client)
-        assert state(other) == state(scene)
-        for _ in range(4):
-            other.step(240)
-            scene.step(240)
-            assert state(other) == state(scene)
-        assert (other.births, other.deaths, other.forces) == (scene.births, scene.deaths, scene.forces)
-    assert scene.deaths > 0
-    before = state(scene)
-    assert state(scenes.chaos(seed=4, bodies=100, client=client)) != before
 
 
 def test_chaos_has_what_it_promises(client):
@@ -74,11 +57,11 @@ def test_chaos_has_what_it_promises(client):
     for body in scene.names:
         ((_, _, kind, size, *_),) = client.getCollisionShapeData(body, -1)
         if kind == pybullet.GEOM_PLANE:
-            assert mass(scene, body) == 0
+            assert mass_of(scene.client, body) == 0
             continue
-        assert 1 <= mass(scene, body) <= 100
+        assert 1 <= mass_of(scene.client, body) <= 100
         assert 0.06 <= min(part for part in size if part) <= max(size) <= 1.0
-        assert dist(scene.forces[body], (0, 0, 0)) <= 4 * mass(scene, body)
+        assert dist(scene.forces[body], (0, 0, 0)) <= 4 * mass_of(scene.client, body)
 
 
 def test_bodies_stay_in_the_closed_box_while_they_are_born_and_explode(client):
@@ -102,12 +85,12 @@ def test_bodies_stay_in_the_closed_box_while_they_are_born_and_explode(client):
 def test_an_explosion_keeps_the_mass_and_the_splinters_vanish(client):
     scene = scenes.chaos(seed=1, bodies=20, client=client)
     victim = moving(scene)[0]
-    name, before = scene.names[victim], mass(scene, victim)
+    name, before = scene.names[victim], mass_of(scene.client, victim)
     scene.explode(victim)
     splinters = list(scene.ends)
     assert name not in scene.names.values()
     assert 6 <= len(splinters) <= 10
-    assert sum(mass(scene, body) for body in splinters) == pytest.approx(before)
+    assert sum(mass_of(scene.client, body) for body in splinters) == pytest.approx(before)
     names = {scene.names[body] for body in splinters}
     scene.step(11 * 240)
     assert not names & set(scene.names.values())
@@ -161,41 +144,15 @@ def test_the_seed_moves_crates_and_barrels_only(client):
     assert moved == {"crate", "barrel"}
 
 
-def robot_parts(scene: Any) -> list[tuple[int, tuple[float, float, float], Any]]:
-    """The shapes of the robot, and where they are beside its place on the floor."""
-    client, parts = scene.client, []
-    start = client.getBasePositionAndOrientation(scene.robot)[0]
-    for link in range(-1, client.getNumJoints(scene.robot)):
-        frame = client.getBasePositionAndOrientation(scene.robot)
-        if link >= 0:
-            frame = client.getLinkState(scene.robot, link)[:2]
-        ((_, _, kind, size, _, place, turned),) = client.getCollisionShapeData(scene.robot, link)
-        (x, y, z), turned = pybullet.multiplyTransforms(*frame, place, turned)
-        if kind == pybullet.GEOM_BOX:
-            shape = client.createCollisionShape(kind, halfExtents=[length / 2 for length in size])
-        else:
-            shape = client.createCollisionShape(kind, height=size[0], radius=size[1])
-        parts.append((shape, (x - start[0], y - start[1], z), turned))
-    return parts
-
-
-def free_poses(scene: Any, step: float) -> set[tuple[int, int]]:
-    """The points of a grid where no part of the robot touches anything."""
-    client, parts = scene.client, robot_parts(scene)
-    others = [(body, *client.getAABB(body)) for body in scene.names if body not in (scene.robot, scene.body("target"))]
+def free_places(scene: Any, step: float) -> set[tuple[int, int]]:
+    """The points of a grid where the robot touches nothing."""
+    client, robot = scene.client, scene.robot
+    (_, _, z), turned = client.getBasePositionAndOrientation(robot)
+    others = [body for body in scene.names if body not in (robot, scene.body("target"))]
 
     def is_free(x: float, y: float) -> bool:
-        near = [
-            body for body, low, high in others
-            if low[0] - 0.4 < x < high[0] + 0.4 and low[1] - 0.4 < y < high[1] + 0.4
-        ]  # fmt: skip
-        return not any(
-            client.getClosestPoints(
-                bodyA=-1, bodyB=body, distance=0, collisionShapeA=shape, collisionShapeOrientationA=turned,
-                collisionShapePositionA=(x + place[0], y + place[1], place[2]),
-            )
-            for body in near for shape, place, turned in parts
-        )  # fmt: skip
+        client.resetBasePositionAndOrientation(robot, (x, y, z), turned)
+        return not any(client.getClosestPoints(robot, body, 0.0) for body in others)
 
     columns, rows = int(16 / step) + 1, int(12 / step) + 1
     return {(i, j) for i in range(columns) for j in range(rows) if is_free(i * step, j * step)}
@@ -214,7 +171,7 @@ def steps_to(free: set[tuple[int, int]], start: tuple[int, int]) -> dict[tuple[i
 @pytest.mark.parametrize("step", [0.5, 1.0])
 def test_ways_through_the_hall_lead_through_doors_and_around_obstacles(client, seed, step):
     scene = scenes.hall(seed, client=client)
-    free = free_poses(scene, step)
+    free = free_places(scene, step)
     places = {name: (int(x / step), int(y / step)) for name, (x, y) in scene.places.items()}
     away = steps_to(free, places["start"])
     assert places.keys() == {name for name, place in places.items() if place in away}
@@ -224,17 +181,6 @@ def test_ways_through_the_hall_lead_through_doors_and_around_obstacles(client, s
     # The walls between the rooms can only be crossed at their doors; the robot is 0.58 m long and 0.39 m wide.
     assert {x * step for x, y in away if y * step == 6} <= {5.5, 6.0, 6.5, 13.0}
     assert {y * step for x, y in away if x * step == 8 and y * step > 6} <= {8.5, 9.0, 9.5}
-    # Walks of at most 20 steps that never return to the start: far more than the 1,000 that are asked for.
-    walks, found = Counter({start: 1}), 0
-    for _ in range(20):
-        after: Counter[tuple[int, int]] = Counter()
-        for (i, j), count in walks.items():
-            for a, b in DIRECTIONS:
-                if (i + a, j + b) in away:
-                    after[i + a, j + b] += count
-        found += after.pop(target, 0)
-        walks = after
-    assert found > 1000
 
 
 # --- pictures ------------------------------------------------------------------------------------------
@@ -279,7 +225,7 @@ def test_paths_are_red_and_visited_points_are_yellow(client):
 def test_highlighted_bodies_keep_their_colours_and_the_others_fade(client):
     scene = scenes.chaos(client=client)
     spheres = [body for body in moving(scene) if scene.names[body].startswith("sphere")]
-    heaviest = max(spheres, key=lambda body: mass(scene, body))
+    heaviest = max(spheres, key=lambda body: mass_of(scene.client, body))
     looks = [client.getVisualShapeData(body) for body in scene.names]
     plain = scenes.render(scene, None, size=SMALL)
     faded = scenes.render(scene, None, size=SMALL, highlight=[])
@@ -320,10 +266,9 @@ def test_bodies_of_a_plain_client_have_shadows_and_shine_through_when_highlighte
 # --- wrong use -----------------------------------------------------------------------------------------
 
 
-def test_wrong_use_has_clear_errors(client, tmp_path):
+def test_wrong_use_has_clear_errors(client):
     scene = scenes.hall(client=client)
     for action, text in (
-        (lambda: scenes.render(scene, tmp_path / "no folder" / "hall.png", size=SMALL), "cannot be written"),
         (lambda: scenes.render(scene, None, view="tob"), "did you mean 'top'?"),
         (lambda: scenes.render(client, None, view="top"), "only scenes have views with names"),
         (lambda: scenes.render(scene, None, highlight=[77_777]), "no body 77777"),
@@ -341,23 +286,6 @@ def test_wrong_use_has_clear_errors(client, tmp_path):
         assert caught.value.hints
     scene.step(3)
     assert scene.time == 3 / 240
-
-
-def test_a_closed_scene_says_so():
-    scene = scenes.chaos(bodies=1)
-    scene.close()
-    scene.close()
-    for action in (scene.step, lambda: scenes.render(scene, None)):
-        with pytest.raises(ss2sql.SessionError, match="the scene is closed"):
-            action()
-
-
-def test_a_scene_that_does_not_exist_is_an_error():
-    with pytest.raises(ss2sql.SessionError, match="there is no scene 'hal'") as caught:
-        _ = scenes.hal
-    assert (caught.value.code, caught.value.hints) == ("S002", ("did you mean 'hall'?",))
-    assert not hasattr(scenes, "hal")
-    assert not hasattr(ss2sql, "scenery")
 
 
 def test_without_pybullet_the_error_names_the_extra(monkeypatch):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -56,13 +56,8 @@ def refused(ss: ss2sql.Session, script: str, engine: Any) -> ss2sql.Error:
     assert error.span.end > error.span.start
     assert error.hints
     assert f"error[{error.code}]: {error.message}" in str(error)
-    goes_on(ss)
+    assert answers(ss, "SELECT this + 1 FROM [1, 2] AS list;") == [2, 3]
     return error
-
-
-def goes_on(ss: ss2sql.Session) -> None:
-    for engine in ENGINES:
-        assert ss.run("SELECT this + 1 FROM [1, 2] AS list;", engine=engine).value == [2, 3]
 
 
 def place(error: ss2sql.Error) -> str:
@@ -104,21 +99,12 @@ def test_a_disconnected_client(cut_off: ss2sql.Session, engine: Any, script: str
     assert where in place(error)
 
 
-def test_what_the_cure_says_helps(cut_off: ss2sql.Session, client: Any, engine: Any) -> None:
-    with ss2sql.connect() as ss:
-        ss.attach("space", cut_off.get("space"))
-        query = ss.compile("SELECT mass FROM space AS list;")
-        with pytest.raises(ss2sql.ExecutionError, match="disconnected"):
-            query.run(engine=engine)
-        ss.attach("space", client)
-        assert query.run(engine=engine).value == [1.0, 2.0, 3.0, 4.0]
-
-
 @pytest.mark.parametrize(
     ("script", "says"),
     [
         ("SELECT mass(this) FROM kept;", "bodies[2] no longer exists"),
-        ("SELECT mass FROM kept;", "bodies[2] no longer exists"),
+        *[(f"SELECT {column} FROM kept;", "bodies[2] no longer exists")
+          for column in ("mass", "name", "aabb", "velocity", "colour", "type", "volume", "isSensor", "force", "rot")],
         ("pos(kept[2]);", "bodies[2] no longer exists"),
         ("SELECT this.x FROM kept WHERE this.x > 0;", "bodies[2] no longer exists"),
         ("distance(kept[0], kept[2]);", "there is no body 2"),
@@ -131,7 +117,7 @@ def test_what_the_cure_says_helps(cut_off: ss2sql.Session, client: Any, engine: 
         ("SELECT idA FROM space.contacts(2);", "there is no body 2"),
         ("SELECT c.idA FROM k = kept, c = space.closest(k.this, None, 1);", "there is no body 2"),
     ],
-)
+)  # fmt: skip
 def test_a_removed_body(client: Any, ss: ss2sql.Session, engine: Any, script: str, says: str) -> None:
     ss.run("kept = SELECT this FROM space AS list;")
     client.removeBody(2)
@@ -141,13 +127,13 @@ def test_a_removed_body(client: Any, ss: ss2sql.Session, engine: Any, script: st
     assert "anew" in error.hints[0] or "did you mean 'body_" in error.hints[0]
     assert answers(ss, "SELECT id, mass FROM space AS rows;") == [(0, 1.0), (1, 2.0), (3, 4.0)]
     assert answers(ss, "mass(kept[3]);") == 4.0
-    assert answers(ss, "SELECT id FROM space WHERE id == 2 AS list;") == []
+    assert answers(ss, "SELECT id FROM space WHERE id IN [2, 99999999999] OR id == 99999999999 AS list;") == []
 
 
 # --- a world that moves while it is read ---------------------------------------------------------------
 
 
-def test_a_step_within_a_select_is_not_seen_by_its_query(client: Any, ss: ss2sql.Session, engine: Any) -> None:
+def test_steps_within_a_query_are_not_seen_by_it(client: Any, ss: ss2sql.Session, engine: Any) -> None:
     """A query sees the world as it was when it began, whatever its functions do to it; the next one sees the steps."""
 
     @ss.function
@@ -155,43 +141,20 @@ def test_a_step_within_a_select_is_not_seen_by_its_query(client: Any, ss: ss2sql
         client.stepSimulation()
         return 1
 
-    before = [client.getBasePositionAndOrientation(body)[0][2] for body in range(4)]
+    def heights() -> list[float]:
+        return [client.getBasePositionAndOrientation(body)[0][2] for body in range(4)]
+
+    before = heights()
     script = "SELECT z, step(), z, z(this), velocity[2] FROM space WHERE step() > 0 AND z > 1.5 AS rows;"
-    found = ss.run(script, engine=engine).value
-    assert found == [(z, 1, z, z, 0.0) for z in before[1:]]
-    after = [client.getBasePositionAndOrientation(body)[0][2] for body in range(4)]
+    assert ss.run(script, engine=engine).value == [(z, 1, z, z, 0.0) for z in before[1:]]
+    after = heights()
     assert all(low < high for low, high in zip(after, before, strict=True))
     assert answers(ss, "SELECT z FROM space AS list;") == after
-
-
-def test_steps_within_a_join(client: Any, ss: ss2sql.Session, engine: Any) -> None:
-    @ss.function
-    def step() -> int:
-        client.stepSimulation()
-        return 1
-
-    before = [client.getBasePositionAndOrientation(body)[0][2] for body in range(4)]
     script = "SELECT a.z, b.z, step() FROM a = space, b = space WHERE b.id == a.id AS rows;"
-    assert ss.run(script, engine=engine).value == [(z, z, 1) for z in before]
+    assert ss.run(script, engine=engine).value == [(z, z, 1) for z in after]
 
 
-def test_bodies_removed_within_a_select(client: Any, ss: ss2sql.Session, engine: Any) -> None:
-    @ss.function
-    def remove(body: int) -> int:
-        client.removeBody(body)
-        return body
-
-    assert ss.run("SELECT mass, remove(3 - id), mass FROM space AS rows;", engine=engine).value == [
-        (1.0, 3, 1.0),
-        (2.0, 2, 2.0),
-        (3.0, 1, 3.0),
-        (4.0, 0, 4.0),
-    ]
-    assert answers(ss, "SELECT id FROM space AS list;") == []
-    goes_on(ss)
-
-
-def test_what_was_not_copied_of_a_removed_body_is_an_error(client: Any, ss: ss2sql.Session, engine: Any) -> None:
+def test_bodies_removed_within_a_query(client: Any, ss: ss2sql.Session, engine: Any) -> None:
     @ss.function
     def remove(body: int) -> int:
         client.removeBody(body)
@@ -199,7 +162,9 @@ def test_what_was_not_copied_of_a_removed_body_is_an_error(client: Any, ss: ss2s
 
     error = refused(ss, "SELECT remove(3 - id), distance(this, [0, 0, 0]) FROM space;", engine)
     assert (error.code, error.message) == ("X011", "there is no body 2")  # the second row has removed it
-    assert answers(ss, "SELECT id FROM space AS list;") == [0]
+    rows = ss.run("SELECT mass, remove(id), mass FROM space AS rows;", engine=engine).value
+    assert rows == [(1.0, 0, 1.0)]
+    assert answers(ss, "SELECT id FROM space AS list;") == []
 
 
 # --- names and arguments that are wrong ----------------------------------------------------------------
@@ -209,13 +174,7 @@ def test_what_was_not_copied_of_a_removed_body_is_an_error(client: Any, ss: ss2s
     ("script", "code", "says", "cure", "where"),
     [
         ("SELECT id FROM space.near;", "R005", "lacks point and radius", "space.near(point, radius)", "space.near"),
-        (
-            "SELECT id FROM space.near([0, 0]);",
-            "R005",
-            "lacks radius",
-            "space.near(point, radius)",
-            "space.near([0, 0])",
-        ),
+        ("SELECT id FROM space.near([0, 0]);", "R005", "lacks radius", "(point, radius)", "space.near([0, 0])"),
         ("SELECT idA FROM space.closest(0, 1);", "R005", "lacks distance", "(a, b, distance)", "space.closest(0, 1)"),
         ("SELECT id FROM space.near([0, 0], radus=2);", "R005", "no argument 'radus'", "'radius'", "radus"),
         ("SELECT n.id FROM a = space, n = space.near(a.pos);", "R005", "lacks radius", "radius)", "space.near(a.pos)"),
@@ -248,7 +207,7 @@ def test_a_wrong_name_or_argument(
 
 @pytest.mark.parametrize("thing", [object(), len, ss2sql.World, os], ids=["object", "function", "class", "module"])
 def test_what_cannot_be_attached(ss: ss2sql.Session, thing: Any) -> None:
-    with pytest.raises(ss2sql.SessionError, match="cannot be attached") as caught:
+    with pytest.raises(ss2sql.SessionError, match=r"cannot be attached[\s\S]*BulletClient") as caught:
         ss.attach("space", thing)
     assert caught.value.code == "S002"
     assert any("write an adapter" in hint for hint in caught.value.hints)
@@ -258,22 +217,11 @@ def test_what_cannot_be_attached(ss: ss2sql.Session, thing: Any) -> None:
 # --- scenes and their pictures -------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    "path",
-    [
-        lambda folder: folder / "not there" / "a.png",
-        lambda folder: folder,
-        lambda folder: folder / "a file" / "a.png",
-        lambda folder: folder / "a\0.png",
-    ],
-    ids=["no folder", "a folder", "a file as a folder", "no name at all"],
-)
-def test_a_picture_that_cannot_be_written(
-    client: Any, ss: ss2sql.Session, tmp_path: Path, path: Callable[[Path], Path]
-) -> None:
+@pytest.mark.parametrize("path", ["not there/a.png", "", "a file/a.png", "a\0.png"])
+def test_a_picture_that_cannot_be_written(client: Any, ss: ss2sql.Session, tmp_path: Path, path: str) -> None:
     (tmp_path / "a file").write_text("")
     with pytest.raises(ss2sql.SessionError, match="cannot be written: ") as caught:
-        scenes.render(client, path(tmp_path), size=(16, 12))
+        scenes.render(client, tmp_path / path, size=(16, 12))
     assert caught.value.code == "S002"
     assert caught.value.hints == ("name a file in a folder that exists and may be written to",)
     assert [file.name for file in tmp_path.iterdir()] == ["a file"]
@@ -286,18 +234,20 @@ def test_a_picture_that_cannot_be_written(
     ("name", "cure"),
     [("hal", "did you mean 'hall'?"), ("kaos", "did you mean 'chaos'?"), ("sea", "known here: chaos, hall")],
 )
-def test_a_scene_that_does_not_exist(ss: ss2sql.Session, name: str, cure: str) -> None:
+def test_a_scene_that_does_not_exist(name: str, cure: str) -> None:
     with pytest.raises(ss2sql.SessionError, match=f"there is no scene '{name}'") as caught:
         getattr(scenes, name)
     assert (caught.value.code, caught.value.hints) == ("S002", (cure,))
-    assert getattr(scenes, name, None) is None
-    goes_on(ss)
+    assert not hasattr(scenes, name)
 
 
-def test_a_scene_that_was_closed(engine: Any) -> None:
+def test_a_scene_that_was_closed(ss: ss2sql.Session, engine: Any) -> None:
     scene = scenes.chaos(seed=1, bodies=1)
-    with ss2sql.connect() as ss:
-        ss.attach("space", scene)
-        scene.close()
-        error = refused(ss, "SELECT id FROM space;", engine)
-        assert (error.code, place(error)) == ("X011", "space")
+    ss.attach("space", scene)
+    scene.close()
+    scene.close()
+    error = refused(ss, "SELECT id FROM space;", engine)
+    assert (error.code, place(error)) == ("X011", "space")
+    for action in (scene.step, lambda: scenes.render(scene, None)):
+        with pytest.raises(ss2sql.SessionError, match="the scene is closed"):
+            action()

@@ -1,26 +1,27 @@
-"""Groups that give tuples within tuples, as a simulator's call gives them, and what is only shown of worlds."""
+"""How values come out of a world: in blocks, in tuples within tuples, read late, and only where they fit."""
 
 from __future__ import annotations
 
-import random
 from typing import Any
 
+import numpy as np
 import pytest
 
 import ss2sql
 from ss2sql.errors import ExecutionError, SessionError
 from ss2sql.vtables import Column, Gone, Table, World
 
-POINT = (float, float, float)
+COUNT = 70
 
 
 class Boats(Table):
     name, key = "boats", "id"
     columns = (
-        Column("id", int, filter="="), Column("name", str), Column("pos", POINT), Column("x", float),
+        Column("id", int, filter="="), Column("name", str), Column("pos", (float, float, float)), Column("x", float),
         Column("east", float), Column("y", float), Column("z", float), Column("speed", float), Column("tags", list),
+        Column("mass", float), Column("heavy", bool),
     )  # fmt: skip
-    blocks = {"place": "pos(x=east y z) speed", "called": "name"}
+    blocks = {"place": "pos(x=east y z) speed", "called": "name", "matter": "mass heavy"}
     groups = {"labels": "tags"}
 
     def keys(self, where: Any) -> Any:
@@ -36,6 +37,9 @@ class Boats(Table):
     def called(self, keys: list[int]) -> list[str]:
         return [self.world.names.get(key, f"boat {key}") for key in keys]
 
+    def matter(self, keys: list[int]) -> list[tuple[float, bool]]:
+        return [(self.world.masses.get(key, key / 2), key > 5) for key in keys]
+
     def labels(self, key: int) -> list[Any]:
         return [key, [key]]
 
@@ -45,12 +49,13 @@ class Harbour(World):
 
     tables = (Boats,)
 
-    def __init__(self, count: int = 70) -> None:
+    def __init__(self, count: int = COUNT) -> None:
         super().__init__()
         self.count = count
         self.asked: list[list[int]] = []
         self.lost: set[int] = set()
         self.odd: dict[int, Any] = {}
+        self.masses: dict[int, float] = {}
         self.names: dict[int, str] = {}
 
 
@@ -65,23 +70,63 @@ def ss(ss: ss2sql.Session, world: Harbour) -> ss2sql.Session:
     return ss
 
 
-def test_a_tuple_is_a_list_and_its_values_are_columns(ss: ss2sql.Session, world: Harbour, engine: Any) -> None:
+def test_check_world_passes() -> None:
+    assert ss2sql.check_world(Harbour(20), queries=40).elements == {"boats": 20}
+
+
+# --- blocks: how far ahead is read ---------------------------------------------------------------------
+
+
+def test_blocks_grow_as_long_as_all_is_read(ss: ss2sql.Session, world: Harbour, engine: Any) -> None:
     rows = ss.run("SELECT pos, x, east, y, z, speed FROM boats AS rows;", engine=engine).value
-    assert rows == [([k / 2, -k, 0], k / 2, k / 2, -k, 0, k % 3) for k in range(70)]
-    assert [key for keys in world.asked for key in keys] == list(range(70))
+    assert rows == [([k / 2, -k, 0], k / 2, k / 2, -k, 0, k % 3) for k in range(COUNT)]
+    assert [len(keys) for keys in world.asked] == [1, 2, 4, 8, 16, 32, 7]
+    assert [key for keys in world.asked for key in keys] == list(range(COUNT))
 
 
-def test_conditions_read_the_same_values(ss: ss2sql.Session, engine: Any) -> None:
-    script = "SELECT id FROM boats WHERE pos[1] == y AND east > 1 AND speed == 1 AND pos != [3.5, -7, 0] AS list;"
-    assert ss.run(script, engine=engine).value == [k for k in range(3, 70) if k % 3 == 1 and k != 7]
+@pytest.mark.parametrize(
+    ("script", "found", "asked"),
+    [
+        *[(f"SELECT x FROM boats LIMIT {n} AS list", [k / 2 for k in range(n)], n) for n in (1, 3, 7)],
+        # where elements are left out, blocks begin anew
+        ("SELECT x FROM boats WHERE tags[0] % 2 AS list", [k / 2 for k in range(1, COUNT, 2)], COUNT // 2),
+        # a block goes no further than the keys
+        ("SELECT x, mass FROM boats WHERE id == 7 AS rows", [(3.5, 3.5)], 1),
+        # every element is asked once in a join
+        ("SELECT a.x, b.x FROM a = boats, b = boats WHERE a.heavy AND b.x < 1 AS rows",
+         [(a / 2, b / 2) for a in range(6, COUNT) for b in range(2)], COUNT),
+        # what is not read in a row is not that of another row
+        ("SELECT IF(id % 2; x; None), IF(id % 3; mass; None) FROM boats AS rows",
+         [(k / 2 if k % 2 else None, k / 2 if k % 3 else None) for k in range(COUNT)], COUNT // 2),
+        ("SELECT id FROM boats WHERE pos[1] == y AND east > 1 AND speed == 1 AND pos != [3.5, -7, 0] AS list",
+         [k for k in range(3, COUNT) if k % 3 == 1 and k != 7], COUNT),
+    ],
+)  # fmt: skip
+def test_no_more_is_read_than_needed(
+    ss: ss2sql.Session, world: Harbour, engine: Any, script: str, found: Any, asked: int
+) -> None:
+    assert ss.run(script, engine=engine).value == found
+    assert sum(map(len, world.asked)) == asked
+    assert len({key for keys in world.asked for key in keys}) == asked
 
 
-@pytest.mark.parametrize("odd", [(1.0, float("nan"), 0.0), (1.0, 2e100, 0.0)])
-def test_floats_inside_are_looked_at(ss: ss2sql.Session, world: Harbour, engine: Any, odd: Any) -> None:
-    world.odd[5] = odd
-    assert ss.run("SELECT x FROM boats LIMIT 5 AS list;", engine=engine).value == [0, 0.5, 1, 1.5, 2]
-    with pytest.raises(ExecutionError, match="the column 'pos' of boats holds"):
-        ss.run("SELECT x FROM boats;", engine=engine)
+def test_the_dead_are_only_noticed_where_they_are_read(ss: ss2sql.Session, world: Harbour, engine: Any) -> None:
+    world.lost.add(6)
+    assert ss.run("SELECT x, y FROM boats LIMIT 6 AS rows;", engine=engine).value == [(k / 2, -k) for k in range(6)]
+    others = [key / 2 for key in range(COUNT) if key != 6]
+    assert ss.run("SELECT x FROM boats WHERE id != 6 AS list;", engine=engine).value == others
+    for script in ("SELECT x FROM boats;", "SELECT x, y FROM boats AS rows;"):
+        with pytest.raises(ExecutionError, match=r"boats\[6\] no longer exists: it sank"):
+            ss.run(script, engine=engine)
+
+
+@pytest.mark.parametrize("odd", [float("nan"), float("inf"), -2e100])
+def test_floats_beyond_the_limit_are_refused(ss: ss2sql.Session, world: Harbour, engine: Any, odd: float) -> None:
+    world.odd[5], world.masses[5] = (1.0, odd, 0.0), odd
+    for column, named in (("x", "pos"), ("mass", "mass")):
+        assert ss.run(f"SELECT {column} FROM boats LIMIT 5 AS list;", engine=engine).value == [0, 0.5, 1, 1.5, 2]
+        with pytest.raises(ExecutionError, match=f"the column '{named}' of boats holds"):
+            ss.run(f"SELECT {column} FROM boats;", engine=engine)
 
 
 def test_names_beyond_ascii_are_asked_in_blocks_too(ss: ss2sql.Session, world: Harbour, engine: Any) -> None:
@@ -107,10 +152,6 @@ def test_what_contradicts_the_columns_is_refused(ss: ss2sql.Session, blocks: Any
     with pytest.raises(SessionError) as caught:
         ss.attach("other", type("Other", (World,), {"tables": (table,)})())
     assert message in caught.value.message
-
-
-def test_check_world_passes() -> None:
-    assert ss2sql.check_world(Harbour(20), queries=40).elements == {"boats": 20}
 
 
 # --- what is only shown --------------------------------------------------------------------------------
@@ -157,43 +198,78 @@ def test_each_result_has_lists_of_its_own(ss: ss2sql.Session) -> None:
     assert second == ([2.0, -4.0, 0.0], 4)
 
 
-def test_late_reading_asks_for_no_more_than_it_needs(ss: ss2sql.Session, world: Harbour, engine: Any) -> None:
-    world.lost.add(3)
-    assert len(ss.run("SELECT x, y FROM boats LIMIT 3 AS rows;", engine=engine).value) == 3
-    assert sum(map(len, world.asked)) == 3
-    with pytest.raises(ExecutionError, match=r"boats\[3\] no longer exists: it sank"):
-        ss.run("SELECT x, y FROM boats AS rows;", engine=engine)
+# --- values fit what their column declares, or are refused ----------------------------------------------
 
 
-# --- small boxes ---------------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("declared", "given", "value"),
+    [
+        (float, np.float32(1.5), 1.5),
+        (float, 3, 3.0),
+        (int, np.int64(7), 7),
+        (bool, np.bool_(True), True),
+        (str, np.str_("a"), "a"),
+        (int | None, None, None),
+        (int | None, np.int8(3), 3),
+        (float | None, 2, 2.0),
+        (list, np.arange(3), [0, 1, 2]),
+        (list, (1, (2, 3)), [1, [2, 3]]),
+        ((float, float), np.array([1, 2]), [1.0, 2.0]),
+        ((int, str), (1, "a"), [1, "a"]),
+        (dict, {"a": np.int32(1)}, {"a": 1}),
+        (object, [None, 1.5], [None, 1.5]),
+        (int | str, "x", "x"),
+    ],
+)
+def test_values_fit_their_declaration(declared: Any, given: Any, value: Any, engine: Any) -> None:
+    found = one_value(declared, given, engine)
+    assert found == value
+    assert type(found) is type(value)
 
 
-def test_cells_find_what_lies_in_a_box() -> None:
-    client: Any = pytest.importorskip("pybullet_utils.bullet_client").BulletClient(0x2)
-    try:
-        from ss2sql.vtables.pybullet import PyBulletWorld
-        from ss2sql.vtables.pybullet.places import Places
+@pytest.mark.parametrize(
+    ("declared", "given"),
+    [
+        (float, np.array([1.0])),
+        (float, "1"),
+        (float, True),
+        (float, None),
+        (float, float("inf")),
+        (float, 1e101),
+        (int, 1.0),
+        (int, 2**63),
+        (bool, 1),
+        (str, 1),
+        (str, "\ud800"),
+        (list, "text"),
+        ((float, float), (1.0,)),
+        ((float, float), 1.0),
+        (int | None, "1"),
+        (int | str, 1.5),
+    ],
+)
+def test_values_that_do_not_fit_are_refused_by_name(declared: Any, given: Any, engine: Any) -> None:
+    with pytest.raises(ss2sql.ExecutionError, match="the column 'value' of things holds") as caught:
+        one_value(declared, given, engine)
+    assert caught.value.code == "X004"
 
-        dice = random.Random(3)
-        ball = client.createCollisionShape(client.GEOM_SPHERE, radius=0.1)
-        points = [tuple(dice.choice([-2.5, -1.0, 0.0, 0.5, dice.uniform(-4, 4)]) for _ in range(3)) for _ in range(120)]
-        points += [(3.0, 3.0, 3.0)] * 80 + [(1e7, 0.0, -1e7)]
-        for point in points:
-            client.createMultiBody(1, ball, basePosition=point)
-        world = PyBulletWorld(client)
-        own = [client.getBasePositionAndOrientation(body)[0] for body in world.ids()]
-        for first in (1.0, 0.01, 50.0):
-            places = Places(world)
-            places.between(*[(0.0, first)] * 3)
-            for _ in range(300):
-                middle = dice.choice(own) if dice.random() < 0.7 else [dice.uniform(-5, 5) for _ in range(3)]
-                reach = dice.choice([0.0, 0.5, 1.0, 2.0, float("inf"), -1.0])
-                ranges = [(value - reach, value + reach) for value in middle]
-                wanted = [
-                    body
-                    for body, point in enumerate(own)
-                    if all(low <= value <= high for value, (low, high) in zip(point, ranges, strict=True))
-                ]
-                assert places.between(*ranges) == wanted
-    finally:
-        client.disconnect()
+
+def one_value(declared: Any, given: Any, engine: Any) -> Any:
+    class Things(Table):
+        name = "things"
+        columns = (Column("value", declared),)
+        groups = {"value": "value"}
+
+        def keys(self, where: Any) -> list[Any]:
+            return [("a", 1)]
+
+        def value(self, key: Any) -> Any:
+            assert key == ("a", 1)
+            return given
+
+    class One(World):
+        tables = (Things,)
+
+    ss = ss2sql.connect()
+    ss.attach("things", One())
+    return ss.run("SELECT value FROM things AS value;", engine=engine).value

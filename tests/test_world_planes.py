@@ -1,8 +1,11 @@
-"""AS plane, and what it has in common with the other representations of worlds."""
+"""AS plane, AS environment, AS prolog, and what they have in common with the other representations of worlds."""
 
 from __future__ import annotations
 
 import pickle
+import subprocess
+from pathlib import Path
+from shutil import which
 from typing import Any
 
 import numpy as np
@@ -23,16 +26,11 @@ from ss2sql.scenes.solids import Box, Sphere
 # --- plane ---------------------------------------------------------------------------------------------
 
 POINTS = [[[0.05, 0.05, 3.0], 2.0], [[0.06, 0.01, 9.0], 3.0], [[0.95, 0.15, -1.0], 5.0], [[7.0, 0.0, 0.0], 100.0]]
-LISTS = "SELECT this[0], this[1] FROM points AS plane"
 
 
-def lists(ss: ss2sql.Session, arguments: str, engine: Any) -> Any:
-    return ss.run(f"{LISTS}({arguments});", engine=engine, points=POINTS).value
-
-
-def test_a_plane_adds_up_what_lies_in_each_cell(engine: Any) -> None:
-    ss = ss2sql.connect()
-    grid = lists(ss, "'XY', [0, 0], [10, 4, 0.1]", engine)
+def test_a_plane_adds_up_what_lies_in_each_cell(ss: ss2sql.Session, engine: Any) -> None:
+    script = "SELECT this[0], this[1] FROM points AS plane('XY', [0, 0], [10, 4, 0.1]);"
+    grid = ss.run(script, engine=engine, points=POINTS).value
     wanted = np.zeros((4, 10))
     wanted[0, 0] = 5.0  # two of them in the first cell
     wanted[1, 9] = 5.0  # rows are the second axis; what lies at x = 7 is outside
@@ -47,21 +45,18 @@ def test_a_plane_adds_up_what_lies_in_each_cell(engine: Any) -> None:
     assert (xs[9], ys[1]) == pytest.approx((0.95, 0.15))
 
 
-@pytest.mark.parametrize(("plane", "row"), [("XY", 0), ("xz", 3), ("YZ", 3)])
-def test_planes(plane: str, row: int, engine: Any) -> None:
-    with ss2sql.connect() as ss:
-        grid = ss.run(
-            f"SELECT this, 1 FROM [[0.5, 0.7, 3.5]] AS plane('{plane}', [0, 0], [1, 4, 1.0]);", engine=engine
-        ).value
-    assert np.flatnonzero(grid).tolist() == [row]
-
-
-def test_the_sum_of_a_plane_is_that_of_the_values(client: Any, engine: Any) -> None:
-    world = scenes.chaos(seed=4, bodies=40, client=client)
-    masses = [client.getDynamicsInfo(body, -1)[0] for body in world.names]
-    for plane in ("XY", "XZ", "YZ"):
-        script = f"SELECT mass FROM space WHERE hasBody(this) AS plane('{plane}', [-5, -5], [100, 100, 0.1]);"
-        assert ask(world, script, engine).sum() == pytest.approx(sum(masses))
+@pytest.mark.parametrize(
+    ("query", "grid"),
+    [
+        *[(f"this, 1 FROM [[0.5, 0.7, 3.5]] AS plane('{plane}', [0, 0], [1, 4, 1.0])", row)
+          for plane, row in (("XY", [[1], [0], [0], [0]]), ("xz", [[0], [0], [0], [1]]), ("YZ", [[0], [0], [0], [1]]))],
+        # None counts nothing, and no rows are zeros
+        ("[0.5, 0.5], this FROM [None, 2, True] AS plane('XY', [0, 0], [1, 1, 1])", [[3.0]]),
+        ("[0, 0], this FROM [] AS plane('XY', [-1, -1], [3, 2, 0.5], 1)", [[0.0] * 3] * 2),
+    ],
+)  # fmt: skip
+def test_planes(ss: ss2sql.Session, query: str, grid: Any, engine: Any) -> None:
+    assert ss.run(f"SELECT {query};", engine=engine).value.tolist() == grid
 
 
 def test_the_listing_of_the_paper(client: Any, engine: Any) -> None:
@@ -95,15 +90,6 @@ def test_the_place_is_a_list_an_element_or_that_of_the_source(scene: Scene, engi
     assert moved[0, 1] == 7.0
 
 
-def test_the_columns_that_a_representation_asks_for_stay_hidden(scene: Scene, engine: Any) -> None:
-    scene.add("ball", Sphere(0.1), (1.5, 2.5, 0.0), GREY, 7.0)
-    with ss2sql.connect() as ss:
-        ss.attach("space", scene)
-        result = ss.run("SELECT mass FROM space AS plane('XY', [0, 0], [4, 4, 1]);", engine=engine)
-        assert result.columns == ("mass",)
-        assert list(result) == [(7.0,)]
-
-
 def test_a_blur_is_a_gaussian(engine: Any) -> None:
     with ss2sql.connect() as ss:
         grid = ss.run("SELECT this, 8 FROM [[10.5, 20.5]] AS plane('XY', [0, 0], [30, 40, 1], 2);", engine=engine).value
@@ -123,18 +109,6 @@ def test_a_blur_loses_what_leaves_the_grid() -> None:
     assert blurred(np.ones((2, 2)), 9.0).shape == (2, 2)  # a kernel larger than the grid
 
 
-def test_no_rows_are_a_plane_of_zeros(scene: Scene, engine: Any) -> None:
-    grid = ask(scene, "SELECT mass FROM space AS plane('XY', [-1, -1], [3, 2, 0.5], 1);", engine)
-    assert grid.shape == (2, 3)
-    assert not grid.any()
-
-
-def test_none_counts_nothing(engine: Any) -> None:
-    with ss2sql.connect() as ss:
-        script = "SELECT [0.5, 0.5], this FROM [None, 2, True] AS plane('XY', [0, 0], [1, 1, 1]);"
-        assert ss.run(script, engine=engine).value.tolist() == [[3.0]]
-
-
 def test_planes_of_partitions_and_paths(scene: Scene, engine: Any) -> None:
     scene.add("ball", Sphere(0.1), (0.5, 0.5, 0.0), GREY, 7.0)
     scene.add("crate", Box(0.1, 0.1, 0.1), (1.5, 0.5, 0.0), GREY, 5.0)
@@ -148,27 +122,46 @@ def test_planes_of_partitions_and_paths(scene: Scene, engine: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("columns", "arguments", "words"),
+    ("query", "words"),
     [
-        ("mass", "'XW', [0, 0], [4, 4, 1]", "needs a plane XY, XZ or YZ, not 'XW'"),
-        ("mass", "7, [0, 0], [4, 4, 1]", "needs a plane XY, XZ or YZ, not 7"),
-        ("mass", "'XY', 5, [4, 4, 1]", "the lower corner, a list of 2 numbers, not 5"),
-        ("mass", "'XY', [0, '1'], [4, 4, 1]", "the lower corner, a number, not '1'"),
-        ("mass", "'XY', [0, 0], [4, 4]", "width, height and resolution, a list of 3 numbers"),
-        ("mass", "'XY', [0, 0], [0.5, 4, 0.1]", "0.5 m are 5 cells of 0.1 m"),
-        ("mass", "'XY', [0, 0], [4, 4, 0]", "the edge of a cell, a number above 0, not 0"),
-        ("mass", "'XY', [0, 0], [4, 4, 1], -1", "a blur of at least 0 cells"),
-        ("mass", "'XY', [0, 0], [9999, 9999, 1]", "9999 x 9999 cells"),
-        ("mass", "'XY', [0, 0]", "AS plane(plane, start, size, [blur])"),
-        ("name", "'XY', [0, 0], [4, 4, 1]", "cannot add up 'ball', the 'name' of row 1"),
-        ("velocity", "'XY', [0, 0], [4, 4, 1]", "cannot add up [0.0, 0.0, 0.0]"),
-        ("[1], mass", "'XY', [0, 0], [4, 4, 1]", "needs a place [x, y] or [x, y, z] in row 1, not [1]"),
-        ("position(this), mass", "'XZ', [0, 0], [4, 4, 1]", "needs a place [x, y, z] in row 1"),
+        ("mass FROM space AS plane('XW', [0, 0], [4, 4, 1])", "needs a plane XY, XZ or YZ, not 'XW'"),
+        ("mass FROM space AS plane(7, [0, 0], [4, 4, 1])", "needs a plane XY, XZ or YZ, not 7"),
+        ("mass FROM space AS plane('XY', 5, [4, 4, 1])", "the lower corner, a list of 2 numbers, not 5"),
+        ("mass FROM space AS plane('XY', [0, '1'], [4, 4, 1])", "the lower corner, a number, not '1'"),
+        ("mass FROM space AS plane('XY', [0, 0], [4, 4])", "width, height and resolution, a list of 3 numbers"),
+        ("mass FROM space AS plane('XY', [0, 0], [0.5, 4, 0.1])", "0.5 m are 5 cells of 0.1 m"),
+        ("mass FROM space AS plane('XY', [0, 0], [4, 4, 0])", "the edge of a cell, a number above 0, not 0"),
+        ("mass FROM space AS plane('XY', [0, 0], [4, 4, 1], -1)", "a blur of at least 0 cells"),
+        ("mass FROM space AS plane('XY', [0, 0], [9999, 9999, 1])", "9999 x 9999 cells"),
+        ("mass FROM space AS plane('XY', [0, 0])", "AS plane(plane, start, size, [blur])"),
+        ("name FROM space AS plane('XY', [0, 0], [4, 4, 1])", "cannot add up 'ball', the 'name' of row 1"),
+        ("velocity FROM space AS plane('XY', [0, 0], [4, 4, 1])", "cannot add up [0.0, 0.0, 0.0]"),
+        ("[1], mass FROM space AS plane('XY', [0, 0], [4, 4, 1])", "a place [x, y] or [x, y, z] in row 1, not [1]"),
+        ("position(this), mass FROM space AS plane('XZ', [0, 0], [4, 4, 1])", "needs a place [x, y, z] in row 1"),
+        ("obj FROM space AS occupancygrid('a', 0.1)", "the height z, a number, not 'a'"),
+        ("obj FROM space AS occupancygrid(0, 0)", "the edge of a cell, a number above 0, not 0"),
+        ("obj FROM space AS occupancygrid(0, 0.1, [1, 2])", "an area [[x, y], [x, y]], a list of 2 numbers"),
+        ("obj FROM space AS occupancygrid(0, 0.1, 3)", "needs an area [[x, y], [x, y]], not 3"),
+        ("obj FROM space AS occupancygrid(0, 0.1, [[1, 1], [0, 2]])", "the lower corner of the area first"),
+        ("obj FROM space AS occupancygrid(0, 1e-6, [[0, 0], [1, 1]])", "1000000 x 1000000 cells"),
+        ("obj FROM space AS occupancygrid(0)", "AS occupancygrid(z, cell, [area])"),
+        ("this FROM [1, 2] AS occupancygrid(0, 1)", "finds no bodies in these rows"),
+        ("obj FROM space AS sensorgrid(0, 0.1)", "'ball', which is no sensor"),
+        ("obj FROM space AS sensormap(0)", "AS sensormap(z, cell, [area])"),
+        ("this FROM [1, 2] AS environment", "finds no bodies in these rows"),
+        ("obj FROM space AS environment(7)", "takes"),
     ],
 )
-def test_wrong_planes(scene: Scene, columns: str, arguments: str, words: str) -> None:
+def test_wrong_arguments(scene: Scene, query: str, words: str) -> None:
     scene.add("ball", Sphere(0.1), (0.5, 0.5, 0.0), GREY, 7.0)
-    assert words in refused(scene, f"SELECT {columns} FROM space AS plane({arguments});")
+    assert words in refused(scene, f"SELECT {query};")
+
+
+@pytest.mark.parametrize("name", ["occupancygrid", "sensorgrid", "sensormap", "environment"])
+def test_representations_of_a_world_that_nobody_has_attached(ss: ss2sql.Session, engine: Any, name: str) -> None:
+    with pytest.raises(ss2sql.ResolveError) as caught:
+        ss.run(f"SELECT this FROM [1] AS {name}(0, 1);", engine=engine)
+    assert caught.value.code == "R006"
 
 
 def test_rows_that_are_nowhere() -> None:
@@ -186,13 +179,147 @@ def test_grids_can_be_pickled_and_lose_their_place_when_they_are_cut() -> None:
     assert grid.sum() == 15.0
 
 
-def test_the_columns_stay_hidden_when_a_run_is_cut_off(scene: Scene, engine: Any) -> None:
+def test_the_columns_that_a_representation_asks_for_stay_hidden(scene: Scene, engine: Any) -> None:
+    """Also when the run is cut off."""
     scene.add("ball", Sphere(0.1), (1.5, 2.5, 0.0), GREY, 7.0)
     script = "SELECT a.mass FROM a = space, b = range(9999), c = range(9999) AS plane('XY', [0, 0], [4, 4, 1]);"
     with ss2sql.connect() as ss:
         ss.attach("space", scene)
+        result = ss.run("SELECT mass FROM space AS plane('XY', [0, 0], [4, 4, 1]);", engine=engine)
+        assert (result.columns, list(result)) == (("mass",), [(7.0,)])
         with pytest.raises(ss2sql.Timeout) as caught:
             ss.run(script, engine=engine, timeout=0.2)
     assert caught.value.partial is not None
     assert caught.value.partial.columns == ("mass",)
     assert set(caught.value.partial) <= {(7.0,)}
+
+
+# --- environment ---------------------------------------------------------------------------------------
+
+COLUMNS = (
+    "name, type, pos, quat, velocity, angularVelocity, mass, colour, volume, isSensor, friction, restitution, force"
+)
+
+
+def close_to(one: Any, other: Any) -> bool:
+    """Whether two values are equal up to rounding."""
+    if isinstance(one, (list, tuple)):
+        return len(one) == len(other) and all(map(close_to, one, other))
+    return one == (pytest.approx(other, abs=1e-9) if isinstance(one, float) else other)
+
+
+def test_an_environment_has_the_rows_of_the_query(client: Any, engine: Any) -> None:
+    world = scenes.chaos(seed=7, bodies=25, client=client)
+    world.step(30)
+    where = f"SELECT {COLUMNS}, aabb FROM space WHERE mass > 20 ORDER BY name AS rows;"
+    wanted = ask(world, where, engine)
+    with ask(world, "SELECT obj FROM space WHERE mass > 20 AS environment;", engine) as copy:
+        assert len(wanted) == len(copy.names) > 5
+        assert close_to(ask(copy, f"SELECT {COLUMNS}, aabb FROM space ORDER BY name AS rows;", engine), wanted)
+        assert copy.time == world.time
+        assert len(world.names) > len(copy.names)
+        assert {world.names[old]: copy.names[new] for old, new in copy.ids.items()} == {
+            n: n for n in copy.names.values()
+        }
+
+
+def test_an_environment_of_bodies_from_files_and_with_joints(client: Any) -> None:
+    world = scenes.hall(seed=2, client=client)
+    arm = client.getNumJoints(world.robot) - 2
+    client.resetJointState(world.robot, arm, 0.7)
+    chosen = "name IN ['YouBot', 'table_1', 'shelf_2', 'crate_1', 'sensor_3', 'target', 'barrel_1']"
+    wanted = ask(world, f"SELECT {COLUMNS} FROM space WHERE {chosen} ORDER BY name AS rows;")
+    assert len(wanted) == 7
+    links = "SELECT pos, quat, mass, friction FROM space.links WHERE body == robot AND number < 9 AS rows;"
+    joints = "SELECT type, position FROM space.joints WHERE body == robot AS rows;"
+    with ask(world, f"SELECT obj FROM space WHERE {chosen} AS environment;") as copy:
+        assert close_to(ask(copy, f"SELECT {COLUMNS} FROM space ORDER BY name AS rows;"), wanted)
+        robot = copy.body("YouBot")
+        for script in (links, joints):
+            assert close_to(ask(copy, script, robot=robot), ask(world, script, robot=world.robot)), script
+        assert copy.sensors[copy.body("sensor_3")] == world.sensors[world.body("sensor_3")]
+        grids = [
+            ask(s, "SELECT obj FROM space WHERE name == 'shelf_2' AS occupancygrid(1.0, 0.05);") for s in (world, copy)
+        ]
+        assert np.array_equal(*grids)
+        assert grids[0].any()
+
+
+def test_an_environment_moves_by_itself(scene: Scene) -> None:
+    ball = scene.add("ball", Sphere(0.1), (0.0, 0.0, 10.0), GREY, 2.0)
+    scene.client.setGravity(0, 0, -10)
+    scene.client.resetBaseVelocity(ball, (1.0, 0.0, 0.0))
+    with ask(scene, "SELECT obj FROM space AS environment;") as copy:
+        copy.step(24)
+        scene.step(24)
+        pos = [s.client.getBasePositionAndOrientation(b)[0] for s, b in ((scene, ball), (copy, copy.body("ball")))]
+        assert pos[0] == pytest.approx(pos[1], abs=1e-9)
+        copy.remove(copy.body("ball"))
+        assert ask(copy, "SELECT obj FROM space AS list;") == []
+        assert ask(scene, "SELECT name FROM space AS list;") == ["ball"]
+    with ask(scene, "SELECT obj FROM space WHERE isBox(this) AS environment;") as copy:
+        assert ask(copy, "SELECT count(this) FROM space GROUP BY 1 AS list;") == []
+
+
+def test_an_environment_of_a_client_without_a_scene(scene: Scene) -> None:
+    scene.add("ball", Sphere(0.5), (1.0, 2.0, 3.0), GREY, 2.0)
+    with ask(scene.client, "SELECT obj FROM space AS environment;") as copy:
+        assert copy.bounds == (pytest.approx((0.5, 1.5, 2.5), abs=1e-6), pytest.approx((1.5, 2.5, 3.5), abs=1e-6))
+        assert scenes.render(copy, None, size=(64, 48)).shape == (48, 64, 3)
+
+
+def test_a_terrain_cannot_be_copied(scene: Scene, capfd: pytest.CaptureFixture[str]) -> None:
+    client = scene.client
+    shape = client.createCollisionShape(
+        client.GEOM_HEIGHTFIELD, meshScale=[1, 1, 1], heightfieldData=[0.0] * 16, numHeightfieldRows=4,
+        numHeightfieldColumns=4,
+    )  # fmt: skip
+    scene.adopt(client.createMultiBody(0, shape), "hills")
+    assert "cannot copy the shape of 'hills'" in refused(scene, "SELECT obj FROM space AS environment;")
+
+
+# --- prolog: what is written stands in tests/cases/representations/prolog.sheet; SWI-Prolog has to load it ----
+
+needs_prolog = pytest.mark.skipif(which("swipl") is None, reason="SWI-Prolog is not installed")
+
+
+def prolog(folder: Path, text: str, goal: str) -> list[str]:
+    """What SWI-Prolog prints of the solutions of a goal, one a line. It must load the facts without a word."""
+    (folder / "facts.pl").write_text(text, encoding="utf-8")
+    ask = f"forall(({goal}), (print(X), nl))"
+    done = subprocess.run(
+        ["swipl", "-q", "-g", ask, "-t", "halt", str(folder / "facts.pl")],
+        capture_output=True, text=True, timeout=60, check=True, encoding="utf-8",
+    )  # fmt: skip
+    assert done.stderr == ""
+    return done.stdout.splitlines()
+
+
+@needs_prolog
+def test_prolog_loads_the_facts(scene: Scene, tmp_path: Path) -> None:
+    scene.add("sphere_1", Sphere(0.5), (0.0, 0.0, 0.0), GREY, 3.25)
+    scene.add("YouBot", Box(1, 1, 1), (3.0, 4.0, 0.0), GREY, 2.0)
+    scene.add("it's 1\\2", Box(1, 1, 1), (9.0, 0.0, 0.0), GREY)
+    text = ask(scene, "SELECT mass, isSphere, linearVelocity(this, 2), to(mass * 2, twice), id FROM space AS prolog;")
+    assert prolog(tmp_path, text, "mass(B, M), M > 1, X = B-M") == ["sphere_1-3.25", "'YouBot'-2.0"]
+    assert prolog(tmp_path, text, "isSphere(X)") == ["sphere_1"]
+    assert prolog(tmp_path, text, "linearVelocity(X, 2, 0.0)")[:2] == ["sphere_1", "'YouBot'"]
+    assert prolog(tmp_path, text, "twice(_, X)") == ["6.5", "4.0", "0.0"]
+    assert prolog(tmp_path, text, "id(X, 2)") == ["'it\\'s 1\\\\2'"]
+
+
+@needs_prolog
+def test_prolog_loads_any_value(tmp_path: Path) -> None:
+    texts = ["", "a", "A b", "it's", "\\", "\n\t", "ü€", "\x07", "[]"]
+    values = [*texts, 0, -3, 1e-7, -1e300, 5e-324, 2**62, [1, [2, []]], {"k": -1}]
+    with ss2sql.connect() as ss:
+        text = ss.run("SELECT to(this[0], v) FROM values AS prolog;", values=[[value] for value in values]).value
+    assert len(prolog(tmp_path, text, "v(_, Y), format(atom(X), '~q', [Y])")) == len(values)
+
+
+@needs_prolog
+@pytest.mark.parametrize("name", ["length", "sort", "atom", "is", "write", "name", "call", "number", "var", "op"])
+def test_facts_may_have_the_names_of_standard_predicates(tmp_path: Path, name: str) -> None:
+    with ss2sql.connect() as ss:
+        text = ss.run(f"SELECT to(this * 2, {name}), to(True, {name}) FROM [4] AS prolog;").value
+    assert prolog(tmp_path, text, f"user:clause({name}(4, X), true)") == ["8"]

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from balls import Ball, BallWorld, Box
 from cases.shelf import Shelf
 from listings import MOVES
 
@@ -30,6 +31,7 @@ PEOPLE = [
     {"name": "Alan", "age": 41, "city": "London"},
     {"name": "Edsger", "age": None, "city": "Rotterdam"},
 ]
+YARD = [(1, "sphere_1", 0.0, 0.0, 0.0, 53.25), (2, "YouBot", 3.0, 4.0, 0.0, 2.0), (3, "it's 1\\2", 9.0, 0.0, 0.0, 0.0)]
 COLUMNS = {"name": ["Ada", "Grace", "Alan"], "year": [1815, 1906, 1912]}
 
 
@@ -97,4 +99,8 @@ VALUES: dict[str, Callable[[], Any]] = {
     "uneven": lambda: [{"name": "Ada", "age": 36}, {"name": "Grace"}],
     "number": lambda: 7,
     "shelf": lambda: Shelf(),
+    "space": lambda: BallWorld(Box.row(5)),
+    "again": lambda: BallWorld(Box.row(2)),
+    "yard": lambda: BallWorld(Box(*(Ball(*ball) for ball in YARD))),
+    "twins": lambda: BallWorld(Box(*(Ball(number, "cube", number, 0.0, 0.0, 60.0) for number in (0, 1)))),
 }
