@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable
 from difflib import get_close_matches
 from typing import TypeAlias
+from unicodedata import normalize
 
 from ss2sql.errors.family import Error
 
@@ -28,11 +29,18 @@ def similar(name: str, known: Iterable[str]) -> list[str]:
 def did_you_mean(name: str, known: Iterable[str]) -> tuple[str, ...]:
     """Hints with the closest known names, or all names where there are few."""
     names = sorted(set(known))
+    if twins := [one for one in names if one != name and normalize("NFKC", one) == normalize("NFKC", name)]:
+        return tuple(f"did you mean '{one}', which is written with {_code_points(one)}?" for one in twins)
     if close := similar(name, names):
         return ("did you mean " + " or ".join(f"'{one}'" for one in close) + "?",)
     if 0 < len(names) <= FEW:
         return ("known here: " + ", ".join(names),)
     return ()
+
+
+def _code_points(name: str) -> str:
+    """The characters of a name by their numbers, but for those of ASCII: names that look alike differ in them."""
+    return ", ".join(f"U+{ord(char):04X}" if not char.isascii() else char for char in name)
 
 
 def respell(error: Error, spellings: Spellings) -> None:

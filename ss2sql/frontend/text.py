@@ -137,9 +137,7 @@ def _words(text: str, start: int) -> Iterator[Token]:
     while length < len(text) and (text[length] if length == 0 else "a" + text[length]).isidentifier():
         length += 1
     if length:
-        # Python reads names in this form, and functions are registered under Python's names.
-        name = unicodedata.normalize("NFKC", text[:length])
-        yield Token("NAME", name, start, start + length)
+        yield Token("NAME", text[:length], start, start + length)
     if length < len(text):
         yield Token("OTHER", text[length], start + length, start + length + 1)
 
