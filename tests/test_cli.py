@@ -66,9 +66,6 @@ def folder(tmp_path: Path, staff: Path, monkeypatch: pytest.MonkeyPatch) -> Path
     return moved_into(tmp_path, monkeypatch, FILES)
 
 
-# --- wrong usage, and what cannot be read --------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     "line",
     [f"{command} {script}" for command in ("run", "sql") for script in ("", "query.ss -e 1;", "query.ss query.ss", ".")]
@@ -152,9 +149,6 @@ def test_an_exception_of_the_users_function() -> None:
     assert "ss2sql" not in answer.stderr.replace("\\", "/")
 
 
-# --- scripts and what they may use ---------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("line", "expected"),
     [
@@ -209,9 +203,6 @@ def test_a_scene() -> None:
     script = "SELECT count(*) FROM space WHERE hasBody(this) GROUP BY 1 AS value;"
     assert "7" in call("run", "-e", script, "--world", "space=ss2sql.scenes:chaos(bodies=7)", "--format", "json").stdout
     assert "did you mean 'chaos'?" in bad(1, "run", "-e", script, "--world", "space=ss2sql.scenes:chaso")
-
-
-# --- how a run ends ------------------------------------------------------------------------------------
 
 
 def test_maximum_and_timeout() -> None:
@@ -277,9 +268,6 @@ def test_the_engine_is_chosen(engine: str) -> None:
         assert "error[U001]: DEPTH FIRST goes on from the last step" in message
 
 
-# --- what a script becomes -----------------------------------------------------------------------------
-
-
 def test_the_stages() -> None:
     script = "SELECT this FROM [1, 2] WHERE this > 1 AS list;"
     sql = "SELECT\n  this.this\nFROM elements(:p1 /* [1, 2] */) AS this\nWHERE\n  this.this > 1\n-- :p1 = [1, 2]\n"
@@ -304,9 +292,6 @@ def test_help_and_version() -> None:
     assert "SelectScript" in good("--help")
     assert "--functions" in good("run", "-h")
     assert f"version {ss2sql.__version__}" in good("--version")
-
-
-# --- lists ---------------------------------------------------------------------------------------------
 
 
 def listed(*arguments: str) -> list[dict[str, Any]]:
@@ -350,9 +335,6 @@ def test_functions_and_worlds_of_the_user() -> None:
     world = ("--world", "space=ss2sql.scenes:chaos(bodies=2)")
     assert "FROM space.links" in call("list", "worlds", *world).stdout
     assert listed("representations", *world)[-1]["name"] not in ALL
-
-
-# --- completion ----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

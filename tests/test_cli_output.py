@@ -25,9 +25,6 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return moved_into(tmp_path, monkeypatch, {"functions.py": FUNCTIONS})
 
 
-# --- tables --------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(("given", "rows"), [("", 20), ("5", 5), ("0", 0), ("all", 30), ("ALL", 30), ("1000", 30)])
 def test_so_many_rows_are_shown(given: str, rows: int) -> None:
     lines = good("run", "-e", THIRTY, *(("--show", given) if given else ())).splitlines()
@@ -99,9 +96,6 @@ def test_a_reader_that_has_enough(form: str, unbuffered: str) -> None:
     answer.stdin.close()
 
 
-# --- data ----------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("script", "expected"),
     [
@@ -141,9 +135,6 @@ def test_csv(script: str, rows: list[list[str]]) -> None:
 def test_what_a_script_prints_goes_beside_its_result() -> None:
     answer = call("run", "-e", "print('log'); 7;", "--format", "json", "--functions", "functions.py")
     assert (answer.stdout, answer.stderr) == ("7\n", "loading\nlog\n")
-
-
-# --- files ---------------------------------------------------------------------------------------------
 
 
 def written(name: str, *more: str, script: str = TABLE) -> Path:
@@ -205,9 +196,6 @@ def test_what_cannot_be_drawn() -> None:
     assert not Path("p.png").exists()
 
 
-# --- what was found until a run was broken off ---------------------------------------------------------
-
-
 def broken_off(*arguments: str) -> tuple[Any, str]:
     answer = call("run", "--timeout", "0.2", "--format", "json", *arguments)
     assert answer.exit_code == 124
@@ -244,9 +232,6 @@ def test_files_get_what_was_found() -> None:
     picture = ("-o", "p.png", "--kind", "lengths", "--most", "3")
     assert call("plot", "-e", f"{ENDLESS};", "--timeout", "0.2", *picture).exit_code == 124
     assert Path("p.png").exists()
-
-
-# --- errors as JSON ------------------------------------------------------------------------------------
 
 
 def errors(code: int, *arguments: str) -> list[dict[str, Any]]:

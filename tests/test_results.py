@@ -27,9 +27,6 @@ GOALS = "SELECT this FROM [1, 2] WHERE n < 2 START WITH n = 0 CONNECT BY n = n +
 WALK = "SELECT {} FROM [1, 2] WHERE n >= {} START WITH n = 1 CONNECT BY n = n + 1 STOP WITH n >= {};"
 
 
-# --- the value -----------------------------------------------------------------------------------------
-
-
 @both
 def test_representations_of_the_user(ss: ss2sql.Session, engine: Any) -> None:
     @ss.representation("Grid")
@@ -92,9 +89,6 @@ def test_the_value_is_the_callers_own(ss: ss2sql.Session, engine: Any) -> None:
     assert search.paths[0] == [([1],)]
 
 
-# --- rows and paths ------------------------------------------------------------------------------------
-
-
 @both
 @pytest.mark.parametrize(
     ("script", "value", "columns", "rows"),
@@ -144,9 +138,6 @@ def test_names_of_columns(ss: ss2sql.Session, engine: Any) -> None:
     assert ss.run(labels, engine="auto" if engine == "database" else engine).columns == ("c1", "c1_2")
 
 
-# --- status and counts ---------------------------------------------------------------------------------
-
-
 @both
 def test_the_status_says_whether_maximum_ended_the_search(ss: ss2sql.Session, engine: Any) -> None:
     assert ss.run(GOALS + ";", engine=engine).status == "complete"
@@ -183,9 +174,6 @@ def test_both_engines_count_the_same_in_complete_searches(ss: ss2sql.Session, op
     assert one.stats.expanded == other.stats.expanded
     assert one.stats.pruned == other.stats.pruned
     assert one.stats.calls == other.stats.calls
-
-
-# --- SQL -----------------------------------------------------------------------------------------------
 
 
 def test_sql_holds_the_parameters_of_the_run(ss: ss2sql.Session) -> None:
@@ -228,9 +216,6 @@ def test_sql_says_why_there_is_none(ss: ss2sql.Session) -> None:
     several = ss.run("[SELECT this FROM [1] AS list, SELECT this FROM [2] AS list];").sql
     assert len(several.statements) == 2
     assert all(text.startswith("SELECT") for text in several.statements)
-
-
-# --- how a result is shown -----------------------------------------------------------------------------
 
 
 def shown(result: ss2sql.Result, **options: Any) -> str:

@@ -288,9 +288,6 @@ def test_exit(shell: Shell) -> None:
         shell.run("1;\n.exit\n2;")
 
 
-# --- a pipe --------------------------------------------------------------------------------------------
-
-
 def piped(text: str, *options: str) -> Result:
     answer = CliRunner().invoke(main, ["repl", *options], input=text)
     assert answer.exception is None or isinstance(answer.exception, SystemExit)
