@@ -11,8 +11,6 @@ import time
 from pathlib import Path
 from typing import Any
 
-import pyarrow as pa  # type: ignore[import-untyped]
-import pyarrow.parquet as pq  # type: ignore[import-untyped]
 import pytest
 from click.shell_completion import ShellComplete
 from command_lines import ENDLESS, FUNCTIONS, bad, call, good, moved_into, press_ctrl_c_after, process, value
@@ -62,7 +60,6 @@ def folder(tmp_path: Path, staff: Path, monkeypatch: pytest.MonkeyPatch) -> Path
     """The folder of a command line, with a database of four people in `data.db`."""
     (tmp_path / "binary.ss").write_bytes(b"\xff\xfe")
     (tmp_path / "folder").mkdir()
-    pq.write_table(pa.table({"who": [1, 1, 2], "hours": [3.5, 4.0, None]}), tmp_path / "work.parquet")
     return moved_into(tmp_path, monkeypatch, FILES)
 
 
@@ -130,7 +127,6 @@ def test_wrong_usage_is_told(line: str, told: str) -> None:
         ("run -e 'l = range(100000); l + l;' --max-size 900000", "error[X014]"),
         ("run -e 'l = range(100000); l + l;' --max-size 900000", "or raise --max-size\n"),
         ("run -e 1 -o nowhere/t.csv", "there is no folder nowhere"),
-        ("plot -e 1 -o nowhere/t.png", "there is no folder nowhere"),
     ],
 )  # fmt: skip
 def test_errors(line: str, told: str) -> None:
@@ -157,9 +153,6 @@ def test_an_exception_of_the_users_function() -> None:
         ("-e '1 + 1'", 2),
         ("--execute 'x = 2; x * 3;'", 6),
         ("-e 'v{5} = 1; SELECT name FROM staff WHERE id == 1 AS list;' --database data.db", ["Ada"]),
-        ("-e 'SELECT name, hours FROM s.staff, work WHERE id == who AS rows;' --attach work=work.parquet "
-         "--attach s=data.db", [["Ada", 3.5], ["Ada", 4.0], ["Bob", None]]),
-        ("-e 'SELECT max(hours) FROM work GROUP BY 1 AS list;' --attach work=work.parquet --engine duckdb", [4.0]),
         ("-e 'SELECT mass FROM w WHERE mass > 2 AS list;' --world w=scene:bodies", [5]),
         ("-e 'SELECT this FROM w AS list;' --world w=scene:Space", [7]),
         ("-e 'SELECT this FROM w AS list;' --world w=factory:plain", [4]),
@@ -176,6 +169,17 @@ def test_values(line: str, expected: Any, folder: Path) -> None:
     before = (folder / "data.db").read_bytes()
     assert value(*shlex.split(line), stdin="SELECT 'größe' FROM [1] AS list;") == expected
     assert (folder / "data.db").read_bytes() == before
+
+
+def test_attached_files() -> None:
+    pa = pytest.importorskip("pyarrow")
+    parquet = pytest.importorskip("pyarrow.parquet")
+    parquet.write_table(pa.table({"who": [1, 1, 2], "hours": [3.5, 4.0, None]}), "work.parquet")
+    files = ("--attach", "work=work.parquet", "--attach", "s=data.db")
+    script = "SELECT name, hours FROM s.staff, work WHERE id == who AS rows;"
+    assert value("-e", script, *files) == [["Ada", 3.5], ["Ada", 4.0], ["Bob", None]]
+    pytest.importorskip("duckdb")
+    assert value("-e", "SELECT max(hours) FROM work GROUP BY 1 AS list;", *files, "--engine", "duckdb") == [4.0]
 
 
 def test_functions_of_a_python_file() -> None:
@@ -260,7 +264,8 @@ def test_ctrl_c(engine: str) -> None:
 
 @pytest.mark.parametrize("engine", ["native", "database", "duckdb"])
 def test_the_engine_is_chosen(engine: str) -> None:
-    pytest.importorskip("duckdb")
+    if engine == "duckdb":
+        pytest.importorskip("duckdb")
     script = "SELECT this FROM [1, 2] START WITH n = 0 CONNECT BY UNIQUE n = this;"
     assert good("run", "-e", script, "--engine", engine).splitlines()[-1] == f"2 paths, 2 rows, {engine}"
     if engine == "duckdb":
@@ -306,6 +311,8 @@ def test_lists_are_complete() -> None:
     assert set(known) == set(TOPICS) == {entry["name"] for entry in listed()}
     for topic, names in known.items():
         assert {entry["name"] for entry in listed(topic)} == set(names)
+    # They are written down once more, so that completion need not import the package.
+    assert (ENGINES_OF_OPTION, KINDS_OF_OPTION) == (ENGINES, KINDS)
 
 
 @pytest.mark.parametrize("topic", TOPICS)
@@ -363,9 +370,3 @@ def test_scripts_for_shells(shell: str) -> None:
     if shutil.which(shell):
         answer = subprocess.run([shell, "-n"], input=script, capture_output=True, text=True, timeout=60, check=False)
         assert (answer.returncode, answer.stderr) == (0, "")
-
-
-def test_choices_are_those_of_the_package() -> None:
-    """They are written down once more, so that completion need not import the package."""
-    assert ENGINES_OF_OPTION == ENGINES
-    assert KINDS_OF_OPTION == KINDS

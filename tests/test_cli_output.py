@@ -194,6 +194,7 @@ def test_what_cannot_be_drawn() -> None:
     pytest.importorskip("matplotlib")
     assert "error[V001]" in bad(1, "plot", "-e", "SELECT 'a', 'b' FROM [1];", "-o", "p.png")
     assert not Path("p.png").exists()
+    assert "there is no folder nowhere" in bad(1, "plot", "-e", "1", "-o", "nowhere/t.png")
 
 
 def broken_off(*arguments: str) -> tuple[Any, str]:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import pytest
+from cases.shelf import Shelf
 from sessions import write
 
 import ss2sql
@@ -13,40 +13,8 @@ from ss2sql.editor.keywords import keywords
 from ss2sql.shell.commands import COMMANDS
 from ss2sql.shell.completion import Suggestion, signature, suggestions
 from ss2sql.shell.known import Known
-from ss2sql.vtables import Column, Table, TableFunction, World
 
 SEARCH = "SELECT this FROM moves START WITH tower = start, level = 1 CONNECT BY"
-
-
-class Bodies(Table):
-    """Things."""
-
-    name, key = "bodies", "id"
-    columns = (Column("id", int), Column("mass", float, unit="kg", text="how heavy"))
-
-    groups = {"mass": "mass"}
-
-    def keys(self, where: Any) -> range:
-        return range(3)
-
-    def mass(self, keys: Any) -> list[float]:
-        return [1.0 for _ in keys]
-
-
-class Contacts(TableFunction):
-    """What touches."""
-
-    name = "contacts"
-    columns = (Column("first", int), Column("second", int))
-
-    def rows(self, near: Any = 0) -> list[tuple[int, int]]:
-        return []
-
-
-class Space(World):
-    """A little world."""
-
-    tables = (Bodies, Contacts)
 
 
 @pytest.fixture
@@ -58,7 +26,7 @@ def known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     with ss2sql.connect() as session:
         session.attach("people", [{"name": "Ada", "age": 36}])
         session.attach("work", tmp_path / "staff.db")
-        session.attach("space", Space())
+        session.attach("space", Shelf())
         session.set("moves", [[0, 1], [1, 0]])
 
         @session.function
@@ -136,9 +104,9 @@ def test_options_that_contradict_each_other_are_not_offered(written: str, gone: 
         # tables, variables and worlds
         ("SELECT a FROM work.|", "", ["bosses", "staff"]), ("SELECT a FROM p = pe|", "", ["people"]),
         ("SELECT name FROM people, x = mo|", "", ["moves", "move("]),
-        ("SELECT a FROM sp|", "", ["space", "space.contacts("]), ("SELECT a FROM space.|", "", ["contacts("]),
-        ("SELECT m| FROM space", "column", ["mass"]),
-        ("SELECT c.| FROM c = space.contacts(1)", "column", ["first", "second"]),
+        ("SELECT a FROM sp|", "", ["space", "space.beside("]), ("SELECT a FROM space.|", "", ["beside("]),
+        ("SELECT w| FROM space", "column", ["weight"]),
+        ("SELECT c.| FROM c = space.beside(1)", "column", ["id", "title", "x", "weight"]),
         # variables of a search, representations, functions: `ge` stands for an operator
         (f"{SEARCH} NO CYCLE |", "variable", ["tower", "level"]), (f"{SEARCH} tower = lev|", "", ["level"]),
         ("SELECT this FROM moves WHERE tow| START WITH tower = 1 CONNECT BY tower = 2", "", ["tower"]),
@@ -162,14 +130,14 @@ def test_what_is_offered_first_and_what_is_said_about_it(known: Known) -> None:
     assert texts("SELECT NO|", known)[0] == "NOT"  # keywords come first in capitals
     assert texts("SELECT no|", known)[0] == "norm("
     assert [one.length for one in found("SELECT no|", known)] == [2] * len(texts("SELECT no|", known))
-    tables = ["work.bosses", "work.staff", "space", "space.contacts(", "moves", "people"]
+    tables = ["work.bosses", "work.staff", "space", "space.beside(", "moves", "people"]
     assert texts("SELECT a FROM |", known)[:6] == tables
     assert set(texts("SELECT a FROM b AS |", known)) >= {"dict", "list", "value", "plane("}
     assert all(one.about for one in found("SELECT a FROM b AS |", known))
     (move,) = (one for one in found("mov|", known) if one.kind == "function")
     assert (move.text, move.shown, move.about) == ("move(", "move(step, tower, quick=False)", "Moves a disk.")
-    (mass,) = (one for one in found("SELECT ma| FROM s = space", known) if one.kind == "column")
-    assert mass.about == "s: float  kg  how heavy"
+    about = {one.text: one.about for one in found("SELECT | FROM s = space", known)}
+    assert about["x"] == "s: float  m  how far from the left"
 
 
 def test_columns_of_values_and_their_types(known: Known) -> None:
