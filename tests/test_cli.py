@@ -246,7 +246,7 @@ def test_as_a_process(line: str, stdin: str | None, code: int, printed: str, tol
 
 
 @pytest.mark.usefixtures("usual")
-@pytest.mark.parametrize("engine", ["database", "native"])
+@pytest.mark.parametrize("engine", ["database", pytest.param("native", marks=pytest.mark.slow)])
 def test_ctrl_c(engine: str) -> None:
     script = "touch(1); " + ENDLESS
     with process("run", "-e", script, "--functions", "touch.py", "--engine", engine, "--timeout", "60") as answer:

@@ -81,9 +81,9 @@ def test_text_that_the_terminal_has_no_characters_for() -> None:
 
 
 @pytest.mark.parametrize("form", ["table", "csv", "json"])
-@pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.parametrize("unbuffered", ["", pytest.param("1", marks=pytest.mark.slow)])
 def test_a_reader_that_has_enough(form: str, unbuffered: str) -> None:
-    answer = process("run", "-e", "SELECT this FROM range(60000);", "--show", "all", "--format", form,
+    answer = process("run", "-e", "SELECT this FROM range(20000);", "--show", "all", "--format", form,
                      PYTHONUNBUFFERED=unbuffered)  # fmt: skip
     assert answer.stdout is not None
     assert answer.stderr is not None
@@ -197,12 +197,19 @@ def test_what_cannot_be_drawn() -> None:
     assert "there is no folder nowhere" in bad(1, "plot", "-e", "1", "-o", "nowhere/t.png")
 
 
+@pytest.fixture
+def few(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of what was found, little is written: an endless search finds very much."""
+    monkeypatch.setattr(running, "MOST_BROKEN_OFF", 100)
+
+
 def broken_off(*arguments: str) -> tuple[Any, str]:
-    answer = call("run", "--timeout", "0.2", "--format", "json", *arguments)
+    answer = call("run", "--timeout", "0.3", "--format", "json", *arguments)
     assert answer.exit_code == 124
     return json.loads(answer.stdout), answer.stderr
 
 
+@pytest.mark.usefixtures("few")
 @pytest.mark.parametrize("engine", ["database", "native"])
 @pytest.mark.parametrize(
     ("form", "first"), [(" AS list", [1]), ("", [{"this": 1}]), (" AS rows", [[1]]), (" AS set", [{"this": 1}])]
@@ -226,6 +233,7 @@ def test_a_run_that_found_nothing() -> None:
     assert answer.stderr.endswith("\nbroken off; nothing had been found\n")
 
 
+@pytest.mark.usefixtures("few")
 def test_files_get_what_was_found() -> None:
     assert call("run", "-e", f"{ENDLESS};", "--timeout", "0.2", "-o", "found.csv").exit_code == 124
     assert Path("found.csv").read_text("utf-8").startswith("path,step,this\n1,1,1\n2,1,1\n2,2,1\n")

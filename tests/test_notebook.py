@@ -240,7 +240,7 @@ def test_the_examples_of_the_page(notebook: Notebook, tmp_path: Path, monkeypatc
     assert tested >= 3
 
 
-@pytest.mark.parametrize("engine", ["database", "native"])
+@pytest.mark.parametrize("engine", ["database", pytest.param("native", marks=pytest.mark.slow)])
 def test_interrupting_the_kernel_leaves_what_was_found(engine: str) -> None:
     pytest.importorskip("ipykernel")
     manager_of = pytest.importorskip("jupyter_client").manager

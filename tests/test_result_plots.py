@@ -94,9 +94,6 @@ def test_paths_share_their_beginnings_in_a_tree(ss: ss2sql.Session) -> None:
     assert len(made) == 1 + 2 + 4 + 8
     assert sum(goal for _, goal in made.nodes(data="goal")) == 8
     assert result.plot(kind="tree").get_title() == "the tree of 8 paths, 14 steps"
-
-
-def test_goals_inside_of_a_tree(ss: ss2sql.Session) -> None:
     result = ss.run("SELECT this FROM [0] START WITH n = 1 CONNECT BY n = n + 1 STOP WITH n == 4;")
     made, drawn = tree(networkx, result.paths, None)
     assert (len(made), drawn, [goal for _, goal in made.nodes(data="goal")]) == (4, 3, [False, True, True, True])
@@ -154,13 +151,10 @@ def test_colours_are_told_apart_without_red_and_green() -> None:
     assert min(abs(a[0] - b[0]) + abs(a[1] - b[1]) for a, b in pairs) > 0.15
 
 
-def test_counts_have_no_fractions(ss: ss2sql.Session) -> None:
+def test_counts_have_no_fractions_and_texts_at_one_place_are_one(ss: ss2sql.Session) -> None:
     ax = ss.run("SELECT src, count(*) FROM roads GROUP BY src;").plot()
     ax.figure.canvas.draw()
     assert all(float(tick) == int(tick) for tick in ax.get_xticks())
-
-
-def test_texts_at_one_place_are_one(ss: ss2sql.Session) -> None:
     ax = ss.run("SELECT [1, this % 2], str(this) FROM range(4);").plot()
     assert sorted(text.get_text() for text in ax.texts) == ["0, 2", "1, 3"]
 
@@ -175,7 +169,7 @@ def test_texts_at_one_place_are_one(ss: ss2sql.Session) -> None:
         "SELECT to(this, {0}), to(this, y) FROM [1, 2] START WITH n = 0 CONNECT BY n = n + 1 STOP WITH n > 1;",
     ],
 )
-@pytest.mark.parametrize("text", ["$x^{$", "from $5 to $10"])
+@pytest.mark.parametrize("text", ["$x^{$", pytest.param("from $5 to $10", marks=pytest.mark.slow)])
 def test_dollars_are_no_formula(ss: ss2sql.Session, script: str, text: str) -> None:
     ax = ss.run(script.format(f'"{text}"')).plot()
     ax.figure.canvas.draw()

@@ -231,24 +231,27 @@ def data_lines(text: str) -> list[str]:
 def test_a_table_is_never_longer_than_twenty_rows(ss: ss2sql.Session) -> None:
     result = ss.run("SELECT this FROM range(1000);")
     assert repr(result) == shown(result).rstrip()
-    assert len(data_lines(repr(result))) == 20
-    assert repr(result).splitlines()[-1] == "1000 rows, the first 20 shown, database"
-    assert len(data_lines(shown(result, max_rows=3))) == 3
-    assert shown(result, max_rows=0).splitlines()[-1] == "1000 rows, the first 0 shown, database"
-    assert len(data_lines(shown(result, max_rows=2000))) == 1000
-    paths = ss.run("SELECT this FROM [1, 2] START WITH n = 0 CONNECT BY n = n + 1;", maximum=30)
-    assert len(data_lines(repr(paths))) == 20
-    assert repr(paths).splitlines()[-1] == "30 paths, 465 rows, the first 20 paths shown, database, maximum"
+    for most, rows in ((None, 20), (3, 3), (0, 0), (2000, 1000)):
+        text = shown(result) if most is None else shown(result, max_rows=most)
+        assert len(data_lines(text)) == rows
+        assert (
+            text.splitlines()[-1]
+            == ("1000 rows" if rows == 1000 else f"1000 rows, the first {rows} shown") + ", database"
+        )
 
 
 @pytest.mark.parametrize(
     ("script", "caption"),
     [("SELECT this FROM [1];", "1 row, database"), ("SELECT this FROM [];", "0 rows, database"),
      ("7;", "1 row, native"), (TREE + ";", "2 paths, 2 rows, database"),
-     ("SELECT eval(this) FROM ['1', '2'];", "2 rows, native")],
+     ("SELECT eval(this) FROM ['1', '2'];", "2 rows, native"),
+     ("SELECT this FROM [1, 2] START WITH n = 0 CONNECT BY MAXIMUM 30 n = n + 1;",
+      "30 paths, 465 rows, the first 20 paths shown, database, maximum")],
 )  # fmt: skip
 def test_captions(ss: ss2sql.Session, script: str, caption: str) -> None:
-    assert repr(ss.run(script)).splitlines()[-1] == caption
+    result = ss.run(script)
+    assert repr(result).splitlines()[-1] == caption
+    assert len(data_lines(repr(result))) == min(20, len(result))
 
 
 def test_values_are_shown_as_they_are_written(ss: ss2sql.Session, capsys: pytest.CaptureFixture[str]) -> None:
@@ -265,7 +268,7 @@ def test_values_are_shown_as_they_are_written(ss: ss2sql.Session, capsys: pytest
 
 def test_the_partial_result_of_a_timeout_is_shown_like_any_other(ss: ss2sql.Session) -> None:
     with pytest.raises(ss2sql.Timeout) as caught:
-        ss.run("SELECT this FROM [1, 2] START WITH n = 0 CONNECT BY n = n + 1;", timeout=0.02)
+        ss.run("SELECT this FROM [1, 2] START WITH n = 0 CONNECT BY n = n + 1;", timeout=0.2)
     partial = caught.value.partial
     assert len(data_lines(repr(partial))) == 20
     assert repr(partial).endswith("the first 20 paths shown, database, timeout")
@@ -324,6 +327,10 @@ def test_paths_are_lines(ss: ss2sql.Session) -> None:
     assert [line.strip("│ ").split(" │ ")[1].strip() for line in lines[:2]] == ["1 → 1 → 1", "1 → 1 → 2"]
     assert len(lines) == 8
     assert "(1, 1) → (2, 2)" in repr(ss.run(WALK.format("this, n", 2, 2)))
+    # steps that fit as rows only are rows
+    result = ss.run(WALK.format("n, to(str('" + "x" * 50 + "'), s)", 3, 3), maximum=1)
+    assert result.columns == ("path", "step", "n", "s")
+    assert [line.split("│")[2].strip() for line in data_lines(repr(result))] == ["1", "2", "3"]
 
 
 def test_a_long_path_keeps_its_ends(ss: ss2sql.Session) -> None:
@@ -332,12 +339,6 @@ def test_a_long_path_keeps_its_ends(ss: ss2sql.Session) -> None:
     kept = re.fullmatch(r"│ +1 │ 1 → 2 → .* → … (\d+) more … → .* → 499 → 500 *│", line)
     assert kept
     assert int(kept[1]) + line.count("→") == 500
-
-
-def test_steps_that_fit_as_rows_only_are_rows(ss: ss2sql.Session) -> None:
-    result = ss.run(WALK.format("n, to(str('" + "x" * 50 + "'), s)", 3, 3), maximum=1)
-    assert result.columns == ("path", "step", "n", "s")
-    assert [line.split("│")[2].strip() for line in data_lines(repr(result))] == ["1", "2", "3"]
 
 
 def test_html_is_only_text(ss: ss2sql.Session) -> None:

@@ -148,11 +148,6 @@ def test_suggestions_while_typing_need_the_beginning_of_a_word(terminal: Termina
     assert offered("SELECT a FROM b W", asked=False) == ["WHERE"]
 
 
-def test_suggestions_know_what_has_just_been_made(terminal: Terminal, keys: PipeInput) -> None:
-    run(terminal, keys, f"harvest = 1;{ENTER}", "harv", lambda: menu(terminal))
-    assert "harvest" in terminal.known.variables
-
-
 @pytest.mark.parametrize(
     ("typed", "shown"),
     [
@@ -164,8 +159,9 @@ def test_the_line_at_the_bottom(typed: str, shown: str, terminal: Terminal) -> N
     assert shown in fragment_list_to_text(terminal.toolbar(Document(typed)))
 
 
-def test_the_line_at_the_bottom_shows_what_was_set(terminal: Terminal, keys: PipeInput) -> None:
-    run(terminal, keys, f".engine native\r.timeout 5{ENTER}")
+def test_the_line_at_the_bottom_and_suggestions_know_what_was_set(terminal: Terminal, keys: PipeInput) -> None:
+    run(terminal, keys, f".engine native\r.timeout 5{ENTER}", f"harvest = 1;{ENTER}", "harv", lambda: menu(terminal))
+    assert "harvest" in terminal.known.variables
     assert "engine native   timeout 5" in fragment_list_to_text(terminal.toolbar(Document("")))
 
 
@@ -218,11 +214,9 @@ def test_a_full_disk_does_not_end_the_shell(keys: PipeInput, folder: Path, capsy
     assert capsys.readouterr().out.splitlines()[-2:] == ["1", "2"]
 
 
-def test_a_history_that_cannot_be_read_is_empty(folder: Path) -> None:
+def test_what_is_in_the_history(folder: Path) -> None:
+    """Nothing where it cannot be read, and nothing that begins with a blank."""
     assert list(_Remembered(str(folder)).load_history_strings()) == []
-
-
-def test_what_begins_with_a_blank_is_not_kept() -> None:
     assert [history.is_kept(text) for text in ("1;", " 1;", "", "\n")] == [True, False, False, False]
 
 
