@@ -95,6 +95,10 @@ def query(script: str) -> plan.Query:
 
 
 WALK = "FROM [1, 2] WHERE this == 2 START WITH at = 0, n = 0 CONNECT BY at = step(at, this), n = n + 1 STOP WITH n == 3"
+TABLE, STEPS = (
+    "t = SELECT to(this, a) FROM [1, 2];",
+    "WHERE a == 2 START WITH n = 0 CONNECT BY n = n + 1 STOP WITH n == 3",
+)
 TOLD = "WHERE step(at, this) == 2 START WITH at = 0 CONNECT BY at = step(at, this) STOP WITH step(at, this) > 4"
 
 
@@ -108,6 +112,8 @@ TOLD = "WHERE step(at, this) == 2 START WITH at = 0 CONNECT BY at = step(at, thi
         (f"SELECT step(at, this) FROM [1, 2] {TOLD}", set()),  # a row tells what is computed from it
         ("t = [1, 2]; SELECT this FROM (SELECT * FROM t WHERE this > at) WHERE this == 2 START WITH at = 0 "
          "CONNECT BY at = this", set()),
+        (f"{TABLE} SELECT n FROM t {STEPS}", {"a"}),
+        (f"{TABLE} SELECT this, n FROM t {STEPS}", set()),  # a whole row tells its columns
     ],
 )  # fmt: skip
 def test_what_clauses_read_and_select_does_not_name(script: str, missing: set[str]) -> None:
@@ -189,6 +195,7 @@ def test_forbidden_differences(one: Answer, other: Answer, unnamed: tuple[str, .
 
 
 def test_rows_of_groups() -> None:
+    assert compared_rows([("a", 1)], [("a", 1)]).words == "same"
     assert compared_rows([("a", 1), ("b", 2)], [("b", 2), ("a", 1)]).words == "same, other order"
     assert compared_rows([("a", 1)], [("a", 2)]).forbidden
     assert not compared_rows([("a", 0.1)], [("a", 0.2)]).forbidden

@@ -15,7 +15,7 @@ from programs.drawn import FEWEST, drawn
 from random_values import VALUES
 from rich.cells import cell_len
 from rich.console import Console
-from sessions import both
+from sessions import both, leaping
 
 import ss2sql
 from ss2sql.runtime.paths import Paths
@@ -266,9 +266,12 @@ def test_values_are_shown_as_they_are_written(ss: ss2sql.Session, capsys: pytest
     assert result.value[5]["na[b]me"] == "x" * 5000
 
 
-def test_the_partial_result_of_a_timeout_is_shown_like_any_other(ss: ss2sql.Session) -> None:
+def test_the_partial_result_of_a_timeout_is_shown_like_any_other(
+    ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ss.function("leap", leaping(monkeypatch, 50), volatility="immutable")
     with pytest.raises(ss2sql.Timeout) as caught:
-        ss.run("SELECT this FROM [1, 2] START WITH n = 0 CONNECT BY n = n + 1;", timeout=0.2)
+        ss.run("SELECT this FROM [1] START WITH n = 0 CONNECT BY n = leap(n);", timeout=3600, engine="database")
     partial = caught.value.partial
     assert len(data_lines(repr(partial))) == 20
     assert repr(partial).endswith("the first 20 paths shown, database, timeout")
