@@ -151,6 +151,7 @@ THREE = answer("DEPTH FIRST MAXIMUM 3", "aba", "ab", "b", cut=True)
         (EVERY, ONE, (), "2 of the 4, one for each row"),
         (EVERY, answer("DEPTH FIRST UNIQUE", "ab", "abc"), (), "2 of the 4, one for each row"),
         (ONE, answer("DEPTH FIRST UNIQUE", "ab", "abc"), (), "other paths to the same rows"),
+        (answer("DEPTH FIRST UNIQUE", "ab", "abc"), answer("MEMORIZE 2", "b", "bc", bound=2), (), "other paths"),
         (ONE, EVERY, (), "4 paths, as DEPTH FIRST finds more"),
         # what SELECT does not name excuses MEMORIZE and UNIQUE
         (ALL, answer("MEMORIZE 3", "b", bound=3), ("n",), "1 path: SELECT does not name n"),
