@@ -158,7 +158,8 @@ def test_an_exception_of_the_users_function() -> None:
         ("-e 'SELECT this FROM w AS list;' --world w=factory:plain", [4]),
         ("-e 'SELECT this FROM w AS list;' --world w=factory.py:plain", [4]),
         ("-e 'SELECT this FROM w AS list;' --world w=factory:Group.rows", [8]),
-        ("-e '[engine, timeout, maximum, script];' -p engine e -p timeout t -p maximum m -p script s", list("etms")),
+        ("-e '[engine, timeout, maximum, script, value];' -p engine e -p timeout t -p maximum m -p script s "
+         "-p value v", list("etmsv")),
         *((f"-e 'x;' -p x {shlex.quote(text)}", read) for text, read in (
             ("3", 3), ("-3.5", -3.5), ("True", True), ("None", None), ("[1, (2, 3)]", [1, [2, 3]]),
             ("{'a': 1}", {"a": 1}), ("word", "word"), ("'word'", "word"), ("two words", "two words"), ("{[]}", "{[]}"),
