@@ -63,21 +63,24 @@ def test_colors_are_for_terminals(monkeypatch: pytest.MonkeyPatch) -> None:
         assert endings.wants_color(stream) is wanted
 
 
-def test_text_that_the_terminal_has_no_characters_for() -> None:
-    for script, form, told in (
-        ("'größe'", "table", "gr\\xf6\\xdfe\n"),
+@pytest.mark.parametrize(
+    ("script", "form", "told"),
+    [
         ("SELECT 'größe' FROM [1] AS list;", "table", "gr\\xf6\\xdfe"),
         ("SELECT 'größe' FROM [1] AS list;", "json", None),
-        ("größe", "table", "unknown name 'gr"),
-    ):
-        answer = process("run", "-e", script, "--format", form, PYTHONIOENCODING="ascii")
-        stdout, stderr = answer.communicate(timeout=60)
-        assert (answer.returncode, bool(stderr)) == ((1, True) if script == "größe" else (0, False))
-        if told is None:
-            assert json.loads(stdout) == ["größe"]  # data is UTF-8
-        else:
-            assert told in stdout + stderr
-            assert stdout.isascii()
+        pytest.param("'größe'", "table", "gr\\xf6\\xdfe\n", marks=pytest.mark.slow),
+        pytest.param("größe", "table", "unknown name 'gr", marks=pytest.mark.slow),
+    ],
+)
+def test_text_that_the_terminal_has_no_characters_for(script: str, form: str, told: str | None) -> None:
+    answer = process("run", "-e", script, "--format", form, PYTHONIOENCODING="ascii")
+    stdout, stderr = answer.communicate(timeout=60)
+    assert (answer.returncode, bool(stderr)) == ((1, True) if script == "größe" else (0, False))
+    if told is None:
+        assert json.loads(stdout) == ["größe"]  # data is UTF-8
+    else:
+        assert told in stdout + stderr
+        assert stdout.isascii()
 
 
 @pytest.mark.parametrize("form", ["table", "csv", "json"])
