@@ -82,15 +82,8 @@ def value(*arguments: str, stdin: str | bytes | None = None) -> Any:
 
 def process(*arguments: str, **environment: str) -> subprocess.Popen[str]:
     command = [sys.executable, "-m", "ss2sql.cli", *arguments]
-    return subprocess.Popen(
-        command,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        stdin=subprocess.PIPE,
-        text=True,
-        encoding="utf-8",
-        env={**os.environ, **environment},
-    )
+    pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
+    return subprocess.Popen(command, text=True, encoding="utf-8", env={**os.environ, **environment}, **pipes)
 
 
 def press_ctrl_c_after(begun: Path, answer: subprocess.Popen[str]) -> None:

@@ -42,8 +42,16 @@ def answers(problem):
     return found
 
 
-@pytest.mark.parametrize("problem", PROBLEMS.values(), ids=lambda problem: problem.name)
+FAMILIES = {problem.name.split("-")[0]: problem.name for problem in reversed(PROBLEMS.values())}
+
+
+@pytest.mark.parametrize(
+    "problem",
+    [pytest.param(problem, id=name, marks=() if name in FAMILIES.values() else pytest.mark.slow)
+     for name, problem in PROBLEMS.items()],
+)  # fmt: skip
 def test_all_contenders_give_the_same_answer(problem):
+    """Of each family of problems, the first is tried always, and the others with the slow tests."""
     found = answers(problem)
     assert len(set(found.values())) == 1, found
     assert "native" in found or COMPILING in found
@@ -51,6 +59,7 @@ def test_all_contenders_give_the_same_answer(problem):
 
 @pytest.mark.parametrize("problem", PROBLEMS.values(), ids=lambda problem: problem.name)
 def test_a_problem_is_complete(problem):
+    assert problem.targets or problem.name not in PROMISED
     assert BASE in problem.others or COMPILING in problem.others
     assert set(problem.others) <= {*CONTENDERS, COMPILING}
     assert list(problem.sizes) == sorted(problem.sizes)
@@ -59,10 +68,6 @@ def test_a_problem_is_complete(problem):
         assert target.contender in problem.contenders
         assert target.against is None or target.against in {*problem.contenders, *PROBLEMS}
         assert target.since <= problem.sizes[-1]
-
-
-def test_promises_are_kept_in_the_table():
-    assert [name for name in PROMISED if not PROBLEMS[name].targets] == []
 
 
 def record(contender, seconds=None, answer="1", status="ok", problem="reach", size=100_000):
@@ -86,23 +91,16 @@ def test_the_table_shows_ratios_words_and_targets():
     assert shown["networkx"] == "not run"
     assert shown["target"] == "0.5 missed, 1.5 x SQL met"
     assert len(compare.reasons(records)) == 2
-
-
-def test_a_target_counts_from_its_size_on():
     small = [record("database", 3.0, size=10), record("python", 2.0, size=10)]
-    assert compare.ratio_rows(small)[1][0][-1] == ""
+    assert compare.ratio_rows(small)[1][0][-1] == ""  # a target counts from its size on
 
 
 def test_new_records_take_the_place_of_old_ones():
     old = [record("database", 1.0), record("python", 2.0), record("python", 3.0, problem="jugs", size=5)]
     new = [record("sql", 4.0), record("database", 5.0)]
     found = [(r["problem"], r["contender"], r["seconds"]) for r in run.merged(old, new)]
-    assert found == [
-        ("jugs", "python", 3.0),
-        ("reach", "database", 5.0),
-        ("reach", "python", 2.0),
-        ("reach", "sql", 4.0),
-    ]
+    assert found == [("jugs", "python", 3.0), ("reach", "database", 5.0), ("reach", "python", 2.0),
+                     ("reach", "sql", 4.0)]  # fmt: skip
 
 
 def test_a_size_without_hope_is_not_tried():

@@ -1,29 +1,44 @@
-"""Random programs with parts of each other: the reference and both engines come to the same.
+"""Random programs with parts of each other: the reference and both engines come to the same; also after a history.
 
 `test_mutated.py` does it with golden scripts, which have few functions, tables and values. These have those of five
 random programs together, so that whatever is taken from one of them means something in the others.
+
+What a script comes to depends on the values that stand, not on what ran before: one session of each engine lives
+through scripts, compiled ones run again, and through changes of its lists. For each script there is a fresh session
+with the same values: it comes to the same, and leaves the same variables behind.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator
+from copy import deepcopy
+from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from itertools import islice
 from random import Random
+from typing import Any
 
 import pytest
-from agreement import Outcome, is_spared, session_for
+from agreement import Outcome, is_spared, outcome, session_for
 from hypothesis import given, seed
-from mutated_scripts import ALONE, LONGEST, Limited, engine_outcomes, is_no_program, mutated, reference_outcome
+from mutated_scripts import ALONE, LIMITED, LONGEST, Limited, engine_outcomes, is_no_program, mutated, reference_outcome
 from programs import ProgramCase, programs
 from programs.drawn import SEED, amount, drawn
+
+import ss2sql
 
 COUNT = amount(1 / 5)
 PARTS = 4
 POOL = 400  # programs
 TOGETHER = 5  # programs
 OF_EACH = 20  # scripts
+HISTORIES = 2
+STEPS = 14  # of one history
+MUTATED = 4  # scripts
+CHANGES = 0.25  # of the steps; the others run a script
+COMPILED = 0.6  # of the runs
+LIMITS: dict[str, Any] = {"timeout": 2.0, "max_rows": 3000}
 # What such objects, and calls that count, come to depends on how often and in which order they are asked; aggregates
 # without `(this)` are unknown to the reference.
 OMITTED = re.compile(f"tick|body|box|{ALONE}")
@@ -89,3 +104,142 @@ def agree(cases: Iterator[ProgramCase], count: int, also: Callable[[ProgramCase,
 @pytest.mark.parametrize("part", range(PARTS))
 def test_programs_with_parts_of_others(part: int) -> None:
     agree(mixed(part), COUNT // PARTS, lambda case, found: True)
+
+
+@dataclass
+class Life:
+    """A session of one engine, with the scripts that it has compiled."""
+
+    engine: Any
+    session: ss2sql.Session
+    compiled: dict[str, ss2sql.Query] = field(default_factory=dict)
+
+    def run(self, script: str, compiled: bool) -> Outcome | None:
+        if compiled and script not in self.compiled:
+            try:
+                self.compiled[script] = self.session.compile(script, self.engine)
+            except ss2sql.Error:
+                compiled = False  # a run says why
+        runs = Again(self.compiled[script]) if compiled else self.session
+        return outcome(runs, script, engine=self.engine, **LIMITS)[0]
+
+    @property
+    def is_told_by_its_values(self) -> bool:
+        """Whether a fresh session can be given all that this one knows: lists with sources are no values."""
+        return not self.session.host.names.late
+
+
+class Again:
+    """Runs a compiled script in place of its text."""
+
+    def __init__(self, query: ss2sql.Query) -> None:
+        self.query = query
+
+    def run(self, script: str, **options: Any) -> ss2sql.Result:
+        return self.query.run(**options)
+
+
+@dataclass
+class History:
+    """What happens to the sessions: changes of the lists that are attached, and scripts."""
+
+    dice: Random
+    case: ProgramCase
+    scripts: list[str]
+    values: dict[str, list[Any]]
+    log: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.attached = {name: deepcopy(value) for name, value in self.case.variables.items()}
+        here = replace(self.case, variables=self.attached)
+        self.lives = [Life(engine, session_for(here)) for engine in ("native", "database")]
+
+    def change(self) -> None:
+        """One of the lists gets other values, of its own or of another name: in place, or by a new list.
+
+        Or the values of a list inside of it change their order.
+        """
+        dice, names = self.dice, sorted(self.values)
+        name = dice.choice(names)
+        value = deepcopy(dice.choice(self.values[dice.choice([name, name, dice.choice(names)])]))
+        now = self.attached.get(name)
+        inner = [part for part in now if isinstance(part, list)] if isinstance(now, list) else []
+        if inner and dice.random() < 0.5:
+            which = dice.randrange(len(inner))
+            inner[which].reverse()
+            self.log.append(f"the list {which} in {name} is turned round")
+            return
+        if isinstance(now, list) and isinstance(value, list) and dice.random() < 0.5:
+            now[:] = value
+            self.log.append(f"{name}[:] = {value}")
+            return
+        self.attached[name] = value
+        self.log.append(f"{name} = {value}")
+        for life in self.lives:
+            life.session.attach(name, value)
+
+    def run(self) -> bool:
+        """Runs a script, compares, and says whether the history goes on."""
+        script, compiled = self.dice.choice(self.scripts), self.dice.random() < COMPILED
+        self.log.append(f"{'compiled' if compiled else 'run'}: {script}")
+        for life in self.lives:
+            fresh = self.fresh(life)
+            found = life.run(script, compiled)
+            with fresh:
+                expected = outcome(fresh, script, engine=life.engine, **LIMITS)[0]
+                if {one.error for one in (found, expected) if one is not None} & LIMITED:
+                    return False
+                left = fresh.variables()
+            if found is not None and found.error == "R009" and compiled:
+                # What it does not know is a parameter to a compiled script.
+                assert expected is None or expected.error is not None, self.told(life)
+                return False
+            assert found == expected, f"{self.told(life)}\nlive:  {found}\nfresh: {expected}"
+            assert life.session.variables() == left, self.told(life)
+        return all(life.is_told_by_its_values for life in self.lives)
+
+    def fresh(self, life: Life) -> ss2sql.Session:
+        """A session with the values that the one has now."""
+        own = life.session.variables()
+        lists = {name: deepcopy(value) for name, value in self.attached.items() if name not in own}
+        session = session_for(replace(self.case, variables=lists))
+        for name, value in own.items():
+            session.set(name, value)
+        return session
+
+    def told(self, life: Life) -> str:
+        return "\n".join((f"{life.engine}: {self.case!r}", *self.log))
+
+    def close(self) -> None:
+        for life in self.lives:
+            life.session.close()
+
+
+def history(part: int, dice: Random) -> History:
+    cases = dice.sample(pool(part), TOGETHER)
+    texts = [case.script for case in cases]
+    values: dict[str, list[Any]] = {}
+    base = together(cases, "1;")
+    for case in cases:
+        for name in case.variables.keys() - base.tables.keys():
+            values.setdefault(name, []).append(case.variables[name])
+    scripts = [*islice(mutated(texts, OMITTED, dice), MUTATED), *(text for text in texts if len(text) <= LONGEST)]
+    return History(dice, base, scripts, values)
+
+
+@pytest.mark.parametrize("part", range(HISTORIES))
+def test_a_session_with_a_history_is_as_good_as_a_fresh_one(part: int) -> None:
+    dice = Random(f"{SEED} histories {part}")
+    compared = 0
+    while compared < COUNT // HISTORIES:
+        lived = history(part, dice)
+        try:
+            for _ in range(STEPS):
+                if lived.values and dice.random() < CHANGES:
+                    lived.change()
+                elif lived.run():
+                    compared += 1
+                else:
+                    break
+        finally:
+            lived.close()

@@ -1,8 +1,11 @@
-"""The magics `%%ss` and `%ss`, in a shell of IPython; and in a kernel, where Ctrl-C has to work."""
+"""The magics `%%ss` and `%ss`, in a shell of IPython, and in a kernel, where Ctrl-C has to work; and the tutorial."""
 
 from __future__ import annotations
 
 import atexit
+import copy
+import importlib.util
+import json
 import re
 import time
 from collections.abc import Iterator
@@ -20,6 +23,7 @@ import ss2sql
 from ss2sql.notebook.options import Options, WrongOption, read
 
 PAGE = Path(__file__).parent.parent / "docs" / "notebook.md"
+NOTEBOOK = PAGE.with_name("tutorial.ipynb")
 
 
 class Notebook:
@@ -60,9 +64,6 @@ def notebook(capsys: pytest.CaptureFixture[str]) -> Iterator[Notebook]:
     InteractiveShell.clear_instance()
 
 
-# --- the first line ------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("line", "expected"),
     [
@@ -93,15 +94,29 @@ def test_wrong_options(line: str, words: str) -> None:
         read(line)
 
 
-def test_wrong_options_are_told_without_a_traceback(notebook: Notebook) -> None:
-    assert (
-        notebook.run("%%ss --enigne native\n1") == "UsageError: %ss knows no option --enigne; did you mean '--engine'?"
-    )
-    assert "%ss needs a script" in notebook.run("%ss")
-    assert "ghost is no session" in notebook.run("%%ss --session ghost\n1")
-
-
-# --- results -------------------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("python", "cell", "told"),
+    [
+        ("", "%%ss --enigne native\n1", "UsageError: %ss knows no option --enigne; did you mean '--engine'?"),
+        ("", "%ss", "%ss needs a script"),
+        ("", "%%ss --session ghost\n1", "ghost is no session"),
+        ("", "%%ss --engine native\nSELECT this\nFROM nowhere;",
+         "error[R003]: unknown source 'nowhere'\n --> In[3]:3:6\n"),
+        ("", "%ss 1 + nothing", " --> In[3]:1:"),
+        ("numbers = [1]", "%%ss\nSELECT this FROM nmbers;", "the notebook has 'numbers'"),
+        ("def double(x):\n    return 2 * x", "%%ss\ndoubel(1);", "the notebook has 'double'"),
+        ("", "%%ss\nquit();", "error[R002]"),
+        *(("import math\n_private = 1", f"%%ss\n{name};", "error[R0")  # what is never looked up
+          for name in ("math", "_private", "Out", "get_ipython", "quit", "open")),
+    ],
+)  # fmt: skip
+def test_errors_have_no_traceback(python: str, cell: str, told: str, notebook: Notebook) -> None:
+    notebook.run(python or "1")
+    shown = notebook.run(cell)
+    assert told in shown
+    assert "Traceback" not in shown
+    assert shown.startswith("error[" if isinstance(notebook.error, ss2sql.ResolveError) else "UsageError")
+    assert not notebook.outcome.success  # so "run all" stops here
 
 
 def test_a_cell_shows_its_result_although_it_ends_with_a_semicolon(notebook: Notebook) -> None:
@@ -117,6 +132,8 @@ def test_results_in_variables(notebook: Notebook) -> None:
     notebook.run("third = %ss SELECT this FROM range(3) AS list;")
     assert notebook["third"].value == [0, 1, 2]
     assert isinstance(notebook["third"], ss2sql.Result)
+    notebook.run("x = 'wrong'\ntemporal = %ss v{5.0} = 3")  # Python does not expand what is the script's own
+    assert notebook["temporal"].value == 3
 
 
 def test_how_much_is_shown(notebook: Notebook) -> None:
@@ -126,33 +143,36 @@ def test_how_much_is_shown(notebook: Notebook) -> None:
     assert notebook.run("%%ss --sql\nSELECT this FROM [1, 2] WHERE this > 1;").startswith("SELECT\n  this.this")
     explained = notebook.run("%%ss --explain --engine native\nSELECT this FROM [1, 2] WHERE this > 1;")
     assert "engine: native" in explained
-
-
-def test_sql_runs_nothing(notebook: Notebook) -> None:
     notebook.run("seen = []\ndef see(x):\n    seen.append(x)\n    return x")
-    notebook.run("%%ss --sql\nSELECT see(this) FROM [1];")
+    notebook.run("%%ss --sql\nSELECT see(this) FROM [1];")  # it runs nothing
     assert notebook["seen"] == []
     assert notebook.error is None
 
 
-def test_python_does_not_expand_what_is_the_scripts_own(notebook: Notebook) -> None:
-    notebook.run("x = 'wrong'")
-    notebook.run("temporal = %ss v{5.0} = 3")
-    assert notebook["temporal"].value == 3
+SCALED = "SELECT double(this) * factor FROM numbers AS list;"
 
 
-# --- names of the notebook -----------------------------------------------------------------------------
-
-
-def test_functions_and_values(notebook: Notebook) -> None:
-    notebook.run("def double(x):\n    return 2 * x\nnumbers = [1, 2]\nfactor = 10")
-    notebook.run("%%ss found <<\nSELECT double(this) * factor FROM numbers AS list;")
-    assert notebook["found"].value == [20, 40]
-    notebook.run("def double(x):\n    return 3 * x\nnumbers.append(3)\nfactor = 1")
-    notebook.run("%%ss found <<\nSELECT double(this) * factor FROM numbers AS list;")
-    assert notebook["found"].value == [3, 6, 9]
-    notebook.run("%%ss found <<\nSELECT double FROM numbers AS list;")  # a function of `this`
-    assert notebook["found"].value == [3, 6, 9]
+@pytest.mark.parametrize(
+    "steps",
+    [
+        [("def double(x):\n    return 2 * x\nnumbers = [1, 2]\nfactor = 10", SCALED, [20, 40]),
+         ("def double(x):\n    return 3 * x\nnumbers.append(3)\nfactor = 1", SCALED, [3, 6, 9]),
+         ("", "SELECT double FROM numbers AS list;", [3, 6, 9])],  # a function of `this`
+        [("import pandas as pd\nframe = pd.DataFrame({'a': [1, 2, 3]})\nleast = 1",
+          "SELECT a FROM frame WHERE a > least AS list;", [2, 3]),
+         ("frame = pd.DataFrame({'b': [5]})", "SELECT * FROM frame AS list;", [5])],
+        [("rows = [{'a': 1}, {'a': 2}]\na = 7\nb = 8", "SELECT a, b FROM rows AS list;", [1, 8, 2, 8])],
+        [("def add(a, b):\n    return 0\ndef count(x):\n    return 'wrong'", "[1 + 2, count([5, 6])];", [3, 2])],
+        [("total = 100", "total = 1; total + 1;", 2), ("assert total == 100", "total + 1;", 2)],
+    ],
+    ids=["what stands now", "frames", "a column comes first", "the script's own comes first", "assigned"],
+)  # fmt: skip
+def test_names_of_the_notebook(steps: list[tuple[str, str, Any]], notebook: Notebook) -> None:
+    for python, script, expected in steps:
+        notebook.run(python or "1")
+        assert notebook.error is None
+        notebook.run(f"%%ss found <<\n{script}")
+        assert notebook["found"].value == expected
 
 
 def test_a_name_that_is_gone_is_unknown(notebook: Notebook) -> None:
@@ -162,54 +182,13 @@ def test_a_name_that_is_gone_is_unknown(notebook: Notebook) -> None:
     assert "error[R003]: unknown source 'numbers'" in notebook.run("%%ss\nSELECT this FROM numbers;")
 
 
-def test_data_frames(notebook: Notebook) -> None:
-    pytest.importorskip("pandas")
-    notebook.run("import pandas as pd\nframe = pd.DataFrame({'a': [1, 2, 3]})\nleast = 1")
-    notebook.run("%%ss found <<\nSELECT a FROM frame WHERE a > least AS list;")
-    assert notebook["found"].value == [2, 3]
-    notebook.run("frame = pd.DataFrame({'b': [5]})")
-    notebook.run("%%ss found <<\nSELECT * FROM frame AS list;")
-    assert notebook["found"].value == [5]
-
-
-def test_a_column_comes_before_a_variable_of_the_notebook(notebook: Notebook) -> None:
-    notebook.run("rows = [{'a': 1}, {'a': 2}]\na = 7\nb = 8")
-    notebook.run("%%ss found <<\nSELECT a, b FROM rows AS list;")
-    assert notebook["found"].value == [1, 8, 2, 8]
-
-
-def test_what_the_script_knows_comes_first(notebook: Notebook) -> None:
-    notebook.run("def add(a, b):\n    return 0\ndef count(x):\n    return 'wrong'\ndef own(x):\n    return 'wrong'")
-    notebook.run("%%ss found <<\n[1 + 2, count([5, 6])];")
-    assert notebook["found"].value == [3, 2]
-    notebook.run("import ss2sql\nss = ss2sql.connect()\nss.function('own', lambda x: 'right')\nss.set('n', 1)\nn = 2")
-    notebook.run("%%ss --session ss found <<\n[own(1), n];")
-    assert notebook["found"].value == ["right", 1]
-
-
-def test_names_that_a_script_assigns_are_not_looked_up(notebook: Notebook) -> None:
-    notebook.run("total = 100")
-    notebook.run("%%ss found <<\ntotal = 1; total + 1;")
-    assert notebook["found"].value == 2
-    assert notebook["total"] == 100
-    notebook.run("%%ss found <<\ntotal + 1;")  # it is the session's now
-    assert notebook["found"].value == 2
-
-
-def test_what_is_never_looked_up(notebook: Notebook) -> None:
-    notebook.run("import math\n_private = 1\n")
-    for name in ("math", "_private", "Out", "get_ipython", "quit", "open"):
-        assert "error[R0" in notebook.run(f"%%ss\n{name};"), name
-    assert "error[R002]" in notebook.run("%%ss\nquit();")
-
-
-# --- sessions ------------------------------------------------------------------------------------------
-
-
 def test_sessions(notebook: Notebook) -> None:
     notebook.run("%%ss\nx = 1;")
-    notebook.run("import ss2sql\nss = ss2sql.connect()")
+    notebook.run("import ss2sql\nss = ss2sql.connect()\nss.function('own', lambda x: 'right')\nss.set('n', 1)\nn = 2")
+    notebook.run("def own(x):\n    return 'wrong'")
     assert "error[R001]" in notebook.run("%%ss --session ss\nx;")
+    notebook.run("%%ss --session ss found <<\n[own(1), n];")  # what it has comes before the notebook's
+    assert notebook["found"].value == ["right", 1]
     notebook.run("%ss --session ss")
     notebook.run("%%ss\ny = 2;")
     assert notebook["ss"].get("y") == 2
@@ -224,31 +203,14 @@ def test_unloading_closes_the_notebooks_own_session(notebook: Notebook) -> None:
     notebook.run("%load_ext ss2sql")
 
 
-# --- errors --------------------------------------------------------------------------------------------
-
-
-def test_errors_of_scripts_have_no_traceback(notebook: Notebook) -> None:
-    shown = notebook.run("%%ss --engine native\nSELECT this\nFROM nowhere;")
-    assert shown.startswith("error[R003]: unknown source 'nowhere'\n --> In[2]:3:6\n")
-    assert "Traceback" not in shown
-    assert isinstance(notebook.error, ss2sql.ResolveError)  # the cell has failed, so "run all" stops here
-    assert " --> In[3]:1:" in notebook.run("%ss 1 + nothing")
+def test_exceptions_of_python_keep_theirs(notebook: Notebook) -> None:
+    notebook.run("def bad(x):\n    return x / 0")
     shown = notebook.run("import ss2sql\nss2sql.connect().run('nothing')")
     assert "Traceback" in shown  # Python code has one as always
-
-
-def test_an_unknown_name_that_is_nearly_one_of_the_notebook(notebook: Notebook) -> None:
-    notebook.run("numbers = [1, 2]\ndef double(x):\n    return 2 * x")
-    assert "the notebook has 'numbers'" in notebook.run("%%ss\nSELECT this FROM nmbers;")
-    assert "the notebook has 'double'" in notebook.run("%%ss\ndoubel(1);")
-
-
-def test_exceptions_of_the_users_functions_keep_theirs(notebook: Notebook) -> None:
-    notebook.run("def bad(x):\n    return x / 0")
     shown = notebook.run("%%ss\nSELECT bad(this) FROM [1];")
     assert "return x / 0" in shown
     assert "ZeroDivisionError: division by zero" in shown
-    assert "raised by the function 'bad', called at In[3]:2:8" in shown
+    assert "raised by the function 'bad', called at In[4]:2:8" in shown
     assert "ss2sql/" not in shown.replace("\\", "/")
 
 
@@ -278,10 +240,7 @@ def test_the_examples_of_the_page(notebook: Notebook, tmp_path: Path, monkeypatc
     assert tested >= 3
 
 
-# --- a kernel ------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("engine", ["database", "native"])
+@pytest.mark.parametrize("engine", ["database", pytest.param("native", marks=pytest.mark.slow)])
 def test_interrupting_the_kernel_leaves_what_was_found(engine: str) -> None:
     pytest.importorskip("ipykernel")
     manager_of = pytest.importorskip("jupyter_client").manager
@@ -312,3 +271,61 @@ def test_interrupting_the_kernel_leaves_what_was_found(engine: str) -> None:
     finally:
         client.stop_channels()
         manager.shutdown_kernel(now=True)
+
+
+def shown(cell: Any) -> list[str]:
+    """What a cell shows, as text; of a picture that there is one. A stream may come in any number of parts."""
+    found: list[str] = []
+    stream = None
+    for output in cell.get("outputs", ()):
+        before, stream = stream, output.get("name")
+        match output["output_type"]:
+            case "stream" if stream == before:
+                found[-1] += output["text"]
+            case "stream":
+                found.append(output["text"])
+            case "error":
+                found.append("\n".join(output["traceback"]))
+            case _ if "image/png" in output["data"]:
+                found.append("a picture")
+            case _:
+                found.append(output["data"].get("text/html", "") + output["data"]["text/plain"])
+    return found
+
+
+def test_the_tutorial_shows_what_its_cells_give(tmp_path: Path) -> None:
+    nbclient = pytest.importorskip("nbclient")
+    nbformat = pytest.importorskip("nbformat")
+    pytest.importorskip("ipykernel")
+    pytest.importorskip("matplotlib")
+    written = nbformat.read(NOTEBOOK, as_version=4)
+    nbformat.validate(written)
+    played = copy.deepcopy(written)
+    for cell in played.cells:
+        if cell.cell_type == "code":
+            cell.outputs, cell.execution_count = [], None
+    folder = {"metadata": {"path": str(tmp_path)}}
+    nbclient.NotebookClient(played, timeout=120, kernel_name="python3", resources=folder).execute()
+    for before, after in zip(written.cells, played.cells, strict=True):
+        assert shown(before) == shown(after), before.source
+    told = "\n".join(text for cell in written.cells for text in shown(cell))
+    assert "[0, 2] → [0, 1] → [2, 1] → [0, 2] → [1, 0] → [1, 2] → [0, 2]" in told
+    assert "3462 steps looked at" in told  # what the default search for seven moves generates
+    assert "48 rows, the first 3 shown" in told
+    assert told.count("a picture") == 2
+
+
+def test_the_notebook_is_a_page() -> None:
+    spec = importlib.util.spec_from_file_location("notebooks", NOTEBOOK.parent / "notebooks.py")
+    assert spec is not None
+    assert spec.loader is not None
+    notebooks = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(notebooks)
+    (mark,) = notebooks.MARK.findall((NOTEBOOK.parent / "notebook_tutorial.md").read_text("utf-8"))
+    assert NOTEBOOK.parent / mark == NOTEBOOK
+    page = notebooks.markdown(json.loads(NOTEBOOK.read_text("utf-8")))
+    assert page.count("````selectscript\n%%ss") == 9
+    assert page.count("data:image/png;base64,") == 2
+    assert "error[R003]: unknown source 'movs'" in page
+    assert "\x1b" not in page
+    assert not page.startswith("# ")

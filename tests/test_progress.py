@@ -132,14 +132,11 @@ def test_how_deep_a_search_of_the_database_is() -> None:
 
 @pytest.mark.parametrize(
     ("steps", "depth"),
-    [
-        ([], 0),
-        ([(1, 0)], 1),
-        ([(1, 0), (2, 0), (3, 1), (4, 1), (5, 2), (6, 3)], 3),  # breadth first
-        ([(1, 0), (3, 1), (5, 3), (6, 3), (4, 1), (2, 0), (7, 2)], 2),  # depth first
-        ([(1, 0), (3, 1), (5, 3), (6, 5), (4, 1)], 2),
-    ],
-)
+    [([], 0), ([(1, 0)], 1),
+     ([(1, 0), (2, 0), (3, 1), (4, 1), (5, 2), (6, 3)], 3),  # breadth first
+     ([(1, 0), (3, 1), (5, 3), (6, 3), (4, 1), (2, 0), (7, 2)], 2),  # depth first
+     ([(1, 0), (3, 1), (5, 3), (6, 5), (4, 1)], 2)],
+)  # fmt: skip
 def test_how_deep_the_last_result_is(steps: list[tuple[int, int]], depth: int) -> None:
     paths = Paths(None, tuple, [(number, parent, "row") for number, parent in steps])
     assert paths.depth(100) == (depth, True)
@@ -194,12 +191,6 @@ def shown(script: str = SEARCH, engine: Any = "native", **options: Any) -> None:
         ss.run(script, engine=engine)
 
 
-def test_of_a_search(terminal: Terminal) -> None:
-    shown()
-    assert " of MEMORIZE | " in terminal.getvalue()
-    assert terminal.line == ""
-
-
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize(
     "script",
@@ -208,6 +199,7 @@ def test_of_a_search(terminal: Terminal) -> None:
         "START WITH n = 1 CONNECT BY UNIQUE n = n + this STOP WITH n > 4000;",
         "SELECT a.this FROM a = range(300), b = range(300) WHERE a.this + b.this < 0;",
     ],
+    ids=["search", "product"],
 )
 def test_of_both_engines(terminal: Terminal, engine: str, script: str) -> None:
     shown(script, engine)
@@ -218,10 +210,13 @@ def test_of_both_engines(terminal: Terminal, engine: str, script: str) -> None:
     assert terminal.line == ""
 
 
-def test_it_goes_away_when_a_run_fails(terminal: Terminal) -> None:
+def test_it_goes_away_when_a_run_ends_or_fails(terminal: Terminal) -> None:
+    shown()
+    assert " of MEMORIZE | " in terminal.getvalue()
+    assert terminal.line == ""
     with pytest.raises(ss2sql.ExecutionError):
         shown("SELECT 1 / (this - 4000) FROM range(5000);")
-    assert "s | " in terminal.getvalue()
+    assert "s | " in terminal.getvalue().rpartition("MEMORIZE")[2]
     assert terminal.line == ""
 
 

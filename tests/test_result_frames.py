@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 import duckdb
-import numpy
 import pandas
 import polars
 import pyarrow
@@ -24,6 +23,7 @@ import pyarrow.parquet
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from programs.drawn import FEWEST, drawn
 from random_values import FLOATS, INTEGERS
 
 import ss2sql
@@ -62,9 +62,7 @@ def without_nan(value: Any) -> Any:
     return None if (isinstance(value, float) and math.isnan(value)) or value is pandas.NA else value
 
 
-# --- there and back ------------------------------------------------------------------------------------
-
-
+@drawn(FEWEST)
 @given(data=st.data())
 def test_columns_of_one_kind_survive(ss: ss2sql.Session, data: st.DataObject) -> None:
     kind = data.draw(COLUMN)
@@ -77,11 +75,11 @@ def test_columns_of_one_kind_survive(ss: ss2sql.Session, data: st.DataObject) ->
     assert result.arrow().column_names == list(result.pl().columns) == list(result.df().columns) == ["k", "v"]
 
 
-@given(
-    values=st.lists(
-        st.none() | st.booleans() | INTEGERS | FLOATS | TEXTS | st.lists(INTEGERS, max_size=2), min_size=1, max_size=4
-    )
-)
+MIXED_VALUES = st.none() | st.booleans() | INTEGERS | FLOATS | TEXTS | st.lists(INTEGERS, max_size=2)
+
+
+@drawn(FEWEST)
+@given(values=st.lists(MIXED_VALUES, min_size=1, max_size=4))
 def test_whatever_pandas_gets_is_equal(ss: ss2sql.Session, values: list[Any]) -> None:
     result = result_of(ss, values)
     assert [without_nan(value) for value in result.df()["v"].tolist()] == values
@@ -134,16 +132,8 @@ def test_an_empty_result_has_the_types_that_the_script_promises(ss: ss2sql.Sessi
 def test_a_search_is_one_row_per_step(ss: ss2sql.Session) -> None:
     search = "SELECT {} FROM [1, 2] WHERE n == 2 START WITH n = 1 CONNECT BY n = n + 1 STOP WITH n == 2;"
     result = ss.run(search.format("this, n"))
-    rows = [
-        (1, 1, 1, 1),
-        (1, 2, 1, 2),
-        (2, 1, 1, 1),
-        (2, 2, 2, 2),
-        (3, 1, 2, 1),
-        (3, 2, 1, 2),
-        (4, 1, 2, 1),
-        (4, 2, 2, 2),
-    ]
+    rows = [(1, 1, 1, 1), (1, 2, 1, 2), (2, 1, 1, 1), (2, 2, 2, 2), (3, 1, 2, 1), (3, 2, 1, 2), (4, 1, 2, 1),
+            (4, 2, 2, 2)]  # fmt: skip
     assert list(result) == result.pl().rows() == rows
     assert list(result.df().itertuples(index=False, name=None)) == rows
     named = ss.run(search.format("to(this, 'path'), to(n, 'step')"))
@@ -151,13 +141,7 @@ def test_a_search_is_one_row_per_step(ss: ss2sql.Session) -> None:
     assert named.arrow().column_names == list(named.columns)
     nothing = ss.run("SELECT this FROM [1] WHERE False START WITH n = 1 CONNECT BY n = n STOP WITH True;")
     assert (nothing.pl().shape, nothing.df().shape, nothing.arrow().shape) == ((0, 3),) * 3
-
-
-def test_any_value_is_a_row(ss: ss2sql.Session) -> None:
-    assert ss.run("[1, 2];").arrow().to_pylist() == [{"value": [1, 2]}]
-
-
-# --- what Arrow cannot hold ----------------------------------------------------------------------------
+    assert ss.run("[1, 2];").arrow().to_pylist() == [{"value": [1, 2]}]  # any value is a row
 
 
 def test_objects(ss: ss2sql.Session) -> None:
@@ -187,18 +171,6 @@ def test_values_of_several_kinds(ss: ss2sql.Session, values: list[Any]) -> None:
     assert caught.value.hints
 
 
-# --- other libraries and files -------------------------------------------------------------------------
-
-
-def test_libraries_take_a_result_as_it_is(ss: ss2sql.Session) -> None:
-    result = result_of(ss, ["a", None])
-    assert polars.DataFrame(result).rows() == list(result)
-    assert pyarrow.table(result).to_pylist() == result.value
-    assert pandas.DataFrame.from_arrow(result).shape == (2, 2)
-    duckdb = pytest.importorskip("duckdb")
-    assert duckdb.sql("SELECT v, k FROM result ORDER BY k DESC").fetchall() == [(None, 1), ("a", 0)]
-
-
 def test_csv_and_json(ss: ss2sql.Session, tmp_path: Path) -> None:
     result = result_of(ss, [None, True, 0.1, 'a,"b"\n', [1, None], {"x": "ü"}])
     text = result.csv()
@@ -213,16 +185,7 @@ def test_csv_and_json(ss: ss2sql.Session, tmp_path: Path) -> None:
     lonely.json(tmp_path / "s.json")
     assert json.loads((tmp_path / "s.json").read_text("utf-8"))[0]["v"] == "\ud800"
     assert ss.run("SELECT this FROM [2, 1, 2] AS set;").json() == "[1, 2]"
-
-
-def test_json_of_an_array(ss: ss2sql.Session) -> None:
-    ss.function("grid", lambda: None)
-    plane = ss.run("SELECT [0.5, 0.5], this FROM [3] AS plane('XY', [0, 0], [2, 1, 1]);")
-    assert isinstance(plane.value, numpy.ndarray)
-    assert plane.json() == "[[3.0, 0.0]]"
-
-
-def test_parquet(ss: ss2sql.Session, tmp_path: Path) -> None:
+    assert ss.run("SELECT [0.5, 0.5], this FROM [3] AS plane('XY', [0, 0], [2, 1, 1]);").json() == "[[3.0, 0.0]]"
     result = result_of(ss, [[1, None], None])
     result.parquet(tmp_path / "r.parquet")
     assert pyarrow.parquet.read_table(tmp_path / "r.parquet").to_pylist() == result.value
@@ -243,8 +206,6 @@ def test_a_missing_package_is_named(
     assert caught.value.code == "S003"
     assert caught.value.hints == (f'pip install "ss2sql[{extra}]"',)
 
-
-# --- other libraries take the result itself ------------------------------------------------------------
 
 MIXED = "SELECT k, to(k > 0, b), to([k], l), to(IF(k > 0; k; None), n) FROM t;"
 
@@ -271,10 +232,12 @@ def test_duckdb_reads_paths_and_empty_results(ss: ss2sql.Session) -> None:
         (number, 2) for number in range(1, 5)
     ]
     ss.attach("t", [{"k": 0}])
-    none = ss.run("SELECT k, to(str(k), s) FROM t WHERE k > 5;")  # noqa: F841 - DuckDB finds it by its name
+    none = ss.run("SELECT k, to(k > 0, b) FROM t WHERE k > 5;")
     relation = duckdb.sql("SELECT * FROM none")
-    assert (relation.columns, list(map(str, relation.types))) == (["k", "s"], ["BIGINT", "VARCHAR"])
+    assert (relation.columns, list(map(str, relation.types))) == (["k", "b"], ["BIGINT", "BOOLEAN"])
     assert relation.fetchall() == []
+    if hasattr(pandas.DataFrame, "from_arrow"):  # from pandas 3 on
+        assert pandas.DataFrame.from_arrow(none).dtypes.astype(str).to_dict() == {"k": "int64", "b": "bool"}
 
 
 def test_pandas_names_the_columns_of_a_result(ss: ss2sql.Session) -> None:
@@ -285,13 +248,6 @@ def test_pandas_names_the_columns_of_a_result(ss: ss2sql.Session) -> None:
     assert pandas.DataFrame(ss.run("7;")).to_dict("list") == {"value": [7]}
     paths = ss.run("SELECT this FROM [1] START WITH n = 1 CONNECT BY n = n + 1 STOP WITH n == 2;")
     assert list(pandas.DataFrame(paths).columns) == ["path", "step", "this"]
-
-
-@pytest.mark.skipif(not hasattr(pandas.DataFrame, "from_arrow"), reason="from pandas 3 on")
-def test_types_survive_where_pandas_reads_arrow_data(ss: ss2sql.Session) -> None:
-    ss.attach("t", [{"k": 0}])
-    none = ss.run("SELECT k, to(k > 0, b) FROM t WHERE k > 5;")
-    assert pandas.DataFrame.from_arrow(none).dtypes.astype(str).to_dict() == {"k": "int64", "b": "bool"}
 
 
 def test_rows_are_tuples_that_know_their_columns(ss: ss2sql.Session) -> None:

@@ -1,36 +1,50 @@
-"""The shell without a terminal: cutting what is typed, running it, dot commands."""
+"""The shell without a terminal: cutting what is typed, running it, dot commands; and the shell that reads a pipe."""
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import signal
-import sqlite3
+import subprocess
+import sys
 import threading
 import time
-from contextlib import closing
 from pathlib import Path
 
+import command_lines
 import pytest
-from shells import TWICE, moved_into
+from click.testing import CliRunner, Result
 
 import ss2sql
+from ss2sql.cli import main
 from ss2sql.shell.commands import COMMANDS
 from ss2sql.shell.pieces import is_ready, open_bracket, pieces
+from ss2sql.shell.piped import run_piped
 from ss2sql.shell.settings import SETTINGS, Settings
-from ss2sql.shell.shell import Leave, Shell
+from ss2sql.shell.shell import Shell
 
-ENDLESS = "SELECT this FROM [1, 2] START WITH n = 0 CONNECT BY n = n + 1;"
-FUNCTIONS = f"""
-{TWICE}
+ENDLESS = command_lines.ENDLESS + ";"
+FUNCTIONS = '''
+from pathlib import Path
+
+def twice(x):
+    """Twice the value."""
+    return 2 * x
+
 def broken(x):
     return x + "a"
-"""
+
+def begun():
+    Path("begun").touch()
+'''
 
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    return moved_into(tmp_path, monkeypatch, FUNCTIONS)
+    monkeypatch.setenv("COLUMNS", "100")
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    return command_lines.moved_into(tmp_path, monkeypatch, {"functions.py": FUNCTIONS})
 
 
 @pytest.fixture
@@ -45,39 +59,23 @@ def said(shell: Shell, text: str, capsys: pytest.CaptureFixture[str]) -> tuple[s
     return capsys.readouterr()
 
 
-def texts(typed: str) -> list[str]:
-    return [piece.text for piece in pieces(typed)]
-
-
-# --- cutting -------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("typed", "expected"),
     [
-        ("", []),
-        ("  # nothing\n", []),
-        (";;", []),
-        ("1; 2;", ["1;", "2;"]),
-        ("1; 2", ["1;", "2"]),
-        ("IF(a; b; c); 2;", ["IF(a; b; c);", "2;"]),
-        ("'a;b'; \"c;\";", ["'a;b';", '"c;";']),
-        ("1 # a;\n + 2; /* ; */ 3;", ["1 # a;\n + 2;", "3;"]),
-        (".tables\n1;", [".tables", "1;"]),
+        ("", []), ("  # nothing\n", []), (";;", []), ("1; 2;", ["1;", "2;"]), ("1; 2", ["1;", "2"]),
+        ("IF(a; b; c); 2;", ["IF(a; b; c);", "2;"]), ("'a;b'; \"c;\";", ["'a;b';", '"c;";']),
+        ("1 # a;\n + 2; /* ; */ 3;", ["1 # a;\n + 2;", "3;"]), (".tables\n1;", [".tables", "1;"]),
         ("# first\n.sql SELECT 'it; # /* (\n.5 + 1;", [".sql SELECT 'it; # /* (", ".5 + 1;"]),
-        ("x\n.y;", ["x\n.y;"]),
-        ("a); b;", ["a);", "b;"]),
-        ("'open; 2;\n3;", ["'open; 2;", "3;"]),
+        ("x\n.y;", ["x\n.y;"]), ("a); b;", ["a);", "b;"]), ("'open; 2;\n3;", ["'open; 2;", "3;"]),
+        ("1;\n  .help\n\n 2;", ["1;", ".help", "2;"]),
     ],
 )  # fmt: skip
 def test_typed_text_is_cut_into_statements_and_commands(typed: str, expected: list[str]) -> None:
-    assert texts(typed) == expected
-
-
-def test_pieces_know_where_they_stand() -> None:
-    typed = "1;\n  .help\n\n 2;"
-    assert [typed[piece.start : piece.end] for piece in pieces(typed)] == ["1;", ".help", "2;"]
-    assert [piece.is_command for piece in pieces(typed)] == [False, True, False]
+    assert [piece.text for piece in pieces(typed)] == expected
+    assert [typed[piece.start : piece.end] for piece in pieces(typed)] == expected
+    assert all(
+        piece.is_command == (piece.text in (".tables", ".help") or ".sql" in piece.text) for piece in pieces(typed)
+    )
 
 
 @pytest.mark.parametrize(
@@ -85,8 +83,7 @@ def test_pieces_know_where_they_stand() -> None:
     [
         ("", True), ("1;", True), ("1", False), ("1; 2", False), ("SELECT a\nFROM b;", True), ("(1;", False),
         ("(1;\n", True), ("(1;\n2", False), ("1 /* ;", False), ("1; # more", True), (".help", True),
-        ("x = 'open", True),
-        ("x = 'a\\", False), ("x = 'a\\\nb';", True), ("IF(a; b", False), ("1;\n.tables", True),
+        ("x = 'open", True), ("x = 'a\\", False), ("x = 'a\\\nb';", True), ("IF(a; b", False), ("1;\n.tables", True),
         ("1\n\n", False),
     ],
 )  # fmt: skip
@@ -99,19 +96,13 @@ def test_the_bracket_that_is_open() -> None:
         "[", "(", "/*", "", "", ""]  # fmt: skip
 
 
-# --- statements ----------------------------------------------------------------------------------------
-
-
 def test_results_are_tables_and_assignments_a_line_beside_them(shell: Shell, capsys) -> None:
     out, err = said(shell, "x = [3, 1];\nSELECT this FROM x; len(x); None; v{5} = 2;", capsys)
     assert out.splitlines()[-2:] == ["2 rows, database", "2"]
     assert "│    3 │" in out
     assert err.splitlines() == ["x = [3, 1]", "v = 2"]
     assert not shell.failed
-
-
-def test_long_values_are_cut(shell: Shell, capsys) -> None:
-    out, err = said(shell, "x = range(1000); range(10000);", capsys)
+    out, err = said(shell, "x = range(1000); range(10000);", capsys)  # long values are cut
     assert err.startswith("x = [0, 1, 2")
     assert len(err) < 120
     assert len(out) < 5000
@@ -121,14 +112,8 @@ def test_long_values_are_cut(shell: Shell, capsys) -> None:
 def test_an_error_shows_the_line_and_the_session_goes_on(shell: Shell, capsys) -> None:
     out, err = said(shell, "x = 1;\n  y = zz; x = 2;", capsys)
     assert out == ""
-    assert err.splitlines()[:6] == [
-        "x = 1",
-        "error[R001]: unknown name 'zz'",
-        " --> <script>:2:7",
-        "  |",
-        "2 |   y = zz;",
-        "  |       ^^",
-    ]  # fmt: skip
+    place = " --> <script>:2:7\n  |\n2 |   y = zz;\n  |       ^^\n"
+    assert err.startswith(f"x = 1\nerror[R001]: unknown name 'zz'\n{place}")
     assert ".set zz VALUE" in err or "known here" in err
     assert shell.failed
     assert "help: load it with .load FILE.py; .functions lists the known ones" in said(shell, "foo(1);", capsys)[1]
@@ -136,7 +121,7 @@ def test_an_error_shows_the_line_and_the_session_goes_on(shell: Shell, capsys) -
 
 
 def test_an_exception_of_the_users_function(shell: Shell, capsys) -> None:
-    assert said(shell, ".load functions.py", capsys) == ("", "functions: twice, broken\n")
+    assert said(shell, ".load functions.py", capsys) == ("", "functions: twice, broken, begun\n")
     _, err = said(shell, "1;\n broken(2);", capsys)
     assert "TypeError" in err
     assert "called at <script>:2:2" in err
@@ -185,13 +170,14 @@ def test_ctrl_c_ends_the_run_only(engine: str, shell: Shell, capsys) -> None:
 def test_settings_change_runs(shell: Shell, capsys) -> None:
     assert said(shell, ".maximum 2\n.format json", capsys) == ("", "maximum: 2\nformat: json\n")
     assert json.loads(said(shell, ENDLESS, capsys)[0]) == [[{"this": 1}], [{"this": 1}, {"this": 1}]]
-    said(shell, ".maximum off\n.format table\n.engine native\n.show 1", capsys)
-    out, _ = said(shell, "SELECT this FROM [1, 2];", capsys)
+    out, _ = said(shell, ".maximum off\n.format table\n.engine native\n.show 1\nSELECT this FROM [1, 2];", capsys)
     assert out.splitlines()[-1] == "2 rows, the first 1 shown, native"
     assert said(shell, ".timer on\n1;", capsys)[0].splitlines()[-1].count(" s: ") == 1
-
-
-# --- dot commands --------------------------------------------------------------------------------------
+    said(shell, ".timer off\n.engine auto\n.show 20", capsys)
+    for name in SETTINGS:  # each takes what it shows
+        shown = said(shell, f".{name}", capsys)[0].split()[1]
+        assert said(shell, f".{name} {shown}", capsys) == ("", f"{name}: {shown}\n")
+    assert shell.settings == Settings()
 
 
 def test_help_names_every_command_and_has_an_example(shell: Shell, capsys) -> None:
@@ -206,62 +192,48 @@ def test_help_names_every_command_and_has_an_example(shell: Shell, capsys) -> No
     assert "did you mean 'len'?" in said(shell, ".help lenn", capsys)[1]
 
 
-def test_what_does_not_exist(shell: Shell, capsys) -> None:
-    for line, said_of_it in (
-        (".tabels", "did you mean '.tables'?"),
+@pytest.mark.parametrize(
+    ("line", "told"),
+    [
+        (".tabels", "did you mean '.tables'?"), (".maximum 0", "N or off, not 0"), (".timer perhaps", "on or off"),
         (".engine oracle", "auto or database or native or duckdb or spark, not oracle"),
-        (".maximum 0", "N or off, not 0"), (".timer perhaps", "on or off"), (".timeout -1", "SECONDS or off, not -1"),
-        (".exit now", "takes nothing"), (".set x", ".set start"), (".attach staff", ".attach staff staff.db"),
-        (".attach staff nowhere.db", "no file nowhere.db"), (".load nowhere.py", "no file nowhere.py"),
-        (".read nowhere.ss", "nowhere.ss cannot be read"), (".sql", "nothing has run yet"), (".plot", "no result"),
-        (".tables nowhere", "nowhere"), (".attach w nowhere:world", "nowhere"), (".load", ".load functions.py"),
-    ):  # fmt: skip
-        out, err = said(shell, line, capsys)
-        assert out == "", line
-        assert err.startswith("error"), line
-        assert said_of_it in err, line
+        (".timeout -1", "SECONDS or off, not -1"), (".exit now", "takes nothing"), (".set x", ".set start"),
+        (".attach staff", ".attach staff staff.db"), (".attach staff nowhere.db", "no file nowhere.db"),
+        (".load nowhere.py", "no file nowhere.py"), (".read nowhere.ss", "nowhere.ss cannot be read"),
+        (".sql", "nothing has run yet"), (".plot", "no result"), (".tables nowhere", "nowhere"),
+        (".attach w nowhere:world", "nowhere"), (".load", ".load functions.py"),
+    ],
+)  # fmt: skip
+def test_what_does_not_exist(line: str, told: str, shell: Shell, capsys) -> None:
+    out, err = said(shell, line, capsys)
+    assert out == ""
+    assert err.startswith("error")
+    assert told in err
 
 
-def test_every_setting_shows_and_takes_what_it_shows(shell: Shell, capsys) -> None:
-    for name in SETTINGS:
-        shown = said(shell, f".{name}", capsys)[0].split()[1]
-        assert said(shell, f".{name} {shown}", capsys) == ("", f"{name}: {shown}\n")
-    assert shell.settings == Settings()
-
-
-def test_variables(shell: Shell, capsys) -> None:
-    assert said(shell, ".variables", capsys)[0].startswith("there are no variables")
-    said(shell, ".set start [[2, 1], [], []]\n.set name Ada", capsys)
-    assert shell.session.variables() == {"name": "Ada", "start": [[2, 1], [], []]}
-    out, _ = said(shell, ".variables", capsys)
-    assert [line.split()[0] for line in out.splitlines()] == ["name", "start"]
-
-
-def test_tables_of_a_file(shell: Shell, capsys) -> None:
+def test_tables_of_a_file_and_objects_of_modules(shell: Shell, folder: Path, staff: Path, capsys) -> None:
     assert said(shell, ".tables", capsys)[0].startswith("there are no tables")
-    with closing(sqlite3.connect("staff.db")) as connection, connection:
-        connection.executescript("CREATE TABLE staff(id, name); INSERT INTO staff VALUES (1, 'Ada')")
-    connection.close()
-    assert said(shell, ".attach work staff.db", capsys) == ("", "tables: work.staff\n")
-    assert said(shell, ".tables", capsys)[0].split() == ["work.staff", "id,", "name"]
+    assert said(shell, ".attach work data.db", capsys) == ("", "tables: work.chiefs, work.staff\n")
+    assert said(shell, ".tables", capsys)[0].split() == ["work.chiefs", "name", "work.staff", "id,", "boss,", "name"]
     assert said(shell, ".tables work.staff", capsys)[0].splitlines()[0] == "FROM work.staff"
     assert "│ Ada  │" in said(shell, "SELECT name FROM work.staff;", capsys)[0]
-
-
-def test_objects_of_modules(shell: Shell, folder: Path, capsys) -> None:
     (folder / "somewhere.py").write_text("people = [{'name': 'Ada'}]\n")
     for line in (".attach people somewhere:people", ".attach people=somewhere:people"):
         assert said(shell, line, capsys)[1].startswith("people: list")
     assert "│ Ada  │" in said(shell, "SELECT name FROM people;", capsys)[0]
 
 
-def test_functions(shell: Shell, capsys) -> None:
+def test_variables_and_functions(shell: Shell, capsys) -> None:
+    assert said(shell, ".variables", capsys)[0].startswith("there are no variables")
+    said(shell, ".set start [[2, 1], [], []]\n.set name Ada", capsys)
+    assert shell.session.variables() == {"name": "Ada", "start": [[2, 1], [], []]}
+    assert [line.split()[0] for line in said(shell, ".variables", capsys)[0].splitlines()] == ["name", "start"]
     said(shell, ".load functions.py", capsys)
     out, _ = said(shell, ".functions", capsys)
     lines = [line.strip() for line in out.splitlines()]
-    assert lines[:2] == ["broken(x)", "twice(x)   Twice the value."]  # the user's own come first
-    assert any(line.startswith("len(value)") for line in lines)
-    assert any(line.startswith("plane(") for line in lines)
+    assert lines[:3] == ["begun()", "broken(x)", "twice(x)   Twice the value."]  # the user's own come first
+    for start in ("len(value)", "plane("):
+        assert any(line.startswith(start) for line in lines)
     assert said(shell, ".functions twice", capsys)[0].split() == ["twice(x)", "Twice", "the", "value."]
 
 
@@ -283,9 +255,7 @@ def test_sql_and_explain_of_the_last_statement_or_of_a_script(shell: Shell, caps
     assert "this.this > 1" in out
     assert "-- :p1 = [1, 2]" in out
     assert "engine: database" in said(shell, ".explain", capsys)[0]
-    assert "this < 3" in said(shell, ".sql SELECT this FROM range(9) WHERE this < 3;", capsys)[0].replace(
-        '"range".', ""
-    )
+    assert "this < 3" in said(shell, ".sql SELECT this FROM [7] WHERE this < 3;", capsys)[0]
     assert "SELECT a FROM b" in said(shell, ".explain SELECT a FROM b;", capsys)[0]
     said(shell, "1 + 1;", capsys)
     assert "no query" in said(shell, ".sql", capsys)[0]
@@ -304,6 +274,85 @@ def test_plot_writes_a_file(shell: Shell, folder: Path, capsys, monkeypatch) -> 
     assert "cannot be written" in said(shell, ".plot nowhere/x.png", capsys)[1]
 
 
-def test_exit(shell: Shell) -> None:
-    with pytest.raises(Leave):
-        shell.run("1;\n.exit\n2;")
+def piped(text: str, *options: str) -> Result:
+    answer = CliRunner().invoke(main, ["repl", *options], input=text)
+    assert answer.exception is None or isinstance(answer.exception, SystemExit)
+    return answer
+
+
+def test_statements_come_from_a_pipe() -> None:
+    answer = piped("x = 1;\nSELECT this\n  FROM [x];\n.set y 2\nx + y", "--format", "json")
+    assert answer.stdout == '[{"this": 1}]\n3\n'
+    assert (answer.exit_code, answer.stderr) == (0, "x = 1\ny = 2\n")
+    assert piped("").stdout == ""
+    assert piped("1;\n.exit\n2;").stdout == "1\n"
+
+
+def test_a_pipe_goes_on_after_an_error_and_ends_with_code_1() -> None:
+    answer = piped("a = 1;\nb = zz;\nc = 3; d = zz;\n\n 'open;\na + c;\n")
+    assert answer.stdout == "4\n"
+    assert [line for line in answer.stderr.splitlines() if "-->" in line] == [
+        " --> <stdin>:2:5", " --> <stdin>:3:12", " --> <stdin>:5:2"]  # fmt: skip
+    assert answer.exit_code == 1
+
+
+def test_options_of_run_are_those_of_the_shell() -> None:
+    options = ["--functions", "functions.py", "-p", "n", "[1, 2]", "--engine", "native", "--show", "1"]
+    lines = piped("twice(3); SELECT this FROM n;", *options).stdout.splitlines()
+    assert (lines[0], lines[-1]) == ("6", "2 rows, the first 1 shown, native")
+    lines = piped(".timeout\n.maximum\n", "--timeout", "3", "--maximum", "4").stdout.splitlines()
+    assert [line.split()[:2] for line in lines] == [["timeout:", "3"], ["maximum:", "4"]]
+
+
+def test_a_statement_runs_before_the_pipe_ends(shell: Shell, capsys) -> None:
+    seen: list[str] = []
+
+    class Stream(io.RawIOBase):
+        lines = iter([b"1;\n", b"2\n", b";\n"])
+
+        def __iter__(self):
+            return self
+
+        def __next__(self):
+            seen.append(capsys.readouterr().out)
+            return next(self.lines)
+
+    run_piped(shell, Stream())  # type: ignore[arg-type]
+    assert seen == ["", "1\n", "", "2\n"]
+
+
+def test_a_long_statement_is_not_read_again_with_every_line(shell: Shell, capsys, monkeypatch) -> None:
+    cuts = []
+    monkeypatch.setattr("ss2sql.shell.piped.pieces", lambda text: cuts.append(text) or pieces(text))
+    run_piped(shell, io.BytesIO(b"x = [\n" + b"1,\n" * 1000 + b"1];\n"))
+    assert len(cuts) <= 2
+    assert capsys.readouterr().err.startswith("x = [1, 1, 1")
+
+
+def test_text_that_is_no_text() -> None:
+    answer = piped(b"1;\n\xff;\n")  # type: ignore[arg-type]
+    assert (answer.exit_code, answer.stdout) == (1, "1\n")
+    assert "line 2 of the standard input cannot be read" in answer.stderr
+
+
+@pytest.mark.parametrize("missing", [(), ("prompt_toolkit",)], ids=str)
+def test_as_a_process(missing: tuple[str, ...]) -> None:
+    """A pipe needs no prompt_toolkit."""
+    code = f"import sys; sys.modules.update(dict.fromkeys({missing})); from ss2sql.cli import main; main(['repl'])"
+    answer = subprocess.run([sys.executable, "-c", code], input="1 + 1;\n", capture_output=True, text=True, timeout=60)
+    assert (answer.returncode, answer.stdout, answer.stderr) == (0, "2\n", "")
+
+
+@pytest.mark.usefixtures("usual")
+def test_ctrl_c_ends_a_pipe(folder: Path) -> None:
+    with command_lines.process("repl", "--functions", "functions.py") as answer:
+        try:
+            answer.stdin.write(f"begun(); {ENDLESS} 7;\n8;\n")
+            answer.stdin.flush()
+            command_lines.press_ctrl_c_after(folder / "begun", answer)
+            out, err = answer.communicate(timeout=60)
+        finally:
+            answer.kill()
+    assert answer.returncode == 130
+    assert err.startswith("cancelled\n")
+    assert out.splitlines()[-1].endswith(", cancelled")

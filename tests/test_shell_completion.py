@@ -2,62 +2,31 @@
 
 from __future__ import annotations
 
-import sqlite3
-from contextlib import closing
 from pathlib import Path
-from typing import Any
 
 import pytest
+from cases.shelf import Shelf
+from sessions import write
 
 import ss2sql
 from ss2sql.editor.keywords import keywords
 from ss2sql.shell.commands import COMMANDS
 from ss2sql.shell.completion import Suggestion, signature, suggestions
 from ss2sql.shell.known import Known
-from ss2sql.vtables import Column, Table, TableFunction, World
 
 SEARCH = "SELECT this FROM moves START WITH tower = start, level = 1 CONNECT BY"
 
 
-class Bodies(Table):
-    """Things."""
-
-    name, key = "bodies", "id"
-    columns = (Column("id", int), Column("mass", float, unit="kg", text="how heavy"))
-
-    groups = {"mass": "mass"}
-
-    def keys(self, where: Any) -> range:
-        return range(3)
-
-    def mass(self, keys: Any) -> list[float]:
-        return [1.0 for _ in keys]
-
-
-class Contacts(TableFunction):
-    """What touches."""
-
-    name = "contacts"
-    columns = (Column("first", int), Column("second", int))
-
-    def rows(self, near: Any = 0) -> list[tuple[int, int]]:
-        return []
-
-
-class Space(World):
-    """A little world."""
-
-    tables = (Bodies, Contacts)
-
-
 @pytest.fixture
-def known(tmp_path: Path):
-    with closing(sqlite3.connect(tmp_path / "staff.db")) as connection, connection:
-        connection.executescript("CREATE TABLE staff(id, name, boss); CREATE VIEW bosses AS SELECT boss FROM staff")
-    connection.close()
+def known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "folder" / "inner.ss").touch()
+    write(tmp_path / "staff.db", "CREATE TABLE staff(id, name, boss); CREATE VIEW bosses AS SELECT boss FROM staff")
     with ss2sql.connect() as session:
         session.attach("people", [{"name": "Ada", "age": 36}])
         session.attach("work", tmp_path / "staff.db")
+        session.attach("space", Shelf())
         session.set("moves", [[0, 1], [1, 0]])
 
         @session.function
@@ -77,9 +46,6 @@ def texts(marked: str, known: Known, kind: str = "") -> list[str]:
     return [one.text for one in found(marked, known) if kind in ("", one.kind)]
 
 
-# --- keywords ------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("marked", "expected"),
     [
@@ -90,9 +56,7 @@ def texts(marked: str, known: Known, kind: str = "") -> list[str]:
         ("SELECT a FROM b LIMIT 3 ORDER BY c |", {"GROUP BY", "AS"}),
         ("[(SELECT a FROM b WHERE c), (SELECT d FROM e |", {"WHERE", "START WITH", "CONNECT BY", "GROUP BY", "ORDER BY",
                                                            "LIMIT", "AS"}),
-        ("SELECT a |", {"FROM"}),
-        ("|", {"SELECT"}),
-        ("1; |", {"SELECT"}),
+        ("SELECT a |", {"FROM"}), ("|", {"SELECT"}), ("1; |", {"SELECT"}),
     ],
 )  # fmt: skip
 def test_clauses_stand_in_their_order_and_once(marked: str, expected: set[str], known: Known) -> None:
@@ -110,52 +74,70 @@ def test_clauses_stand_in_their_order_and_once(marked: str, expected: set[str], 
 )  # fmt: skip
 def test_options_that_contradict_each_other_are_not_offered(written: str, gone: str, known: Known) -> None:
     options = {keyword.text for keyword in keywords().values() if keyword.sort == "option"}
-    assert set(texts(f"{SEARCH} {written} |", known, "keyword")) & options == {
-        one for one in options if one not in gone
-    }
-
-
-def test_the_second_of_two_words(known: Known) -> None:
-    assert texts("SELECT a FROM b START |", known) == ["WITH"]
-    assert texts("SELECT a FROM b GROUP B|", known) == ["BY"]
-    assert texts(f"{SEARCH} NO C|", known) == ["CYCLE"]
-
-
-def test_letters_in_any_case_and_keywords_first_in_capitals(known: Known) -> None:
-    assert texts("sel|", known) == ["SELECT"]
-    assert texts("SELECT a FROM b wh|", known) == ["WHERE"]
-    assert texts("SELECT NO|", known)[0] == "NOT"
-    assert texts("SELECT no|", known)[0] == "norm("
-    assert [one.length for one in found("SELECT no|", known)] == [2] * len(texts("SELECT no|", known))
-
-
-def test_nothing_is_offered_where_it_is_there(known: Known) -> None:
-    assert texts("SELECT|", known) == []
-
-
-# --- names ---------------------------------------------------------------------------------------------
+    offered = set(texts(f"{SEARCH} {written} |", known, "keyword")) & options
+    assert offered == {one for one in options if one not in gone}
 
 
 @pytest.mark.parametrize(
-    ("marked", "expected"),
+    ("marked", "kind", "expected"),
     [
-        ("SELECT | FROM people", ["name", "age"]),
-        ("SELECT na| FROM people;", ["name"]),
-        ("SELECT name FROM people WHERE |", ["name", "age"]),
-        ("SELECT p.| FROM p = people", ["name", "age"]),
-        ("SELECT this.| FROM people", ["name", "age"]),
-        ("SELECT | FROM s = work.staff, people", ["id", "name", "boss", "age"]),
-        ("SELECT staff.b| FROM work.staff", ["boss"]),
-        ("SELECT (SELECT | FROM work.bosses) FROM people", ["boss", "name", "age"]),
-        ("SELECT name FROM people WHERE (SELECT | FROM work.bosses)", ["boss", "name", "age"]),
-        ("SELECT (SELECT boss FROM work.bosses), | FROM people", ["name", "age"]),
-        ("SELECT q.| FROM q = (SELECT name, to(age, years), len(name), 1 FROM people)", ["name", "years", "len"]),
-        ("SELECT name FROM people; SELECT |", []),
-        ("SELECT name FROM people ORDER BY a|", ["age"]),
+        # the second of two words; letters in any case; nothing where it is there already
+        ("SELECT a FROM b START |", "", ["WITH"]), ("SELECT a FROM b GROUP B|", "", ["BY"]),
+        (f"{SEARCH} NO C|", "", ["CYCLE"]), ("sel|", "", ["SELECT"]), ("SELECT a FROM b wh|", "", ["WHERE"]),
+        ("SELECT|", "", []),
+        # columns are those of the sources in the statement, also where it has an error
+        ("SELECT | FROM people", "column", ["name", "age"]),
+        ("SELECT na| FROM people;", "column", ["name"]),
+        ("SELECT name FROM people WHERE |", "column", ["name", "age"]),
+        ("SELECT p.| FROM p = people", "column", ["name", "age"]),
+        ("SELECT this.| FROM people", "column", ["name", "age"]),
+        ("SELECT | FROM s = work.staff, people", "column", ["id", "name", "boss", "age"]),
+        ("SELECT staff.b| FROM work.staff", "column", ["boss"]),
+        ("SELECT (SELECT | FROM work.bosses) FROM people", "column", ["boss", "name", "age"]),
+        ("SELECT name FROM people WHERE (SELECT | FROM work.bosses)", "column", ["boss", "name", "age"]),
+        ("SELECT (SELECT boss FROM work.bosses), | FROM people", "column", ["name", "age"]),
+        ("SELECT q.| FROM q = (SELECT name, to(age, years), len(name), 1 FROM people)", "column",
+         ["name", "years", "len"]),
+        ("SELECT name FROM people; SELECT |", "column", []),
+        ("SELECT name FROM people ORDER BY a|", "column", ["age"]),
+        ("SELECT a, FROM people WHERE ag|", "", ["age"]),
+        # tables, variables and worlds
+        ("SELECT a FROM work.|", "", ["bosses", "staff"]), ("SELECT a FROM p = pe|", "", ["people"]),
+        ("SELECT name FROM people, x = mo|", "", ["moves", "move("]),
+        ("SELECT a FROM sp|", "", ["space", "space.beside("]), ("SELECT a FROM space.|", "", ["beside("]),
+        ("SELECT w| FROM space", "column", ["weight"]),
+        ("SELECT c.| FROM c = space.beside(1)", "column", ["id", "title", "x", "weight"]),
+        # variables of a search, representations, functions: `ge` stands for an operator
+        (f"{SEARCH} NO CYCLE |", "variable", ["tower", "level"]), (f"{SEARCH} tower = lev|", "", ["level"]),
+        ("SELECT this FROM moves WHERE tow| START WITH tower = 1 CONNECT BY tower = 2", "", ["tower"]),
+        ("SELECT a FROM b AS p|", "", ["plane(", "prolog"]), ("ge|", "", ["getTime("]),
+        # texts, comments and numbers are left alone
+        *((marked, "", []) for marked in ("'SEL|", '"a" + "SEL|', "1 # SEL|", "# SEL|", "/* SEL|", "1; /* a\n SEL|",
+                                          "12|", "1.|", "f(3, 1.5|")),
+        # commands, and what stands behind them
+        (".|", "", list(COMMANDS)), ("1;\n.ti|", "", [".timer", ".timeout"]), (".format j|", "", ["json"]),
+        (".engine |", "", ["auto", "database", "native", "duckdb", "spark"]), (".read f|", "", ["folder/"]),
+        (".read folder/|", "", ["inner.ss"]), (".attach more st|", "", ["staff.db"]), (".functions mo|", "", ["move"]),
+        (".tables work.|", "", ["work.bosses", "work.staff"]), (".set mo|", "", ["moves"]),
+        (".help CONN|", "", ["CONNECT BY"]), (".sql SELECT n| FROM people", "column", ["name"]), (".nothing |", "", []),
     ],
 )  # fmt: skip
-def test_columns_are_those_of_the_sources_in_the_statement(marked: str, expected: list[str], known: Known) -> None:
-    assert texts(marked, known, "column") == expected
+def test_what_is_offered(marked: str, kind: str, expected: list[str], known: Known) -> None:
+    assert texts(marked, known, kind) == expected
+
+
+def test_what_is_offered_first_and_what_is_said_about_it(known: Known) -> None:
+    assert texts("SELECT NO|", known)[0] == "NOT"  # keywords come first in capitals
+    assert texts("SELECT no|", known)[0] == "norm("
+    assert [one.length for one in found("SELECT no|", known)] == [2] * len(texts("SELECT no|", known))
+    tables = ["work.bosses", "work.staff", "space", "space.beside(", "moves", "people"]
+    assert texts("SELECT a FROM |", known)[:6] == tables
+    assert set(texts("SELECT a FROM b AS |", known)) >= {"dict", "list", "value", "plane("}
+    assert all(one.about for one in found("SELECT a FROM b AS |", known))
+    (move,) = (one for one in found("mov|", known) if one.kind == "function")
+    assert (move.text, move.shown, move.about) == ("move(", "move(step, tower, quick=False)", "Moves a disk.")
+    about = {one.text: one.about for one in found("SELECT | FROM s = space", known)}
+    assert about["x"] == "s: float  m  how far from the left"
 
 
 def test_columns_of_values_and_their_types(known: Known) -> None:
@@ -186,68 +168,11 @@ def test_long_lists_are_not_read_for_their_columns(known: Known) -> None:
     assert len(read) < 1000
 
 
-def test_a_view_that_is_broken_does_not_end_the_shell(tmp_path: Path) -> None:
-    with closing(sqlite3.connect(tmp_path / "broken.db")) as connection, connection:
-        connection.executescript("CREATE TABLE a(x); CREATE VIEW broken AS SELECT * FROM a; DROP TABLE a")
-    connection.close()
-    with ss2sql.connect(tmp_path / "broken.db") as session:
+def test_a_view_that_is_broken_does_not_end_the_shell(file: Path) -> None:
+    write(file, "CREATE TABLE a(x); CREATE VIEW broken AS SELECT * FROM a; DROP TABLE a")
+    with ss2sql.connect(file) as session:
         assert texts("SELECT | FROM broken", Known(session), "column") == []
         assert texts("SELECT a FROM bro|", Known(session)) == ["broken"]
-
-
-def test_from_offers_tables_and_variables(known: Known) -> None:
-    assert texts("SELECT a FROM |", known)[:4] == ["work.bosses", "work.staff", "moves", "people"]
-    assert texts("SELECT a FROM work.|", known) == ["bosses", "staff"]
-    assert texts("SELECT a FROM p = pe|", known) == ["people"]
-    assert texts("SELECT name FROM people, x = mo|", known) == ["moves", "move("]
-
-
-def test_worlds(known: Known) -> None:
-    known.session.attach("space", Space())
-    known = Known(known.session)
-    assert texts("SELECT a FROM sp|", known) == ["space", "space.contacts("]
-    assert texts("SELECT a FROM space.|", known) == ["contacts("]
-    assert texts("SELECT m| FROM space", known, "column") == ["mass"]
-    assert texts("SELECT c.| FROM c = space.contacts(1)", known, "column") == ["first", "second"]
-    (mass,) = (one for one in found("SELECT ma| FROM s = space", known) if one.kind == "column")
-    assert mass.about == "s: float  kg  how heavy"
-
-
-def test_variables_of_a_search(known: Known) -> None:
-    assert texts(f"{SEARCH} NO CYCLE |", known, "variable") == ["tower", "level"]
-    assert "tower" in texts("SELECT this FROM moves WHERE to| START WITH tower = 1 CONNECT BY tower = 2", known)
-    assert texts(f"{SEARCH} tower = lev|", known) == ["level"]
-
-
-def test_representations(known: Known) -> None:
-    assert set(texts("SELECT a FROM b AS |", known)) >= {"dict", "list", "value", "plane("}
-    assert texts("SELECT a FROM b AS p|", known) == ["plane(", "prolog"]
-    assert all(one.about for one in found("SELECT a FROM b AS |", known))
-
-
-def test_functions(known: Known) -> None:
-    (move,) = (one for one in found("mov|", known) if one.kind == "function")
-    assert (move.text, move.shown, move.about) == ("move(", "move(step, tower, quick=False)", "Moves a disk.")
-    assert texts("ge|", known) == ["getTime("]  # not `ge`, which stands for an operator
-
-
-def test_texts_and_comments_are_left_alone(known: Known) -> None:
-    for marked in (
-        "'SEL|",
-        '"a" + "SEL|',
-        "1 # SEL|",
-        "# SEL|",
-        "/* SEL|",
-        "1; /* a\n SEL|",
-        "12|",
-        "1.|",
-        "f(3, 1.5|",
-    ):
-        assert texts(marked, known) == [], marked
-
-
-def test_a_statement_with_an_error_still_gets_names(known: Known) -> None:
-    assert texts("SELECT a, FROM people WHERE ag|", known) == ["age"]
 
 
 def test_any_cut_of_a_script_can_be_completed(known: Known) -> None:
@@ -260,9 +185,6 @@ def test_any_cut_of_a_script_can_be_completed(known: Known) -> None:
         signature(script[:cursor], cursor, known)
 
 
-# --- calls ---------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("marked", "expected"),
     [
@@ -270,36 +192,11 @@ def test_any_cut_of_a_script_can_be_completed(known: Known) -> None:
         ("move(1, |)", ("move(step, tower, quick=False)", 1)),
         ("move([1, 2], f(3, 4), |", ("move(step, tower, quick=False)", 2)),
         ("move(1, (2 + |", ("move(step, tower, quick=False)", 1)),
-        ("move(len(|", ("len(value)", 0)),
-        ("move(1, 2)|", None),
-        ("(|", None),
-        ("unknown(|", None),
         ("SELECT a FROM b AS plane(0, |", ("plane(plane, start, size, blur=0)", 1)),
+        ("move(len(|", ("len(value)", 0)), ("move(1, 2)|", None), ("(|", None), ("unknown(|", None),
     ],
 )  # fmt: skip
 def test_the_call_around_the_cursor(marked: str, expected: tuple[str, int] | None, known: Known) -> None:
     cursor = marked.index("|")
     around = signature(marked.replace("|", "", 1), cursor, known)
     assert (around and (around[0].call, around[1])) == expected
-
-
-# --- dot commands --------------------------------------------------------------------------------------
-
-
-def test_commands_and_what_stands_behind_them(known: Known, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "folder").mkdir()
-    (tmp_path / "folder" / "inner.ss").touch()
-    assert texts(".|", known) == list(COMMANDS)
-    assert texts("1;\n.ti|", known) == [".timer", ".timeout"]
-    assert texts(".engine |", known) == ["auto", "database", "native", "duckdb", "spark"]
-    assert texts(".format j|", known) == ["json"]
-    assert texts(".read f|", known) == ["folder/"]
-    assert texts(".read folder/|", known) == ["inner.ss"]
-    assert texts(".attach more st|", known) == ["staff.db"]
-    assert texts(".tables work.|", known) == ["work.bosses", "work.staff"]
-    assert texts(".functions mo|", known) == ["move"]
-    assert texts(".set mo|", known) == ["moves"]
-    assert texts(".help CONN|", known) == ["CONNECT BY"]
-    assert texts(".sql SELECT n| FROM people", known, "column") == ["name"]
-    assert texts(".nothing |", known) == []

@@ -1,8 +1,10 @@
-"""The shell on a terminal: keys go through prompt_toolkit's own input, what it shows is thrown away."""
+"""The shell on a terminal, and its history: keys go through prompt_toolkit's own input, what it shows is lost."""
 
 from __future__ import annotations
 
+import os
 import re
+import stat
 import subprocess
 import sys
 import threading
@@ -10,10 +12,12 @@ import time
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import ss2sql
+from ss2sql.shell import history
 from ss2sql.shell.shell import Shell
 
 pytest.importorskip("prompt_toolkit")
@@ -21,6 +25,7 @@ pytest.importorskip("prompt_toolkit")
 from prompt_toolkit.completion import CompleteEvent
 from prompt_toolkit.document import Document
 from prompt_toolkit.formatted_text import fragment_list_to_text
+from prompt_toolkit.history import FileHistory
 from prompt_toolkit.input import PipeInput, create_pipe_input
 from prompt_toolkit.output import DummyOutput
 
@@ -34,6 +39,7 @@ ENTER, TAB, CTRL_C, CTRL_D, UP, ESCAPE = "\r", "\t", "\x03", "\x04", "\x1b[A", "
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     monkeypatch.setenv("COLUMNS", "100")
+    monkeypatch.chdir(tmp_path)
     return tmp_path
 
 
@@ -89,17 +95,26 @@ def remembered(terminal: Terminal) -> bool:
     return len(terminal.prompts.default_buffer._working_lines) > 1
 
 
-# --- keys ----------------------------------------------------------------------------------------------
-
-
-def test_statements_of_one_line_and_of_several(terminal: Terminal, keys: PipeInput, capsys) -> None:
-    run(terminal, keys, f"1 + 1;{ENTER}", f"2 +{ENTER}{ENTER}3;{ENTER}")
-    assert results(capsys) == ["2", "5"]
-
-
-def test_ctrl_c_clears_the_line_and_ctrl_d_leaves(terminal: Terminal, keys: PipeInput, capsys) -> None:
-    run(terminal, keys, f"7{CTRL_C}", f"1;{ENTER}{CTRL_D}")
-    assert results(capsys) == ["1"]
+@pytest.mark.parametrize(
+    ("steps", "shown"),
+    [
+        ([f"1 + 1;{ENTER}", f"2 +{ENTER}{ENTER}3;{ENTER}"], ["2", "5"]),  # statements of one line and of several
+        ([f"7{CTRL_C}", f"1;{ENTER}{CTRL_D}"], ["1"]),  # Ctrl-C clears the line and Ctrl-D leaves
+        ([f"exit = 3;{ENTER}", f"exit;{ENTER}"], ["3"]),  # a variable of such a name is a variable
+        # pasted text is one entry, of which what stands behind an error does not run
+        ([f"\x1b[200~a = 1;\n\nb = zz;\nc = 3;\n.variables\x1b[201~{ENTER}", f".variables{ENTER}"], ["  a  1"]),
+        # what was typed comes back
+        ([f"1 +{ENTER}1;{ENTER}", remembered, f"{UP}{ENTER}"], ["2", "2"]),
+        # Enter in the middle of several lines begins a new one
+        ([f"1 +{ENTER}2;{UP}{ENTER}", lambda terminal: text(terminal).count("\n") == 2], []),
+        # Tab takes the only completion, and Enter then runs
+        (["sqr", menu, TAB, lambda terminal: text(terminal) == "sqrt(" and not menu(terminal), f"9);{ENTER}"], ["3.0"]),
+    ],
+    ids=["lines", "ctrl", "exit", "paste", "up", "middle", "tab"],
+)
+def test_keys(steps: list[Any], shown: list[str], terminal: Terminal, keys: PipeInput, capsys) -> None:
+    run(terminal, keys, *(step if isinstance(step, str) else partial(step, terminal) for step in steps))
+    assert results(capsys) == shown
 
 
 def test_an_error_does_not_end_the_shell(terminal: Terminal, keys: PipeInput, capsys) -> None:
@@ -117,39 +132,10 @@ def test_words_of_newcomers(terminal: Terminal, keys: PipeInput, capsys) -> None
     assert "7" not in lines
 
 
-def test_a_variable_of_such_a_name_is_a_variable(terminal: Terminal, keys: PipeInput, capsys) -> None:
-    run(terminal, keys, f"exit = 3;{ENTER}", f"exit;{ENTER}")
-    assert results(capsys) == ["3"]
-
-
-def test_pasted_text_is_one_entry(terminal: Terminal, keys: PipeInput, capsys) -> None:
-    run(terminal, keys, f"\x1b[200~a = 1;\n\nb = zz;\nc = 3;\n.variables\x1b[201~{ENTER}", f".variables{ENTER}")
-    assert results(capsys) == ["  a  1"]  # what stands behind an error does not run
-
-
-def test_what_was_typed_comes_back(terminal: Terminal, keys: PipeInput, capsys) -> None:
-    run(terminal, keys, f"1 +{ENTER}1;{ENTER}", lambda: remembered(terminal), f"{UP}{ENTER}")
-    assert results(capsys) == ["2", "2"]
-
-
-def test_enter_in_the_middle_of_several_lines_begins_a_new_one(terminal: Terminal, keys: PipeInput, capsys) -> None:
-    run(terminal, keys, f"1 +{ENTER}2;{UP}{ENTER}", lambda: text(terminal).count("\n") == 2)
-    assert results(capsys) == []
-
-
-def test_tab_takes_the_only_completion_and_enter_then_runs(terminal: Terminal, keys: PipeInput, capsys) -> None:
-    run(terminal, keys, "sqr", lambda: menu(terminal), TAB, lambda: text(terminal) == "sqrt(" and not menu(terminal),
-        f"9);{ENTER}")  # fmt: skip
-    assert results(capsys) == ["3.0"]
-
-
 def test_enter_takes_the_completion_that_is_chosen(terminal: Terminal, keys: PipeInput, capsys) -> None:
     run(terminal, keys, ".ti", lambda: menu(terminal), TAB, lambda: text(terminal) == ".timer", ENTER,
         lambda: not menu(terminal), ENTER)  # fmt: skip
     assert results(capsys)[0].startswith("timer: off")
-
-
-# --- what is shown -------------------------------------------------------------------------------------
 
 
 def test_suggestions_while_typing_need_the_beginning_of_a_word(terminal: Terminal) -> None:
@@ -160,11 +146,6 @@ def test_suggestions_while_typing_need_the_beginning_of_a_word(terminal: Termina
     assert offered("SELECT a FROM b ", asked=False) == []
     assert "WHERE" in offered("SELECT a FROM b ", asked=True)
     assert offered("SELECT a FROM b W", asked=False) == ["WHERE"]
-
-
-def test_suggestions_know_what_has_just_been_made(terminal: Terminal, keys: PipeInput) -> None:
-    run(terminal, keys, f"harvest = 1;{ENTER}", "harv", lambda: menu(terminal))
-    assert "harvest" in terminal.known.variables
 
 
 @pytest.mark.parametrize(
@@ -178,8 +159,9 @@ def test_the_line_at_the_bottom(typed: str, shown: str, terminal: Terminal) -> N
     assert shown in fragment_list_to_text(terminal.toolbar(Document(typed)))
 
 
-def test_the_line_at_the_bottom_shows_what_was_set(terminal: Terminal, keys: PipeInput) -> None:
-    run(terminal, keys, f".engine native\r.timeout 5{ENTER}")
+def test_the_line_at_the_bottom_and_suggestions_know_what_was_set(terminal: Terminal, keys: PipeInput) -> None:
+    run(terminal, keys, f".engine native\r.timeout 5{ENTER}", f"harvest = 1;{ENTER}", "harv", lambda: menu(terminal))
+    assert "harvest" in terminal.known.variables
     assert "engine native   timeout 5" in fragment_list_to_text(terminal.toolbar(Document("")))
 
 
@@ -201,9 +183,6 @@ def test_colors_of_transcripts(typed: str) -> None:
     assert all(typed[at : at + len(part)] == part for at, _, part in found)
     prompts = re.findall(r"^(?:ss|\.\.)> ", typed, re.MULTILINE)
     assert [part for _, kind, part in found if kind == "Generic.Prompt"] == prompts
-
-
-# --- the history ---------------------------------------------------------------------------------------
 
 
 def test_the_history_outlives_the_shell(keys: PipeInput, folder: Path, capsys) -> None:
@@ -235,11 +214,45 @@ def test_a_full_disk_does_not_end_the_shell(keys: PipeInput, folder: Path, capsy
     assert capsys.readouterr().out.splitlines()[-2:] == ["1", "2"]
 
 
-def test_a_history_that_cannot_be_read_is_empty(folder: Path) -> None:
+def test_what_is_in_the_history(folder: Path) -> None:
+    """Nothing where it cannot be read, and nothing that begins with a blank."""
     assert list(_Remembered(str(folder)).load_history_strings()) == []
+    assert [history.is_kept(text) for text in ("1;", " 1;", "", "\n")] == [True, False, False, False]
 
 
-# --- the command ---------------------------------------------------------------------------------------
+def test_the_history_is_for_its_owner_alone(folder: Path) -> None:
+    before = os.umask(0)
+    try:
+        path = history.history_file()
+    finally:
+        os.umask(before)
+    assert path == folder / "state" / "ss2sql" / "history"
+    assert stat.S_IMODE(path.stat().st_mode) == 0o600
+    assert stat.S_IMODE(path.parent.stat().st_mode) == 0o700
+    path.chmod(0o644)
+    assert stat.S_IMODE(history.history_file().stat().st_mode) == 0o600
+    path.unlink()  # it follows no link
+    (folder / "other").write_text("precious")
+    path.symlink_to(folder / "other")
+    with pytest.raises(OSError, match="history"):
+        history.history_file()
+    assert (folder / "other").read_text() == "precious"
+
+
+def test_the_history_is_in_the_home_where_xdg_says_nothing(folder: Path, monkeypatch) -> None:
+    monkeypatch.setenv("HOME", str(folder))
+    for value in ("", "relative/folder"):
+        monkeypatch.setenv("XDG_STATE_HOME", value)
+        assert history.state_folder() == folder / ".local" / "state" / "ss2sql"
+
+
+def test_the_history_does_not_grow_for_ever(monkeypatch) -> None:
+    monkeypatch.setattr(history, "KEPT", 10)
+    path = history.history_file()
+    for number in range(25):
+        FileHistory(str(path)).store_string(f"{number};\n{number} again;")
+    kept = list(FileHistory(str(history.history_file())).load_history_strings())
+    assert kept == [f"{number};\n{number} again;" for number in range(24, 14, -1)]
 
 
 def test_without_prompt_toolkit_an_error_says_how_to_get_it() -> None:
@@ -251,9 +264,3 @@ def test_without_prompt_toolkit_an_error_says_how_to_get_it() -> None:
     assert answer.returncode == 1
     assert "error[S003]: the shell needs the package prompt_toolkit, which is not installed" in answer.stderr
     assert 'pip install "ss2sql[repl]"' in answer.stderr
-
-
-def test_a_pipe_needs_no_prompt_toolkit() -> None:
-    code = "import sys; sys.modules['prompt_toolkit'] = None; from ss2sql.cli import main; main(['repl'])"
-    answer = subprocess.run([sys.executable, "-c", code], input="1;", capture_output=True, text=True, timeout=60)
-    assert (answer.returncode, answer.stdout, answer.stderr) == (0, "1\n", "")
