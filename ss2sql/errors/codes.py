@@ -289,6 +289,12 @@ CODES: dict[str, Code] = _table(
         "Print where it matters, `IF(age > 100; print(name))`, or raise `connect(max_output=...)`.",
     ),
     (
+        "X016", "eval inside of eval",
+        "A text that `eval` runs runs another one, and so on, thirty deep.",
+        "A text that runs itself never ends, and each level takes room on the stack.",
+        "Let the text end, by IF or AND, or write a search: CONNECT BY repeats a step as often as it takes.",
+    ),
+    (
         "V001", "representation failed",
         "The rows do not fit the representation, or its arguments are wrong.",
         "A form asks something of its rows: a set needs values that can be compared, a plane needs bodies.",

@@ -193,7 +193,7 @@ def _order_key(resolver: Resolver, tree: ast.Query, key: ast.Expr, scope: Scope)
     return _key(resolver, key, scope)
 
 
-def _shown(column: ast.Expr) -> str:
+def _shown(column: ast.Expr | ast.Star) -> str:
     """What a column of SELECT shows, without the name that `to` gives to it."""
     match column:
         case ast.Call(function="to", arguments=(value, *_)):

@@ -47,9 +47,14 @@ def resolve(script: ast.Script, catalog: Catalog) -> plan.Program:
     return plan.Program(statements, tuple(resolver.parameters))
 
 
+OF_TEXTS = 1_000_000  # numbers of scripts are below it
+
+
 def resolve_text(script: ast.Script, scope: Scope | None, catalog: Catalog) -> tuple[plan.Expr, ...]:
     """The statements of a text given to `eval`, resolved where the eval stands; they see a row, never its group."""
-    resolver, scope = Resolver(catalog, base=1_000_000), scope and replace(scope, grouped=False)
+    levels = list(scope.outwards()) if scope else []
+    around = [number for level in levels for number in (level.query, *(source.id for source in level.sources))]
+    resolver, scope = Resolver(catalog, max(OF_TEXTS, *around, 0)), scope and replace(scope, grouped=False)
     expressions = tuple(resolver.statement(statement, scope).expr for statement in script.statements)
     resolver.finish()
     return expressions
@@ -72,7 +77,7 @@ class Resolver:
         self.inliner = Inliner()
 
     def number(self) -> int:
-        """A new number for a source or query. Texts of `eval` count from a million, apart from their script."""
+        """A new number for a source or query. Those of a text that `eval` reads are above all that it sees."""
         self.numbers += 1
         return self.numbers
 

@@ -154,6 +154,7 @@ class Run:
     steps_left: int | None = None
     steps_inside: int = 0
     printed: int = 0
+    texts: int = 0  # how many texts of `eval` are being run, each inside of the one before
     interrupted: bool = False
     max_rows: int | None = None
     maximum: int | None = None

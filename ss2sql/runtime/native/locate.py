@@ -105,8 +105,8 @@ def placed(error: Exception) -> Exception:
         page.show()
     page, position, innermost = trail[-1]
     span = page.span(position)
-    if isinstance(error, NameError) and innermost:
-        error = _without_value(page.function(position), error)
+    if isinstance(error, NameError) and innermost and span is not None and span.text.isidentifier():
+        error = _without_value(span.text, error)  # any other name is one of generated code, and a mistake of ours
     if isinstance(error, Error):
         if not isinstance(error, Stopped):
             error.located(span)

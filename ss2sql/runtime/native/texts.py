@@ -15,6 +15,8 @@ from ss2sql.runtime.native.unit import Body, Unit
 from ss2sql.runtime.run import Run
 from ss2sql.runtime.values import show
 
+DEEPEST_TEXTS = 30
+
 
 @dataclass(frozen=True, slots=True)
 class Sight:
@@ -46,8 +48,28 @@ class Texts(dict[str, Callable[..., Any]]):
 
     def __missing__(self, text: str) -> Callable[..., Any]:
         statements = self.run.host.resolve_text(text, self.sight.scope)
-        function = self[text] = compiled(statements, self.sight)(self.run)
+        function = self[text] = inside(self.run, compiled(statements, self.sight)(self.run))
         return function
+
+
+def inside(run: Run, text: Callable[..., Any]) -> Callable[..., Any]:
+    """A text that counts how deep it stands inside of others; one that reads itself would never end.
+
+    So many levels fit into the stack, also where SQLite calls each of them.
+    """
+
+    def counted(*values: Any) -> Any:
+        if run.texts == DEEPEST_TEXTS:
+            hint = "let the text end: IF(condition; eval(text); value)"
+            raise ExecutionError("X016", f"eval is nested more than {DEEPEST_TEXTS} deep", hints=(hint,))
+        run.texts += 1
+        try:
+            with deep(run.texts):
+                return text(*values)
+        finally:
+            run.texts -= 1
+
+    return counted
 
 
 def compiled(statements: tuple[plan.Expr, ...], sight: Sight) -> Callable[[Run], Callable[..., Any]]:
