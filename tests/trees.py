@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import pytest
@@ -98,9 +99,13 @@ def failure(source: str) -> ParseError:
 
 
 def check(marked: str, code: str, message: str, hint: str) -> None:
-    """One error, at the text between `«` and `»`, with these words in its message and in its hints."""
-    start, end = marked.index("«"), marked.index("»") - 1
-    error = failure(marked.replace("«", "").replace("»", ""))
+    """One error, at the text between `«` and `»`, with these words in its message and in its hints.
+
+    If an open bracket is marked by `‹` and `›`, the error says where it was opened.
+    """
+    plain = re.sub("[‹›]", "", marked)
+    start, end = plain.index("«"), plain.index("»") - 1
+    error = failure(re.sub("[«»]", "", plain))
     rendered = str(error)
     assert len(error.errors) == 1, rendered
     assert error.span is not None
@@ -109,6 +114,9 @@ def check(marked: str, code: str, message: str, hint: str) -> None:
     assert error.hints, rendered
     assert message in error.message, rendered
     assert hint in "\n".join(error.hints), rendered
+    if "‹" in marked:
+        ((place, label),) = error.related
+        assert (place.start, label) == (re.sub("[«»]", "", marked).index("‹"), "opened here")
 
 
 def code(source: str) -> str:
