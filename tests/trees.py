@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import sys
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -124,3 +126,20 @@ def code(source: str) -> str:
     error = failure(source)
     assert error.hints, str(error)
     return error.code
+
+
+def calls_of(work: Callable[[], Any]) -> int:
+    """How many functions are called, those of C included: what takes time, whatever the machine."""
+    count = 0
+
+    def note(frame: Any, event: str, argument: Any) -> None:
+        nonlocal count
+        count += event in ("call", "c_call")
+
+    before = sys.getprofile()
+    sys.setprofile(note)
+    try:
+        work()
+    finally:
+        sys.setprofile(before)
+    return count
