@@ -84,6 +84,16 @@ TABLES: dict[str, str] = {
         CREATE TABLE gone(part TEXT);
         CREATE VIEW broken AS SELECT part FROM gone;
         DROP TABLE gone""",
+    "pairs": """
+        CREATE TABLE pairs(a INTEGER, b INTEGER);
+        INSERT INTO pairs VALUES (1, 2), (2, 3);
+        CREATE VIEW seen AS SELECT * FROM pairs""",
+    "big": """
+        CREATE TABLE big(a INTEGER);
+        INSERT INTO big VALUES (9007199254740993), (1)""",
+    "ways": """
+        CREATE TABLE ways(start, position);
+        INSERT INTO ways VALUES (1, 2), (2, 3), (1, 3), (3, 4)""",
 }
 VALUES: dict[str, Callable[[], Any]] = {
     "moves": lambda: [list(step) for step in MOVES],
@@ -97,4 +107,11 @@ VALUES: dict[str, Callable[[], Any]] = {
     "uneven": lambda: [{"name": "Ada", "age": 36}, {"name": "Grace"}],
     "number": lambda: 7,
     "shelf": lambda: Shelf(),
+    "t": lambda: [{"a": 1, "b": 2}, {"a": 3, "b": 4}],
+    "u": lambda: [{"b": 20, "c": 30}],
+    "gaps": lambda: [{"a": 1}, {"b": 2}, {"a": None, "b": 3}],
+    "plain": lambda: [1, {"a": 1}],
+    "rooms": lambda: [{"doors": [1, 2]}, {"doors": []}, {"doors": [3]}],
+    "record": lambda: {"a": 1, "b": [2]},
+    "large": lambda: [{"x": 2**62}, {"x": 2**62}],
 }
