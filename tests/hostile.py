@@ -23,20 +23,8 @@ TEXTS = (
 )  # fmt: skip
 NUMBERS = ("0", "-1", "1", "2", "9223372036854775807", "1e308", "10 ^ 12", "0.5", "True", "None")
 FORMS = (
-    "list",
-    "dict",
-    "rows",
-    "value",
-    "set",
-    "void",
-    "csv",
-    "json",
-    "plane",
-    "prolog",
-    "file",
-    "pickle",
-    "environment",
-)
+    "list", "dict", "rows", "value", "set", "void", "csv", "json", "plane", "prolog", "file", "pickle", "environment",
+)  # fmt: skip
 CALLS = (
     "len", "str", "int", "float", "range", "sum", "min", "max", "sorted", "uniq", "zip", "round", "sqrt", "help", "var",
     "print", "eval", "abs", "norm", "distance", "f", "getTime",
@@ -76,13 +64,7 @@ class Maker:
         return text
 
     def expression(self, depth: int) -> str:
-        simple = (
-            lambda: self.pick(NAMES),
-            lambda: self.text(),
-            lambda: self.pick(NUMBERS),
-            lambda: "canary",
-            lambda: "xs",
-        )
+        simple = (lambda: self.pick(NAMES), self.text, lambda: self.pick(NUMBERS), lambda: "canary", lambda: "xs")
         if depth <= 0:
             return self.pick(simple)()
         inner = lambda: self.expression(depth - 1)  # noqa: E731 - the shortest name for it

@@ -45,8 +45,12 @@ def stub(problem: str) -> object:
     return names["result"]
 
 
-def test_the_program_stub_solves_the_towers() -> None:
+@pytest.mark.slow
+def test_the_program_stub_solves_the_towers_in_nested_loops() -> None:
     assert stub(HANOI["nested"]) == SEVEN
+
+
+def test_the_program_stub_solves_the_towers() -> None:
     assert stub(MOVES + HANOI["cycle"]) == [[{"this": step} for step in SEVEN]]
     corrected = HANOI["no cycle"].replace("mov.this", "this")
     (path,) = stub(MOVES + corrected)  # type: ignore[misc]

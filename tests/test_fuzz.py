@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import contextlib
-import sys
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from random import Random
-from typing import Any
 
 import pytest
 from fuzz import CORPUS, LONGEST, seeds
 from fuzz_judge import SECONDS_PER_KIB, judge, session
 from fuzz_mutations import NESTING, PHRASES, Donors, Mutator, parts_of
+from trees import calls_of
 
 import ss2sql
 from ss2sql.errors import ParseError, Source, Span
@@ -56,23 +55,6 @@ def compiled(ss: ss2sql.Session, script: str) -> None:
     """Compiles a script as far as it is one."""
     with contextlib.suppress(ss2sql.Error):
         ss.compile(script).statements()
-
-
-def calls_of(work: Callable[[], Any]) -> int:
-    """How many Python functions are called."""
-    count = 0
-
-    def note(frame: Any, event: str, argument: Any) -> None:
-        nonlocal count
-        count += event == "call"
-
-    before = sys.getprofile()
-    sys.setprofile(note)
-    try:
-        work()
-    finally:
-        sys.setprofile(before)
-    return count
 
 
 def nested(form: str, depth: int) -> str:
