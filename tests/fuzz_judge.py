@@ -85,7 +85,7 @@ def _stages(ss: ss2sql.Session, text: str) -> str:
                     _prepare(ss, one.lowered)
         assert query.sql is not None
     except ss2sql.Error as error:
-        _is_ours(error, text)
+        is_ours(error, text)
         if stage == "nothing" and not isinstance(error, ss2sql.ParseError):
             raise
     return stage
@@ -101,7 +101,7 @@ def _prepare(ss: ss2sql.Session, lowered: Any) -> None:
             raise AssertionError(f"{error}\n{lowered.text}") from error
 
 
-def _is_ours(error: ss2sql.Error, text: str) -> None:
+def is_ours(error: ss2sql.Error, text: str) -> None:
     assert error.errors[0] is error
     for one in error.errors:
         assert one.code in CODES

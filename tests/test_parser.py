@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import fields, is_dataclass
+from functools import partial
 from typing import Any
 
 import pytest
@@ -323,36 +324,27 @@ def test_spans_of_the_other_nodes() -> None:
 
 # Trees that are known by how they are made.
 Written = tuple[str, ast.Expr]
-LEAVES = st.sampled_from([("a", A), ("this", this()), ("n.b", ast.Attribute("n", "b", span=NOWHERE)), ("7", lit(7)),
-                          ("'x'", lit("x")), ("True", lit(True)), ("start", name("start"))])  # fmt: skip
+LEAVES: list[Written] = [
+    ("a", A), ("this", this()), ("n.b", ast.Attribute("n", "b", span=NOWHERE)), ("7", lit(7)), ("'x'", lit("x")),
+    ("True", lit(True)), ("start", name("start")),
+]  # fmt: skip
+FORMS: list[tuple[str, Callable[..., ast.Expr]]] = [
+    *((f"({{}}) {sign} ({{}})", partial(op, function)) for sign, function in
+      {"+": "add", "^": "pow", "<=": "le", "NOT IN": "not_in", "%": "mod"}.items()),
+    ("NOT ({})", lambda one: ast.Not(one, span=NOWHERE)),
+    ("({})[{}]", index), ("IF({}; {})", lambda one, other: iff(one, (other,))),
+    ("[{}]", items), ("[{}, {}]", items), ("f({})", partial(call, "f")), ("f({}, {})", partial(call, "f")),
+    ("(SELECT {} FROM s WHERE {} AS list)",
+     lambda one, other: select((one,), (source(name("s")),), where=other, representation=shape("list"))),
+]  # fmt: skip
 
 
-def _query(pair: tuple[Written, Written]) -> Written:
-    (column, first), (condition, second) = pair
-    tree = select((first,), (source(name("s")),), where=second, representation=shape("list"))
-    return f"(SELECT {column} FROM s WHERE {condition} AS list)", tree
+def made(form: tuple[str, Callable[..., ast.Expr]], *parts: Written) -> Written:
+    some = parts[: form[0].count("{}")]
+    return form[0].format(*(text for text, _ in some)), form[1](*(tree for _, tree in some))
 
 
-def _several(some: list[Written]) -> tuple[str, tuple[ast.Expr, ...]]:
-    return ", ".join(text for text, _ in some), tuple(tree for _, tree in some)
-
-
-def _grow(part: st.SearchStrategy[Written]) -> st.SearchStrategy[Written]:
-    pairs = st.tuples(part, part)
-    lists = st.lists(part, min_size=1, max_size=3).map(_several)
-    signs = st.sampled_from([("+", "add"), ("^", "pow"), ("<=", "le"), ("NOT IN", "not_in"), ("%", "mod")])
-    return st.one_of(
-        st.builds(lambda a, b, sign: (f"({a[0]}) {sign[0]} ({b[0]})", op(sign[1], a[1], b[1])), part, part, signs),
-        pairs.map(_query),
-        part.map(lambda one: (f"NOT ({one[0]})", ast.Not(one[1], span=NOWHERE))),
-        pairs.map(lambda two: (f"({two[0][0]})[{two[1][0]}]", index(two[0][1], two[1][1]))),
-        pairs.map(lambda two: (f"IF({two[0][0]}; {two[1][0]})", iff(two[0][1], (two[1][1],)))),
-        lists.map(lambda some: (f"[{some[0]}]", items(*some[1]))),
-        lists.map(lambda some: (f"f({some[0]})", call("f", *some[1]))),
-    )
-
-
-@given(st.recursive(LEAVES, _grow, max_leaves=12))
+@given(st.recursive(st.sampled_from(LEAVES), lambda part: st.builds(made, st.sampled_from(FORMS), part, part)))
 def test_a_written_tree_is_read_back(pair: Written) -> None:
     same(expr(pair[0]), pair[1])
 

@@ -18,7 +18,7 @@ from sessions import both
 import ss2sql
 from ss2sql import plan
 from ss2sql.frontend.suggestions import OF_PYTHON
-from ss2sql.kinds import ANY, Kind, Type
+from ss2sql.kinds import Kind, Type
 from ss2sql.plan_tree import type_text
 
 
@@ -73,16 +73,12 @@ ERRORS: list[tuple[str, ...]] = [
      "SELECT a, n FROM t CONNECT BY «n» = n + 1 STOP WITH n == 3;"),
     ("R001", "known here: a, b", "SELECT «t.zzz» FROM t;"),
     ("R001", "known here: a, b, moves, t, u", "SELECT «zzz» FROM t;"),
-    ("R001", "did you mean 'level'?", "SELECT «levl» FROM t START WITH level = 1 CONNECT BY level = 2;"),
     ("R001", "its elements have no columns; write x.this", "SELECT «x.z» FROM x = [1];"),
     ("R001", "", *(f"{form}" for shape in ("list", "rows") for form in (
         f"SELECT «p.a» FROM p = {PATHS.format(shape)};", f"y = {PATHS.format(shape)}; SELECT «p.a» FROM p = y;"))),
     ("R001", "'mass' is a function: write mass(this)", "SELECT a FROM t WHERE «mass»;"),
-    ("R001", "'mass' is a function", "«mass»;"),
     ("R001", "'x' is a source: write x.this", "SELECT «x» FROM x = t;"),
-    ("R001", "write None", "SELECT «null» FROM t;"),
     ("R001", f"{QUOTES}'Ann'", "SELECT a FROM t WHERE a == «Ann»;", "SELECT a FROM t WHERE «Ann» IN [a];"),
-    ("R001", f"{QUOTES}'hello'", "print(«hello»);"),
     ("R003", "'a' is a column: write a[\"key\"] to read a key of it", "SELECT «a.first» FROM t;"),
     ("R001", "store a value with kept{5.0} = ...", "«kept{3}»;"),
     ("R001", "", f"{SEARCH}n = n LIMIT «n»;", f"{SEARCH}n = n AS list(«n»);", f"{SEARCH}MAXIMUM («n») n = n;",
@@ -95,14 +91,10 @@ ERRORS: list[tuple[str, ...]] = [
     # sources
     ("R003", "", "SELECT b FROM «b», t;", "SELECT «z.this» FROM t;", "SELECT «z.a» FROM t;", "«x.this»;",
      "SELECT 1 FROM a = [«b.this»], b = [1];", "SELECT 1 FROM «t.a»;", "SELECT 1 FROM «mass»;"),
-    ("R003", "did you mean 'moves'?", "SELECT «mov.this» FROM moves;", "SELECT this FROM «mooves»;"),
-    ("R003", "'len' is a function: call it, len(...)", "SELECT this FROM «len»;"),
     ("R001", "a source in quotes is a text; write FROM people", "SELECT «a» FROM 'people';"),
     ("R001", "a file is read in Python and attached", "SELECT «a» FROM 'people.csv';"),
     ("R003", "write SELECT a FROM x AS list", "x = [1]; «x.a»;"),
     ("R003", "'x' is a source without tables of its own: write FROM x", "x = [1]; SELECT a FROM «x.csv»;"),
-    ("R013", "name them: FROM a = t, b = t", "SELECT 1 FROM t, «t»;"),
-    ("R013", "give this one another name: x_2 = [2]", "SELECT 1 FROM x = t, «x = [2]»;"),
     ("R013", "", "SELECT 1 FROM x = t, «x = u»;", "SELECT 1 FROM x = [1], «x = [2]»;",
      "SELECT 1 FROM x = t, «x = (SELECT a FROM t)»;", "SELECT 1 FROM t START WITH n = 1, «n» = 2 CONNECT BY n = n;"),
     # a list that mentions sources
@@ -114,7 +106,6 @@ ERRORS: list[tuple[str, ...]] = [
     ("R002", "did you mean 'len' or", "«lenn»('a');"),
     ("R002", "did you mean 'count'?", "SELECT «COUNT»(a) FROM t;"),
     ("R002", "write average([1])", "«avg»([1]);"),
-    ("R002", "write IF(a != None; a; 0)", "SELECT «coalesce»(a, 0) FROM t;"),
     ("R002", "write IF(... != None; ...; ...)", "SELECT «coalesce»() FROM t;"),
     ("R002", "write [] != (SELECT * FROM u)", "SELECT «EXISTS» (SELECT * FROM u) FROM t;"),
     ("R002", "a part of a string is a[from:to], counted from 0", "SELECT «substr»(a, 1, 2) FROM t;"),
@@ -124,8 +115,8 @@ ERRORS: list[tuple[str, ...]] = [
     ("R005", "'print' takes 1 or more arguments, not 0", "«print()»;"),
     ("R005", "'len' takes 1 argument, not 2", "«len(1, 2)»;", "SELECT 1 FROM t LIMIT «len(1, 2)»;"),
     ("R005", "", "«eval('1', 2)»;", "«eval()»;"),
-    ("R005", "'f' gets the argument 'first' twice", "SELECT this FROM f(1, «first» = 2);"),
-    ("R005", "keep one of them: argument 1 is 'first'", "SELECT this FROM f(1, «first» = 2);"),
+    ("R005", "'f' gets the argument 'first' twice|keep one of them: argument 1 is 'first'",
+     "SELECT this FROM f(1, «first» = 2);"),
     ("R005", "= help: did you mean 'second'?", "SELECT this FROM f(1, «secnd» = 2);"),
     ("R005", "= help: known here: first, second", "SELECT this FROM f(1, «depth» = 2);"),
     ("R005", "= help: help('g') shows how it is called", "SELECT this FROM g(«depth» = 2);"),
@@ -136,9 +127,7 @@ ERRORS: list[tuple[str, ...]] = [
     ("R007", "", "SELECT 1 FROM t WHERE («n» = 1) == 1 START WITH n = 1 CONNECT BY n = n;",
      f"{SEARCH}n = n STOP WITH IF(True; «n» = 2);",
      "SELECT (SELECT («n» = 2) FROM [1] AS value) FROM t START WITH n = 1 CONNECT BY n = n;"),
-    ("R010", "UNIQUE is given twice", f"{SEARCH}UNIQUE «UNIQUE» n = n;"),
     ("R010", "", f"{SEARCH}DEPTH FIRST «COST 1» «BREADTH FIRST» n = n;"),
-    ("R010", "MEMORIZE yields its paths shortest first", f"{SEARCH}MEMORIZE 3 «DEPTH FIRST» n = n;"),
     ("R010", "the other one", f"{SEARCH}MEMORIZE 3 «DEPTH FIRST» n = n;"),
     ("R012", "", "SELECT 1 FROM t START WITH «n = 1»;", "SELECT 1 FROM t STOP WITH «a == 1»;",
      "SELECT 1 FROM t START WITH «n = 1» STOP WITH «a == 1»;"),
@@ -170,7 +159,8 @@ def test_an_error_has_a_code_a_place_a_reason_and_a_cure(
     assert places == [(code, place) for place in re.findall("«(.*?)»", marked)]
     assert error.errors[0].span is not None
     assert error.errors[0].span.start == marked.index("«")
-    assert words in str(error)
+    for part in words.split("|"):
+        assert part in str(error)
 
 
 @pytest.mark.parametrize(
@@ -298,63 +288,53 @@ def query_of(ss: ss2sql.Session, script: str) -> plan.Query:
     return expr.query
 
 
-@pytest.mark.parametrize(
-    ("search", "kinds"),
-    [
-        ("n = 1 CONNECT BY n = n / 2", Kind.INT | Kind.FLOAT),
-        ("n = 'a' CONNECT BY n = n + 'b'", Kind.STR),
-        ("n = None CONNECT BY n = this", Kind.NONE | Kind.LIST),
-        ("n = 1 CONNECT BY n = g(n)", Kind.INT),  # its body says so
-        ("n = 1, m = 1.5 CONNECT BY n = m, m = n", Kind.INT | Kind.FLOAT),
-        ("n = True CONNECT BY n = NOT n", Kind.BOOL),
-        ("n = 1 CONNECT BY n = f(n)", ANY.kinds),
-    ],
-)
-def test_types_of_states_cover_what_connect_by_gives(ss: ss2sql.Session, search: str, kinds: Kind) -> None:
-    assert states(ss, search)["n"].kinds == kinds
+# The body of `g` says what it gives.
+STATES = {
+    "n = 1 CONNECT BY n = n + 1": "int", "n = 1 CONNECT BY n = n / 2": "int or float",
+    "n = 'a' CONNECT BY n = n + 'b'": "str", "n = None CONNECT BY n = this": "none or list",
+    "n = 1 CONNECT BY n = f(n)": "any", "n = 1 CONNECT BY n = g(n)": "int", "n = True CONNECT BY n = NOT n": "bool",
+    "n = 1, m = 1.5 CONNECT BY n = m, m = n": "int or float",
+}  # fmt: skip
+EXPRESSIONS = {
+    "1": "int 1..1", "1.5": "float 1.5..1.5", "'a'": "str", "None": "none", "True": "bool", "this": "dict",
+    "[1, 'a']": "list of int or str 1..1", "[]": "list of nothing", "[a, 2]": "list of int 1..3", "a": "int 1..3",
+    "a + b": "int 3..7", "a / b": "float 0.25..1.5", "a == b": "bool", "NOT a": "bool", "a AND b": "bool",
+    "a XOR b": "bool", "IF(a; 1; 'x')": "int or str 1..1", "IF(a; 1)": "bool or int 0..1", "[1, 2][0]": "int 1..1",
+    "len('ab')": "int 0..9007199254740992", "f(a)": "any", "g(a)": "int -3..-1", "str(a)": "str", "eval('1')": "any",
+    "SELECT a FROM t AS list": "list of int 1..3", "SELECT a FROM t AS value": "none or int 1..3",
+    "SELECT a FROM t": "list of dict", "SELECT a FROM t GROUP BY b": "dict", "SELECT a FROM t AS void": "none",
+    "SELECT a FROM t AS rows": "list of list of int 1..3", "SELECT a FROM t AS set": "list of int 1..3",
+    "SELECT a FROM t START WITH n = 1 CONNECT BY n = n AS list": "list of list of int 1..3", "(x = a)": "int 1..3",
+}  # fmt: skip
 
 
-def states(ss: ss2sql.Session, search: str) -> dict[str, Type]:
+@pytest.fixture(name="typed")
+def fixture_typed(ss: ss2sql.Session) -> ss2sql.Session:
     ss.attach("moves", MOVES)
     ss.function("f", lambda x: x, volatility="stable")
     ss.function("g", lambda x: -x)
+    return ss
+
+
+def states(ss: ss2sql.Session, search: str) -> dict[str, Type]:
     query = query_of(ss, f"SELECT 1 FROM moves START WITH {search};")
     assert query.search is not None
     return dict(query.search.states)
 
 
-def test_types_of_states_that_grow(ss: ss2sql.Session) -> None:
-    counter = states(ss, "n = 1 CONNECT BY n = n + 1")["n"]
-    assert counter.kinds == Kind.INT
-    assert counter.bounded(2**62)  # a counter stays within 64 bits on any path that fits into memory
-    assert states(ss, "n = 1 CONNECT BY n = n * 2")["n"] == Type(Kind.INT)
-    assert states(ss, "n = 1 CONNECT BY n = f(n)")["n"] == ANY
-    assert states(ss, "a = 1, b = 'x', c = None CONNECT BY a = b, b = c, c = a")["a"].may(Kind.NONE)
-    assert states(ss, "n = [] CONNECT BY n = n + [this]")["n"].may(Kind.LIST)
-    assert states(ss, "n = [1] CONNECT BY n = [n]")["n"].may(Kind.LIST)
+def test_types_of_states_cover_what_connect_by_gives(typed: ss2sql.Session) -> None:
+    assert {search: type_text(Type(states(typed, search)["n"].kinds)) for search in STATES} == STATES
+    assert states(typed, "n = 1 CONNECT BY n = n * 2")["n"] == Type(Kind.INT)
+    # a counter stays within 64 bits on any path that fits into memory
+    assert states(typed, "n = 1 CONNECT BY n = n + 1")["n"].bounded(2**62)
+    assert states(typed, "a = 1, b = 'x', c = None CONNECT BY a = b, b = c, c = a")["a"].may(Kind.NONE)
+    assert states(typed, "n = [] CONNECT BY n = n + [this]")["n"].may(Kind.LIST)
+    assert states(typed, "n = [1] CONNECT BY n = [n]")["n"].may(Kind.LIST)
 
 
-def test_types_of_expressions(ss: ss2sql.Session) -> None:
-    kinds = {
-        "1": "int 1..1", "1.5": "float 1.5..1.5", "'a'": "str", "None": "none", "True": "bool",
-        "[1, 'a']": "list of int or str 1..1",
-        "[]": "list of nothing", "[a, 2]": "list of int 1..3", "a": "int 1..3", "a + b": "int 3..7",
-        "a / b": "float 0.25..1.5",
-        "a == b": "bool", "NOT a": "bool", "a AND b": "bool", "IF(a; 1; 'x')": "int or str 1..1",
-        "IF(a; 1)": "bool or int 0..1",
-        "[1, 2][0]": "int 1..1", "len('ab')": "int 0..9007199254740992", "f(a)": "any",
-        "g(a)": "int 2..4", "this": "dict", "str(a)": "str",
-        "SELECT a FROM t AS list": "list of int 1..3", "SELECT a FROM t AS value": "none or int 1..3",
-        "SELECT a FROM t": "list of dict", "SELECT a FROM t GROUP BY b": "dict", "SELECT a FROM t AS void": "none",
-        "SELECT a FROM t AS rows": "list of list of int 1..3",
-        "SELECT a FROM t AS set": "list of int 1..3", "(x = a)": "int 1..3", "a XOR b": "bool",
-        "SELECT a FROM t START WITH n = 1 CONNECT BY n = n AS list": "list of list of int 1..3", "eval('1')": "any",
-    }  # fmt: skip
-    ss.function("f", lambda x: x, volatility="stable")
-    ss.function("g", lambda x: x + 1)
-    for text, expected in kinds.items():
-        column = query_of(ss, f"SELECT ({text}) FROM t;").columns[0].expr
-        assert type_text(column.type) == expected, text
+def test_types_of_expressions(typed: ss2sql.Session) -> None:
+    columns = {text: query_of(typed, f"SELECT ({text}) FROM t;").columns[0].expr.type for text in EXPRESSIONS}
+    assert {text: type_text(found) for text, found in columns.items()} == EXPRESSIONS
 
 
 @both
