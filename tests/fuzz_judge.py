@@ -117,12 +117,13 @@ def is_ours(error: ss2sql.Error, text: str) -> None:
 
 def inside(root: Any, start: int, end: int) -> None:
     """Every node of a tree lies inside its parent. Nothing here recurses."""
-    for node, low, high in _nodes(root, start, end):
+    for node, low, high in nodes(root, start, end):
         span: Span = node.span
         assert low <= span.start <= span.end <= high, f"{type(node).__name__} lies outside of what it belongs to"
 
 
-def _nodes(root: Any, start: int, end: int) -> Iterator[tuple[Any, int, int]]:
+def nodes(root: Any, start: int, end: int) -> Iterator[tuple[Any, int, int]]:
+    """Every node of a tree, with the place of its parent."""
     waiting: list[tuple[Any, int, int]] = [(root, start, end)]
     while waiting:
         node, low, high = waiting.pop()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import re
 from typing import Any
 
 ALLOWED = frozenset({"__class__", "__eq__", "__hash__", "__repr__", "__len__", "__array__", "__arrow_c_stream__"})
@@ -49,64 +50,52 @@ class Canary:
 reached: set[str] = set()
 
 
+INNER = "{expression}"
+SIMPLE = ("{name}", "{text}", "{number}", "canary", "xs")
+COLUMNS = ("this", "this", INNER, INNER)
+# What each part of a script may be written as; those at the front of an expression end it.
+GRAMMAR: dict[str, tuple[str, ...]] = {
+    "script": ("{query}", INNER, "{query}; {query}", f"{INNER}; {INNER}", f"{{query}}; {INNER}", f"{INNER}; {{query}}"),
+    "expression": (
+        *SIMPLE * 3, "{call}()", f"{{call}}({INNER})", f"{{call}}({INNER}, {INNER})", f"{{name}}({INNER})",
+        *(f"{named}.{{name}}" for named in ("canary", "xs", "this", "t", "a")), f"{INNER}[{INNER}]",
+        *(f"({INNER} {sign} {INNER})" for sign in ("+", "-", "*", "/", "%", "^", "==", "<", "IN", "AND", "OR")),
+        f"[{INNER}, {INNER}]", f"IF({INNER}; {INNER}; {INNER})", "({query} AS {form})", "({query} AS {form})",
+        f"{{name}}{{{{{INNER}}}}}",
+    ),
+    "text": ('"{words}"', '"{words}"', "'{name}'"),
+    "form": ("{shape}", "{shape}", "{shape}({text})", "{shape}(path = {text})"),
+    "source": ("xs", "t", "canary", "objects", "{name}", INNER, "{name} = xs", f"{{name}} = {INNER}"),
+    "column": (*COLUMNS, "to(this, {text})", f"to({INNER}, {{text}})"),
+    "query": ("SELECT {column}, {column} FROM {source}{clause}",),
+    "clause": (
+        "", "", "", f" WHERE {INNER}", f" GROUP BY {INNER}", f" ORDER BY {INNER}", " LIMIT {number}",
+        f" START WITH s = {INNER} CONNECT BY MAXIMUM 3 UNIQUE s = {INNER}",
+    ),
+    "name": NAMES, "words": TEXTS, "number": NUMBERS, "call": CALLS, "shape": FORMS,
+}  # fmt: skip
+DEEPEST = 5  # parts inside of each other
+
+
 class Maker:
     """Makes scripts from a seed. None of them assigns a variable."""
 
     def __init__(self, seed: int) -> None:
         self.random = random.Random(seed)
-        self.pick = self.random.choice
 
     def script(self) -> str:
-        text = "; ".join(self.pick((self.query, self.expression))(3) for _ in range(self.random.randint(1, 2)))
+        text = self.made("script", 0)
         if self.random.random() < 0.1:  # torn apart somewhere
             at = self.random.randrange(len(text) + 1)
-            text = text[:at] + self.pick(("'", '"', "(", ")", "/*", ";", "\0", "[", "--", "\\", "#")) + text[at:]
+            torn = self.random.choice(("'", '"', "(", ")", "/*", ";", "\0", "[", "--", "\\", "#"))
+            text = text[:at] + torn + text[at:]
         return text
 
-    def expression(self, depth: int) -> str:
-        simple = (lambda: self.pick(NAMES), self.text, lambda: self.pick(NUMBERS), lambda: "canary", lambda: "xs")
-        if depth <= 0:
-            return self.pick(simple)()
-        inner = lambda: self.expression(depth - 1)  # noqa: E731 - the shortest name for it
-        return self.pick(
-            (
-                *simple,
-                lambda: f"{self.pick(CALLS)}({', '.join(inner() for _ in range(self.random.randint(0, 2)))})",
-                lambda: f"{self.pick(NAMES)}({inner()})",
-                lambda: f"{self.pick(('canary', 'xs', 'this', 't', 'a'))}.{self.pick(NAMES)}",
-                lambda: f"{inner()}[{inner()}]",
-                lambda: (
-                    f"({inner()} {self.pick(('+', '-', '*', '/', '%', '^', '==', '<', 'IN', 'AND', 'OR'))} {inner()})"
-                ),
-                lambda: f"[{inner()}, {inner()}]",
-                lambda: f"IF({inner()}; {inner()}; {inner()})",
-                lambda: f"({self.query(depth - 1)} AS {self.form()})",
-                lambda: f"{self.pick(NAMES)}{{{inner()}}}",
-            )
-        )()
-
-    def text(self) -> str:
-        return f'"{self.pick(TEXTS)}"' if self.random.random() < 0.7 else f"'{self.pick(NAMES)}'"
-
-    def form(self) -> str:
-        form = self.pick(FORMS)
-        return form if self.random.random() < 0.6 else f"{form}({self.pick((self.text(), 'path = ' + self.text()))})"
-
-    def source(self, depth: int) -> str:
-        source = self.pick(("xs", "t", "canary", "objects", self.pick(NAMES), self.expression(depth - 1)))
-        return source if self.random.random() < 0.7 else f"{self.pick(NAMES)} = {source}"
-
-    def column(self, depth: int) -> str:
-        column = self.pick(("this", "this", self.expression(depth - 1), self.expression(depth - 2)))
-        return column if self.random.random() < 0.7 or column == "*" else f"to({column}, {self.text()})"
-
-    def query(self, depth: int) -> str:
-        text = f"SELECT {self.column(depth)}, {self.column(depth)} FROM {self.source(depth)}"
-        clauses = (
-            lambda: f" WHERE {self.expression(depth - 1)}",
-            lambda: f" GROUP BY {self.expression(depth - 1)}",
-            lambda: f" ORDER BY {self.expression(depth - 1)}",
-            lambda: f" LIMIT {self.pick(NUMBERS)}",
-            lambda: f" START WITH s = {self.expression(1)} CONNECT BY MAXIMUM 3 UNIQUE s = {self.expression(1)}",
-        )
-        return text + (self.pick(clauses)() if self.random.random() < 0.6 else "")
+    def made(self, part: str, depth: int) -> str:
+        written = self.random.choice(SIMPLE if part == "expression" and depth > DEEPEST else GRAMMAR[part])
+        if GRAMMAR[part] in (NAMES, TEXTS, NUMBERS, CALLS, FORMS):
+            return written  # braces in a text are its own
+        pieces = re.split(r"\{(\w+)\}", written)
+        pieces[::2] = [piece.replace("{{", "{").replace("}}", "}") for piece in pieces[::2]]
+        pieces[1::2] = [self.made(inside, depth + 1) for inside in pieces[1::2]]
+        return "".join(pieces)

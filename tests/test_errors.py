@@ -202,31 +202,18 @@ def test_an_exception_keeps_its_type_and_its_traceback(session: Session, engine:
     still_works(session)
 
 
-def test_a_script_inside_a_function_reports_its_own_error(session: Session) -> None:
-    @session.function
-    def inner(x: int) -> object:
-        return session.eval("SELECT 1 / this FROM [0] AS value")
-
-    error = failure(lambda: session.run("SELECT inner(this) FROM [1]"))
-    assert error.code == "X002"
-    assert error.span is not None
-    assert error.span.text == "/"
-    still_works(session)
-
-
-# --- several errors ------------------------------------------------------------------------------------
-
-
-def test_all_errors_of_a_script_are_found(session: Session) -> None:
-    error = failure(lambda: session.run("SELECT nme FROM [1];\nfoo(1);\nSELECT this FROM [1] AS lst;\nthis;"))
-    assert [one.code for one in error.errors] == ["R001", "R002", "R006", "R014"]
-    assert [one.span.line for one in error.errors if one.span] == [1, 2, 3, 4]
-    assert str(error).count("error[") == 4
-
-
 def test_max_rows_counts_paths_of_a_search(session: Session, engine: Any) -> None:
     script = "SELECT n FROM [1] START WITH n = 1 CONNECT BY n = n + 1 STOP WITH n == 4"
     assert len(session.run(script, engine=engine, max_rows=3).paths) == 3
     error = failure(lambda: session.run(script, engine=engine, max_rows=2))
     assert error.code == "X010"
     assert "2" in error.message
+
+
+@pytest.mark.parametrize("disable", [(), ("fold",), ("split", "unnest", "fold")], ids=str)
+@pytest.mark.parametrize("expression", ["(1 / this > 0) XOR (1 / 0 > 0)", "min(1 / this, 2 / (this + 0))"])
+def test_errors_stand_where_the_written_order_meets_them(engine: Any, disable: Any, expression: str) -> None:
+    with ss2sql.connect(disable=disable) as session:
+        error = failure(lambda: session.run(f"SELECT {expression} FROM [0, 1, 2] AS list", engine=engine))
+    assert error.span is not None
+    assert (error.span.text, error.span.column) == ("/", 8 + expression.index("/"))

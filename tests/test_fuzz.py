@@ -6,6 +6,7 @@ import contextlib
 from collections import Counter
 from collections.abc import Iterator
 from random import Random
+from unittest.mock import Mock
 
 import pytest
 from fuzz import CORPUS, LONGEST, seeds
@@ -92,25 +93,20 @@ def test_the_judge_sees_what_breaks_a_promise(ss: ss2sql.Session, monkeypatch: p
     with pytest.raises(AssertionError, match=r"2\.1 s"):
         judge(ss, "1", lambda: next(ticks))
 
-    def judged(error: Exception) -> None:
-        def failing(_: Source) -> None:
-            raise error
-
-        monkeypatch.setattr("fuzz_judge.parse", failing)
-        judge(ss, "1", never)
-
     source = Source("1")
-    judged(ParseError("P002", "no", Span(source, 0, 1), ["x"]))
+    parse = Mock(side_effect=ParseError("P002", "no", Span(source, 0, 1), ["x"]))
+    monkeypatch.setattr("fuzz_judge.parse", parse)
+    judge(ss, "1", never)
     for error, words in (
         (ParseError("P002", "no", Span(source, 0, 9), ["x"]), "a place outside of the text"),
         (ParseError("P002", "no", Span(source, 0, 1)), "not what to do"),
         (ParseError("P002", "no", None, ["x"]), "no place"),
         (ParseError("P002", "no", Span(Source("other"), 0, 1), ["x"]), "does not have"),
+        (RecursionError("deep"), "deep"),
     ):
-        with pytest.raises(AssertionError, match=words):
-            judged(error)
-    with pytest.raises(RecursionError):
-        judged(RecursionError())
+        parse.side_effect = error
+        with pytest.raises((AssertionError, RecursionError), match=words):
+            judge(ss, "1", never)
 
 
 def test_the_judge_asks_sqlite_whether_it_is_sql(ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch) -> None:

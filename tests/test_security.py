@@ -11,7 +11,7 @@ import apsw
 import pytest
 
 import ss2sql
-from ss2sql.errors import Error, ExecutionError, ResolveError, Timeout
+from ss2sql.errors import Error, ExecutionError, ResolveError
 from ss2sql.errors.visible import visible
 
 REFUSED = (
@@ -115,16 +115,6 @@ def test_lists_whose_columns_look_alike_to_sqlite_are_walked_apart() -> None:
 def test_no_length_and_no_power_takes_the_memory(guarded: ss2sql.Session, script: str) -> None:
     with pytest.raises(ExecutionError):
         guarded.run(script)
-
-
-def test_max_rows_and_timeout_bound_what_a_script_asks_for(guarded: ss2sql.Session, engine: Any) -> None:
-    product = "SELECT a.this FROM a = range(10 ^ 6), b = range(10 ^ 6)"
-    for script in (f"{product} AS list", f"len({product} AS list)"):
-        with pytest.raises(ExecutionError) as refused:
-            guarded.run(script, max_rows=10, engine=engine)
-        assert refused.value.code == "X010"
-    with pytest.raises(Timeout):
-        guarded.run(f"{product} WHERE b.this < 0", timeout=0.3, engine=engine)
 
 
 # --- terminals -----------------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ from typing import Any
 
 import apsw
 import pytest
-from listings import MOVES, move
+from listings import HANOI, MOVES, move
 from sessions import code_of
 
 import ss2sql
@@ -17,13 +17,6 @@ from ss2sql.runtime.run import Run
 def double(x):
     return x * 2
 
-
-HANOI = """
-SELECT this{more} FROM moves WHERE [[], [], [3, 2, 1]] == move(this, tower)
-START WITH tower = [[3, 2, 1], [], []], level = 1
-CONNECT BY {option} tower = move(this, tower), level = level + 1
-STOP WITH level == 8 OR [] == move(this, tower);
-"""
 
 FLAT = [
     "SELECT name, pay FROM staff WHERE pay > 5 ORDER BY pay DESC LIMIT 3 AS rows;",
@@ -67,8 +60,9 @@ def test_the_text_gives_the_same_rows_in_another_connection_with_the_same_functi
 
 @pytest.mark.parametrize("option", ["", "BREADTH FIRST", "NO CYCLE", "UNIQUE", "MAXIMUM 2"])
 def test_the_text_of_a_search_gives_the_same_last_rows(staff: ss2sql.Session, option: str) -> None:
-    more = ", tower" if option in ("NO CYCLE", "UNIQUE") else ""
-    result = staff.run(HANOI.format(option=option, more=more), engine="database")
+    listing = HANOI["no cycle" if option in ("NO CYCLE", "UNIQUE") else "cycle"].replace("mov.this", "this")
+    script = listing.replace("NO CYCLE # or UNIQUE", "").replace("CONNECT BY", f"CONNECT BY {option}")
+    result = staff.run(script, engine="database")
     other = session()
     pasted = other.host.database.paste(result.sql, Run(other.host))
     assert [row[2:] for row in pasted] == [path[-1] for path in result.paths]
@@ -136,3 +130,20 @@ def test_a_row_that_is_cut_off_may_fail_in_the_database(ss: ss2sql.Session) -> N
     script = "SELECT 10 / this FROM [5, {}, 1] ORDER BY this DESC LIMIT 1 AS list"
     assert ss.run(script.format(2), engine="database").value == [2.0]
     assert code_of(ss.run, script.format(0), engine="database") == "X002"
+
+
+def test_sqlite_tests_types_and_bounds_once_and_by_itself(ss: ss2sql.Session) -> None:
+    search = "SELECT (x + 1) * 2 - 1 FROM [0, 1] START WITH x = 1 CONNECT BY x = x * 2 AS list"
+    assert str(ss.compile(search).sql).count("typeof") == 1
+    for name, value in {"grid": [[1, 2], [3, 4], [5, 6]], "far": [0, 1, 5]}.items():
+        ss.attach(name, value)
+    assert "WHEN far.this BETWEEN 0 AND 2" in str(ss.compile("SELECT grid[this][1] FROM far AS list").sql)
+
+
+def test_a_text_that_was_read_early_is_read_again_without_its_variable(ss: ss2sql.Session) -> None:
+    ss.run("k = 1;")
+    query = ss.compile("SELECT this FROM [1, 2] WHERE eval('k + 1 == 2') AS list")
+    assert query.run().value == [1, 2]
+    ss.run("clear();")
+    with pytest.raises(ss2sql.ResolveError, match="'k'"):
+        query.run()
