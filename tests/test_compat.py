@@ -60,11 +60,6 @@ def test_the_program_stub_solves_the_towers() -> None:
     assert path[0] == {"this": [0, 1], "tower": [[4, 3, 2, 1], [], []]}
 
 
-def test_its_typo_gets_a_hint() -> None:
-    with pytest.raises(ss2sql.ResolveError, match="did you mean 'moves'"):
-        stub(MOVES + HANOI["no cycle"])
-
-
 def test_scripts_are_compiled_before_the_functions_are_known() -> None:
     script = ss2sql.compat.compile("double(x) + 1;")
     interpreter = ss2sql.compat.Interpreter()
