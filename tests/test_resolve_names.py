@@ -136,6 +136,7 @@ ERRORS: list[tuple[str, ...]] = [
     ("R014", "MAXIMUM is read once", f"{SEARCH}MAXIMUM («this») n = 2;"),
     # groups
     ("R008", "", "SELECT «a», sum(b) FROM t GROUP BY b;", "SELECT «a + sum(b)» FROM t GROUP BY b;",
+     "SELECT sum(b), «a» FROM t GROUP BY b;",
      "SELECT sum(b) FROM t GROUP BY b HAVING «a > 1»;", "SELECT a FROM t GROUP BY b HAVING «a > 1»;",
      "SELECT sum(b) FROM t GROUP BY b ORDER BY «a»;",
      "SELECT («SELECT sum(x.a + t.b) FROM x = t GROUP BY 1 AS value»), count(*) FROM t GROUP BY 1;",

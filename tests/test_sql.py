@@ -11,6 +11,7 @@ from listings import HANOI, MOVES, move
 from sessions import code_of
 
 import ss2sql
+from ss2sql.plan_tree import plan_tree
 from ss2sql.runtime.run import Run
 
 
@@ -147,3 +148,7 @@ def test_a_text_that_was_read_early_is_read_again_without_its_variable(ss: ss2sq
     ss.run("clear();")
     with pytest.raises(ss2sql.ResolveError, match="'k'"):
         query.run()
+
+
+def test_a_plan_names_its_parameters(ss: ss2sql.Session) -> None:
+    assert plan_tree(ss.compile("SELECT this FROM [1] WHERE this == wanted").plan).startswith("parameters wanted\n")
