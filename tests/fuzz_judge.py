@@ -85,7 +85,7 @@ def _stages(ss: ss2sql.Session, text: str) -> str:
                     _prepare(ss, one.lowered)
         assert query.sql is not None
     except ss2sql.Error as error:
-        _is_ours(error, text)
+        is_ours(error, text)
         if stage == "nothing" and not isinstance(error, ss2sql.ParseError):
             raise
     return stage
@@ -101,7 +101,7 @@ def _prepare(ss: ss2sql.Session, lowered: Any) -> None:
             raise AssertionError(f"{error}\n{lowered.text}") from error
 
 
-def _is_ours(error: ss2sql.Error, text: str) -> None:
+def is_ours(error: ss2sql.Error, text: str) -> None:
     assert error.errors[0] is error
     for one in error.errors:
         assert one.code in CODES
@@ -117,12 +117,13 @@ def _is_ours(error: ss2sql.Error, text: str) -> None:
 
 def inside(root: Any, start: int, end: int) -> None:
     """Every node of a tree lies inside its parent. Nothing here recurses."""
-    for node, low, high in _nodes(root, start, end):
+    for node, low, high in nodes(root, start, end):
         span: Span = node.span
         assert low <= span.start <= span.end <= high, f"{type(node).__name__} lies outside of what it belongs to"
 
 
-def _nodes(root: Any, start: int, end: int) -> Iterator[tuple[Any, int, int]]:
+def nodes(root: Any, start: int, end: int) -> Iterator[tuple[Any, int, int]]:
+    """Every node of a tree, with the place of its parent."""
     waiting: list[tuple[Any, int, int]] = [(root, start, end)]
     while waiting:
         node, low, high = waiting.pop()

@@ -4,36 +4,27 @@ from __future__ import annotations
 
 import json
 import re
+from functools import cache
 
 import pytest
 
-import ss2sql
 from ss2sql.errors import CODES, Error, Source, Span, render, render_all, several
 
 
-def at(text: str, part: str, number: int = 1) -> Span:
-    """The stretch of a text that is the `number`-th of a part."""
-    start = -1
-    for _ in range(number):
-        start = text.index(part, start + 1)
-    return Span(Source(text, "s.ss"), start, start + len(part))
+@cache
+def source(text: str) -> Source:
+    return Source(text, "s.ss")
 
 
-def shown(error: Error, color: bool = False) -> list[str]:
+def at(text: str, part: str) -> Span:
+    """The stretch of a text that is a part of it."""
+    start = text.index(part)
+    return Span(source(text), start, start + len(part))
+
+
+def shown(error: Error) -> list[str]:
     """The rendered lines behind the sentence."""
-    return render(error, color).split("\n")[1:]
-
-
-def test_one_place() -> None:
-    error = Error("R001", "unknown name 'b'", at("a +\n b + c", "b"), ["write a"])
-    assert render(error) == (
-        """error[R001]: unknown name 'b'
- --> s.ss:2:2
-  |
-2 |  b + c
-  |  ^
-  = help: write a"""
-    )
+    return render(error).split("\n")[1:]
 
 
 def test_no_place() -> None:
@@ -42,11 +33,36 @@ def test_no_place() -> None:
     )
 
 
+TWENTY = "\n".join(f"line {number}" for number in range(1, 21))
+
+
+@pytest.mark.parametrize(
+    ("text", "start", "end", "expected"),
+    [
+        ("a +\n b + c", 5, 6, [" --> s.ss:2:2", "  |", "2 |  b + c", "  |  ^"]),
+        ("\n" * 9 + "a", 9, 10, ["  --> s.ss:10:1", "   |", "10 | a", "   | ^"]),
+        ("abc\n", 0, 4, [" --> s.ss:1:1", "  |", "1 | abc", "  | ^^^"]),
+        ("SELECT a\nFROM b\nWHERE c;", 0, 23,
+         [" --> s.ss:1:1", "  |", "1 | / SELECT a", "2 | | FROM b", "3 | | WHERE c;", "  | |_______^"]),
+        ("x = (1 +\n  2)", 4, 13,
+         [" --> s.ss:1:5", "  |", "1 |   x = (1 +", "  |  _____^", "2 | |   2)", "  | |____^"]),
+        (TWENTY, 0, len(TWENTY),
+         ["  --> s.ss:1:1", "   |", " 1 | / line 1", " 2 | | line 2", " 3 | | line 3", " 4 | | line 4", "...  |",
+          "20 | | line 20", "   | |_______^"]),
+        ("a" * 119 + "X", 119, 120, [" --> s.ss:1:120", "  |", "1 | " + "a" * 119 + "X", "  | " + " " * 119 + "^"]),
+    ],
+    ids=["one place", "wide gutter", "line break", "lines", "within a line", "many lines", "a line that fits"],
+)  # fmt: skip
+def test_a_stretch_of_text(text: str, start: int, end: int, expected: list[str]) -> None:
+    error = Error("P009", "no", Span(Source(text, "s.ss"), start, end), ["do"])
+    edge = " " * (len(expected[1]) - 1)
+    assert render(error).split("\n") == ["error[P009]: no", *expected, f"{edge}= help: do"]
+
+
 def test_the_gutter_is_as_wide_as_the_largest_number() -> None:
     text = "\n" * 9 + "a"
     related = [(Span(Source(text, "s.ss"), 8, 9), "before")]
-    assert shown(Error("P001", "no", at(text, "a"), ["do"], related)) == [
-        "  --> s.ss:10:1", "   |", "10 | a", "   | ^",
+    assert shown(Error("P001", "no", at(text, "a"), ["do"], related))[4:] == [
         "  --> s.ss:9:1: before", "   |", " 9 |", "   | -", "   = help: do",
     ]  # fmt: skip
 
@@ -64,9 +80,8 @@ def test_the_gutter_is_as_wide_as_the_largest_number() -> None:
 )
 def test_what_has_to_do_with_it_stands_on_the_same_line(related: list[str], expected: list[str]) -> None:
     text = "a b c d"
-    source = at(text, "b")
-    places = [(Span(source.source, text.index(part), text.index(part) + len(part)), f"{part} here") for part in related]
-    assert shown(Error("P001", "no", source, related=places))[2:] == expected
+    places = [(at(text, part), f"{part} here") for part in related]
+    assert shown(Error("P001", "no", at(text, "b"), related=places))[2:] == expected
 
 
 def test_what_has_to_do_with_it_on_another_line_or_in_another_text() -> None:
@@ -77,35 +92,6 @@ def test_what_has_to_do_with_it_on_another_line_or_in_another_text() -> None:
         " --> s.ss:2:1", "  |", "2 | b", "  | ^", "  |", "1 | a", "  | - first",
         " --> s.ss:1:6: read here", "  |", "1 | eval(x)", "  |      -",
     ]  # fmt: skip
-
-
-def test_several_lines() -> None:
-    text = "SELECT a\nFROM b\nWHERE c;"
-    whole = Span(Source(text, "s.ss"), 0, len(text) - 1)
-    assert shown(Error("P009", "no", whole)) == [
-        " --> s.ss:1:1", "  |", "1 | / SELECT a", "2 | | FROM b", "3 | | WHERE c;", "  | |_______^",
-    ]  # fmt: skip
-
-
-def test_several_lines_that_begin_within_one() -> None:
-    text = "x = (1 +\n  2)"
-    assert shown(Error("X004", "no", Span(Source(text, "s.ss"), 4, len(text)))) == [
-        " --> s.ss:1:5", "  |", "1 |   x = (1 +", "  |  _____^", "2 | |   2)", "  | |____^",
-    ]  # fmt: skip
-
-
-def test_many_lines_are_shown_by_their_beginning_and_their_end() -> None:
-    text = "\n".join(f"line {number}" for number in range(1, 21))
-    lines = shown(Error("P009", "no", Span(Source(text, "s.ss"), 0, len(text))))
-    assert lines == [
-        "  --> s.ss:1:1", "   |", " 1 | / line 1", " 2 | | line 2", " 3 | | line 3", " 4 | | line 4", "...  |",
-        "20 | | line 20", "   | |_______^",
-    ]  # fmt: skip
-
-
-def test_a_line_break_at_the_end_of_a_stretch_shows_no_further_line() -> None:
-    text = "abc\n"
-    assert shown(Error("P001", "no", Span(Source(text, "s.ss"), 0, 4)))[-1] == "  | ^^^"
 
 
 @pytest.mark.parametrize(
@@ -139,29 +125,21 @@ def test_a_long_line_is_cut_around_its_place(place: int, filler: str) -> None:
     assert line.endswith("...") == (place < 430)
 
 
-def test_a_line_that_fits_is_not_cut() -> None:
-    text = "a" * 119 + "X"
-    assert shown(Error("P001", "no", at(text, "X")))[2:] == [f"1 | {text}", f"  | {' ' * 119}^"]
-
-
 # --- colour --------------------------------------------------------------------------------------------
 
 ANSI = re.compile(r"\x1b\[[\d;]*m")
 
 
-def every_kind() -> list[Error]:
-    text = "a b\nc d\ne"
-    own = at(text, "b")
-    return [
-        Error("P001", "no", own, ["do", "or do"], [(at(text, "a"), "here"), (at(text, "c d"), "there")]),
-        Error("P001", "no", Span(own.source, 2, 9), ["do"]),
-        Error("S001", "no", hints=["do"]),
-    ]
+TEXT = "a b\nc d\ne"
+KINDS = [
+    Error("P001", "no", at(TEXT, "b"), ["do", "or do"], [(at(TEXT, "a"), "here"), (at(TEXT, "c d"), "there")]),
+    Error("P001", "no", Span(Source(TEXT, "s.ss"), 2, 9), ["do"]),
+    Error("S001", "no", hints=["do"]),
+]
 
 
-@pytest.mark.parametrize("number", range(3))
-def test_colour_changes_nothing_else(number: int) -> None:
-    error = every_kind()[number]
+@pytest.mark.parametrize("error", KINDS, ids=["related", "lines", "no place"])
+def test_colour_changes_nothing_else(error: Error) -> None:
     assert "\x1b" not in render(error)
     assert "\x1b" not in str(error)
     assert ANSI.sub("", render(error, color=True)) == render(error)
@@ -169,17 +147,11 @@ def test_colour_changes_nothing_else(number: int) -> None:
 
 
 def test_what_is_coloured() -> None:
-    text = render(every_kind()[0], color=True)
+    text = render(KINDS[0], color=True)
     assert text.startswith("\x1b[1;31merror[P001]\x1b[0m\x1b[1m: no\x1b[0m")
     assert "\x1b[1;31m^\x1b[0m" in text
     assert "\x1b[1;34m-\x1b[0m" in text
     assert "\x1b[1;36mhelp\x1b[0m: do" in text
-
-
-def test_a_script_cannot_colour_its_error() -> None:
-    with ss2sql.connect() as session, pytest.raises(Error) as caught:
-        session.run("x = '\x1b[31m'; nmae;")
-    assert "\x1b" not in str(caught.value)
 
 
 # --- several at once, and data -------------------------------------------------------------------------
@@ -205,9 +177,6 @@ def test_an_error_as_data() -> None:
         "documentation": "docs/errors/X002.md",
     }  # fmt: skip
     assert json.loads(json.dumps(error.as_dict())) == error.as_dict()
-
-
-def test_an_error_without_a_place_as_data() -> None:
     found = Error("S001", "no").as_dict()
     assert [found[key] for key in ("file", "line", "column", "end_line", "end_column")] == [None] * 5
     assert found["related"] == found["hints"] == []

@@ -6,11 +6,11 @@ from typing import Any
 
 import pytest
 from command_lines import bad, call, good
+from sessions import ENGINES
 
 import ss2sql
 from ss2sql.runtime.native import pace
 
-ENGINES = ("database", "native")
 # Each ends, and its steps are counted on both engines.
 SEARCHES = {
     "depth first": "SELECT n FROM [1, 2] START WITH n = 0 CONNECT BY n = n + this STOP WITH n >= 9",
@@ -70,11 +70,10 @@ def test_a_search_without_end_has_one(engine: Any, name: str) -> None:
         assert error.span is not None
 
 
-def test_what_was_found_until_then_is_kept() -> None:
+def test_what_was_found_until_then_is_kept(engine: Any) -> None:
     with ss2sql.connect(max_steps=500) as session:
-        for engine in ENGINES:
-            partial = out_of_steps(session, ENDLESS["depth first"], engine=engine).partial
-            assert partial.paths[:2] == [[(0,)], [(0,), (1,)]]
+        partial = out_of_steps(session, ENDLESS["depth first"], engine=engine).partial
+        assert partial.paths[:2] == [[(0,)], [(0,), (1,)]]
 
 
 @pytest.mark.parametrize("steps", [500, 501])
@@ -89,7 +88,6 @@ def test_elements_that_were_not_tried_do_not_count(steps: int) -> None:
             out_of_steps(session, script, engine="native")
 
 
-@pytest.mark.parametrize("engine", ENGINES)
 def test_steps_are_counted_over_all_statements_and_anew_in_each_run(engine: Any) -> None:
     search = SEARCHES["depth first"]
     with ss2sql.connect() as free:
@@ -100,7 +98,6 @@ def test_steps_are_counted_over_all_statements_and_anew_in_each_run(engine: Any)
         out_of_steps(session, f"{search} AS list; {search} AS list;", engine=engine)
 
 
-@pytest.mark.parametrize("engine", ENGINES)
 def test_steps_of_runs_inside_of_a_run_count(engine: Any) -> None:
     inner = "SELECT n FROM [1] START WITH n = 0 CONNECT BY n = n + this STOP WITH n == 9 AS list"  # ten steps
     outer = "SELECT inside(this) FROM range(5) AS list"

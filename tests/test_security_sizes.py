@@ -6,8 +6,10 @@ ever to look at.
 
 from __future__ import annotations
 
+import gc
 import subprocess
 import sys
+import weakref
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -20,9 +22,9 @@ import ss2sql
 from ss2sql.runtime import executing, run, shaping
 from ss2sql.runtime.sizes import CELL, FEW, LEAST, Sizes
 
-ENGINES = ("auto", "native")
 STEPS = 40  # doublings
 
+SHARED = "".join(f"{name} = [1]; " + f"{name} = [{name}, {name}]; " * STEPS for name in "lm")  # before somebody looks
 # By what grows: text, lists that share their parts, and results of queries.
 GROWING = {
     "text by statements": "t = 'ab'; " + "t = t + t; " * STEPS + "len(t)",
@@ -49,8 +51,15 @@ GROWING = {
     "dicts of queries": "l = [1, 2]; " + "l = (SELECT l, to(l, m) FROM range(8)); " * 8 + "len(l)",
     "an inner query": "SELECT len((SELECT a.this + x.this FROM a = range(200), b = range(200) AS list)) FROM x = [1]",
     "numbers": "len(range(10 ^ 5))",
+    **{f"lists that share, {form}": SHARED + form for form in (
+        "print(l)", "l == m", "str(l)", "sorted([l, m])", "l IN [m]", "uniq([l, m])")},
     "numbers in turn": "SELECT len(range(10 ^ this)) FROM [1, 5] AS list",
 }  # fmt: skip
+
+
+@pytest.fixture(params=["auto", "native"])
+def engine(request: pytest.FixtureRequest) -> Any:
+    return request.param
 
 
 @pytest.fixture
@@ -67,9 +76,8 @@ def refused(session: ss2sql.Session, script: str, **options: Any) -> str:
     return error.value.code
 
 
-@pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("what", GROWING)
-def test_what_grows_is_refused(small: ss2sql.Session, what: str, engine: str) -> None:
+def test_what_grows_is_refused(small: ss2sql.Session, what: str, engine: Any) -> None:
     assert refused(small, GROWING[what], engine=engine) == "X014"
 
 
@@ -81,67 +89,58 @@ def test_the_reference_refuses_it_too(what: str, monkeypatch: pytest.MonkeyPatch
     assert failure.value.code == "X014"
 
 
-@pytest.mark.parametrize("form", ["print(l)", "l == m", "str(l)", "sorted([l, m])", "l IN [m]", "uniq([l, m])"])
-def test_what_shares_its_parts_is_refused_before_somebody_looks(small: ss2sql.Session, form: str) -> None:
-    grow = "".join(f"{name} = [1]; " + f"{name} = [{name}, {name}]; " * STEPS for name in "lm")
-    assert refused(small, grow + form) == "X014"
-
-
-@pytest.mark.parametrize("engine", ENGINES)
-def test_the_result_of_a_script_is_a_value(small: ss2sql.Session, engine: str) -> None:
+def test_the_result_of_a_script_is_a_value(small: ss2sql.Session, engine: Any) -> None:
     """Rows may share what is in them; their value has copies."""
     small.set("l", [0] * 10_000)
     script = "SELECT l FROM [1, 2, 3, 4] AS list"
     assert refused(small, script, engine=engine) == "X014"
-    assert len(small.run(script.replace(", 4", ""), engine=engine).value) == 3  # type: ignore[arg-type]
+    assert len(small.run(script.replace(", 4", ""), engine=engine).value) == 3
 
 
-@pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("unit", ["a", "é", "€"])
-def test_a_text_has_so_many_bytes_and_no_more(small: ss2sql.Session, engine: str, unit: str) -> None:
+def test_a_text_has_so_many_bytes_and_no_more(small: ss2sql.Session, engine: Any, unit: str) -> None:
     most = LEAST // len(unit.encode())
     small.set("t", unit * (most - 1))
     script = "SELECT len(t + this) FROM ['a', 'aaaaaaaa'] WHERE len(this) == {} AS value"
-    assert small.run(script.format(1), engine=engine).value == most  # type: ignore[arg-type]
+    assert small.run(script.format(1), engine=engine).value == most
     assert refused(small, script.format(8), engine=engine) == "X014"
 
 
-@pytest.mark.parametrize("engine", ENGINES)
-def test_a_list_has_so_many_bytes_and_no_more(small: ss2sql.Session, engine: str) -> None:
+def test_a_list_has_so_many_bytes_and_no_more(small: ss2sql.Session, engine: Any) -> None:
     most = LEAST // CELL
     small.set("l", [0] * (most - 3))
     script = "SELECT len(uniq([l, this])) FROM [1, 'a'] WHERE this == {} AS value"
-    assert small.run(script.format(1), engine=engine).value == 2  # type: ignore[arg-type]
+    assert small.run(script.format(1), engine=engine).value == 2
     small.set("l", [0] * (most - 2))
-    assert small.run(script.format(1), engine=engine).value == 2  # type: ignore[arg-type]
+    assert small.run(script.format(1), engine=engine).value == 2
     assert refused(small, script.format("'a'"), engine=engine) == "X014"
 
 
-@pytest.mark.parametrize("engine", ENGINES)
-def test_few_values_have_room(small: ss2sql.Session, engine: str) -> None:
+def test_few_values_have_room(small: ss2sql.Session, engine: Any) -> None:
     small.set("t", "a" * (LEAST - 1))
     script = "SELECT len(uniq([t, [t, this, {}]])) FROM [1, 'a'] AS list"
-    assert small.run(script.format("t, t"), engine=engine).value == [2, 2]  # type: ignore[arg-type]
+    assert small.run(script.format("t, t"), engine=engine).value == [2, 2]
     assert refused(small, script.format(", ".join("t" * FEW)), engine=engine) == "X014"
 
 
-@pytest.mark.parametrize("engine", ENGINES)
-def test_a_value_of_python_may_be_larger(small: ss2sql.Session, engine: str) -> None:
+def test_a_value_of_python_may_be_larger(small: ss2sql.Session, engine: Any) -> None:
     small.set("l", [[0] * 1000] * 1000)
     script = "SELECT len(l), l[0][0], len(this) FROM l LIMIT 1 AS list"
-    assert small.run(script, engine=engine).value == [1000, 0, 1000]  # type: ignore[arg-type]
+    assert small.run(script, engine=engine).value == [1000, 0, 1000]
     assert refused(small, "SELECT len(uniq([l, this])) FROM [1]", engine=engine) == "X014"
 
 
-@pytest.mark.parametrize("name", ["m", "q"])
-def test_all_variables_together_are_a_value(small: ss2sql.Session, name: str) -> None:
-    script = "l = [1, 2]; " + "".join(f"{name}{i} = var(); " for i in range(STEPS))
-    assert refused(small, script) == "X014"
+@pytest.mark.parametrize(
+    "more",
+    [
+        *("".join(f"{name}{i} = var(); " for i in range(STEPS)) for name in "mq"),
+        "v{1000.0} = [1, 2]; " + "v{1000.0} = v{}; " * STEPS,
+    ],
+    ids=["m", "q", "temporal"],
+)
+def test_all_variables_together_are_a_value(small: ss2sql.Session, more: str) -> None:
+    assert refused(small, "l = [1, 2]; " + more) == "X014"
     assert small.eval("var('l')") == [1, 2]
-
-
-def test_all_values_of_a_temporal_variable_are_a_value(small: ss2sql.Session) -> None:
-    assert refused(small, "v{1000.0} = [1, 2]; " + "v{1000.0} = v{}; " * STEPS) == "X014"
 
 
 def test_two_limits_of_sessions_know_nothing_of_each_other(small: ss2sql.Session) -> None:
@@ -169,20 +168,18 @@ def nested(levels: int) -> str:
     return f"l = [1.5]; m = [1.5]; SELECT len(l = [l]), len(m = [m]) FROM range({levels - 1}) AS void; "
 
 
-@pytest.mark.parametrize("engine", ENGINES)
-def test_deep_values_are_refused_where_they_are_made(small: ss2sql.Session, engine: str) -> None:
+def test_deep_values_are_refused_where_they_are_made(small: ss2sql.Session, engine: Any) -> None:
     assert refused(small, nested(501), engine=engine) == "X004"
     assert refused(small, "SELECT n FROM [1] WHERE n < 0 START WITH l = [1], n = 0 "
                    "CONNECT BY l = [l], n = n + 1 STOP WITH n == 3000", engine=engine) == "X004"  # fmt: skip
 
 
-@pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("look", LOOKS)
 def test_deep_values_that_are_allowed_can_be_looked_at(
-    tmp_path: Path, look: str, engine: str, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, look: str, engine: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with ss2sql.connect(tmp_path / "deep.db") as session:
-        result = session.run(nested(490) + look, engine=engine)  # type: ignore[arg-type]
+        result = session.run(nested(490) + look, engine=engine)
         assert repr(result)
         assert result.value is not None
 
@@ -190,24 +187,22 @@ def test_deep_values_that_are_allowed_can_be_looked_at(
 # --- rows --------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("form", ["list", "dict", "rows", "set", "void"])
-def test_max_rows_bounds_queries_inside_of_others(engine: str, form: str) -> None:
+def test_max_rows_bounds_queries_inside_of_others(engine: Any, form: str) -> None:
     """One that takes its turn row by row is not finished first: of 10^12 rows it would never be."""
     script = "SELECT [(SELECT a.this + x.this FROM a = range(10 ^ 6), b = range(10 ^ {}) AS {})] FROM x = [1] AS void"
     with ss2sql.connect(timeout=60.0) as session:
         assert refused(session, script.format(6, form), engine=engine, max_rows=1000) == "X010"
         small = script.replace("10 ^ 6", "30").format(0, form)
-        session.run(small, engine=engine, max_rows=30)  # type: ignore[arg-type]
+        session.run(small, engine=engine, max_rows=30)
         assert refused(session, small, engine=engine, max_rows=29) == "X010"
         source = "SELECT x FROM (SELECT to(this, x) FROM range(100)) WHERE x == 7"
-        assert len(session.run(source, engine=engine, max_rows=1)) == 1  # type: ignore[arg-type]
+        assert len(session.run(source, engine=engine, max_rows=1)) == 1
 
 
-def test_the_first_value_of_many_rows_is_not_the_size_of_all(small: ss2sql.Session) -> None:
-    for engine in ("database", "native"):
-        script = "SELECT (SELECT [this, x.this] FROM range(20000) AS value) FROM x = [1, 2] AS list"
-        assert small.run(script, engine=engine).value == [[0, 1], [0, 2]]  # type: ignore[arg-type]
+def test_the_first_value_of_many_rows_is_not_the_size_of_all(small: ss2sql.Session, engine: Any) -> None:
+    script = "SELECT (SELECT [this, x.this] FROM range(20000) AS value) FROM x = [1, 2] AS list"
+    assert small.run(script, engine=engine).value == [[0, 1], [0, 2]]
 
 
 # --- memory of a run ---------------------------------------------------------------------------------------
@@ -217,7 +212,7 @@ SEARCH = "SELECT n FROM [1, 2] WHERE n % 1000 == 0 START WITH n = 1 CONNECT BY {
 
 @pytest.mark.parametrize("engine", ["database", "native"])
 @pytest.mark.parametrize("options", ["BREADTH FIRST", "UNIQUE", "COST 1"])
-def test_max_memory_ends_a_run_that_grows(monkeypatch: pytest.MonkeyPatch, engine: str, options: str) -> None:
+def test_max_memory_ends_a_run_that_grows(monkeypatch: pytest.MonkeyPatch, engine: Any, options: str) -> None:
     """Each look at the memory finds a megabyte more."""
     looks = iter(range(10**9))
     monkeypatch.setattr(run, "LOOK_EVERY", 0.0)
@@ -225,7 +220,7 @@ def test_max_memory_ends_a_run_that_grows(monkeypatch: pytest.MonkeyPatch, engin
         monkeypatch.setattr(module, "memory_in_use", lambda: next(looks) * 2**20)
     with ss2sql.connect(max_memory=20 * 2**20) as session:
         with pytest.raises(ss2sql.OutOfMemory) as stopped:
-            session.run(SEARCH.format(options), engine=engine)  # type: ignore[arg-type]
+            session.run(SEARCH.format(options), engine=engine)
         assert stopped.value.code == "T003"
         assert stopped.value.partial.status == "memory"
         assert session.eval("1 + 1") == 2
@@ -292,14 +287,14 @@ def test_where_python_has_no_memory_the_run_ends(monkeypatch: pytest.MonkeyPatch
 
 
 @pytest.mark.parametrize("engine", ["database", "native"])
-def test_what_a_function_of_the_user_raises_stays_its_own(engine: str) -> None:
+def test_what_a_function_of_the_user_raises_stays_its_own(engine: Any) -> None:
     def greedy(x: int) -> int:
         raise MemoryError("mine")
 
     with ss2sql.connect() as session:
         session.function("greedy", greedy)
         with pytest.raises(MemoryError, match="mine"):
-            session.run("SELECT greedy(this) FROM [1]", engine=engine)  # type: ignore[arg-type]
+            session.run("SELECT greedy(this) FROM [1]", engine=engine)
         assert session.eval("1 + 1") == 2
 
 
@@ -333,6 +328,69 @@ def test_a_process_with_a_limit_gets_errors_of_ss2sql() -> None:
     done = subprocess.run([sys.executable, "-c", FULL], capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 0, done.stderr
     assert done.stdout.split("\n") == ["T003 2"] * 2 + [""]
+
+
+# --- one step of a run may make many values ----------------------------------------------------------------
+
+
+def queries_in_each_other(depth: int) -> str:
+    """A value of 3^depth rows, which takes one row of the outermost query."""
+    inner = "0"
+    for _ in range(depth):
+        inner = f"(SELECT {inner} FROM xs)"
+    return f"xs = [1, 2, 3]; SELECT 1 FROM [{inner}] AS list;"
+
+
+@pytest.mark.parametrize("depth", [8, 9, 12])
+def test_one_step_makes_values_that_are_too_large(engine: Any, depth: int) -> None:
+    """The statement goes on after the innermost of them; what happens then must not be what the user hears of."""
+    with ss2sql.connect(max_size=300_000) as session:
+        assert refused(session, queries_in_each_other(depth), engine=engine) == "X014"
+        assert session.run("SELECT 1 FROM [1] AS list;", engine=engine).value == [1]
+
+
+def test_one_step_that_makes_many_values_is_broken_off(engine: Any) -> None:
+    """It would be one of 3^20 rows. Natively they share their values, so that it is made at once, and then measured."""
+    with ss2sql.connect() as session:
+        code, timeout = ("X014", 60.0) if engine == "native" else ("T001", 0.2)
+        assert refused(session, queries_in_each_other(20), engine=engine, timeout=timeout) == code
+
+
+def test_values_of_inner_queries_are_not_copied(monkeypatch: pytest.MonkeyPatch) -> None:
+    copied: list[int] = []
+    monkeypatch.setattr(shaping, "fresh_rows", lambda rows: copied.append(len(rows)) or rows)  # type: ignore[func-returns-value]
+    with ss2sql.connect() as session:
+        for form in ("list", "dict", "rows"):
+            inner = f"SELECT (SELECT [this] FROM [1, 2] AS {form}) FROM [1, 2, 3] AS {form}"
+            session.run(f"x = ({inner}); y = [{inner}]; len({inner})", engine="native")
+        assert copied == []
+        session.run("SELECT (SELECT [this] FROM [1, 2]) FROM [1, 2, 3]", engine="native")
+        assert copied == [3]
+
+
+class Watched(run.Run):
+    """A run that a weak reference can tell of."""
+
+    __slots__ = ("__weakref__",)
+
+
+def test_a_run_is_free_at_its_end(monkeypatch: pytest.MonkeyPatch, engine: Any) -> None:
+    """With all that it holds, and without the garbage collector, which would come when more has piled up."""
+    made: list[weakref.ref[Watched]] = []
+
+    def noted(*arguments: Any, **options: Any) -> Watched:
+        one = Watched(*arguments, **options)
+        made.append(weakref.ref(one))
+        return one
+
+    monkeypatch.setattr(executing, "Run", noted)
+    with ss2sql.connect() as session:
+        gc.disable()
+        try:
+            session.run("SELECT this FROM range(1000) AS list", engine=engine)
+            assert [one() for one in made] == [None]
+        finally:
+            gc.enable()
 
 
 # --- measuring ---------------------------------------------------------------------------------------------

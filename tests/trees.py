@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+import sys
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -98,9 +101,13 @@ def failure(source: str) -> ParseError:
 
 
 def check(marked: str, code: str, message: str, hint: str) -> None:
-    """One error, at the text between `«` and `»`, with these words in its message and in its hints."""
-    start, end = marked.index("«"), marked.index("»") - 1
-    error = failure(marked.replace("«", "").replace("»", ""))
+    """One error, at the text between `«` and `»`, with these words in its message and in its hints.
+
+    If an open bracket is marked by `‹` and `›`, the error says where it was opened.
+    """
+    plain = re.sub("[‹›]", "", marked)
+    start, end = plain.index("«"), plain.index("»") - 1
+    error = failure(re.sub("[«»]", "", plain))
     rendered = str(error)
     assert len(error.errors) == 1, rendered
     assert error.span is not None
@@ -109,6 +116,9 @@ def check(marked: str, code: str, message: str, hint: str) -> None:
     assert error.hints, rendered
     assert message in error.message, rendered
     assert hint in "\n".join(error.hints), rendered
+    if "‹" in marked:
+        ((place, label),) = error.related
+        assert (place.start, label) == (re.sub("[«»]", "", marked).index("‹"), "opened here")
 
 
 def code(source: str) -> str:
@@ -116,3 +126,20 @@ def code(source: str) -> str:
     error = failure(source)
     assert error.hints, str(error)
     return error.code
+
+
+def calls_of(work: Callable[[], Any]) -> int:
+    """How many functions are called, those of C included: what takes time, whatever the machine."""
+    count = 0
+
+    def note(frame: Any, event: str, argument: Any) -> None:
+        nonlocal count
+        count += event in ("call", "c_call")
+
+    before = sys.getprofile()
+    sys.setprofile(note)
+    try:
+        work()
+    finally:
+        sys.setprofile(before)
+    return count

@@ -86,6 +86,16 @@ TABLES: dict[str, str] = {
         CREATE TABLE gone(part TEXT);
         CREATE VIEW broken AS SELECT part FROM gone;
         DROP TABLE gone""",
+    "pairs": """
+        CREATE TABLE pairs(a INTEGER, b INTEGER);
+        INSERT INTO pairs VALUES (1, 2), (2, 3);
+        CREATE VIEW seen AS SELECT * FROM pairs""",
+    "big": """
+        CREATE TABLE big(a INTEGER);
+        INSERT INTO big VALUES (9007199254740993), (1)""",
+    "ways": """
+        CREATE TABLE ways(start, position);
+        INSERT INTO ways VALUES (1, 2), (2, 3), (1, 3), (3, 4)""",
 }
 VALUES: dict[str, Callable[[], Any]] = {
     "moves": lambda: [list(step) for step in MOVES],
@@ -103,4 +113,11 @@ VALUES: dict[str, Callable[[], Any]] = {
     "again": lambda: BallWorld(Box.row(2)),
     "yard": lambda: BallWorld(Box(*(Ball(*ball) for ball in YARD))),
     "twins": lambda: BallWorld(Box(*(Ball(number, "cube", number, 0.0, 0.0, 60.0) for number in (0, 1)))),
+    "t": lambda: [{"a": 1, "b": 2}, {"a": 3, "b": 4}],
+    "u": lambda: [{"b": 20, "c": 30}],
+    "gaps": lambda: [{"a": 1}, {"b": 2}, {"a": None, "b": 3}],
+    "plain": lambda: [1, {"a": 1}],
+    "rooms": lambda: [{"doors": [1, 2]}, {"doors": []}, {"doors": [3]}],
+    "record": lambda: {"a": 1, "b": [2]},
+    "large": lambda: [{"x": 2**62}, {"x": 2**62}],
 }

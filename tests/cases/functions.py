@@ -119,6 +119,44 @@ def picky(x):
     return x
 
 
+def two_rows():
+    return [{"z": 90}, {"z": 91}]
+
+
+def odd_rows():
+    """Elements of several kinds."""
+    return [{"z": 90}, {"y": 91}, 5]
+
+
+def split_rows():
+    """Rows with different columns."""
+    return [{"p": 1}, {"q": 2}]
+
+
+def nothing():
+    """No rows, which is not seen from outside."""
+    return [row for row in () if row]
+
+
+def initial(row):
+    return "m"
+
+
+def minus_a(row):
+    return -row["a"]
+
+
+def twin(x):
+    return [x] * 2
+
+
+class Fetch:
+    """Volatile: rows whose columns nobody knows before."""
+
+    def __call__(self):
+        return [{"a": 50, "initial": 70, "z": 90}]
+
+
 class Counter:
     """Volatile: how often it was called."""
 
@@ -202,12 +240,14 @@ FUNCTIONS: dict[str, Callable[[], dict[str, Function]]] = {
         for function in (
             *(move, moved, neighbours, around, mass, grow, grid, pair, bag, array, scalar),
             *(not_a_number, infinite, huge, imaginary, picky),
+            *(two_rows, odd_rows, split_rows, nothing, initial, minus_a, twin),
         )
     },
     "isHeavy": lambda: {"isHeavy": is_heavy},
     "vectors": lambda: {"add": vector_add},
     "caseless": lambda: {"eq": caseless},
     "tick": lambda: {"tick": Counter()},
+    "fetch": lambda: {"fetch": Fetch()},
     "floor": lambda: _floor(Floor()),
     "clock": lambda: _clock(Clock()),
 }
