@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+import sqlite3
 import subprocess
 import sys
 import textwrap
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -43,15 +45,31 @@ def run(ss: ss2sql.Session, goal: int = 6, bound: int = 4, first: int = 1, limit
     return ss.run(script, goal=goal, first=first, limit=limit)
 
 
+def scratch(**options: Any) -> ss2sql.Result:
+    """The search without a file."""
+    with connect(None) as ss:
+        return run(ss, **options)
+
+
 def fresh(**options: Any) -> Any:
     """What the search gives without a file."""
-    with connect(None) as ss:
-        return run(ss, **options).value
+    return scratch(**options).value
 
 
 def calls(result: ss2sql.Result) -> int:
     """How often functions of the user were called."""
     return sum(result.stats.calls.values())
+
+
+# How many steps each state has that is known, and how many it has to have.
+KNOWN = """SELECT n.steps, count(e.row) FROM ss2sql_nodes n
+LEFT JOIN ss2sql_edges e ON e.source = n.id GROUP BY n.id"""
+
+
+def asked(file: Path, query: str) -> list[Any]:
+    """What Python's own SQLite reads from a file."""
+    with closing(sqlite3.connect(file)) as plain, plain:
+        return plain.execute(query).fetchall()
 
 
 def process(folder: Path, script: str, **environment: str) -> subprocess.Popen[str]:
