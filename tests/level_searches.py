@@ -203,22 +203,12 @@ def compare(
 
 # --- random graphs -------------------------------------------------------------------------------------
 
-Weight = Callable[[random.Random], Any]
-# What a step weighs, for each kind of totals: ties, zeros, sums that are rounded, all different, great differences.
-COSTS: tuple[Weight, ...] = (
-    lambda some: 1,
-    lambda some: some.choice([0, 1, 2]),
-    lambda some: some.choice([0.1, 0.2, 0.3, 0.4, 0]),
-    lambda some: some.random(),
-    lambda some: some.choice([0, 0.5, 3, 10**6, 1e-9]),
-)
-CHANCES: tuple[Weight, ...] = (
-    lambda some: 1,
-    lambda some: some.choice([0, 0.5, 1]),
-    lambda some: some.choice([0.1, 0.3, 0.9]),
-    lambda some: some.random(),
-    lambda some: some.choice([1e-200, 0.5, 1]),
-)
+# What a step weighs, for each kind of totals: ties, zeros, sums that are rounded, all different (whatever is below 1),
+# great differences.
+WEIGHTS: dict[str, tuple[list[float], ...]] = {
+    "COST": ([1], [0, 1, 2], [0.1, 0.2, 0.3, 0.4, 0], [], [0, 0.5, 3, 10**6, 1e-9]),
+    "PROBABILITY": ([1], [0, 0.5, 1], [0.1, 0.3, 0.9], [], [1e-200, 0.5, 1]),
+}
 ENDINGS = ("AS list", "GROUP BY n AS list", "ORDER BY n DESC AS list", "LIMIT 2 AS list", "AS rows")
 CLAUSES = ("roads", "row", "goal", "stops", "weigh", "follow")
 
@@ -233,10 +223,11 @@ class World:
         some = self.some = random.Random(number)
         size = some.randint(2, 7)
         self.guard = GUARDS[number % 3]
-        self.word, weights = some.choice([("COST", COSTS), ("PROBABILITY", CHANCES)])
-        weight = some.choice(weights)
+        self.word = some.choice([*WEIGHTS])
+        weights = some.choice(WEIGHTS[self.word])
         self.roads = [[some.randrange(size) for _ in range(some.randint(0, 3))] for _ in range(size)]
-        self.weights = {(a, b): weight(some) for a in range(size) for b in range(size)}
+        edges = [(a, b) for a in range(size) for b in range(size)]
+        self.weights = {edge: some.choice(weights) if weights else some.random() for edge in edges}
         self.goals = {some.randrange(size) for _ in range(2)}
         self.ends = {some.randrange(size) for _ in range(some.randint(0, 2))}
         self.clause = some.choice((*CLAUSES, None))

@@ -43,37 +43,30 @@ def ss() -> Iterator[ss2sql.Session]:
         yield session
 
 
+# Expressions of ints stay within bounds by a remainder.
+NUMBERS = (
+    *("(({} + {}) % 9)", "(({} - {}) % -7)", "(({} * {}) % 5)", "abs({} % 11)", "(-({} % 6))", "min({} % 8, {} % 8)"),
+    "IF({} < {}; {} % 4; 2)",
+)
+TRUTHS = ("{} < {}", "{} != {}", "{} IN [1, 3, -1]", "(m.far XOR {} > 1)", "({} == 2 OR NOT {} == 3)")
+
+
+def filled(form: str, inner: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
+    return st.builds(form.format, *[inner] * form.count("{}"))
+
+
 def expressions() -> st.SearchStrategy[dict[str, str]]:
-    """Expressions by kind; those of ints stay within bounds by a remainder."""
-    leaves_int, leaves_text = st.sampled_from(INTS), st.sampled_from(TEXTS)
+    """Expressions by kind."""
+    words = st.sampled_from(TEXTS)
     number = st.recursive(
-        leaves_int,
-        lambda inner: st.one_of(
-            st.builds("(({} + {}) % 9)".format, inner, inner),
-            st.builds("(({} - {}) % -7)".format, inner, inner),
-            st.builds("(({} * {}) % 5)".format, inner, inner),
-            st.builds("abs({} % 11)".format, inner),
-            st.builds("(-({} % 6))".format, inner),
-            st.builds("min({} % 8, {} % 8)".format, inner, inner),
-            st.builds("len({})".format, leaves_text),
-            st.builds("IF({} < {}; {} % 4; 2)".format, inner, inner, inner),
-        ),
+        st.sampled_from(INTS),
+        lambda inner: st.one_of(filled("len({})", words), *(filled(form, inner) for form in NUMBERS)),
         max_leaves=4,
     )
-    text = st.one_of(
-        st.builds("({} + {})[0:3]".format, leaves_text, leaves_text),
-        st.builds("({} + {})[1:4]".format, leaves_text, leaves_text),
-        leaves_text,
-    )
+    text = st.one_of(filled("({} + {})[0:3]", words), filled("({} + {})[1:4]", words), words)
     truth = st.one_of(
-        st.builds("{} < {}".format, number, number),
-        st.builds("{} == {}".format, text, text),
-        st.builds("{} != {}".format, number, number),
-        st.builds("{} <= {}".format, text, text),
-        st.builds("{} IN [1, 3, -1]".format, number),
-        st.builds("{} NOT IN {}".format, leaves_text, text),
-        st.builds("(m.far XOR {} > 1)".format, number),
-        st.builds("({} == 2 OR NOT {} == 3)".format, number, number),
+        *(filled(form, number) for form in TRUTHS),
+        *(filled(form, text) for form in ("{} == {}", "{} <= {}", "{} NOT IN {}")),
         st.sampled_from(["m.far", "b", "n", "t", "l == [1]", "NOT (b AND m.far)"]),
     )
     return st.fixed_dictionaries({"int": number, "text": text, "truth": truth, "where": truth, "stop": truth})
