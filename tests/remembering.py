@@ -7,6 +7,7 @@ import sqlite3
 import subprocess
 import sys
 import textwrap
+from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -36,6 +37,14 @@ def connect(path: Path | str | None, **options: Any) -> ss2sql.Session:
     """A session with `near`."""
     ss = ss2sql.connect(path, **options)
     ss.function("near", near)
+    return ss
+
+
+def session(path: Path | str | None, **functions: Callable[..., Any]) -> ss2sql.Session:
+    """A session whose functions are called, whatever they are."""
+    ss = ss2sql.connect(path, disable=["inline"])
+    for name, function in functions.items():
+        ss.function(name, function, volatility="immutable")
     return ss
 
 

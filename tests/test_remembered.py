@@ -7,7 +7,7 @@ from pathlib import Path
 import apsw
 import pytest
 from listings import move
-from remembering import KNOWN, MAZE, asked, calls, connect, fresh, near, run, scratch
+from remembering import KNOWN, MAZE, asked, calls, connect, fresh, near, run, scratch, session
 from sessions import write
 
 import ss2sql
@@ -54,7 +54,7 @@ def test_another_bound_start_or_stop_asks_for_what_is_new(file: Path) -> None:
 def test_names_in_the_script_do_not_matter(file: Path) -> None:
     with connect(file) as ss:
         ss.run("steps = [1, 2]; ways = [1, 2];")
-        ss.function("add", lambda a, b: a + b, volatility="immutable")
+        ss.function("add", lambda a, b: a + b, volatility="immutable")  # which is +
         script = "SELECT s.this + n FROM s = {0} START WITH n = 0 CONNECT BY MEMORIZE 3 n = s.this + n"
         first = ss.run(script.format("steps"))
         assert calls(first) > 0
@@ -86,17 +86,10 @@ def test_verdicts_of_clauses_with_calls_of_their_own(file: Path) -> None:
     script = """SELECT e.this[0] FROM e = [[1, 2.0], [2, 0.5]] WHERE is_good(e.this[0] + n)
     START WITH n = 0 CONNECT BY MEMORIZE 3 COST price(e.this[1], n) n = n + e.this[0] STOP WITH is_far(n) AS list"""
     functions = {"is_good": lambda n: n % 2 == 0, "price": lambda w, n: w + n, "is_far": lambda n: n > 2}
-
-    def session() -> ss2sql.Session:
-        ss = ss2sql.connect(file, disable=["inline"])
-        for name, function in functions.items():
-            ss.function(name, function, volatility="immutable")
-        return ss
-
-    with session() as ss:
+    with session(file, **functions) as ss:
         first = ss.run(script)
         assert set(first.stats.calls) == set(functions)
-    with session() as ss:
+    with session(file, **functions) as ss:
         again = ss.run(script)
         assert (again.value, calls(again)) == (first.value, 0)
         other = ss.run(script.replace("is_good(e.this[0] + n)", "NOT is_good(e.this[0] + n)"))
@@ -255,8 +248,7 @@ def test_tables_of_the_file_are_not_read_anew_after_each_run(file: Path) -> None
     write(file, "CREATE TABLE edges(src INTEGER, dst INTEGER); INSERT INTO edges VALUES (1, 2), (2, 3), (3, 1)")
     script = """SELECT e.dst FROM e = (SELECT * FROM edges WHERE src == node) START WITH node = 1
     CONNECT BY MEMORIZE node = name(e.dst) AS list"""
-    with ss2sql.connect(file, disable=["inline"]) as ss:
-        ss.function("name", lambda n: n, volatility="immutable")
+    with session(file, name=lambda n: n) as ss:
         assert ss.eval(script) == [[2], [2, 3], [2, 3, 1]]
         table = ss.host.tables.find(None, "edges")
         again = ss.run(script)
@@ -271,8 +263,7 @@ def test_tables_of_the_file_are_not_read_anew_after_each_run(file: Path) -> None
 def test_both_ends_give_way_where_calls_are_saved(file: Path) -> None:
     script = """SELECT d.this, n FROM d = [1, 2] WHERE n + d.this == 6
     START WITH n = 0 CONNECT BY MEMORIZE 4 n = n + d.this STOP WITH {} AS list"""
-    with ss2sql.connect(file, disable=["inline"]) as ss:
-        ss.function("is_wall", lambda n: n == 3, volatility="immutable")
+    with session(file, is_wall=lambda n: n == 3) as ss:
         first, again = (ss.run(script.format("is_wall(n + d.this)")) for _ in range(2))
         assert (again.value, calls(again)) == (first.value, 0)
         free = ss.run(script.format("n + d.this == 3"))
@@ -282,8 +273,7 @@ def test_both_ends_give_way_where_calls_are_saved(file: Path) -> None:
 
 def test_a_large_number_of_levels(file: Path) -> None:
     script = "SELECT next(n) FROM [0] START WITH n = 0 CONNECT BY MEMORIZE n = next(n) STOP WITH n > 2000 AS list"
-    with ss2sql.connect(file, disable=["inline"]) as ss:
-        ss.function("next", lambda n: n + 1, volatility="immutable")
+    with session(file, next=lambda n: n + 1) as ss:
         first, again = (ss.run(script, maximum=1) for _ in range(2))
         assert (again.value, calls(again)) == (first.value, 0)
         assert ss.graphs()[0].edges == 2002  # from 0 to 2001

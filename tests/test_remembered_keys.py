@@ -12,7 +12,7 @@ from types import FunctionType
 from typing import Any, ClassVar
 
 import pytest
-from remembering import calls
+from remembering import calls, session
 from sessions import write
 
 import ss2sql
@@ -25,8 +25,7 @@ SCRIPT = "SELECT f(n) FROM [0] START WITH n = 1 CONNECT BY MEMORIZE 3 n = f(n) A
 
 def search(file: Path, function: Callable[..., Any], script: str = SCRIPT, **variables: Any) -> ss2sql.Result:
     """One search in a session of its own."""
-    with ss2sql.connect(file, disable=["inline"]) as ss:
-        ss.function("f", function, volatility="immutable")
+    with session(file, f=function) as ss:
         return ss.run(script, **variables)
 
 
@@ -206,10 +205,8 @@ def imports(n: int) -> int:
 def test_what_cannot_be_compared(file: Path, function: Any, reason: str) -> None:
     with pytest.raises(NotKept, match=reason):
         fingerprint(function)
-    with ss2sql.connect(file, disable=["inline"]) as ss:
-        ss.function("f", function, volatility="immutable")
-        expected = pytest.raises(NameError) if "no value yet" in reason else nullcontext()
-        with expected:
+    with session(file, f=function) as ss:
+        with pytest.raises(NameError) if "no value yet" in reason else nullcontext():
             (note,) = ss.run("SELECT n FROM [0] START WITH n = 1 CONNECT BY MEMORIZE 1 n = f(n)").stats.notes
             assert note.startswith("graph: not remembered: 'f' ")
             assert reason in note
@@ -240,8 +237,7 @@ def test_tables_and_frames(file: Path) -> None:
     pandas = pytest.importorskip("pandas")
     frame = "SELECT f(n) + frame.k FROM frame START WITH n = 1 CONNECT BY MEMORIZE 2 n = f(n) + frame.k AS list"
     for number, values in enumerate(([1, 2], [1, 2], [1, 3])):
-        with ss2sql.connect(file, disable=["inline"]) as ss:
-            ss.function("f", of_body, volatility="immutable")
+        with session(file, f=of_body) as ss:
             ss.attach("frame", pandas.DataFrame({"k": values}))
             assert bool(calls(ss.run(frame))) == (number != 1)
 
@@ -249,8 +245,7 @@ def test_tables_and_frames(file: Path) -> None:
 def test_what_a_query_around_it_gives(file: Path) -> None:
     script = """SELECT to((SELECT f(n) FROM [0] START WITH n = a.this CONNECT BY MEMORIZE 2 n = f(n) AS list), x),
     (SELECT f(n) + a.this FROM [0] START WITH n = 1 CONNECT BY MEMORIZE 2 n = f(n) AS list) FROM a = [1, 2] AS list"""
-    with ss2sql.connect(file, disable=["inline"]) as ss:
-        ss.function("f", of_body)
+    with session(file, f=of_body) as ss:
         first = ss.run(script)
         assert any("reads the row of a query around it" in note for note in first.stats.notes)
         assert ss.run(script).value == first.value

@@ -24,11 +24,10 @@ from ss2sql.runtime.levels.parcel import packed
 pytestmark = pytest.mark.slow
 
 LOCK = threading.Lock()
-HERE = os.getpid()
 
 
 def of_f(ss: ss2sql.Session, f: Any, **options: Any) -> ss2sql.Result:
-    """A search that ends with the first state but the start's, whose rows are of a function."""
+    """A search whose rows are of a function of the state."""
     ss.function("f", f, **{"volatility": "immutable", **options})
     return ss.run("SELECT f(n) FROM [1] START WITH n = 0 CONNECT BY UNIQUE n = n + 1;")
 
@@ -65,8 +64,8 @@ def test_tables_variables_frames_and_nested_queries_are_sent(ss: ss2sql.Session)
     ss.attach("weights", pandas.DataFrame({"node": [1, 2, 3], "more": [0.5, 1.5, 2.5]}))
     agree(
         ss,
-        "SELECT e.dst, w.more FROM e = (SELECT dst FROM edges WHERE src == n), w = weights"
-        " WHERE NOT (e.dst IN closed) START WITH n = 1 CONNECT BY UNIQUE n = e.dst STOP WITH w.node != n;",
+        "SELECT e.dst, w.more FROM e = (SELECT dst FROM edges Where src == n), w = weights"
+        " Where NOT (e.dst IN closed) START WITH n = 1 CONNECT BY UNIQUE n = e.dst STOP WITH w.node != n;",
     )
 
 
@@ -109,13 +108,15 @@ def test_other_orders_are_refused_by_name(ss: ss2sql.Session, options: str) -> N
 
 
 def test_a_function_that_fails_on_executors_only(ss: ss2sql.Session) -> None:
+    here = os.getpid()
     with pytest.raises(ss2sql.ExecutionError, match="did not fail again"):
-        of_f(ss, lambda n: n if os.getpid() == HERE else [][0])
+        of_f(ss, lambda n: n if os.getpid() == here else [][0])
 
 
 def test_a_function_that_ends_its_process(ss: ss2sql.Session) -> None:
+    here = os.getpid()
     with pytest.raises(ss2sql.ExecutionError, match="spark: ") as caught:
-        of_f(ss, lambda n: os._exit(3) if os.getpid() != HERE else n)
+        of_f(ss, lambda n: os._exit(3) if os.getpid() != here else n)
     assert caught.value.code == "X009"
     assert ss.run(SHORT).value == [[1], [2], [1, 3], [2, 4]]
 
