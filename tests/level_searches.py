@@ -1,17 +1,21 @@
-"""What tests of searches by levels share: some searches, and random programs by the orders and guards of a test."""
+"""What tests of searches by levels share: some searches, random ones, and that they end as they do natively."""
 
 from __future__ import annotations
 
 import contextlib
 import io
-from collections.abc import Callable, Sequence
+import random
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
 from agreement import exact, session_for
+from golden import FOLDER
 from hypothesis import given, seed
 from programs import ProgramCase, programs
 from programs.drawn import drawn
+from sessions import code_of
+from test_sheets import Row, load, shown, wanted
 
 import ss2sql
 from ss2sql.errors import Source
@@ -28,7 +32,74 @@ FORMS = (
     "SELECT x.this FROM x = (SELECT this FROM near(n) WHERE this < 5 AS list) START WITH n = 1"
     " CONNECT BY {} n = x.this AS rows",
 )
+SHORT = "SELECT n + this FROM [1, 2] START WITH n = 0 CONNECT BY UNIQUE n = n + this STOP WITH n > 2 AS list;"
 BY_LENGTH = ("BREADTH FIRST", "UNIQUE", "BREADTH FIRST NO CYCLE")
+GUARDS = ("", "UNIQUE", "NO CYCLE")
+GIVEN = ("COST 1", "COST 0", "COST 0.1", "PROBABILITY 0.5", "PROBABILITY 1")
+BOUNDS = ("1", "3", "5")
+
+
+# --- one search ----------------------------------------------------------------------------------------
+
+
+def agree(ss: ss2sql.Session, script: str, **options: Any) -> ss2sql.Result:
+    """The result of a search in the tables of the session's engine, which is that of the native search."""
+    found = ss.run(script, **options)
+    wanted = ss.run(script, **{**options, "engine": "native"})
+    assert found.engine in ("duckdb", "spark")
+    assert exact(found.value) == exact(wanted.value)
+    assert (found.status, found.columns, list(found)) == (wanted.status, wanted.columns, list(wanted))
+    return found
+
+
+def ended(ss: ss2sql.Session, script: str, **options: Any) -> tuple[Any, ...]:
+    """What a search comes to: its value, or its error with what it says of the place."""
+    try:
+        result = ss.run(script, timeout=60, **options)
+        return ("value", exact(result.value), result.status)
+    except ss2sql.Error as error:
+        return (error.code, error.span, str(error))
+    except Exception as error:
+        return (type(error).__name__, str(error), *getattr(error, "__notes__", ()))
+
+
+def both_end_alike(ss: ss2sql.Session, script: str) -> tuple[Any, ...]:
+    """What a search comes to, here and natively."""
+    found = ended(ss, script)
+    assert found == ended(ss, script, engine="native")
+    return found
+
+
+def by_sheet(ss: ss2sql.Session, name: str) -> Iterator[tuple[Row, ss2sql.Result]]:
+    """The rows of a sheet that are queries, with results by the session's engine, which has to be another database."""
+    for row in load(FOLDER / f"{name}.sheet").rows:
+        if row.expected.startswith("error "):
+            assert f"error {code_of(ss.run, row.script)}" == row.expected, row
+            continue
+        result = ss.run(row.script)
+        assert shown(result.value) == wanted(row), row
+        if row.script.startswith("SELECT"):
+            assert result.engine in ("duckdb", "spark"), row
+            yield row, result
+
+
+def may_fail(ss: ss2sql.Session, options: str, bad: int, least: int = 4) -> str:
+    """A search by roads between four places, whose goals are those from `least` on, and which fails at some steps."""
+
+    def fail(n: int, level: int) -> bool:
+        if (n * 3 + level) % 7 == bad:
+            raise ValueError(n)
+        return n >= least
+
+    ss.function("fail", fail, volatility="immutable")
+    ss.set("roads", [[0], [2, 3], [1, 3, 4], [2, 4], [1, 2]])
+    return (
+        "SELECT x.this FROM x = roads[n] WHERE fail(x.this, level) START WITH n = 1, level = 0"
+        f" CONNECT BY {options} n = x.this, level = level + 1"
+    )
+
+
+# --- random programs -----------------------------------------------------------------------------------
 
 
 def outcome(case: ProgramCase, statement: ast.Query, engine: Any, timeout: float, own: Any) -> Any:
@@ -68,7 +139,37 @@ def by_length(query: ast.Query) -> list[ast.Query]:
     return [replace(query, options=(*kept(query, "MAXIMUM"), *options(words))) for words in BY_LENGTH]
 
 
-def compare_random(
+def by_weight(query: ast.Query) -> list[ast.Query]:
+    """A search with each guard, by its own COST or PROBABILITY or by a given one."""
+    own = kept(query, "MAXIMUM", "COST", "PROBABILITY")
+    if own == kept(query, "MAXIMUM"):
+        own += options(GIVEN[len(query.span.text) % len(GIVEN)])
+    return [replace(query, options=(*own, *options(guard))) for guard in GUARDS]
+
+
+def by_graph(query: ast.Query) -> list[ast.Query]:
+    """A search by MEMORIZE with its own bound or others, and its own weights."""
+    own = kept(query, "MAXIMUM", "COST", "PROBABILITY", "MEMORIZE")
+    bounds = [()] if kept(query, "MEMORIZE") else [options(f"MEMORIZE {bound}") for bound in BOUNDS]
+    return [replace(query, options=(*own, *bound)) for bound in bounds]
+
+
+VARIANTS = {"by length": by_length, "by weight": by_weight, "by graph": by_graph}
+
+
+def one_of(variants: str) -> Callable[[ast.Query], list[ast.Query]]:
+    """Makes one of the variants, by the length of the search, so that it is the same every time."""
+
+    def chosen(query: ast.Query) -> list[ast.Query]:
+        made = VARIANTS[variants](query)
+        one = made[len(query.span.text) % len(made)]
+        ends = variants != "by length" or kept(query, "MAXIMUM")
+        return [one if ends else replace(one, options=(*one.options, *options("MAXIMUM 9")))]
+
+    return chosen
+
+
+def compare(
     variants: Callable[[ast.Query], Sequence[ast.Query]],
     engine: str,
     own: Any,
@@ -98,3 +199,75 @@ def compare_random(
 
     run()
     return compared
+
+
+# --- random graphs -------------------------------------------------------------------------------------
+
+# What a step weighs, for each kind of totals: ties, zeros, sums that are rounded, all different (whatever is below 1),
+# great differences.
+WEIGHTS: dict[str, tuple[list[float], ...]] = {
+    "COST": ([1], [0, 1, 2], [0.1, 0.2, 0.3, 0.4, 0], [], [0, 0.5, 3, 10**6, 1e-9]),
+    "PROBABILITY": ([1], [0, 0.5, 1], [0.1, 0.3, 0.9], [], [1e-200, 0.5, 1]),
+}
+ENDINGS = ("AS list", "GROUP BY n AS list", "ORDER BY n DESC AS list", "LIMIT 2 AS list", "AS rows")
+CLAUSES = ("roads", "row", "goal", "stops", "weigh", "follow")
+
+
+class World:
+    """A random graph, a weight for each of its roads, and one clause that may fail on one of them.
+
+    Its searches end after six steps, because some lead around in circles and never to a goal.
+    """
+
+    def __init__(self, number: int) -> None:
+        some = self.some = random.Random(number)
+        size = some.randint(2, 7)
+        self.guard = GUARDS[number % 3]
+        self.word = some.choice([*WEIGHTS])
+        weights = some.choice(WEIGHTS[self.word])
+        self.roads = [[some.randrange(size) for _ in range(some.randint(0, 3))] for _ in range(size)]
+        edges = [(a, b) for a in range(size) for b in range(size)]
+        self.weights = {edge: some.choice(weights) if weights else some.random() for edge in edges}
+        self.goals = {some.randrange(size) for _ in range(2)}
+        self.ends = {some.randrange(size) for _ in range(some.randint(0, 2))}
+        self.clause = some.choice((*CLAUSES, None))
+        self.bad = (some.randrange(size), some.randrange(size))
+
+    def by_weight(self, unique: Sequence[str], others: Sequence[str]) -> str:
+        """A search by COST or PROBABILITY, with one of these MAXIMUM."""
+        maximum = self.some.choice(unique if self.guard == "UNIQUE" else others)
+        return self.script(f"{self.word} weigh(n, x.this) {self.guard} {maximum}")
+
+    def by_graph(self, weighed: bool) -> str:
+        bound = self.some.choice(["MEMORIZE", "MEMORIZE 1", "MEMORIZE 2", "MEMORIZE 4"])
+        weighs = f"{self.word} weigh(n, x.this)" if weighed else ""
+        return self.script(f"{bound} {weighs} {self.some.choice(['', 'MAXIMUM 2'])}")
+
+    def script(self, options: str) -> str:
+        where = self.some.choice(["WHERE goal(n, x.this)", ""])
+        stop = self.some.choice(["STOP WITH stops(n, x.this) OR nth > 5", "STOP WITH nth > 5"])
+        return (
+            f"SELECT row(n, x.this) FROM x = roads(n) {where} START WITH n = 0, nth = 1"
+            f" CONNECT BY {options} n = follow(n, x.this), nth = nth + 1 {stop} {self.some.choice(ENDINGS)};"
+        )
+
+    def furnish(self, ss: ss2sql.Session) -> None:
+        """Gives a session the functions of a script."""
+        functions: dict[str, Callable[..., Any]] = {
+            "roads": lambda n: self.roads[n],
+            "row": lambda n, to: to,
+            "goal": lambda n, to: to in self.goals,
+            "stops": lambda n, to: to in self.ends,
+            "weigh": lambda n, to: self.weights[n, to],
+            "follow": lambda n, to: to,
+        }
+        for name, function in functions.items():
+            ss.function(name, self.guarded(name, function), volatility="immutable")
+
+    def guarded(self, name: str, function: Callable[..., Any]) -> Callable[..., Any]:
+        def asked(*arguments: int) -> Any:
+            if self.clause == name and arguments == self.bad[: len(arguments)]:
+                raise ValueError(name, arguments)
+            return function(*arguments)
+
+        return asked

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import os
+import sqlite3
 import subprocess
 import sys
 import textwrap
+from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -37,21 +40,45 @@ def connect(path: Path | str | None, **options: Any) -> ss2sql.Session:
     return ss
 
 
+def session(path: Path | str | None, **functions: Callable[..., Any]) -> ss2sql.Session:
+    """A session whose functions are called, whatever they are."""
+    ss = ss2sql.connect(path, disable=["inline"])
+    for name, function in functions.items():
+        ss.function(name, function, volatility="immutable")
+    return ss
+
+
 def run(ss: ss2sql.Session, goal: int = 6, bound: int = 4, first: int = 1, limit: int = 40) -> ss2sql.Result:
     """One search in the maze."""
     script = MAZE.replace("bound", str(bound))
     return ss.run(script, goal=goal, first=first, limit=limit)
 
 
+def scratch(**options: Any) -> ss2sql.Result:
+    """The search without a file."""
+    with connect(None) as ss:
+        return run(ss, **options)
+
+
 def fresh(**options: Any) -> Any:
     """What the search gives without a file."""
-    with connect(None) as ss:
-        return run(ss, **options).value
+    return scratch(**options).value
 
 
 def calls(result: ss2sql.Result) -> int:
     """How often functions of the user were called."""
     return sum(result.stats.calls.values())
+
+
+# How many steps each state has that is known, and how many it has to have.
+KNOWN = """SELECT n.steps, count(e.row) FROM ss2sql_nodes n
+LEFT JOIN ss2sql_edges e ON e.source = n.id GROUP BY n.id"""
+
+
+def asked(file: Path, query: str) -> list[Any]:
+    """What Python's own SQLite reads from a file."""
+    with closing(sqlite3.connect(file)) as plain, plain:
+        return plain.execute(query).fetchall()
 
 
 def process(folder: Path, script: str, **environment: str) -> subprocess.Popen[str]:

@@ -2,22 +2,15 @@
 
 from __future__ import annotations
 
-import sqlite3
-from contextlib import closing
 from pathlib import Path
 
 import apsw
 import pytest
 from listings import move
-from remembering import MAZE, calls, connect, fresh, near, run
+from remembering import KNOWN, MAZE, asked, calls, connect, fresh, near, run, scratch, session
 from sessions import write
 
 import ss2sql
-
-
-@pytest.fixture
-def file(tmp_path: Path) -> Path:
-    return tmp_path / "graphs.db"
 
 
 def test_the_same_query_again(file: Path) -> None:
@@ -41,39 +34,27 @@ def test_another_goal_asks_nothing(file: Path) -> None:
         run(ss, goal=6)
         for goal in (5, 7, 12, 0):
             again = run(ss, goal=goal)
-            assert again.value == fresh(goal=goal)
-            assert calls(again) == 0
+            assert (again.value, calls(again)) == (fresh(goal=goal), 0)
         assert len(ss.graphs()) == 1
 
 
-def test_a_deeper_bound_asks_for_what_is_new(file: Path) -> None:
+def test_another_bound_start_or_stop_asks_for_what_is_new(file: Path) -> None:
     with connect(file) as ss:
-        shallow = run(ss, bound=3)
-        deep = run(ss, bound=5)
-        with connect(None) as other:
-            scratch = run(other, bound=5)
-        assert deep.value == scratch.value
-        assert calls(deep) == calls(scratch) - calls(shallow)
+        shallow, deep, wanted = run(ss, bound=3), run(ss, bound=5), scratch(bound=5)
+        assert deep.value == wanted.value
+        assert calls(deep) == calls(wanted) - calls(shallow)
         assert ss.graphs()[0].levels == 5
-
-
-def test_another_start_and_another_stop_use_what_they_meet(file: Path) -> None:
-    with connect(file) as ss:
-        run(ss, bound=5)
-        with connect(None) as other:
-            scratch = run(other, first=2)
-        again = run(ss, first=2)
-        assert again.value == scratch.value
-        assert calls(again) < calls(scratch)
+        again, wanted = run(ss, first=2), scratch(first=2)
+        assert again.value == wanted.value
+        assert calls(again) < calls(wanted)
         assert calls(run(ss, limit=20)) == 0
         assert len(ss.graphs()) == 1
 
 
 def test_names_in_the_script_do_not_matter(file: Path) -> None:
     with connect(file) as ss:
-        ss.set("steps", [1, 2])
-        ss.set("ways", [1, 2])
-        ss.function("add", lambda a, b: a + b, volatility="immutable")
+        ss.run("steps = [1, 2]; ways = [1, 2];")
+        ss.function("add", lambda a, b: a + b, volatility="immutable")  # which is +
         script = "SELECT s.this + n FROM s = {0} START WITH n = 0 CONNECT BY MEMORIZE 3 n = s.this + n"
         first = ss.run(script.format("steps"))
         assert calls(first) > 0
@@ -98,99 +79,46 @@ def test_what_connect_by_calls_answers_the_clauses(file: Path) -> None:
         assert [len(path) for path in again.value] == [7, *[8] * 4, *[9] * 16]
         assert again.value != first.value
         assert calls(again) == 0
-    with closing(sqlite3.connect(file)) as plain, plain:
-        assert plain.execute("SELECT count(*) FROM ss2sql_verdicts").fetchone() == (0,)
+    assert asked(file, "SELECT count(*) FROM ss2sql_verdicts") == [(0,)]
 
 
 def test_verdicts_of_clauses_with_calls_of_their_own(file: Path) -> None:
     script = """SELECT e.this[0] FROM e = [[1, 2.0], [2, 0.5]] WHERE is_good(e.this[0] + n)
     START WITH n = 0 CONNECT BY MEMORIZE 3 COST price(e.this[1], n) n = n + e.this[0] STOP WITH is_far(n) AS list"""
     functions = {"is_good": lambda n: n % 2 == 0, "price": lambda w, n: w + n, "is_far": lambda n: n > 2}
-
-    def session() -> ss2sql.Session:
-        ss = ss2sql.connect(file, disable=["inline"])
-        for name, function in functions.items():
-            ss.function(name, function, volatility="immutable")
-        return ss
-
-    with session() as ss:
+    with session(file, **functions) as ss:
         first = ss.run(script)
         assert set(first.stats.calls) == set(functions)
-    with session() as ss:
+    with session(file, **functions) as ss:
         again = ss.run(script)
-        assert again.value == first.value
-        assert calls(again) == 0
+        assert (again.value, calls(again)) == (first.value, 0)
         other = ss.run(script.replace("is_good(e.this[0] + n)", "NOT is_good(e.this[0] + n)"))
         assert set(other.stats.calls) == {"is_good"}
         assert len(ss.graphs()) == 1
 
 
-def test_order_and_groups_see_the_elements(file: Path) -> None:
-    script = """SELECT n.this FROM n = near(node) START WITH node = 1 CONNECT BY MEMORIZE 3 node = n.this
-    STOP WITH n.this > 9 GROUP BY n.this % 3 ORDER BY n.this DESC, node AS list"""
-    with connect(None) as ss:
-        expected = ss.eval(script)
-    with connect(file) as ss:
-        assert ss.eval(script) == expected
-        again = ss.run(script)
-        assert again.value == expected
-        assert calls(again) == 0
-
-
-def test_an_error_keeps_nothing_wrong(file: Path) -> None:
-    broken = [12]
-
-    def careful(node: int) -> list[int]:
-        if node in broken:
-            raise ValueError("no way")
-        return near(node)
-
-    def session() -> ss2sql.Session:
-        ss = ss2sql.connect(file)
-        ss.function("near", lambda node: careful(node), volatility="immutable")
-        return ss
-
-    script = """SELECT n.this FROM n = near(node) WHERE n.this == 24
-    START WITH node = 1 CONNECT BY MEMORIZE 6 node = n.this STOP WITH n.this > 40 AS list"""
-    with session() as ss:
-        with pytest.raises(ValueError, match="no way"):
-            ss.run(script)
-        (graph,) = ss.graphs()
-        assert graph.edges % 3 == 0
-        with pytest.raises(ValueError, match="no way"):  # what it raised is asked again
-            ss.run(script)
-
-
-def test_each_of_the_known_states_has_all_of_its_steps(file: Path) -> None:
+def test_after_an_error_each_of_the_known_states_has_all_of_its_steps(file: Path) -> None:
     def near(node: int) -> list[int]:
         return [node // (5 - node), node + 1, node + 2]
 
     script = "SELECT n.this FROM n = near(node) START WITH node = 0 CONNECT BY MEMORIZE node = n.this AS list"
     with ss2sql.connect(file) as ss:
         ss.function("near", near)
-        with pytest.raises(ZeroDivisionError):
-            ss.run(script)
-    with closing(sqlite3.connect(file)) as plain, plain:
-        counts = plain.execute(
-            "SELECT n.steps, count(e.row) FROM ss2sql_nodes n LEFT JOIN ss2sql_edges e ON e.source = n.id GROUP BY n.id"
-        ).fetchall()
-    assert {(3, 3), (None, 0)} == set(counts)
+        for _ in range(2):  # what it raised is asked again
+            with pytest.raises(ZeroDivisionError):
+                ss.run(script)
+    assert set(asked(file, KNOWN)) == {(3, 3), (None, 0)}
 
 
-def test_switched_off(file: Path) -> None:
-    with connect(file, disable=["remember"]) as ss:
+@pytest.mark.parametrize("has_file", [True, False])
+def test_switched_off_or_without_a_file(file: Path, has_file: bool) -> None:
+    with connect(file if has_file else None, disable=["remember"] if has_file else []) as ss:
         first, again = run(ss), run(ss)
         assert calls(first) == calls(again) > 0
-        assert len(ss.graphs()) == 0
-        assert ss.tables() == {}
-
-
-def test_without_a_file_nothing_is_said() -> None:
-    with connect(None) as ss:
-        result = run(ss)
-        assert result.stats.notes == []
+        assert first.stats.notes == []
         assert len(ss.graphs()) == 0
         assert repr(ss.graphs()) == "no remembered graphs"
+        assert ss.tables() == {}
 
 
 def test_read_only_sessions_read(file: Path) -> None:
@@ -226,11 +154,8 @@ def test_a_locked_file_is_no_hindrance(file: Path) -> None:
 def test_graphs_can_be_listed_and_dropped(file: Path) -> None:
     with connect(file) as ss:
         run(ss, bound=3)
-        ss.eval(
-            "SELECT n.this FROM n = near(node) START WITH node = start CONNECT BY MEMORIZE 2 node = n.this + k",
-            start=2,
-            k=1,
-        )
+        other = "SELECT n.this FROM n = near(node) START WITH node = start CONNECT BY MEMORIZE 2 node = n.this + k"
+        ss.eval(other, start=2, k=1)
         graphs = ss.graphs()
         assert [graph.functions for graph in graphs] == [("near",), ("near",)]
         assert [graph.parameters for graph in graphs] == [{}, {"k": 1}]
@@ -245,9 +170,8 @@ def test_graphs_can_be_listed_and_dropped(file: Path) -> None:
         assert calls(run(ss, bound=3)) > 0
         ss.graphs().drop()
         assert len(ss.graphs()) == 0
-    with closing(sqlite3.connect(file)) as plain, plain:
-        for table in ("graphs", "nodes", "edges", "clauses", "verdicts"):
-            assert plain.execute(f"SELECT count(*) FROM ss2sql_{table}").fetchone() == (0,)
+    for table in ("graphs", "nodes", "edges", "clauses", "verdicts"):
+        assert asked(file, f"SELECT count(*) FROM ss2sql_{table}") == [(0,)]
 
 
 def test_a_graph_that_is_dropped_meanwhile_is_begun_again(file: Path) -> None:
@@ -283,9 +207,8 @@ def test_a_graph_that_is_dropped_meanwhile_is_begun_again(file: Path) -> None:
             again = ss.run(script, goal=6, first=1)
             assert again.value == first.value
         assert calls(again) == 0
-    with closing(sqlite3.connect(file)) as plain, plain:
-        orphans = "SELECT count(*) FROM ss2sql_edges WHERE source NOT IN (SELECT id FROM ss2sql_nodes)"
-        assert plain.execute(orphans).fetchone() == (0,)
+    orphans = "SELECT count(*) FROM ss2sql_edges WHERE source NOT IN (SELECT id FROM ss2sql_nodes)"
+    assert asked(file, orphans) == [(0,)]
 
 
 def test_scripts_read_the_tables_and_never_write_them(file: Path) -> None:
@@ -325,8 +248,7 @@ def test_tables_of_the_file_are_not_read_anew_after_each_run(file: Path) -> None
     write(file, "CREATE TABLE edges(src INTEGER, dst INTEGER); INSERT INTO edges VALUES (1, 2), (2, 3), (3, 1)")
     script = """SELECT e.dst FROM e = (SELECT * FROM edges WHERE src == node) START WITH node = 1
     CONNECT BY MEMORIZE node = name(e.dst) AS list"""
-    with ss2sql.connect(file, disable=["inline"]) as ss:
-        ss.function("name", lambda n: n, volatility="immutable")
+    with session(file, name=lambda n: n) as ss:
         assert ss.eval(script) == [[2], [2, 3], [2, 3, 1]]
         table = ss.host.tables.find(None, "edges")
         again = ss.run(script)
@@ -341,12 +263,9 @@ def test_tables_of_the_file_are_not_read_anew_after_each_run(file: Path) -> None
 def test_both_ends_give_way_where_calls_are_saved(file: Path) -> None:
     script = """SELECT d.this, n FROM d = [1, 2] WHERE n + d.this == 6
     START WITH n = 0 CONNECT BY MEMORIZE 4 n = n + d.this STOP WITH {} AS list"""
-    with ss2sql.connect(file, disable=["inline"]) as ss:
-        ss.function("is_wall", lambda n: n == 3, volatility="immutable")
-        first = ss.run(script.format("is_wall(n + d.this)"))
-        again = ss.run(script.format("is_wall(n + d.this)"))
-        assert again.value == first.value
-        assert calls(again) == 0
+    with session(file, is_wall=lambda n: n == 3) as ss:
+        first, again = (ss.run(script.format("is_wall(n + d.this)")) for _ in range(2))
+        assert (again.value, calls(again)) == (first.value, 0)
         free = ss.run(script.format("n + d.this == 3"))
         assert free.value == first.value
         assert any("from both ends" in note for note in free.stats.notes)
@@ -354,12 +273,9 @@ def test_both_ends_give_way_where_calls_are_saved(file: Path) -> None:
 
 def test_a_large_number_of_levels(file: Path) -> None:
     script = "SELECT next(n) FROM [0] START WITH n = 0 CONNECT BY MEMORIZE n = next(n) STOP WITH n > 2000 AS list"
-    with ss2sql.connect(file, disable=["inline"]) as ss:
-        ss.function("next", lambda n: n + 1, volatility="immutable")
-        first = ss.run(script, maximum=1)
-        again = ss.run(script, maximum=1)
-        assert again.value == first.value
-        assert calls(again) == 0
+    with session(file, next=lambda n: n + 1) as ss:
+        first, again = (ss.run(script, maximum=1) for _ in range(2))
+        assert (again.value, calls(again)) == (first.value, 0)
         assert ss.graphs()[0].edges == 2002  # from 0 to 2001
 
 
@@ -367,19 +283,15 @@ def test_other_processes_are_not_asked_for_what_is_known(file: Path) -> None:
     with connect(file) as ss:
         first = run(ss)
         again = ss.run(MAZE.replace("bound", "4"), workers=2, goal=6, first=1, limit=40)
-        assert again.value == first.value
-        assert calls(again) == 0
+        assert (again.value, calls(again)) == (first.value, 0)
 
 
 def test_a_run_that_is_broken_off_keeps_what_it_has_found_out(file: Path) -> None:
-    script = MAZE.replace("bound", "6")
     with connect(file) as ss:
         with pytest.raises(ss2sql.ExecutionError, match="max_rows"):
-            ss.run(script, goal=6, first=1, limit=400, max_rows=20)
+            ss.run(MAZE.replace("bound", "6"), goal=6, first=1, limit=400, max_rows=20)
         (graph,) = ss.graphs()
         assert graph.edges % 3 == 0
-        with connect(None) as other:
-            scratch = run(other, bound=6, limit=400)
-        again = run(ss, bound=6, limit=400)
-        assert again.value == scratch.value
-        assert calls(again) == calls(scratch) - graph.edges // 3
+        wanted, again = scratch(bound=6, limit=400), run(ss, bound=6, limit=400)
+        assert again.value == wanted.value
+        assert calls(again) == calls(wanted) - graph.edges // 3

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import json
-import sqlite3
-from contextlib import closing
 from pathlib import Path
 
-from remembering import MAZE, calls, connect, fresh, output, process, run
+import pytest
+from remembering import KNOWN, MAZE, asked, calls, fresh, output, process, scratch
 
 SEARCH = f"""
 import json, ss2sql
@@ -21,7 +20,11 @@ def search(goal, bound):
 """
 
 # A process that only does this has no threads, so it may fork.
-KILLS = """
+KILLS = (
+    f"""
+KNOWN = '''{KNOWN}'''
+"""
+    + """
 import os, random, signal, sqlite3, time
 import ss2sql.runtime.remembered.keeper, ss2sql.runtime.session  # else each child would begin with importing them
 
@@ -38,10 +41,8 @@ for number in range(10):
     os.kill(child, signal.SIGKILL)
     os.waitpid(child, 0)
     plain = sqlite3.connect("graphs.db")
-    known = []
-    if plain.execute("SELECT 1 FROM sqlite_schema WHERE name = 'ss2sql_nodes'").fetchall():
-        known = plain.execute("SELECT n.steps, count(e.row) FROM ss2sql_nodes n"
-                              " LEFT JOIN ss2sql_edges e ON e.source = n.id GROUP BY n.id").fetchall()
+    begun = plain.execute("SELECT 1 FROM sqlite_schema WHERE name = 'ss2sql_nodes'").fetchall()
+    known = plain.execute(KNOWN).fetchall() if begun else []
     assert set(known) <= {(3, 3), (None, 0)}, known
     print(known.count((3, 3)))
     if known.count((3, 3)) == before:
@@ -49,8 +50,10 @@ for number in range(10):
     before = known.count((3, 3))
     plain.close()
 """
+)
 
 
+@pytest.mark.slow
 def test_killed_ten_times_while_it_grows(tmp_path: Path) -> None:
     """Each run goes on where the one before has written last: nothing known is lost, nothing is half known."""
     out = output(process(tmp_path, SEARCH + KILLS + "print(json.dumps(search(6, 8)))", SECONDS="0.002"))
@@ -61,9 +64,7 @@ def test_killed_ten_times_while_it_grows(tmp_path: Path) -> None:
     assert counts == sorted(counts)
     assert counts[-1] > 0
     assert value == fresh(goal=6, bound=8, limit=4000)
-    with connect(None) as ss:
-        scratch = calls(run(ss, goal=6, bound=8, limit=4000))
-    assert called == scratch - counts[-1]
+    assert called == calls(scratch(goal=6, bound=8, limit=4000)) - counts[-1]
     assert graphs == 1
 
 
@@ -75,6 +76,7 @@ def test_in_a_new_process_nothing_is_called(tmp_path: Path) -> None:
         assert graphs == 1
 
 
+@pytest.mark.slow
 def test_two_processes_at_once(tmp_path: Path) -> None:
     wanted = [(6, 7), (12, 8)]
     started = [
@@ -89,9 +91,6 @@ def test_two_processes_at_once(tmp_path: Path) -> None:
     value, called, graphs = json.loads(output(process(tmp_path, SEARCH + "print(json.dumps(search(6, 8)))")))
     assert value == fresh(goal=6, bound=8, limit=4000)
     assert called == 0
-    with closing(sqlite3.connect(tmp_path / "graphs.db")) as plain, plain:
-        counts = plain.execute(
-            "SELECT n.steps, count(e.row) FROM ss2sql_nodes n LEFT JOIN ss2sql_edges e ON e.source = n.id GROUP BY n.id"
-        ).fetchall()
-        assert set(counts) == {(3, 3), (None, 0)}
-        assert plain.execute("SELECT count(*) - count(DISTINCT state) FROM ss2sql_nodes").fetchone() == (0,)
+    assert set(asked(tmp_path / "graphs.db", KNOWN)) == {(3, 3), (None, 0)}
+    same = "SELECT count(*) - count(DISTINCT state) FROM ss2sql_nodes"
+    assert asked(tmp_path / "graphs.db", same) == [(0,)]

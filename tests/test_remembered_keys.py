@@ -6,14 +6,13 @@ import functools
 import math
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext
-from dataclasses import dataclass, field
 from enum import Enum
 from pathlib import Path
 from types import FunctionType
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import pytest
-from remembering import calls
+from remembering import calls, session
 from sessions import write
 
 import ss2sql
@@ -24,15 +23,9 @@ from ss2sql.vtables.base import Column, Table, World, function
 SCRIPT = "SELECT f(n) FROM [0] START WITH n = 1 CONNECT BY MEMORIZE 3 n = f(n) AS list"
 
 
-@pytest.fixture
-def file(tmp_path: Path) -> Path:
-    return tmp_path / "graphs.db"
-
-
 def search(file: Path, function: Callable[..., Any], script: str = SCRIPT, **variables: Any) -> ss2sql.Result:
     """One search in a session of its own."""
-    with ss2sql.connect(file, disable=["inline"]) as ss:
-        ss.function("f", function, volatility="immutable")
+    with session(file, f=function) as ss:
         return ss.run(script, **variables)
 
 
@@ -67,6 +60,10 @@ def of_body(n: int) -> int:
     return n + 1
 
 
+def of_twice(n: int) -> int:
+    return n + 2
+
+
 def of_default(n: int, step: int = 1) -> int:
     return n + step
 
@@ -94,57 +91,47 @@ def of_closure(step: Any) -> Callable[[int], int]:
     return inner
 
 
-def test_the_same_function_in_another_place(file: Path) -> None:
-    assert is_new(file, of_body)
-
-    def of_body_too(n: int) -> int:
-        # a comment
-        return n + 1
-
-    assert not is_new(file, of_body_too)
+def of_other_text() -> Any:
+    """`of_body` with a comment, in another place."""
     namespace: dict[str, Any] = {}
-    exec("# elsewhere\n\n\ndef of_body(n):\n    return n + 1\n", namespace)
-    assert not is_new(file, namespace["of_body"])
+    exec("# elsewhere\n\n\ndef of_body(n):\n    # a comment\n    return n + 1\n", namespace)
+    return namespace["of_body"]
 
 
-def test_another_body(file: Path) -> None:
-    assert is_new(file, of_body)
-    assert is_new(file, lambda n: n + 2)
-    assert is_new(file, lambda n: n * 2)
+@pytest.mark.parametrize(
+    ("one", "other", "differs"),
+    [
+        (of_body, of_other_text(), False),
+        (of_body, lambda n: n + 2, True),
+        (of_body, lambda n: n * 2, True),
+        (of_default, FunctionType(of_default.__code__, globals(), "of_default", (2,)), True),
+        (of_closure(1), of_closure(1), False),
+        (of_closure(1), of_closure(2), True),
+        (of_closure(2), of_closure(2.0), True),
+    ],
+    ids=["another place", "another number", "another operator", "default", "closure", "other closure", "other type"],
+)
+def test_another_function(file: Path, one: Any, other: Any, differs: bool) -> None:
+    assert is_new(file, one)
+    assert is_new(file, other) == differs
 
 
-def test_another_default(file: Path) -> None:
-    assert is_new(file, of_default)
-    changed = FunctionType(of_default.__code__, globals(), "of_default", (2,))
-    assert is_new(file, changed)
-
-
-def test_another_closure(file: Path) -> None:
-    assert is_new(file, of_closure(1))
-    assert not is_new(file, of_closure(1))
-    assert is_new(file, of_closure(2))
-    assert is_new(file, of_closure(2.0))
-
-
-@pytest.mark.parametrize("function", [of_global, of_helper])
-def test_another_global(file: Path, function: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("function", "name", "value"),
+    [
+        (of_global, "STEP", 2),
+        (of_helper, "STEP", 2),
+        (of_data, "TABLE", {"step": [2]}),
+        (of_helper, "helper", of_twice),
+    ],
+    ids=["global", "global of a helper", "data", "helper"],
+)
+def test_another_global(file: Path, function: Any, name: str, value: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     assert is_new(file, function)
-    monkeypatch.setitem(globals(), "STEP", 2)
-    assert is_new(file, function)
-    monkeypatch.setitem(globals(), "STEP", 1)
+    with monkeypatch.context() as patch:
+        patch.setitem(globals(), name, value)
+        assert is_new(file, function)
     assert not is_new(file, function)
-
-
-def test_other_data(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert is_new(file, of_data)
-    monkeypatch.setitem(TABLE, "step", [2])
-    assert is_new(file, of_data)
-
-
-def test_another_function_that_it_calls(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert is_new(file, of_helper)
-    monkeypatch.setitem(globals(), "helper", lambda n: n + 2)
-    assert is_new(file, of_helper)
 
 
 def test_of_a_module_what_is_read(tmp_path: Path, file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -160,10 +147,6 @@ def test_of_a_module_what_is_read(tmp_path: Path, file: Path, monkeypatch: pytes
     assert is_new(file, f)
 
 
-def prints(function: Any) -> str:
-    return fingerprint(function)
-
-
 def test_fingerprints_tell_functions_apart() -> None:
     same = [
         (lambda n: n in {"a", "b"}, lambda n: n in {"b", "a"}),
@@ -172,37 +155,14 @@ def test_fingerprints_tell_functions_apart() -> None:
         (of_itself, of_itself),
     ]
     for one, other in same:
-        assert prints(one) == prints(other)
-    different = [
-        of_body,
-        of_default,
-        of_global,
-        of_data,
-        of_helper,
-        of_itself,
-        math.sqrt,
-        math.floor,
-        abs,
-        functools.cache(of_body),
-    ]
-    different += [
-        functools.partial(of_default, step=3),
-        functools.partial(of_default, step=4),
+        assert fingerprint(one) == fingerprint(other)
+    different: list[Any] = [
+        *(of_body, of_default, of_global, of_data, of_helper, of_itself, math.sqrt, math.floor, abs),
+        *(functools.cache(of_body), functools.partial(of_default, step=3), functools.partial(of_default, step=4)),
+        *(of_closure(step) for step in (1, 1.0, True, [1], {"a": 1})),
         lambda n: n in {"a", "c"},
     ]
-    different += [of_closure(1), of_closure(1.0), of_closure(True), of_closure([1]), of_closure({"a": 1})]
-    assert len(set(map(prints, different))) == len(different)
-
-
-class Pair(NamedTuple):
-    one: int
-    other: int
-
-
-@dataclass
-class Place:
-    x: int
-    names: list[str] = field(default_factory=list)
+    assert len(set(map(fingerprint, different))) == len(different)
 
 
 class Counter:
@@ -245,10 +205,8 @@ def imports(n: int) -> int:
 def test_what_cannot_be_compared(file: Path, function: Any, reason: str) -> None:
     with pytest.raises(NotKept, match=reason):
         fingerprint(function)
-    with ss2sql.connect(file, disable=["inline"]) as ss:
-        ss.function("f", function, volatility="immutable")
-        expected = pytest.raises(NameError) if "no value yet" in reason else nullcontext()
-        with expected:
+    with session(file, f=function) as ss:
+        with pytest.raises(NameError) if "no value yet" in reason else nullcontext():
             (note,) = ss.run("SELECT n FROM [0] START WITH n = 1 CONNECT BY MEMORIZE 1 n = f(n)").stats.notes
             assert note.startswith("graph: not remembered: 'f' ")
             assert reason in note
@@ -261,14 +219,10 @@ READS = "SELECT f(n) + k.this FROM k = ks START WITH n = 1 CONNECT BY MEMORIZE 2
 
 
 def test_variables(file: Path) -> None:
-    assert is_new(file, of_body, READS, ks=[1, 2])
-    assert is_new(file, of_body, READS, ks=[2, 1])
-    assert is_new(file, of_body, READS, ks=[1, 2.0])
-    assert not is_new(file, of_body, READS, ks=[1, 2])
+    """Those of goals make no new graph."""
+    for ks, differs in (([1, 2], True), ([2, 1], True), ([1, 2.0], True), ([1, 2], False)):
+        assert is_new(file, of_body, READS, ks=ks) == differs
     assert not is_new(file, of_body, READS.replace("ks", "others"), others=[1, 2])
-
-
-def test_variables_of_goals_make_no_new_graph(file: Path) -> None:
     script = "SELECT f(n) FROM [0] WHERE n == goal START WITH n = 1 CONNECT BY MEMORIZE 3 n = f(n) AS list"
     assert is_new(file, of_body, script, goal=2)
     assert not is_new(file, of_body, script, goal=3)
@@ -283,8 +237,7 @@ def test_tables_and_frames(file: Path) -> None:
     pandas = pytest.importorskip("pandas")
     frame = "SELECT f(n) + frame.k FROM frame START WITH n = 1 CONNECT BY MEMORIZE 2 n = f(n) + frame.k AS list"
     for number, values in enumerate(([1, 2], [1, 2], [1, 3])):
-        with ss2sql.connect(file, disable=["inline"]) as ss:
-            ss.function("f", of_body, volatility="immutable")
+        with session(file, f=of_body) as ss:
             ss.attach("frame", pandas.DataFrame({"k": values}))
             assert bool(calls(ss.run(frame))) == (number != 1)
 
@@ -292,8 +245,7 @@ def test_tables_and_frames(file: Path) -> None:
 def test_what_a_query_around_it_gives(file: Path) -> None:
     script = """SELECT to((SELECT f(n) FROM [0] START WITH n = a.this CONNECT BY MEMORIZE 2 n = f(n) AS list), x),
     (SELECT f(n) + a.this FROM [0] START WITH n = 1 CONNECT BY MEMORIZE 2 n = f(n) AS list) FROM a = [1, 2] AS list"""
-    with ss2sql.connect(file, disable=["inline"]) as ss:
-        ss.function("f", of_body)
+    with session(file, f=of_body) as ss:
         first = ss.run(script)
         assert any("reads the row of a query around it" in note for note in first.stats.notes)
         assert ss.run(script).value == first.value

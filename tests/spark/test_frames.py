@@ -7,12 +7,15 @@ from typing import Any
 
 import pytest
 from agreement import exact
+from level_searches import SHORT, ended, may_fail
 
 import ss2sql
-from spark.same import SHORT, ended
 from ss2sql.runtime.levels import beginning, spark_frame, spark_search
 
+pytestmark = pytest.mark.slow
+
 STRATEGIES = ["UNIQUE", "BREADTH FIRST NO CYCLE", "BREADTH FIRST MAXIMUM 9"]
+GROWING = "SELECT n + this FROM [1, 2] START WITH n = 0 CONNECT BY BREADTH FIRST {} n = n + this {}"
 NEAR = "SELECT float(x.this), n FROM x = near(n) START WITH n = 1 CONNECT BY UNIQUE n = x.this"
 
 
@@ -52,21 +55,17 @@ def test_rows_are_those_of_the_list(
     )
 
 
-@pytest.mark.parametrize("limit", ["MAXIMUM 3", "MAXIMUM 3 LIMIT 2", "LIMIT 0", "LIMIT 90"])
+@pytest.mark.parametrize(("maximum", "limit"), [("3", ""), ("3", "LIMIT 2"), ("", "LIMIT 0"), ("", "LIMIT 90")])
 @pytest.mark.parametrize("states", [0, 2000])
-def test_the_first_paths(ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch, limit: str, states: int) -> None:
+def test_the_first_paths(
+    ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch, maximum: str, limit: str, states: int
+) -> None:
     monkeypatch.setattr(beginning, "STATES", states)
-    maximum = limit[:9] if "MAXIMUM" in limit else ""
-    rest = limit.removeprefix(maximum)
-    agree(
-        ss,
-        f"SELECT n + this FROM [1, 2] START WITH n = 0 CONNECT BY BREADTH FIRST {maximum} n = n + this"
-        f" STOP WITH n > 4 {rest}",
-    )
+    agree(ss, GROWING.format(maximum and f"MAXIMUM {maximum}", f"STOP WITH n > 4 {limit}"))
 
 
-@pytest.mark.parametrize("limit", ["MAXIMUM (most()) LIMIT 9", "MAXIMUM 9 LIMIT most()"])
-def test_limits_are_evaluated_once(ss: ss2sql.Session, limit: str) -> None:
+@pytest.mark.parametrize(("maximum", "limit"), [("(most())", "9"), ("9", "most()")])
+def test_limits_are_evaluated_once(ss: ss2sql.Session, maximum: str, limit: str) -> None:
     calls = []
 
     def most() -> int:
@@ -74,11 +73,7 @@ def test_limits_are_evaluated_once(ss: ss2sql.Session, limit: str) -> None:
         return 2
 
     ss.function("most", most, volatility="volatile")
-    maximum, _, rest = limit.partition(" LIMIT ")
-    script = (
-        f"SELECT n + this FROM [1, 2] START WITH n = 0 CONNECT BY BREADTH FIRST {maximum} n = n + this"
-        f" STOP WITH n > 4 LIMIT {rest} AS list"
-    )
+    script = GROWING.format(f"MAXIMUM {maximum}", f"STOP WITH n > 4 LIMIT {limit} AS list")
     frame = ss.compile(script).spark()
     assert len(calls) == 1
     paths = sorted({row[0] for row in frame.collect()})
@@ -87,17 +82,14 @@ def test_limits_are_evaluated_once(ss: ss2sql.Session, limit: str) -> None:
 
 
 def test_maximum_of_the_run(ss: ss2sql.Session) -> None:
-    agree(ss, "SELECT n + this FROM [1, 2] START WITH n = 0 CONNECT BY BREADTH FIRST n = n + this", maximum=5)
+    agree(ss, GROWING.format("", ""), maximum=5)
 
 
 @pytest.mark.parametrize("script", [NEAR, SHORT], ids=["python", "sql"])
 def test_many_goals_are_numbered_in_parts(ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch, script: str) -> None:
-    for module, name, number in (
-        (spark_search, "FEW", 0),
-        (spark_frame, "FEW", 0),
-        (spark_frame, "JOINS", 1),
-    ):
-        monkeypatch.setattr(module, name, number)
+    monkeypatch.setattr(spark_search, "FEW", 0)
+    monkeypatch.setattr(spark_frame, "FEW", 0)
+    monkeypatch.setattr(spark_frame, "JOINS", 1)
     agree(ss, script)
 
 
@@ -130,6 +122,7 @@ def test_a_column_of_several_kinds_is_refused_by_name(ss: ss2sql.Session) -> Non
         ("SELECT this FROM [1]", "only a search has paths"),
         (SHORT.replace(" AS list", " GROUP BY n"), "GROUP BY makes no DataFrame"),
         (SHORT.replace(" AS list", " ORDER BY n"), "ORDER BY makes no DataFrame"),
+        (SHORT.replace("UNIQUE", "UNIQUE COST 1"), "put together by this process"),
     ],
 )
 def test_what_has_no_frame_is_refused(ss: ss2sql.Session, script: str, reason: str) -> None:
@@ -141,19 +134,8 @@ def test_what_has_no_frame_is_refused(ss: ss2sql.Session, script: str, reason: s
 @pytest.mark.parametrize("bad", range(6))
 def test_steps_that_fail(ss: ss2sql.Session, bad: int) -> None:
     """What counts of them is the same, also where MAXIMUM ends the search before one or not."""
-
-    def fail(n: int, level: int) -> bool:
-        if (n * 3 + level) % 7 == bad:
-            raise ValueError(n)
-        return n > 2
-
-    ss.function("fail", fail, volatility="immutable")
-    ss.set("roads", [[0], [2, 3], [1, 3, 4], [2, 4], [1, 2]])
-    script = (
-        "SELECT x.this FROM x = roads[n] WHERE fail(x.this, level) START WITH n = 1, level = 0"
-        " CONNECT BY UNIQUE MAXIMUM 2 n = x.this, level = level + 1"
-    )
-    wanted = ended(ss, script, "native")
+    script = may_fail(ss, "UNIQUE MAXIMUM 2", bad, least=3)
+    wanted = ended(ss, script, engine="native")
     if wanted[0] == "value":
         agree(ss, script)
     else:

@@ -1,0 +1,272 @@
+"""Tables of DuckDB for queries that run in SQLite or in Python: what WHERE cannot keep stays in DuckDB, joins too."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from agreement import exact
+from sessions import code_of
+
+import ss2sql
+from ss2sql.runtime.duck import joining
+from ss2sql.runtime.duck.tables import Reading
+from ss2sql.vtables.frames.frame import Column
+
+duckdb = pytest.importorskip("duckdb")
+
+SALES = [{"id": i, "kind": i % 7, "name": f"n{i % 3}", "price": i / 2} for i in range(100)]
+# A road from each number to the next three, and the names of some.
+ROADS = [{"here": i // 3, "there": i // 3 + 1 + i % 3} for i in range(90)]
+TOWNS = [{"id": 5 * i, "name": f"n{i}", "list": [i]} for i in range(6)]
+
+
+@pytest.fixture
+def ss(own: Any, ss: ss2sql.Session) -> ss2sql.Session:
+    own.execute("""
+        CREATE TABLE sales AS
+        SELECT i AS id, i % 7 AS kind, 'n' || i % 3 AS name, i / 2.0::DOUBLE AS price FROM range(100) AS r(i);
+        CREATE TABLE roads AS SELECT i // 3 AS here, i // 3 + 1 + i % 3 AS there FROM range(90) AS r(i);
+        CREATE TABLE towns AS SELECT 5 * i AS id, 'n' || i AS name, [i] AS list FROM range(6) AS r(i);
+    """)
+    ss.function("last", lambda n: int(str(n)[-1]), volatility="immutable")
+    ss.function("turned", lambda n: "".join(reversed(str(n))), volatility="immutable")
+    return ss
+
+
+@pytest.fixture
+def read(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """How many values come out of DuckDB, column by column."""
+    lengths: list[int] = []
+    values = Column.values.fget
+    assert values is not None
+
+    def look(column: Column) -> Any:
+        found = values(column)
+        lengths.append(len(found))
+        return found
+
+    monkeypatch.setattr(Column, "values", property(look))
+    return lengths
+
+
+def handed(result: ss2sql.Result) -> list[str]:
+    """The tables whose rows DuckDB hands over, and what it asks of them."""
+    start = "DuckDB hands over the rows of "
+    lines = [line.strip() for line in str(result.explain()).splitlines()]
+    return [line.removeprefix(start) for line in lines if line.startswith(start)]
+
+
+def as_without_tables(ss: ss2sql.Session, script: str, value: Any) -> None:
+    """Where the tables are lists, the query gives the same natively."""
+    for name, rows in {"sales": SALES, "roads": ROADS, "towns": TOWNS}.items():
+        ss.set(name, rows)
+    again = ss.run(script, engine="native")
+    assert handed(again) == []
+    assert exact(again.value) == exact(value)
+
+
+# --- which rows are read -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("engine", ["database", "native", "duckdb"])
+def test_functions_of_python_are_asked_of_few_rows(ss: ss2sql.Session, read: list[int], engine: Any) -> None:
+    script = "SELECT id, last(id) FROM sales WHERE kind == most AND price > 20 AND last(id) > 4 AS rows"
+    result = ss.run(script, engine=engine, most=3)
+    assert result.value == [(n, n % 10) for n in range(100) if n % 7 == 3 and n > 40 and n % 10 > 4]
+    assert read
+    assert set(read) == {len([n for n in range(41, 100) if n % 7 == 3])}
+    assert handed(result) == ["sales with kind == most AND price > 20"]
+
+
+def test_what_may_fail_comes_before_what_stands_behind_it(ss: ss2sql.Session, read: list[int]) -> None:
+    """The row with the id 3 fails, although DuckDB could tell that it is not kept."""
+    for first in ("10 / (id - 3) > 1", "last(id) / (id - 3) > 1"):
+        assert code_of(ss.run, f"SELECT id FROM sales WHERE {first} AND kind == 5 AS list") == "X002"
+    assert max(read) == 100
+    del read[:]
+    assert ss.eval("SELECT id FROM sales WHERE kind == 5 AND 10 / (id - 3) > 1 AS list") == [5, 12]
+    assert set(read) <= {14}
+
+
+@pytest.mark.parametrize(
+    ("script", "count"),
+    [
+        ("a.id, b.id FROM a = sales, b = sales WHERE a.id < 2 AND b.price > 49 AND last(a.id) < b.id AS rows", {2, 1}),
+        ("id, n.this FROM n = [1, 2], s = sales WHERE s.id < n.this AND s.id < 3 AND last(id) >= 0 AS rows", {3}),
+        # A function in FROM is asked for every row, so all have to be there.
+        ("id FROM s = sales, x = last(s.id) WHERE s.id < 2 AS list", {100}),
+        # What is asked may also be None, and groups are made of what is kept.
+        ("name, count(*) FROM sales WHERE NOT name == 'n1' AND last(id) != 3 GROUP BY name AS rows", {67}),
+        ("id FROM sales WHERE last(id) == 3 AND id < 20 AS list", {100}),
+        ("last(id) FROM sales WHERE id < 50 OR name == 'n2' ORDER BY id DESC LIMIT 3 AS list", {67}),
+    ],
+)
+def test_which_rows_are_read(ss: ss2sql.Session, read: list[int], script: str, count: set[int]) -> None:
+    value = ss.eval(f"SELECT {script}")
+    assert set(read) == count
+    as_without_tables(ss, f"SELECT {script}", value)
+
+
+@pytest.mark.parametrize("engine", ["native", "duckdb"])
+def test_a_query_in_a_text_reads_rows_of_its_own(ss: ss2sql.Session, engine: Any) -> None:
+    """It has a source of the same name, which the query around it goes on reading."""
+    inner = "SELECT b.id FROM b = sales WHERE b.kind == 2 AND last(b.id) < 5 AND b.id < 30 AS list"
+    found = ss.run(
+        "SELECT a.id, b.id FROM a = sales, b = sales WHERE a.kind == 1 AND a.id < 9 AND b.kind == 3"
+        f' AND eval("{inner}") == [2, 23] AND last(b.id) == 0 AS rows',
+        engine=engine,
+    )
+    assert found.value == [(1, 10), (1, 80), (8, 10), (8, 80)]
+
+
+def test_a_condition_that_a_text_changes(ss: ss2sql.Session) -> None:
+    script = "SELECT eval('most = ' + str(id)) FROM sales WHERE kind < most AND last(id) > 0 AS list;"
+    ss.set("most", 3)
+    found = ss.run(script, engine="native").value
+    ss.set("most", 3)
+    as_without_tables(ss, script, found)
+    assert len(found) > 50
+
+
+def test_a_file(own: Any, ss: ss2sql.Session, read: list[int], tmp_path: Path) -> None:
+    own.sql("SELECT i AS id, i % 7 AS nth FROM range(100) AS r(i)").write_parquet(str(tmp_path / "some.parquet"))
+    ss.attach("some", tmp_path / "some.parquet")
+    assert ss.eval("SELECT last(id), nth FROM some WHERE nth == 6 AND id > 80 AS rows") == [(3, 6), (0, 6), (7, 6)]
+    assert set(read) == {3}
+
+
+# --- joins -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("engine", ["database", "native", "duckdb"])
+def test_the_rows_of_the_product_come_in_its_order(ss: ss2sql.Session, engine: Any) -> None:
+    script = "SELECT here, name, turned(there) FROM towns, roads WHERE id == there AND here > 3 AND turned(id) != '51'"
+    result = ss.run(f"{script} AS rows", engine=engine)
+    assert result.value == [
+        (road["here"], town["name"], str(road["there"])[::-1])
+        for town in TOWNS
+        for road in ROADS
+        if town["id"] == road["there"] and road["here"] > 3 and town["id"] != 15
+    ]
+    assert handed(result) == ["towns, roads with id == there AND here > 3"]
+    assert "walks the elements of towns, roads (as towns_roads)" in str(result.explain()) or engine != "database"
+    assert "CROSS JOIN" not in str(result.sql)
+
+
+@pytest.mark.parametrize(
+    ("script", "expected"),
+    [
+        # Three tables, each of which must equal one before it.
+        (
+            "turned(a.here) FROM a = roads, b = roads, t = towns"
+            " WHERE a.there == b.here AND b.there == t.id AND a.here == 0",
+            ["a, b, t with a.there == b.here AND b.there == t.id AND a.here == 0"],
+        ),
+        # What stands between them keeps its place.
+        (
+            "turned(n.this) FROM a = roads, n = [1, 2], b = roads WHERE a.there == b.here AND a.here == 0",
+            ["a with a.here == 0"],
+        ),
+        # A product without an equality is larger than its tables.
+        ("turned(a.here) FROM a = roads, t = towns WHERE a.there > t.id AND a.here == 0", ["a with a.here == 0"]),
+        # What may fail is asked in its place.
+        (
+            "turned(a.here) FROM a = roads, t = towns WHERE 1 / (a.here + a.there - 1.5) < 9 AND a.there == t.id",
+            [],
+        ),
+        ("turned(a.this) FROM a = roads, t = towns WHERE a.there == t.id AND a.here < 3", ["a"]),
+        ("turned(t.list) FROM a = roads, t = towns WHERE a.there == t.id AND a.here < 3", ["a, t"]),
+        ("turned(1) FROM a = roads, t = towns WHERE a.there == t.id", ["a, t with a.there == t.id"]),
+    ],
+)
+def test_what_is_joined(ss: ss2sql.Session, script: str, expected: list[str]) -> None:
+    result = ss.run(f"SELECT {script} AS list")
+    pairs = zip(handed(result), expected, strict=True)
+    assert all(text == wanted or text.startswith(f"{wanted} with") for text, wanted in pairs)
+    as_without_tables(ss, f"SELECT {script} AS list", result.value)
+
+
+def test_more_rows_than_the_tables_have(ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    script = "SELECT turned(a.here) FROM a = roads, b = roads WHERE a.here == b.here AND a.there > 30 AS list"
+    expected = [str(a["here"])[::-1] for a in ROADS for b in ROADS if a["here"] == b["here"] and a["there"] > 30]
+    result = ss.run(script)
+    assert result.value == expected
+    assert handed(result) == ["a, b with a.here == b.here AND a.there > 30"]
+    monkeypatch.setattr(joining, "FEW", 0)
+    assert ss.run(script).value == expected  # few enough with both conditions
+    result = ss.run(script.replace(" AND a.there > 30", ""))
+    assert len(result.value) == 270
+    assert handed(result) == []
+
+
+def test_columns_with_strange_names(own: Any, ss: ss2sql.Session) -> None:
+    own.execute('CREATE TABLE "Places" AS SELECT id AS "Name", name AS "this way" FROM towns')
+    script = "SELECT turned(towns.name), x.Name FROM towns, x = Places WHERE towns.id == x.Name"
+    found = ss.run(f"{script} AND towns.id > 9 AS rows")
+    assert handed(found) == ["towns, x with towns.id == x.Name AND towns.id > 9"]
+    assert found.value == [("2n", 10), ("3n", 15), ("4n", 20), ("5n", 25)]
+
+
+def test_what_is_no_value_of_the_language(own: Any, ss: ss2sql.Session) -> None:
+    own.execute("CREATE TABLE odd AS SELECT i AS id, i::VARCHAR::BIT AS m FROM range(2) AS r(i)")
+    script = "SELECT turned({}) FROM towns, odd WHERE towns.id == odd.id AS list"
+    assert ss.eval(script.format("odd.id")) == ["0"]
+    assert code_of(ss.run, script.format("odd.m")) == "X004"
+
+
+@pytest.mark.parametrize("script", ["a.id == b.id AND turned(a.id) != '3'", "a.id > 9 AND turned(b.id) != '3'"])
+def test_what_duckdb_refuses(ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch, script: str) -> None:
+    query = ss.compile(f"SELECT a.id FROM a = towns, b = towns WHERE {script} AS list")
+    expected = query.run().value
+    rows = Reading.rows
+
+    def full(reading: Reading, text: str, values: Any = None) -> Any:
+        if "towns" in text and "COUNT(*)" in text and "WHERE" in text:
+            raise duckdb.OutOfMemoryException("no room")
+        return rows(reading, text, values)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Reading, "rows", full)
+        patch.setattr(Reading, "arrow", full)
+        with pytest.raises(ss2sql.ExecutionError, match="duckdb: no room") as caught:
+            ss.run(f"SELECT b.id FROM a = towns, b = towns WHERE {script} AS list")
+        assert caught.value.span is not None
+        assert caught.value.span.text == "towns"
+    assert query.run().value == expected
+
+
+# --- what changes ------------------------------------------------------------------------------------------
+
+
+def test_a_compiled_query_joins_what_is_there(own: Any, ss: ss2sql.Session) -> None:
+    ss.set("wanted", "n1")
+    query = ss.compile("SELECT turned(there) FROM towns, roads WHERE id == here AND name == wanted AS list")
+    assert query.run().value == ["6", "7", "8"]
+    assert handed(query.run()) == ["towns, roads with id == here AND name == wanted"]
+    assert query.run(wanted="n2").value == ["11", "21", "31"]
+    own.execute("INSERT INTO roads VALUES (5, 99)")
+    assert query.run(wanted="n1").value == ["6", "7", "8", "99"]
+    for wanted in ([1], None):  # DuckDB cannot ask that
+        assert query.run(wanted=wanted).value == []
+    assert query.run(wanted="n1").value == ["6", "7", "8", "99"]
+    own.execute("INSERT INTO roads VALUES (NULL, 7)")
+    assert code_of(ss.run, "SELECT turned(there) FROM roads WHERE here > 28 AS list") == "X001"  # None has no order
+    own.execute("CREATE OR REPLACE TABLE towns AS SELECT '5' AS id, 'n1' AS name")
+    assert query.run(wanted="n1").value == []
+    own.execute("DROP TABLE towns")
+    assert code_of(query.run, wanted="n1") == "R001"
+
+
+def test_variables_that_are_set_again(ss: ss2sql.Session) -> None:
+    query = "SELECT last(id) FROM sales WHERE id > most AS list"
+    assert ss.eval(f"most = 97; a = ({query}); most = 98; [a, ({query})];") == [[8, 9], [9]]
+
+
+def test_a_connection_that_compares_texts_in_another_way(own: Any, ss: ss2sql.Session) -> None:
+    script = "SELECT turned(a.id) FROM a = towns, b = towns WHERE a.name == b.name AS list"
+    assert handed(ss.run(script)) == ["a, b with a.name == b.name"]
+    own.execute("SET default_collation = 'nocase'")
+    assert handed(ss.run(script)) == []
+    assert ss.eval("SELECT last(id) FROM sales WHERE name == 'N1' AS list") == []
