@@ -84,6 +84,9 @@ TABLES: dict[str, str] = {
         CREATE TABLE gone(part TEXT);
         CREATE VIEW broken AS SELECT part FROM gone;
         DROP TABLE gone""",
+    "forms": """
+        CREATE TABLE forms(src, dst);
+        INSERT INTO forms VALUES (0, 1.0), (0, 1), (1, NULL), (NULL, '1')""",
 }
 VALUES: dict[str, Callable[[], Any]] = {
     "moves": lambda: [list(step) for step in MOVES],
@@ -97,4 +100,5 @@ VALUES: dict[str, Callable[[], Any]] = {
     "uneven": lambda: [{"name": "Ada", "age": 36}, {"name": "Grace"}],
     "number": lambda: 7,
     "shelf": lambda: Shelf(),
+    "gaps": lambda: [{"k": "a", "v": 3}, {"k": "b", "v": None}, {"v": 1, "w": 2.5}],
 }
