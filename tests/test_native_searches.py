@@ -200,8 +200,8 @@ def trace(options: str, columns: str) -> list[str]:
         ("PROBABILITY note('p', 1)", "this", "start stop where select p connect stop where select p"),
         ("PROBABILITY note('p', 0)", "this", "start stop where select p"),  # an impossible step is not connected
         # A row that is compared comes first. One that is known is dropped before STOP WITH and WHERE are asked.
-        *[(word, "n", "start select stop where connect select stop where") for word in ("NO CYCLE", "UNIQUE", "MEMORIZE")],
-        *[(word, "this", "start select stop where connect select") for word in ("NO CYCLE", "UNIQUE", "MEMORIZE")],
+        *[(word, "n", "start select stop where connect select stop where") for word in (*REPEATS[1:], "MEMORIZE")],
+        *[(word, "this", "start select stop where connect select") for word in (*REPEATS[1:], "MEMORIZE")],
     ],
 )  # fmt: skip
 def test_clauses_of_a_step(options: str, columns: str, expected: str) -> None:

@@ -1,4 +1,4 @@
-"""The reference against the language page where no sheet or golden case runs it: maps, the Towers of Hanoi, failures."""
+"""The reference against the language page where no sheet or golden case runs it: maps, Towers of Hanoi, failures."""
 
 from __future__ import annotations
 

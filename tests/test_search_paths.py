@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gc
 import itertools
-import tracemalloc
 import weakref
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -134,32 +133,3 @@ def test_what_a_search_kept_is_given_back_with_its_result(option: str, engine: A
     session.close()
     del session
     assert pools() == before
-
-
-@pytest.mark.usefixtures("little_heap")
-def test_searches_one_after_the_other_need_no_more_memory_than_one() -> None:
-    session = ss2sql.connect()
-    query = session.compile(
-        "SELECT n FROM [1] WHERE n == 20000 START WITH n = 1 CONNECT BY n = n + 1 STOP WITH n == 20000;"
-    )
-
-    def run() -> None:
-        result = query.run(engine="database")
-        assert result.stats.generated == 20_000
-        assert len(result.paths[0]) == 20_000
-
-    for _ in range(3):
-        run()
-    gc.collect()
-    tracemalloc.start()
-    try:
-        run()
-        gc.collect()
-        first, most = tracemalloc.get_traced_memory()
-        for _ in range(20):
-            run()
-        gc.collect()
-        last, _ = tracemalloc.get_traced_memory()
-    finally:
-        tracemalloc.stop()
-    assert last - first < 0.05 * most  # of what one search takes
