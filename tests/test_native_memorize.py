@@ -1,37 +1,64 @@
-"""MEMORIZE natively, against a search that tries everything, on random graphs with repeated edges."""
+"""The paths of MEMORIZE against brute force, and how many steps they take where most ways lead nowhere."""
 
 from __future__ import annotations
 
-from itertools import pairwise
+import random
+from collections.abc import Iterator, Sequence
+from functools import reduce
+from itertools import islice, pairwise
+from operator import add, mul
 from typing import Any
 
 import pytest
 from native_host import FakeHost
-from path_problems import CHANCES, COSTS, Edge, Problem, by_length, by_total, problem
+from path_problems import CHANCES, COSTS, HARMLESS, MISLEADING, Edge, Problem, by_length, by_total, graph_of, problem
+from programs.drawn import amount
 
-SEEDS = range(120)
+import ss2sql
+from ss2sql.runtime.memorize import by_length as lengths_module
+from ss2sql.runtime.memorize import by_weight as weights_module
+from ss2sql.runtime.memorize import careful as careful_module
+from ss2sql.runtime.memorize import growing
+from ss2sql.runtime.memorize.by_length import PATIENCE, ByLength
+from ss2sql.runtime.memorize.by_weight import ByWeight
+from ss2sql.runtime.memorize.graph import Graph
+
+COUNT = amount(1 / 5)
+
+# --- against brute force ------------------------------------------------------------------------------------------
+
+SCRIPT = """SELECT e.this[0] FROM e = near(node) WHERE is_goal(e.this[0])
+    START WITH node = 0 CONNECT BY MEMORIZE (most) {} node = e.this[0]
+    STOP WITH is_stop(e.this[0]) AS list"""
+ORDERS = {
+    "": ([[1]], by_length),
+    "COST e.this[1]": (COSTS, lambda graph: by_total(graph, False)),
+    "PROBABILITY e.this[1]": (CHANCES, lambda graph: by_total(graph, True)),
+}
 
 
-@pytest.mark.parametrize("seed", SEEDS)
-def test_by_length(seed: int) -> None:
-    graph = problem(seed, [1])
-    expected = by_length(graph)
-    assert graph.host().run(graph.script()) == expected
-    assert graph.host().run(graph.script("MAXIMUM 2")) == expected[:2]
-
-
-@pytest.mark.parametrize("seed", SEEDS)
-def test_by_cost(seed: int) -> None:
-    graph = problem(seed, COSTS[seed % len(COSTS)])
-    expected = by_total(graph, False)
-    assert graph.host().run(graph.script("COST e.this[1]")) == expected
-    assert graph.host().run(graph.script("COST e.this[1] MAXIMUM 3")) == expected[:3]
-
-
-@pytest.mark.parametrize("seed", SEEDS)
-def test_by_probability(seed: int) -> None:
-    graph = problem(seed, CHANCES[seed % len(CHANCES)])
-    assert graph.host().run(graph.script("PROBABILITY e.this[1]")) == by_total(graph, True)
+@pytest.mark.parametrize("order", list(ORDERS))
+@pytest.mark.parametrize("engine", ["auto", "native"])
+def test_the_paths_are_those_of_brute_force(ss: ss2sql.Session, order: str, engine: Any) -> None:
+    graph = Problem([], set(), set(), None)
+    ss.function("near", lambda node: [list(edge) for edge in graph.edges[node]], volatility="stable")
+    ss.function("is_goal", lambda node: node in graph.goals, volatility="stable")
+    ss.function("is_stop", lambda node: node in graph.stops, volatility="stable")
+    ss.set("most", 1)
+    scripts = [SCRIPT.format(order), SCRIPT.format(f"{order} MAXIMUM 3")]
+    scripts += [script.replace("(most)", "") for script in scripts]
+    queries = [ss.compile(script, engine=engine) for script in scripts]
+    weights, ranked = ORDERS[order]
+    found = 0
+    for seed in range(3 * COUNT):
+        graph = problem(seed, weights[seed % len(weights)], 7)
+        expected = ranked(graph)
+        found += len(expected)
+        ss.set("most", graph.bound or 1)
+        every, first = queries[2:] if graph.bound is None else queries[:2]
+        assert every.run().value == expected, seed
+        assert first.run().value == expected[:3], seed
+    assert found > 3 * COUNT
 
 
 def test_equal_totals_of_different_sums() -> None:
@@ -77,17 +104,6 @@ def test_the_first_of_very_many_paths_whose_totals_differ_by_rounding() -> None:
     assert all(a < b for a, b in pairwise(zip(sums, paths, strict=True)))
 
 
-def test_work_is_bounded_where_most_ways_lead_nowhere() -> None:
-    # A long corridor, and at its start a room of which every node leads to every other one, and nowhere else.
-    room, corridor = list(range(1, 13)), list(range(13, 113))
-    edges: list[list[Edge]] = [[(node, 1) for node in (*room, 13)]]
-    edges += [[(other, 1) for other in room if other != node] for node in room]
-    edges += [[(node + 1, 1)] for node in corridor[:-1]] + [[]]
-    graph = Problem(edges, {112}, set(), None)
-    assert graph.host().run(graph.script()) == [corridor]
-    assert graph.host().run(graph.script("COST e.this[1]")) == [corridor]
-
-
 def test_each_row_is_expanded_once() -> None:
     side = 20
     edges: list[list[Edge]] = [
@@ -111,12 +127,6 @@ def test_the_graph_ends_at_the_bound() -> None:
     assert run.stats.generated == 5
 
 
-def test_a_row_is_shown_as_it_was_first_met() -> None:
-    # 1.0 is a second way to the row 1.
-    script = "SELECT this FROM [1, 1.0, 2.0] START WITH n = 0 CONNECT BY MEMORIZE 1 n = this AS list"
-    assert [repr(path) for path in FakeHost().run(script)] == ["[1]", "[1]", "[2.0]"]
-
-
 def test_functions_are_asked_once_for_a_row() -> None:
     asked: list[Any] = []
 
@@ -130,3 +140,194 @@ def test_functions_are_asked_once_for_a_row() -> None:
     assert len(host.run(script)) == 3
     # The second step to 2 is an edge to a known row.
     assert asked == [1, 2]
+
+
+# --- whenever care begins, order and paths are the same ---------------------------------------------------------------
+
+
+def numbered(graph: Problem) -> Graph:
+    """The graph with its nodes as they are; a row of the start, which steps may lead to, is a node of its own."""
+    start, made = len(graph.edges), Graph(lambda: None, graph.bound)
+    for node in [*range(1, start), 0]:
+        made.add_node((node,), node in graph.goals)
+    for node in [0, *range(1, start), start]:
+        if node % start in graph.stops and node:
+            continue
+        for target, weight in graph.edges[node % start]:
+            if target in graph.goals or target not in graph.stops:
+                made.add_edge(node, target or start, weight, None)
+    return made
+
+
+def rows(graph: Graph, paths: Iterator[Sequence[int]]) -> list[list[int]]:
+    return [[graph.rows[graph.targets[edge]][0] for edge in path] for path in paths]
+
+
+@pytest.fixture(params=[0, 0.05, 0.3, 1])
+def impatient(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Quick walks give up here and there."""
+    monkeypatch.setattr(lengths_module, "PATIENCE", request.param)
+    monkeypatch.setattr(weights_module, "PATIENCE", request.param)
+
+
+@pytest.mark.usefixtures("impatient")
+@pytest.mark.parametrize("kept", [0, 3, 1000])
+def test_careful_walks_by_length(kept: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(careful_module, "KEPT", kept)
+    careful = 0
+    for seed in range(5 * COUNT):
+        graph = problem(seed, [1], 7)
+        made = numbered(graph)
+        walk = ByLength(made)
+        assert rows(made, walk.paths()) == by_length(graph)
+        careful += walk.careful is not None
+        assert walk.careful is None or walk.careful.kept == 0
+    assert careful > 5
+
+
+@pytest.mark.usefixtures("impatient")
+@pytest.mark.parametrize("likeliest", [False, True])
+def test_careful_searches_by_weight(likeliest: bool) -> None:
+    careful = 0
+    for seed in range(5 * COUNT):
+        choices = CHANCES if likeliest else COSTS
+        graph = problem(seed, choices[seed % len(choices)], 7)
+        made = numbered(graph)
+        search = ByWeight(made, likeliest)
+        assert rows(made, search.paths()) == by_total(graph, likeliest)
+        careful += search.lost
+    assert careful > 5
+
+
+# --- how much work it is -----------------------------------------------------------------------------------------
+
+WORK: dict[str, Any] = {
+    "length": ByLength,
+    "cost": lambda graph: ByWeight(graph, False),
+    "chance": lambda graph: ByWeight(graph, True),
+}
+
+
+def most_steps(graph: Graph, paths: int) -> int:
+    """For each path, and for the end, what patience allows and a search of the whole graph for each of its nodes."""
+    size = len(graph.rows) + len(graph.targets)
+    return (paths + 1) * (PATIENCE + len(graph.rows)) * size
+
+
+def weigh(graph: Graph, order: str) -> None:
+    dice = random.Random(1)
+    graph.weights = [dice.choice({"cost": [0.1, 0.2, 0.7], "chance": [0.1, 0.5, 0.9]}[order]) for _ in graph.weights]
+
+
+def check_order(graph: Graph, order: str, found: list[tuple[int, ...]]) -> None:
+    if order == "length":
+        assert found == sorted(found, key=lambda path: (len(path), path))
+    else:
+        combine, start = (add, 0) if order == "cost" else (mul, -1)
+        ranked = [(reduce(combine, (graph.weights[edge] for edge in path), start), path) for path in found]
+        assert ranked == sorted(ranked)
+    for path in found:
+        nodes = [graph.targets[edge] for edge in path]
+        assert len(set(nodes)) == len(nodes)
+        assert graph.goals[nodes[-1]]
+
+
+@pytest.mark.parametrize("order", WORK)
+@pytest.mark.parametrize("name", [*MISLEADING, *HARMLESS])
+def test_steps_are_bounded(name: str, order: str) -> None:
+    graph = (MISLEADING | HARMLESS)[name]()
+    if order != "length":
+        weigh(graph, order)
+    work = WORK[order](graph)
+    found = [tuple(path) for path in islice(work.paths(), 200)]
+    assert work.steps <= most_steps(graph, len(found))
+    assert len(found) == len(set(found)) > 0
+    check_order(graph, order, found)
+
+
+@pytest.mark.parametrize("name", MISLEADING)
+def test_a_quick_walk_loses_its_way(name: str) -> None:
+    walk = ByLength(MISLEADING[name]())
+    # That makes these the bad cases; in the last two a walk finds paths, but begins anew for each length.
+    for _ in islice(walk.paths(), 1000):
+        pass
+    assert walk.careful is not None
+
+
+@pytest.mark.parametrize("name", HARMLESS)
+def test_a_quick_walk_finds_its_way(name: str) -> None:
+    walk = ByLength(HARMLESS[name]())
+    assert sum(1 for _ in islice(walk.paths(), 1000)) == 1000
+    assert walk.careful is None
+
+
+def test_ways_that_are_cheap_but_too_long() -> None:
+    # Every place can be passed at no cost in two steps or dearly in one. Only `limit` steps are left for 40 places.
+    places, limit = 40, 44
+    edges: list[list[int]] = []
+    for place in range(places):
+        edges += [[2 * place + 2, 2 * place + 1], [2 * place + 2]]
+    graph = graph_of([*edges, []], {2 * places}, limit)
+    graph.weights = [5 if node % 2 == 0 and target == node + 2 else 0 for node in range(2 * places)
+                     for target in edges[node]]  # fmt: skip
+    search = ByWeight(graph, False)
+    found = [tuple(path) for path in islice(search.paths(), 100)]
+    # Four of the places are passed at no cost.
+    assert {sum(graph.weights[edge] for edge in path) for path in found} == {36 * 5}
+    assert len(found) == 100
+    assert search.lost
+    assert search.steps <= most_steps(graph, 100)
+
+
+# --- only what is asked for -----------------------------------------------------------------------------------------
+
+
+def test_maximum_takes_no_step_beyond_the_last_path(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+
+    def counted(graph: Graph, marks: Sequence[Any] | None) -> Iterator[list[Any]]:
+        for number, path in enumerate(ByLength(graph, marks).paths(), 1):
+            asked.append(number)
+            yield path
+
+    monkeypatch.setattr(growing, "paths_by_length", counted)
+    with ss2sql.connect() as ss:
+        paths = ss.eval("SELECT this FROM range(9) START WITH n = 0 CONNECT BY MEMORIZE MAXIMUM 7 n = this AS list")
+    assert paths == [[0], [1], [2], [3], [4], [5], [6]]
+    assert asked == [1, 2, 3, 4, 5, 6, 7]
+
+
+def test_steps_to_the_first_paths_do_not_depend_on_how_many_there_are() -> None:
+    side = 40
+    edges: list[list[int]] = [[]] + [
+        [node + step for step in (1, side) if ((node - 1) % side if step == 1 else (node - 1) // side) < side - 1]
+        for node in range(1, side * side + 1)
+    ]
+    edges[0] = [1]
+    walk = ByLength(graph_of(edges, {side * side}))
+    steps = []
+    for _ in islice(walk.paths(), 50):
+        steps.append(walk.steps)
+    # The first path is walked straight; each of the others leaves the one before it somewhere.
+    assert steps[0] == 0
+    assert all(after - before <= 4 * side for before, after in pairwise(steps))
+
+
+class EndedError(Exception):
+    pass
+
+
+@pytest.mark.parametrize("order", WORK)
+@pytest.mark.parametrize("name", MISLEADING)
+def test_a_run_that_has_to_end_ends(name: str, order: str) -> None:
+    graph = MISLEADING[name]()
+    if order != "length":
+        weigh(graph, order)
+    work = WORK[order](graph)
+
+    def check() -> None:
+        raise EndedError
+
+    graph.check = check
+    with pytest.raises(EndedError):
+        list(islice(work.paths(), 5000))
