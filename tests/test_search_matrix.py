@@ -174,8 +174,21 @@ NODES: dict[str, list[Any]] = {
     "bools": [True, 1, 1.0, False, 0, None],
 }
 IN_TABLES = ("whole", "text", "numbers", "mixed")
-EDGE_ORDERS = ("", "BREADTH FIRST", "DEPTH FIRST", "COST w", "COST w HEURISTIC 2 - w", "PROBABILITY 1 / (1 + w)")
+EDGE_ORDERS = (
+    *("", "BREADTH FIRST", "DEPTH FIRST", "COST w", "COST w * 0.1", "COST w HEURISTIC 2 - w", "COST w HEURISTIC w"),
+    *("PROBABILITY 1 / (1 + w)", "PROBABILITY w / 2"),
+)
 ROWS = ("dst", "src, dst", "dst, w", "src", "to(dst, name)", "node", "node, dst", "dst, level")
+LOOKED_UP = "(SELECT * FROM edges WHERE src == node)"
+# A source, and what has to be true of its steps, or they stop.
+SOURCES = [
+    *([(LOOKED_UP, "", "")] * 3),
+    ("edges", "src == node", "src != node"),
+    ("(SELECT * FROM edges WHERE src == node AND w > 0)", "", ""),
+    (f"{LOOKED_UP}, twice = [0, 1]", "", ""),
+]
+GOALS = ("", "", "dst == {}", "dst != {}", "w == 1", "level > 1", "src == {} OR w > 1")
+STOPS = ("", "", "", "dst == {}", "w == 2", "node == {}")
 
 
 def program(chance: random.Random) -> ProgramCase:
@@ -186,39 +199,20 @@ def program(chance: random.Random) -> ProgramCase:
         {"src": chance.choice(nodes), "dst": chance.choice(nodes), "w": chance.randrange(3)}
         for _ in range(chance.randrange(1, 14))
     ]
-    row = chance.choice(ROWS)
+    row, goal, (source, holds, stops) = chance.choice(ROWS), repr(chance.choice(nodes)), chance.choice(SOURCES)
     bounded = "level" in row or chance.random() < 0.4
-    guard = chance.choice(GUARDS) if bounded and chance.random() < 0.6 else "UNIQUE"
-    maximum = f" MAXIMUM {chance.randrange(1, 5)}" if chance.random() < 0.4 else ""
-    where, stops = [], ["level == 4"] if bounded else []
-    goal = repr(chance.choice(nodes))
-    source = "(SELECT * FROM edges WHERE src == node)"
-    form = chance.random()
-    if form < 0.2:
-        source, where = "edges", ["src == node"]
-        stops.append("src != node")
-    elif form < 0.3:
-        source = "(SELECT * FROM edges WHERE src == node AND w > 0)"
-    elif form < 0.4:
-        source += ", twice = [0, 1]"
-    if chance.random() < 0.5:
-        where.append(
-            chance.choice([f"dst == {goal}", f"dst != {goal}", "w == 1", "level > 1", f"src == {goal} OR w > 1"])
-        )
-    if chance.random() < 0.3:
-        stops.append(chance.choice([f"dst == {goal}", "w == 2", f"node == {goal}"]))
+    where = [part for part in (holds, chance.choice(GOALS).format(goal)) if part]
+    stop = [part for part in ("level == 4" if bounded else "", stops, chance.choice(STOPS).format(goal)) if part]
+    options = [chance.choice(EDGE_ORDERS), chance.choice(GUARDS) if bounded and chance.random() < 0.6 else "UNIQUE"]
     parts = [
-        f"SELECT {row} FROM {source}",
-        "WHERE " + " AND ".join(where) if where else "",
-        f"START WITH node = {chance.choice(nodes)!r}, level = 1",
-        f"CONNECT BY {chance.choice(EDGE_ORDERS)} {guard}{maximum} node = dst, level = level + 1",
-        "STOP WITH " + " OR ".join(stops) if stops else "",
-        chance.choice(["", "", "", "ORDER BY w", "GROUP BY w"]),
-        chance.choice(["", "", "LIMIT 2"]),
+        f"SELECT {row} FROM {source} {'WHERE ' * bool(where)}{' AND '.join(where)}",
+        f"START WITH node = {chance.choice(nodes)!r}, level = 1 CONNECT BY {' '.join(options)}",
+        f"{chance.choice(('', '', 'MAXIMUM 1', 'MAXIMUM 4'))} node = dst, level = level + 1",
+        f"{'STOP WITH ' * bool(stop)}{' OR '.join(stop)}",
+        chance.choice(["", "", "", "ORDER BY w", "GROUP BY w", "LIMIT 2"]),
         chance.choice(["", "AS list", "AS rows"]),
     ]
-    script = " ".join(part for part in parts if part) + ";"
-    return ProgramCase(script, {} if table else {"edges": edges}, (), {"edges": edges} if table else {})
+    return ProgramCase(" ".join(parts) + ";", {} if table else {"edges": edges}, (), {"edges": edges} if table else {})
 
 
 @pytest.mark.parametrize("part", range(3))
@@ -280,29 +274,6 @@ def test_a_long_chain_that_fails_is_lowered_once_more(ss: ss2sql.Session) -> Non
 
 
 # --- a row that repeats --------------------------------------------------------------------------------
-
-
-@both
-@pytest.mark.parametrize(
-    "order", ["", "BREADTH FIRST", "DEPTH FIRST", "COST 1", "PROBABILITY 0.5", "COST 1 HEURISTIC 0"]
-)
-def test_a_row_of_the_state_or_of_an_earlier_source_is_reached_once(
-    ss: ss2sql.Session, order: str, engine: Any
-) -> None:
-    def ends(select: str, clauses: str, stop: str = "") -> list[list[Any]]:
-        script = f"SELECT {select} FROM a = [1, 2], b = [1, 2, 3] {clauses} {stop};".format(f"{order} UNIQUE")
-        return [[row[0] for row in path] for path in ss.run(script, engine=engine).paths]
-
-    start = "START WITH n = 0 CONNECT BY {}"
-    assert sorted(path[-1] for path in ends("a.this", f"{start} n = n + 1")) == [1, 2]
-    # The state is the row: its first step reaches it, and goes on to the state 1, whose first step does not leave it.
-    assert ends("n", f"{start} n = a.this") == [[0], [0, 1]]
-    assert ends("n", f"{start} n = b.this") == [[0], [0, 1]]
-    # A step that stops without being a goal reaches nothing, so the next one reaches the row: b = 2 leads to 2.
-    assert ends("n", f"{start} n = b.this", "STOP WITH b.this == 1") == [[0], [0, 2]]
-    # A goal that stops reaches its row, and nobody goes on from it.
-    assert ends("n", f"WHERE True {start} n = b.this", "STOP WITH b.this == 1") == [[0]]
-    assert ends("1", f"WHERE b.this == 3 {start} n = b.this") == []
 
 
 GRAPH = [(0, 1), (0, 2), (1, 3), (2, 3), (3, 0), (3, 4), (4, 4), (2, 4), (2, 3)]

@@ -1,17 +1,15 @@
-"""COST, HEURISTIC and PROBABILITY against networkx, a textbook search and brute force, on random graphs."""
+"""COST and HEURISTIC against networkx and a textbook search, on random graphs."""
 
 from __future__ import annotations
 
 import heapq
 import itertools
 import random
-from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import networkx
-import pytest
 from programs.drawn import amount
 from sessions import both
 
@@ -127,11 +125,6 @@ def path_of(result: ss2sql.Result) -> list[int] | None:
     return [row[0] for row in paths[0]] if paths else None
 
 
-def cost_of(path: Sequence[int], network: networkx.DiGraph) -> Any:
-    """What the path costs; KeyError if it is none from the start."""
-    return sum(network.edges[pair]["weight"] for pair in itertools.pairwise([0, *path]))
-
-
 def estimates(given: Graph) -> dict[str, list[Any]]:
     """Lower bounds for each node; of one without a way to the goal every number is one."""
     exact = given.distances()
@@ -143,9 +136,6 @@ def estimates(given: Graph) -> dict[str, list[Any]]:
         "half": [distance / 2 for distance in far],
         "inconsistent": [distance * rng.choice([0, 0.25, rng.random(), 1]) for distance in far],
     }
-
-
-# --- the cheapest path ---------------------------------------------------------------------------------
 
 
 @both
@@ -164,41 +154,15 @@ def test_the_cheapest_path_is_that_of_dijkstra_whatever_the_heuristic(engine: An
             assert (path is None) == (0 not in costs), (seed, kind)
             if path is not None:
                 found += 1
+                edges = given.network().edges
                 assert path[-1] == given.goal
-                assert cost_of(path, given.network()) == costs[0], (seed, kind)
+                assert sum(edges[pair]["weight"] for pair in itertools.pairwise([0, *path])) == costs[0], (seed, kind)
             expected = textbook(given.edges, given.goal, searches.bounds.__getitem__)
             assert (path, result.stats.expanded) == expected, (seed, kind)
             assert result.status == ("complete" if path is None else "maximum")
             again += result.stats.expanded >= given.size
     assert found > COUNT
     assert again  # some node was expanded twice
-
-
-@both
-@pytest.mark.parametrize("heuristic", ["", "HEURISTIC h[dst]"])
-def test_every_node_once_by_its_cheapest_path_in_the_order_of_costs(heuristic: str, engine: Any) -> None:
-    """Without WHERE each reachable node is a result."""
-    session = ss2sql.connect()
-    for seed in range(COUNT):
-        given = graph(seed)
-        session.set("edges", [list(edge) for edge in given.edges])
-        session.set("h", [0] * given.size)
-        result = session.run(
-            f"""SELECT this[1] FROM edges START WITH node = 0
-            CONNECT BY COST this[2] {heuristic.replace("dst", "this[1]")} UNIQUE node = this[1]
-            STOP WITH this[0] != node;""",
-            engine=engine,
-        )
-        network = given.network()
-        costs = networkx.single_source_dijkstra_path_length(network, 0)
-        # The start is reached by a way around, if there is one.
-        around = [costs[node] + network.edges[node, 0]["weight"] for node in network.predecessors(0) if node in costs]
-        wanted = {**costs, 0: min(around)} if around else {node: costs[node] for node in costs if node != 0}
-        ends = {path[-1][0]: cost_of([row[0] for row in path], network) for path in result.paths}
-        assert ends == wanted, seed
-        assert len(ends) == len(result.paths)
-        assert list(ends.values()) == sorted(ends.values()), seed
-        assert result.stats.expanded == len(ends), seed
 
 
 @both
@@ -214,53 +178,3 @@ def test_floats_are_added_from_left_to_right(engine: Any) -> None:
             engine=engine,
         )
         assert (path_of(result), result.stats.expanded) == textbook(edges, 7, lambda node: 0)
-
-
-# --- the likeliest path --------------------------------------------------------------------------------
-
-
-def simple_paths(edges: Sequence[Edge]) -> Iterator[tuple[tuple[int, ...], float]]:
-    """Every path from 0 that enters no node twice, with its product from left to right; 0 drops a step."""
-    stack: list[tuple[tuple[int, ...], float]] = [((), 1)]
-    while stack:
-        path, product = stack.pop()
-        for src, dst, chance in edges:
-            if src == (path[-1] if path else 0) and dst not in path and chance:
-                stack.append(((*path, dst), product * chance))
-                yield stack[-1]
-
-
-LIKELY = """SELECT dst FROM edges {where} START WITH node = 0
-    CONNECT BY PROBABILITY p {options} node = dst STOP WITH src != node;"""
-
-
-@both
-def test_the_likeliest_paths_are_those_of_brute_force(engine: Any) -> None:
-    session = ss2sql.connect()
-    for seed in range(COUNT):
-        rng = random.Random(seed)
-        chances: list[float] = [0, 0.5, 0.25, 1, 1.0, 0.3, 0.7] if seed % 2 else [rng.random() for _ in range(6)] + [0]
-        edges = [(rng.randrange(5), rng.randrange(5), rng.choice(chances)) for _ in range(9)]
-        session.set("edges", [dict(zip(("src", "dst", "p"), edge, strict=True)) for edge in edges])
-        every = list(simple_paths(edges))
-        result = session.run(LIKELY.format(where="", options="NO CYCLE"), engine=engine)
-        paths = [tuple(row[0] for row in path) for path in result.paths]
-        assert Counter(paths) == Counter(path for path, _ in every), seed
-        # Paths with the same nodes over different edges come by their products, too.
-        products: dict[tuple[int, ...], list[float]] = {}
-        for path, product in sorted(every, key=lambda known: known[1]):
-            products.setdefault(path, []).append(product)
-        order = [products[path].pop() for path in paths]
-        assert order == sorted(order, reverse=True), seed
-
-        best: dict[int, float] = {}
-        for path, product in every:
-            best[path[-1]] = max(best.get(path[-1], 0), product)
-        result = session.run(LIKELY.format(where="", options="UNIQUE"), engine=engine)
-        ends = {path[-1][0]: tuple(row[0] for row in path) for path in result.paths}
-        assert len(ends) == len(result.paths)
-        assert ends.keys() == best.keys(), seed
-        likeliest = {node: max(product for known, product in every if known == path) for node, path in ends.items()}
-        assert likeliest == best, seed
-        assert list(likeliest.values()) == sorted(likeliest.values(), reverse=True), seed
-        assert result.stats.expanded == len(best), seed
