@@ -30,14 +30,20 @@ COUNT = amount(1 / 5)
 SCRIPT = """SELECT e.this[0] FROM e = near(node) WHERE is_goal(e.this[0])
     START WITH node = 0 CONNECT BY MEMORIZE (most) {} node = e.this[0]
     STOP WITH is_stop(e.this[0]) AS list"""
-ORDERS = {
-    "": ([[1]], by_length),
-    "COST e.this[1]": (COSTS, lambda graph: by_total(graph, False)),
-    "PROBABILITY e.this[1]": (CHANCES, lambda graph: by_total(graph, True)),
+WEIGHTS = {"length": "", "cost": "COST e.this[1]", "chance": "PROBABILITY e.this[1]"}
+RANKED: dict[str, Any] = {
+    "length": ([[1]], by_length),
+    "cost": (COSTS, lambda graph: by_total(graph, False)),
+    "chance": (CHANCES, lambda graph: by_total(graph, True)),
+}
+WORK: dict[str, Any] = {
+    "length": ByLength,
+    "cost": lambda graph: ByWeight(graph, False),
+    "chance": lambda graph: ByWeight(graph, True),
 }
 
 
-@pytest.mark.parametrize("order", list(ORDERS))
+@pytest.mark.parametrize("order", RANKED)
 @pytest.mark.parametrize("engine", ["auto", "native"])
 def test_the_paths_are_those_of_brute_force(ss: ss2sql.Session, order: str, engine: Any) -> None:
     graph = Problem([], set(), set(), None)
@@ -45,10 +51,10 @@ def test_the_paths_are_those_of_brute_force(ss: ss2sql.Session, order: str, engi
     ss.function("is_goal", lambda node: node in graph.goals, volatility="stable")
     ss.function("is_stop", lambda node: node in graph.stops, volatility="stable")
     ss.set("most", 1)
-    scripts = [SCRIPT.format(order), SCRIPT.format(f"{order} MAXIMUM 3")]
+    scripts = [SCRIPT.format(options) for options in (WEIGHTS[order], f"{WEIGHTS[order]} MAXIMUM 3")]
     scripts += [script.replace("(most)", "") for script in scripts]
     queries = [ss.compile(script, engine=engine) for script in scripts]
-    weights, ranked = ORDERS[order]
+    weights, ranked = RANKED[order]
     found = 0
     for seed in range(3 * COUNT):
         graph = problem(seed, weights[seed % len(weights)], 7)
@@ -68,33 +74,30 @@ def test_equal_totals_of_different_sums() -> None:
     assert graph.host().run(graph.script("COST e.this[1]")) == [[2, 4], [1, 4], [3, 4]]
 
 
+def grid(side: int, steps: dict[int, Any]) -> list[list[Edge]]:
+    """The edges of a grid whose nodes are numbered row by row: steps of 1 lead right, those of its side lead down."""
+
+    def outward(node: int) -> list[Edge]:
+        inside = {1: node % side < side - 1, side: node // side < side - 1}
+        return [(node + step, weight) for step, weight in steps.items() if inside[step]]
+
+    return [outward(node) for node in range(side * side)]
+
+
 @pytest.mark.parametrize("options", ["", "COST 1", "COST 0", "COST e.this[1]", "PROBABILITY 0.9", "PROBABILITY 1"])
 def test_the_first_paths_of_very_many(options: str) -> None:
     # A grid of 30 x 30 has 30,067,266,499,541,040 shortest paths from corner to corner.
-    side = 30
-    edges: list[list[Edge]] = [
-        [
-            (node + step, weight)
-            for step, weight, inside in ((side, 1, node // side < side - 1), (1, 1, node % side < side - 1))
-            if inside
-        ]
-        for node in range(side * side)
-    ]
-    graph = Problem(edges, {side * side - 1}, set(), None)
+    graph = Problem(grid(30, {30: 1, 1: 1}), {30 * 30 - 1}, set(), None)
     paths = graph.host().run(graph.script(f"{options} MAXIMUM 500"))
     assert len(paths) == len(set(map(tuple, paths))) == 500
-    assert {len(path) for path in paths} == {2 * (side - 1)}
+    assert {len(path) for path in paths} == {2 * 29}
     # In source order, which here is down before right.
     assert paths == sorted(paths, reverse=True)
 
 
 def test_the_first_of_very_many_paths_whose_totals_differ_by_rounding() -> None:
-    side, costs = 20, {1: 0.1, 20: 0.3}
-    edges: list[list[Edge]] = [
-        [(node + step, costs[step]) for step in (1, side) if (node % side if step == 1 else node // side) < side - 1]
-        for node in range(side * side)
-    ]
-    graph = Problem(edges, {side * side - 1}, set(), None)
+    costs = {1: 0.1, 20: 0.3}
+    graph = Problem(grid(20, costs), {20 * 20 - 1}, set(), None)
     paths = graph.host().run(graph.script("COST e.this[1] MAXIMUM 300"))
     sums = [sum(costs[after - before] for before, after in pairwise([0, *path])) for path in paths]
     assert len(sums) == 300
@@ -106,10 +109,8 @@ def test_the_first_of_very_many_paths_whose_totals_differ_by_rounding() -> None:
 
 def test_each_row_is_expanded_once() -> None:
     side = 20
-    edges: list[list[Edge]] = [
-        [(node + step, 1) for step in (-side, side, -1, 1) if 0 <= node + step < side * side]
-        for node in range(side * side)
-    ]
+    nodes = range(side * side)
+    edges = [[(node + step, 1) for step in (-side, side, -1, 1) if node + step in nodes] for node in nodes]
     graph = Problem(edges, {side + 3}, set(), None)
     host = graph.host()
     run = host.start()
@@ -171,42 +172,28 @@ def impatient(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -
 
 
 @pytest.mark.usefixtures("impatient")
-@pytest.mark.parametrize("kept", [0, 3, 1000])
-def test_careful_walks_by_length(kept: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(careful_module, "KEPT", kept)
+@pytest.mark.parametrize(
+    ("order", "kept"), [("length", 0), ("length", 3), ("length", 1000), ("cost", None), ("chance", None)]
+)
+def test_careful_walks(order: str, kept: int | None, monkeypatch: pytest.MonkeyPatch) -> None:
+    if kept is not None:
+        monkeypatch.setattr(careful_module, "KEPT", kept)
     careful = 0
+    (weights, ranked), make = RANKED[order], WORK[order]
     for seed in range(5 * COUNT):
-        graph = problem(seed, [1], 7)
+        graph = problem(seed, weights[seed % len(weights)], 7)
         made = numbered(graph)
-        walk = ByLength(made)
-        assert rows(made, walk.paths()) == by_length(graph)
-        careful += walk.careful is not None
-        assert walk.careful is None or walk.careful.kept == 0
-    assert careful > 5
-
-
-@pytest.mark.usefixtures("impatient")
-@pytest.mark.parametrize("likeliest", [False, True])
-def test_careful_searches_by_weight(likeliest: bool) -> None:
-    careful = 0
-    for seed in range(5 * COUNT):
-        choices = CHANCES if likeliest else COSTS
-        graph = problem(seed, choices[seed % len(choices)], 7)
-        made = numbered(graph)
-        search = ByWeight(made, likeliest)
-        assert rows(made, search.paths()) == by_total(graph, likeliest)
-        careful += search.lost
+        walk = make(made)
+        assert rows(made, walk.paths()) == ranked(graph)
+        if order == "length":
+            careful += walk.careful is not None
+            assert walk.careful is None or walk.careful.kept == 0
+        else:
+            careful += walk.lost
     assert careful > 5
 
 
 # --- how much work it is -----------------------------------------------------------------------------------------
-
-WORK: dict[str, Any] = {
-    "length": ByLength,
-    "cost": lambda graph: ByWeight(graph, False),
-    "chance": lambda graph: ByWeight(graph, True),
-}
-
 
 def most_steps(graph: Graph, paths: int) -> int:
     """For each path, and for the end, what patience allows and a search of the whole graph for each of its nodes."""
@@ -245,20 +232,13 @@ def test_steps_are_bounded(name: str, order: str) -> None:
     check_order(graph, order, found)
 
 
-@pytest.mark.parametrize("name", MISLEADING)
-def test_a_quick_walk_loses_its_way(name: str) -> None:
-    walk = ByLength(MISLEADING[name]())
-    # That makes these the bad cases; in the last two a walk finds paths, but begins anew for each length.
-    for _ in islice(walk.paths(), 1000):
-        pass
-    assert walk.careful is not None
-
-
-@pytest.mark.parametrize("name", HARMLESS)
-def test_a_quick_walk_finds_its_way(name: str) -> None:
-    walk = ByLength(HARMLESS[name]())
-    assert sum(1 for _ in islice(walk.paths(), 1000)) == 1000
-    assert walk.careful is None
+@pytest.mark.parametrize("name", [*MISLEADING, *HARMLESS])
+def test_a_quick_walk_loses_its_way_only_in_the_bad_cases(name: str) -> None:
+    walk = ByLength((MISLEADING | HARMLESS)[name]())
+    found = sum(1 for _ in islice(walk.paths(), 1000))
+    # In the last two bad cases a walk finds paths, but begins anew for each length.
+    assert (walk.careful is not None) is (name in MISLEADING)
+    assert found == 1000 or name in MISLEADING
 
 
 def test_ways_that_are_cheap_but_too_long() -> None:
@@ -299,15 +279,9 @@ def test_maximum_takes_no_step_beyond_the_last_path(monkeypatch: pytest.MonkeyPa
 
 def test_steps_to_the_first_paths_do_not_depend_on_how_many_there_are() -> None:
     side = 40
-    edges: list[list[int]] = [[]] + [
-        [node + step for step in (1, side) if ((node - 1) % side if step == 1 else (node - 1) // side) < side - 1]
-        for node in range(1, side * side + 1)
-    ]
-    edges[0] = [1]
+    edges = [[1], *([target + 1 for target, _ in outward] for outward in grid(side, {1: 1, side: 1}))]
     walk = ByLength(graph_of(edges, {side * side}))
-    steps = []
-    for _ in islice(walk.paths(), 50):
-        steps.append(walk.steps)
+    steps = [walk.steps for _ in islice(walk.paths(), 50)]
     # The first path is walked straight; each of the others leaves the one before it somewhere.
     assert steps[0] == 0
     assert all(after - before <= 4 * side for before, after in pairwise(steps))
