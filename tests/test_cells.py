@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 from typing import Any
 
@@ -69,9 +70,10 @@ def test_an_index_that_is_tested_before_needs_no_python(grid: list[list[int]], h
         check_in_sql(f"SELECT {expression} FROM a = places, b = places AS list;", grid=grid, places=places)
 
 
-def test_the_type_of_an_index_may_say_that_it_is_in_range() -> None:
+def test_the_type_of_an_index_or_a_literal_may_say_that_it_is_in_range() -> None:
     check_in_sql("SELECT grid[a.this][b.this % 3] FROM a = [0, 1], b = [0, 1, 2, 3, 4, -5] AS list;", grid=GRID)
     check_in_sql("SELECT values[a.this] FROM a = [0, 1] AS list;", values=[5, 7, 9])
+    check_in_sql("SELECT [a.this, 1] IN [[0, 1], [1, 2]], [[4, 7], [9, 2]][a.this][1] FROM a = [0, 1] AS list;")
 
 
 @pytest.mark.parametrize(
@@ -92,12 +94,17 @@ def test_whatever_the_index_and_the_list_are(grid: list[Any], places: list[Any])
         check(query, grid=grid, places=places)
 
 
-@pytest.mark.parametrize(
-    "values", [[5, 7, 9], [5, 700, 9], [True, False, True], [5, 7.5], ["a", "b"], list(range(100))]
-)
-def test_an_index_into_a_plain_list(values: list[Any]) -> None:
-    for places in ([0, 1], [-1, 0], [99], [0, 1, 2, 3]):
-        check("SELECT values[a.this] FROM a = places AS list;", values=values, places=places)
+OTHERS = {
+    "values[a.this]": [[5, 7, 9], [5, 700, 9], [True, False, True], [5, 7.5], ["a", "b"], [*range(100)]],
+    "a.this IN values": [[True], [1, None], [1, "a"], [[1]], [], {"a": 1}, "abc", 5, [1, True]],
+}
+OTHER_PLACES = ([0, 1], [-1, 0], [99], [0, 1, 2, 3], [1, 2], ["a", "b"], [True, None], [1.0, "b"])
+
+
+@pytest.mark.parametrize("expression", OTHERS)
+def test_other_lists(expression: str) -> None:
+    for values, places in itertools.product(OTHERS[expression], OTHER_PLACES):
+        check(f"SELECT {expression} FROM a = places AS list;", values=values, places=places)
 
 
 def test_what_is_true_of_other_expressions_says_nothing_of_the_index() -> None:
@@ -158,16 +165,6 @@ def test_membership_in_a_list_of_numbers_or_strings(values: list[Any], places: l
         f"SELECT a.this IN {values!r} FROM a = places AS list;",
     ):
         check_in_sql(query, known=values, places=places, other=values[:1])
-
-
-@pytest.mark.parametrize("values", [[True], [1, None], [1, "a"], [[1]], [], {"a": 1}, "abc", 5, [1, True]])
-def test_membership_in_anything_else(values: Any) -> None:
-    for places in ([1, 2], ["a", "b"], [True, None], [1.0, "b"]):
-        check("SELECT a.this IN known FROM a = places AS list;", known=values, places=places)
-
-
-def test_literals_are_packed_too() -> None:
-    check_in_sql("SELECT [a.this, 1] IN [[0, 1], [1, 2]], [[4, 7], [9, 2]][a.this][1] FROM a = [0, 1] AS list;")
 
 
 # --- how lists are packed ------------------------------------------------------------------------------

@@ -67,13 +67,6 @@ def test_the_paths_are_those_of_brute_force(ss: ss2sql.Session, order: str, engi
     assert found > 3 * COUNT
 
 
-def test_equal_totals_of_different_sums() -> None:
-    # 0.1 + 0.2 is more than 0.3 by rounding, so the second path comes first; 0.2 + 0.1 is the same number.
-    edges = [[(1, 0.1), (2, 0.3), (3, 0.2)], [(4, 0.2)], [(4, 0)], [(4, 0.1)], []]
-    graph = Problem(edges, {4}, set(), None)
-    assert graph.host().run(graph.script("COST e.this[1]")) == [[2, 4], [1, 4], [3, 4]]
-
-
 def grid(side: int, steps: dict[int, Any]) -> list[list[Edge]]:
     """The edges of a grid whose nodes are numbered row by row: steps of 1 lead right, those of its side lead down."""
 
@@ -194,6 +187,7 @@ def test_careful_walks(order: str, kept: int | None, monkeypatch: pytest.MonkeyP
 
 
 # --- how much work it is -----------------------------------------------------------------------------------------
+
 
 def most_steps(graph: Graph, paths: int) -> int:
     """For each path, and for the end, what patience allows and a search of the whole graph for each of its nodes."""

@@ -1,20 +1,12 @@
-"""The reference against the language page where no sheet or golden case runs it: Hanoi, failures, functions."""
+"""The reference against the language page where no sheet or golden case runs it: Hanoi and failures."""
 
 from __future__ import annotations
 
-import itertools
 from collections import Counter
-from typing import Any
 
-import numpy as np
 import pytest
 from listings import MOVES, move
 from reference import Failure, Reference
-
-
-def run(script: str, **variables: Any) -> Any:
-    return Reference(variables=variables).run(script)
-
 
 # Towers of Hanoi
 
@@ -59,20 +51,14 @@ def test_the_shortest_plan_and_the_steps_of_the_page(option: str, steps: int | N
     assert steps in (None, ref.steps)
 
 
-def test_a_maximum_evaluates_no_further_step() -> None:
-    ref = Reference()
-    ref.run("SELECT this FROM [1, 2, 0] WHERE 1 / this START WITH l = 1 CONNECT BY MAXIMUM 2 l = l + 1 STOP WITH True")
-    assert ref.steps == 2
-
-
-# What fails, functions of the user, temporal variables
+# What fails
 
 SEARCH = "SELECT this FROM [1] START WITH x = 1 CONNECT BY"
 FAILURES = {
     "X001": ['1 < "a"', "None < 1", "1 + None", "1 IN 1", "SELECT this FROM [1, 'a'] ORDER BY this"],
     "X002": ["1 / 0", "1.5 % 0"],
     "X003": ["[1][1]"],
-    "X004": ["9223372036854775807 + 1", "1e308 * 10", "(-1) ^ 0.5", "9 ^ 9 ^ 9"],
+    "X004": ["9223372036854775807 + 1", "1e308 * 10", "(-1) ^ 0.5", "9 ^ 9 ^ 9", "nan()", "huge()"],
     "X006": [
         "SELECT this FROM [1] LIMIT -1",
         *(f"{SEARCH} {option} x = 1" for option in ("MAXIMUM (0)", "MEMORIZE (1.5)", "COST -1", "COST 'a'")),
@@ -96,57 +82,7 @@ FAILURES = {
 
 @pytest.mark.parametrize(("code", "script"), [(code, script) for code in FAILURES for script in FAILURES[code]])
 def test_failure(code: str, script: str) -> None:
+    functions = {"nan": lambda: float("nan"), "huge": lambda: 2**63}
     with pytest.raises(Failure) as caught:
-        run(script, rows=[{"k": 1}])
+        Reference(functions, {"rows": [{"k": 1}]}).run(script)
     assert caught.value.code == code
-
-
-def test_functions_of_the_user() -> None:
-    def spoil(values: list[int]) -> list[int]:
-        values.append(9)
-        return values
-
-    functions = {
-        "spoil": spoil,
-        "pair": lambda x: (x, [x, x]),
-        "bag": lambda: {3, 1, 2},
-        "array": lambda: np.array([1.5, 2.0]),
-        "nan": lambda: float("nan"),
-        "huge": lambda: 2**63,
-        "broken": lambda: [][1],
-        "mass": lambda x: 2 * x,
-        "add": lambda a, b: [a, b],
-    }
-    ref = Reference(functions)
-    assert ref.run("x = [1]; [spoil(x), x, spoil(x)]") == [[1, 9], [1], [1, 9]]
-    assert ref.run("[pair(1), bag(), array()]") == [[1, [1, 1]], [1, 2, 3], [1.5, 2.0]]
-    assert ref.run("1 + 2") == [1, 2]
-    assert ref.run("SELECT mass FROM [1, 2] ORDER BY mass DESC") == [{"mass": 4}, {"mass": 2}]
-    assert ref.calls == {"spoil": 2, "pair": 1, "bag": 1, "array": 1, "add": 1, "mass": 4}
-    for name in ("nan", "huge"):
-        with pytest.raises(Failure, match="X004"):
-            ref.run(f"{name}()")
-    with pytest.raises(IndexError):
-        ref.run("broken()")
-
-
-def test_unrelated_sources_are_read_once() -> None:
-    ticks = itertools.count()
-    ref = Reference({"tick": lambda: [next(ticks)], "near": lambda x: [x, -x]})
-    found = ref.run("SELECT b.this, c.this FROM a = [1, 2], b = tick(), c = near(a.this) AS rows")
-    assert found == [(0, 1), (0, -1), (0, 2), (0, -2)]
-    assert ref.calls == {"tick": 1, "near": 2}
-
-
-def test_temporal_variables() -> None:
-    ref = Reference()
-    now = 0.0
-    ref.clock = lambda: now
-    for now in (0.0, 1.0, 4.0):  # noqa: B007 - the clock reads it
-        ref.run("v{5.0} = getTime()")
-    found = ref.run("[v, v{}, v{-3.0}, v{-2.0}, v{0.5}, v{9.0}]")
-    assert found == [4.0, [0.0, 1.0, 4.0], [0.0, 1.0, 4.0], [1.0, 4.0], 0.0, 4.0]
-    now = 7.0
-    assert ref.run("[v{}, v{0.5}]") == [[1.0, 4.0], None]
-    now = 99.0
-    assert ref.run("[v, v{}]") == [4.0, [4.0]]

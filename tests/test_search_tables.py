@@ -290,23 +290,3 @@ def test_a_cell_that_is_far_away_comes_later() -> None:
     assert caught.value.code == "X004"
     with pytest.raises(ss2sql.UnsupportedError, match="integer overflow: 9223372036854775808"):
         query.run()  # SQLite alone cannot say whether that comes first
-
-
-# --- what is looked up, and what is asked besides ------------------------------------------------------
-
-
-@both
-def test_rows_of_elements_that_lead_nowhere(engine: Any) -> None:
-    """An index may not spare what fails in a row that is compared; the rest of STOP WITH is asked of the others."""
-    ss = ss2sql.connect()
-    ss.host.connection.execute("CREATE TABLE edge(src INTEGER, dst INTEGER, length INTEGER)")
-    ss.host.connection.execute("CREATE INDEX i ON edge(src); INSERT INTO edge VALUES (1, 2, 5), (2, 3, 4), (7, 8, 0)")
-    search = "SELECT 1 / length FROM edge START WITH node = 1 CONNECT BY {} node = dst STOP WITH src != node AS list;"
-    assert ss.run(search.format("BREADTH FIRST"), engine=engine).value == [[0.2], [0.2, 0.25]]
-    with pytest.raises(ss2sql.ExecutionError) as caught:
-        ss.run(search.format("UNIQUE"), engine=engine)
-    assert caught.value.code == "X002"
-
-    ss.host.connection.execute("INSERT INTO edge VALUES (2, 9, 0), (3, 4, 0), (4, 5, 0)")
-    search = "SELECT dst FROM edge START WITH node = 1 CONNECT BY BREADTH FIRST node = dst STOP WITH src != node"
-    assert ss.run(f"{search} OR dst == 9 OR dst > 3 AS list;", engine=engine).value == [[2], [2, 3]]

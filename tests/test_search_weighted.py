@@ -28,7 +28,8 @@ FORMS = {
         START WITH node = 0 CONNECT BY {options} node = dst STOP WITH NOT src == node;""",
 }
 SOURCES = ("listed", "stored", "indexed")
-COUNT = amount(1 / 2)
+COUNT = 2 * amount(1 / 4)
+TWICE = (282, 392, 404)  # graphs of which a node is expanded twice
 
 
 @dataclass
@@ -55,10 +56,10 @@ class Graph:
 
 
 def graph(seed: int) -> Graph:
-    """Up to 12 nodes; weights are whole numbers, quarters (whose sums are exact) or both, zero among them."""
+    """Up to 12 nodes; weights are whole numbers, quarters (whose sums are exact), both, or any, zero among them."""
     rng = random.Random(seed)
-    size = rng.randint(2, 12)
-    weights: Sequence[Any] = [range(6), [n / 4 for n in range(6)], [0, 1, 2, 0.0, 0.25, 1.0, 3.5]][seed % 3]
+    size, any_floats = rng.randint(2, 12), [0, *(rng.random() for _ in range(8))]
+    weights: Sequence[Any] = [range(6), [n / 4 for n in range(6)], [0, 1, 2, 0.0, 0.25, 1.0, 3.5], any_floats][seed % 4]
     count = rng.randint(1, 3 * size)
     edges = [(rng.randrange(size), rng.randrange(size), rng.choice(weights)) for _ in range(count)]
     return Graph(size, edges, rng.randrange(1, size), rng)
@@ -141,7 +142,7 @@ def estimates(given: Graph) -> dict[str, list[Any]]:
 @both
 def test_the_cheapest_path_is_that_of_dijkstra_whatever_the_heuristic(engine: Any) -> None:
     searches, found, again = Searches(), 0, 0
-    for seed in range(COUNT):
+    for seed in (*TWICE, *range(COUNT)):
         given = graph(seed)
         searches.load(given)
         costs, kinds = given.distances(), estimates(given)
@@ -152,7 +153,7 @@ def test_the_cheapest_path_is_that_of_dijkstra_whatever_the_heuristic(engine: An
             result = searches.run(form, source, f"COST w {heuristic} UNIQUE MAXIMUM 1", engine)
             path = path_of(result)
             assert (path is None) == (0 not in costs), (seed, kind)
-            if path is not None:
+            if path is not None and seed % 4 != 3:  # floats would have to be added in the same order
                 found += 1
                 edges = given.network().edges
                 assert path[-1] == given.goal
@@ -160,21 +161,6 @@ def test_the_cheapest_path_is_that_of_dijkstra_whatever_the_heuristic(engine: An
             expected = textbook(given.edges, given.goal, searches.bounds.__getitem__)
             assert (path, result.stats.expanded) == expected, (seed, kind)
             assert result.status == ("complete" if path is None else "maximum")
-            again += result.stats.expanded >= given.size
-    assert found > COUNT
-    assert again  # some node was expanded twice
-
-
-@both
-def test_floats_are_added_from_left_to_right(engine: Any) -> None:
-    rng = random.Random(5)
-    session = ss2sql.connect()
-    for _ in range(40):
-        edges = [(rng.randrange(8), rng.randrange(8), rng.random()) for _ in range(24)]
-        session.set("edges", [dict(zip(("src", "dst", "w"), edge, strict=True)) for edge in edges])
-        result = session.run(
-            """SELECT dst FROM edges WHERE src == node AND dst == 7 START WITH node = 0
-            CONNECT BY COST w UNIQUE MAXIMUM 1 node = dst STOP WITH src != node;""",
-            engine=engine,
-        )
-        assert (path_of(result), result.stats.expanded) == textbook(edges, 7, lambda node: 0)
+            again += result.stats.expanded > len(networkx.descendants(given.network(), 0)) + 1
+    assert found > COUNT * 3 / 4
+    assert again >= len(TWICE)

@@ -87,6 +87,11 @@ TABLES: dict[str, str] = {
     "forms": """
         CREATE TABLE forms(src, dst);
         INSERT INTO forms VALUES (0, 1.0), (0, 1), (1, NULL), (NULL, '1')""",
+    "indexed": """
+        CREATE TABLE indexed(src INTEGER, dst INTEGER, length INTEGER);
+        CREATE INDEX by_src ON indexed(src);
+        INSERT INTO indexed VALUES (1, 2, 5), (2, 3, 4), (7, 8, 0), (20, 21, 1), (21, 22, 1), (21, 29, 1),
+            (22, 23, 1), (23, 24, 1)""",
 }
 VALUES: dict[str, Callable[[], Any]] = {
     "moves": lambda: [list(step) for step in MOVES],
