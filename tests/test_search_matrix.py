@@ -166,7 +166,8 @@ NODES: dict[str, list[Any]] = {
 }
 IN_TABLES = ("whole", "text", "numbers", "mixed")
 EDGE_ORDERS = (
-    *("", "BREADTH FIRST", "DEPTH FIRST", "COST w", "COST w * 0.1", "COST w HEURISTIC 2 - w", "COST w HEURISTIC w"),
+    *("", "BREADTH FIRST", "DEPTH FIRST", "COST w", "COST w * 0.1", "COST w HEURISTIC 2 - w"),
+    *(["COST w HEURISTIC IF(dst == {}; 3; 0)"] * 3),  # so a row may be taken before its best step
     *("PROBABILITY 1 / (1 + w)", "PROBABILITY w / 2"),
 )
 ROWS = ("dst", "src, dst", "dst, w", "src", "to(dst, name)", "node", "node, dst", "dst, level")
@@ -194,7 +195,8 @@ def program(chance: random.Random) -> ProgramCase:
     bounded = "level" in row or chance.random() < 0.4
     where = [part for part in (holds, chance.choice(GOALS).format(goal)) if part]
     stop = [part for part in ("level == 4" if bounded else "", stops, chance.choice(STOPS).format(goal)) if part]
-    options = [chance.choice(EDGE_ORDERS), chance.choice(GUARDS) if bounded and chance.random() < 0.6 else "UNIQUE"]
+    order = chance.choice(EDGE_ORDERS).format(repr(chance.choice(nodes)))
+    options = [order, chance.choice(GUARDS) if bounded and chance.random() < 0.6 else "UNIQUE"]
     parts = [
         f"SELECT {row} FROM {source} {'WHERE ' * bool(where)}{' AND '.join(where)}",
         f"START WITH node = {chance.choice(nodes)!r}, level = 1 CONNECT BY {' '.join(options)}",
