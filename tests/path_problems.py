@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import random
 from dataclasses import dataclass
+from functools import reduce
 from itertools import pairwise
+from operator import add, mul
 from typing import Any
 
 from native_host import FakeHost
@@ -73,23 +75,14 @@ def by_total(graph: Problem, likeliest: bool) -> list[list[int]]:
     """The paths by their total, ties in source order, a path before its continuations."""
 
     def rank(path: Path) -> Any:
-        total: Any = 1 if likeliest else 0
-        for weight in path[2]:
-            total = total * weight if likeliest else total + weight
-        return (-total if likeliest else total, path[0])
+        return (-reduce(mul, path[2], 1) if likeliest else reduce(add, path[2], 0), path[0])
 
     return [path[1] for path in sorted(graph.paths(), key=rank)]
 
 
 COSTS: list[list[Any]] = [
-    [1],
-    [0],
-    [0, 1, 2],
-    [3, 5, 7],
-    [0.5, 1, 1.25],
-    [0.1, 0.2, 0.3, 0.7],
-    [0.1, 1.1, 0],
-    [2**60, 1],
+    *([1], [0], [0, 1, 2], [3, 5, 7], [0.5, 1, 1.25]),
+    *([0.1, 0.2, 0.3, 0.7], [0.1, 1.1, 0], [2**60, 1]),
 ]
 CHANCES: list[list[Any]] = [[0.9], [1], [0.5, 1, 0.25], [0.1, 0.3, 0.9], [1 / 3, 2 / 3, 1], [1e-200, 0.5]]
 
@@ -108,9 +101,9 @@ def graph_of(edges: list[list[int]], goals: set[int], bound: int | None = None) 
     return graph
 
 
-def both_ways(nodes: int, pairs: list[tuple[int, int]]) -> list[list[int]]:
-    """The edges of so many nodes, which can be taken both ways; nothing leads back to the start."""
-    edges: list[list[int]] = [[] for _ in range(nodes)]
+def both_ways(pairs: list[tuple[int, int]]) -> list[list[int]]:
+    """The edges of pairs of nodes, which can be taken both ways; nothing leads back to the start."""
+    edges: list[list[int]] = [[] for _ in range(1 + max(map(max, pairs)))]
     for one, other in pairs:
         edges[one].append(other)
         if one:
@@ -130,7 +123,7 @@ def lollipop(size: int, stick: int = 10) -> Graph:
     pairs = [(one, other) for one in room for other in room if one < other]
     pairs += [(stick // 2, node) for node in room]
     pairs += [(node, node + 1) for node in range(stick)]
-    return graph_of(both_ways(stick + 1 + size, pairs), {stick})
+    return graph_of(both_ways(pairs), {stick})
 
 
 def side_room(side: int, detour: int) -> Graph:
@@ -138,13 +131,13 @@ def side_room(side: int, detour: int) -> Graph:
     first = 4 + side * side
     chain = [1, *range(first, first + detour), 3]
     pairs = [(2, 4), *floor_of(side, side, 4), (0, 1), (1, 2), (2, 3), *pairwise(chain)]
-    return graph_of(both_ways(first + detour, pairs), {3})
+    return graph_of(both_ways(pairs), {3})
 
 
 def trap(side: int, detour: int) -> Graph:
     """A floor whose far corner has a door back to where one came from, and a long corridor to the goal."""
     first = 3 + side * side
-    edges = both_ways(first + detour, floor_of(side, side, 3))
+    edges = both_ways(floor_of(side, side, 3)) + [[] for _ in range(detour)]
     edges[0], edges[1] = [1], [3, 2]
     edges[first - 1].append(1)
     for node, after in zip([first - 1, *range(first, first + detour)], [*range(first, first + detour), 2], strict=True):
@@ -157,7 +150,7 @@ def halls(size: int) -> Graph:
     goal = 2 * size + 5
     ones, others = range(2, 2 + size), range(2 + size, goal)
     pairs = [(0, 1), *((1, one) for one in ones), *((one, other) for one in ones for other in others), (1, goal)]
-    return graph_of(both_ways(goal + 1, pairs), {goal})
+    return graph_of(both_ways(pairs), {goal})
 
 
 def comb(teeth: int, side: int) -> Graph:
@@ -168,7 +161,7 @@ def comb(teeth: int, side: int) -> Graph:
         pairs += [(place, nodes), *floor_of(side, side, nodes)]
         nodes += side * side
     pairs += [(place, place + 1) for place in range(1, teeth)]
-    return graph_of(both_ways(nodes, pairs), {teeth})
+    return graph_of(both_ways(pairs), {teeth})
 
 
 def ladder(rungs: int, first: int = 1) -> Graph:
@@ -178,7 +171,7 @@ def ladder(rungs: int, first: int = 1) -> Graph:
         pairs.append((left, left + 1))
         if left + 2 < 2 * rungs:
             pairs += [(left, left + 2), (left + 1, left + 3)]
-    return graph_of(both_ways(2 * rungs + 1, pairs), {2 * rungs - 1})
+    return graph_of(both_ways(pairs), {2 * rungs - 1})
 
 
 def corridors(number: int, shortest: int, rungs: bool) -> Graph:
@@ -193,7 +186,7 @@ def corridors(number: int, shortest: int, rungs: bool) -> Graph:
     if rungs:
         for row, beside in pairwise(rows):
             pairs += list(zip(row[1:-1:3], beside[1:-1:3], strict=False))
-    return graph_of(both_ways(nodes, pairs), {1})
+    return graph_of(both_ways(pairs), {1})
 
 
 def doubling(places: int) -> Graph:
@@ -212,7 +205,7 @@ def doubling(places: int) -> Graph:
 
 def crowd(side: int) -> Graph:
     """A floor on which the goal is beside the start, and all paths are wanted."""
-    return graph_of(both_ways(1 + side * side, [(0, 1), *floor_of(side, side, 1)]), {2})
+    return graph_of(both_ways([(0, 1), *floor_of(side, side, 1)]), {2})
 
 
 MISLEADING = {

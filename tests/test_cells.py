@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import itertools
+from pathlib import Path
 from typing import Any
 
+import apsw
 import pytest
 from agreement import differences, executor_outcome
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from programs import ProgramCase
+from programs.drawn import amount, drawn
 from test_operators_sql import python_calls
 
 import ss2sql
@@ -19,15 +23,25 @@ LONG = [[(7 * x + y) % 3 for x in range(40)] for y in range(30)]
 BOOLS = [[True, False], [False, True], [True, True]]
 
 
-def case_of(query: str, **variables: Any) -> ProgramCase:
-    return ProgramCase(query, variables)
-
-
-def text_of(case: ProgramCase, **options: Any) -> str:
-    with ss2sql.connect(**options) as ss:
-        for name, value in case.variables.items():
+def text_of(query: str, **variables: Any) -> str:
+    with ss2sql.connect() as ss:
+        for name, value in variables.items():
             ss.attach(name, value)
-        return str(ss.compile(case.script, engine="database").sql)
+        return str(ss.compile(query, engine="database").sql)
+
+
+def check(query: str, **variables: Any) -> None:
+    """All evaluators agree."""
+    assert differences(ProgramCase(query, variables)) == [], (query, variables)
+
+
+def check_in_sql(query: str, **variables: Any) -> None:
+    """All evaluators agree, and SQLite needs no Python."""
+    assert python_calls(text_of(query, **variables)) == set(), query
+    check(query, **variables)
+
+
+# --- indexes -------------------------------------------------------------------------------------------
 
 
 def numbers_between(least: int, greatest: int) -> list[int]:
@@ -44,28 +58,22 @@ IN_RANGE = "a.this >= 0 AND a.this < {} AND b.this >= 0 AND b.this < {}"
 )  # fmt: skip
 def test_an_index_that_is_tested_before_needs_no_python(grid: list[list[int]], height: int, width: int) -> None:
     places = [-2, -1, 0, 1, 2, 3, 29, 30, 39, 40]
+    inside = IN_RANGE.format(height, width)
     outside = f"a.this < 0 OR a.this >= {height} OR b.this < 0 OR {width} <= b.this"
-    for query in (
-        f"SELECT IF({IN_RANGE.format(height, width)}; grid[a.this][b.this]; None) FROM a = places, b = places AS list;",
-        f"SELECT IF({outside}; 'out'; grid[a.this][b.this]) FROM a = places, b = places AS list;",
-        f"SELECT ({outside} OR grid[a.this][b.this] == 1) FROM a = places, b = places AS list;",
-        f"SELECT ({IN_RANGE.format(height, width)} AND grid[a.this][b.this] > 0) FROM a = places, b = places AS list;",
-        f"SELECT NOT ({outside}) AND grid[a.this, b.this] != 1 FROM a = places, b = places AS list;",
+    for expression in (
+        f"IF({inside}; grid[a.this][b.this]; None)",
+        f"IF({outside}; 'out'; grid[a.this][b.this])",
+        f"({outside} OR grid[a.this][b.this] == 1)",
+        f"({inside} AND grid[a.this][b.this] > 0)",
+        f"NOT ({outside}) AND grid[a.this, b.this] != 1",
     ):
-        case = case_of(query, grid=grid, places=places)
-        assert python_calls(text_of(case)) == set()
-        assert differences(case) == []
+        check_in_sql(f"SELECT {expression} FROM a = places, b = places AS list;", grid=grid, places=places)
 
 
-def test_the_bytes_that_are_looked_through_are_those_that_occur() -> None:
-    query = f"SELECT IF({IN_RANGE.format(2, 3)}; grid[a.this][b.this]; None) FROM a = [0, 1], b = [0, 1, 2] AS list;"
-    assert "x'000102030405'" in text_of(case_of(query, grid=GRID)).lower()
-
-
-def test_the_type_of_an_index_may_say_that_it_is_in_range() -> None:
-    case = case_of("SELECT grid[a.this][b.this % 3] FROM a = [0, 1], b = [0, 1, 2, 3, 4, -5] AS list;", grid=GRID)
-    assert python_calls(text_of(case)) == set()
-    assert differences(case) == []
+def test_the_type_of_an_index_or_a_literal_may_say_that_it_is_in_range() -> None:
+    check_in_sql("SELECT grid[a.this][b.this % 3] FROM a = [0, 1], b = [0, 1, 2, 3, 4, -5] AS list;", grid=GRID)
+    check_in_sql("SELECT values[a.this] FROM a = [0, 1] AS list;", values=[5, 7, 9])
+    check_in_sql("SELECT [a.this, 1] IN [[0, 1], [1, 2]], [[4, 7], [9, 2]][a.this][1] FROM a = [0, 1] AS list;")
 
 
 @pytest.mark.parametrize(
@@ -73,20 +81,9 @@ def test_the_type_of_an_index_may_say_that_it_is_in_range() -> None:
 )
 @pytest.mark.parametrize(
     "grid",
-    [
-        GRID,
-        BOOLS,
-        [[1, 2], [3]],
-        [],
-        [[]],
-        [[1.5]],
-        [["a", "b"]],
-        [[0, 2000]],
-        [[1, None]],
-        [[-(2**63), -(2**63) + 1]],
-        [[2**63 - 1, 2**63 - 2]],
-    ],
-)
+    [GRID, BOOLS, [[1, 2], [3]], [], [[]], [[1.5]], [["a", "b"]], [[0, 2000]], [[1, None]],
+     [[-(2**63), -(2**63) + 1]], [[2**63 - 1, 2**63 - 2]]],
+)  # fmt: skip
 def test_whatever_the_index_and_the_list_are(grid: list[Any], places: list[Any]) -> None:
     for query in (
         "SELECT grid[a.this][b.this] FROM a = places, b = places AS list;",
@@ -94,29 +91,29 @@ def test_whatever_the_index_and_the_list_are(grid: list[Any], places: list[Any])
         "SELECT grid[0][a.this] FROM a = places AS list;",
         "SELECT IF(a.this >= 0 AND a.this < 2; grid[a.this][a.this]; 0) FROM a = places AS list;",
     ):
-        assert differences(case_of(query, grid=grid, places=places)) == []
+        check(query, grid=grid, places=places)
 
 
-@pytest.mark.parametrize(
-    "values", [[5, 7, 9], [5, 700, 9], [True, False, True], [5, 7.5], ["a", "b"], list(range(100))]
-)
-def test_an_index_into_a_plain_list(values: list[Any]) -> None:
-    for places in ([0, 1], [-1, 0], [99], [0, 1, 2, 3]):
-        assert (
-            differences(case_of("SELECT values[a.this] FROM a = places AS list;", values=values, places=places)) == []
-        )
-    case = case_of("SELECT values[a.this] FROM a = [0, 1] AS list;", values=[5, 7, 9])
-    assert python_calls(text_of(case)) == set()
+OTHERS = {
+    "values[a.this]": [[5, 7, 9], [5, 700, 9], [True, False, True], [5, 7.5], ["a", "b"], [*range(100)]],
+    "a.this IN values": [[True], [1, None], [1, "a"], [[1]], [], {"a": 1}, "abc", 5, [1, True]],
+}
+OTHER_PLACES = ([0, 1], [-1, 0], [99], [0, 1, 2, 3], [1, 2], ["a", "b"], [True, None], [1.0, "b"])
+
+
+@pytest.mark.parametrize("expression", OTHERS)
+def test_other_lists(expression: str) -> None:
+    for values, places in itertools.product(OTHERS[expression], OTHER_PLACES):
+        check(f"SELECT {expression} FROM a = places AS list;", values=values, places=places)
 
 
 def test_what_is_true_of_other_expressions_says_nothing_of_the_index() -> None:
-    places = [-1, 0, 1, 2]
     for condition in (
         "a.this >= 0 OR a.this < 2", "b.this >= 0 AND b.this < 2", "NOT (a.this >= 0 AND a.this < 2)",
         "a.this + 1 >= 0 AND a.this < 2", "a.this > -1 AND a.this < 3", "a.this >= 0.5 AND a.this <= 1.5",
     ):  # fmt: skip
         query = f"SELECT IF({condition}; values[a.this]; 0) FROM a = places, b = places AS list;"
-        assert differences(case_of(query, values=[5, 7], places=places)) == []
+        check(query, values=[5, 7], places=[-1, 0, 1, 2])
 
 
 def test_a_search_over_a_grid() -> None:
@@ -126,20 +123,20 @@ def test_a_search_over_a_grid() -> None:
         STOP WITH x + dx < 0 OR x + dx > 4 OR y + dy < 0 OR y + dy >= 4 OR grid[y + dy][x + dx] == 1;"""
     grid = [[0, 0, 1, 0, 0], [1, 0, 1, 0, 1], [0, 0, 0, 0, 1], [0, 1, 1, 0, 0]]
     moves = [{"dx": dx, "dy": dy} for dx, dy in ((1, 0), (0, 1), (-1, 0), (0, -1))]
-    case = case_of(query, grid=grid, moves=moves)
-    assert not python_calls(text_of(case)) & {"item", "add", "lt", "gt", "eq", "truth"}
-    assert differences(case) == []
-    assert executor_outcome(case, "database") is not None
+    assert not python_calls(text_of(query, grid=grid, moves=moves)) & {"item", "add", "lt", "gt", "eq", "truth"}
+    check(query, grid=grid, moves=moves)
+    assert executor_outcome(ProgramCase(query, {"grid": grid, "moves": moves}), "database") is not None
+
+
+# --- membership ----------------------------------------------------------------------------------------
 
 
 def test_points_of_a_list() -> None:
     points = [[0, 0], [2, 1], [2, 1], [-3, 4], [5, 5]]
     places = [-4, -3, 0, 1, 2, 4, 5, 6, 2**62]
     for word in ("IN", "NOT IN"):
-        case = case_of(f"SELECT [a.this, b.this] {word} points FROM a = places, b = places AS list;",
-                       points=points, places=places)  # fmt: skip
-        assert python_calls(text_of(case)) == set()
-        assert differences(case) == []
+        query = f"SELECT [a.this, b.this] {word} points FROM a = places, b = places AS list;"
+        check_in_sql(query, points=points, places=places)
 
 
 @pytest.mark.parametrize(
@@ -151,7 +148,7 @@ def test_points_of_a_list() -> None:
 def test_whatever_the_points_are(points: list[Any], places: list[Any]) -> None:
     for item in ("[a.this, b.this]", "[a.this]", "a.this", "[a.this, 1]", "[a.this, b.this, 3]"):
         query = f"SELECT {item} IN points FROM a = places, b = places AS list;"
-        assert differences(case_of(query, points=points, places=places)) == []
+        check(query, points=points, places=places)
 
 
 @pytest.mark.parametrize(
@@ -167,101 +164,68 @@ def test_membership_in_a_list_of_numbers_or_strings(values: list[Any], places: l
         "SELECT IF(a.this IN known; 1; 2), a.this IN other FROM a = places AS list;",
         f"SELECT a.this IN {values!r} FROM a = places AS list;",
     ):
-        case = case_of(query, known=values, places=places, other=values[:1])
-        assert python_calls(text_of(case)) == set()
-        assert differences(case) == []
+        check_in_sql(query, known=values, places=places, other=values[:1])
 
 
-@pytest.mark.parametrize("values", [[True], [1, None], [1, "a"], [[1]], [], {"a": 1}, "abc", 5, [1, True]])
-def test_membership_in_anything_else(values: Any) -> None:
-    for places in ([1, 2], ["a", "b"], [True, None], [1.0, "b"]):
-        assert (
-            differences(case_of("SELECT a.this IN known FROM a = places AS list;", known=values, places=places)) == []
-        )
-
-
-def test_literals_are_packed_too() -> None:
-    case = case_of("SELECT [a.this, 1] IN [[0, 1], [1, 2]], [[4, 7], [9, 2]][a.this][1] FROM a = [0, 1] AS list;")
-    assert python_calls(text_of(case)) == set()
-    assert differences(case) == []
-
-
-def test_an_explanation_says_that_lists_are_packed() -> None:
-    with ss2sql.connect() as ss:
-        ss.attach("numbers", [3, 1, 2])
-        text = str(ss.compile("SELECT numbers[this] FROM [0, 2] AS list", engine="database").explain())
-    assert "cells: indexes into lists of numbers became places in a block of bytes" in text
-
-
-def test_the_packed_list_is_shown_beside_the_text_and_can_be_pasted() -> None:
-    with ss2sql.connect() as ss:
-        ss.attach("grid", GRID)
-        result = ss.run("SELECT grid[a.this][0] FROM a = [0, 1] AS list;", engine="database")
-        assert result.sql.parameters["grid_cells"] == bytes([0, 1, 0, 5, 0, 2])
-        assert [row[0] for row in ss.host.database.paste(result.sql, ss2sql.runtime.run.Run(ss.host))] == [0, 5]
-
-
-@pytest.mark.parametrize("encoding", ["UTF-8", "UTF-16le", "UTF-16be"])
-def test_in_a_database_of_any_encoding(tmp_path: Any, encoding: str) -> None:
-    import apsw
-
-    path = tmp_path / "file.db"
-    apsw.Connection(str(path)).execute(f"PRAGMA encoding = '{encoding}'; CREATE TABLE t(a)")
-    with ss2sql.connect(path) as ss:
-        ss.attach("grid", [[0, 100], [7, 1]])
-        ss.attach("far", [[0, 1000], [7, 1]])
-        columns = "grid[a.this][b.this], far[a.this][b.this], [a.this, b.this] IN grid"
-        script = f"SELECT {columns} FROM a = [0, 1], b = [0, 1] AS list;"
-        expected = ss.run(script, engine="native").value
-        assert ss.run(script, engine="database").value == expected == [
-            0, 0, False, 100, 1000, False, 7, 7, False, 1, 1, False,
-        ]  # fmt: skip
-
-
-def test_the_list_may_change_between_runs() -> None:
-    with ss2sql.connect() as ss:
-        ss.attach("grid", GRID)
-        query = ss.compile("SELECT grid[a.this][1] FROM a = [0, 1] AS list;", engine="database")
-        assert query.run().value == [1, 0]
-        for grid, expected in (
-            ([[4, 5], [6, 7]], [5, 7]),
-            ([[4, 500], [6, 7]], [500, 7]),
-            ([[1, 2.5], [0, "a"]], [2.5, "a"]),
-        ):
-            ss.attach("grid", grid)
-            assert query.run().value == expected
-        ss.attach("grid", [[1, 2]])
-        with pytest.raises(ss2sql.ExecutionError, match="out of range"):
-            query.run()
-
-
-INTS = st.one_of(st.integers(0, 3), st.integers(-5, 200), st.integers(-3000, 3000))
-ROWS = st.integers(1, 4).flatmap(
-    lambda width: st.lists(st.lists(INTS, min_size=width, max_size=width), min_size=1, max_size=4)
-)
-
-
-@settings(max_examples=150, deadline=None)
-@given(ROWS, st.lists(st.integers(-5, 5), min_size=1, max_size=5), st.data())
-def test_random_grids_and_indexes(rows: list[list[int]], places: list[int], data: st.DataObject) -> None:
-    low, high = data.draw(st.integers(-1, 2)), data.draw(st.integers(-1, 5))
-    condition = f"a.this >= {low} AND a.this {data.draw(st.sampled_from(['<', '<=']))} {high}"
-    point = (
-        "["
-        + ", ".join(
-            data.draw(st.lists(st.sampled_from(["a.this", "a.this - 1", "1", "b.this"]), min_size=1, max_size=4))
-        )
-        + "]"
-    )
-    for expression in (
-        f"IF({condition}; rows[a.this][0]; None)", f"{condition} AND rows[a.this][a.this] > 1", f"{point} IN rows",
-        f"NOT ({condition}) OR b.this < 0 OR rows[a.this, b.this]", f"{point} NOT IN rows AND {condition}",
-    ):  # fmt: skip
-        query = f"SELECT {expression} FROM a = places, b = places AS list;"
-        assert differences(case_of(query, rows=rows, places=places)) == []
+# --- how lists are packed ------------------------------------------------------------------------------
 
 
 def test_packing() -> None:
     assert Cells(True, 0).pack([[0, 255], [True, False]]) == bytes([0, 255, 1, 0])
     assert Cells(False, -3).pack([-3, 252]) == bytes([0, 255])
     assert Members(((0, 1), (5, 7))).pack([[1, 5], [0, 7], [True, 5]]) == bytes([0, 0, 1, 1, 0, 0])
+    query = f"SELECT IF({IN_RANGE.format(2, 3)}; grid[a.this][b.this]; None) FROM a = [0, 1], b = [0, 1, 2] AS list;"
+    assert "x'000102030405'" in text_of(query, grid=GRID).lower()  # only the bytes that occur are looked through
+
+
+def test_the_packed_list_is_explained_and_can_be_pasted(ss: ss2sql.Session) -> None:
+    ss.attach("grid", GRID)
+    result = ss.run("SELECT grid[a.this][0] FROM a = [0, 1] AS list;", engine="database")
+    assert result.sql.parameters["grid_cells"] == bytes([0, 1, 0, 5, 0, 2])
+    assert [row[0] for row in ss.host.database.paste(result.sql, ss2sql.runtime.run.Run(ss.host))] == [0, 5]
+    assert "cells: indexes into lists of numbers became places in a block of bytes" in str(result.explain())
+
+
+@pytest.mark.parametrize("encoding", ["UTF-8", "UTF-16le", "UTF-16be"])
+def test_in_a_database_of_any_encoding(file: Path, encoding: str) -> None:
+    apsw.Connection(str(file)).execute(f"PRAGMA encoding = '{encoding}'; CREATE TABLE t(a)")
+    columns = "grid[a.this][b.this], far[a.this][b.this], [a.this, b.this] IN grid"
+    script = f"SELECT {columns} FROM a = [0, 1], b = [0, 1] AS rows;"
+    with ss2sql.connect(file) as ss:
+        ss.attach("grid", [[0, 100], [7, 1]])
+        ss.attach("far", [[0, 1000], [7, 1]])
+        expected = [(0, 0, False), (100, 1000, False), (7, 7, False), (1, 1, False)]
+        assert ss.run(script, engine="native").value == ss.run(script, engine="database").value == expected
+
+
+def test_the_list_may_change_between_runs(ss: ss2sql.Session) -> None:
+    ss.attach("grid", GRID)
+    query = ss.compile("SELECT grid[a.this][1] FROM a = [0, 1] AS list;", engine="database")
+    assert query.run().value == [1, 0]
+    for grid in ([[4, 5], [6, 7]], [[4, 500], [6, 7]], [[1, 2.5], [0, "a"]]):
+        ss.attach("grid", grid)
+        assert query.run().value == [row[1] for row in grid]
+    ss.attach("grid", [[1, 2]])
+    with pytest.raises(ss2sql.ExecutionError, match="out of range"):
+        query.run()
+
+
+INTS = st.one_of(st.integers(0, 3), st.integers(-5, 200), st.integers(-3000, 3000))
+ROWS = st.integers(1, 4).flatmap(
+    lambda width: st.lists(st.lists(INTS, min_size=width, max_size=width), min_size=1, max_size=4)
+)
+PARTS = st.lists(st.sampled_from(["a.this", "a.this - 1", "1", "b.this"]), min_size=1, max_size=4)
+LIMITS = st.builds(
+    "a.this >= {} AND a.this {} {}".format, st.integers(-1, 2), st.sampled_from(["<", "<="]), st.integers(-1, 5)
+)
+
+
+@drawn(amount(1 / 5))
+@given(ROWS, st.lists(st.integers(-5, 5), min_size=1, max_size=5), LIMITS, PARTS)
+def test_random_grids_and_indexes(rows: list[list[int]], places: list[int], condition: str, parts: list[str]) -> None:
+    point = f"[{', '.join(parts)}]"
+    for expression in (
+        f"IF({condition}; rows[a.this][0]; None)", f"{condition} AND rows[a.this][a.this] > 1", f"{point} IN rows",
+        f"NOT ({condition}) OR b.this < 0 OR rows[a.this, b.this]", f"{point} NOT IN rows AND {condition}",
+    ):  # fmt: skip
+        check(f"SELECT {expression} FROM a = places, b = places AS list;", rows=rows, places=places)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 import time
-from typing import Any
 
 import pytest
 
@@ -20,31 +19,15 @@ START WITH n = 1 CONNECT BY MEMORIZE 99 n = (2 * n + this) % 999999937;"""
 # A grid of 16 x 16 has more paths from corner to corner than anybody could list.
 SIDE = 16
 GRID = [
-    [
-        x + dx + SIDE * (y + dy)
-        for dx, dy in ((1, 0), (0, 1), (-1, 0), (0, -1))
-        if 0 <= x + dx < SIDE and 0 <= y + dy < SIDE
-    ]
-    for y in range(SIDE)
-    for x in range(SIDE)
+    [to for to in range(SIDE * SIDE) if abs(to % SIDE - at % SIDE) + abs(to // SIDE - at // SIDE) == 1]
+    for at in range(SIDE * SIDE)
 ]
 WALK = """SELECT next.this FROM next = grid[node] WHERE next.this == goal
 START WITH node = 0 CONNECT BY MEMORIZE 200 node = next.this;"""
 WEIGHTED = WALK.replace("MEMORIZE 200", "MEMORIZE 200 COST 1 + next.this / 1000.0")
 
 
-@pytest.fixture
-def ss() -> Any:
-    with ss2sql.connect() as session:
-        yield session
-
-
 # --- max_rows ------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("most", [14, 100])  # 2 + 4 + 8 rows
-def test_a_graph_that_fits(ss: ss2sql.Session, most: int) -> None:
-    assert len(ss.run(TREE, max_rows=most).paths) == 1
 
 
 @pytest.mark.parametrize("workers", [1, 2])
@@ -57,7 +40,7 @@ def test_a_graph_that_does_not_fit(ss: ss2sql.Session, most: int, workers: int) 
     assert error.code == "X010"
     assert error.span is not None
     assert error.hints == ("bound MEMORIZE, stop paths that lead nowhere with STOP WITH, or raise max_rows",)
-    assert len(ss.run(TREE).paths) == 1
+    assert len(ss.run(TREE, max_rows=14).paths) == 1  # 2 + 4 + 8 rows
 
 
 def test_a_graph_does_not_grow_beyond_its_limit(ss: ss2sql.Session) -> None:
@@ -87,12 +70,15 @@ def test_a_graph_inside_of_another_query(ss: ss2sql.Session) -> None:
 @pytest.mark.parametrize("way", ["timeout", "interrupt"])
 @pytest.mark.parametrize("script", [GROWING, WALK, WEIGHTED], ids=["growing", "walk", "weighted"])
 def test_it_ends_when_it_has_to(ss: ss2sql.Session, script: str, way: str) -> None:
+    ss.set("grid", GRID)
+    ss.set("goal", SIDE * SIDE - 1)
+    query = ss.compile(script)
     timer = threading.Timer(0.3, ss.interrupt)
     if way == "interrupt":
         timer.start()
     started = time.monotonic()
     with pytest.raises(ss2sql.Timeout if way == "timeout" else ss2sql.Cancelled) as caught:
-        ss.run(script, timeout=0.3 if way == "timeout" else 30, grid=GRID, goal=SIDE * SIDE - 1)
+        query.run(timeout=0.3 if way == "timeout" else 30)
     assert time.monotonic() - started < 5
     partial = caught.value.partial
     assert partial.status == ("timeout" if way == "timeout" else "cancelled")

@@ -1,73 +1,96 @@
-"""MEMORIZE natively, against a search that tries everything, on random graphs with repeated edges."""
+"""The paths of MEMORIZE against brute force, and how many steps they take where most ways lead nowhere."""
 
 from __future__ import annotations
 
-from itertools import pairwise
+import random
+from collections.abc import Iterator, Sequence
+from functools import reduce
+from itertools import islice, pairwise
+from operator import add, mul
 from typing import Any
 
 import pytest
 from native_host import FakeHost
-from path_problems import CHANCES, COSTS, Edge, Problem, by_length, by_total, problem
+from path_problems import CHANCES, COSTS, HARMLESS, MISLEADING, Edge, Problem, by_length, by_total, graph_of, problem
+from programs.drawn import amount
 
-SEEDS = range(120)
+import ss2sql
+from ss2sql.runtime.memorize import by_length as lengths_module
+from ss2sql.runtime.memorize import by_weight as weights_module
+from ss2sql.runtime.memorize import careful as careful_module
+from ss2sql.runtime.memorize import growing
+from ss2sql.runtime.memorize.by_length import PATIENCE, ByLength
+from ss2sql.runtime.memorize.by_weight import ByWeight
+from ss2sql.runtime.memorize.graph import Graph
+
+COUNT = amount(1 / 5)
+
+# --- against brute force ------------------------------------------------------------------------------------------
+
+SCRIPT = """SELECT e.this[0] FROM e = near(node) WHERE is_goal(e.this[0])
+    START WITH node = 0 CONNECT BY MEMORIZE (most) {} node = e.this[0]
+    STOP WITH is_stop(e.this[0]) AS list"""
+WEIGHTS = {"length": "", "cost": "COST e.this[1]", "chance": "PROBABILITY e.this[1]"}
+RANKED: dict[str, Any] = {
+    "length": ([[1]], by_length),
+    "cost": (COSTS, lambda graph: by_total(graph, False)),
+    "chance": (CHANCES, lambda graph: by_total(graph, True)),
+}
+WORK: dict[str, Any] = {
+    "length": ByLength,
+    "cost": lambda graph: ByWeight(graph, False),
+    "chance": lambda graph: ByWeight(graph, True),
+}
 
 
-@pytest.mark.parametrize("seed", SEEDS)
-def test_by_length(seed: int) -> None:
-    graph = problem(seed, [1])
-    expected = by_length(graph)
-    assert graph.host().run(graph.script()) == expected
-    assert graph.host().run(graph.script("MAXIMUM 2")) == expected[:2]
+@pytest.mark.parametrize("order", RANKED)
+@pytest.mark.parametrize("engine", ["auto", "native"])
+def test_the_paths_are_those_of_brute_force(ss: ss2sql.Session, order: str, engine: Any) -> None:
+    graph = Problem([], set(), set(), None)
+    ss.function("near", lambda node: [list(edge) for edge in graph.edges[node]], volatility="stable")
+    ss.function("is_goal", lambda node: node in graph.goals, volatility="stable")
+    ss.function("is_stop", lambda node: node in graph.stops, volatility="stable")
+    ss.set("most", 1)
+    scripts = [SCRIPT.format(options) for options in (WEIGHTS[order], f"{WEIGHTS[order]} MAXIMUM 3")]
+    scripts += [script.replace("(most)", "") for script in scripts]
+    queries = [ss.compile(script, engine=engine) for script in scripts]
+    weights, ranked = RANKED[order]
+    found = 0
+    for seed in range(3 * COUNT):
+        graph = problem(seed, weights[seed % len(weights)], 7)
+        expected = ranked(graph)
+        found += len(expected)
+        ss.set("most", graph.bound or 1)
+        every, first = queries[2:] if graph.bound is None else queries[:2]
+        assert every.run().value == expected, seed
+        assert first.run().value == expected[:3], seed
+    assert found > 3 * COUNT
 
 
-@pytest.mark.parametrize("seed", SEEDS)
-def test_by_cost(seed: int) -> None:
-    graph = problem(seed, COSTS[seed % len(COSTS)])
-    expected = by_total(graph, False)
-    assert graph.host().run(graph.script("COST e.this[1]")) == expected
-    assert graph.host().run(graph.script("COST e.this[1] MAXIMUM 3")) == expected[:3]
+def grid(side: int, steps: dict[int, Any]) -> list[list[Edge]]:
+    """The edges of a grid whose nodes are numbered row by row: steps of 1 lead right, those of its side lead down."""
 
+    def outward(node: int) -> list[Edge]:
+        inside = {1: node % side < side - 1, side: node // side < side - 1}
+        return [(node + step, weight) for step, weight in steps.items() if inside[step]]
 
-@pytest.mark.parametrize("seed", SEEDS)
-def test_by_probability(seed: int) -> None:
-    graph = problem(seed, CHANCES[seed % len(CHANCES)])
-    assert graph.host().run(graph.script("PROBABILITY e.this[1]")) == by_total(graph, True)
-
-
-def test_equal_totals_of_different_sums() -> None:
-    # 0.1 + 0.2 is more than 0.3 by rounding, so the second path comes first; 0.2 + 0.1 is the same number.
-    edges = [[(1, 0.1), (2, 0.3), (3, 0.2)], [(4, 0.2)], [(4, 0)], [(4, 0.1)], []]
-    graph = Problem(edges, {4}, set(), None)
-    assert graph.host().run(graph.script("COST e.this[1]")) == [[2, 4], [1, 4], [3, 4]]
+    return [outward(node) for node in range(side * side)]
 
 
 @pytest.mark.parametrize("options", ["", "COST 1", "COST 0", "COST e.this[1]", "PROBABILITY 0.9", "PROBABILITY 1"])
 def test_the_first_paths_of_very_many(options: str) -> None:
     # A grid of 30 x 30 has 30,067,266,499,541,040 shortest paths from corner to corner.
-    side = 30
-    edges: list[list[Edge]] = [
-        [
-            (node + step, weight)
-            for step, weight, inside in ((side, 1, node // side < side - 1), (1, 1, node % side < side - 1))
-            if inside
-        ]
-        for node in range(side * side)
-    ]
-    graph = Problem(edges, {side * side - 1}, set(), None)
+    graph = Problem(grid(30, {30: 1, 1: 1}), {30 * 30 - 1}, set(), None)
     paths = graph.host().run(graph.script(f"{options} MAXIMUM 500"))
     assert len(paths) == len(set(map(tuple, paths))) == 500
-    assert {len(path) for path in paths} == {2 * (side - 1)}
+    assert {len(path) for path in paths} == {2 * 29}
     # In source order, which here is down before right.
     assert paths == sorted(paths, reverse=True)
 
 
 def test_the_first_of_very_many_paths_whose_totals_differ_by_rounding() -> None:
-    side, costs = 20, {1: 0.1, 20: 0.3}
-    edges: list[list[Edge]] = [
-        [(node + step, costs[step]) for step in (1, side) if (node % side if step == 1 else node // side) < side - 1]
-        for node in range(side * side)
-    ]
-    graph = Problem(edges, {side * side - 1}, set(), None)
+    costs = {1: 0.1, 20: 0.3}
+    graph = Problem(grid(20, costs), {20 * 20 - 1}, set(), None)
     paths = graph.host().run(graph.script("COST e.this[1] MAXIMUM 300"))
     sums = [sum(costs[after - before] for before, after in pairwise([0, *path])) for path in paths]
     assert len(sums) == 300
@@ -77,23 +100,10 @@ def test_the_first_of_very_many_paths_whose_totals_differ_by_rounding() -> None:
     assert all(a < b for a, b in pairwise(zip(sums, paths, strict=True)))
 
 
-def test_work_is_bounded_where_most_ways_lead_nowhere() -> None:
-    # A long corridor, and at its start a room of which every node leads to every other one, and nowhere else.
-    room, corridor = list(range(1, 13)), list(range(13, 113))
-    edges: list[list[Edge]] = [[(node, 1) for node in (*room, 13)]]
-    edges += [[(other, 1) for other in room if other != node] for node in room]
-    edges += [[(node + 1, 1)] for node in corridor[:-1]] + [[]]
-    graph = Problem(edges, {112}, set(), None)
-    assert graph.host().run(graph.script()) == [corridor]
-    assert graph.host().run(graph.script("COST e.this[1]")) == [corridor]
-
-
 def test_each_row_is_expanded_once() -> None:
     side = 20
-    edges: list[list[Edge]] = [
-        [(node + step, 1) for step in (-side, side, -1, 1) if 0 <= node + step < side * side]
-        for node in range(side * side)
-    ]
+    nodes = range(side * side)
+    edges = [[(node + step, 1) for step in (-side, side, -1, 1) if node + step in nodes] for node in nodes]
     graph = Problem(edges, {side + 3}, set(), None)
     host = graph.host()
     run = host.start()
@@ -111,12 +121,6 @@ def test_the_graph_ends_at_the_bound() -> None:
     assert run.stats.generated == 5
 
 
-def test_a_row_is_shown_as_it_was_first_met() -> None:
-    # 1.0 is a second way to the row 1.
-    script = "SELECT this FROM [1, 1.0, 2.0] START WITH n = 0 CONNECT BY MEMORIZE 1 n = this AS list"
-    assert [repr(path) for path in FakeHost().run(script)] == ["[1]", "[1]", "[2.0]"]
-
-
 def test_functions_are_asked_once_for_a_row() -> None:
     asked: list[Any] = []
 
@@ -130,3 +134,168 @@ def test_functions_are_asked_once_for_a_row() -> None:
     assert len(host.run(script)) == 3
     # The second step to 2 is an edge to a known row.
     assert asked == [1, 2]
+
+
+# --- whenever care begins, order and paths are the same ---------------------------------------------------------------
+
+
+def numbered(graph: Problem) -> Graph:
+    """The graph with its nodes as they are; a row of the start, which steps may lead to, is a node of its own."""
+    start, made = len(graph.edges), Graph(lambda: None, graph.bound)
+    for node in [*range(1, start), 0]:
+        made.add_node((node,), node in graph.goals)
+    for node in [0, *range(1, start), start]:
+        if node % start in graph.stops and node:
+            continue
+        for target, weight in graph.edges[node % start]:
+            if target in graph.goals or target not in graph.stops:
+                made.add_edge(node, target or start, weight, None)
+    return made
+
+
+def rows(graph: Graph, paths: Iterator[Sequence[int]]) -> list[list[int]]:
+    return [[graph.rows[graph.targets[edge]][0] for edge in path] for path in paths]
+
+
+@pytest.fixture(params=[0, 0.05, 0.3, 1])
+def impatient(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Quick walks give up here and there."""
+    monkeypatch.setattr(lengths_module, "PATIENCE", request.param)
+    monkeypatch.setattr(weights_module, "PATIENCE", request.param)
+
+
+@pytest.mark.usefixtures("impatient")
+@pytest.mark.parametrize(
+    ("order", "kept"), [("length", 0), ("length", 3), ("length", 1000), ("cost", None), ("chance", None)]
+)
+def test_careful_walks(order: str, kept: int | None, monkeypatch: pytest.MonkeyPatch) -> None:
+    if kept is not None:
+        monkeypatch.setattr(careful_module, "KEPT", kept)
+    careful = 0
+    (weights, ranked), make = RANKED[order], WORK[order]
+    for seed in range(5 * COUNT):
+        graph = problem(seed, weights[seed % len(weights)], 7)
+        made = numbered(graph)
+        walk = make(made)
+        assert rows(made, walk.paths()) == ranked(graph)
+        if order == "length":
+            careful += walk.careful is not None
+            assert walk.careful is None or walk.careful.kept == 0
+        else:
+            careful += walk.lost
+    assert careful > 5
+
+
+# --- how much work it is -----------------------------------------------------------------------------------------
+
+
+def most_steps(graph: Graph, paths: int) -> int:
+    """For each path, and for the end, what patience allows and a search of the whole graph for each of its nodes."""
+    size = len(graph.rows) + len(graph.targets)
+    return (paths + 1) * (PATIENCE + len(graph.rows)) * size
+
+
+def weigh(graph: Graph, order: str) -> None:
+    dice = random.Random(1)
+    graph.weights = [dice.choice({"cost": [0.1, 0.2, 0.7], "chance": [0.1, 0.5, 0.9]}[order]) for _ in graph.weights]
+
+
+def check_order(graph: Graph, order: str, found: list[tuple[int, ...]]) -> None:
+    if order == "length":
+        assert found == sorted(found, key=lambda path: (len(path), path))
+    else:
+        combine, start = (add, 0) if order == "cost" else (mul, -1)
+        ranked = [(reduce(combine, (graph.weights[edge] for edge in path), start), path) for path in found]
+        assert ranked == sorted(ranked)
+    for path in found:
+        nodes = [graph.targets[edge] for edge in path]
+        assert len(set(nodes)) == len(nodes)
+        assert graph.goals[nodes[-1]]
+
+
+@pytest.mark.parametrize("order", WORK)
+@pytest.mark.parametrize("name", [*MISLEADING, *HARMLESS])
+def test_steps_are_bounded(name: str, order: str) -> None:
+    graph = (MISLEADING | HARMLESS)[name]()
+    if order != "length":
+        weigh(graph, order)
+    work = WORK[order](graph)
+    found = [tuple(path) for path in islice(work.paths(), 200)]
+    assert work.steps <= most_steps(graph, len(found))
+    assert len(found) == len(set(found)) > 0
+    check_order(graph, order, found)
+
+
+@pytest.mark.parametrize("name", [*MISLEADING, *HARMLESS])
+def test_a_quick_walk_loses_its_way_only_in_the_bad_cases(name: str) -> None:
+    walk = ByLength((MISLEADING | HARMLESS)[name]())
+    found = sum(1 for _ in islice(walk.paths(), 1000))
+    # In the last two bad cases a walk finds paths, but begins anew for each length.
+    assert (walk.careful is not None) is (name in MISLEADING)
+    assert found == 1000 or name in MISLEADING
+
+
+def test_ways_that_are_cheap_but_too_long() -> None:
+    # Every place can be passed at no cost in two steps or dearly in one. Only `limit` steps are left for 40 places.
+    places, limit = 40, 44
+    edges: list[list[int]] = []
+    for place in range(places):
+        edges += [[2 * place + 2, 2 * place + 1], [2 * place + 2]]
+    graph = graph_of([*edges, []], {2 * places}, limit)
+    graph.weights = [5 if node % 2 == 0 and target == node + 2 else 0 for node in range(2 * places)
+                     for target in edges[node]]  # fmt: skip
+    search = ByWeight(graph, False)
+    found = [tuple(path) for path in islice(search.paths(), 100)]
+    # Four of the places are passed at no cost.
+    assert {sum(graph.weights[edge] for edge in path) for path in found} == {36 * 5}
+    assert len(found) == 100
+    assert search.lost
+    assert search.steps <= most_steps(graph, 100)
+
+
+# --- only what is asked for -----------------------------------------------------------------------------------------
+
+
+def test_maximum_takes_no_step_beyond_the_last_path(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+
+    def counted(graph: Graph, marks: Sequence[Any] | None) -> Iterator[list[Any]]:
+        for number, path in enumerate(ByLength(graph, marks).paths(), 1):
+            asked.append(number)
+            yield path
+
+    monkeypatch.setattr(growing, "paths_by_length", counted)
+    with ss2sql.connect() as ss:
+        paths = ss.eval("SELECT this FROM range(9) START WITH n = 0 CONNECT BY MEMORIZE MAXIMUM 7 n = this AS list")
+    assert paths == [[0], [1], [2], [3], [4], [5], [6]]
+    assert asked == [1, 2, 3, 4, 5, 6, 7]
+
+
+def test_steps_to_the_first_paths_do_not_depend_on_how_many_there_are() -> None:
+    side = 40
+    edges = [[1], *([target + 1 for target, _ in outward] for outward in grid(side, {1: 1, side: 1}))]
+    walk = ByLength(graph_of(edges, {side * side}))
+    steps = [walk.steps for _ in islice(walk.paths(), 50)]
+    # The first path is walked straight; each of the others leaves the one before it somewhere.
+    assert steps[0] == 0
+    assert all(after - before <= 4 * side for before, after in pairwise(steps))
+
+
+class EndedError(Exception):
+    pass
+
+
+@pytest.mark.parametrize("order", WORK)
+@pytest.mark.parametrize("name", MISLEADING)
+def test_a_run_that_has_to_end_ends(name: str, order: str) -> None:
+    graph = MISLEADING[name]()
+    if order != "length":
+        weigh(graph, order)
+    work = WORK[order](graph)
+
+    def check() -> None:
+        raise EndedError
+
+    graph.check = check
+    with pytest.raises(EndedError):
+        list(islice(work.paths(), 5000))

@@ -1,233 +1,151 @@
-"""The native executor on searches: counts of the language page, every order, options, the cost of long paths."""
+"""The native executor on searches: when what is evaluated, what is counted, also of a search that ends early."""
 
 from __future__ import annotations
 
-from collections import Counter
+from itertools import islice
 from typing import Any
 
 import pytest
 from listings import MOVES, move
 from native_host import FakeHost
 
-from ss2sql.runtime.native.searches import SEARCHES
+import ss2sql
+from ss2sql.runtime.native.pace import SHORT, Parts
 from ss2sql.runtime.run import Run
 
+ORDERS = ["DEPTH FIRST", "BREADTH FIRST", "COST 1", "COST 1 HEURISTIC 0", "PROBABILITY 0.5"]
+REPEATS = ["", "NO CYCLE", "UNIQUE"]
+MANY = 3 * SHORT + 5  # elements, so that they are walked in several parts
+orders = pytest.mark.parametrize("order", ORDERS)
+repeated = pytest.mark.parametrize("repeats", REPEATS)
 
-def hanoi(options: str, level: int | None, disks: int = 3) -> tuple[FakeHost, Run, str]:
-    """A host, a run and the script of the Towers of Hanoi, which stops at a level."""
-    tower = list(range(disks, 0, -1))
-    script = f"""SELECT this, tower FROM moves WHERE [[], [], {tower}] == move(this, tower)
-    START WITH tower = [{tower}, [], []], level = 1
-    CONNECT BY {options} tower = move(this, tower), level = level + 1
-    STOP WITH {"" if level is None else f"level == {level} OR "} [] == move(this, tower)"""
+
+def native(ss: ss2sql.Session, script: str, **variables: Any) -> ss2sql.Result:
+    return ss.run(script, engine="native", **variables)
+
+
+def counts(result: ss2sql.Result) -> tuple[int, int, int]:
+    return result.stats.generated, result.stats.expanded, result.stats.pruned
+
+
+# --- Towers of Hanoi -----------------------------------------------------------------------------------
+
+
+def hanoi(options: str, level: int) -> tuple[list[Any], Run]:
+    """The paths of a search that stops at a level, and its run."""
     host = FakeHost({"move": move}, moves=MOVES)
-    return host, host.start(), script
+    run = host.start()
+    paths = host.run(
+        f"""SELECT this, tower FROM moves WHERE [[], [], [3, 2, 1]] == move(this, tower)
+        START WITH tower = [[3, 2, 1], [], []], level = 1
+        CONNECT BY {options} tower = move(this, tower), level = level + 1
+        STOP WITH level == {level} OR [] == move(this, tower)""",
+        run,
+    )
+    return paths, run
 
 
-def lengths(options: str, level: int | None, disks: int = 3) -> dict[int, int]:
-    host, run, script = hanoi(options, level, disks)
-    return dict(Counter(map(len, host.run(script, run))))
-
-
-@pytest.mark.parametrize("options", ["", "DEPTH FIRST", "BREADTH FIRST", "COST 1", "PROBABILITY 0.5"])
-def test_all_plans(options: str) -> None:
-    assert lengths(options, 7) == {7: 1}
-    assert lengths(options, 8) == {7: 1, 8: 4}
-    assert lengths(options, 9) == {7: 1, 8: 4, 9: 23}
-
-
-@pytest.mark.parametrize("order", ["", "BREADTH FIRST", "COST 1", "PROBABILITY 0.5"])
-def test_plans_without_a_cycle(order: str) -> None:
-    assert lengths(f"{order} NO CYCLE", 8) == {7: 1, 8: 4}
-    assert lengths(f"{order} NO CYCLE", 9) == {7: 1, 8: 4, 9: 16}
-
-
-@pytest.mark.parametrize("order", ["", "COST 1", "PROBABILITY 0.5"])
-def test_plans_of_the_graph(order: str) -> None:
-    assert lengths(f"MEMORIZE 12 {order}", None) == {7: 1, 8: 4, 9: 16, 10: 50, 11: 147, 12: 382}
-
-
-def test_plans_of_larger_graphs() -> None:
-    assert lengths("MEMORIZE 18", None, 4) == {15: 1, 16: 8, 17: 48, 18: 228}
-    assert lengths("MEMORIZE 33", None, 5) == {31: 1, 32: 16, 33: 160}
-
-
-@pytest.mark.parametrize("options", ["", "BREADTH FIRST", "COST 1"])
-def test_counted_steps(options: str) -> None:
-    host, run, script = hanoi(options, 7)
-    host.run(script, run)
-    # Without a memo the function is called once for each step, though it is written three times.
-    assert (run.stats.generated, run.stats.calls["move"]) == (3462, 3462)
-    # Each of the 576 steps that go on, and the start, generates six.
-    assert run.stats.expanded == 3462 // 6 - 1
-
-
-@pytest.mark.parametrize("options", ["", "NO CYCLE", "UNIQUE", "BREADTH FIRST", "COST 1 UNIQUE", "MEMORIZE 7"])
-def test_the_shortest_plan(options: str) -> None:
-    host, run, script = hanoi(options, 7)
-    paths = host.run(script, run)
-    assert [[row["this"] for row in path] for path in paths] == [
-        [[0, 2], [0, 1], [2, 1], [0, 2], [1, 0], [1, 2], [0, 2]]
-    ]
-    assert paths[0][0]["tower"] == [[3, 2, 1], [], []]
+@pytest.mark.parametrize("options", ["", "BREADTH FIRST", "COST 1", "NO CYCLE", "COST 1 UNIQUE", "MEMORIZE 7"])
+def test_the_shortest_plan_and_the_steps_to_it(options: str) -> None:
+    [path], run = hanoi(options, 7)
+    assert [row["this"] for row in path] == [[0, 2], [0, 1], [2, 1], [0, 2], [1, 0], [1, 2], [0, 2]]
+    assert path[0]["tower"] == [[3, 2, 1], [], []]
+    if options in ("", "BREADTH FIRST", "COST 1"):
+        # Without a memo the function is called once for each step, though it is written three times.
+        assert (run.stats.generated, run.stats.calls["move"]) == (3462, 3462)
+        # Each of the 576 steps that go on, and the start, generates six.
+        assert run.stats.expanded == 3462 // 6 - 1
 
 
 def test_unique_expands_each_state_once() -> None:
-    host, run, script = hanoi("UNIQUE", None)
-    host.run(script, run)
+    _, run = hanoi("UNIQUE", 99)
     # 27 states; 3 of them, with all disks on one tower, have 2 moves, the others 3: so many rows are reached.
     assert run.stats.expanded == 3 * 2 + 24 * 3
     # Each row leads to a state, which then offers its six moves; so does the start.
     assert run.stats.generated == 6 * (run.stats.expanded + 1)
 
 
-def test_every_combination_has_a_search() -> None:
-    orders = {"depth first", "breadth first", "cost", "probability"}
-    repeats = {"allowed", "no cycle", "unique", "memorize"}
-    assert set(SEARCHES) == {(o, r) for o in orders for r in repeats} - {("breadth first", "memorize")}
+# --- counts --------------------------------------------------------------------------------------------
 
 
-# --- a small graph: S-B, S-C, B-C, C-D -----------------------------------------------------------------
-
-GRAPH = {"S": ["B", "C"], "B": ["C"], "C": ["D"], "D": []}
-COSTS = {"SB": 1, "SC": 5, "BC": 1, "CD": 1}
-
-
-def small(options: str, rest: str = "", where: str = "", columns: str = "n.this", **kept: Any) -> Any:
-    host = FakeHost(
-        {
-            "near": lambda node: GRAPH[node],
-            "cost": lambda a, b: COSTS[a + b],
-            "guess": lambda node: {"B": 6}.get(node, 0),
-        },
-        **kept,
-    )
-    script = f"SELECT {columns} FROM n = near(node) {where} START WITH node = 'S' "
-    return host.run(script + f"CONNECT BY {options} node = n.this {rest} AS list")
+@repeated
+@pytest.mark.parametrize("order", ["DEPTH FIRST", "BREADTH FIRST"])
+def test_only_steps_up_to_the_last_result_are_counted(ss: ss2sql.Session, order: str, repeats: str) -> None:
+    for place in (0, SHORT - 1, SHORT, MANY - 1):
+        script = f"""SELECT this FROM numbers WHERE this == {place} START WITH n = 0
+            CONNECT BY {order} {repeats} MAXIMUM 1 n = this STOP WITH True AS list;"""
+        result = native(ss, script, numbers=list(range(MANY)))
+        assert result.value == [[place]]
+        assert counts(result) == (place + 1, 0, 0)
+    assert counts(native(ss, script.replace("AS list", "LIMIT 0 AS list"), numbers=[1, 2])) == (0, 0, 0)
 
 
-def words(paths: list[list[str]]) -> str:
-    return " ".join("".join(path) for path in paths)
+@repeated
+@pytest.mark.parametrize("order", ["COST this + 1", "PROBABILITY 1 / (this + 1)"])
+def test_all_steps_of_a_state_come_before_the_best_of_them(ss: ss2sql.Session, order: str, repeats: str) -> None:
+    script = f"SELECT this FROM numbers START WITH n = 0 CONNECT BY {order} {repeats} MAXIMUM 2 n = this AS list;"
+    result = native(ss, script, numbers=list(range(MANY)))
+    # After the first result its state is expanded.
+    assert result.value[0] == [0]
+    assert (result.stats.generated, result.stats.expanded) == (2 * MANY, 1)
+    assert counts(native(ss, script.replace("AS list", "LIMIT 0 AS list"), numbers=[1, 2])) == (0, 0, 0)
 
 
-@pytest.mark.parametrize(
-    ("options", "expected"),
-    [
-        ("", "B BC BCD C CD"),
-        ("BREADTH FIRST", "B C BC CD BCD"),
-        ("NO CYCLE", "B BC BCD C CD"),
-        ("UNIQUE", "B C CD"),
-        ("DEPTH FIRST UNIQUE", "B BC BCD"),
-        ("COST cost(node, n.this)", "B BC BCD C CD"),
-        ("COST 1", "B C BC CD BCD"),
-        ("COST cost(node, n.this) UNIQUE", "B BC BCD"),
-        # B waits for its expansion at 1 + 6, so C is taken at 5; the cheaper way to C is found later.
-        ("COST cost(node, n.this) HEURISTIC guess(n.this)", "B C CD BC BCD"),
-        ("COST cost(node, n.this) HEURISTIC guess(n.this) UNIQUE", "B C CD"),
-        ("PROBABILITY 1 / cost(node, n.this)", "B BC BCD C CD"),
-        # 5 % 5 is 0: the step to C is dropped.
-        ("PROBABILITY cost(node, n.this) % 5", "B BC BCD"),
-        ("PROBABILITY cost(node, n.this) % 5 MEMORIZE", "B BC BCD"),
-        ("MEMORIZE", "B C BC CD BCD"),
-        ("MEMORIZE 2", "B C BC CD"),
-        ("MEMORIZE COST cost(node, n.this)", "B BC BCD C CD"),
-        ("MEMORIZE 2 MAXIMUM 3", "B C BC"),
-        ("MAXIMUM (1 + 1)", "B BC"),
-    ],
-)
-def test_order_of_results(options: str, expected: str) -> None:
-    assert words(small(options)) == expected
-
-
-def test_goals_and_stops() -> None:
-    assert words(small("", where="WHERE n.this == 'C'")) == "BC C"
-    assert words(small("", where="WHERE True", rest="STOP WITH n.this == 'C'")) == "B BC C"
-    assert words(small("", rest="STOP WITH n.this == 'C'")) == "B"
-
-
-@pytest.mark.parametrize("order", ["", "DEPTH FIRST", "COST 1", "PROBABILITY 1"])
-def test_a_step_that_stops_without_a_goal_leaves_no_trace(order: str) -> None:
-    # The way from S to C stops, so C is reached by way of B all the same.
-    where, rest = "WHERE n.this == 'D'", "STOP WITH node == 'S' AND n.this == 'C'"
-    assert words(small(f"{order} UNIQUE", rest, where)) == "BCD"
-    if order in ("", "COST 1", "PROBABILITY 1"):
-        assert words(small(f"{order} MEMORIZE", rest, where)) == "BCD"
-
-
-def test_memorize_does_not_pass_a_goal_that_stops() -> None:
-    assert words(small("MEMORIZE", "STOP WITH n.this == 'C'", "WHERE n.this == 'C' OR n.this == 'D'")) == "C BC"
-
-
-def test_group_order_and_limit_see_the_last_step() -> None:
-    assert words(small("", "ORDER BY n.this DESC LIMIT 3")) == "BCD CD BC"
-    assert words(small("", "LIMIT 2")) == "B BC"
-    assert small("MEMORIZE", "GROUP BY [n.this][0] HAVING count(*) > 1") == {
-        "C": [["C"], ["B", "C"]],
-        "D": [["C", "D"], ["B", "C", "D"]],
-    }
-    assert small("COST cost(node, n.this)", "GROUP BY n.this", columns="n.this, count(*)") == [
-        "B", 1, "C", 2, "D", 2,
-    ]  # fmt: skip
-    # The state before the last step of a path.
-    assert words(small("BREADTH FIRST", "ORDER BY node")) == "BC CD BCD B C"
-    # A column that is a key of the group: one row per group, and still the row that the search compares.
-    assert small("MEMORIZE", "GROUP BY n.this HAVING count(*) > 1") == ["C", "D"]
-
-
-def test_the_step_behind_a_known_row_has_its_own_element() -> None:
-    # Both ways to C end there, but their last steps start from S and from B.
-    host = FakeHost({"near": lambda node: GRAPH[node]})
-    script = """SELECT n.this FROM n = near(node) WHERE n.this == 'C' START WITH node = 'S'
-    CONNECT BY MEMORIZE node = n.this GROUP BY node AS list"""
-    assert host.run(script) == {"S": [["C"]], "B": [["B", "C"]]}
-
-
-# --- the state -----------------------------------------------------------------------------------------
-
-
-def test_later_assignments_see_earlier_ones() -> None:
-    script = """SELECT x, y FROM [1, 2] START WITH x = 1, y = x + 1
-    CONNECT BY x = x * 3, y = x STOP WITH x > 1 AS list"""
-    host = FakeHost(x=7)
-    assert host.run(script) == [[1, 2], [1, 2]]
-    assert host.variables == {"x": 7}
-
-
-def test_a_call_that_sees_a_new_value_is_not_the_one_before() -> None:
-    host = FakeHost({"double": lambda value: 2 * value})
-    script = """SELECT x, y FROM [0] WHERE double(x) > 0 START WITH x = 1, y = 0
-    CONNECT BY x = double(x), y = double(x) STOP WITH x == 4 AS list"""
-    # Steps with x = 1, 2, 4; y is twice the new x.
-    assert host.run(script) == [[1, 0], [1, 0, 2, 4], [1, 0, 2, 4, 4, 8]]
-
-
-def test_all_sources_see_the_state_and_those_that_do_not_are_read_once() -> None:
-    host = FakeHost({"below": lambda n: list(range(n)), "fixed": lambda: [0]})
+@repeated
+@orders
+def test_steps_are_counted_up_to_the_one_that_fails(order: str, repeats: str) -> None:
+    place = SHORT + 3
+    host = FakeHost({}, numbers=list(range(MANY)))
     run = host.start()
-    script = """SELECT b.this FROM a = fixed(), b = below(n) START WITH n = 3 CONNECT BY n = b.this AS list"""
-    # Descending sequences from below 3: 2, 21, 210, 20, 1, 10, 0.
-    assert sorted(map(tuple, host.run(script, run))) == [(0,), (1,), (1, 0), (2,), (2, 0), (2, 1), (2, 1, 0)]
-    assert run.stats.calls["fixed"] == 1
+    script = f"""SELECT this FROM numbers WHERE 1 / ({place} - this) > 0 START WITH n = 0
+        CONNECT BY {order} {repeats} n = this STOP WITH this >= 0"""
+    error = host.error(script, run)
+    assert error.span is not None
+    assert error.span.text == "/"
+    assert run.stats.generated == place + 1
 
 
-def test_a_search_in_a_query() -> None:
-    host = FakeHost({"near": lambda node: GRAPH[node]})
-    script = """SELECT a.this, len((SELECT n.this FROM n = near(node) START WITH node = a.this
-    CONNECT BY node = n.this AS list)) FROM a = ['S', 'B', 'C', 'D'] AS list"""
-    assert host.run(script) == ["S", 5, "B", 2, "C", 1, "D", 0]
+def test_nested_searches_count_together(ss: ss2sql.Session) -> None:
+    inner = "(SELECT this FROM [1, 2, 3] START WITH m = 0 CONNECT BY m = this STOP WITH m > 0 AS list)"
+    outer = f"SELECT len({inner}) FROM [1, 2] START WITH n = 0 CONNECT BY n = n + 1 STOP WITH n == 1 AS list;"
+    result = native(ss, outer)
+    # Inside: 3 steps that go on, and 3 from each of them, which stop. Around it: 2 that go on, and 2 from each.
+    # The inner search depends on nothing, so it is made once.
+    assert result.value == [[3], [3]]
+    assert counts(result) == (3 + 9 + 2 + 4, 3 + 2, 0)
 
 
-def test_a_compiled_search_gives_the_same_answer_twice() -> None:
-    host, _, script = hanoi("UNIQUE", None)
-    query = host.query(script)
-    first, second = (query.rows(host.start()).paths for _ in range(2))
-    assert first == second != []
+def test_the_runs_maximum_counts_for_the_outermost_search(ss: ss2sql.Session) -> None:
+    inner = "len((SELECT m.this FROM m = range(k) START WITH k = 2 CONNECT BY k = m.this AS list))"
+    script = f"SELECT {inner} FROM n = range(node) START WITH node = 3 CONNECT BY MAXIMUM 3 node = n.this AS list"
+    assert ss.run(script, engine="native", maximum=2).value == [[3], [3]]
+    assert len(ss.run(script, engine="native", maximum=4).value) == 3
 
 
-# --- order of evaluation -------------------------------------------------------------------------------
+def test_parts_hold_all_items_in_order_and_know_how_many_are_left() -> None:
+    for length in (0, 1, SHORT, SHORT + 1, MANY):
+        run: Any = Run(None)  # type: ignore[arg-type]
+        parts, walked = Parts(range(length), run), []
+        for item in parts:
+            walked.append(item)
+            assert parts.__length_hint__() == length - len(walked)
+        assert walked == list(range(length))
 
 
-def trace(options: str, columns: str = "note('select', this)") -> list[str]:
+def test_an_interrupt_between_the_parts_of_a_long_list() -> None:
+    run: Any = Run(None)  # type: ignore[arg-type]
+    parts = iter(Parts(range(MANY), run))
+    assert next(parts) == 0
+    run.interrupted = True
+    assert list(islice(parts, SHORT - 1)) == list(range(1, SHORT))
+    with pytest.raises(ss2sql.Cancelled):
+        next(parts)
+
+
+# --- when what is evaluated ----------------------------------------------------------------------------
+
+
+def trace(options: str, columns: str) -> list[str]:
     seen: list[str] = []
 
     def note(word: str, value: Any) -> Any:
@@ -240,119 +158,118 @@ def trace(options: str, columns: str = "note('select', this)") -> list[str]:
     return seen
 
 
-FIRST_STEP = ["start", "stop", "where", "select"]
-
-
-def test_clauses_of_a_step() -> None:
-    last = ["stop", "where", "select"]
-    assert trace("") == [*FIRST_STEP, "connect", *last]
-    weighted = [*FIRST_STEP, "cost", "heuristic", "connect", *last, "cost"]
-    assert trace("COST note('cost', 1) HEURISTIC note('heuristic', 0)") == weighted
-    assert trace("PROBABILITY note('p', 1)") == [*FIRST_STEP, "p", "connect", *last, "p"]
-
-
-@pytest.mark.parametrize("option", ["NO CYCLE", "UNIQUE", "MEMORIZE"])
-def test_a_row_that_is_compared_comes_first(option: str) -> None:
-    columns = "note('select', n)"
-    first = ["start", "select", "stop", "where", "connect"]
-    assert trace(option, columns) == [*first, "select", "stop", "where"]
-    # A constant row is known at the second step: it is dropped before STOP WITH and WHERE are asked.
-    assert trace(option) == [*first, "select"]
-
-
-def test_an_impossible_step_is_not_connected() -> None:
-    assert trace("PROBABILITY note('p', 0)") == [*FIRST_STEP, "p"]
-
-
-@pytest.mark.parametrize("options", ["", "BREADTH FIRST", "NO CYCLE", "UNIQUE", "DEPTH FIRST UNIQUE"])
-def test_a_maximum_evaluates_no_further_step(options: str) -> None:
-    host = FakeHost()
-    run = host.start()
-    script = f"""SELECT this FROM [1, 2, 0] WHERE 1 / this START WITH n = 1
-    CONNECT BY {options} MAXIMUM 2 n = n + 1 STOP WITH True AS list"""
-    assert host.run(script, run) == [[1], [2]]
-    assert run.stats.generated == 2
-
-
-def test_the_runs_maximum_counts_for_the_outermost_search() -> None:
-    host = FakeHost({"near": lambda node: GRAPH[node]})
-    inner = "len((SELECT m.this FROM m = near(k) START WITH k = 'S' CONNECT BY k = m.this AS list))"
-    script = f"SELECT {inner} FROM n = near(node) START WITH node = 'S' CONNECT BY MAXIMUM 3 node = n.this AS list"
-    assert host.run(script, host.start(maximum=2)) == [[5], [5, 5]]
-    assert len(host.run(script, host.start(maximum=4))) == 3
-
-
-# --- wrong options -------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
-    ("option", "argument"),
+    ("options", "columns", "expected"),
     [
-        ("MAXIMUM", "(0)"),
-        ("MAXIMUM", "('a')"),
-        ("MEMORIZE", "(1.5)"),
-        ("COST", "-1"),
-        ("COST", "'a'"),
-        ("COST", "None"),
-        ("COST 1 HEURISTIC", "-0.5"),
-        ("PROBABILITY", "2"),
-        ("PROBABILITY", "-0.1"),
-        ("PROBABILITY", "[]"),
+        ("", "this", "start stop where select connect stop where select"),
+        (
+            "COST note('cost', 1) HEURISTIC note('heuristic', 0)",
+            "this",
+            "start stop where select cost heuristic connect stop where select cost",
+        ),
+        ("PROBABILITY note('p', 1)", "this", "start stop where select p connect stop where select p"),
+        ("PROBABILITY note('p', 0)", "this", "start stop where select p"),  # an impossible step is not connected
+        # A row that is compared comes first. One that is known is dropped before STOP WITH and WHERE are asked.
+        *[(word, "n", "start select stop where connect select stop where") for word in (*REPEATS[1:], "MEMORIZE")],
+        *[(word, "this", "start select stop where connect select") for word in (*REPEATS[1:], "MEMORIZE")],
     ],
-)
-def test_wrong_values_of_options(option: str, argument: str) -> None:
-    error = FakeHost().error(f"SELECT this FROM [1]\nSTART WITH n = 1 CONNECT BY {option} {argument} n = 1")
-    assert error.code == "X006"
-    assert error.span is not None
-    assert error.span.line == 2
-    assert argument.strip("()") in error.span.text
+)  # fmt: skip
+def test_clauses_of_a_step(options: str, columns: str, expected: str) -> None:
+    assert " ".join(trace(options, f"note('select', {columns})")) == expected
 
 
-# --- long paths ----------------------------------------------------------------------------------------
+def logged(ss: ss2sql.Session, options: str) -> list[Any]:
+    """The arguments of volatile functions: lists where sources call one, numbers where SELECT does."""
+    log = list[Any]()
+
+    def noted(*arguments: int) -> list[int]:
+        log.append(list(arguments))
+        return [1, 2]
+
+    def shown(value: int) -> int:
+        log.append(value)
+        return value
+
+    ss.function("noted", noted, volatility="volatile")
+    ss.function("shown", shown, volatility="volatile")
+    script = f"""SELECT shown(10 * a.this + b.this) FROM a = noted(1, 2), b = noted(a.this, x) START WITH x = 0
+        CONNECT BY {options} x = x + 1 STOP WITH x == 1;"""
+    native(ss, script)
+    return log
 
 
-@pytest.mark.parametrize(
-    "options",
-    [
-        "",
-        "NO CYCLE",
-        "DEPTH FIRST UNIQUE",
-        "BREADTH FIRST",
-        "BREADTH FIRST NO CYCLE",
-        "UNIQUE",
-        "COST 1",
-        "COST 1 NO CYCLE",
-        "COST 1 UNIQUE",
-        "MEMORIZE",
-        "MEMORIZE COST 1",
-    ],
-)
-def test_a_long_chain(options: str) -> None:
-    number = 20_000
-    host = FakeHost()
+def test_sources_are_read_where_their_steps_are_taken(ss: ss2sql.Session) -> None:
+    # `a` is read once. Every value of it reads `b`; depth first a step is followed before the next is looked at.
+    below = [[1, 1], [2, 1]]
+    assert logged(ss, "DEPTH FIRST") == [[1, 2], [1, 0], 11, *below, 12, *below, [2, 0], 21, *below, 22, *below]
+    assert logged(ss, "BREADTH FIRST") == [[1, 2], [1, 0], 11, 12, [2, 0], 21, 22, *4 * below]
+
+
+def test_all_sources_see_the_state_and_those_that_do_not_are_read_once() -> None:
+    host = FakeHost({"below": lambda n: list(range(n)), "fixed": lambda: [0]})
     run = host.start()
-    script = f"SELECT n + this FROM [1] WHERE n == {number - 1} START WITH n = 0 CONNECT BY {options} n = n + this"
-    (path,) = host.run(script + f" STOP WITH n == {number - 1} AS list", run)
-    assert path == list(range(1, number + 1))
-    assert (run.stats.generated, run.stats.expanded) == (number, number - 1)
+    script = """SELECT b.this FROM a = fixed(), b = below(n) START WITH n = 3 CONNECT BY n = b.this AS list"""
+    # Descending sequences from below 3: 2, 21, 210, 20, 1, 10, 0.
+    assert sorted(map(tuple, host.run(script, run))) == [(0,), (1,), (1, 0), (2,), (2, 0), (2, 1), (2, 1, 0)]
+    assert run.stats.calls["fixed"] == 1
 
 
-def test_no_cycle_costs_little_where_the_search_stays_near() -> None:
-    # Two chains from one start, in breadth-first order: NO CYCLE walks from one to the other all the time.
-    host = FakeHost()
-    script = """SELECT side, n FROM s = [0, 1] WHERE n == 300 AND side == s.this START WITH side = None, n = 0
-    CONNECT BY BREADTH FIRST NO CYCLE side = s.this, n = n + 1
-    STOP WITH n == 300 OR (side != None AND side != s.this) AS list"""
-    run = host.start()
-    assert [len(path) // 2 for path in host.run(script, run)] == [301, 301]
-    assert run.stats.generated == 2 + 2 * 2 * 300
+@repeated
+@orders
+def test_ten_sources_are_walked_in_any_order(ss: ss2sql.Session, order: str, repeats: str) -> None:
+    names = "abcdefghij"
+    sources = ", ".join(f"{name} = [0, 1]" if name in "ae" else f"{name} = [{at}]" for at, name in enumerate(names))
+    columns = ", ".join(f"to({name}.this, {name})" for name in names)
+    script = f"SELECT {columns} FROM {sources} START WITH n = 0 CONNECT BY {order} {repeats} n = n + 1"
+    result = native(ss, f"{script} STOP WITH n == 1 AS list;")
+    # Those of the states behind stop.
+    assert result.value == [[a, 1, 2, 3, e, 5, 6, 7, 8, 9] for a in (0, 1) for e in (0, 1)]
+    assert result.stats.generated == 4 + 4 * 4
+
+
+@orders
+def test_what_a_source_and_a_clause_share_is_computed_once(ss: ss2sql.Session, order: str) -> None:
+    calls: list[int] = []
+
+    def items(n: int) -> list[int]:
+        calls.append(n)
+        return [n, n + 1]
+
+    ss.function("items", items, volatility="immutable")
+    script = f"""SELECT a.this, len(items(3)), c.this FROM a = items(3), b = [x], c = items(x + 10)
+        WHERE len(items(3)) == 2 START WITH x = 0 CONNECT BY {order} x = x + 1 STOP WITH x == 1 AS list;"""
+    # Four steps from the first state, and from each of them four that stop and are goals.
+    assert sorted(len(path) for path in native(ss, script).value) == 4 * [3] + 16 * [6]
+    assert sorted(calls) == [3, 10, 11]
+
+
+def test_a_call_that_sees_a_new_value_is_not_the_one_before() -> None:
+    host = FakeHost({"double": lambda value: 2 * value})
+    script = """SELECT x, y FROM [0] WHERE double(x) > 0 START WITH x = 1, y = 0
+    CONNECT BY x = double(x), y = double(x) STOP WITH x == 4 AS list"""
+    # Steps with x = 1, 2, 4; y is twice the new x.
+    assert host.run(script) == [[1, 0], [1, 0, 2, 4], [1, 0, 2, 4, 4, 8]]
 
 
 @pytest.mark.parametrize("options", ["DEPTH FIRST", "UNIQUE", "MEMORIZE 3"])
 def test_an_argument_that_is_computed_once_is_there_for_every_state(options: str) -> None:
     # The key of `low(1)` is known when the second state comes; `plus` is called for each state nevertheless.
-    functions = {"low": lambda n: n < 2, "plus": lambda low, n: [n, low]}
-    host = FakeHost(functions)
+    host = FakeHost({"low": lambda n: n < 2, "plus": lambda low, n: [n, low]})
     script = "SELECT n + this FROM [1, 2] WHERE [3, True] == plus(low(1), n + this)"
     script += f" START WITH n = 0 CONNECT BY {options} n = n + this STOP WITH n + this > 3 AS list"
     assert host.run(script)[0][-1] == 3
+
+
+@pytest.mark.parametrize(
+    ("option", "argument"),
+    [
+        *[("MAXIMUM", "(0)"), ("MAXIMUM", "('a')"), ("MEMORIZE", "(1.5)"), ("COST", "-1"), ("COST", "'a'")],
+        *[("COST 1 HEURISTIC", "-0.5"), ("PROBABILITY", "2"), ("PROBABILITY", "[]")],
+    ],
+)
+def test_a_wrong_option_is_pointed_at(option: str, argument: str) -> None:
+    error = FakeHost().error(f"SELECT this FROM [1]\nSTART WITH n = 1 CONNECT BY {option} {argument} n = 1")
+    assert error.code == "X006"
+    assert error.span is not None
+    assert error.span.line == 2
+    assert argument.strip("()") in error.span.text

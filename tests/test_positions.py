@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import pytest
@@ -12,12 +13,15 @@ from test_operators_sql import python_calls
 import ss2sql
 
 EDGES = [[0, 1, "a"], [1, 2, "b"], [2, 5, "a"], [0, 2, "c"], [5, 0, "b"]]
-MIXED = [[1, 2.5, None, True], [0.0, -0.0, "x", False], [3, 1, [1], True]]
-VALUES = [[1, 2.5, None, True], [0.0, -0.0, "x", False], [True, 1, "y", False]]
+LISTS = {
+    "edges": EDGES,
+    "mixed": [[1, 2.5, None, True], [0.0, -0.0, "x", False], [3, 1, [1], True]],
+    "values": [[1, 2.5, None, True], [0.0, -0.0, "x", False], [True, 1, "y", False]],
+}
 
 
-def text_of(script: str, variables: dict[str, Any], **options: Any) -> str:
-    with ss2sql.connect(**options) as ss:
+def text_of(script: str, disable: Sequence[str] = (), **variables: Any) -> str:
+    with ss2sql.connect(disable=disable) as ss:
         for name, value in variables.items():
             ss.attach(name, value)
         return str(ss.compile(script, engine="database").sql)
@@ -55,39 +59,25 @@ def text_of(script: str, variables: dict[str, Any], **options: Any) -> str:
     ],
 )  # fmt: skip
 def test_all_evaluators_agree(script: str) -> None:
-    used = {name: value for name, value in (("edges", EDGES), ("mixed", MIXED), ("values", VALUES)) if name in script}
-    case = ProgramCase(script, used)
+    case = ProgramCase(script, {name: value for name, value in LISTS.items() if name in script})
     assert differences(case) == []
     assert executor_outcome(case, "database", disable=["positions"]) == executor_outcome(case, "database")
 
 
-def test_no_python_is_called() -> None:
+def test_no_python_is_called_where_all_lists_have_one_length() -> None:
     script = "SELECT this[0] + 1, this[2] FROM edges WHERE this[1] == 2 OR this[-1] == 'a' AS list;"
-    assert python_calls(text_of(script, {"edges": EDGES})) == set()
-    assert "item" in python_calls(text_of(script, {"edges": EDGES}, disable=["positions"]))
+    assert python_calls(text_of(script, edges=EDGES)) == set()
+    assert "item" in python_calls(text_of(script, ["positions"], edges=EDGES))
+    assert "item" in python_calls(text_of("SELECT this[0] FROM rows AS list;", rows=[[1], [2, 3]]))
+    search = "SELECT a.this[1], b.this FROM a = edges, b = [1, 2] START WITH n = 0 CONNECT BY UNIQUE n = a.this[1]"
+    assert "item" not in text_of(f"{search} STOP WITH a.this[0] != n AS list;", edges=EDGES)
 
 
-def test_a_search_over_two_lists_calls_no_python_for_what_it_reads() -> None:
-    script = "SELECT a.this[1], b.this FROM a = edges, b = [1, 2] START WITH n = 0 CONNECT BY UNIQUE n = a.this[1]"
-    text = text_of(script + " STOP WITH a.this[0] != n AS list;", {"edges": EDGES})
-    assert "a.this_1" in text
-    assert "item" not in text
-
-
-def test_lists_of_several_lengths_stay_as_they_are() -> None:
-    assert "item" in python_calls(text_of("SELECT this[0] FROM rows AS list;", {"rows": [[1], [2, 3]]}))
-
-
-def test_a_search_over_edges_looks_its_steps_up() -> None:
+def test_a_search_over_edges_looks_its_steps_up(ss: ss2sql.Session) -> None:
     """A step costs its neighbours, not the list: SQLite asks for the rows whose first element is the node."""
-    script = (
-        "SELECT this[1] FROM edges START WITH node = 0 "
-        "CONNECT BY UNIQUE node = this[1] STOP WITH this[0] != node AS list;"
-    )
-    with ss2sql.connect() as ss:
-        ss.attach("edges", [[n, n + 1] for n in range(300)])
-        result = ss.run(script, engine="database")
-        assert len(result.paths) == 300
-        assert "edges.this_0 = search.node" in str(result.sql)
-        plan = ss.host.connection.execute(f"EXPLAIN QUERY PLAN {result.sql}", {"edges": None}).fetchall()
-        assert any("AUTOMATIC" in str(line) for line in plan)
+    ss.attach("edges", [[n, n + 1] for n in range(300)])
+    search = "START WITH node = 0 CONNECT BY UNIQUE node = this[1] STOP WITH this[0] != node"
+    result = ss.run(f"SELECT this[1] FROM edges {search} AS list;", engine="database")
+    assert len(result.paths) == 300
+    plan = ss.host.connection.execute(f"EXPLAIN QUERY PLAN {result.sql}", {"edges": None}).fetchall()
+    assert any("AUTOMATIC" in str(line) for line in plan)

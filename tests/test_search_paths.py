@@ -4,43 +4,29 @@ from __future__ import annotations
 
 import gc
 import itertools
-import tracemalloc
 import weakref
-from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
+from reference import Reference
 from sessions import both
 
 import ss2sql
 from ss2sql.runtime.pool import Pool
 
-# --- paths ---------------------------------------------------------------------------------------------
-
-STOPPED = "STOP WITH level == 4"
-TREE = """SELECT level, this FROM [1, 2] {where} START WITH level = 1 CONNECT BY {option} level = level + 1 {stop}"""
-
-
-def all_paths(where: Callable[[int, int], bool], deepest: int = 3) -> list[list[tuple[int, int]]]:
-    """The tree depth first: the paths whose last step is a goal."""
-
-    def below(path: list[tuple[int, int]]) -> Iterator[list[tuple[int, int]]]:
-        for move in (1, 2):
-            longer = [*path, (len(path) + 1, move)]
-            if where(*longer[-1]):
-                yield longer
-            if len(longer) < deepest:
-                yield from below(longer)
-
-    return list(below([]))
-
-
-KINDS: dict[str, tuple[str, Callable[[int, int], bool]]] = {
-    "all": ("", lambda level, move: True),
-    "some": ("WHERE level + this > 3", lambda level, move: level + move > 3),
-    "deep": ("WHERE level == 3", lambda level, move: level == 3),
-    "none": ("WHERE level == 9", lambda level, move: False),
+TREE = """SELECT level, this FROM [1, 2] {where} START WITH level = 1
+    CONNECT BY {option} level = level + 1 STOP WITH level == 4"""
+# Which steps are goals, and how many of the paths and of the rows.
+GOALS = {
+    "all": ("level < 4", 14, 6),
+    "some": ("level < 4 AND level + this > 3", 10, 3),
+    "deep": ("level == 3", 8, 2),
+    "none": ("level == 9", 0, 0),
 }
+ENDINGS = [
+    *["ORDER BY this DESC, level AS rows", "ORDER BY this DESC, level LIMIT 3 AS rows", "LIMIT 2 AS rows", "AS list"],
+    *["ORDER BY level DESC AS list", "GROUP BY this AS rows", "AS dict"],
+]
 
 
 def check_lazy(paths: Any, wanted: list[Any]) -> None:
@@ -60,50 +46,26 @@ def check_lazy(paths: Any, wanted: list[Any]) -> None:
 
 @both
 @pytest.mark.parametrize("option", ["", "BREADTH FIRST", "COST 1", "BREADTH FIRST NO CYCLE", "PROBABILITY 0.5 UNIQUE"])
-@pytest.mark.parametrize("kind", list(KINDS))
-def test_paths_may_be_read_in_any_way(kind: str, option: str, engine: Any) -> None:
-    where, goal = KINDS[kind]
-    wanted = all_paths(goal)
-    if option:
-        wanted.sort(key=len)
-    if "UNIQUE" in option:
-        firsts: dict[tuple[int, int], list[tuple[int, int]]] = {}
-        for path in sorted(all_paths(lambda level, move: True), key=len):
-            firsts.setdefault(path[-1], path)
-        # The first path to a row leads on from the first path to the row before it, which takes 1 all the time.
-        wanted = [path for path in firsts.values() if goal(*path[-1])]
-    session = ss2sql.connect()
-    text = TREE.format(where=where, option=option, stop=STOPPED)
-    # One step deeper nothing leaves a trace, for the step stops; where WHERE is asked it is no goal there.
-    text = text.replace("WHERE ", "WHERE level < 4 AND ")
-    result = session.run(f"{text};", engine=engine)
+@pytest.mark.parametrize("kind", list(GOALS))
+def test_paths_may_be_read_in_any_way(ss: ss2sql.Session, kind: str, option: str, engine: Any) -> None:
+    goal, paths, rows = GOALS[kind]
+    text = TREE.format(where=f"WHERE {goal}", option=option)
+    wanted = Reference().run(f"{text} AS rows")
+    assert len(wanted) == (rows if "UNIQUE" in option else paths)
+    result = ss.run(f"{text};", engine=engine)
     for _ in range(2):
         assert result.paths == wanted
         assert list(result) == [
             (number, step, *row) for number, path in enumerate(wanted, 1) for step, row in enumerate(path, 1)
         ]
         assert len(result) == sum(map(len, wanted))
-        assert result.value == [[{"level": level, "this": move} for level, move in path] for path in wanted]
     assert result.answer is not None
     if engine == "database":
         check_lazy(result.answer.rows.paths, wanted)
-
-    def run(rest: str) -> Any:
-        return session.run(f"{text} {rest};", engine=engine).value
-
-    order = sorted(wanted, key=lambda path: (-path[-1][1], path[-1][0]))
-    assert run("ORDER BY this DESC, level AS rows") == order
-    assert run("ORDER BY this DESC, level LIMIT 3 AS rows") == order[:3]
-    assert run("LIMIT 2 AS rows") == wanted[:2]
-    assert run("AS list") == [[cell for row in path for cell in row] for path in wanted]
-    assert run("ORDER BY level DESC AS list") == [
-        [cell for row in path for cell in row] for path in sorted(wanted, key=lambda path: -path[-1][0])
-    ]
-    groups: dict[int, list[Any]] = {}
-    for path in wanted:
-        groups.setdefault(path[-1][1], []).append(path)
-    assert run("GROUP BY this AS rows") == groups
-    assert list(run("GROUP BY this AS rows")) == list(groups)
+    for ending in ENDINGS:
+        value, expected = ss.run(f"{text} {ending};", engine=engine).value, Reference().run(f"{text} {ending}")
+        assert value == expected, ending
+        assert list(value) == list(expected), ending
 
 
 # --- memory --------------------------------------------------------------------------------------------
@@ -134,32 +96,3 @@ def test_what_a_search_kept_is_given_back_with_its_result(option: str, engine: A
     session.close()
     del session
     assert pools() == before
-
-
-@pytest.mark.usefixtures("little_heap")
-def test_searches_one_after_the_other_need_no_more_memory_than_one() -> None:
-    session = ss2sql.connect()
-    query = session.compile(
-        "SELECT n FROM [1] WHERE n == 20000 START WITH n = 1 CONNECT BY n = n + 1 STOP WITH n == 20000;"
-    )
-
-    def run() -> None:
-        result = query.run(engine="database")
-        assert result.stats.generated == 20_000
-        assert len(result.paths[0]) == 20_000
-
-    for _ in range(3):
-        run()
-    gc.collect()
-    tracemalloc.start()
-    try:
-        run()
-        gc.collect()
-        first, most = tracemalloc.get_traced_memory()
-        for _ in range(20):
-            run()
-        gc.collect()
-        last, _ = tracemalloc.get_traced_memory()
-    finally:
-        tracemalloc.stop()
-    assert last - first < 0.05 * most  # of what one search takes

@@ -3,72 +3,58 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
-import apsw
 import pytest
-from sessions import both
+from sessions import ENGINES, both
 
 import ss2sql
 
-EDGES = [(rng.randrange(12), rng.randrange(12)) for rng in [random.Random(3)] for _ in range(40)]
+Row = tuple[Any, ...]
 
-# How the table is made, what indexes it, and what its own order is: the rowid, or the key in its words.
+# --- one column: `src == node` -------------------------------------------------------------------------
+
+EDGES = [(rng.randrange(12), rng.randrange(12)) for rng in [random.Random(3)] for _ in range(40)]
 ROWID = "CREATE TABLE edge(src, dst)"
+KEYED = "CREATE TABLE edge(src, dst, PRIMARY KEY ({})) WITHOUT ROWID"
 TABLES = {
-    "no index": ([ROWID], None),
-    "index": ([ROWID, "CREATE INDEX i ON edge(src)"], None),
-    "descending": ([ROWID, "CREATE INDEX i ON edge(src DESC)"], None),
-    "with the other": ([ROWID, "CREATE INDEX i ON edge(src, dst DESC)"], None),
-    "the other first": ([ROWID, "CREATE INDEX i ON edge(dst DESC, src)"], None),
-    "partial": ([ROWID, "CREATE INDEX i ON edge(src) WHERE src > 5"], None),
-    "expression": ([ROWID, "CREATE INDEX i ON edge(src + 0, dst DESC)"], None),
-    "several": (
-        [ROWID, "CREATE INDEX a ON edge(src, dst DESC)", "CREATE INDEX b ON edge(dst)", "CREATE INDEX c ON edge(src)"],
-        None,
-    ),
-    "whole numbers": (["CREATE TABLE edge(src INTEGER, dst INTEGER)", "CREATE INDEX i ON edge(src)"], None),
-    "text": (["CREATE TABLE edge(src TEXT, dst TEXT)", "CREATE INDEX i ON edge(src)"], None),
-    "nocase": (["CREATE TABLE edge(src TEXT COLLATE NOCASE, dst)", "CREATE INDEX i ON edge(src)"], None),
-    "nocase index": ([ROWID, "CREATE INDEX i ON edge(src COLLATE NOCASE)"], None),
-    "key": (["CREATE TABLE edge(src, dst, PRIMARY KEY (src, dst))"], None),
-    "key of one": (["CREATE TABLE edge(src, dst UNIQUE, n INTEGER PRIMARY KEY)"], "unique"),
-    "without rowid": (["CREATE TABLE edge(src, dst, PRIMARY KEY (src, dst)) WITHOUT ROWID"], "src, dst"),
-    "descending key": (["CREATE TABLE edge(src, dst, PRIMARY KEY (src, dst DESC)) WITHOUT ROWID"], "src, dst"),
-    "other key": (
-        ["CREATE TABLE edge(src, dst, PRIMARY KEY (dst, src)) WITHOUT ROWID", "CREATE INDEX i ON edge(src)"],
-        "dst, src",
-    ),
+    "no index": ROWID,
+    "index": f"{ROWID}; CREATE INDEX i ON edge(src)",
+    "descending": f"{ROWID}; CREATE INDEX i ON edge(src DESC)",
+    "with the other": f"{ROWID}; CREATE INDEX i ON edge(src, dst DESC)",
+    "the other first": f"{ROWID}; CREATE INDEX i ON edge(dst DESC, src)",
+    "partial": f"{ROWID}; CREATE INDEX i ON edge(src) WHERE src > 5",
+    "expression": f"{ROWID}; CREATE INDEX i ON edge(src + 0, dst DESC)",
+    "several": f"{ROWID}; CREATE INDEX a ON edge(src, dst DESC); CREATE INDEX b ON edge(dst);"
+    " CREATE INDEX c ON edge(src)",
+    "whole numbers": "CREATE TABLE edge(src INTEGER, dst INTEGER); CREATE INDEX i ON edge(src)",
+    "text": "CREATE TABLE edge(src TEXT, dst TEXT); CREATE INDEX i ON edge(src)",
+    "nocase": "CREATE TABLE edge(src TEXT COLLATE NOCASE, dst); CREATE INDEX i ON edge(src)",
+    "nocase index": f"{ROWID}; CREATE INDEX i ON edge(src COLLATE NOCASE)",
+    "key": "CREATE TABLE edge(src, dst, PRIMARY KEY (src, dst))",
+    "key of one": "CREATE TABLE edge(src, dst UNIQUE, n INTEGER PRIMARY KEY)",
+    "without rowid": KEYED.format("src, dst"),
+    "descending key": KEYED.format("src, dst DESC"),
+    "other key": f"{KEYED.format('dst, src')}; CREATE INDEX i ON edge(src)",
 }
 LETTERS = ("text", "nocase")
-tables = pytest.mark.parametrize("table", list(TABLES))
+# The places of the columns by which a table is sorted that has no rowid.
+SORTED = {"without rowid": (0, 1), "descending key": (0, 1), "other key": (1, 0)}
+TAIL = "START WITH node = {start}, level = 1 CONNECT BY {option} node = dst, level = level + 1 STOP WITH"
 SEARCHES = {
-    "stop": "SELECT src, dst FROM edge START WITH node = {start} CONNECT BY {option} node = dst, level = level + 1 "
-    "STOP WITH src != node OR level == 4;",
-    "where": "SELECT src, dst FROM edge WHERE src == node START WITH node = {start} CONNECT BY {option} node = dst, "
-    "level = level + 1 STOP WITH src != node OR level == 4;",
-    "query": "SELECT src, dst FROM (SELECT * FROM edge WHERE src == node) START WITH node = {start} "
-    "CONNECT BY {option} node = dst, level = level + 1 STOP WITH level == 4;",
-    "other side": "SELECT src, dst FROM edge START WITH node = {start} CONNECT BY {option} node = src, "
-    "level = level + 1 STOP WITH level == 4 OR NOT node == dst;",
-}
-SEARCHES = {
-    name: text.replace("= {start}", "= {start}, level = 1").replace(
-        "level == 4", "level == 3" if name == "where" else "level == 4"
-    )
-    for name, text in SEARCHES.items()
+    "stop": f"SELECT src, dst FROM edge {TAIL} src != node OR level == 4;",
+    "where": f"SELECT src, dst FROM edge WHERE src == node {TAIL} src != node OR level == 3;",
+    "query": f"SELECT src, dst FROM (SELECT * FROM edge WHERE src == node) {TAIL} level == 4;",
+    "other side": f"SELECT src, dst FROM edge {TAIL.replace('dst', 'src')} level == 4 OR NOT node == dst;",
 }
 
 
-def filled(table: str, mixed: bool = False, **options: Any) -> tuple[ss2sql.Session, list[tuple[Any, Any]]]:
+def filled(table: str, mixed: bool = False, **options: Any) -> tuple[ss2sql.Session, list[Row]]:
     """A session with the table, and the rows in the order of the table."""
-    statements, order = TABLES[table]
     session = ss2sql.connect(**options)
-    connection = session.host.connection
-    for statement in statements:
-        connection.execute(statement)
-    rows: list[tuple[Any, Any]] = [*EDGES]
+    session.host.connection.execute(TABLES[table])
+    rows: list[Row] = [*EDGES]
     if mixed:  # numbers in two forms, and words that NOCASE takes for equal
         rows = [(src, float(dst) if dst == 3 else dst) for src, dst in EDGES]
         rows += [(None, 1), (1, None), ("a", "A"), ("A", "b"), (2, "a"), ("b", 2), ("A", "a"), ("0", "1"), (0, "0")]
@@ -79,31 +65,35 @@ def filled(table: str, mixed: bool = False, **options: Any) -> tuple[ss2sql.Sess
         rows = [("abAB"[src % 4], "abAB"[dst % 4]) for src, dst in EDGES] + [
             (str(src), str(dst)) for src, dst in rows[len(EDGES) :]
         ]
-    rows = [row for row in rows if None not in row] if order else rows
-    rows = list(dict.fromkeys(rows)) if order or table.endswith("key") else rows
-    if order == "unique":
+    if table in SORTED or table == "key of one":
+        rows = [row for row in rows if None not in row]
+    if table in SORTED or table.endswith("key"):
+        rows = list(dict.fromkeys(rows))
+    if table == "key of one":
         rows = list({dst: (src, dst) for src, dst in rows}.values())
-    connection.executemany("INSERT INTO edge(src, dst) VALUES (?, ?)", rows)
-    if order and order != "unique":
-        # Numbers before words, as SQLite sorts them.
-        places = (0, 1) if order == "src, dst" else (1, 0)
-        rows.sort(key=lambda row: [(type(row[place]) is str, row[place]) for place in places])
+    session.host.connection.executemany("INSERT INTO edge(src, dst) VALUES (?, ?)", rows)
+    if table in SORTED:  # numbers before words, as SQLite sorts them
+        rows.sort(key=lambda row: [(type(row[place]) is str, row[place]) for place in SORTED[table]])
     return session, rows
 
 
-def walked(rows: list[tuple[Any, Any]], start: Any, backwards: bool = False) -> Iterator[list[tuple[Any, Any]]]:
-    """All paths of one to three edges from the start, depth first, rows in their order."""
+def paths_of(start: Any, longest: int, step: Callable[[Any], Iterator[tuple[Row, Any]]]) -> list[list[Row]]:
+    """All paths of so many rows at most, depth first; a step gives rows and the states behind them."""
 
-    def below(node: Any, path: list[tuple[Any, Any]]) -> Iterator[list[tuple[Any, Any]]]:
-        for row in rows:
-            if len(path) < 3 and row[backwards] == node:
-                yield [*path, row]
-                yield from below(row[not backwards], [*path, row])
+    def below(state: Any, path: list[Row]) -> Iterator[list[Row]]:
+        for row, behind in step(state) if len(path) < longest else ():
+            yield [*path, row]
+            yield from below(behind, [*path, row])
 
-    return below(start, [])
+    return list(below(start, []))
 
 
-@tables
+def walked(rows: list[Row], start: Any, backwards: bool = False) -> list[list[Row]]:
+    """All paths of one to three edges from the start."""
+    return paths_of(start, 3, lambda node: ((row, row[not backwards]) for row in rows if row[backwards] == node))
+
+
+@pytest.mark.parametrize("table", list(TABLES))
 @pytest.mark.parametrize("mixed", [False, True])
 @pytest.mark.parametrize("search", list(SEARCHES))
 def test_rows_come_in_the_order_of_the_table_whatever_its_indexes(table: str, search: str, mixed: bool) -> None:
@@ -113,44 +103,42 @@ def test_rows_come_in_the_order_of_the_table_whatever_its_indexes(table: str, se
         session, rows = filled(table, mixed, **options)
         starts: list[Any] = ["a", "A", "b", "None"] if table in LETTERS else [0, 2.0, "A"]
         for start in starts:
-            wanted = list(walked(rows, start, search == "other side"))
+            wanted = walked(rows, start, search == "other side")
             found += len(wanted)
             for option in ("", "BREADTH FIRST"):
                 session.set("here", start)
                 script = SEARCHES[search].format(option=option, start="here")
                 if option:
                     wanted.sort(key=len)
-                for engine in ("database", "native"):
-                    result = session.run(script, engine=engine)  # type: ignore[arg-type]
+                for engine in ENGINES:
+                    result = session.run(script, engine=engine)
                     assert repr(result.paths) == repr(wanted), (options, start, option, engine)
     assert found > 5 if table == "key of one" else found > 50
 
 
 def plan_of(session: ss2sql.Session, result: ss2sql.Result) -> str:
-    rows = session.host.connection.execute(f"EXPLAIN QUERY PLAN {result.sql}", result.sql.parameters)
-    return "\n".join(row[3] for row in rows)
+    """How SQLite runs the statement, be its indexes covering or not."""
+    nothing = dict.fromkeys(result.sql.parameters)
+    rows = session.host.connection.execute(f"EXPLAIN QUERY PLAN {result.sql}", nothing)
+    return "\n".join(row[3] for row in rows).replace("USING COVERING", "USING")
 
 
 @pytest.mark.parametrize("search", ["stop", "where", "query"])
 @pytest.mark.parametrize(
     ("table", "wanted"),
-    [("index", "USING INDEX i (src=?)"), ("descending", "USING INDEX i (src=?)"), ("several", "USING INDEX c (src=?)")],
+    [("index", "INDEX i"), ("descending", "INDEX i"), ("several", "INDEX c"), ("without rowid", "PRIMARY KEY")],
 )
 def test_an_index_of_the_user_finds_the_rows(table: str, wanted: str, search: str) -> None:
     session, _ = filled(table)
     result = session.run(SEARCHES[search].format(option="", start=0), engine="database")
-    assert wanted in plan_of(session, result).replace("COVERING ", "")
-    session, _ = filled("without rowid")
-    result = session.run(SEARCHES[search].format(option="", start=0), engine="database")
-    assert "USING PRIMARY KEY (src=?)" in plan_of(session, result)
+    assert f"USING {wanted} (src=?)" in plan_of(session, result)
 
 
 @both
 def test_indexes_that_come_and_go_between_runs(engine: Any) -> None:
     session, rows = filled("no index")
-    connection = session.host.connection
     query = session.compile(SEARCHES["stop"].format(option="", start=0))
-    wanted = list(walked(rows, 0))
+    wanted = walked(rows, 0)
     for change, used in (
         ("SELECT 1", None),
         ("CREATE INDEX i ON edge(src)", "i"),
@@ -161,7 +149,7 @@ def test_indexes_that_come_and_go_between_runs(engine: Any) -> None:
         ("DROP INDEX j", None),
         ("CREATE INDEX j ON edge(src) WHERE src > 3", None),
     ):
-        connection.execute(change)
+        session.host.connection.execute(change)
         result = query.run(engine=engine)
         assert repr(result.paths) == repr(wanted), change
         if engine == "database":
@@ -169,72 +157,136 @@ def test_indexes_that_come_and_go_between_runs(engine: Any) -> None:
             assert set(found) == ({used} if used else set()), change
 
 
-def machine_steps(session: ss2sql.Session, script: str) -> tuple[int, int]:
-    """The instructions that SQLite runs for a search, and the number of its paths."""
-    steps: list[int] = []
+# --- two columns: `px == x + dx AND py == y + dy` ------------------------------------------------------
 
-    def note(event: dict[str, Any]) -> None:
-        if "RECURSIVE" in event["sql"]:
-            steps.append(event["stmt_status"]["SQLITE_STMTSTATUS_VM_STEP"])
-
-    session.host.connection.trace_v2(apsw.SQLITE_TRACE_PROFILE, note)
-    paths = session.run(script, engine="database").paths
-    session.host.connection.trace_v2(0, None)
-    return sum(steps), len(paths)
-
-
-STAFF = "SELECT name FROM staff {} START WITH boss = 0 CONNECT BY {} boss = id STOP WITH manager != boss;"
-
-
-@pytest.mark.parametrize("where", ["", "WHERE manager == boss AND id > 0"])
-@pytest.mark.parametrize("option", ["", "BREADTH FIRST", "NO CYCLE", "UNIQUE", "COST 1"])
-@pytest.mark.parametrize("index", [False, True])
-def test_a_hierarchy_costs_its_size(index: bool, option: str, where: str) -> None:
-    """Each of the staff leads three others, so depths differ little between 1,000 and 2,000 of them."""
-
-    def cost(size: int) -> int:
-        session = ss2sql.connect()
-        connection = session.host.connection
-        connection.execute("CREATE TABLE staff(id INTEGER, manager INTEGER, name TEXT)")
-        if index:
-            connection.execute("CREATE INDEX by_manager ON staff(manager)")
-        rows = [(number, (number + 1) // 3, f"n{number}") for number in range(1, size + 1)]
-        connection.executemany("INSERT INTO staff VALUES (?, ?, ?)", rows)
-        steps, paths = machine_steps(session, STAFF.format(where, option))
-        assert paths == size
-        return steps
-
-    small, large = cost(1_000), cost(2_000)
-    assert small > 1_000
-    assert large < 2.3 * small
+MOVES = [{"dx": 1, "dy": 0}, {"dx": 0, "dy": 1}, {"dx": 1, "dy": 1}]
+CELLS = "CREATE TABLE cells(px INTEGER, py INTEGER, name)"
+CELLS_BY = "CREATE TABLE cells(px INTEGER, py INTEGER, name, PRIMARY KEY ({})) WITHOUT ROWID"
+GRIDS = {
+    "no index": CELLS,
+    "index": f"{CELLS}; CREATE INDEX i ON cells(px, py)",
+    "other way round": f"{CELLS}; CREATE INDEX i ON cells(py DESC, px)",
+    "one and both": f"{CELLS}; CREATE INDEX i ON cells(px); CREATE INDEX j ON cells(px, py)",
+    "three": f"{CELLS}; CREATE INDEX i ON cells(px, py, name DESC)",
+    "untyped": "CREATE TABLE cells(px, py, name); CREATE INDEX i ON cells(px, py)",
+    "partly typed": "CREATE TABLE cells(px INTEGER, py, name); CREATE INDEX i ON cells(py, px)",
+    "unique": f"{CELLS}; CREATE UNIQUE INDEX i ON cells(px, py)",
+    "key": "CREATE TABLE cells(px INTEGER, py INTEGER, name, PRIMARY KEY (px, py))",
+    "without rowid": CELLS_BY.format("px, py"),
+    "descending": CELLS_BY.format("px DESC, py DESC"),
+    "wider key": f"{CELLS_BY.format('name, px, py')}; CREATE INDEX i ON cells(px, py)",
+    "wider descending": f"{CELLS_BY.format('name DESC, px, py')}; CREATE INDEX i ON cells(px, py)",
+}
+ONCE = ("unique", "key", "without rowid", "descending")  # a cell stands in one row of these, in two of others
+BEFORE = "START WITH x = 0, y = 0, level = 0 CONNECT BY {option} x = px, y = py, level = level + 1 STOP WITH"
+OUTSIDE = f"{BEFORE} px != x + dx OR py != y + dy OR level == 3 AS rows;"
+FORMS = {
+    "query": "SELECT px, py, name FROM moves, (SELECT * FROM cells WHERE px == x + dx AND py == y + dy) "
+    f"{BEFORE} level == 3 AS rows;",
+    "stop": f"SELECT px, py, name FROM moves, cells {OUTSIDE}",
+    "where": f"SELECT px, py, name FROM moves, cells WHERE px == x + dx AND py == y + dy {OUTSIDE}",
+    "table first": f"SELECT px, py, name FROM cells, moves {OUTSIDE}",
+}
 
 
-def with_edges(*rows: tuple[int, ...]) -> ss2sql.Session:
-    """A session with indexed edges: from, to, length."""
-    ss = ss2sql.connect()
-    connection = ss.host.connection
-    connection.execute("CREATE TABLE edge(src INTEGER, dst INTEGER, length INTEGER); CREATE INDEX i ON edge(src)")
-    connection.executemany("INSERT INTO edge VALUES (?, ?, ?)", rows)
-    return ss
+def grid(table: str) -> tuple[ss2sql.Session, list[Row]]:
+    """A session with the table of cells, and the rows in its order."""
+    rng = random.Random(5)
+    rows: list[Row] = [(rng.randrange(4), rng.randrange(4), name) for name in "qwertyuiopasdfghjkl"]
+    if table in ONCE:
+        rows = list({row[:2]: row for row in rows}.values())
+    session = ss2sql.connect()
+    session.host.connection.execute(GRIDS[table])
+    session.host.connection.executemany("INSERT INTO cells VALUES (?, ?, ?)", rows)
+    session.set("moves", MOVES)
+    if table in ("without rowid", "descending"):
+        rows.sort()
+    elif "wider" in table:
+        rows.sort(key=lambda row: (row[2], *row[:2]))
+    return session, rows
 
 
-@pytest.mark.parametrize("engine", ["database", "native"])
-def test_rows_that_are_compared_are_made_of_every_element(engine: Any) -> None:
-    """An index may not spare what fails in the row of a step that leads nowhere; BREADTH FIRST alone needs no row."""
-    ss = with_edges((1, 2, 5), (2, 3, 4), (7, 8, 0))
-    search = "SELECT 1 / length FROM edge START WITH node = 1 CONNECT BY {} node = dst STOP WITH src != node AS list;"
-    assert ss.run(search.format("BREADTH FIRST"), engine=engine).value == [[0.2], [0.2, 0.25]]
-    with pytest.raises(ss2sql.ExecutionError) as caught:
-        ss.run(search.format("UNIQUE"), engine=engine)
-    assert caught.value.code == "X002"
+def cells_from_the_corner(rows: list[Row], longest: int, table_first: bool = False) -> list[list[Row]]:
+    def neighbours(place: Row) -> Iterator[tuple[Row, Row]]:
+        places = [(place[0] + move["dx"], place[1] + move["dy"]) for move in MOVES]
+        for group in [places] if table_first else [[one] for one in places]:
+            yield from ((row, row[:2]) for row in rows if row[:2] in group)
+
+    return paths_of((0, 0), longest, neighbours)
 
 
-@pytest.mark.parametrize("engine", ["database", "native"])
-def test_what_is_looked_up_is_not_asked_again(engine: Any) -> None:
-    """The rest of STOP WITH is: both of its other parts."""
-    ss = with_edges((1, 2, 0), (2, 3, 0), (2, 9, 0), (3, 4, 0), (4, 5, 0))
-    search = (
-        "SELECT dst FROM edge START WITH node = 1 CONNECT BY BREADTH FIRST node = dst "
-        "STOP WITH src != node OR dst == 9 OR dst > 3 AS list;"
-    )
-    assert ss.run(search, engine=engine).value == [[2], [2, 3]]
+@pytest.mark.parametrize("form", list(FORMS))
+@pytest.mark.parametrize("table", list(GRIDS))
+def test_cells_come_in_order_whatever_index_finds_them(table: str, form: str) -> None:
+    session, rows = grid(table)
+    # A step that stops is a result only where WHERE says so.
+    wanted = cells_from_the_corner(rows, 4 if form == "where" else 3, form == "table first")
+    assert len(wanted) > 9
+    for option in ("", "BREADTH FIRST"):
+        if option:
+            wanted.sort(key=len)
+        found = [session.run(FORMS[form].format(option=option), engine=engine) for engine in ENGINES]
+        assert [result.value for result in found] == [wanted, wanted], option
+        # As many steps as there are neighbours, also natively.
+        assert found[0].stats.generated == found[1].stats.generated > 9 or form == "table first"
+
+
+@pytest.mark.parametrize(
+    ("table", "used"),
+    [
+        ("index", "INDEX i (px=? AND py=?)"),
+        ("other way round", "INDEX i (py=? AND px=?)"),
+        ("one and both", "INDEX j (px=? AND py=?)"),
+        ("unique", "INDEX i (px=? AND py=?)"),
+        ("key", "INDEX sqlite_autoindex_cells_1 (px=? AND py=?)"),
+        ("without rowid", "PRIMARY KEY (px=? AND py=?)"),
+        ("descending", "PRIMARY KEY (px=? AND py=?)"),
+        ("wider key", "INDEX i (px=? AND py=?)"),
+        ("no index", "AUTOMATIC COVERING INDEX (px=? AND py=?)"),
+        ("three", "AUTOMATIC COVERING INDEX (px=? AND py=?)"),
+    ],
+)
+@pytest.mark.parametrize("form", ["query", "stop", "where"])
+def test_both_columns_are_looked_up(table: str, used: str, form: str) -> None:
+    session, _ = grid(table)
+    result = session.run(FORMS[form].format(option=""), engine="database")
+    assert plan_of(session, result).count(f"USING {used}") == 2  # for the first steps, and for all others
+
+
+@pytest.mark.parametrize("test", [
+    "[] == (SELECT name FROM cells WHERE px == x + dx AND py == y + dy AS list)",
+    "NOT (SELECT * FROM cells WHERE px == x + dx AND py == y + dy)",
+    "len(SELECT name FROM cells WHERE px == x + dx AND py == y + dy AS list) == 0",
+    "None == (SELECT name FROM cells WHERE px == x + dx AND py == y + dy AS value)",
+])  # fmt: skip
+@pytest.mark.parametrize("table", ["index", "key", "without rowid", "descending"])
+def test_a_query_in_a_condition_looks_up_both_columns(table: str, test: str) -> None:
+    session, rows = grid(table)
+    script = f"""SELECT to(x + dx, px), to(y + dy, py) FROM moves START WITH x = 0, y = 0
+        CONNECT BY BREADTH FIRST UNIQUE x = x + dx, y = y + dy STOP WITH {test} AS rows;"""
+    free = {row[:2] for row in rows}
+    reached = {path[-1][:2] for path in cells_from_the_corner(rows, 3)}
+    result = session.run(script, engine="database")
+    assert {path[-1] for path in result.value} >= reached
+    assert {place for path in result.value for place in path} <= free
+    assert result.value == session.run(script, engine="native").value
+    found = plan_of(session, result)
+    assert "(px=? AND py=?)" in found
+    assert "SCAN cells" not in found
+
+
+def test_a_cell_that_is_far_away_comes_later() -> None:
+    """With it, a sum of a column may leave 64 bits, so SQLite cannot compute it alone any more."""
+    session, _ = grid("without rowid")
+    script = FORMS["query"].format(option="")
+    query = session.compile(script, engine="database")
+    first = query.run().value
+    session.host.connection.execute(f"INSERT INTO cells VALUES (1, {2**63 - 1}, 'far')")
+    assert query.run().value == first
+    session.host.connection.execute(f"INSERT INTO cells VALUES ({2**63 - 1}, 0, 'farther')")
+    session.set("moves", [*MOVES, {"dx": 2**63 - 1, "dy": 0}])
+    with pytest.raises(ss2sql.ExecutionError) as caught:  # the next step from there adds 1
+        session.run(script)
+    assert caught.value.code == "X004"
+    with pytest.raises(ss2sql.UnsupportedError, match="integer overflow: 9223372036854775808"):
+        query.run()  # SQLite alone cannot say whether that comes first

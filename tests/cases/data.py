@@ -96,6 +96,14 @@ TABLES: dict[str, str] = {
     "ways": """
         CREATE TABLE ways(start, position);
         INSERT INTO ways VALUES (1, 2), (2, 3), (1, 3), (3, 4)""",
+    "forms": """
+        CREATE TABLE forms(src, dst);
+        INSERT INTO forms VALUES (0, 1.0), (0, 1), (1, NULL), (NULL, '1')""",
+    "indexed": """
+        CREATE TABLE indexed(src INTEGER, dst INTEGER, length INTEGER);
+        CREATE INDEX by_src ON indexed(src);
+        INSERT INTO indexed VALUES (1, 2, 5), (2, 3, 4), (7, 8, 0), (20, 21, 1), (21, 22, 1), (21, 29, 1),
+            (22, 23, 1), (23, 24, 1)""",
 }
 VALUES: dict[str, Callable[[], Any]] = {
     "moves": lambda: [list(step) for step in MOVES],
@@ -120,4 +128,5 @@ VALUES: dict[str, Callable[[], Any]] = {
     "rooms": lambda: [{"doors": [1, 2]}, {"doors": []}, {"doors": [3]}],
     "record": lambda: {"a": 1, "b": [2]},
     "large": lambda: [{"x": 2**62}, {"x": 2**62}],
+    "gaps": lambda: [{"k": "a", "v": 3}, {"k": "b", "v": None}, {"v": 1, "w": 2.5}],
 }

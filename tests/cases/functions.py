@@ -30,6 +30,11 @@ def neighbours(node):
     return {"S": ["B", "C"], "B": ["C"], "C": ["D"], "D": []}[node]
 
 
+def toll(source, target):
+    """What a way of `neighbours` costs."""
+    return 5 if source == "S" and target == "C" else 1
+
+
 def around(node):
     """The successors of a node in a ring of four with a chord: a path may come back to where it was."""
     return {"a": ["b", "d"], "b": ["c", "a"], "c": ["d", "a"], "d": ["a"]}[node]
@@ -241,6 +246,7 @@ FUNCTIONS: dict[str, Callable[[], dict[str, Function]]] = {
             *(move, moved, neighbours, around, mass, grow, grid, pair, bag, array, scalar),
             *(not_a_number, infinite, huge, imaginary, picky),
             *(two_rows, odd_rows, split_rows, nothing, initial, minus_a, twin),
+            *(not_a_number, infinite, huge, imaginary, picky, toll),
         )
     },
     "isHeavy": lambda: {"isHeavy": is_heavy},

@@ -1,0 +1,282 @@
+"""Every order, repeats and MAXIMUM of a search: its paths, the functions that it calls, and where these fail it."""
+
+from __future__ import annotations
+
+import itertools
+import random
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from agreement import trial
+from programs import ProgramCase
+from programs.drawn import SEED, amount
+from reference import Reference
+from sessions import ENGINES, both
+
+import ss2sql
+
+GUARDS = ["", "NO CYCLE", "UNIQUE"]
+ORDERS = [
+    *["", "DEPTH FIRST", "BREADTH FIRST", "COST weigh(node, this)", "PROBABILITY 1 / weigh(node, this)"],
+    "COST weigh(node, this) HEURISTIC weigh(this, 3)",
+]
+MAXIMUMS = ["", "MAXIMUM 1", "MAXIMUM 3"]
+MOVES = [1, 2, 3]
+COUNT = amount(1 / 10)
+
+
+class BoomError(Exception):
+    """What a function of the user raises."""
+
+
+class Machine:
+    """States 0 to 6 and moves 1 to 3, as immutable functions that note their calls and may fail for some arguments."""
+
+    def __init__(self, bomb: tuple[Any, ...] = ()) -> None:
+        self.bomb = bomb
+        self.seen: list[tuple[Any, ...]] = []
+
+    def noted(self, *call: Any) -> None:
+        self.seen.append(call)
+        if call == self.bomb:
+            raise BoomError(call)
+
+    def succ(self, node: int, move: int) -> int:
+        self.noted("succ", node, move)
+        return (3 * node + move) % 7
+
+    def weigh(self, node: int, move: int) -> int:
+        self.noted("weigh", node, move)
+        return 1 + node % 2 + move // 3
+
+    def ways(self, node: int) -> list[int]:
+        self.noted("ways", node)
+        return MOVES[: 1 + node % 3]
+
+    @property
+    def functions(self) -> dict[str, Callable[..., Any]]:
+        return {"succ": self.succ, "weigh": self.weigh, "ways": self.ways}
+
+    def session(self) -> ss2sql.Session:
+        session = ss2sql.connect()
+        for name, function in self.functions.items():
+            session.function(name, function, volatility="immutable")
+        return session.set("moves", MOVES) or session
+
+    def reference(self) -> Reference:
+        return Reference(self.functions, {"moves": MOVES}, {}, dict.fromkeys(self.functions, "immutable"))
+
+
+CONNECT = "level = 1 CONNECT BY {options} node = succ(node, this), level = level + 1 STOP WITH"
+SEARCHES = {
+    "goal and stop": f"SELECT node, this FROM moves WHERE succ(node, this) == 5 START WITH node = 0, {CONNECT}"
+    " level == 3 OR succ(node, this) == 0 AS rows;",
+    "stop": f"SELECT succ(node, this) FROM moves START WITH node = 0, {CONNECT}"
+    " succ(node, this) == 2 OR level == 4 AS rows;",
+    "source": f"SELECT this, succ(node, this) FROM ways(node) WHERE node != 1 START WITH node = 1, {CONNECT}"
+    " level == 4 AS rows;",
+    "goal": "SELECT succ(node, this) FROM moves WHERE succ(succ(node, this), 1) > 3 AND this != 2"
+    f" START WITH node = 2, {CONNECT} level > 3 AND succ(node, 1) > -1 AS rows;",
+}
+in_every_way = pytest.mark.parametrize(("search", "order", "guard"), [*itertools.product(SEARCHES, ORDERS, GUARDS)])
+
+
+# --- paths and calls -----------------------------------------------------------------------------------
+
+
+@in_every_way
+def test_paths_and_calls_are_those_that_the_language_asks_for(search: str, order: str, guard: str) -> None:
+    """The reference calls a function at every occurrence, in written order; of these the distinct calls are made."""
+    for maximum in MAXIMUMS:
+        script = SEARCHES[search].format(options=f"{order} {guard} {maximum}")
+        machine = Machine()
+        judge = machine.reference()
+        wanted = judge.run(script)
+        asked = set(machine.seen)
+        found = []
+        for engine in ENGINES:
+            machine.seen.clear()
+            with machine.session() as session:
+                result = session.run(script, engine=engine)
+            assert result.engine == engine
+            assert repr(result.value) == repr(wanted)
+            assert len(machine.seen) == len(set(machine.seen)), engine
+            assert set(machine.seen) == asked, engine
+            assert sum(result.stats.calls.values()) == len(asked)
+            for name in ("succ", "weigh", "ways"):
+                assert result.stats.calls[name] == sum(call[0] == name for call in asked)
+            if not maximum or engine == "native":  # SQLite looks at all steps of a state at once
+                assert result.stats.generated == judge.steps
+            counted = (result.stats.expanded, result.stats.pruned) if not maximum or "weigh" in order else None
+            found.append((result.status, counted))
+        assert found[0] == found[1]
+
+
+@pytest.mark.parametrize(("order", "asked"), [("DEPTH FIRST", False), ("BREADTH FIRST", True), ("COST 1", False)])
+def test_only_breadth_first_a_step_asks_whether_there_are_enough_results(order: str, asked: bool) -> None:
+    """In the other orders a result is one when it is taken, and nothing comes after the last."""
+    script = f"SELECT n FROM moves START WITH n = 1 CONNECT BY {order} MAXIMUM 2 n = succ(n, this) STOP WITH n > 5"
+    with Machine().session() as session:
+        result = session.run(script, engine="database")
+        assert result.paths == session.run(script, engine="native").paths
+    assert ("go_on()" in result.sql) is asked
+
+
+@pytest.mark.parametrize("option", ["", "NO CYCLE", "UNIQUE", "BREADTH FIRST", "COST 1"])
+@pytest.mark.parametrize("where", ["", "WHERE inner(n) > 0 AND this != 2"])
+def test_a_function_may_run_another_search_in_the_middle_of_one(
+    ss: ss2sql.Session, option: str, where: str, engine: Any
+) -> None:
+    inner = "SELECT k, this FROM [1, 2] WHERE k < 3 START WITH k = 1 CONNECT BY {} k = k + 1 STOP WITH k == 4 AS list;"
+    count = {"": 6, "NO CYCLE": 6, "UNIQUE": 4, "BREADTH FIRST": 6, "COST 1": 6}
+    depth = 0
+
+    def run_inner(n: int) -> int:
+        nonlocal depth
+        depth += 1
+        if depth < 3:
+            ss.run("SELECT inner(this) FROM [7] START WITH m = 1 CONNECT BY UNIQUE m = 2;", engine=engine)
+        depth -= 1
+        for kind, number in count.items():
+            assert len(ss.run(inner.format(kind), engine=engine).paths) == number
+        return len(ss.run(inner.format(option), engine=engine).paths) + n - n
+
+    ss.function("inner", run_inner, volatility="immutable")
+    ss.function("plain", lambda n: count[option], volatility="immutable")
+    text = f"""SELECT n, this, inner(n) FROM [1, 2, 3] {where} START WITH n = 1
+        CONNECT BY {option} n = n + 1 STOP WITH n == 3 OR inner(this) < 0;"""
+    wanted = ss.run(text.replace("inner", "plain"), engine="native")
+    result = ss.run(text, engine=engine)
+    assert result.paths == wanted.paths
+    assert result.paths
+    for name in ("generated", "expanded", "pruned"):
+        assert getattr(result.stats, name) == getattr(wanted.stats, name), name
+
+
+# --- random edges --------------------------------------------------------------------------------------
+
+NODES: dict[str, list[Any]] = {
+    "whole": [0, 1, 2, 3, 4, 5],
+    "text": ["", "a", "A", "1", "b"],
+    "numbers": [0, 1, 1.0, 2, 2.0, 0.5, -0.0],
+    "mixed": [None, 0, 1, 1.0, "1", "a", 2.5],
+    "lists": [[1], [1.0], [], [[]], [1, 2], 1],
+    "bools": [True, 1, 1.0, False, 0, None],
+}
+IN_TABLES = ("whole", "text", "numbers", "mixed")
+EDGE_ORDERS = (
+    *("", "BREADTH FIRST", "DEPTH FIRST", "COST w", "COST w * 0.1", "COST w HEURISTIC 2 - w"),
+    *(["COST w HEURISTIC IF(dst == {}; 3; 0)"] * 3),  # so a row may be taken before its best step
+    *("PROBABILITY 1 / (1 + w)", "PROBABILITY w / 2"),
+)
+ROWS = ("dst", "src, dst", "dst, w", "src", "to(dst, name)", "node", "node, dst", "dst, level")
+LOOKED_UP = "(SELECT * FROM edges WHERE src == node)"
+# A source, and what has to be true of its steps, or they stop.
+SOURCES = [
+    *([(LOOKED_UP, "", "")] * 3),
+    ("edges", "src == node", "src != node"),
+    ("(SELECT * FROM edges WHERE src == node AND w > 0)", "", ""),
+    (f"{LOOKED_UP}, twice = [0, 1]", "", ""),
+]
+GOALS = ("", "", "dst == {}", "dst != {}", "w == 1", "level > 1", "src == {} OR w > 1")
+STOPS = ("", "", "", "dst == {}", "w == 2", "node == {}")
+
+
+def program(chance: random.Random) -> ProgramCase:
+    """A search over random edges: in a table or a list, looked up, filtered or walked."""
+    kind = chance.choice(list(NODES))
+    nodes, table = NODES[kind], kind in IN_TABLES and chance.random() < 0.6
+    edges = [
+        {"src": chance.choice(nodes), "dst": chance.choice(nodes), "w": chance.randrange(3)}
+        for _ in range(chance.randrange(1, 14))
+    ]
+    row, goal, (source, holds, stops) = chance.choice(ROWS), repr(chance.choice(nodes)), chance.choice(SOURCES)
+    bounded = "level" in row or chance.random() < 0.4
+    where = [part for part in (holds, chance.choice(GOALS).format(goal)) if part]
+    stop = [part for part in ("level == 4" if bounded else "", stops, chance.choice(STOPS).format(goal)) if part]
+    order = chance.choice(EDGE_ORDERS).format(repr(chance.choice(nodes)))
+    options = [order, chance.choice(GUARDS) if bounded and chance.random() < 0.6 else "UNIQUE"]
+    parts = [
+        f"SELECT {row} FROM {source} {'WHERE ' * bool(where)}{' AND '.join(where)}",
+        f"START WITH node = {chance.choice(nodes)!r}, level = 1 CONNECT BY {' '.join(options)}",
+        f"{chance.choice(('', '', 'MAXIMUM 1', 'MAXIMUM 4'))} node = dst, level = level + 1",
+        f"{'STOP WITH ' * bool(stop)}{' OR '.join(stop)}",
+        chance.choice(["", "", "", "ORDER BY w", "GROUP BY w", "LIMIT 2"]),
+        chance.choice(["", "AS list", "AS rows"]),
+    ]
+    return ProgramCase(" ".join(parts) + ";", {} if table else {"edges": edges}, (), {"edges": edges} if table else {})
+
+
+@pytest.mark.parametrize("part", range(3))
+def test_three_evaluators_agree_on_searches_over_edges(part: int) -> None:
+    in_database = 0
+    for number in range(COUNT):
+        tried = trial(program(random.Random(f"{SEED} {part} {number}")))
+        assert tried.differences == [], tried.case
+        in_database += tried.outcomes["database"] is not None
+    assert in_database > COUNT * 5 / 6
+
+
+# --- errors --------------------------------------------------------------------------------------------
+
+
+@in_every_way
+def test_a_function_fails_the_search_only_where_the_written_order_reaches_it(
+    search: str, order: str, guard: str
+) -> None:
+    machine = Machine()
+    machine.reference().run(SEARCHES[search].format(options=f"{order} {guard}"))
+    # Of the calls of the whole search the one in the middle and the last two: each fails once.
+    calls = list(dict.fromkeys(machine.seen))
+    bombs = dict.fromkeys([calls[len(calls) // 2], *calls[-2:]])
+    for maximum in MAXIMUMS:
+        script = SEARCHES[search].format(options=f"{order} {guard} {maximum}")
+        sound = machine.reference().run(script)
+        with machine.session() as session:
+            query = session.compile(script)
+            for bomb in bombs:
+                try:
+                    wanted = Machine(bomb).reference().run(script)
+                except BoomError:
+                    wanted = None
+                machine.bomb = bomb
+                machine.seen.clear()
+                if wanted is not None:
+                    assert query.run(engine="database").value == wanted, bomb
+                else:
+                    with pytest.raises(BoomError) as caught:
+                        query.run(engine="database")
+                    assert caught.value.args == (bomb,)
+                    (note,) = caught.value.__notes__
+                    assert bomb[0] in note
+                    assert "<script>:" in note
+                assert len(machine.seen) == len(set(machine.seen)), bomb
+                machine.bomb = ()
+                assert query.run(engine="database").value == sound
+
+
+def test_a_long_chain_that_fails_is_lowered_once_more(ss: ss2sql.Session) -> None:
+    """What failed is made again as a careful statement, and it is as deep as the first."""
+    chain = "far(a.this)" + " / 2" * 150
+    script = f"SELECT {chain} FROM a = near(n) START WITH n = 1 CONNECT BY n = a.this AS list;"
+    ss.function("near", lambda n: [n + 1], volatility="immutable")
+    ss.function("far", lambda n: 9 // (3 - n), volatility="immutable")
+    with pytest.raises(ZeroDivisionError):
+        ss.run(script, engine="database")
+
+
+# --- rows that repeat ----------------------------------------------------------------------------------
+
+
+@both
+def test_every_edge_is_looked_at_once(ss: ss2sql.Session, engine: Any) -> None:
+    edges = [(0, 1), (0, 2), (1, 3), (2, 3), (3, 0), (3, 4), (4, 4), (2, 4), (2, 3)]
+    ss.host.connection.execute("CREATE TABLE edges(src, dst)")
+    ss.host.connection.executemany("INSERT INTO edges VALUES (?, ?)", edges)
+    search = "START WITH node = 0 CONNECT BY UNIQUE node = dst AS list"
+    result = ss.run(f"SELECT dst FROM (SELECT * FROM edges WHERE src == node) {search};", engine=engine)
+    # The edges of 0 are walked from the start and from the row 0; those of 1, 2, 3 and 4 once.
+    assert result.stats.generated == 2 + 9
+    assert result.stats.expanded == len(result.value) == 5
+    assert result.stats.pruned == 11 - 5
