@@ -139,7 +139,8 @@ def test_maximum_bounds_the_results_of_a_search(ss: ss2sql.Session, engine: Any)
 def test_max_rows_is_a_limit_that_must_not_be_passed(ss: ss2sql.Session, engine: Any) -> None:
     assert len(ss.run("SELECT this FROM [1, 2];", engine=engine, max_rows=2)) == 2
     assert len(ss.run("SELECT this FROM [1, 2, 3] LIMIT 2;", engine=engine, max_rows=2)) == 2
-    for script in ("SELECT this FROM [1, 2, 3];", ENDLESS, "SELECT this FROM [3, 1, 2] ORDER BY this;"):
+    too_many = "SELECT a.this FROM a = range(100000), b = range(100000);"  # for the memory too
+    for script in ("SELECT this FROM [1, 2, 3];", ENDLESS, "SELECT this FROM [3, 1, 2] ORDER BY this;", too_many):
         with pytest.raises(ss2sql.ExecutionError, match="max_rows=2") as caught:
             ss.run(script, engine=engine, max_rows=2)
         assert caught.value.code == "X010"
