@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -26,20 +27,23 @@ def test_tables_called_as_the_virtual_tables(file: Path, engine: Any, attached: 
     write(file, ELEMENTS)
     with ss2sql.connect(None if attached else file) as ss:
         ss.set("dicts", [{"x": 5}])
+        scripts = {
+            "SELECT this FROM [7, 8] AS list;": [7, 8],
+            "SELECT x FROM dicts AS list;": [5],
+            "SELECT a FROM Elements AS list;": [1, 2],
+            "SELECT x FROM elements_x AS list;": [1, 2],
+            "SELECT e.a + b.this FROM e = Elements, b = [10, 20] AS list;": [11, 21, 12, 22],
+        }
         assert ss.run("SELECT this FROM [7, 8] AS list;", engine=engine).value == [7, 8]
         if attached:
             ss.attach("f", file)
-        home = "f." if attached else ""
-        for _ in range(2):
-            assert ss.run("SELECT this FROM [7, 8] AS list;", engine=engine).value == [7, 8]
-            assert ss.run("SELECT x FROM dicts AS list;", engine=engine).value == [5]
-            assert ss.run(f"SELECT a FROM {home}Elements AS list;", engine=engine).value == [1, 2]
-            assert ss.run(f"SELECT x FROM {home}elements_x AS list;", engine=engine).value == [1, 2]
-            script = f"SELECT e.a + b.this FROM e = {home}Elements, b = [10, 20] AS list;"
-            assert ss.run(script, engine=engine).value == [11, 21, 12, 22]
-            script = f"""SELECT n FROM {home}Elements START WITH n = 0 CONNECT BY NO CYCLE n = n + a
-                         STOP WITH n > 1 AS list;"""
-            assert ss.run(script, engine=engine).value == ss.run(script, engine="native").value
+        for script, value in 2 * list(scripts.items()):
+            named = re.sub("(?i)(?=elements)", "f.", script) if attached else script
+            assert ss.run(named, engine=engine).value == value
+        search = "SELECT n FROM {} START WITH n = 0 CONNECT BY NO CYCLE n = n + a STOP WITH n > 1 AS list;"
+        found = ss.run(search.format("f.Elements" if attached else "Elements"), engine=engine).value
+        ss.set("listed", [{"a": 1}, {"a": 2}])
+        assert found == ss.run(search.format("listed"), engine="native").value != []
         ss.compile("SELECT this FROM [7, 8];").explain()
         assert list(ss.tables()) == ["Elements", "elements_x"]
         if attached:
@@ -76,6 +80,10 @@ def test_views_that_cannot_be_read(ss: ss2sql.Session, file: Path) -> None:
 # --- terminals -----------------------------------------------------------------------------------------
 
 
+def fail(x: Any) -> Any:
+    raise ValueError(ESCAPE)
+
+
 def is_harmless(text: str) -> bool:
     return "owned" in text and not any(char in text for char in "\x1b\x07\u202e")
 
@@ -90,28 +98,15 @@ def test_sql_has_no_texts_that_terminals_obey(ss: ss2sql.Session) -> None:
         assert is_harmless(result.sql)
 
 
-def in_shell(text: str, monkeypatch: pytest.MonkeyPatch, session: ss2sql.Session) -> str:
-    """What the shell prints, of results and of errors."""
-    from ss2sql.shell.shell import Shell
-
-    out = io.StringIO()
-    monkeypatch.setattr(sys, "stdout", out)
-    monkeypatch.setattr(sys, "stderr", out)
-    Shell(session).run(text)
-    monkeypatch.undo()
-    return out.getvalue()
-
-
 def test_the_shell_prints_nothing_that_terminals_obey(
     ss: ss2sql.Session, file: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Neither in results nor in errors."""
+    from ss2sql.shell.shell import Shell
+
     write(file, f'CREATE TABLE t("c{ESCAPE}"); CREATE TABLE "t{ESCAPE}"(a)')
     ss.attach("f", file)
     ss.set("text", ESCAPE)
-
-    def fail(x: Any) -> Any:
-        raise ValueError(ESCAPE)
-
     ss.function("fail", fail)
     functions = file.with_name(f"none{ESCAPE}.py")
     functions.write_text("x = 1")
@@ -120,9 +115,12 @@ def test_the_shell_prints_nothing_that_terminals_obey(
              f".engine {ESCAPE}", "SELECT * FROM f.t;\n.explain", f".load {ESCAPE}", f".load {functions}",
              f".read {ESCAPE}", ".tables t"]  # fmt: skip
     for text in typed:
-        printed = in_shell(text, monkeypatch, ss)
-        assert "owned" in printed, text
-        assert is_harmless(printed), text
+        out = io.StringIO()
+        with monkeypatch.context() as patch:
+            patch.setattr(sys, "stdout", out)
+            patch.setattr(sys, "stderr", out)
+            Shell(ss).run(text)
+        assert is_harmless(out.getvalue()), text
 
 
 def test_the_command_line_prints_nothing_that_terminals_obey(tmp_path: Path) -> None:
@@ -140,7 +138,6 @@ def test_the_command_line_prints_nothing_that_terminals_obey(tmp_path: Path) -> 
 def test_the_notebook_prints_nothing_that_terminals_obey(
     ss: ss2sql.Session, file: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    pytest.importorskip("IPython")
     from IPython.core.interactiveshell import InteractiveShell
 
     write(file, f'CREATE TABLE t("c{ESCAPE}")')
