@@ -118,7 +118,7 @@ def test_opening_on_a_disk_that_breaks(file: Path, whole: bytes, fault: str) -> 
 # --- damage --------------------------------------------------------------------------------------------
 
 
-@amounts(8, 60)
+@amounts(8, 30)
 def test_damaged_files(file: Path, whole: bytes, right: dict[str, Any], amount: int | None) -> None:
     """An error of ours, or what SQLite reads there without noticing anything."""
     seen: set[bool] = set()
