@@ -235,34 +235,41 @@ def as_usual() -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
-class PressAt:
-    """Presses Ctrl-C at a line that Python comes to, counted from the first one: a trace function."""
+def at_line(
+    line: int, work: Callable[[], object], happens: Callable[[FrameType], object]
+) -> tuple[BaseException | None, int]:
+    """What some work raises while something happens at a line that Python comes to, and how many lines there were."""
+    lines, error = 0, None
 
-    def __init__(self, line: int) -> None:
-        self.left = line
-        self.lines = 0
+    def look(frame: FrameType, event: str, argument: Any) -> Any:
+        nonlocal lines
+        lines += 1
+        if lines == line:
+            happens(frame)
+        return look
 
-    def __call__(self, frame: FrameType, event: str, argument: Any) -> PressAt:
-        self.lines += 1
-        self.left -= 1
-        if not self.left:
-            handler: Any = signal.getsignal(signal.SIGINT)
-            handler(signal.SIGINT, frame)
-        return self
-
-
-def press_at(line: int, work: Callable[[], object]) -> tuple[BaseException | None, int]:
-    """What the work ends with where Ctrl-C is pressed at a line, and how many lines there were."""
-    press, before = PressAt(line), sys.gettrace()
+    before = sys.gettrace()
     try:
-        sys.settrace(press)
+        sys.settrace(look)
         try:
             work()
         finally:
             sys.settrace(before)
-    except (ss2sql.Cancelled, KeyboardInterrupt) as error:
-        return error, press.lines
-    return None, press.lines
+    except (Exception, KeyboardInterrupt) as raised:
+        error = raised
+    return error, lines
+
+
+def press(frame: FrameType) -> None:
+    handler: Any = signal.getsignal(signal.SIGINT)
+    handler(signal.SIGINT, frame)
+
+
+def press_at(line: int, work: Callable[[], object]) -> tuple[BaseException | None, int]:
+    """What the work ends with where Ctrl-C is pressed at a line."""
+    error, lines = at_line(line, work, press)
+    assert error is None or isinstance(error, (ss2sql.Cancelled, KeyboardInterrupt)), error
+    return error, lines
 
 
 def many(kind: Kind, presser: Presser, count: int, dice: Random) -> Iterator[None]:

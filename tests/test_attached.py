@@ -148,6 +148,8 @@ def test_tables_and_views(db: ss2sql.Session, engine: Any) -> None:
         db.run('SELECT this FROM db["nothing"];', engine=engine)
     with pytest.raises(ss2sql.ExecutionError, match="the view 'broken' cannot be read"):
         db.run("SELECT nope FROM db.broken;", engine=engine)
+    assert db.tables()["broken"] == ()
+    assert code_of(db.describe, "broken") == "X009"
 
 
 def test_the_text_of_a_path_that_ends_like_one(ss: ss2sql.Session, file: Path) -> None:

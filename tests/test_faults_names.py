@@ -8,9 +8,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import apsw
 import pytest
-from sessions import code_of, write
+from sessions import write
 
 import ss2sql
 
@@ -24,8 +23,9 @@ ELEMENTS = """
 
 @pytest.mark.parametrize("attached", [False, True])
 def test_tables_called_as_the_virtual_tables(file: Path, engine: Any, attached: bool) -> None:
-    write(file, ELEMENTS)
     with ss2sql.connect(None if attached else file) as ss:
+        assert ss.run("SELECT this FROM [7] AS list;", engine=engine).value == [7]
+        write(file, ELEMENTS)  # somebody makes them meanwhile
         ss.set("dicts", [{"x": 5}])
         scripts = {
             "SELECT this FROM [7, 8] AS list;": [7, 8],
@@ -51,14 +51,6 @@ def test_tables_called_as_the_virtual_tables(file: Path, engine: Any, attached: 
             assert ss.run("SELECT x FROM dicts AS list;", engine=engine).value == [5]
 
 
-def test_such_a_table_that_somebody_makes_meanwhile(file: Path) -> None:
-    with ss2sql.connect(file) as ss:
-        assert ss.run("SELECT this FROM [7] AS list;", engine="database").value == [7]
-        write(file, ELEMENTS)
-        assert ss.run("SELECT this FROM [7] AS list;", engine="database").value == [7]
-        assert ss.run("SELECT a FROM Elements AS list;", engine="database").value == [1, 2]
-
-
 def test_columns_with_half_of_a_surrogate_pair(ss: ss2sql.Session) -> None:
     ss.set("rows", [{HALF: 1}, {HALF: 2}])
     script = "SELECT (SELECT * FROM b = rows) FROM [1] AS list;"
@@ -67,14 +59,6 @@ def test_columns_with_half_of_a_surrogate_pair(ss: ss2sql.Session) -> None:
         ss.run(script, engine="database")
     script = "SELECT b.this FROM b = (SELECT * FROM rows) AS list;"
     assert ss.eval(script) == ss.run(script, engine="native").value == [{HALF: 1}, {HALF: 2}]
-
-
-def test_views_that_cannot_be_read(ss: ss2sql.Session, file: Path) -> None:
-    write(file, "CREATE TABLE t(a); CREATE TABLE u(b); CREATE VIEW bad AS SELECT a FROM t; DROP TABLE t")
-    ss.attach("f", file)
-    assert ss.tables() == {"bad": (), "u": ("b",)}
-    assert code_of(ss.describe, "bad") == "X009"
-    assert ss.eval("SELECT b FROM f.u AS list;") == []
 
 
 # --- terminals -----------------------------------------------------------------------------------------
@@ -150,12 +134,3 @@ def test_the_notebook_prints_nothing_that_terminals_obey(
     shell.run_cell_magic("ss", "--session mine", "SELECT * FROM f.t;")
     shell.run_line_magic("unload_ext", "ss2sql")
     assert is_harmless(capsys.readouterr().out)
-
-
-def test_apsw_still_has_what_hides_tables() -> None:
-    """A virtual table that has a name of its own hides the table of the database, and takes arguments all the same."""
-    connection = apsw.Connection(":memory:")
-    connection.execute("CREATE TABLE t(a)")
-    with pytest.raises(apsw.SQLError, match="not a function"):
-        connection.execute("SELECT * FROM t(1)")
-    connection.close()

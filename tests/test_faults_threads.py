@@ -1,9 +1,8 @@
-"""Other threads, and copies of the process, that come at any moment of a run: at its n-th call of a Python function."""
+"""Other threads, and copies of the process, that come at any moment of a run: at its n-th line of Python."""
 
 from __future__ import annotations
 
 import os
-import sys
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -15,12 +14,12 @@ import pytest
 from faulty import WANTED, amounts, attempt, check_idle
 from faulty_files import is_whole
 from faulty_worlds import Lives, Mishaps
+from interrupting import at_line
 from remembering import MAZE, near
 from sessions import both, code_of
 
 import ss2sql
 
-OWN = str(Path(ss2sql.__file__).parent)
 SCRIPTS = {
     "flat": "SELECT f(this) + x FROM t AS list;",
     "native": "SELECT f(this) + x FROM t AS list;",
@@ -29,26 +28,6 @@ SCRIPTS = {
     "memorize": MAZE.replace("goal", "6").replace("bound", "4").replace("first", "1").replace("limit", "40"),
     "statements": "y = f(1); v{5.0} = y; SELECT this + y FROM t AS list;",
 }
-
-
-def at_call(work: Callable[[], Any], moment: int, happens: Callable[[], object]) -> tuple[Any, Exception | None, int]:
-    """What some work gives, or raises, where something happens in its n-th call of a function of ss2sql; all calls."""
-    calls, found = 0, list[Any]()
-
-    def look(frame: Any, event: str, _: Any) -> None:
-        nonlocal calls
-        if event == "call" and frame.f_code.co_filename.startswith(OWN):
-            calls += 1
-            if calls == moment:
-                happens()
-
-    before = sys.getprofile()
-    sys.setprofile(look)
-    try:
-        error = attempt(lambda: found.append(work()))
-    finally:
-        sys.setprofile(before)
-    return (found or [None])[0], error, calls
 
 
 def meanwhile(work: Callable[[], object]) -> None:
@@ -97,7 +76,7 @@ HAPPENS: dict[str, Callable[[ss2sql.Session, list[Any]], object]] = {
 @pytest.mark.parametrize("what", HAPPENS)
 def test_at_any_moment_of_a_run(tmp_path: Path, script: str, what: str, amount: int | None) -> None:
     file = tmp_path / "data.db" if script in ("memorize", "statements") else None
-    dice, calls = Random(f"{WANTED} {script} {what}"), 0
+    dice, lines = Random(f"{WANTED} {script} {what}"), 0
     for number in range((amount or 300) + 1):  # the first time nothing happens
         ss = ss2sql.connect(file)
         ss.function("f", lambda x: x + 1, volatility="stable")
@@ -106,18 +85,18 @@ def test_at_any_moment_of_a_run(tmp_path: Path, script: str, what: str, amount: 
         ss.attach("things", Mishaps(Lives()))
         ss.set("x", 5)
 
-        def work(ss: ss2sql.Session = ss) -> Any:
-            return ss.run(SCRIPTS[script], engine="native" if script == "native" else "auto").value
+        values, seen = list[Any](), list[Any]()
 
-        wanted, seen = work(), list[Any]()
-        moment = dice.randint(1, calls) if number else 0
-        value, error, count = at_call(work, moment, lambda ss=ss, seen=seen: HAPPENS[what](ss, seen))  # type: ignore[misc]
-        calls = calls or count
+        def work(ss: ss2sql.Session = ss, values: list[Any] = values) -> None:
+            values.append(ss.run(SCRIPTS[script], engine="native" if script == "native" else "auto").value)
+
+        work()
+        moment = dice.randint(1, lines) if number else 0
+        error, count = at_line(moment, work, lambda _, ss=ss, seen=seen: HAPPENS[what](ss, seen))  # type: ignore[misc]
+        lines = lines or count
         if not number or what in ("use", "copy"):
             assert error is None
-        if error is None:
-            assert value == wanted
-        else:
+        if error is not None:
             assert isinstance(error, ss2sql.Cancelled) or (what, code_of(ss.run, "1;")) == ("close", "S001"), error
         if number and what == "use":  # before it has its turn and after that the run is not in the way
             assert len(seen) == 6
@@ -125,9 +104,10 @@ def test_at_any_moment_of_a_run(tmp_path: Path, script: str, what: str, amount: 
         if number and what == "copy":
             assert os.waitstatus_to_exitcode(os.waitpid(seen[0], 0)[1]) == 7
         if not number or what != "close":
-            assert work() == wanted
+            work()
             check_idle(ss)
             ss.close()
+        assert values == [values[0]] * len(values)
         assert code_of(ss.run, "1;") == "S001"
         assert file is None or is_whole(file)
 
