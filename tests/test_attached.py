@@ -202,17 +202,6 @@ def test_a_name_has_one_meaning(db: ss2sql.Session, file: Path, tmp_path: Path) 
         db.detach("db")
 
 
-@both
-def test_a_table_that_vanishes_or_changes_after_compiling(db: ss2sql.Session, file: Path, engine: Any) -> None:
-    query = db.compile("SELECT x FROM db.t AS list;", engine=engine)
-    assert query.run().value == [1, 2]
-    write(file, "DROP TABLE t")
-    with pytest.raises(ss2sql.ResolveError, match=r"unknown source 'db\.t'"):
-        query.run()
-    write(file, "CREATE TABLE t(z, x); INSERT INTO t VALUES (7, 'x')")
-    assert query.run().value == ["x"]
-
-
 def test_a_file_that_may_only_be_read(ss: ss2sql.Session, file: Path) -> None:
     file.chmod(0o444)
     ss.attach("db", file)

@@ -264,25 +264,25 @@ def test_without_the_right_to_write(ordinary: Path, right: dict[str, Any], what:
 
 
 def test_what_is_no_database(tmp_path: Path) -> None:
-    text, empty, folder = tmp_path / "text.db", tmp_path / "empty.db", tmp_path / "folder.db"
+    text, folder, missing = tmp_path / "text.db", tmp_path / "folder.db", tmp_path / "missing" / "data.db"
     text.write_text("This is no database, though it is long enough for one. " * 40)
-    empty.touch()
     folder.mkdir()
     before = handles()
-    missing = tmp_path / "missing" / "data.db"
-    paths: list[Any] = [text, folder, missing, "\0", "a\0b.db", "\ud800.db", "x" * 5000 + ".db"]
-    for path in paths:
-        assert code_of(ss2sql.connect, path) == "S002"
-        assert code_of(ss2sql.connect, path, read_only=True) == "S002"
-        with ss2sql.connect() as ss:
+    with ss2sql.connect() as ss:
+        for path in (text, folder, missing, "\0", "a\0b.db", "\ud800.db", "x" * 5000 + ".db"):
+            for read_only in (False, True):
+                with pytest.raises(ss2sql.SessionError) as caught:
+                    ss2sql.connect(path, read_only=read_only)
+                assert caught.value.code == "S002"
+                assert isinstance(path, str) or str(path) in str(caught.value)
             assert code_of(ss.attach, "f", Path(path)) == "S002"
             assert ss.eval("1 + 1;") == 2
     assert code_of(ss2sql.connect, 5) == "S002"
     assert handles() == before
     assert text.read_text().startswith("This is no database")
-    with ss2sql.connect(empty) as ss:  # SQLite takes it for a new one
+    (tmp_path / "empty.db").touch()
+    with ss2sql.connect(tmp_path / "empty.db") as ss:  # SQLite takes it for a new one
         ss.run("v{5.0} = 1;")
-    assert code_of(ss2sql.connect, tmp_path / "new.db", read_only=True) == "S002"
 
 
 @pytest.mark.parametrize("lock", ["EXCLUSIVE", "IMMEDIATE"])

@@ -21,11 +21,15 @@ ELEMENTS = """
 """
 
 
-@pytest.mark.parametrize("attached", [False, True])
-def test_tables_called_as_the_virtual_tables(file: Path, engine: Any, attached: bool) -> None:
+@pytest.mark.parametrize("made", ["before", "meanwhile", "attached"])
+def test_tables_called_as_the_virtual_tables(file: Path, engine: Any, made: str) -> None:
+    attached = made == "attached"
+    if made != "meanwhile":
+        write(file, ELEMENTS)
     with ss2sql.connect(None if attached else file) as ss:
         assert ss.run("SELECT this FROM [7] AS list;", engine=engine).value == [7]
-        write(file, ELEMENTS)  # somebody makes them meanwhile
+        if made == "meanwhile":
+            write(file, ELEMENTS)
         ss.set("dicts", [{"x": 5}])
         scripts = {
             "SELECT this FROM [7, 8] AS list;": [7, 8],
@@ -34,7 +38,6 @@ def test_tables_called_as_the_virtual_tables(file: Path, engine: Any, attached: 
             "SELECT x FROM elements_x AS list;": [1, 2],
             "SELECT e.a + b.this FROM e = Elements, b = [10, 20] AS list;": [11, 21, 12, 22],
         }
-        assert ss.run("SELECT this FROM [7, 8] AS list;", engine=engine).value == [7, 8]
         if attached:
             ss.attach("f", file)
         for script, value in 2 * list(scripts.items()):

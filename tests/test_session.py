@@ -14,15 +14,12 @@ import ss2sql
 # --- opening and closing -------------------------------------------------------------------------------
 
 
-def test_a_session_on_a_file_reads_its_tables_and_views(staff: Path) -> None:
-    with ss2sql.connect(staff) as ss:
-        assert ss.eval("SELECT name FROM staff WHERE boss == 1 AS list;") == ["Bob", "Cy"]
-        assert ss.eval("SELECT name FROM chiefs AS value;") == "Ada"
-    with ss2sql.connect(str(staff), read_only=True) as ss:
-        assert ss.eval("SELECT this FROM staff LIMIT 1 AS value;") == {"id": 1, "boss": None, "name": "Ada"}
-
-
-def test_a_file_that_does_not_exist_is_made_unless_only_read(tmp_path: Path) -> None:
+def test_a_session_on_a_file(staff: Path, tmp_path: Path) -> None:
+    """One that does not exist is made, unless it may only be read."""
+    for options in ({}, {"read_only": True}):
+        with ss2sql.connect(str(staff), **options) as ss:  # type: ignore[arg-type]
+            assert ss.eval("SELECT this FROM staff LIMIT 1 AS value;") == {"id": 1, "boss": None, "name": "Ada"}
+            assert ss.eval("SELECT name FROM chiefs AS list;") == ["Ada"]
     assert code_of(ss2sql.connect, tmp_path / "new.db", read_only=True) == "S002"
     with ss2sql.connect(tmp_path / "new.db") as ss:
         ss.eval("v{5.0} = 1;")

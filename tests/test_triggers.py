@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+from balls import BallWorld, Box
 from sessions import Clock, code_of
 
 import ss2sql
@@ -145,43 +146,24 @@ def test_errors(ss: ss2sql.Session, clock: Clock) -> None:
     assert fails.value == 2
 
 
-class Stepper:
-    """A simulation with a clock, as a scene is."""
-
-    def __init__(self) -> None:
-        self.time = 0.0
-        self.listeners: list[Any] = []
+class Stepper(Box):
+    """A simulation that tells of its steps, as a scene does; a ball is born every 0.1 s."""
 
     def step(self, n: int) -> None:
         for _ in range(n):
             self.time = round(self.time + 0.01, 6)
+            self.balls = Box.row(int(self.time * 10 + 1e-9)).balls
             for listener in list(self.listeners):
                 listener()
 
 
-class Ticks(ss2sql.World):
-    @property
-    def time(self) -> float:
-        return self.source.time
-
-
-class Tick(ss2sql.vtables.base.Table):
-    name, key = "ticks", "n"
-    columns = (ss2sql.vtables.base.Column("n", int),)
-
-    def keys(self, where: Any) -> Any:
-        return range(int(self.world.source.time * 10 + 1e-9))
-
-
-Ticks.tables = (Tick,)
-
-
 def test_a_scene_that_steps_looks_after_triggers_by_its_own_clock() -> None:
-    stepper = Stepper()
+    stepper = Stepper(time=0.0)
+    stepper.listeners = []
     heard: list[Any] = []
     with ss2sql.connect() as ss:
-        ss.attach("space", Ticks(stepper))
-        trigger = ss.on_change("len(SELECT n FROM space AS list);", every=0.1)(heard.append)
+        ss.attach("space", BallWorld(stepper))
+        trigger = ss.on_change("len(SELECT id FROM space AS list);", every=0.1)(heard.append)
         ss.run("since{0.2} = getTime();")
         stepper.step(50)
         assert heard == [1, 2, 3, 4, 5]
