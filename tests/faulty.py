@@ -229,7 +229,7 @@ class Patient:
         elif error is None:
             raised = kind in RAISED or kind == "Gone"
             assert not raised or self.arguments[0] == "size"  # whose elements are asked for again
-            assert value == self.answer or not (raised or kind in self.AGAIN)
+            assert not (raised or kind in self.AGAIN) or value == self.answer
         elif kind in self.AGAIN:
             assert kind in ("detach", "attach anew"), error
             assert isinstance(error, ss2sql.Error)

@@ -82,9 +82,11 @@ def test_a_timeout_of_the_session_holds_for_every_run(engine: Any) -> None:
 @pytest.mark.parametrize("script", [ENDLESS, PRODUCT])
 def test_a_run_can_be_interrupted_from_another_thread(ss: ss2sql.Session, engine: Any, script: str) -> None:
     ss.interrupt()  # nothing runs, nothing happens
+    query = ss.compile(script, engine=engine)
+    elapsed(lambda: query.run(timeout=0.01), ss2sql.Timeout)  # so it need not be compiled when it is interrupted
     timer = threading.Timer(0.1, ss.interrupt)
     timer.start()
-    seconds, error = elapsed(lambda: ss.run(script, engine=engine, timeout=5), ss2sql.Cancelled)
+    seconds, error = elapsed(lambda: query.run(timeout=5), ss2sql.Cancelled)
     timer.join()
     assert error.code == "T002"
     assert seconds < 5
