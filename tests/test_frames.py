@@ -68,6 +68,9 @@ def test_a_frame_gives_its_rows(ss: ss2sql.Session, make: Any, engine: Any) -> N
     assert ss.run("t;", engine=engine).value == {name: [row[name] for row in ROWS] for name in ROWS[0]}
     script = "IF(len(t) == 4; SELECT x + sum(t['x']) FROM t WHERE x IN t['x'] AS list);"
     assert ss.run(script, engine=engine).value == [1, 2, -3]
+    way = "START WITH at = 'a' CONNECT BY UNIQUE at = 'ü'"
+    script = f"SELECT m.x FROM m = (SELECT x, name FROM t WHERE name == at) {way} AS list;"
+    assert ss.run(script, engine=engine).value == [[1], [1, -3]]
     assert ss.run("SELECT eval('x + 1;') FROM t AS list;", engine="native").value == [2, 3, -2]
 
 
