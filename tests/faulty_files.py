@@ -39,25 +39,25 @@ def prepare(file: Path) -> None:
         assert len(ss.graphs()) == 1
 
 
-def search(ss: ss2sql.Session) -> Any:
-    return run(ss, goal=6, bound=5, limit=400).value
-
-
 # What is done with such a file; of those that only read, what they have to give.
 READS: dict[str, Callable[[ss2sql.Session], Any]] = {
     "walk": lambda ss: ss.eval(WALK),
     "walk natively": lambda ss: ss.run(WALK, engine="native").value,
     "lookup": lambda ss: ss.eval(LOOKUP),
     "history": lambda ss: ss.eval(HISTORY),
-    "search": search,
+    "search": lambda ss: run(ss, goal=6, bound=5, limit=400).value,
 }
-RIGHT: dict[str, Callable[[], Any]] = {
-    "walk": lambda: [(i, str(i).encode().hex().upper()) for i in range(1, ROWS + 1)],
-    "walk natively": lambda: RIGHT["walk"](),
-    "lookup": lambda: [i for i in range(1, ROWS + 1) if i % 7 == 3],
-    "history": lambda: [VALUE],
-    "search": lambda: fresh(goal=6, bound=5, limit=400),
-}
+
+
+def right() -> dict[str, Any]:
+    """What they give, and `farther`, from a file that is whole."""
+    walk = [(i, str(i).encode().hex().upper()) for i in range(1, ROWS + 1)]
+    lookup = [i for i in range(1, ROWS + 1) if i % 7 == 3]
+    search, farther = fresh(goal=6, bound=5, limit=400), fresh(goal=7, bound=6, limit=500)
+    return {"walk": walk, "walk natively": walk, "lookup": lookup, "history": [VALUE], "search": search,
+            "farther": farther}  # fmt: skip
+
+
 LOOKS: dict[str, Callable[[ss2sql.Session], Any]] = {
     "graphs": lambda ss: repr(ss.graphs()),
     "tables": lambda ss: ss.tables(),
@@ -83,14 +83,12 @@ class Failing(apsw.VFS):
         self.error: type[apsw.Error] = apsw.IOError
         self.left = 0
         self.stays = False
-        self.calls = 0
         self.base = apsw.vfs_names()[0]
         super().__init__(name, self.base, makedefault=True)
 
     def look(self, operation: str) -> None:
         """Raises where this call is the one to fail."""
         if operation in self.operations:
-            self.calls += 1
             self.left -= 1
             if self.left == 0 or (self.stays and self.left < 0):
                 raise self.error("the disk is broken")
@@ -105,33 +103,26 @@ class Failing(apsw.VFS):
 
 
 class FailingFile(apsw.VFSFile):
+    """A file each of whose METHODS looks first whether it is the one to fail."""
+
+    METHODS = {"xRead": "read", "xWrite": "write", "xSync": "sync", "xTruncate": "truncate", "xLock": "lock",
+               "xFileSize": "size"}  # fmt: skip
+
     def __init__(self, vfs: Failing, name: Any, flags: Any) -> None:
         self.vfs = vfs
         super().__init__(vfs.base, name, flags)
 
-    def xRead(self, amount: int, offset: int) -> bytes:  # noqa: N802
-        self.vfs.look("read")
-        return super().xRead(amount, offset)
 
-    def xWrite(self, data: Any, offset: int) -> None:  # noqa: N802
-        self.vfs.look("write")
-        super().xWrite(data, offset)
+def failing_method(method: str, operation: str) -> Callable[..., Any]:
+    def call(file: FailingFile, *arguments: Any) -> Any:
+        file.vfs.look(operation)
+        return getattr(apsw.VFSFile, method)(file, *arguments)
 
-    def xSync(self, flags: int) -> None:  # noqa: N802
-        self.vfs.look("sync")
-        super().xSync(flags)
+    return call
 
-    def xTruncate(self, size: int) -> None:  # noqa: N802
-        self.vfs.look("truncate")
-        super().xTruncate(size)
 
-    def xLock(self, level: int) -> None:  # noqa: N802
-        self.vfs.look("lock")
-        super().xLock(level)
-
-    def xFileSize(self) -> int:  # noqa: N802
-        self.vfs.look("size")
-        return super().xFileSize()
+for method, operation in FailingFile.METHODS.items():
+    setattr(FailingFile, method, failing_method(method, operation))
 
 
 @contextmanager
@@ -159,34 +150,32 @@ FAULTS: dict[str, tuple[frozenset[str], type[apsw.Error]]] = {
 # --- damage --------------------------------------------------------------------------------------------
 
 
-def flip(data: bytearray, dice: Random) -> None:
+def flip(data: bytearray, dice: Random, page: int) -> None:
     for _ in range(dice.choice((1, 3, 20))):
         data[dice.randrange(len(data))] = dice.randrange(256)
 
 
-def overwrite(data: bytearray, dice: Random) -> None:
+def overwrite(data: bytearray, dice: Random, page: int) -> None:
     place, size = dice.randrange(len(data)), dice.choice((8, 100, 4096))
     data[place : place + size] = dice.randbytes(min(size, len(data) - place))
 
 
-def zero(data: bytearray, dice: Random) -> None:
-    page = dice.randrange(len(data) // 4096) * 4096
+def zero(data: bytearray, dice: Random, page: int) -> None:
     data[page : page + 4096] = bytes(4096)
 
 
-def cut(data: bytearray, dice: Random) -> None:
+def cut(data: bytearray, dice: Random, page: int) -> None:
     del data[dice.randrange(len(data)) :]
 
 
-def swap(data: bytearray, dice: Random) -> None:
+def swap(data: bytearray, dice: Random, page: int) -> None:
     """Two pages change places."""
-    one, other = (dice.randrange(len(data) // 4096) * 4096 for _ in range(2))
-    data[one : one + 4096], data[other : other + 4096] = data[other : other + 4096], data[one : one + 4096]
+    other = dice.randrange(len(data) // 4096) * 4096
+    data[page : page + 4096], data[other : other + 4096] = data[other : other + 4096], data[page : page + 4096]
 
 
-def head(data: bytearray, dice: Random) -> None:
+def head(data: bytearray, dice: Random, page: int) -> None:
     """A byte of a page's own header, or of the file's."""
-    page = dice.randrange(len(data) // 4096) * 4096
     data[page + dice.randrange(100)] = dice.randrange(256)
 
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
-import apsw
 import numpy as np
-from faulty import GARBAGE, RAISED, Hostile, MishapError, attempt, check_idle, limited
+from faulty import COMMON, EXITS, Hostile, Patient, Source, doing, making, raising
 
 import ss2sql
 from ss2sql.vtables import Column, Gone, Table, TableFunction, World, function
@@ -132,37 +131,27 @@ class OddKey:
 
 
 KEYS: dict[str, Callable[[], Any]] = {  # of what `keys` and `rows` give beside GARBAGE
-    "lists": lambda: [[1], [2]],
-    "unhashable among others": lambda: [1, {}, 2],
-    "odd keys": lambda: [OddKey(), OddKey()],
-    "hostile tuple": lambda: [(1, Hostile())],
-    "texts": lambda: ["1", "\ud800"],
-    "floats": lambda: [1.5, float("nan"), float("nan")],
-    "huge": lambda: [10**30],
-    "not alive": lambda: [99],
-    "short rows": lambda: [(1,), ()],
-    "long rows": lambda: [(1, 2, 3)],
+    "lists": lambda: [[1], [2]], "unhashable among others": lambda: [1, {}, 2], "huge key": lambda: [10**30],
+    "odd keys": lambda: [OddKey(), OddKey()], "hostile tuple": lambda: [(1, Hostile())],
+    "texts": lambda: ["1", "\ud800"], "floats": lambda: [1.5, float("nan"), float("nan")], "not alive": lambda: [99],
+    "short rows": lambda: [(1,), ()], "long rows": lambda: [(1, 2, 3)],
     "array of rows": lambda: np.arange(4).reshape(2, 2),
-}
+}  # fmt: skip
 
 
-class Source:
+class Lives(Source):
     """What the world is of. Its things die and are born by faults."""
 
-    def __init__(self) -> None:
+    def __init__(self, site: str = "") -> None:
+        super().__init__()
         self.alive = list(range(12))
-        self.site, self.left, self.calls = "", 0, 0
-        self.wrong: Callable[[Any], Any] = lambda value: value
+        self.site = site
 
     def fault(self, site: str, value: Any) -> Any:
-        if site != self.site:
-            return value
-        self.calls += 1
-        self.left -= 1
-        return value if self.left else self.wrong(value)
+        return self.meet(value) if site == self.site else value
 
 
-MOVED: dict[str, Callable[[Source], Any]] = {
+MOVED: dict[str, Callable[[Lives], Any]] = {
     "all die": lambda source: source.alive.clear(),
     "one dies": lambda source: source.alive.pop(),
     "one is born": lambda source: source.alive.append(50),
@@ -173,137 +162,43 @@ AGAIN: dict[str, Callable[[ss2sql.Session], Any]] = {
     "run natively": lambda ss: ss.run("SELECT n, tag FROM things WHERE x > 2 AS rows;", engine="native"),
     "attach": lambda ss: ss.attach("more", [1, 2]),
     "detach": lambda ss: ss.detach("things"),
-    "attach anew": lambda ss: ss.attach("things", Mishaps(Source())),
+    "attach anew": lambda ss: ss.attach("things", Mishaps(Lives())),
     "tables": lambda ss: (ss.tables(), ss.describe("things")),
 }
-ENDINGS: dict[str, Callable[[ss2sql.Session], Any]] = {
-    "interrupt": ss2sql.Session.interrupt,
-    "close": ss2sql.Session.close,
-}
 LONG = 20_000  # elements of a walk that should have been ended before
-EXITS = {found.__name__: found for found in (KeyboardInterrupt, SystemExit, GeneratorExit)}
-KINDS = (*GARBAGE, *KEYS, "endless", *(kind.__name__ for kind in RAISED), *EXITS, "Gone", *MOVED, *AGAIN, *ENDINGS)
 
 
-class Patient:
+def endless(patient: Patient, _: Any) -> Any:
+    """Numbers, while which come the run is interrupted."""
+    for number in range(LONG):
+        if number == 2000:
+            patient.session.interrupt()
+        yield number
+    raise AssertionError("nothing has ended the walk")
+
+
+class Inhabitant(Patient):
     """A session with a world that goes wrong in one call of one of its methods."""
 
+    AGAIN, codes = AGAIN, ("X001", "X004", "X007", "X011", "T002")
+    FAULTS = {
+        **COMMON,
+        **{name: making(make) for name, make in KEYS.items()},
+        "endless": endless,
+        "Gone": raising(Gone),
+        **{name: raising(kind) for name, kind in EXITS.items()},
+        **{name: lambda patient, value, act=act: (act(patient.source), value)[1] for name, act in MOVED.items()},
+        **{name: doing(act) for name, act in AGAIN.items()},
+    }
+
     def __init__(self, site: str, script: str, engine: Any) -> None:
-        self.script, self.engine, self.site = script, engine, site
-        self.session = ss2sql.connect()
-        self.source = Source()
-        self.world = Mishaps(self.source)
-        self.session.attach("things", self.world)
-        self.session.set("kept", {"a": [1]})
-        self.source.site = site
-        self.answer = self.run()
-        self.calls = self.source.calls
-        assert self.calls, "the script does not come there"
+        self.world, self.own = Mishaps(Lives(site)), site in ("weight", "push")
+        super().__init__(script, engine, site, script, engine, source=self.world.source)
 
-    def run(self) -> Any:
-        value = self.session.run(self.script, engine=self.engine).value
-        return value if isinstance(value, list) else list(value)
-
-    def suffer(self, kind: str, k: int) -> tuple[Any, BaseException | None]:
-        """The value of a run in which the k-th call goes wrong, or what it raised."""
-        self.source.wrong, self.source.left = self._fault(kind), k
-        value: list[Any] = []
-        with limited(20):
-            try:
-                error: BaseException | None = attempt(lambda: value.append(self.run()))
-            except (SystemExit, GeneratorExit, KeyboardInterrupt) as ending:
-                error = ending
-        return (value or [None])[0], error
-
-    @property
-    def reached(self) -> bool:
-        return self.source.left <= 0
-
-    def _fault(self, kind: str) -> Callable[[Any], Any]:
-        if kind == "endless":
-            return lambda value: self._endless()
-        made = GARBAGE.get(kind) or KEYS.get(kind)
-        if made is not None:
-            return lambda value: made()
-        if kind in MOVED:
-            return lambda value: (MOVED[kind](self.source), value)[1]
-        if kind in AGAIN or kind in ENDINGS:
-            return lambda value: ((AGAIN.get(kind) or ENDINGS[kind])(self.session), value)[1]
-        raised = next(found for found in (*RAISED, *EXITS.values(), Gone) if found.__name__ == kind)
-
-        def fail(value: Any) -> Any:
-            raise raised("no")
-
-        return fail
-
-    def _endless(self) -> Iterator[int]:
-        """Numbers, while which come the run is interrupted."""
-        for number in range(LONG):
-            if number == 2000:
-                self.session.interrupt()
-            yield number
-        raise AssertionError("nothing has ended the walk")
-
-    def check(self) -> None:
-        """Whether the session is as it was, or would be were its world attached anew."""
-        session, self.source.left = self.session, 0
-        self.source.alive[:] = range(12)
-        host = session.host
-        assert host.memories.now is None
+    def prepare(self) -> None:
+        session, self.world.source.alive[:] = self.session, range(12)
+        assert session.host.memories.now is None
         assert self.world.remembered is None
-        if "things" not in host.names.worlds or host.names.worlds["things"].world is not self.world:
+        worlds = session.host.names.worlds
+        if "things" not in worlds or worlds["things"].world is not self.world:
             session.attach("things", self.world)
-        assert session.get("kept") == {"a": [1]}
-        assert self.run() == self.answer
-        check_idle(session)
-
-    def close(self) -> None:
-        self.session.close()
-
-
-NOTED = ("weight", "push")  # functions, whose exceptions are those of the user's own functions
-
-
-def judge(patient: Patient, kind: str, value: Any, error: BaseException | None) -> None:
-    """Whether a run ended as it may: with the answer, or with an error of ours whose cause is what was raised."""
-    raised = kind in {found.__name__ for found in RAISED}
-    if not patient.reached:
-        assert error is None
-        assert value == patient.answer
-    elif kind in ENDINGS:
-        assert isinstance(error, ss2sql.Cancelled)
-    elif kind in EXITS:
-        wanted = ss2sql.Cancelled if kind == "KeyboardInterrupt" else EXITS[kind]
-        assert type(error) is wanted
-    elif kind in AGAIN:
-        assert error is None or isinstance(error, ss2sql.Error)
-        assert error is None or kind in ("detach", "attach anew"), error
-        assert error is None or error.code in ("X011", "X008", "S004"), error
-        assert error is not None or value == patient.answer
-    elif raised or kind == "Gone":
-        if patient.site == "size" and error is None:  # one bad answer for a block: its elements are asked for again
-            assert value == patient.answer
-            return
-        if patient.site in NOTED and raised:
-            assert type(error).__name__ == kind
-            assert len(error.__notes__) == 1  # type: ignore[union-attr]
-            return
-        assert isinstance(error, ss2sql.ExecutionError)
-        assert error.code == "X011"
-        assert type(error.__cause__).__name__ == kind
-        assert error.span is not None
-    elif error is not None:
-        if patient.site in NOTED and type(error) is MishapError:
-            assert error.__notes__
-            return
-        assert isinstance(error, ss2sql.Error), repr(error)
-        assert not isinstance(error.__cause__, apsw.Error)
-        assert error.code in ("X004", "X011", "X007", "X001") or (kind == "endless" and error.code == "T002"), error
-        assert error.span is not None or error.code == "T002"
-
-
-def cases() -> Iterator[tuple[str, str]]:
-    """The methods, each with a script that calls it."""
-    for site, scripts in SCRIPTS.items():
-        for script in scripts:
-            yield site, script

@@ -14,7 +14,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from random import Random
 from tempfile import NamedTemporaryFile
@@ -27,15 +27,8 @@ import worker_functions
 import ss2sql
 from ss2sql.vtables import Column, Table, World
 
-PRODUCT = "SELECT a.this, b.this FROM a = range({n}), b = range({n}) WHERE a.this * b.this % 7 == 3;"
-NUMBERS = "SELECT a.this, b.this FROM a = range({n}), b = range({n}) WHERE a.this % 3 == b.this % 5"
-WALK = """SELECT hop(n, this) FROM [1, 2, 3, 4, 5] WHERE hop(n, this) % 5 == 0
-START WITH n = 1, level = 1
-CONNECT BY NO CYCLE MAXIMUM 1000 n = hop(n, this), level = level + 1 STOP WITH level == 7;"""
-GRAPH = """SELECT hop(n, this) FROM [1, 2, 3, 4, 5] WHERE hop(n, this) % 5 == 0
-START WITH n = 1 CONNECT BY MEMORIZE {bound} MAXIMUM 1500 n = hop(n, this);"""
 PRESS = """
-import mmap, os, signal, sys, time
+import mmap, os, signal, struct, sys, time
 shared = mmap.mmap(os.open(sys.argv[1], os.O_RDWR), 24)
 CLOCK = ~os.getppid() << 3 | 2  # of the processor time that another process has had
 for line in sys.stdin:
@@ -47,12 +40,10 @@ for line in sys.stdin:
     for _ in range(int(times)):
         os.kill(os.getppid(), signal.SIGINT)
     shared[:8] = struct.pack("d", number)
-""".replace("sys, time", "struct, sys, time")
+"""
 
 
 class Numbers(Table):
-    """Numbers with their squares and cubes."""
-
     name, key = "numbers", "n"
     columns = (Column("n", int), Column("square", int), Column("cube", int))
     groups = {"powers": "square cube"}
@@ -85,45 +76,48 @@ def hop(place: int, step: int) -> int:
 
 @dataclass
 class Kind:
-    """A session with a script, and what it gives where nobody interrupts it."""
+    """A script, what it needs, and what it gives where nobody interrupts it, in a session of its own."""
 
-    name: str
-    session: ss2sql.Session
     script: str
+    functions: dict[str, tuple[Callable[..., Any], str]] = field(default_factory=dict)
     arguments: dict[str, Any] = field(default_factory=dict)
-    before: Callable[[], object] = lambda: None  # makes every run as long as the first one
     first: list[Any] = field(default_factory=list)  # what the first statement gives, where there are two
+    name: str = ""
     answer: list[Any] = field(default_factory=list)
     seconds: float = 0.0
+    session: Any = None
 
-    def run(self) -> ss2sql.Result:
-        return self.session.run(self.script, **self.arguments)
+    @contextmanager
+    def opened(self, name: str, file: Path) -> Iterator[Kind]:
+        """The same with a session, its true answer and how long that takes."""
+        kind = replace(self, name=name)
+        if "edges" in self.script:
+            connection = apsw.Connection(str(file))
+            connection.execute(EDGES)
+            connection.close()
+        with ss2sql.connect(file) as kind.session:
+            for called, (function, volatility) in self.functions.items():
+                kind.session.function(called, function, volatility=volatility)
+            kind.session.attach("numbers", NumberWorld())
+            for _ in range(2):
+                started = time.perf_counter()
+                kind.answer = kind.run()
+                kind.seconds = time.perf_counter() - started
+            assert len(kind.answer) > 10, name
+            yield kind
 
-    def learn(self) -> None:
-        """Finds the true answer, and how long it takes."""
-        for _ in range(2):
-            self.before()
-            started = time.perf_counter()
-            self.answer = _results(self.run())
-            self.seconds = time.perf_counter() - started
-        assert len(self.answer) > 10, self.name
+    def run(self) -> list[Any]:
+        self.session.graphs().drop()  # so every run is as long as the first one
+        return _results(self.session.run(self.script, **self.arguments))
 
-    def check(self, partial: ss2sql.Result | None) -> int:
-        """Looks at what was found, and at the session. Gives the number of results that were found."""
-        found = 0
+    def check(self, partial: ss2sql.Result | None) -> None:
+        """Looks at what was found, and at the session."""
         if partial is not None:
             assert partial.status == "cancelled"
             assert isinstance(partial.explain(), str)
             rows = _results(partial)
-            found = len(rows)
-            assert rows in (self.answer[:found], self.first[:found]), self.name
+            assert rows in (self.answer[: len(rows)], self.first[: len(rows)]), self.name
         check_session(self.session)
-        return found
-
-    def check_answer(self) -> None:
-        """Whether the session still gives the right answer."""
-        self.before()
-        assert _results(self.run()) == self.answer, self.name
 
 
 def _results(result: ss2sql.Result) -> list[Any]:
@@ -142,81 +136,36 @@ def check_session(session: ss2sql.Session) -> None:
     assert session.eval("SELECT this FROM [1, 2] WHERE this == 2 START WITH n = 0 CONNECT BY NO CYCLE n = this;")
 
 
+EDGES = """CREATE TABLE edges(a INTEGER, b INTEGER);
+WITH RECURSIVE n(i) AS (VALUES (0) UNION ALL SELECT i + 1 FROM n LIMIT 4000), k(i) AS (VALUES (1), (2), (3))
+INSERT INTO edges SELECT n.i, n.i + k.i FROM n, k;"""
+WALK = """SELECT hop(n, this) FROM [1, 2, 3, 4, 5] WHERE hop(n, this) % 5 == 0
+START WITH n = 1, level = 1
+CONNECT BY NO CYCLE MAXIMUM 1000 n = hop(n, this), level = level + 1 STOP WITH level == 7;"""
+GRAPH = """SELECT hop(n, this) FROM [1, 2, 3, 4, 5] WHERE hop(n, this) % 5 == 0
+START WITH n = 1 CONNECT BY MEMORIZE {} MAXIMUM 1500 n = hop(n, this);"""
+HOP, SLOW = {"hop": (hop, "immutable")}, {"slow": (slow, "volatile")}
+KINDS = {
+    "sql": Kind("SELECT a.this, b.this FROM a = range(150), b = range(150) WHERE a.this * b.this % 7 == 3;"),
+    "function": Kind("SELECT slow(this) FROM range(1500);", SLOW, {"engine": "database"}),
+    "world": Kind("SELECT a.n, b.square FROM a = numbers, b = numbers WHERE a.square % 5 == b.n % 7;"),
+    "native": Kind(WALK, HOP, {"engine": "native"}),
+    "memorize": Kind(GRAPH.format(5), HOP),
+    "parallel": Kind(GRAPH.format(4), {"hop": (worker_functions.laborious, "immutable")}, {"workers": 2}),
+    "search": Kind(WALK, HOP, {"engine": "database"}),
+    "sorted": Kind("SELECT a.this, b.this FROM a = range(150), b = range(150) WHERE a.this % 3 == b.this % 5 "
+                   "ORDER BY -b.this, a.this;"),
+    "statements": Kind("x = SELECT slow(this) FROM range(500) AS list; SELECT slow(this), 1 FROM x;",
+                       {"slow": (slow, "stable")}, first=[(2 * n,) for n in range(500)]),
+    "table": Kind("SELECT a, b FROM edges ORDER BY -b, a AS dict;"),
+}  # fmt: skip
+
+
 def kinds(folder: Path, *wanted: str) -> Iterator[Kind]:
     """Sessions for runs of all kinds, or of those that are wanted, one after the other."""
-    for name, make in MAKERS.items():
-        if not wanted or name in wanted:
-            with ss2sql.connect(folder / f"{name}.db") as session:
-                kind = make(name, session)
-                kind.learn()
-                yield kind
-
-
-def _sql(name: str, session: ss2sql.Session) -> Kind:
-    return Kind(name, session, PRODUCT.format(n=150))
-
-
-def _sorted(name: str, session: ss2sql.Session) -> Kind:
-    return Kind(name, session, NUMBERS.format(n=150) + " ORDER BY -b.this, a.this;")
-
-
-def _statements(name: str, session: ss2sql.Session) -> Kind:
-    session.function("slow", slow, volatility="stable")
-    script = "x = SELECT slow(this) FROM range(500) AS list; SELECT slow(this), 1 FROM x;"
-    return Kind(name, session, script, first=[(2 * n,) for n in range(500)])
-
-
-def _table(name: str, session: ss2sql.Session) -> Kind:
-    connection = session.host.connection
-    with connection:
-        connection.execute("CREATE TABLE edges(a INTEGER, b INTEGER)")
-        connection.executemany("INSERT INTO edges VALUES (?, ?)", [(n, n + k) for n in range(4000) for k in (1, 2, 3)])
-    return Kind(name, session, "SELECT a, b FROM edges ORDER BY -b, a AS dict;")
-
-
-def _function(name: str, session: ss2sql.Session) -> Kind:
-    session.function("slow", slow, volatility="volatile")
-    return Kind(name, session, "SELECT slow(this) FROM range(1500);", {"engine": "database"})
-
-
-def _world(name: str, session: ss2sql.Session) -> Kind:
-    session.attach("numbers", NumberWorld())
-    script = "SELECT a.n, b.square FROM a = numbers, b = numbers WHERE a.square % 5 == b.n % 7;"
-    return Kind(name, session, script)
-
-
-def _native(name: str, session: ss2sql.Session) -> Kind:
-    session.function("hop", hop)
-    return Kind(name, session, WALK, {"engine": "native"})
-
-
-def _search(name: str, session: ss2sql.Session) -> Kind:
-    session.function("hop", hop)
-    return Kind(name, session, WALK, {"engine": "database"})
-
-
-def _memorize(name: str, session: ss2sql.Session) -> Kind:
-    session.function("hop", hop, volatility="immutable")
-    return Kind(name, session, GRAPH.format(bound=5), before=lambda: session.graphs().drop())
-
-
-def _parallel(name: str, session: ss2sql.Session) -> Kind:
-    session.function("hop", worker_functions.laborious, volatility="immutable")
-    return Kind(name, session, GRAPH.format(bound=4), {"workers": 2}, before=lambda: session.graphs().drop())
-
-
-MAKERS: dict[str, Callable[[str, ss2sql.Session], Kind]] = {
-    "sql": _sql,
-    "function": _function,
-    "world": _world,
-    "native": _native,
-    "memorize": _memorize,
-    "parallel": _parallel,
-    "search": _search,
-    "sorted": _sorted,
-    "statements": _statements,
-    "table": _table,
-}
+    for name in wanted or KINDS:
+        with KINDS[name].opened(name, folder / f"{name}.db") as kind:
+            yield kind
 
 
 class Presser:
@@ -232,10 +181,7 @@ class Presser:
         self.process = subprocess.Popen(command, stdin=subprocess.PIPE, bufsize=0, start_new_session=True)
 
     def shoot(self, work: Callable[[], object], delay: float, times: int = 1) -> BaseException | None:
-        """What the work has ended with; None where that was before Ctrl-C.
-
-        `late` and `late_busy` say how long after it, by the clock and in seconds of the processor.
-        """
+        """What the work has ended with, None if it was before Ctrl-C; `late` and `late_busy` say how long after it."""
         assert self.process.stdin is not None
         ended: list[tuple[BaseException | None, float, float]] = []
         self.number += 1
@@ -289,47 +235,53 @@ def as_usual() -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
-class PressAt:
-    """Presses Ctrl-C at a line that Python comes to, counted from the first one: a trace function."""
+def at_line(
+    line: int, work: Callable[[], object], happens: Callable[[FrameType], object]
+) -> tuple[BaseException | None, int]:
+    """What some work raises while something happens at a line that Python comes to, and how many lines there were."""
+    lines, error = 0, None
 
-    def __init__(self, line: int) -> None:
-        self.left = line
-        self.lines = 0
+    def look(frame: FrameType, event: str, argument: Any) -> Any:
+        nonlocal lines
+        lines += 1
+        if lines == line:
+            happens(frame)
+        return look
 
-    def __call__(self, frame: FrameType, event: str, argument: Any) -> PressAt:
-        self.lines += 1
-        self.left -= 1
-        if not self.left:
-            handler: Any = signal.getsignal(signal.SIGINT)
-            handler(signal.SIGINT, frame)
-        return self
-
-
-def press_at(line: int, work: Callable[[], object]) -> tuple[BaseException | None, int]:
-    """What the work ends with where Ctrl-C is pressed at a line, and how many lines there were."""
-    press, before = PressAt(line), sys.gettrace()
+    before = sys.gettrace()
     try:
-        sys.settrace(press)
+        sys.settrace(look)
         try:
             work()
         finally:
             sys.settrace(before)
-    except (ss2sql.Cancelled, KeyboardInterrupt) as error:
-        return error, press.lines
-    return None, press.lines
+    except (Exception, KeyboardInterrupt) as raised:
+        error = raised
+    return error, lines
+
+
+def press(frame: FrameType) -> None:
+    handler: Any = signal.getsignal(signal.SIGINT)
+    handler(signal.SIGINT, frame)
+
+
+def press_at(line: int, work: Callable[[], object]) -> tuple[BaseException | None, int]:
+    """What the work ends with where Ctrl-C is pressed at a line."""
+    error, lines = at_line(line, work, press)
+    assert error is None or isinstance(error, (ss2sql.Cancelled, KeyboardInterrupt)), error
+    return error, lines
 
 
 def many(kind: Kind, presser: Presser, count: int, dice: Random) -> Iterator[None]:
     """Presses Ctrl-C in so many runs, once or twice, and looks at what is left; a turn for each."""
     done = 0
     while done < count:
-        kind.before()
         error = presser.shoot(kind.run, dice.uniform(0, kind.seconds), dice.choice((1, 1, 2)))
         kind.check(error.partial if isinstance(error, ss2sql.Cancelled) else None)
         if isinstance(error, ss2sql.Cancelled):  # else it was pressed before the run or after it
             done += 1
             yield
-    kind.check_answer()
+    assert kind.run() == kind.answer, kind.name
 
 
 def main(folder: str, count: str, seed: str, *wanted: str) -> None:

@@ -1,36 +1,179 @@
-"""Functions that raise, return garbage, use their session again or close it, at the k-th call and in every clause.
-
-By default some calls of each clause and kind are tried, drawn with a seed; `SS2SQL_FAULTS=all` tries all of them, and
-`SS2SQL_FAULTS=3` those of another seed.
-"""
+"""Functions and worlds that raise, return garbage, use their session again or close it, at the k-th call of each."""
 
 from __future__ import annotations
 
-import os
-from random import Random
+from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 import pytest
-from faulty import CLAUSES, ENDINGS, ENGINES, KINDS, VOLATILITIES, Patient, endured, judge
+from faulty import ALL, CLAUSES, Caller, amounts
+from faulty_worlds import LONG, SCRIPTS, Inhabitant, Lives, Mishaps
+from sessions import both, code_of
 
-WANTED = os.environ.get("SS2SQL_FAULTS", "1")
-CALLS = range(1, 41)
-SAMPLE = 9  # kinds of faults for each clause, engine and volatility; 45 ms each
+import ss2sql
 
 
-@pytest.mark.parametrize("volatility", VOLATILITIES)
-@pytest.mark.parametrize("engine", ENGINES)
+@amounts(2, 12)  # 45 ms each
+@pytest.mark.parametrize("volatility", ["volatile", "stable"])
+@pytest.mark.parametrize("engine", ["auto", "native"])
 @pytest.mark.parametrize("clause", CLAUSES)
-def test_faults(clause: str, engine: Any, volatility: Any) -> None:
-    patient = Patient(clause, engine, volatility)
-    most = min(patient.calls + 1, CALLS[-1])  # one more than there are: nothing happens
-    dice = Random(f"{WANTED} {clause} {engine} {volatility}")
-    for kind in KINDS if WANTED == "all" else dice.sample(KINDS, SAMPLE):
-        for k in range(1, most + 1) if WANTED == "all" else [dice.choice((1, 2, dice.randint(1, most)))]:
-            at = f"{patient.script}, {engine}, {volatility}"
-            patient = endured(patient, lambda: Patient(clause, engine, volatility), judge, kind, k, at)
-    patient.close()
+def test_faults_of_functions(clause: str, engine: Any, volatility: Any, amount: int | None) -> None:
+    patient = Caller(clause, engine, volatility)
+    most = min(patient.calls + 1, 40)  # one more than there are: nothing happens
+    patient.endure(amount, lambda dice: [*range(1, most + 1)] if ALL else [dice.choice((1, 2, dice.randint(1, most)))])
 
 
-def test_every_ending_is_noticed() -> None:
-    assert set(ENDINGS) < set(KINDS)
+@amounts(2, 12)  # 25 ms each
+@both
+@pytest.mark.parametrize(("site", "script"), [(site, script) for site in SCRIPTS for script in SCRIPTS[site]])
+def test_faults_of_worlds(site: str, script: str, engine: Any, amount: int | None) -> None:
+    patient = Inhabitant(site, script, engine)
+    most = patient.calls
+    patient.endure(amount, lambda dice: sorted({1, 2, 3, most}) if ALL else [dice.choice((1, 2, most))])
+
+
+def test_a_function_registered_anew_by_itself(ss: ss2sql.Session) -> None:
+    def first(x: int) -> int:
+        ss.function("f", second, volatility="volatile")
+        with pytest.raises(ss2sql.SessionError, match="registered anew while a query runs") as caught:
+            ss.run("SELECT f(this) FROM [1, 2] AS list;", engine="database")
+        assert caught.value.code == "S004"
+        return x
+
+    def second(x: int) -> int:
+        return -x
+
+    ss.function("f", first, volatility="volatile")
+    assert ss.run("SELECT f(this) FROM [1] AS list;", engine="database").value == [1]
+    for engine in ("database", "native"):
+        assert ss.run("SELECT f(this) FROM [1, 2] AS list;", engine=engine).value == [-1, -2]
+
+
+# --- what worlds may give ------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def break_once(ss: ss2sql.Session) -> Callable[..., None]:
+    """Attaches a world in which one method goes wrong in its k-th call."""
+
+    def attach(site: str, wrong: Callable[[Any], Any], k: int = 1) -> None:
+        source = Lives(site)
+        source.wrong, source.left = wrong, k
+        ss.attach("things", Mishaps(source))
+
+    return attach
+
+
+def raising(error: Exception) -> Callable[[Any], Any]:
+    def fail(_: Any) -> Any:
+        raise error
+
+    return fail
+
+
+@both
+@pytest.mark.parametrize(
+    ("site", "script", "value", "code", "words"),
+    [("keys", "SELECT n FROM things AS list;", [[1]], "X011", "which cannot be hashed"),
+     ("keys", "SELECT n FROM things AS list;", [1, {}], "X011", "which cannot be hashed"),
+     ("keys", "SELECT n FROM things AS list;", np.arange(4).reshape(2, 2), "X011", "which cannot be hashed"),
+     ("keys", "SELECT n FROM things AS list;", [10**5000], "X004", ""),
+     ("mass", "SELECT mass FROM things AS list;", None, "X011", ""),  # an array without end
+     ("size", "SELECT size FROM things AS list;", None, "X011", ""),
+     *(("time", "SELECT getTime() FROM [1] AS list;", moment, "X004", "which is no time")
+       for moment in (float("nan"), "noon", [1], 10**400))],
+    ids=range(10),
+)  # fmt: skip
+def test_garbage_of_worlds(
+    ss: ss2sql.Session, break_once: Any, engine: Any, site: str, script: str, value: Any, code: str, words: str
+) -> None:
+    break_once(site, lambda _: map(float, range(LONG)) if value is None else value)
+    with pytest.raises(ss2sql.ExecutionError) as caught:
+        ss.run(script, engine=engine)
+    assert caught.value.code == code
+    assert words in caught.value.message
+    if "hashed" in words:
+        assert isinstance(caught.value.__cause__, TypeError)
+    if site == "time":
+        ss.detach("things")
+        ss.function("getTime", lambda: value)
+        with pytest.raises(ss2sql.ExecutionError, match="the function 'getTime' says"):
+            ss.run("v{5.0} = 1;", engine=engine)
+
+
+@both
+@pytest.mark.parametrize(
+    ("site", "script"),
+    [("keys", "SELECT n FROM things;"), ("near", "SELECT n FROM things.near(1);"),
+     ("beside", "SELECT m FROM things.beside(1);")],
+)  # fmt: skip
+def test_a_walk_without_end_can_be_ended(
+    ss: ss2sql.Session, break_once: Any, engine: Any, site: str, script: str
+) -> None:
+    given: list[int] = []
+
+    def endless(_: Any) -> Any:
+        for number in range(LONG):
+            given.append(number)
+            if number == 1500:
+                ss.interrupt()
+            yield (number, number) if site == "beside" else number
+
+    break_once(site, endless)
+    with pytest.raises(ss2sql.Cancelled):
+        ss.run(script, engine=engine)
+    assert len(given) < 3000
+    assert ss.eval("len(SELECT n FROM things);") == 12
+
+
+@both
+def test_a_world_that_leaves_while_its_function_runs(ss: ss2sql.Session, break_once: Any, engine: Any) -> None:
+    break_once("keys", lambda value: (ss.detach("things"), value)[1])
+    assert code_of(ss.run, "SELECT push(this), x FROM things AS rows;", engine=engine) in ("X011", "X008")
+    assert ss.tables() == {}
+
+
+class MuteError(Exception):
+    def __str__(self) -> str:
+        raise ValueError
+
+
+@both
+@pytest.mark.parametrize(
+    ("site", "k", "script", "raised", "words"),
+    [("time", 1, "SELECT getTime() FROM [1] AS list;", OSError("the simulator is gone"), "the simulator is gone"),
+     ("check", 2, "SELECT weight(this) FROM things;", OSError("the simulator is gone"), "the simulator is gone"),
+     ("color", 1, "SELECT color FROM things;", MuteError(), r"things\[0\] cannot be read: MuteError")],
+    ids=["time", "check", "mute"],
+)  # fmt: skip
+def test_errors_keep_what_the_world_has_raised(
+    ss: ss2sql.Session, break_once: Any, engine: Any, site: str, k: int, script: str, raised: Exception, words: str
+) -> None:
+    break_once(site, raising(raised), k)
+    with pytest.raises(ss2sql.ExecutionError, match=words) as caught:
+        ss.run(script, engine=engine)
+    assert caught.value.code == "X011"
+    assert type(caught.value.__cause__) is type(raised)
+
+
+WAITING = (
+    "SELECT s FROM things START WITH s = 0.0 CONNECT BY NO CYCLE MAXIMUM 5 s = s + x STOP WITH s > 6;",
+    "SELECT 1 / (4 - s) FROM frame START WITH s = 0 CONNECT BY UNIQUE MAXIMUM 5 s = s + 1 STOP WITH 1 / (4 - s) > 6;",
+)
+
+
+def outcome(ss: ss2sql.Session, script: str, engine: Any) -> Any:
+    try:
+        return ss.run(script, engine=engine).value
+    except ss2sql.ExecutionError as error:
+        return error.code
+
+
+@pytest.mark.parametrize("script", WAITING)
+def test_a_condition_that_waits_for_a_copied_source(ss: ss2sql.Session, script: str) -> None:
+    """A search reads such a source from a copy, which has to have the column that the condition waits for."""
+    pd = pytest.importorskip("pandas")
+    ss.attach("things", Mishaps(Lives()))
+    ss.attach("frame", pd.DataFrame({"x": [0.0, 1.0, 2.0]}))
+    assert outcome(ss, script, "database") == outcome(ss, script, "native") != "X009"

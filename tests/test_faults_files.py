@@ -1,8 +1,4 @@
-"""Files that are full, broken, locked, damaged, read-only or none of SQLite, under `connect` and `attach`.
-
-By default some operations fail and some damages are tried, drawn with a seed; `SS2SQL_FAULTS=all` has every operation
-fail and tries 300 damages, and `SS2SQL_FAULTS=3` draws with another seed.
-"""
+"""Files that are full, broken, locked, damaged, read-only or none of SQLite, under `connect` and `attach`."""
 
 from __future__ import annotations
 
@@ -15,47 +11,30 @@ from random import Random
 from typing import Any
 
 import apsw
+import faulty_files
 import pytest
-from faulty_files import (
-    DAMAGES,
-    FAULTS,
-    HISTORY,
-    LOOKS,
-    PLAIN,
-    READS,
-    RIGHT,
-    VALUE,
-    WRITES,
-    as_sqlite_reads,
-    failing,
-    handles,
-    is_whole,
-    outcome,
-    prepare,
-)
-from remembering import connect, fresh
+from faulty import ALL, WANTED, amounts
+from faulty_files import DAMAGES, FAULTS, HISTORY, LOOKS, PLAIN, READS, VALUE, WRITES, handles, outcome
+from remembering import connect
 from sessions import code_of, write
 
 import ss2sql
 
-WANTED = os.environ.get("SS2SQL_FAULTS", "1")
 WORKS = {**READS, **LOOKS, **WRITES}
 MOST = 40  # operations of one piece of work that are made to fail, one in each try
-SEEDS = range(300) if WANTED == "all" else range(7000, 7014)
+PLUS = "SELECT this + 1 FROM [1, 2] AS list;"
 
 
 @pytest.fixture(scope="module")
 def right() -> dict[str, Any]:
-    """What reading gives from a file that is whole."""
-    found = {name: make() for name, make in RIGHT.items()}
-    return found | {"farther": fresh(goal=7, bound=6, limit=500)}
+    return faulty_files.right()
 
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     """The bytes of a database with a table, a temporal variable and a remembered graph."""
     file = tmp_path_factory.mktemp("whole") / "data.db"
-    prepare(file)
+    faulty_files.prepare(file)
     return file.read_bytes()
 
 
@@ -68,15 +47,15 @@ def opened(file: Path) -> ss2sql.Session:
 # --- a disk that breaks --------------------------------------------------------------------------------
 
 
+@amounts(3, 26)
 @pytest.mark.parametrize("fault", FAULTS)
-def test_a_disk_that_breaks(file: Path, whole: bytes, right: dict[str, Any], fault: str) -> None:
+def test_a_disk_that_breaks(file: Path, whole: bytes, right: dict[str, Any], fault: str, amount: int | None) -> None:
     dice = Random(f"{WANTED} {fault}")
-    for name in WORKS:
-        for stays in (False, True):
-            places = range(1, MOST) if WANTED == "all" else [dice.choice((1, 1, 2, 3, 5, 12))] * (dice.random() < 0.2)
-            for n in places:
-                if not break_once(file, whole, right, fault, name, n, stays):
-                    break
+    works = [(name, stays) for name in WORKS for stays in (False, True)]
+    for name, stays in dice.sample(works, amount or len(works)):
+        for n in range(1, MOST) if ALL else [dice.choice((1, 1, 2, 3, 5, 12))]:
+            if not break_once(file, whole, right, fault, name, n, stays):
+                break
 
 
 def break_once(file: Path, whole: bytes, right: dict[str, Any], fault: str, name: str, n: int, stays: bool) -> bool:
@@ -84,7 +63,7 @@ def break_once(file: Path, whole: bytes, right: dict[str, Any], fault: str, name
     for old in file.parent.glob(f"{file.name}*"):
         old.unlink()
     file.write_bytes(whole)
-    with failing() as vfs:
+    with faulty_files.failing() as vfs:
         ss = opened(file)
         vfs.operations, vfs.error = FAULTS[fault]
         vfs.left, vfs.stays = n, stays
@@ -98,9 +77,9 @@ def break_once(file: Path, whole: bytes, right: dict[str, Any], fault: str, name
         changed = name in ("store", "forget") and error is None
         check(ss, right, changed)
         kept = None if changed else ss.eval(HISTORY)
-        assert ss.eval("SELECT this + 1 FROM [1, 2] AS list;") == [2, 3]
+        assert ss.eval(PLUS) == [2, 3]
         ss.close()
-    assert is_whole(file)
+    assert faulty_files.is_whole(file)
     with opened(file) as ss:
         check(ss, right, changed)
         assert changed or ss.eval(HISTORY) == kept
@@ -117,7 +96,7 @@ def check(ss: ss2sql.Session, right: dict[str, Any], changed: bool) -> None:
 def test_opening_on_a_disk_that_breaks(file: Path, whole: bytes, fault: str) -> None:
     file.write_bytes(whole)
     before = handles()
-    with failing() as vfs:
+    with faulty_files.failing() as vfs:
         for n in range(1, MOST):
             vfs.operations, vfs.error = FAULTS[fault]
             vfs.left = n
@@ -139,12 +118,13 @@ def test_opening_on_a_disk_that_breaks(file: Path, whole: bytes, fault: str) -> 
 # --- damage --------------------------------------------------------------------------------------------
 
 
-def test_damaged_files(file: Path, whole: bytes, right: dict[str, Any]) -> None:
+@amounts(8, 30)
+def test_damaged_files(file: Path, whole: bytes, right: dict[str, Any], amount: int | None) -> None:
     """An error of ours, or what SQLite reads there without noticing anything."""
     seen: set[bool] = set()
-    for seed in SEEDS:
+    for seed in range(7000, 7000 + (amount or 300)):
         dice, data = Random(f"{WANTED} {seed}"), bytearray(whole)
-        dice.choice(DAMAGES)(data, dice)
+        dice.choice(DAMAGES)(data, dice, dice.randrange(len(data) // 4096) * 4096)
         file.write_bytes(data)
         before = handles()
         try:
@@ -171,8 +151,8 @@ def look_at_damage(file: Path, right: dict[str, Any]) -> bool:
         value, error = outcome(lambda work=work: work(ss))  # type: ignore[misc]
         if error is None and name in READS and value != right[name]:
             assert name in PLAIN, name
-            assert value == as_sqlite_reads(file, name)
-    assert ss.eval("SELECT this + 1 FROM [1, 2] AS list;") == [2, 3]
+            assert value == faulty_files.as_sqlite_reads(file, name)
+    assert ss.eval(PLUS) == [2, 3]
     ss.close()
     return True
 
@@ -184,8 +164,8 @@ def look_at_damage_from_outside(file: Path, right: dict[str, Any]) -> None:
             for name, script in (("walk", "SELECT a, b FROM f.t AS rows;"),
                                  ("lookup", "SELECT a FROM f.t WHERE c == 3 AS list;")):  # fmt: skip
                 value, error = outcome(lambda script=script: ss.eval(script))  # type: ignore[misc]
-                assert error is not None or value == right[name] or value == as_sqlite_reads(file, name)
-        assert ss.eval("SELECT this + 1 FROM [1, 2] AS list;") == [2, 3]
+                assert error is not None or value == right[name] or value == faulty_files.as_sqlite_reads(file, name)
+        assert ss.eval(PLUS) == [2, 3]
 
 
 def test_pages_are_looked_at_when_they_are_read(file: Path, whole: bytes) -> None:
@@ -209,7 +189,7 @@ def test_texts_that_are_no_utf_8(file: Path, engine: Any) -> None:
 
 @pytest.mark.parametrize(
     "row",
-    [ "NULL, 5.0, '1', 1.0", "'v', 'noon', '1', 1.0", "'v', 5.0, '[1', 1.0",
+    ["NULL, 5.0, '1', 1.0", "'v', 'noon', '1', 1.0", "'v', 5.0, '[1', 1.0",
      "'v', 5.0, 'NaN', 1.0", "'v', 5.0, '1e999', 1.0", "'v', 5.0, '[99999999999999999999]', 1.0", "'v', 5.0, '1', NULL",
      "'v', 5.0, CAST(x'22ff22' AS TEXT), 1.0"],
 )  # fmt: skip
@@ -268,7 +248,7 @@ def ordinary() -> Iterator[Path]:
 @pytest.mark.parametrize("what", ["file", "folder"])
 def test_without_the_right_to_write(ordinary: Path, right: dict[str, Any], what: str) -> None:
     file = ordinary / "data.db"
-    prepare(file)
+    faulty_files.prepare(file)
     file.chmod(0o444 if what == "file" else 0o666)
     ordinary.chmod(0o777 if what == "file" else 0o555)
     before = file.read_bytes()
@@ -284,25 +264,25 @@ def test_without_the_right_to_write(ordinary: Path, right: dict[str, Any], what:
 
 
 def test_what_is_no_database(tmp_path: Path) -> None:
-    text, empty, folder = tmp_path / "text.db", tmp_path / "empty.db", tmp_path / "folder.db"
+    text, folder, missing = tmp_path / "text.db", tmp_path / "folder.db", tmp_path / "missing" / "data.db"
     text.write_text("This is no database, though it is long enough for one. " * 40)
-    empty.touch()
     folder.mkdir()
     before = handles()
-    missing = tmp_path / "missing" / "data.db"
-    paths: list[Any] = [text, folder, missing, "\0", "a\0b.db", "\ud800.db", "x" * 5000 + ".db"]
-    for path in paths:
-        assert code_of(ss2sql.connect, path) == "S002"
-        assert code_of(ss2sql.connect, path, read_only=True) == "S002"
-        with ss2sql.connect() as ss:
+    with ss2sql.connect() as ss:
+        for path in (text, folder, missing, "\0", "a\0b.db", "\ud800.db", "x" * 5000 + ".db"):
+            for read_only in (False, True):
+                with pytest.raises(ss2sql.SessionError) as caught:
+                    ss2sql.connect(path, read_only=read_only)
+                assert caught.value.code == "S002"
+                assert isinstance(path, str) or str(path) in str(caught.value)
             assert code_of(ss.attach, "f", Path(path)) == "S002"
             assert ss.eval("1 + 1;") == 2
     assert code_of(ss2sql.connect, 5) == "S002"
     assert handles() == before
     assert text.read_text().startswith("This is no database")
-    with ss2sql.connect(empty) as ss:  # SQLite takes it for a new one
+    (tmp_path / "empty.db").touch()
+    with ss2sql.connect(tmp_path / "empty.db") as ss:  # SQLite takes it for a new one
         ss.run("v{5.0} = 1;")
-    assert code_of(ss2sql.connect, tmp_path / "new.db", read_only=True) == "S002"
 
 
 @pytest.mark.parametrize("lock", ["EXCLUSIVE", "IMMEDIATE"])

@@ -1,31 +1,28 @@
-"""What sessions leave behind: no memory and no open files, and nothing of what was attached or compiled in them.
-
-By default 8 sessions, 40 sources and 300 scripts, of which nothing may be left; `SS2SQL_FAULTS=all` takes 2,000, 2,000
-and 20,000, and looks at the memory of the process too.
-"""
+"""What sessions leave behind: no memory and no open files, and nothing of what was attached or compiled in them."""
 
 from __future__ import annotations
 
 import gc
-import os
 import resource
 import weakref
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import pandas
 import pytest
-from faulty import attempt
+from faulty import amounts, attempt
 from faulty_files import handles
-from faulty_worlds import Mishaps, Source
+from faulty_worlds import Lives, Mishaps
 from remembering import near, run
-from sessions import write
+from sessions import ENGINES, write
 
 import ss2sql
 
-pytestmark = pytest.mark.usefixtures("little_heap")
-
-ALL = os.environ.get("SS2SQL_FAULTS") == "all"
+pytestmark = [
+    pytest.mark.usefixtures("little_heap"),
+    pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="there is no /proc"),
+]
 MOST = 10_000_000  # bytes that the process may grow by
 SCRIPTS = (
     "SELECT f(this) FROM t WHERE f(this) > 48 AS list;",
@@ -36,8 +33,6 @@ SCRIPTS = (
     "SELECT this FROM t AS mine;",
 )
 
-pytestmark = pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="there is no /proc")
-
 
 def resident() -> int:
     """The memory of the process, in bytes."""
@@ -45,24 +40,24 @@ def resident() -> int:
         return int(file.read().split()[1]) * resource.getpagesize()
 
 
-def repeat(work: Callable[[int], Any], few: int, many: int) -> None:
+def repeat(work: Callable[[int], Any], times: int) -> None:
     """Does work so often; the process must not grow by more than it may, nor have more open files.
 
     What Python and SQLite keep for themselves they have after some times.
     """
-    for number in range(60 if ALL else 4):
+    for number in range(min(60, times // 2)):
         work(number)
     gc.collect()
     start, files = resident(), handles()
-    for number in range(many if ALL else few):
+    for number in range(times):
         work(number)
     gc.collect()
     assert resident() - start < MOST
     assert handles() == files
 
 
-def test_sessions_leave_nothing(tmp_path: Path) -> None:
-    file = tmp_path / "data.db"
+@amounts(8, 100)
+def test_sessions_leave_nothing(file: Path, amount: int | None) -> None:
     left: weakref.WeakSet[Any] = weakref.WeakSet()
 
     def fail(x: int) -> int:
@@ -70,7 +65,7 @@ def test_sessions_leave_nothing(tmp_path: Path) -> None:
 
     def use(number: int) -> None:
         ss = ss2sql.connect(file if number % 4 == 0 else None)
-        source = Source()
+        source = Lives()
         left.update((ss, ss.host, source))
         ss.function("f", lambda x: x + 1, volatility="stable")
         ss.function("near", near)
@@ -81,8 +76,8 @@ def test_sessions_leave_nothing(tmp_path: Path) -> None:
         ss.attach("t", list(range(50)))
         ss.attach("things", Mishaps(source))
         for script in SCRIPTS:
-            for engine in ("auto", "native"):
-                ss.run(script, engine=engine)
+            ss.run(script)
+            ss.run(script, engine="native")
         run(ss)
         ss.run("SELECT again(this) FROM [1, 2] AS list;")
         for script in (
@@ -99,7 +94,7 @@ def test_sessions_leave_nothing(tmp_path: Path) -> None:
             with ss:
                 ss.eval("1;")
 
-    repeat(use, few=8, many=2000)
+    repeat(use, amount or 2000)
     assert len(left) == 0
 
 
@@ -117,29 +112,26 @@ def test_sessions_that_nobody_closes() -> None:
     assert len(left) == 0
 
 
-def test_what_was_attached_leaves_nothing(ss: ss2sql.Session, tmp_path: Path) -> None:
-    pd = pytest.importorskip("pandas")
-    file = tmp_path / "data.db"
-    write(file, "CREATE TABLE t(a); INSERT INTO t VALUES (1), (2)")
+@amounts(40, 400)
+def test_what_was_attached_leaves_nothing(ss: ss2sql.Session, file: Path, amount: int | None) -> None:
+    write(file, "CREATE TABLE t(x); INSERT INTO t VALUES (1), (2)")
     left: weakref.WeakSet[Any] = weakref.WeakSet()
     makers: tuple[Callable[[], Any], ...] = (
-        lambda: Mishaps(Source()), lambda: [{"x": 1.0}], lambda: file, lambda: pd.DataFrame({"x": [1.0]}),
+        lambda: Mishaps(Lives()), lambda: [{"x": 1.0}], lambda: file, lambda: pandas.DataFrame({"x": [1.0]}),
     )  # fmt: skip
-    scripts = ("SELECT x FROM s AS list;", "SELECT x FROM s AS list;", "SELECT a FROM s.t AS list;",
-               "SELECT x FROM s AS list;")  # fmt: skip
 
     def use(number: int) -> None:
         made = makers[number % 4]()
-        if number % 4 == 0:
+        if isinstance(made, Mishaps):
             left.update((made, made.source))
         ss.attach("s", made)
-        for engine in ("database", "native"):
-            ss.run(scripts[number % 4], engine=engine)
+        for engine in ENGINES:
+            ss.run("SELECT x FROM s.t AS list;" if made is file else "SELECT x FROM s AS list;", engine=engine)  # type: ignore[arg-type]
         if number % 8 < 4:  # else the next one takes its place
             ss.detach("s")
 
     ss.attach("s", 1)
-    repeat(use, few=40, many=2000)
+    repeat(use, amount or 2000)
     ss.attach("s", 1)
     gc.collect()
     assert len(left) == 0
@@ -147,17 +139,17 @@ def test_what_was_attached_leaves_nothing(ss: ss2sql.Session, tmp_path: Path) ->
     assert not ss.host.tables.files
 
 
-def test_scripts_leave_nothing(ss: ss2sql.Session) -> None:
+@amounts(100, 2000)
+def test_scripts_leave_nothing(ss: ss2sql.Session, amount: int | None) -> None:
     ss.function("f", lambda x: x + 1, volatility="stable")
     left: weakref.WeakSet[Any] = weakref.WeakSet()
 
     def use(number: int) -> None:
-        engine: Any = ("database", "native")[number % 2]
-        query = ss.compile(f"SELECT f(this) + {number} FROM [1, 2] WHERE this > {number % 2} AS list;", engine)
+        script = f"SELECT f(this) + {number} FROM [1, 2] WHERE this > {number % 2} AS list;"
+        query = ss.compile(script, ENGINES[number % 2])  # type: ignore[arg-type]
         if number % 4 == 0:
             assert query.run().value
-
         left.add(query)
 
-    repeat(use, few=300, many=20_000)
+    repeat(use, amount or 20_000)
     assert len(left) == 0

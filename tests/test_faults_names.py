@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import io
+import re
 import sys
 from pathlib import Path
 from typing import Any
 
-import apsw
 import pytest
-from sessions import code_of, write
+from sessions import write
 
 import ss2sql
 
@@ -21,38 +21,37 @@ ELEMENTS = """
 """
 
 
-@pytest.mark.parametrize("attached", [False, True])
-def test_tables_called_as_the_virtual_tables(file: Path, engine: Any, attached: bool) -> None:
-    write(file, ELEMENTS)
+@pytest.mark.parametrize("made", ["before", "meanwhile", "attached"])
+def test_tables_called_as_the_virtual_tables(file: Path, engine: Any, made: str) -> None:
+    attached = made == "attached"
+    if made != "meanwhile":
+        write(file, ELEMENTS)
     with ss2sql.connect(None if attached else file) as ss:
+        assert ss.run("SELECT this FROM [7] AS list;", engine=engine).value == [7]
+        if made == "meanwhile":
+            write(file, ELEMENTS)
         ss.set("dicts", [{"x": 5}])
-        assert ss.run("SELECT this FROM [7, 8] AS list;", engine=engine).value == [7, 8]
+        scripts = {
+            "SELECT this FROM [7, 8] AS list;": [7, 8],
+            "SELECT x FROM dicts AS list;": [5],
+            "SELECT a FROM Elements AS list;": [1, 2],
+            "SELECT x FROM elements_x AS list;": [1, 2],
+            "SELECT e.a + b.this FROM e = Elements, b = [10, 20] AS list;": [11, 21, 12, 22],
+        }
         if attached:
             ss.attach("f", file)
-        home = "f." if attached else ""
-        for _ in range(2):
-            assert ss.run("SELECT this FROM [7, 8] AS list;", engine=engine).value == [7, 8]
-            assert ss.run("SELECT x FROM dicts AS list;", engine=engine).value == [5]
-            assert ss.run(f"SELECT a FROM {home}Elements AS list;", engine=engine).value == [1, 2]
-            assert ss.run(f"SELECT x FROM {home}elements_x AS list;", engine=engine).value == [1, 2]
-            script = f"SELECT e.a + b.this FROM e = {home}Elements, b = [10, 20] AS list;"
-            assert ss.run(script, engine=engine).value == [11, 21, 12, 22]
-            script = f"""SELECT n FROM {home}Elements START WITH n = 0 CONNECT BY NO CYCLE n = n + a
-                         STOP WITH n > 1 AS list;"""
-            assert ss.run(script, engine=engine).value == ss.run(script, engine="native").value
+        for script, value in 2 * list(scripts.items()):
+            named = re.sub("(?i)(?=elements)", "f.", script) if attached else script
+            assert ss.run(named, engine=engine).value == value
+        search = "SELECT n FROM {} START WITH n = 0 CONNECT BY NO CYCLE n = n + a STOP WITH n > 1 AS list;"
+        found = ss.run(search.format("f.Elements" if attached else "Elements"), engine=engine).value
+        ss.set("listed", [{"a": 1}, {"a": 2}])
+        assert found == ss.run(search.format("listed"), engine="native").value != []
         ss.compile("SELECT this FROM [7, 8];").explain()
         assert list(ss.tables()) == ["Elements", "elements_x"]
         if attached:
             ss.detach("f")
             assert ss.run("SELECT x FROM dicts AS list;", engine=engine).value == [5]
-
-
-def test_such_a_table_that_somebody_makes_meanwhile(file: Path) -> None:
-    with ss2sql.connect(file) as ss:
-        assert ss.run("SELECT this FROM [7] AS list;", engine="database").value == [7]
-        write(file, ELEMENTS)
-        assert ss.run("SELECT this FROM [7] AS list;", engine="database").value == [7]
-        assert ss.run("SELECT a FROM Elements AS list;", engine="database").value == [1, 2]
 
 
 def test_columns_with_half_of_a_surrogate_pair(ss: ss2sql.Session) -> None:
@@ -65,15 +64,11 @@ def test_columns_with_half_of_a_surrogate_pair(ss: ss2sql.Session) -> None:
     assert ss.eval(script) == ss.run(script, engine="native").value == [{HALF: 1}, {HALF: 2}]
 
 
-def test_views_that_cannot_be_read(ss: ss2sql.Session, file: Path) -> None:
-    write(file, "CREATE TABLE t(a); CREATE TABLE u(b); CREATE VIEW bad AS SELECT a FROM t; DROP TABLE t")
-    ss.attach("f", file)
-    assert ss.tables() == {"bad": (), "u": ("b",)}
-    assert code_of(ss.describe, "bad") == "X009"
-    assert ss.eval("SELECT b FROM f.u AS list;") == []
-
-
 # --- terminals -----------------------------------------------------------------------------------------
+
+
+def fail(x: Any) -> Any:
+    raise ValueError(ESCAPE)
 
 
 def is_harmless(text: str) -> bool:
@@ -90,28 +85,15 @@ def test_sql_has_no_texts_that_terminals_obey(ss: ss2sql.Session) -> None:
         assert is_harmless(result.sql)
 
 
-def in_shell(text: str, monkeypatch: pytest.MonkeyPatch, session: ss2sql.Session) -> str:
-    """What the shell prints, of results and of errors."""
-    from ss2sql.shell.shell import Shell
-
-    out = io.StringIO()
-    monkeypatch.setattr(sys, "stdout", out)
-    monkeypatch.setattr(sys, "stderr", out)
-    Shell(session).run(text)
-    monkeypatch.undo()
-    return out.getvalue()
-
-
 def test_the_shell_prints_nothing_that_terminals_obey(
     ss: ss2sql.Session, file: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Neither in results nor in errors."""
+    from ss2sql.shell.shell import Shell
+
     write(file, f'CREATE TABLE t("c{ESCAPE}"); CREATE TABLE "t{ESCAPE}"(a)')
     ss.attach("f", file)
     ss.set("text", ESCAPE)
-
-    def fail(x: Any) -> Any:
-        raise ValueError(ESCAPE)
-
     ss.function("fail", fail)
     functions = file.with_name(f"none{ESCAPE}.py")
     functions.write_text("x = 1")
@@ -120,9 +102,12 @@ def test_the_shell_prints_nothing_that_terminals_obey(
              f".engine {ESCAPE}", "SELECT * FROM f.t;\n.explain", f".load {ESCAPE}", f".load {functions}",
              f".read {ESCAPE}", ".tables t"]  # fmt: skip
     for text in typed:
-        printed = in_shell(text, monkeypatch, ss)
-        assert "owned" in printed, text
-        assert is_harmless(printed), text
+        out = io.StringIO()
+        with monkeypatch.context() as patch:
+            patch.setattr(sys, "stdout", out)
+            patch.setattr(sys, "stderr", out)
+            Shell(ss).run(text)
+        assert is_harmless(out.getvalue()), text
 
 
 def test_the_command_line_prints_nothing_that_terminals_obey(tmp_path: Path) -> None:
@@ -140,7 +125,6 @@ def test_the_command_line_prints_nothing_that_terminals_obey(tmp_path: Path) -> 
 def test_the_notebook_prints_nothing_that_terminals_obey(
     ss: ss2sql.Session, file: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    pytest.importorskip("IPython")
     from IPython.core.interactiveshell import InteractiveShell
 
     write(file, f'CREATE TABLE t("c{ESCAPE}")')
@@ -153,12 +137,3 @@ def test_the_notebook_prints_nothing_that_terminals_obey(
     shell.run_cell_magic("ss", "--session mine", "SELECT * FROM f.t;")
     shell.run_line_magic("unload_ext", "ss2sql")
     assert is_harmless(capsys.readouterr().out)
-
-
-def test_apsw_still_has_what_hides_tables() -> None:
-    """A virtual table that has a name of its own hides the table of the database, and takes arguments all the same."""
-    connection = apsw.Connection(":memory:")
-    connection.execute("CREATE TABLE t(a)")
-    with pytest.raises(apsw.SQLError, match="not a function"):
-        connection.execute("SELECT * FROM t(1)")
-    connection.close()

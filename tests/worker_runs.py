@@ -12,6 +12,13 @@ import ss2sql
 
 GRAPH = """SELECT onward(n, this) FROM [1, 2, 3] {where}
 START WITH n = 1 CONNECT BY MEMORIZE {bound} {options} n = onward(n, this) {stop};"""
+# How a program in a process of its own begins, so that all calls are worth other processes.
+EAGER = """
+import ss2sql
+from ss2sql.runtime.workers import foretelling, timing
+timing.SAMPLES, timing.CHEAP, foretelling.LEAST, foretelling.START = 0, 0.0, 0.0, 0.0
+foretelling.Foreteller._own_answer = lambda _: None
+"""
 
 
 def declare(session: ss2sql.Session, *names: str, **others: Callable[..., Any]) -> None:
