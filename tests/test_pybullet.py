@@ -302,7 +302,7 @@ def test_collision_equals_moving_there_and_moves_nothing(client: Any, ss: ss2sql
         client.resetSimulation()
         furnish(client, dice, 5)
         place = [dice.uniform(-2, 2) for _ in range(3)]
-        robot = jointed(client, dice, 3.0, place, client.getQuaternionFromEuler([0.3, 0.2, dice.uniform(-3, 3)]))
+        robot = jointed(client, dice, 3.0, place, client.getQuaternionFromEuler([0.3, 0.2, dice.uniform(-3, 3)]), 4)
         if seed % 2:
             client.stepSimulation()
         poses = []
