@@ -302,7 +302,7 @@ def test_collision_equals_moving_there_and_moves_nothing(client: Any, ss: ss2sql
         client.resetSimulation()
         furnish(client, dice, 5)
         place = [dice.uniform(-2, 2) for _ in range(3)]
-        robot = jointed(client, dice, 3.0, place, client.getQuaternionFromEuler([0.3, 0.2, dice.uniform(-3, 3)]))
+        robot = jointed(client, dice, 3.0, place, client.getQuaternionFromEuler([0.3, 0.2, dice.uniform(-3, 3)]), 4)
         if seed % 2:
             client.stepSimulation()
         poses = []
@@ -326,8 +326,9 @@ def test_collision_equals_moving_there_and_moves_nothing(client: Any, ss: ss2sql
 
 def test_a_margin_counts_and_is_a_number(client: Any, ss: ss2sql.Session) -> None:
     ground, robot = box(client, (9, 9, 1)), ball(client, 0.5, (0, 0, 1))
-    script = "[collision(r, g), collision(r, [2, 0]), collision(r, [2, 0], -0.001), collision(r, [2, 0, 2], 1.1)]"
-    assert values(ss, script, r=robot, g=ground) == [True, True, False, True]
+    script = "[collision(r, g), collision(r, g, -0.001), collision(r, [2, 0]), collision(r, [2, 0], -0.001)]"
+    assert values(ss, script, r=robot, g=ground) == [True, False, True, False]
+    assert values(ss, "[collision(r, [2, 0, 2], 0.9), collision(r, [2, 0, 2], 1.1)]", r=robot) == [False, True]
     assert "X007" in message(ss, "collision(r, [1, 2], 'near')", r=robot)
 
 

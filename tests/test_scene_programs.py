@@ -7,13 +7,11 @@ from __future__ import annotations
 
 import contextlib
 import io
-from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
 import pandas as pd
 import polars as pl
-import pytest
 from agreement import EARLY, code_of, exact
 from balls import BallWorld
 from hypothesis import given, seed
@@ -22,7 +20,6 @@ from programs.drawn import SEED, amount, drawn
 from programs.library import LIBRARY
 from programs.scenes import BALL, CALLED, DECISIONS, SceneCase, Stirring, over_copies, scene_program
 from reference import Failure, Reference
-from sessions import ENGINES
 
 import ss2sql
 
@@ -70,13 +67,9 @@ def of_world(case: SceneCase, engine: Any) -> Outcome:
 
 def with_names_of_copies(value: Any) -> Any:
     """Columns are named by their texts, which mention the function of the world."""
-    match value:
-        case tuple():
-            return tuple(map(with_names_of_copies, value))
-        case str():
-            return over_copies(value)
-        case _:
-            return value
+    if isinstance(value, tuple):
+        return tuple(map(with_names_of_copies, value))
+    return over_copies(value) if isinstance(value, str) else value
 
 
 def of_copies(case: SceneCase, engine: Any) -> Outcome:
@@ -118,32 +111,18 @@ def column(name: str) -> Callable[[dict[str, Any]], Any]:
 
 
 def test_programs_over_a_world_equal_those_over_copies() -> None:
-    tried: Counter[str] = Counter()
+    values = 0
 
     @seed(SEED)
     @drawn(COUNT)
     @given(st.binary(min_size=DECISIONS, max_size=DECISIONS).map(scene_program))
     def run(case: SceneCase) -> None:
+        nonlocal values
         expected = of_reference(case)
         for engine in ("auto", "native"):
             assert of_world(case, engine) in (expected, ("error", EARLY)), case.script
             assert of_copies(case, engine) in (expected, ("error", EARLY)), case.script
-        tried[expected[0]] += 1
-        tried.update(
-            word for word in ("space.near(", "frame", "stir()", "START WITH", "GROUP BY") if word in case.script
-        )
+        values += expected[0] == "value"
 
     run()
-    assert tried["value"] > COUNT / 2
-    for word in ("space.near(", "frame", "stir()", "START WITH"):
-        assert tried[word] > COUNT / 10, word
-
-
-@pytest.mark.parametrize("engine", ENGINES)
-def test_a_statement_sees_what_the_one_before_it_has_done(engine: Any) -> None:
-    case = SceneCase(("a = SELECT id FROM space AS list", "stir()", "SELECT id FROM space AS list"), 3, 4, {"k": [1]})
-    stirring = Stirring(case)
-    before = list(stirring.box.balls)
-    stirring()
-    assert of_world(case, engine) == ("value", exact(list(stirring.box.balls)))
-    assert list(stirring.box.balls) != before
+    assert values > COUNT / 2

@@ -22,6 +22,7 @@ from pybullet_utils.bullet_client import BulletClient
 import ss2sql
 from ss2sql import scenes
 from ss2sql.scenes import Scene, View, bullet
+from ss2sql.scenes.particles import BOUNCE, INSIDE
 from ss2sql.scenes.solids import Box, Sphere
 
 DIRECTIONS = [(x, y) for x, y in product((-1, 0, 1), repeat=2) if (x, y) != (0, 0)]
@@ -104,6 +105,20 @@ def test_bodies_bounce_with_three_tenths_of_their_speed(client):
     scene.step(80 + 240)  # it has 4.7 m to go
     velocity, _ = client.getBaseVelocity(ball)
     assert velocity[0] == pytest.approx(-4 * 0.3, rel=0.05)
+
+
+def test_what_is_hit_too_hard_is_mirrored_at_its_wall(client):
+    scene = scenes.chaos(bodies=0, client=client)
+    assert repr(scene) == "<chaos of seed 18: 6 bodies, 0.00 s>"
+    ball = scene.add("ball", Sphere(0.3), (0, 0, 0), (1, 0, 0), mass=5.0)
+    for kind, what in ((scene.forces, (0.0, 0.0, 0.0)), (scene.ends, 99)):  # a particle, and a splinter
+        kind[ball] = what
+        client.resetBasePositionAndOrientation(ball, (4.99, 1.0, 0.0), (0, 0, 0, 1))
+        client.resetBaseVelocity(ball, (4000, 7, 0))
+        scene.after_step()
+        assert client.getBasePositionAndOrientation(ball)[0] == pytest.approx((INSIDE, 1.0, 0.0))
+        assert client.getBaseVelocity(ball)[0] == pytest.approx((-4000 * BOUNCE, 7, 0))
+        del kind[ball]
 
 
 # --- hall ----------------------------------------------------------------------------------------------
