@@ -97,4 +97,5 @@ VALUES: dict[str, Callable[[], Any]] = {
     "uneven": lambda: [{"name": "Ada", "age": 36}, {"name": "Grace"}],
     "number": lambda: 7,
     "shelf": lambda: Shelf(),
+    "mixed_keys": lambda: {"a": 1, 1: "one", (1, 2): "pair"},
 }
