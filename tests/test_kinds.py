@@ -64,46 +64,26 @@ def short_list(*positions: Type) -> Type:
 HALF = number(2.5, 2.5, Kind.FLOAT)
 
 
-@pytest.mark.parametrize(
-    ("value", "expected"),
-    [
-        (None, NONE),
-        (True, Type(Kind.BOOL, 1, 1)),
-        (7, number(7, 7)),
-        (-0.5, number(-0.5, -0.5, Kind.FLOAT)),
-        ("a", STR),
-        ("\ud800", UNENCODABLE),
-        ([], EMPTY),
-        ([1, 3, 2], short_list(number(1, 1), number(3, 3), number(2, 2))),
-        ([1, 2.5, None, True], short_list(number(1, 1), HALF, NONE, number(1, 1, Kind.BOOL))),
-        (["a", "b"], short_list(STR, STR)),
-        (["a", 1], short_list(STR, number(1, 1))),
-        ([[1, "a"], [3, None]], long_list(short_list(number(1, 3), Type(Kind.STR | Kind.NONE)), 2)),
-        ([1] * 16, short_list(*[number(1, 1)] * 16)),
-        ([1] * 17, long_list(number(1, 1), 17)),
-        ([[1] * 17, [2] * 17], long_list(long_list(number(1, 2), 17), 2)),
-        ([[1, 2], [3]], long_list(plain_list(number(1, 3)), 2)),
-        (
-            [1, [2]],
-            Type(
-                Kind.LIST,
-                item=Type(Kind.INT | Kind.LIST, 1, 1, number(2, 2), (), (number(2, 2),)),
-                columns=(),
-                length=2,
-            ),
-        ),
-        (["a", "\ud800"], long_list(UNENCODABLE, None)),
-        ([[1], [], [2.0]], long_list(plain_list(number(1, 2, Kind.INT | Kind.FLOAT)), 3)),
-        ([[], []], long_list(EMPTY, 2)),
-        ([1, []], long_list(Type(Kind.INT | Kind.LIST, 1, 1, NOTHING, ()), 2)),
-        ({"a": 1, "b": "x"}, Type(Kind.DICT, columns=(("a", number(1, 1)), ("b", STR)))),
-        ({1: 1, "a": None}, Type(Kind.DICT, columns=(("a", NONE),))),
-        ({}, Type(Kind.DICT, columns=())),
-        (Thing(), Type(Kind.OBJECT, columns=())),
-        (Place("x"), Type(Kind.OBJECT, columns=(("name", ANY),))),
-    ],
-    ids=repr,
-)
+TYPES = [
+    (None, NONE), (True, Type(Kind.BOOL, 1, 1)), (7, number(7, 7)), (-0.5, number(-0.5, -0.5, Kind.FLOAT)), ("a", STR),
+    ("\ud800", UNENCODABLE), ([], EMPTY), ([1, 3, 2], short_list(number(1, 1), number(3, 3), number(2, 2))),
+    ([1, 2.5, None, True], short_list(number(1, 1), HALF, NONE, number(1, 1, Kind.BOOL))),
+    (["a", "b"], short_list(STR, STR)), (["a", 1], short_list(STR, number(1, 1))),
+    ([[1, "a"], [3, None]], long_list(short_list(number(1, 3), Type(Kind.STR | Kind.NONE)), 2)),
+    ([1] * 16, short_list(*[number(1, 1)] * 16)), ([1] * 17, long_list(number(1, 1), 17)),
+    ([[1] * 17, [2] * 17], long_list(long_list(number(1, 2), 17), 2)),
+    ([[1, 2], [3]], long_list(plain_list(number(1, 3)), 2)),
+    ([1, [2]], long_list(Type(Kind.INT | Kind.LIST, 1, 1, number(2, 2), (), (number(2, 2),)), 2)),
+    (["a", "\ud800"], long_list(UNENCODABLE, None)),
+    ([[1], [], [2.0]], long_list(plain_list(number(1, 2, Kind.INT | Kind.FLOAT)), 3)), ([[], []], long_list(EMPTY, 2)),
+    ([1, []], long_list(Type(Kind.INT | Kind.LIST, 1, 1, NOTHING, ()), 2)),
+    ({"a": 1, "b": "x"}, Type(Kind.DICT, columns=(("a", number(1, 1)), ("b", STR)))),
+    ({1: 1, "a": None}, Type(Kind.DICT, columns=(("a", NONE),))), ({}, Type(Kind.DICT, columns=())),
+    (Thing(), Type(Kind.OBJECT, columns=())), (Place("x"), Type(Kind.OBJECT, columns=(("name", ANY),))),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("value", "expected"), TYPES, ids=repr)
 def test_the_type_of_a_value(value: Any, expected: Type) -> None:
     assert type_of(value) == expected
 
@@ -175,23 +155,13 @@ def test_the_type_of_a_list_covers_its_elements(values: list[Any]) -> None:
 
 def test_types_that_do_not_cover() -> None:
     pairs = [
-        (INT, FLOAT),
-        (INT, BOOL),
-        (STR, UNENCODABLE),
-        (number(0, 5), number(0, 6)),
-        (number(0, 5), INT),
-        (number(0, 5), number(0, 5, Kind.FLOAT)),
-        (INT, NONE),
-        (plain_list(INT), plain_list(STR)),
-        (plain_list(INT), LIST),
-        (type_of([1, "a"]), type_of(["a", 1])),
-        (type_of([1, 2]), type_of([1, 2, 2])),
-        (type_of([1, 2]), plain_list(number(1, 2))),
-        (type_of([{"a": 1}]), type_of([{"b": 1}])),
-        (type_of([{"a": 1}]), type_of([{"a": 1, "b": 1}])),
-        (type_of([{"a": 1, "b": 1}]), type_of([{"a": 1}])),
+        (INT, FLOAT), (INT, BOOL), (STR, UNENCODABLE), (number(0, 5), number(0, 6)), (number(0, 5), INT),
+        (number(0, 5), number(0, 5, Kind.FLOAT)), (INT, NONE), (plain_list(INT), plain_list(STR)),
+        (plain_list(INT), LIST), (type_of([1, "a"]), type_of(["a", 1])), (type_of([1, 2]), type_of([1, 2, 2])),
+        (type_of([1, 2]), plain_list(number(1, 2))), (type_of([{"a": 1}]), type_of([{"b": 1}])),
+        (type_of([{"a": 1}]), type_of([{"a": 1, "b": 1}])), (type_of([{"a": 1, "b": 1}]), type_of([{"a": 1}])),
         (type_of([{"a": 1}]), type_of([1])),
-    ]
+    ]  # fmt: skip
     for wide, narrow in pairs:
         assert not covers(wide, narrow), (wide, narrow)
 

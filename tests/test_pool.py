@@ -15,20 +15,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from random_values import ALIKE, PLAIN_VALUES, VALUES, Thing, Unhashable, same
+from random_values import ALIKE, PLAIN_VALUES, REFUSED, VALUES, Thing, Unhashable, label, python_values, same
 
 from ss2sql.errors import ExecutionError
 from ss2sql.runtime.pool import FALSE, TRUE, Pool
 from ss2sql.runtime.values import fresh, normalise, truth
 
 GIVER = "the function 'f'"
-
-
-@pytest.fixture(scope="module")
-def database() -> apsw.Connection:
-    connection = apsw.Connection(":memory:")
-    connection.execute("CREATE TABLE one(value)")
-    return connection
 
 
 # --- there and back ------------------------------------------------------------------------------------
@@ -43,15 +36,10 @@ def test_values_come_back_exactly(value: Any) -> None:
     assert same(normalise(pool.fresh(handle), GIVER), value)
     assert pool.encode(value) == handle
     assert pool.encode(pool.decode(handle)) == handle
-
-
-@given(VALUES)
-def test_foreign_values_come_back_exactly(value: Any) -> None:
-    pool = Pool()
-    given_value = fresh(value)
-    handle = pool.encode_foreign(given_value, GIVER)
-    assert same(pool.decode(handle), value)
-    assert pool.encode_foreign(fresh(value), GIVER) == handle == pool.encode(value)
+    foreign = Pool()
+    handle = foreign.encode_foreign(fresh(value), GIVER)
+    assert same(foreign.decode(handle), value)
+    assert foreign.encode_foreign(fresh(value), GIVER) == handle == foreign.encode(value)
 
 
 @given(PLAIN_VALUES)
@@ -99,23 +87,9 @@ def test_lone_surrogates_travel_as_handles() -> None:
 
 def test_foreign_values_are_normalised() -> None:
     pool = Pool()
-    cases: list[tuple[Any, Any]] = [
-        ((1, (2, 3)), [1, [2, 3]]),
-        ([np.float64(1.0)], [1.0]),
-        ([[np.int64(1)]], [[1]]),
-        ((np.float64(1.0),), [1.0]),
-        (np.array([[1, 2]]), [[1, 2]]),
-        ({2, 1}, [1, 2]),
-        (({2, 1},), [[1, 2]]),
-        ({"a": (1,)}, {"a": [1]}),
-        (np.float64(2.5), 2.5),
-        ([[(1,)]], [[[1]]]),
-        ((), []),
-    ]
-    for given_value, expected in cases:
-        for _ in range(2):
-            assert same(pool.decode(pool.encode_foreign(given_value, GIVER)), expected)
-        assert pool.encode_foreign(given_value, GIVER) == pool.encode(expected)
+    for (given_value, expected), (again, _) in zip(python_values(), python_values(), strict=True):
+        assert same(pool.decode(pool.encode_foreign(given_value, GIVER)), expected)
+        assert pool.encode_foreign(again, GIVER) == pool.encode(expected)
 
 
 def test_numpy_scalars_are_not_taken_for_their_bytes() -> None:
@@ -126,10 +100,10 @@ def test_numpy_scalars_are_not_taken_for_their_bytes() -> None:
     assert pool.decode(pool.encode_foreign([raw], GIVER)) == [raw]
 
 
-@pytest.mark.parametrize("bad", [float("nan"), float("inf"), 2**63, -(2**63) - 1, 1j])
+@pytest.mark.parametrize("bad", [*(value for value, _ in REFUSED), float("inf")], ids=label)
 def test_bad_values_are_refused_every_time(bad: Any) -> None:
     pool = Pool()
-    for value in (bad, [bad], [[1], [bad]], (bad,), ((bad,),), {"a": bad}, [[[bad]]], np.array([bad])):
+    for value in (bad, [bad], [[1], [bad]], (bad,), ((bad,),), {"a": bad}, [[[bad]]]):
         for _ in range(2):
             with pytest.raises(ExecutionError, match="the function 'f' returned") as caught:
                 pool.encode_foreign(value, GIVER)
@@ -165,6 +139,7 @@ def test_later_changes_of_a_given_list_do_not_show() -> None:
     odd[0].append(3)
     odd[1]["b"] = 1
     assert pool.decode(first) == [[1], 2]
+    assert pool.decode(first) is pool.decode(first)
     assert pool.decode(second) == [[thing], {"a": thing}]
 
 
@@ -177,12 +152,6 @@ def test_fresh_copies_may_be_changed() -> None:
         copy = pool.fresh(handle)
         copy.clear()
         assert pool.fresh(handle) == before == value
-
-
-def test_decoded_values_are_shared() -> None:
-    pool = Pool()
-    handle = pool.encode([1, [2]])
-    assert pool.decode(handle) is pool.decode(handle)
 
 
 def test_objects_come_back_identical() -> None:
@@ -291,13 +260,8 @@ def test_blobs_of_tables_are_bytes_objects(blob: bytes) -> None:
     assert pool.equal(blob, handle)
     assert not pool.equal(blob, pool.encode([1]))
     assert not pool.equal(blob, pool.encode(b"other"))
-
-
-def test_handles_of_another_pool_are_strange_bytes() -> None:
-    first, second = Pool(), Pool()
-    handle = first.encode([1])
-    second.encode([1])
-    assert second.decode(handle) == handle
+    strange = Pool().encode([1])  # the handle of another pool
+    assert pool.decode(strange) == strange
 
 
 # --- truth ---------------------------------------------------------------------------------------------

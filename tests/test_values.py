@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 import datetime
+import enum
 import itertools
+import pathlib
+import subprocess
+import sys
+from collections import UserList
 from decimal import Decimal
 from fractions import Fraction
 from typing import Any
@@ -12,7 +17,21 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from random_values import ALIKE, NUMBERS, VALUES, Thing, Unhashable, label, lists, same, values
+from random_values import (
+    ALIKE,
+    NUMBERS,
+    PLAIN_VALUES,
+    REFUSED,
+    SCALARS,
+    VALUES,
+    Thing,
+    Unhashable,
+    label,
+    lists,
+    python_values,
+    same,
+    values,
+)  # fmt: skip
 
 from ss2sql.errors import ExecutionError
 from ss2sql.runtime.values import (
@@ -40,6 +59,12 @@ def failure(call: Any, *arguments: Any) -> ExecutionError:
     assert caught.value.hints
     assert all(caught.value.hints)
     return caught.value
+
+
+def nested(depth: int, leaf: Any = 1) -> Any:
+    for _ in range(depth):
+        leaf = [leaf]
+    return leaf
 
 
 # --- copies and truth ----------------------------------------------------------------------------------
@@ -70,14 +95,9 @@ def test_parts_that_were_shared_are_copied_apart() -> None:
     assert second == [1]
 
 
-@pytest.mark.parametrize("value", [None, 0, 0.0, -0.0, False, "", [], {}, b""], ids=label)
-def test_nothing_zero_and_empty_are_false(value: Any) -> None:
-    assert truth(value) is False
-
-
-@pytest.mark.parametrize("value", [True, -1, 0.5, "0", [[]], [0], {"a": 0}, b"0"], ids=label)
-def test_everything_else_is_true(value: Any) -> None:
-    assert truth(value) is True
+def test_what_is_nothing_zero_or_empty_is_false() -> None:
+    assert not any(map(truth, [None, 0, 0.0, -0.0, False, "", [], {}, b""]))
+    assert all(map(truth, [True, -1, 0.5, "0", [[]], [0], {"a": 0}, b"0"]))
 
 
 def test_truth_of_objects() -> None:
@@ -112,61 +132,24 @@ def test_keys_of_any_values(left: Any, right: Any) -> None:
 
 def test_keys_of_chosen_values() -> None:
     equal = [
-        (1, 1.0),
-        (1, True),
-        ([10, 9], [10.0, 9.0]),
-        ([[0.0]], [[-0.0]]),
-        ([True], [1]),
-        ({"a": 1, "b": [1.0]}, {"b": [True], "a": 1}),
-        ([Decimal(2)], [2]),
-        (Fraction(1, 2), 0.5),
-        ([b"a", 1.0], [b"a", 1]),
-        (2**53, 2.0**53),
-    ]
+        (1, 1.0), (1, True), ([10, 9], [10.0, 9.0]), ([[0.0]], [[-0.0]]), ([True], [1]),
+        ({"a": 1, "b": [1.0]}, {"b": [True], "a": 1}), ([Decimal(2)], [2]), (Fraction(1, 2), 0.5),
+        ([b"a", 1.0], [b"a", 1]), (2**53, 2.0**53),
+    ]  # fmt: skip
     for left, right in equal:
         assert left == right
         assert freeze(left) == freeze(right)
     different = [
-        [],
-        [[]],
-        {},
-        [{}],
-        "",
-        "[]",
-        0,
-        "0",
-        None,
-        [None],
-        "1",
-        1,
-        b"",
-        b"1",
-        [b"1"],
-        ["1"],
-        [1],
-        [[1]],
-        [1, 1],
-        {"a": 1},
-        {"a": "1"},
-        [["a", 1]],
-        2**53 + 1,
-        2.0**53,
-        [2**53 + 1],
-        [2.0**53],
-        2.0**63,
-        [Decimal("0.1")],
-        [0.1],
+        [], [[]], {}, [{}], "", "[]", 0, "0", None, [None], "1", 1, b"", b"1", [b"1"], ["1"], [1], [[1]], [1, 1],
+        {"a": 1}, {"a": "1"}, [["a", 1]], 2**53 + 1, 2.0**53, [2**53 + 1], [2.0**53], 2.0**63, [Decimal("0.1")], [0.1],
         freeze([1]),
-    ]
+    ]  # fmt: skip
     for left, right in itertools.combinations(different, 2):
         assert freeze(left) != freeze(right), (left, right)
 
 
 def test_values_that_a_script_nested_too_deeply_have_no_key() -> None:
-    value: Any = 0.5
-    for _ in range(1500):
-        value = [value]
-    assert failure(freeze, value).message == "cannot compare a value nested deeper than 500 levels"
+    assert failure(freeze, nested(1500, 0.5)).message == "cannot compare a value nested deeper than 500 levels"
 
 
 # --- order ---------------------------------------------------------------------------------------------
@@ -245,9 +228,8 @@ def test_sorting_is_stable_and_puts_none_first(descending: bool) -> None:
 
 @given(st.lists(st.one_of(st.none(), NUMBERS), max_size=12), st.booleans())
 def test_sorting_numbers_as_python_does(column: list[Any], descending: bool) -> None:
-    expected = sorted(
-        range(len(column)), key=lambda i: (column[i] is not None, column[i] or 0), reverse=descending
-    )  # fmt: skip
+    keys = [(value is not None, value or 0) for value in column]
+    expected = sorted(range(len(column)), key=keys.__getitem__, reverse=descending)
     assert sort_rows(range(len(column)), [(value,) for value in column], [descending]) == expected
 
 
@@ -293,3 +275,163 @@ def test_check_passes_values_and_refuses_the_rest() -> None:
     assert failure(check, 2**63).message == "integer overflow: 9223372036854775808 does not fit into 64 bits"
     for value in (float("inf"), float("nan"), 1j, -(2**63) - 1, 10**10000):
         assert failure(check, value).code == "X004"
+
+
+# --- the border: what Python hands over becomes values, or is refused -----------------------------------
+
+
+class Colour(enum.Enum):
+    RED = 1
+
+
+@pytest.mark.parametrize(("given_value", "expected"), python_values(), ids=label)
+def test_python_values_become_plain_values(given_value: Any, expected: Any) -> None:
+    value = normalise(given_value, GIVER)
+    assert same(value, expected)
+
+
+@given(PLAIN_VALUES)
+def test_clean_values_are_returned_as_they_are(value: Any) -> None:
+    if not _has_odd_keys(value):
+        assert normalise(value, GIVER) is value
+
+
+def _has_odd_keys(value: Any) -> bool:
+    if isinstance(value, dict):
+        return any(type(key) is not str for key in value) or any(map(_has_odd_keys, value.values()))
+    return isinstance(value, list) and any(map(_has_odd_keys, value))
+
+
+@given(VALUES)
+def test_normalising_changes_no_value(value: Any) -> None:
+    assert same(normalise(value, GIVER), value)
+
+
+@given(st.lists(st.tuples(SCALARS, SCALARS)))
+def test_tuples_of_anything_become_lists(pairs: list[tuple[Any, Any]]) -> None:
+    assert same(normalise(pairs, GIVER), [list(pair) for pair in pairs])
+    assert same(normalise((1, pairs), GIVER), [1, [list(pair) for pair in pairs]])
+
+
+def test_hashable_objects_stay_themselves() -> None:
+    date, path = datetime.datetime(2020, 1, 1), pathlib.PurePath("a")
+    for thing in (b"bytes", Decimal("1.5"), Fraction(1, 3), date, path, Colour.RED, Thing(), len, Thing, Ellipsis):
+        value = normalise(thing, GIVER)
+        assert truth(value) is True
+        assert fresh(value) is thing or thing == b"bytes"
+        assert fresh(normalise([thing], GIVER))[0] is thing or thing == b"bytes"
+
+
+def test_only_what_python_cannot_compare_is_wrapped() -> None:
+    path = pathlib.PurePath("a")
+    assert normalise(path, GIVER) is path
+    assert normalise([path], GIVER) == [pathlib.PurePath("a")]
+    odd = Unhashable()
+    value = normalise([odd, odd, Unhashable()], GIVER)
+    assert value[0] == value[1]
+    assert value[0] != value[2]
+    assert value[0] != 1
+    assert [fresh(item) is odd for item in value] == [True, True, False]
+    assert isinstance(normalise(bytearray(b"a"), GIVER), Opaque)
+    assert normalise(value, GIVER) == value
+
+
+def test_objects_that_do_not_equal_themselves_compare_by_identity() -> None:
+    missing = np.datetime64("NaT")
+    value = normalise([missing, missing], GIVER)
+    assert value == value[:]
+    assert value[0] == value[1]
+    assert value[0].object is missing
+    assert normalise(Decimal("NaN"), GIVER) != normalise(Decimal("NaN"), GIVER)
+
+    class Vague(Thing):
+        def __eq__(self, other: object) -> bool:
+            raise ValueError("more than one element")
+
+        __hash__ = Thing.__hash__
+
+    vague = Vague()
+    assert normalise([vague], GIVER) == normalise([vague], GIVER)
+    assert normalise([vague], GIVER) != normalise([Vague()], GIVER)
+
+
+def test_numpy_dates_are_objects_with_their_own_equality() -> None:
+    day = np.datetime64("2020-01-01")
+    value = normalise(np.array(["2020-01-01", "2020-01-02"], dtype="datetime64[D]"), GIVER)
+    assert value == normalise([day, np.datetime64("2020-01-02")], GIVER)
+    assert value[0] != value[1]
+    assert fresh(value)[0] == day
+    assert isinstance(fresh(value)[0], np.datetime64)
+    assert normalise(np.array(day), GIVER) == value[0]
+    assert normalise(np.timedelta64(5, "s"), GIVER) != 5
+
+
+def test_buffers_code_and_classes_that_look_like_containers_are_not_copied() -> None:
+    for thing in (memoryview(b"abc"), (lambda: 0).__code__, np.datetime64(1, "s"), UserList([1])):
+        value = normalise([thing], GIVER)
+        assert fresh(value)[0] is thing
+        assert value == normalise([thing], GIVER)
+
+
+@pytest.mark.parametrize(("given_value", "message"), REFUSED, ids=label)
+def test_values_that_the_language_does_not_have(given_value: Any, message: str) -> None:
+    error = failure(normalise, given_value, GIVER)
+    assert (error.code, error.message) == ("X004", f"the function 'f' returned {message}")
+    assert failure(normalise, [float("nan")], "the variable 'x'").message == "the variable 'x' holds NaN at [0]"
+
+
+@pytest.mark.parametrize("inside", [True, 7, 1.5, "a", None, (1,), b"a"])
+def test_limits_hold_beside_any_neighbour(inside: Any) -> None:
+    for bad in (2**63, -(2**63) - 1, float("nan"), float("inf")):
+        for value in ([bad, inside], [inside, bad], [[inside], [bad]], [[[bad]], inside], {"a": bad, "b": inside}):
+            assert failure(normalise, value, GIVER).code == "X004"
+    for good in (2**63 - 1, -(2**63), 1.7976931348623157e308):
+        assert fresh(normalise([good, inside], GIVER))[0] == good
+
+
+def test_lists_that_contain_themselves() -> None:
+    once: list[Any] = []
+    once.append(once)
+    twice: list[Any] = []
+    twice += [twice, twice]
+    parent: dict[str, Any] = {}
+    parent["children"] = [{"parent": parent}, {"parent": parent}]
+    for value in (once, [1, once], (once,), twice, [[twice, 1.0]], parent, [parent], {"a": twice}):
+        error = failure(normalise, value, GIVER)
+        assert error.code == "X004"
+        assert error.message == "the function 'f' returned a value nested deeper than 500 levels"
+
+
+def test_deep_lists_work_or_are_refused() -> None:
+    deep = nested(500)
+    for value in (deep, nested(500, b"bytes"), nested(499, (1,))):
+        clean = normalise(value, GIVER)
+        assert fresh(clean) == clean
+        assert freeze(clean) == freeze(fresh(clean))
+        assert show(clean) == "[" * 57 + "..."
+        assert compare(clean, fresh(clean)) == 0
+    record: Any = 1
+    for _ in range(250):
+        record = {"a": [record, Decimal(1)]}
+    assert freeze(normalise(record, GIVER)) == freeze(fresh(record))
+    for depth in (501, 502, 1001, 3000, 100_000):
+        for value in (nested(depth), nested(depth, float("nan")), nested(depth, (1,))):
+            assert failure(normalise, value, GIVER).code == "X004"
+            while value and isinstance(value, list):  # Python would free it recursively
+                value = value.pop()
+
+
+def test_sets_have_the_same_order_under_every_hash_seed() -> None:
+    script = (
+        "from ss2sql.runtime.values import normalise; from pathlib import PurePath; from decimal import Decimal\n"
+        "print(normalise([{'b', 'a', 'c', 'd'}, {1, 'x', None, (2, 'y'), 2.5}, {PurePath('b'), PurePath('a'), 'c'},\n"
+        "    {(1, 'a'), (1, 2), 'q'}, {Decimal(2), Decimal(1), 3}, {frozenset({1}), (1.0,)}], 'x'))"
+    )
+    outputs = set()
+    for seed in ("0", "1", "2", "3"):
+        run = subprocess.run(
+            [sys.executable, "-c", script], env={"PYTHONHASHSEED": seed}, capture_output=True, text=True, check=True
+        )
+        outputs.add(run.stdout)
+    assert len(outputs) == 1
+    assert outputs.pop().startswith("[['a', 'b', 'c', 'd'], [None, 2.5, 1, [2, 'y'], 'x'],")
