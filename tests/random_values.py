@@ -85,9 +85,8 @@ def lists(leaves: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
 PLAIN_VALUES = values(SCALARS)
 VALUES = values(st.one_of(SCALARS, OBJECTS))
 # Few different values, so that equal ones meet.
-ALIKE = values(
-    st.sampled_from([None, 0, 1, 2, 0.0, -0.0, 1.0, 2.0, True, False, "a", "1", Decimal(1), b"a", THINGS[4]])
-)
+EQUAL_ONES = [None, 0, 1, 2, 0.0, -0.0, 1.0, 2.0, True, False, "a", "1", Decimal(1), b"a", THINGS[4]]
+ALIKE = values(st.sampled_from([*EQUAL_ONES, "\ud800", "\ud801", "gTF{\ud800"]))
 
 
 def same(left: Any, right: Any) -> bool:

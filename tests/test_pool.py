@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from random_values import ALIKE, PLAIN_VALUES, REFUSED, VALUES, Thing, Unhashable, label, python_values, same
 
 from ss2sql.errors import ExecutionError
-from ss2sql.runtime.pool import FALSE, TRUE, Pool
+from ss2sql.runtime.pool import Pool
 from ss2sql.runtime.values import fresh, normalise, truth
 
 GIVER = "the function 'f'"
@@ -32,6 +32,8 @@ def test_values_come_back_exactly(value: Any) -> None:
     pool = Pool()
     handle = pool.encode(value)
     assert type(handle) in (type(None), int, float, str, bytes)
+    if value is None or type(value) in (int, float):  # SQLite computes with them
+        assert same(handle, value)
     assert same(pool.decode(handle), value)
     assert same(normalise(pool.fresh(handle), GIVER), value)
     assert pool.encode(value) == handle
@@ -53,36 +55,6 @@ def test_values_survive_sqlite(value: Any) -> None:
         "WHERE n < 2 ORDER BY 1) SELECT value FROM (SELECT value FROM steps WHERE n = 2 LIMIT -1)"
     )
     assert same(pool.decode(connection.execute(query).get), value)
-
-
-@pytest.mark.parametrize("value", [None, 0, 1, -(2**63), 2**63 - 1, 0.0, 1.5, -0.0, "", "a", "ä", "a\0b", "1"])
-def test_scalars_travel_as_themselves(value: Any) -> None:
-    pool = Pool()
-    for travels in (pool.encode(value), pool.encode_foreign(value, GIVER), pool.decode(value), pool.fresh(value)):
-        assert same(travels, value)
-    assert same(pool.key(value), value)
-
-
-def test_bools_have_fixed_handles() -> None:
-    for pool in (Pool(), Pool()):
-        assert pool.encode(True) == pool.encode_foreign(np.True_, GIVER) == TRUE
-        assert pool.encode(False) == pool.encode_foreign(False, GIVER) == FALSE
-        assert pool.decode(TRUE) is True
-        assert pool.fresh(FALSE) is False
-        assert (pool.key(TRUE), pool.key(FALSE)) == (1, 0)
-
-
-def test_lone_surrogates_travel_as_handles() -> None:
-    pool = Pool()
-    handle = pool.encode("\ud800")
-    assert type(handle) is bytes
-    assert pool.decode(handle) == pool.fresh(handle) == "\ud800"
-    assert pool.encode_foreign("\ud800", GIVER) == handle
-    assert pool.key(handle) == handle
-    assert not pool.equal(handle, pool.encode("\ud801"))
-    assert not pool.equal(handle, "?")
-    for letters in ("gTF{\ud800", "gTF{\ud801"):
-        assert pool.key(pool.encode(letters)) == pool.encode(letters)
 
 
 def test_foreign_values_are_normalised() -> None:
@@ -218,19 +190,6 @@ def test_sqlite_compares_keys_as_the_language_compares_values(left: Any, right: 
     )
     assert equal == (left == right)
     assert groups.get == (1 if left == right else 2)
-
-
-def test_equal_values_have_handles_of_their_own_and_one_key() -> None:
-    pool = Pool()
-    whole, exact, mixed = pool.encode([10, 9]), pool.encode([10.0, 9.0]), pool.encode([10, 9.0])
-    assert len({whole, exact, mixed}) == 3
-    assert pool.key(exact) == pool.key(whole) == pool.key(mixed)
-    assert same(pool.decode(exact), [10.0, 9.0])
-    assert pool.key(pool.encode({"a": 1, "b": 2})) == pool.key(pool.encode({"b": 2.0, "a": True}))
-    assert pool.encode({"a": 1, "b": 2}) != pool.encode({"b": 2, "a": 1})
-    assert pool.key(pool.encode([])) != pool.key(pool.encode({}))
-    assert pool.key(pool.encode([[]])) != pool.key(pool.encode([]))
-    assert pool.key(pool.encode(["1"])) != pool.key(pool.encode([1]))
 
 
 def test_objects_that_equal_numbers_have_their_keys() -> None:

@@ -20,7 +20,6 @@ from hypothesis import strategies as st
 from random_values import (
     ALIKE,
     NUMBERS,
-    PLAIN_VALUES,
     REFUSED,
     SCALARS,
     VALUES,
@@ -36,7 +35,6 @@ from random_values import (
 from ss2sql.errors import ExecutionError
 from ss2sql.runtime.values import (
     Opaque,
-    check,
     compare,
     freeze,
     fresh,
@@ -87,12 +85,10 @@ def _shares_structure(left: Any, right: Any) -> bool:
 
 def test_parts_that_were_shared_are_copied_apart() -> None:
     part = [1]
-    first, second = fresh([part, part])
-    first.append(2)
-    assert second == [1]
-    first, second, _ = fresh([part, part, Thing()])
-    first.append(2)
-    assert second == [1]
+    for shared in ([part, part], [part, part, Thing()]):
+        first, second, *_ = fresh(shared)
+        first.append(2)
+        assert second == [1]
 
 
 def test_what_is_nothing_zero_or_empty_is_false() -> None:
@@ -117,16 +113,11 @@ def test_truth_of_objects() -> None:
 # --- equality as keys ----------------------------------------------------------------------------------
 
 
-@given(ALIKE, ALIKE)
-def test_keys_are_equal_exactly_where_values_are(left: Any, right: Any) -> None:
+@given(st.one_of(st.tuples(ALIKE, ALIKE), st.tuples(VALUES, VALUES)))
+def test_keys_are_equal_exactly_where_values_are(pair: tuple[Any, Any]) -> None:
+    left, right = pair
     assert (freeze(left) == freeze(right)) is (left == right)
-    if left == right:
-        assert hash(freeze(left)) == hash(freeze(right))
-
-
-@given(VALUES, VALUES)
-def test_keys_of_any_values(left: Any, right: Any) -> None:
-    assert (freeze(left) == freeze(right)) is (left == right)
+    assert left != right or hash(freeze(left)) == hash(freeze(right))
     assert freeze(left) == freeze(normalise(fresh(left), GIVER))
 
 
@@ -189,41 +180,11 @@ def test_other_kinds_have_no_order(left: Any, right: Any) -> None:
         assert error.message.startswith(f"cannot compare {show(left)} {symbol} {show(right)}")
 
 
-def test_lists_are_compared_as_far_as_python_looks() -> None:
-    assert lt([1, "a"], [2, 3])
-    assert lt([1], [1, None])
-    assert not lt([None, {"a": 1}], [None, {"a": 1.0}])
-    assert le([None], [None])
-    assert lt([[1, "x"], 5], [[1, "x"], 6.0])
+def test_what_is_without_order_in_a_list_is_named() -> None:
     error = failure(lt, [1, ["a"]], [1.0, [2]])
     assert error.message == "cannot compare [1, ['a']] < [1.0, [2]], because of 'a' and 2"
-    assert failure(lt, 1, "a").message == "cannot compare 1 < 'a'"
+    assert failure(sort_rows, "ab", [([1],), (["a"],)], (False,)).message.startswith("cannot order ")
     assert "None" in failure(ge, None, 1).hints[0]
-
-
-def test_integers_and_floats_compare_exactly() -> None:
-    assert lt(2.0**53, 2**53 + 1)
-    assert not le(2**53 + 1, 2.0**53)
-    assert lt(2**63 - 1, 2.0**63)
-
-
-def test_rows_are_sorted_by_several_keys() -> None:
-    keys = [(1, "a"), (None, "b"), (2.5, "c"), (True, "d"), (None, "a"), (-1, "e")]
-    rows = ["a", "b", "c", "d", "e", "f"]
-    assert sort_rows(rows, keys, (False, False)) == ["e", "b", "f", "a", "d", "c"]
-    assert sort_rows(rows, keys, (True, False)) == ["c", "a", "d", "f", "e", "b"]
-    assert sort_rows(rows, keys, (False, True)) == ["b", "e", "f", "d", "a", "c"]
-    assert sort_rows(rows, keys, ()) == rows
-    assert sort_rows([], [], (False,)) == []
-
-
-@pytest.mark.parametrize("descending", [False, True])
-def test_sorting_is_stable_and_puts_none_first(descending: bool) -> None:
-    column = [[1, 2], None, [1], [1.0], [], None, [True, 3]]
-    ascending = [1, 5, 4, 2, 3, 0, 6]
-    falling = [6, 0, 2, 3, 4, 1, 5]
-    order = sort_rows(range(7), [(value,) for value in column], (descending,))
-    assert order == (falling if descending else ascending)
 
 
 @given(st.lists(st.one_of(st.none(), NUMBERS), max_size=12), st.booleans())
@@ -231,14 +192,6 @@ def test_sorting_numbers_as_python_does(column: list[Any], descending: bool) -> 
     keys = [(value is not None, value or 0) for value in column]
     expected = sorted(range(len(column)), key=keys.__getitem__, reverse=descending)
     assert sort_rows(range(len(column)), [(value,) for value in column], [descending]) == expected
-
-
-@pytest.mark.parametrize("column", [[1, "a"], [[1], 1], [{"a": 1}, {"a": 2}], [None, 1, b"a"], [["a"], [1]]], ids=label)
-def test_mixed_kinds_cannot_be_sorted(column: list[Any]) -> None:
-    error = failure(sort_rows, column, [(value,) for value in column], (False,))
-    assert error.code == "X001"
-    assert error.message.startswith("cannot order ")
-    assert " and " in error.message
 
 
 # --- messages ------------------------------------------------------------------------------------------
@@ -266,17 +219,6 @@ def test_values_in_messages() -> None:
     assert show(-(10**5000)) == "<integer of 16610 bits>"
 
 
-# --- results of arithmetic -----------------------------------------------------------------------------
-
-
-def test_check_passes_values_and_refuses_the_rest() -> None:
-    for value in (2**63 - 1, -(2**63), 1.7e308, -0.0, True):
-        assert check(value) is value
-    assert failure(check, 2**63).message == "integer overflow: 9223372036854775808 does not fit into 64 bits"
-    for value in (float("inf"), float("nan"), 1j, -(2**63) - 1, 10**10000):
-        assert failure(check, value).code == "X004"
-
-
 # --- the border: what Python hands over becomes values, or is refused -----------------------------------
 
 
@@ -288,18 +230,6 @@ class Colour(enum.Enum):
 def test_python_values_become_plain_values(given_value: Any, expected: Any) -> None:
     value = normalise(given_value, GIVER)
     assert same(value, expected)
-
-
-@given(PLAIN_VALUES)
-def test_clean_values_are_returned_as_they_are(value: Any) -> None:
-    if not _has_odd_keys(value):
-        assert normalise(value, GIVER) is value
-
-
-def _has_odd_keys(value: Any) -> bool:
-    if isinstance(value, dict):
-        return any(type(key) is not str for key in value) or any(map(_has_odd_keys, value.values()))
-    return isinstance(value, list) and any(map(_has_odd_keys, value))
 
 
 @given(VALUES)
@@ -336,20 +266,19 @@ def test_only_what_python_cannot_compare_is_wrapped() -> None:
     assert normalise(value, GIVER) == value
 
 
+class Vague(Thing):
+    __hash__ = Thing.__hash__
+
+    def __eq__(self, other: object) -> bool:
+        raise ValueError("more than one element")
+
+
 def test_objects_that_do_not_equal_themselves_compare_by_identity() -> None:
     missing = np.datetime64("NaT")
     value = normalise([missing, missing], GIVER)
-    assert value == value[:]
     assert value[0] == value[1]
     assert value[0].object is missing
     assert normalise(Decimal("NaN"), GIVER) != normalise(Decimal("NaN"), GIVER)
-
-    class Vague(Thing):
-        def __eq__(self, other: object) -> bool:
-            raise ValueError("more than one element")
-
-        __hash__ = Thing.__hash__
-
     vague = Vague()
     assert normalise([vague], GIVER) == normalise([vague], GIVER)
     assert normalise([vague], GIVER) != normalise([Vague()], GIVER)
