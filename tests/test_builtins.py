@@ -283,7 +283,7 @@ PROMISING = sorted(name for name, entry in BUILTINS.items() if entry.python is n
 
 
 @pytest.mark.parametrize("name", PROMISING)
-@settings(max_examples=150, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=200, suppress_health_check=[HealthCheck.too_slow])
 @given(data=st.data())
 def test_types_keep_their_promise(name: str, data: st.DataObject) -> None:
     entry = BUILTINS[name]
