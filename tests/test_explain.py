@@ -383,19 +383,12 @@ ENDLESS: dict[str, dict[str, Any]] = {
 }
 
 
-def warned(ss: ss2sql.Session, parts: dict[str, str]) -> bool:
+@pytest.mark.parametrize("name", [*ENDS, *ENDLESS])
+def test_searches_that_nothing_ends_are_told(roads: ss2sql.Session, name: str) -> None:
+    parts = ENDS.get(name) or ENDLESS.get(name, {})
     text = {"select": "n", "source": "[1, 2]", "options": "", "next": "n + 1", "stop": "", **parts}
-    return f"warning: {ADVICE}" in ss.compile(SEARCH.format(**text)).explain()
-
-
-@pytest.mark.parametrize("name", ENDS)
-def test_searches_that_end(roads: ss2sql.Session, name: str) -> None:
-    assert not warned(roads, ENDS[name])
-
-
-@pytest.mark.parametrize("name", ENDLESS)
-def test_searches_that_nothing_ends(roads: ss2sql.Session, name: str) -> None:
-    assert warned(roads, ENDLESS[name])
+    found = roads.compile(SEARCH.format(**text)).explain()
+    assert (f"warning: {ADVICE}" in found) is (name in ENDLESS)
 
 
 # --- as data -------------------------------------------------------------------------------------------

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from sessions import both
 
 import ss2sql
 from ss2sql.errors import Source, Span, note_place
@@ -102,7 +101,6 @@ PLACES = [
 ]  # fmt: skip
 
 
-@both
 @pytest.mark.parametrize(("name", "at", "script"), PLACES)
 def test_a_note_names_the_place(failing: ss2sql.Session, engine: Any, name: str, at: str, script: str) -> None:
     asked = "auto" if "MEMORIZE" in script or "(SELECT this" in script else engine
@@ -117,7 +115,6 @@ def test_a_note_names_the_place(failing: ss2sql.Session, engine: Any, name: str,
     assert failing.eval("1 - 1;") == 0
 
 
-@both
 @pytest.mark.parametrize("kind", [SlottedError, KeyError, StopIteration, ZeroDivisionError, AssertionError])
 def test_an_exception_keeps_its_type_and_gets_one_note(ss: ss2sql.Session, engine: Any, kind: Any) -> None:
     def broken(x):
@@ -129,7 +126,6 @@ def test_an_exception_keeps_its_type_and_gets_one_note(ss: ss2sql.Session, engin
     assert name == "broken"
 
 
-@both
 def test_a_note_names_the_place_among_several(ss: ss2sql.Session, engine: Any) -> None:
     ss.function("broken", lambda x: fail() if x == 2 else x, volatility="volatile")
     script = "SELECT broken(this)\nFROM [1, 2] WHERE broken(1) AND\nbroken(this);"
@@ -141,7 +137,6 @@ def test_a_note_names_the_place_among_several(ss: ss2sql.Session, engine: Any) -
         assert "<script>:1:8, <script>:2:19, <script>:3:1" in note
 
 
-@both
 def test_an_exception_through_two_scripts_gets_one_note(ss: ss2sql.Session, engine: Any) -> None:
     ss.function("fail", fail, volatility="volatile")
     ss.function("outer", lambda x: ss.run("SELECT fail(this) FROM [7];", engine=engine), volatility="volatile")
@@ -150,7 +145,6 @@ def test_an_exception_through_two_scripts_gets_one_note(ss: ss2sql.Session, engi
     assert "FROM [7]" in note
 
 
-@both
 def test_the_text_of_an_eval(ss: ss2sql.Session, engine: Any) -> None:
     ss.function("fail", fail)
     notes, _ = caught(lambda: ss.run("x = 'fail(5)';\neval(x);", engine=engine))
@@ -171,7 +165,6 @@ def test_a_line_of_another_text_is_shown_from_that_text() -> None:
 # --- others --------------------------------------------------------------------------------------------
 
 
-@both
 @pytest.mark.parametrize("script", ["SELECT heavy\nFROM world;", "SELECT x\nFROM world WHERE heavy > 1;"])
 def test_a_column_of_a_world(failing: ss2sql.Session, engine: Any, script: str) -> None:
     """The adapter stands between: its exception is the cause of an error that names the world and the place."""
@@ -208,7 +201,6 @@ def test_a_trigger(ss: ss2sql.Session, script: str, called: Callable[..., object
     assert caught(ss.poll) == ([note], "fail")
 
 
-@both
 @pytest.mark.parametrize("kind", [SystemExit, GeneratorExit])
 def test_what_is_no_error_passes_untouched(ss: ss2sql.Session, engine: Any, kind: Any) -> None:
     def leave(x):

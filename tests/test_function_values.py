@@ -8,7 +8,6 @@ import pytest
 from cases.functions import moved
 from listings import MOVES, move
 from random_values import Thing, Unhashable
-from sessions import both
 
 import ss2sql
 
@@ -24,7 +23,6 @@ WHERE [] != move(a.this, start) AND len(move(b.this, move(a.this, start))) == 3 
 START = "start = [[3, 2, 1], [], []]; "
 
 
-@both
 @pytest.mark.parametrize("volatility", ["immutable", "volatile"])
 @pytest.mark.parametrize("disable", [(), ("memo",)])
 @pytest.mark.parametrize("option", ["", "NO CYCLE", "UNIQUE", "BREADTH FIRST", "MEMORIZE 8", "MAXIMUM 1"])
@@ -48,7 +46,6 @@ def test_a_function_that_changes_its_argument_and_its_pure_twin_agree(
     assert all(row[3] == [[3, 2, 1], [], []] for row in rows)
 
 
-@both
 def test_what_a_function_does_to_its_arguments_is_seen_by_nobody(ss: ss2sql.Session, engine: Any) -> None:
     items = [[1], {"a": [2]}]
     ss.attach("items", items)
@@ -64,7 +61,6 @@ def test_what_a_function_does_to_its_arguments_is_seen_by_nobody(ss: ss2sql.Sess
     assert items == [[1], {"a": [2]}]
 
 
-@both
 def test_a_value_that_was_not_copied_is_safe_from_others(ss: ss2sql.Session, engine: Any) -> None:
     """`same` is proven to change nothing, so it gets the value itself and gives it back."""
 
@@ -82,7 +78,6 @@ def test_a_value_that_was_not_copied_is_safe_from_others(ss: ss2sql.Session, eng
     assert result.value == [([[1]], [[]], [[]]), ([[2, 1]], [[2]], [[2]])]
 
 
-@both
 def test_objects_are_unwrapped_for_a_function_that_changes_nothing(ss: ss2sql.Session, engine: Any) -> None:
     class Thing:
         __hash__ = None  # type: ignore[assignment]
@@ -99,7 +94,6 @@ def test_objects_are_unwrapped_for_a_function_that_changes_nothing(ss: ss2sql.Se
     assert ss.run("SELECT length(this) FROM things AS list;", engine=engine).value == [1, 3]
 
 
-@both
 def test_a_function_may_keep_what_it_got_and_gave(ss: ss2sql.Session, engine: Any) -> None:
     kept: list[Any] = []
 
@@ -116,7 +110,6 @@ def test_a_function_may_keep_what_it_got_and_gave(ss: ss2sql.Session, engine: An
     assert kept == [[1, "changed"], [2, "changed"]]
 
 
-@both
 def test_a_list_that_the_function_changes_after_returning_it_stays_as_it_was(engine: Any) -> None:
     ss = ss2sql.connect()
     kept: list[int] = []
@@ -132,7 +125,6 @@ def test_a_list_that_the_function_changes_after_returning_it_stays_as_it_was(eng
 # --- what comes back -----------------------------------------------------------------------------------
 
 
-@both
 def test_objects_come_back_identical(ss: ss2sql.Session, engine: Any) -> None:
     objects = [Thing(), Unhashable(), Unhashable(), Thing, len]
     ss.attach("objects", objects)
@@ -151,7 +143,6 @@ def test_objects_come_back_identical(ss: ss2sql.Session, engine: Any) -> None:
     assert paths[0][2][0] is objects[0]
 
 
-@both
 @pytest.mark.parametrize(
     "value",
     [True, False, 1, 1.0, -0.0, 0.1 + 0.2, 1e308, 5e-324, 2**63 - 1, -(2**63), 2.0**53 + 2, "", "ä\u2028\0x", "\ud800",
@@ -170,7 +161,6 @@ def test_values_are_exact_on_every_way(ss: ss2sql.Session, engine: Any, value: A
     assert repr(ss.run(search, engine=engine).paths) == repr([[(value,), (value,)]])
 
 
-@both
 def test_a_generator_is_read_once_into_a_list(ss: ss2sql.Session, engine: Any) -> None:
     ss.function("letters", lambda text: (letter for letter in text), volatility="immutable")
     script = "SELECT letters('ab'), len(letters('ab')) FROM [1, 2] AS rows;"

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from sessions import both, code_of
+from sessions import code_of
 
 import ss2sql
 
@@ -98,7 +98,6 @@ def test_what_cannot_be_registered(ss: ss2sql.Session) -> None:
 # --- in place of built-in ones -------------------------------------------------------------------------
 
 
-@both
 def test_operators_can_be_replaced(ss: ss2sql.Session, engine: Any) -> None:
     ss.function("add", lambda a, b: [x + y for x, y in zip(a, b, strict=True)] if isinstance(a, list) else a + b)
     ss.function("lt", lambda a, b: len(a) < len(b))
@@ -115,7 +114,6 @@ def test_operators_can_be_replaced(ss: ss2sql.Session, engine: Any) -> None:
     )
 
 
-@both
 def test_equality_of_groups_and_searches_stays_the_languages(ss: ss2sql.Session, engine: Any) -> None:
     ss.function("eq", lambda a, b: True)
     assert ss.run("SELECT this FROM [1, 2] WHERE this == 7 AS list;", engine=engine).value == [1, 2]
@@ -124,7 +122,6 @@ def test_equality_of_groups_and_searches_stays_the_languages(ss: ss2sql.Session,
     assert ss.run(search, engine=engine).paths == [[(1,)], [(2,)]]
 
 
-@both
 def test_built_in_functions_can_be_replaced(ss: ss2sql.Session, engine: Any) -> None:
     ss.function("max", lambda x: ["mine", x])
     ss.function("len", lambda x: -1)
@@ -146,7 +143,6 @@ NAMES = [
 ]  # fmt: skip
 
 
-@both
 @pytest.mark.parametrize("name", NAMES)
 def test_functions_may_have_any_name(ss: ss2sql.Session, engine: Any, name: str) -> None:
     ss.function(name, lambda *arguments: 100 + sum(arguments), volatility="immutable")
@@ -155,7 +151,6 @@ def test_functions_may_have_any_name(ss: ss2sql.Session, engine: Any, name: str)
     assert ss.run(script, engine=engine).value == [[(102, 105), (103, 105)], [(103, 105)], [(103, 105), (103, 105)]]
 
 
-@both
 def test_names_that_differ_in_case_are_different_functions(ss: ss2sql.Session, engine: Any) -> None:
     names = ("f", "F", "keep", "Keep", "KEEP", "keep_2", "count", "Count")
     for number, name in enumerate(names):
@@ -178,7 +173,6 @@ class Counted:
         return arguments[0]
 
 
-@both
 def test_an_immutable_function_is_called_once_for_each_different_argument(ss: ss2sql.Session, engine: Any) -> None:
     f = ss.function("f", Counted(), volatility="immutable")
     values = [1, 1.0, True, 0, False, 0.0, -0.0, "1", None, [1], [1.0], [True], {"a": 1}, {"a": 1.0}]
@@ -189,7 +183,6 @@ def test_an_immutable_function_is_called_once_for_each_different_argument(ss: ss
     assert result.stats.calls == {"f": len(values)}
 
 
-@both
 @pytest.mark.parametrize("arguments", [(1, 1.0), (1.0, 1), ("a", 0.0), (-0.0, "a"), (None, True), ([1], 2)])
 def test_all_arguments_count(ss: ss2sql.Session, engine: Any, arguments: tuple[Any, ...]) -> None:
     f = ss.function("f", Counted(), volatility="immutable")
@@ -201,7 +194,6 @@ def test_all_arguments_count(ss: ss2sql.Session, engine: Any, arguments: tuple[A
     assert result.stats.calls == {"f": 2}
 
 
-@both
 def test_a_stable_function_is_called_once_in_a_run(ss: ss2sql.Session, engine: Any) -> None:
     f = ss.function("f", Counted(), volatility="stable")
     query = ss.compile("SELECT f(1) FROM [1, 2, 3] AS list;")
@@ -209,7 +201,6 @@ def test_a_stable_function_is_called_once_in_a_run(ss: ss2sql.Session, engine: A
     assert f.seen == [1, 1]
 
 
-@both
 def test_a_stable_function_is_asked_anew_by_the_next_statement(ss: ss2sql.Session, engine: Any) -> None:
     """What it looks at may have been moved in between."""
     places = {"robot": 1}
@@ -223,7 +214,6 @@ def test_a_stable_function_is_asked_anew_by_the_next_statement(ss: ss2sql.Sessio
     assert len(f.seen) == 4
 
 
-@both
 def test_a_volatile_function_is_called_for_every_occurrence_in_written_order(ss: ss2sql.Session, engine: Any) -> None:
     f = ss.function("f", Counted(), volatility="volatile")
     g = ss.function("g", Counted(), volatility="volatile")
@@ -234,7 +224,6 @@ def test_a_volatile_function_is_called_for_every_occurrence_in_written_order(ss:
     assert result.stats.calls == {"f": 7, "g": 4}
 
 
-@both
 def test_what_the_left_side_decides_is_not_called(ss: ss2sql.Session, engine: Any) -> None:
     f = ss.function("f", Counted(), volatility="volatile")
     ss.run("SELECT this FROM [1, 2, 3] WHERE this > 1 AND f(this) > 2 OR this == 1 OR f(10);", engine=engine)
@@ -244,7 +233,6 @@ def test_what_the_left_side_decides_is_not_called(ss: ss2sql.Session, engine: An
     assert f.seen == [-1, 2]
 
 
-@both
 @pytest.mark.parametrize("volatility", ["immutable", "volatile"])
 def test_without_a_memo_results_are_the_same(engine: Any, volatility: Any) -> None:
     with ss2sql.connect(disable=["memo"]) as ss:
@@ -265,7 +253,6 @@ def test_old_entries_leave_a_full_memo(monkeypatch: pytest.MonkeyPatch) -> None:
             assert result.stats.remembered == {"f": 1}
 
 
-@both
 def test_objects_are_told_apart_by_identity(ss: ss2sql.Session, engine: Any) -> None:
     first, second = np.random.default_rng(1), np.random.default_rng(1)
     f = ss.function("f", Counted(), volatility="immutable")
@@ -275,7 +262,6 @@ def test_objects_are_told_apart_by_identity(ss: ss2sql.Session, engine: Any) -> 
     assert result.value[5][0] is first
 
 
-@both
 def test_what_was_proved_of_plain_data_is_not_trusted_with_objects(ss: ss2sql.Session, engine: Any) -> None:
     class Dice:
         value = 0

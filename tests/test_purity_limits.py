@@ -24,54 +24,39 @@ from ss2sql.frontend.purity import Purity, infer, source, tables
 __all__ = ["load"]  # the fixture
 
 
-def line_of(function: Callable[..., object], text: str) -> int:
-    """The number of the first line of the function's file that holds a text."""
-    lines = linecache.getlines(function.__code__.co_filename)
-    return next(number for number, line in enumerate(lines, start=1) if text in line)
-
-
 def test_the_line_is_that_of_the_culprit(load: Load) -> None:
     module = load("""
         import random
-
         def loud(x):
             y = x
-            print(y)
-
+            print(y)  # loud
         def caller(x):
             for y in x:
-                z = [loud(w)
+                z = [loud(w)  # caller
                      for w in y]
             return z
-
-        def keeps(x, seen=[]):
+        def keeps(x, seen=[]):  # keeps
             return x
-
-        pure = lambda x: x; noisy = lambda x: random.random()
-
+        pure = lambda x: x; noisy = lambda x: random.random()  # noisy
         @staticmethod
         def several(x):
             if x:
-                return [
-                    x,
-                    x.name,
+                return [x,
+                    x.name,  # several
                 ]
         """)
-    assert infer(module.loud).line == line_of(module.loud, "print(y)")
-    assert infer(module.caller).line == line_of(module.loud, "z = [loud(w)")
-    assert infer(module.keeps).line == line_of(module.loud, "def keeps")
-    assert infer(module.noisy).line == line_of(module.loud, "noisy = lambda")
-    assert infer(module.several.__func__).line == line_of(module.loud, "x.name")
+    lines = linecache.getlines(str(module.__file__))
+    for name in ("loud", "caller", "keeps", "noisy", "several"):
+        function = getattr(module, name)
+        line = infer(getattr(function, "__func__", function)).line
+        assert line is not None
+        assert lines[line - 1].rstrip().endswith(f"# {name}")
     assert infer(module.pure) == Purity("immutable", "has a source that uses only its arguments", None)
 
 
 def test_the_constants_that_are_read_are_named(load: Load) -> None:
-    module = load("""
-        import math
-        SIZE, DEPTH = 8, 3
-        def f(x): return g(x) * SIZE + math.pi * SIZE
-        def g(x): return x + DEPTH
-        """)
+    module = load("import math\nSIZE, DEPTH = 8, 3\n"
+                  "def f(x): return g(x) * SIZE + math.pi * SIZE\ndef g(x): return x + DEPTH")  # fmt: skip
     names = "'DEPTH', 'SIZE', 'math.pi'"
     assert infer(module.f).reason == f"has a source that uses only its arguments and the constants {names}"
 
@@ -104,30 +89,24 @@ def test_a_function_made_by_exec_has_no_source() -> None:
     assert infer(namespace["f"]) == Purity("volatile", "has no Python source")
 
 
-def cell(text: str, name: str, namespace: dict[str, Any]) -> None:
-    """Runs a text as a notebook does with a cell: its lines are known, but it is not the whole of a module."""
-    linecache.cache[name] = (len(text), None, text.splitlines(True), name)
-    exec(compile(text, name, "exec"), namespace)
-
-
 def test_cells_of_a_notebook(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Their lines are known, but none of them is the whole of a module."""
     monkeypatch.setattr(linecache, "cache", dict(linecache.cache))
     namespace: dict[str, Any] = {"__name__": "__main__"}
-    cell("import math\nSIZE = 3\ndef helper(x): return math.sqrt(x)\n", "<cell 1>", namespace)
-    cell("def f(x): return helper(x)\ndef g(x): return x + SIZE\n", "<cell 2>", namespace)
+    for number, text in enumerate((
+        "import math\nSIZE = 3\ndef helper(x): return math.sqrt(x)\n",
+        "def f(x): return helper(x)\ndef g(x): return x + SIZE\n",
+    )):  # fmt: skip
+        name = f"<cell {number}>"
+        linecache.cache[name] = (len(text), None, text.splitlines(True), name)
+        exec(compile(text, name, "exec"), namespace)
     assert infer(namespace["f"]).volatility == "immutable"
     # Another cell may assign it again, and nothing would show it.
     assert "'SIZE', which may change" in infer(namespace["g"]).reason
 
 
 def test_a_file_that_changed_since_is_not_taken_for_the_source(load: Load) -> None:
-    module = load("""
-        def noisy(x):
-            print(x)
-            return x
-        def still(x):
-            return x
-        """)
+    module = load("def noisy(x):\n    print(x)\n    return x\ndef still(x): return x\n")
     path = Path(str(module.__file__))
     path.write_text(path.read_text(encoding="utf-8").replace("print(x)", "abs(x)  # quiet"), encoding="utf-8")
     assert infer(module.noisy) == Purity("volatile", "is not in its source file as it runs")
@@ -158,9 +137,7 @@ def test_a_file_that_is_another_program_now(load: Load, text: str, later: str, r
 
 
 def test_every_lambda_of_a_line_is_told_from_the_others(load: Load) -> None:
-    module = load("""
-        fs = [lambda x: x + 1, lambda x: x.name, lambda x: print(x), (lambda x: lambda: x), lambda x: x + 1]
-        """)
+    module = load("fs = [lambda x: x + 1, lambda x: x.name, lambda x: print(x), (lambda x: lambda: x), lambda x: x]")
     found = [infer(f).volatility for f in module.fs]
     assert found == ["immutable", "volatile", "volatile", "volatile", "immutable"]
     assert infer(module.fs[3](1)).volatility == "immutable"
@@ -176,11 +153,7 @@ def logged_length(value: list[object]) -> int:
 
 
 def test_a_replaced_built_in_function_is_noticed(load: Load, monkeypatch: pytest.MonkeyPatch) -> None:
-    module = load("""
-        import math
-        def f(x): return len(x)
-        def g(x): return math.sqrt(x)
-        """)
+    module = load("import math\ndef f(x): return len(x)\ndef g(x): return math.sqrt(x)")
     assert infer(module.f).volatility == infer(module.g).volatility == "immutable"
     with monkeypatch.context() as patch:
         patch.setattr(math, "sqrt", logged_length)
@@ -198,12 +171,8 @@ def test_what_was_replaced_before_it_was_looked_at_is_not_known() -> None:
 
 
 def test_a_replaced_helper_is_noticed(load: Load) -> None:
-    module = load("""
-        import time
-        def helper(x): return x
-        def other(x): return time.time()
-        def f(x): return helper(x)
-        """)
+    module = load("import time\ndef helper(x): return x\n"
+                  "def other(x): return time.time()\ndef f(x): return helper(x)")  # fmt: skip
     assert infer(module.f).volatility == "immutable"
     module.helper = module.other
     assert "calls helper, which calls time.time" in infer(module.f).reason
@@ -214,27 +183,18 @@ def test_a_replaced_helper_is_noticed(load: Load) -> None:
 
 
 def test_proofs_of_large_sources_end(load: Load) -> None:
-    module = load(
-        "def f(x):\n    def g0(): return set(x)\n"
-        + "".join(f"    def g{i + 1}(): return g{i}() or g{i}()\n" for i in range(40))
-        + "    return list(g40())\n"
-        + "def deep(x): return "
-        + " + ".join(["x"] * 800)
-        + "\n"
-    )
+    chain = "".join(f"    def g{i + 1}(): return g{i}() or g{i}()\n" for i in range(40))
+    module = load(f"def f(x):\n    def g0(): return set(x)\n{chain}    return list(g40())\n"
+                  f"def deep(x): return {' + '.join(['x'] * 800)}\n")  # fmt: skip
     # Followed to its end, the first would take 2 ** 40 calls.
     assert infer(module.f).reason == "is too long to be followed"
     assert infer(module.deep).reason == "is nested too deeply to be followed"
 
 
-def test_inference_does_not_pile_up(load: Load) -> None:
-    for number in range(20):
+def test_inference_is_quick_and_does_not_pile_up(load: Load) -> None:
+    for number in range(6):
         assert infer(load(f"def f(x): return x + {number}").f).volatility == "immutable"
-    kept = source._parse.cache_info()
-    assert kept.currsize <= 4
-
-
-def test_inference_is_quick() -> None:
+    assert source._parse.cache_info().currsize <= 4
     infer(move)
     best = min(timeit.repeat(lambda: infer(move), number=1, repeat=20))
     assert best < 0.005  # a fraction of a millisecond on an idle machine

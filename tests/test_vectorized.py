@@ -74,7 +74,6 @@ def outcome(engine: Any, script: str, sources: dict[str, Any], **functions: Any)
 # --- calls ---------------------------------------------------------------------------------------------
 
 
-@both
 def test_a_flat_query_calls_once_for_a_block(engine: Any) -> None:
     points = [{"x": n / 7 - 3.0, "y": n % 11} for n in range(3 * BLOCK)]
     f, g = blocks(lambda x, y: x * y), blocks(lambda x: x - 10.0)
@@ -89,7 +88,6 @@ def test_a_flat_query_calls_once_for_a_block(engine: Any) -> None:
     assert result.engine == engine
 
 
-@both
 def test_equal_arguments_are_one_row_of_a_block(engine: Any) -> None:
     f = blocks(lambda n: n * 2)
     result = run(engine, "SELECT f(this % 10) FROM numbers AS list;", {"numbers": list(range(100))}, f=f)
@@ -99,7 +97,6 @@ def test_equal_arguments_are_one_row_of_a_block(engine: Any) -> None:
     assert result.stats.blocks == {"f": 1}
 
 
-@both
 def test_a_condition_that_drops_nearly_all_rows_keeps_in_step(engine: Any) -> None:
     """The memory of g must not overflow while the scout of f looks for its next rows."""
     numbers = list(range(ROOM + ROOM // 2))
@@ -111,7 +108,6 @@ def test_a_condition_that_drops_nearly_all_rows_keeps_in_step(engine: Any) -> No
     assert len(f.made.sizes) < 10
 
 
-@both
 def test_a_limit_keeps_blocks_small(engine: Any) -> None:
     f = blocks(lambda n: n + 1)
     result = run(engine, "SELECT f(this) FROM numbers LIMIT 3 AS list;", {"numbers": list(range(1000))}, f=f)
@@ -119,7 +115,6 @@ def test_a_limit_keeps_blocks_small(engine: Any) -> None:
     assert f.made.sizes == [FIRST]
 
 
-@both
 def test_a_source_without_elements_calls_nothing(engine: Any) -> None:
     f = blocks(lambda n: n)
     assert run(engine, "SELECT f(this) FROM [] AS list;", {}, f=f).value == []
@@ -127,7 +122,6 @@ def test_a_source_without_elements_calls_nothing(engine: Any) -> None:
     assert f.made.sizes == []
 
 
-@both
 @pytest.mark.parametrize(
     ("script", "most"),
     [
@@ -159,7 +153,6 @@ def test_every_place_of_a_flat_query(engine: Any, script: str, most: int) -> Non
 MOVES = [1, 2, 3, 5, 8, 13]
 
 
-@both
 @pytest.mark.parametrize(
     "options", ["UNIQUE", "", "BREADTH FIRST", "NO CYCLE", "MEMORIZE 4", "COST this", "COST g(n, this) UNIQUE"]
 )
@@ -181,7 +174,6 @@ def test_a_search_calls_once_for_the_steps_of_a_state(engine: Any, options: str,
         assert function.made.seen == [(n, move) for n in dict.fromkeys(states) for move in MOVES]
 
 
-@both
 def test_a_condition_of_a_search_on_its_elements_alone(engine: Any) -> None:
     script = """SELECT this FROM moves WHERE n + this == 8 START WITH n = 0
         CONNECT BY UNIQUE n = n + this STOP WITH odd(this) OR n > 8;"""
@@ -191,7 +183,6 @@ def test_a_condition_of_a_search_on_its_elements_alone(engine: Any) -> None:
     assert odd.made.sizes == [len(MOVES)]
 
 
-@both
 def test_lists_in_states_and_elements_are_fresh_values(engine: Any) -> None:
     def move(disk: Any, towers: Any) -> Any:
         made = []
@@ -223,8 +214,7 @@ def test_lists_in_states_and_elements_are_fresh_values(engine: Any) -> None:
 # --- arrays --------------------------------------------------------------------------------------------
 
 
-@both
-def test_the_arrays_have_one_kind_of_number_or_plain_values(engine: Any) -> None:
+def test_the_arrays_have_one_kind_of_number_or_plain_values(ss: ss2sql.Session, engine: Any) -> None:
     seen: list[tuple[str, list[Any]]] = []
 
     def f(x: Any, y: Any) -> Any:
@@ -232,10 +222,9 @@ def test_the_arrays_have_one_kind_of_number_or_plain_values(engine: Any) -> None
         return x
 
     values = [1, 2.5, 3, True, None, "a", [1], [2], {"k": 1}, 4.5, False]
-    with ss2sql.connect() as ss:
-        ss.function("f", f, volatility="immutable", vectorized=True)
-        ss.attach("xs", values)
-        assert exact(ss.run("SELECT f(this, 7) FROM xs AS list;", engine=engine).value) == exact(values)
+    ss.function("f", f, volatility="immutable", vectorized=True)
+    ss.attach("xs", values)
+    assert exact(ss.run("SELECT f(this, 7) FROM xs AS list;", engine=engine).value) == exact(values)
     assert seen == [
         ("int64 int64", [1, 3]),
         ("float64 int64", [2.5, 4.5]),
@@ -280,18 +269,15 @@ def test_values_are_those_of_calls_row_by_row(engine: Any, rows: Any, script: st
 # --- registration --------------------------------------------------------------------------------------
 
 
-@both
-def test_as_a_decorator_and_without_a_word_on_volatility(engine: Any) -> None:
-    with ss2sql.connect() as ss:
+def test_as_a_decorator_and_without_a_word_on_volatility(ss: ss2sql.Session, engine: Any) -> None:
+    @ss.function(vectorized=True)
+    def norm_of(x: Any, y: Any) -> Any:
+        return np.hypot(x, y)
 
-        @ss.function(vectorized=True)
-        def norm_of(x: Any, y: Any) -> Any:
-            return np.hypot(x, y)
-
-        result = ss.run("SELECT norm_of(this, 4) FROM [3.0, 0.0] AS list;", engine=engine)
-        assert result.value == [5.0, 4.0]
-        assert result.stats.blocks == {"norm_of": 1}
-        assert "norm_of is stable: takes arrays, which says that it is not volatile" in result.explain()
+    result = ss.run("SELECT norm_of(this, 4) FROM [3.0, 0.0] AS list;", engine=engine)
+    assert result.value == [5.0, 4.0]
+    assert result.stats.blocks == {"norm_of": 1}
+    assert "norm_of is stable: takes arrays, which says that it is not volatile" in result.explain()
 
 
 def test_a_volatile_function_does_not_take_arrays(ss: ss2sql.Session) -> None:
@@ -301,7 +287,6 @@ def test_a_volatile_function_does_not_take_arrays(ss: ss2sql.Session) -> None:
     assert caught.value.hints
 
 
-@both
 def test_without_the_memory_of_calls_blocks_are_kept(engine: Any) -> None:
     f = blocks(lambda n: n + 1)
     with ss2sql.connect(disable=["memo"]) as ss:
@@ -310,45 +295,39 @@ def test_without_the_memory_of_calls_blocks_are_kept(engine: Any) -> None:
     assert f.made.sizes == [200]
 
 
-@both
-def test_a_function_that_runs_a_script_itself(engine: Any) -> None:
-    with ss2sql.connect() as ss:
-        ss.function("double", lambda x: 2 * x, vectorized=True)
-        ss.function("f", lambda x: [ss.eval("SELECT double(this + n) FROM [1, 2] AS list;", n=n) for n in x.tolist()],
-                    volatility="stable", vectorized=True)  # fmt: skip
-        result = ss.run("SELECT f(this), double(this) FROM [10, 20] AS list;", engine=engine)
-        assert result.value == [[22, 24], 20, [42, 44], 40]
-        assert result.stats.blocks == {"f": 1, "double": 1}
+def test_a_function_that_runs_a_script_itself(ss: ss2sql.Session, engine: Any) -> None:
+    ss.function("double", lambda x: 2 * x, vectorized=True)
+    ss.function("f", lambda x: [ss.eval("SELECT double(this + n) FROM [1, 2] AS list;", n=n) for n in x.tolist()],
+                volatility="stable", vectorized=True)  # fmt: skip
+    result = ss.run("SELECT f(this), double(this) FROM [10, 20] AS list;", engine=engine)
+    assert result.value == [[22, 24], 20, [42, 44], 40]
+    assert result.stats.blocks == {"f": 1, "double": 1}
 
 
-@both
-def test_objects_are_elements_of_arrays(engine: Any) -> None:
+def test_objects_are_elements_of_arrays(ss: ss2sql.Session, engine: Any) -> None:
     body = object()
-    with ss2sql.connect() as ss:
-        ss.function("f", lambda x: [type(v).__name__ for v in x], volatility="immutable", vectorized=True)
-        ss.attach("bodies", [body, 1, body, [body]])
-        names = ss.run("SELECT f(this) FROM bodies AS list;", engine=engine).value
-        assert names == ["object", "int64", "object", "list"]
+    ss.function("f", lambda x: [type(v).__name__ for v in x], volatility="immutable", vectorized=True)
+    ss.attach("bodies", [body, 1, body, [body]])
+    names = ss.run("SELECT f(this) FROM bodies AS list;", engine=engine).value
+    assert names == ["object", "int64", "object", "list"]
 
 
-@both
-def test_a_run_that_must_end_ends_between_blocks(engine: Any) -> None:
-    with ss2sql.connect() as ss:
-        f = blocks(lambda n: n)
-        first = f.made.function
+def test_a_run_that_must_end_ends_between_blocks(ss: ss2sql.Session, engine: Any) -> None:
+    f = blocks(lambda n: n)
+    first = f.made.function
 
-        def stop(n: Any) -> Any:
-            ss.interrupt()
-            return first(n)
+    def stop(n: Any) -> Any:
+        ss.interrupt()
+        return first(n)
 
-        f.made.function = stop
-        ss.function("f", f, volatility="immutable", vectorized=True)
-        ss.attach("numbers", list(range(3 * BLOCK)))
-        with pytest.raises(ss2sql.Cancelled):
-            ss.run("SELECT f(this) FROM numbers AS list;", engine=engine)
-        assert f.made.sizes == [BLOCK]
-        f.made.function = cast(Any, first)
-        assert ss.run("SELECT f(this) FROM [5] AS list;", engine=engine).value == [5]
+    f.made.function = stop
+    ss.function("f", f, volatility="immutable", vectorized=True)
+    ss.attach("numbers", list(range(3 * BLOCK)))
+    with pytest.raises(ss2sql.Cancelled):
+        ss.run("SELECT f(this) FROM numbers AS list;", engine=engine)
+    assert f.made.sizes == [BLOCK]
+    f.made.function = cast(Any, first)
+    assert ss.run("SELECT f(this) FROM [5] AS list;", engine=engine).value == [5]
 
 
 # --- failures, and results that do not fit --------------------------------------------------------------
@@ -360,7 +339,6 @@ def inverse(n: Any) -> Any:
     return 1 / n
 
 
-@both
 @pytest.mark.parametrize(
     "script",
     [
@@ -382,7 +360,6 @@ def test_a_failure_is_an_error_where_its_row_is_evaluated(engine: Any, script: s
     assert outcome(engine, script, numbers, f=f) == outcome(engine, script, numbers, f=inverse)
 
 
-@both
 def test_blocks_around_failing_rows_stay_large(engine: Any) -> None:
     f = blocks(inverse)
     numbers = {"numbers": [n if n % 1000 else 0 for n in range(1, 1501)]}
@@ -391,48 +368,40 @@ def test_blocks_around_failing_rows_stay_large(engine: Any) -> None:
     assert len(f.made.sizes) < 30
 
 
-@both
 @pytest.mark.parametrize(
     ("returned", "got"),
     [([1.5], "1 element"), ([1.5] * 4, "4 elements"), ([], "0 elements"), (5.5, "5.5"), (None, "None"),
      (np.int64(6), "6"), (np.array(7), "7"), ("abc", "'abc'"), ({"a": 1}, "{'a': 1}")],
 )  # fmt: skip
-def test_a_block_of_another_length(engine: Any, returned: Any, got: str) -> None:
-    with ss2sql.connect() as ss:
-        ss.function("f", lambda x: returned, volatility="immutable", vectorized=True)
-        with pytest.raises(ss2sql.ExecutionError) as caught:
-            ss.run("SELECT this,\n  f(this) FROM [1, 2, 3];", engine=engine)
-        assert caught.value.code == "X012"
-        assert caught.value.message == f"the function 'f' takes arrays; for 3 rows it returned {got}"
-        assert caught.value.span is not None
-        assert caught.value.span.place == "<script>:2:3"
-        assert ss.eval("SELECT this FROM [1] AS list;") == [1]
+def test_a_block_of_another_length(ss: ss2sql.Session, engine: Any, returned: Any, got: str) -> None:
+    ss.function("f", lambda x: returned, volatility="immutable", vectorized=True)
+    with pytest.raises(ss2sql.ExecutionError) as caught:
+        ss.run("SELECT this,\n  f(this) FROM [1, 2, 3];", engine=engine)
+    assert caught.value.code == "X012"
+    assert caught.value.message == f"the function 'f' takes arrays; for 3 rows it returned {got}"
+    assert caught.value.span is not None
+    assert caught.value.span.place == "<script>:2:3"
+    assert ss.eval("SELECT this FROM [1] AS list;") == [1]
 
 
-@both
-def test_an_element_that_is_no_value_is_refused_where_its_row_comes(engine: Any) -> None:
-    with ss2sql.connect() as ss:
-        ss.function("f", lambda x: np.where(x == 3, np.nan, x * 1.0), volatility="immutable", vectorized=True)
-        assert ss.run("SELECT f(this) FROM [1, 2, 3] LIMIT 2 AS list;", engine=engine).value == [1.0, 2.0]
-        assert ss.run("SELECT f(this) FROM [1, 3, 2] WHERE this != 3 AS list;", engine=engine).value == [1.0, 2.0]
-        with pytest.raises(ss2sql.ExecutionError, match="the function 'f' returned NaN") as caught:
-            ss.run("SELECT f(this) FROM [1, 2, 3] AS list;", engine=engine)
-        assert caught.value.code == "X004"
-        assert caught.value.span.place == "<script>:1:8"
+def test_an_element_that_is_no_value_is_refused_where_its_row_comes(ss: ss2sql.Session, engine: Any) -> None:
+    ss.function("f", lambda x: np.where(x == 3, np.nan, x * 1.0), volatility="immutable", vectorized=True)
+    assert ss.run("SELECT f(this) FROM [1, 2, 3] LIMIT 2 AS list;", engine=engine).value == [1.0, 2.0]
+    assert ss.run("SELECT f(this) FROM [1, 3, 2] WHERE this != 3 AS list;", engine=engine).value == [1.0, 2.0]
+    with pytest.raises(ss2sql.ExecutionError, match="the function 'f' returned NaN") as caught:
+        ss.run("SELECT f(this) FROM [1, 2, 3] AS list;", engine=engine)
+    assert caught.value.code == "X004"
+    assert caught.value.span.place == "<script>:1:8"
 
 
 @pytest.mark.parametrize("returned", [np.float32(2), np.int16(2), np.bool_(True), np.str_("a"), (1, 2), {3}, None])
-@both
-def test_elements_pass_the_border(engine: Any, returned: Any) -> None:
-    with ss2sql.connect() as ss:
-        ss.function("f", lambda x: [returned] * len(x), volatility="immutable", vectorized=True)
-        ss.function("g", lambda x: returned, volatility="immutable")
-        made = ss.run("SELECT f(this), g(this) FROM [1, 2] AS rows;", engine=engine).value
-        assert exact(made) == exact([(b, b) for _, b in made])
+def test_elements_pass_the_border(ss: ss2sql.Session, engine: Any, returned: Any) -> None:
+    ss.function("f", lambda x: [returned] * len(x), volatility="immutable", vectorized=True)
+    ss.function("g", lambda x: returned, volatility="immutable")
+    made = ss.run("SELECT f(this), g(this) FROM [1, 2] AS rows;", engine=engine).value
+    assert exact(made) == exact([(b, b) for _, b in made])
 
 
-@both
-def test_rows_of_a_table_of_results_are_lists(engine: Any) -> None:
-    with ss2sql.connect() as ss:
-        ss.function("f", lambda x: np.stack([x, 2 * x], axis=1), volatility="immutable", vectorized=True)
-        assert ss.run("SELECT f(this) FROM [1, 2] AS list;", engine=engine).value == [[1, 2], [2, 4]]
+def test_rows_of_a_table_of_results_are_lists(ss: ss2sql.Session, engine: Any) -> None:
+    ss.function("f", lambda x: np.stack([x, 2 * x], axis=1), volatility="immutable", vectorized=True)
+    assert ss.run("SELECT f(this) FROM [1, 2] AS list;", engine=engine).value == [[1, 2], [2, 4]]
