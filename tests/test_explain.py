@@ -44,26 +44,14 @@ def test_a_query_of_the_database(ss: ss2sql.Session) -> None:
     ss.attach("items", [1, 2, 3])
     found = ss.compile("x = 1; SELECT inc(this) FROM items WHERE NOT this == 2 AS list;").explain()
     assert lines(found) == [
-        "1. x = 1",
-        "no query: runs in Python as it is written",
-        "2. SELECT inc(this) FROM items WHERE NOT this == 2 AS list",
-        "engine: database: all of it can be said in SQL",
-        "rewrites:",
-        "inline: calls of Python functions became the expressions that they compute",
-        "split: conditions were taken apart, so that each is asked as early as possible",
-        "inc(n) is inlined: n + 1",
-        "inc is immutable: it has a source that uses only its arguments",
-        "how SQLite does it:",
-        "walks the elements of items",
-        "SQL:",
-        "SELECT",
-        "items.this + 1 AS inc",
-        "FROM elements(:items) AS items",
-        "WHERE",
-        "items.this <> 2",
-        "values that are bound in it:",
-        ":items, once it runs",
-    ]
+        "1. x = 1", "no query: runs in Python as it is written",
+        "2. SELECT inc(this) FROM items WHERE NOT this == 2 AS list", "engine: database: all of it can be said in SQL",
+        "rewrites:", "inline: calls of Python functions became the expressions that they compute",
+        "split: conditions were taken apart, so that each is asked as early as possible", "inc(n) is inlined: n + 1",
+        "inc is immutable: it has a source that uses only its arguments", "how SQLite does it:",
+        "walks the elements of items", "SQL:", "SELECT", "items.this + 1 AS inc", "FROM elements(:items) AS items",
+        "WHERE", "items.this <> 2", "values that are bound in it:", ":items, once it runs",
+    ]  # fmt: skip
 
 
 def test_why_a_query_runs_natively(ss: ss2sql.Session) -> None:
@@ -72,7 +60,7 @@ def test_why_a_query_runs_natively(ss: ss2sql.Session) -> None:
     assert found[1:3] == [
         "engine: native: the query assigns a script variable, so it runs natively",
         "to have SQLite run it: move the assignment out of the query",
-    ]
+    ]  # fmt: skip
     assert "SQL:" not in found
     asked = lines(ss.run("SELECT 1 FROM [1];", engine="native").explain())
     assert asked[1] == "engine: native: engine='native' was asked for"
@@ -86,11 +74,9 @@ def test_why_a_function_is_called(ss: ss2sql.Session) -> None:
     found = lines(ss.compile(script).explain())
     assert [line for line in found if "is called" in line] == [
         "inc is called: 'add' can fail on none or int 1..1 and int 1..1",
-        "ratio is called: 'div' can fail on int 1..1 and none or int 1..1",
-        "noisy is called: it is volatile",
-        "several is called: it is more than one expression",
-        "kept is called: it is stable",
-    ]
+        "ratio is called: 'div' can fail on int 1..1 and none or int 1..1", "noisy is called: it is volatile",
+        "several is called: it is more than one expression", "kept is called: it is stable",
+    ]  # fmt: skip
     assert "kept is stable: declared" in found
     assert any(line.startswith("noisy is volatile: it calls random.random") for line in found)
 
@@ -145,9 +131,8 @@ def test_values_stand_beside_the_sql_as_the_script_says_them(ss: ss2sql.Session)
     (statement,) = query.run(z=1).explain().as_dict()["statements"]
     assert statement["queries"][0]["parameters"] == [
         {"name": "p1", "written": "[[1], [2]]", "value": "[[1], [2]]"},
-        {"name": "p2", "written": "y[0]", "value": "[2]"},
-        {"name": "z", "written": "z", "value": "1"},
-    ]
+        {"name": "p2", "written": "y[0]", "value": "[2]"}, {"name": "z", "written": "z", "value": "1"},
+    ]  # fmt: skip
 
 
 def test_long_values_are_cut(ss: ss2sql.Session) -> None:
