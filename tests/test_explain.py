@@ -342,30 +342,26 @@ def test_a_plan_that_cannot_be_told_any_more() -> None:
 
 SEARCH = "SELECT {select} FROM {source} START WITH n = 1 CONNECT BY {options} n = {next} {stop};"
 ENDS: dict[str, dict[str, Any]] = {
-    "maximum": {"options": "MAXIMUM 3"},
-    "a bound of MEMORIZE": {"options": "MEMORIZE 3"},
+    "maximum": {"options": "MAXIMUM 3"}, "a bound of MEMORIZE": {"options": "MEMORIZE 3"},
     "a level at least": {"stop": "STOP WITH n >= 3"},
     "a level compared the other way round": {"stop": "STOP WITH 3 <= n"},
     "a level that is met": {"stop": "STOP WITH this == 7 OR n == 3"},
-    "a level that is met in twos": {"stop": "STOP WITH n == 5", "next": "n + 2"},
-    "always": {"stop": "STOP WITH True"},
+    "a level that is met in twos": {"stop": "STOP WITH n == 5", "next": "n + 2"}, "always": {"stop": "STOP WITH True"},
     "each row once": {"options": "UNIQUE", "select": "this"},
     "no row twice": {"options": "NO CYCLE", "select": "this * 2, 'x'"},
     "rows of a table": {"options": "UNIQUE", "source": "(SELECT * FROM edge WHERE src == n)", "select": "dst"},
-}
+}  # fmt: skip
 ENDLESS: dict[str, dict[str, Any]] = {
-    "nothing": {},
-    "a level that is missed": {"stop": "STOP WITH n == 4", "next": "n + 2"},
+    "nothing": {}, "a level that is missed": {"stop": "STOP WITH n == 4", "next": "n + 2"},
     "a level that is behind": {"stop": "STOP WITH n == 0"},
     "a level that falls": {"stop": "STOP WITH n >= 3", "next": "n + -1"},
     "a level that is set back": {"options": "n = 0,", "stop": "STOP WITH n >= 3"},
     "one condition of two": {"stop": "STOP WITH n >= 3 AND this == 2"},
-    "a limit that moves": {"stop": "STOP WITH n > this"},
-    "rows that count": {"options": "UNIQUE", "select": "this, n"},
+    "a limit that moves": {"stop": "STOP WITH n > this"}, "rows that count": {"options": "UNIQUE", "select": "this, n"},
     "a source that counts": {"options": "UNIQUE", "source": "[n]", "select": "this"},
     "a query that counts": {"options": "UNIQUE", "source": "(SELECT to(dst + n, d) FROM edge)", "select": "d"},
     "MEMORIZE alone": {"options": "MEMORIZE", "select": "n"},
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", [*ENDS, *ENDLESS])

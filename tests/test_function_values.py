@@ -47,7 +47,8 @@ def test_a_function_that_changes_its_argument_and_its_pure_twin_agree(
 
 
 def test_what_a_function_does_to_its_arguments_is_seen_by_nobody(ss: ss2sql.Session, engine: Any) -> None:
-    items = [[1], {"a": [2]}]
+    thing = Thing()
+    items: list[Any] = [[1], {"a": [2]}, [thing]]
     ss.attach("items", items)
 
     @ss.function(volatility="volatile")
@@ -57,8 +58,8 @@ def test_what_a_function_does_to_its_arguments_is_seen_by_nobody(ss: ss2sql.Sess
         return x
 
     result = ss.run("SELECT this, spoil(this, this), this FROM items AS rows;", engine=engine)
-    assert result.value == [([1], [9], [1]), ({"a": [2]}, {"a": 9}, {"a": [2]})]
-    assert items == [[1], {"a": [2]}]
+    assert result.value == [([1], [9], [1]), ({"a": [2]}, {"a": 9}, {"a": [2]}), ([thing], [9], [thing])]
+    assert items == [[1], {"a": [2]}, [thing]]
 
 
 def test_a_value_that_was_not_copied_is_safe_from_others(ss: ss2sql.Session, engine: Any) -> None:

@@ -226,11 +226,9 @@ def test_the_arrays_have_one_kind_of_number_or_plain_values(ss: ss2sql.Session, 
     ss.attach("xs", values)
     assert exact(ss.run("SELECT f(this, 7) FROM xs AS list;", engine=engine).value) == exact(values)
     assert seen == [
-        ("int64 int64", [1, 3]),
-        ("float64 int64", [2.5, 4.5]),
-        ("bool int64", [True, False]),
+        ("int64 int64", [1, 3]), ("float64 int64", [2.5, 4.5]), ("bool int64", [True, False]),
         ("object int64", [None, "a", [1], [2], {"k": 1}]),
-    ]
+    ]  # fmt: skip
 
 
 SIMPLE = st.none() | st.booleans() | st.integers(-3, 3) | st.sampled_from([0.0, -0.0, 1.0, 2.5, "", "a"])
