@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 from collections.abc import Callable
 from typing import Any, cast
@@ -11,6 +12,7 @@ import pytest
 from agreement import exact
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from listings import move
 from sessions import both
 
 import ss2sql
@@ -20,7 +22,7 @@ BLOCK, ROOM = 256, 4096  # instead of 8,192 and 131,072, which would take long
 
 
 @pytest.fixture(autouse=True)
-def _small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
+def _small_Blocks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("ss2sql.runtime.ahead.BLOCK", BLOCK)
     monkeypatch.setattr("ss2sql.runtime.ahead.SCAN", 4 * BLOCK)
     monkeypatch.setattr("ss2sql.runtime.host.MEMO_LIMIT", ROOM)
@@ -33,6 +35,7 @@ class Blocks:
 
     def __init__(self, function: Callable[..., Any]) -> None:
         self.function = function
+        self.__signature__ = inspect.signature(function)
         self.sizes: list[int] = []
         self.seen: list[tuple[Any, ...]] = []
 
@@ -44,19 +47,10 @@ class Blocks:
         return [self.function(*row) for row in rows]
 
 
-def blocks(function: Callable[..., Any]) -> Any:
-    """A function of one or two parameters, with its `Blocks` as `made`."""
-    made = Blocks(function)
-    takes = function.__code__.co_argcount
-    wrapper: Any = (lambda a: made(a)) if takes == 1 else (lambda a, b: made(a, b))
-    wrapper.made = made
-    return wrapper
-
-
 def run(engine: Any, script: str, sources: dict[str, Any], **functions: Any) -> ss2sql.Result:
     with ss2sql.connect(disable=["inline"]) as ss:  # which would make others of calls row by row
         for name, function in functions.items():
-            ss.function(name, function, volatility="immutable", vectorized=hasattr(function, "made"))
+            ss.function(name, function, volatility="immutable", vectorized=isinstance(function, Blocks))
         for name, source in sources.items():
             ss.attach(name, source)
         return ss.run(script, engine=engine)
@@ -76,23 +70,23 @@ def outcome(engine: Any, script: str, sources: dict[str, Any], **functions: Any)
 
 def test_a_flat_query_calls_once_for_a_block(engine: Any) -> None:
     points = [{"x": n / 7 - 3.0, "y": n % 11} for n in range(3 * BLOCK)]
-    f, g = blocks(lambda x, y: x * y), blocks(lambda x: x - 10.0)
+    f, g = Blocks(lambda x, y: x * y), Blocks(lambda x: x - 10.0)
     result = run(engine, "SELECT f(x, y) FROM points WHERE g(x) > 0 AS list;", {"points": points}, f=f, g=g)
     wanted = [row for row in points if row["x"] > 10]
     assert result.value == [row["x"] * row["y"] for row in wanted]
-    assert g.made.sizes == [BLOCK] * 3
-    assert f.made.sizes == [BLOCK, BLOCK, len(wanted) - 2 * BLOCK]
-    assert f.made.seen == [(row["x"], row["y"]) for row in wanted]  # no row that WHERE drops, each once
+    assert g.sizes == [BLOCK] * 3
+    assert f.sizes == [BLOCK, BLOCK, len(wanted) - 2 * BLOCK]
+    assert f.seen == [(row["x"], row["y"]) for row in wanted]  # no row that WHERE drops, each once
     assert result.stats.calls == {"f": len(wanted), "g": len(points)}
     assert result.stats.blocks == {"f": 3, "g": 3}
     assert result.engine == engine
 
 
 def test_equal_arguments_are_one_row_of_a_block(engine: Any) -> None:
-    f = blocks(lambda n: n * 2)
+    f = Blocks(lambda n: n * 2)
     result = run(engine, "SELECT f(this % 10) FROM numbers AS list;", {"numbers": list(range(100))}, f=f)
     assert result.value == [n % 10 * 2 for n in range(100)]
-    assert f.made.seen == [(n,) for n in range(10)]
+    assert f.seen == [(n,) for n in range(10)]
     assert result.stats.calls == {"f": 10}
     assert result.stats.blocks == {"f": 1}
 
@@ -100,52 +94,81 @@ def test_equal_arguments_are_one_row_of_a_block(engine: Any) -> None:
 def test_a_condition_that_drops_nearly_all_rows_keeps_in_step(engine: Any) -> None:
     """The memory of g must not overflow while the scout of f looks for its next rows."""
     numbers = list(range(ROOM + ROOM // 2))
-    f, g = blocks(lambda n: n + 1), blocks(lambda n: n % 50)
+    f, g = Blocks(lambda n: n + 1), Blocks(lambda n: n % 50)
     result = run(engine, "SELECT f(this) FROM numbers WHERE g(this) == 0 AS list;", {"numbers": numbers}, f=f, g=g)
     assert result.value == [n + 1 for n in numbers[::50]]
-    assert g.made.seen == [(n,) for n in numbers]
-    assert len(g.made.sizes) == math.ceil(len(numbers) / BLOCK)
-    assert len(f.made.sizes) < 10
+    assert g.seen == [(n,) for n in numbers]
+    assert len(g.sizes) == math.ceil(len(numbers) / BLOCK)
+    assert len(f.sizes) < 10
 
 
 def test_a_limit_keeps_blocks_small(engine: Any) -> None:
-    f = blocks(lambda n: n + 1)
+    f = Blocks(lambda n: n + 1)
     result = run(engine, "SELECT f(this) FROM numbers LIMIT 3 AS list;", {"numbers": list(range(1000))}, f=f)
     assert result.value == [1, 2, 3]
-    assert f.made.sizes == [FIRST]
+    assert f.sizes == [FIRST]
 
 
 def test_a_source_without_elements_calls_nothing(engine: Any) -> None:
-    f = blocks(lambda n: n)
+    f = Blocks(lambda n: n)
     assert run(engine, "SELECT f(this) FROM [] AS list;", {}, f=f).value == []
     assert run(engine, "SELECT f(this) FROM [1, 2] WHERE this > 2 AS list;", {}, f=f).value == []
-    assert f.made.sizes == []
+    assert f.sizes == []
 
 
-@pytest.mark.parametrize(
-    ("script", "most"),
-    [
-        ("SELECT f(this), f(this + 0.5) FROM numbers AS list;", 2),
-        ("SELECT f(f(this)) FROM numbers AS list;", 2),
-        ("SELECT this FROM numbers ORDER BY f(this) DESC AS list;", 1),
-        ("SELECT this % 3, sum(f(this)) FROM numbers GROUP BY this % 3 AS rows;", 1),
-        ("SELECT f(this % 3), count(*) FROM numbers GROUP BY f(this % 3) AS rows;", 1),
-        ("SELECT f(sum(this)) FROM numbers GROUP BY this % 30 AS list;", 1),
-        ("SELECT f(a.this) FROM a = numbers, b = [1, 2] WHERE f(b.this) > 0 AS list;", 2),
-        ("SELECT a.this FROM a = numbers, b = numbers WHERE f(a.this) == b.this AS list;", 1),
-        ("SELECT (SELECT f(b.this + a.this) FROM b = [1, 2] AS list) FROM a = numbers AS list;", 1),
-        ("SELECT n.this FROM n = (SELECT f(this) FROM numbers AS list) AS list;", 1),
-        ("SELECT this FROM numbers WHERE this IN (SELECT f(this) FROM numbers AS list) AS list;", 1),
-        ("SELECT IF(this > 50; f(this); 0) FROM numbers WHERE this < 5 OR f(this) > 90 AS list;", 1),
-        ("SELECT this FROM numbers WHERE this > 3 AND (this < 9 OR f(this) > 90) AS list;", 1),
-    ],
-)
+def double(n: Any) -> Any:
+    return n * 2
+
+
+def inverse(n: Any) -> Any:
+    if n == 0:
+        raise ZeroDivisionError("no inverse of 0")
+    return 1 / n
+
+
+# Scripts, and how many blocks they need at most.
+PLACES = [
+    ("SELECT f(this), f(this + 0.5) FROM numbers AS list;", 2),
+    ("SELECT f(f(this)) FROM numbers AS list;", 2),
+    ("SELECT this FROM numbers ORDER BY f(this) DESC AS list;", 1),
+    ("SELECT this % 3, sum(f(this)) FROM numbers GROUP BY this % 3 AS rows;", 1),
+    ("SELECT f(this % 3), count(*) FROM numbers GROUP BY f(this % 3) AS rows;", 1),
+    ("SELECT f(sum(this)) FROM numbers GROUP BY this % 30 AS list;", 1),
+    ("SELECT f(a.this) FROM a = numbers, b = [1, 2] WHERE f(b.this) > 0 AS list;", 2),
+    ("SELECT a.this FROM a = numbers, b = numbers WHERE f(a.this) == b.this AS list;", 1),
+    ("SELECT (SELECT f(b.this + a.this) FROM b = [1, 2] AS list) FROM a = numbers AS list;", 1),
+    ("SELECT n.this FROM n = (SELECT f(this) FROM numbers AS list) AS list;", 1),
+    ("SELECT this FROM numbers WHERE this IN (SELECT f(this) FROM numbers AS list) AS list;", 1),
+    ("SELECT IF(this > 50; f(this); 0) FROM numbers WHERE this < 5 OR f(this) > 90 AS list;", 1),
+    ("SELECT this FROM numbers WHERE this > 3 AND (this < 9 OR f(this) > 90) AS list;", 1),
+]
+FAILING = [
+    "SELECT f(this) FROM numbers AS list;",
+    "SELECT f(this) FROM numbers WHERE this != 0 AS list;",
+    "SELECT f(this) FROM numbers LIMIT 3 AS list;",
+    "SELECT f(this) FROM numbers WHERE this > 4 OR f(this) > 0.4 AS list;",
+    """SELECT this FROM numbers WHERE n == 6 START WITH n = 1
+    CONNECT BY n = n + this STOP WITH n > 6 OR f(this) < 0;""",
+    """SELECT this FROM numbers WHERE n == 9 START WITH n = 1
+    CONNECT BY UNIQUE n = n + this STOP WITH n > 6 OR f(this) < 0;""",
+    """SELECT this FROM numbers WHERE n == 9 START WITH n = 1
+    CONNECT BY UNIQUE n = n + this STOP WITH this == 0 OR n > 20 OR f(this) < 0.2;""",
+]
+
+
+@pytest.mark.parametrize(("script", "most"), PLACES)
 def test_every_place_of_a_flat_query(engine: Any, script: str, most: int) -> None:
     numbers = {"numbers": list(range(100))}
-    f = blocks(lambda n: n * 2)
-    assert outcome(engine, script, numbers, f=f) == outcome(engine, script, numbers, f=lambda n: n * 2)
-    assert len(f.made.sizes) <= most
-    assert len(f.made.seen) == len(set(f.made.seen))
+    f = Blocks(double)
+    assert outcome(engine, script, numbers, f=f) == outcome(engine, script, numbers, f=double)
+    assert len(f.sizes) <= most
+    assert len(f.seen) == len(set(f.seen))
+
+
+@pytest.mark.parametrize("script", FAILING)
+def test_a_failure_is_an_error_where_its_row_is_evaluated(engine: Any, script: str) -> None:
+    numbers = {"numbers": [5, 4, 3, 2, 1, 0, 9, 8, 7]}
+    assert outcome(engine, script, numbers, f=Blocks(inverse)) == outcome(engine, script, numbers, f=inverse)
 
 
 # --- searches ------------------------------------------------------------------------------------------
@@ -162,46 +185,36 @@ def test_a_search_calls_once_for_the_steps_of_a_state(engine: Any, options: str,
         CONNECT BY {options} {maximum} n = f(n, this) STOP WITH f(n, this) >= 8;"""
     if engine == "database" and options.startswith("MEMORIZE"):
         return
-    f, g = blocks(lambda n, move: n + move), blocks(lambda n, move: n % 3 + move)
+    f, g = Blocks(lambda n, move: n + move), Blocks(lambda n, move: n % 3 + move)
     result = run(engine, script, {"moves": MOVES}, f=f, g=g)
     plain = run(engine, script, {"moves": MOVES}, f=lambda n, m: n + m, g=lambda n, m: n % 3 + m)
     assert exact(result.value) == exact(plain.value)
     assert result.value
     assert (result.stats.generated, result.stats.expanded) == (plain.stats.generated, plain.stats.expanded)
     for function in (f, g):
-        states = [row[0] for row in function.made.seen]
-        assert len(function.made.sizes) == len(set(states))
-        assert function.made.seen == [(n, move) for n in dict.fromkeys(states) for move in MOVES]
+        states = [row[0] for row in function.seen]
+        assert len(function.sizes) == len(set(states))
+        assert function.seen == [(n, move) for n in dict.fromkeys(states) for move in MOVES]
 
 
 def test_a_condition_of_a_search_on_its_elements_alone(engine: Any) -> None:
     script = """SELECT this FROM moves WHERE n + this == 8 START WITH n = 0
         CONNECT BY UNIQUE n = n + this STOP WITH odd(this) OR n > 8;"""
-    odd = blocks(lambda move: bool(move % 2))
+    odd = Blocks(lambda move: bool(move % 2))
     plain = run(engine, script, {"moves": MOVES}, odd=lambda move: bool(move % 2))
     assert run(engine, script, {"moves": MOVES}, odd=odd).value == plain.value
-    assert odd.made.sizes == [len(MOVES)]
+    assert odd.sizes == [len(MOVES)]
 
 
 def test_lists_in_states_and_elements_are_fresh_values(engine: Any) -> None:
-    def move(disk: Any, towers: Any) -> Any:
-        made = []
-        for (source, target), state in zip(disk, towers, strict=True):
-            if not state[source] or (state[target] and state[target][-1] < state[source][-1]):
-                made.append([])
-            else:
-                state[target].append(state[source].pop())  # of a copy that nobody else sees
-                made.append(state)
-        return made
-
-    def alone(disk: Any, towers: Any) -> Any:
-        return move([disk], [towers])[0]
+    def moves(steps: Any, towers: Any) -> Any:
+        return [move(*row) for row in zip(steps, towers, strict=True)]  # which changes a copy that nobody else sees
 
     script = """SELECT this, t FROM [[0,1], [0,2], [1,0], [1,2], [2,0], [2,1]] WHERE [[], [], [2, 1]] == move(this, t)
         START WITH t = [[2, 1], [], []]
         CONNECT BY UNIQUE t = move(this, t) STOP WITH move(this, t) IN [[], [[], [], [2, 1]]];"""
     paths = [[[0, 1], [0, 2], [1, 2]], [[0, 1], [0, 2], [1, 0], [0, 2]]]
-    for function, vectorized in ((move, True), (alone, False)):
+    for function, vectorized in ((moves, True), (move, False)):
         with ss2sql.connect() as ss:
             ss.function("move", function, volatility="immutable", vectorized=vectorized)
             result = ss.run(script, engine=engine)
@@ -260,7 +273,7 @@ def test_values_are_those_of_calls_row_by_row(engine: Any, rows: Any, script: st
         "xs": [x for x, _ in rows],
         "ys": [y for _, y in rows],
     }
-    f = blocks(mixed)
+    f = Blocks(mixed)
     assert outcome(engine, script, sources, f=f) == outcome(engine, script, sources, f=mixed)
 
 
@@ -286,11 +299,11 @@ def test_a_volatile_function_does_not_take_arrays(ss: ss2sql.Session) -> None:
 
 
 def test_without_the_memory_of_calls_blocks_are_kept(engine: Any) -> None:
-    f = blocks(lambda n: n + 1)
+    f = Blocks(lambda n: n + 1)
     with ss2sql.connect(disable=["memo"]) as ss:
         ss.function("f", f, volatility="immutable", vectorized=True)
         assert ss.run("SELECT f(this) FROM range(200) AS list;", engine=engine).value == list(range(1, 201))
-    assert f.made.sizes == [200]
+    assert f.sizes == [200]
 
 
 def test_a_function_that_runs_a_script_itself(ss: ss2sql.Session, engine: Any) -> None:
@@ -310,60 +323,33 @@ def test_objects_are_elements_of_arrays(ss: ss2sql.Session, engine: Any) -> None
     assert names == ["object", "int64", "object", "list"]
 
 
-def test_a_run_that_must_end_ends_between_blocks(ss: ss2sql.Session, engine: Any) -> None:
-    f = blocks(lambda n: n)
-    first = f.made.function
+def test_a_run_that_must_end_ends_between_Blocks(ss: ss2sql.Session, engine: Any) -> None:
+    f = Blocks(lambda n: n)
+    first = f.function
 
     def stop(n: Any) -> Any:
         ss.interrupt()
         return first(n)
 
-    f.made.function = stop
+    f.function = stop
     ss.function("f", f, volatility="immutable", vectorized=True)
     ss.attach("numbers", list(range(3 * BLOCK)))
     with pytest.raises(ss2sql.Cancelled):
         ss.run("SELECT f(this) FROM numbers AS list;", engine=engine)
-    assert f.made.sizes == [BLOCK]
-    f.made.function = cast(Any, first)
+    assert f.sizes == [BLOCK]
+    f.function = cast(Any, first)
     assert ss.run("SELECT f(this) FROM [5] AS list;", engine=engine).value == [5]
 
 
 # --- failures, and results that do not fit --------------------------------------------------------------
 
 
-def inverse(n: Any) -> Any:
-    if n == 0:
-        raise ZeroDivisionError("no inverse of 0")
-    return 1 / n
-
-
-@pytest.mark.parametrize(
-    "script",
-    [
-        "SELECT f(this) FROM numbers AS list;",
-        "SELECT f(this) FROM numbers WHERE this != 0 AS list;",
-        "SELECT f(this) FROM numbers LIMIT 3 AS list;",
-        "SELECT f(this) FROM numbers WHERE this > 4 OR f(this) > 0.4 AS list;",
-        """SELECT this FROM numbers WHERE n == 6 START WITH n = 1
-        CONNECT BY n = n + this STOP WITH n > 6 OR f(this) < 0;""",
-        """SELECT this FROM numbers WHERE n == 9 START WITH n = 1
-        CONNECT BY UNIQUE n = n + this STOP WITH n > 6 OR f(this) < 0;""",
-        """SELECT this FROM numbers WHERE n == 9 START WITH n = 1
-        CONNECT BY UNIQUE n = n + this STOP WITH this == 0 OR n > 20 OR f(this) < 0.2;""",
-    ],
-)
-def test_a_failure_is_an_error_where_its_row_is_evaluated(engine: Any, script: str) -> None:
-    numbers = {"numbers": [5, 4, 3, 2, 1, 0, 9, 8, 7]}
-    f = blocks(inverse)
-    assert outcome(engine, script, numbers, f=f) == outcome(engine, script, numbers, f=inverse)
-
-
 def test_blocks_around_failing_rows_stay_large(engine: Any) -> None:
-    f = blocks(inverse)
+    f = Blocks(inverse)
     numbers = {"numbers": [n if n % 1000 else 0 for n in range(1, 1501)]}
     script = "SELECT f(this) FROM numbers WHERE this != 0 OR f(this) > 0 LIMIT 999 AS list;"
     assert run(engine, script, numbers, f=f).value == [1 / n for n in range(1, 1000)]
-    assert len(f.made.sizes) < 30
+    assert len(f.sizes) < 30
 
 
 @pytest.mark.parametrize(
