@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from textwrap import indent
+
 import pytest
 from purity_samples import Load, load
 
@@ -39,12 +41,39 @@ RETURNED = [
     ("type(x)", "'type(x)'", "function"), ("[len(y) for y, len in x]", "calls 'len'"),
     ("(len if x else print)(x)", "print"),
 ]
+# Functions of x and xs, likewise.
+BODIES = [
+    ("print(x); return x", "calls print", "effects"), ("if False: print(x)\nreturn x", "calls print"),
+    ("globals()['n'] = x", "calls globals"), ("f.calls = x; return x", "changes the attribute 'calls'"),
+    ("del x.x", "changes the attribute 'x'"), ("for x.x in xs: pass", "changes the attribute 'x'"),
+    ("b = 1000; return x is not b", "identities"), ("match x:\n    case int(real=r): return r", "matches attributes"),
+    ("for i in range(x): yield i", "is a generator"), ("def g(): yield x\nreturn list(g())", "uses 'yield'"),
+    ("class A: pass\nreturn x", "defines the class 'A'"),
+    ("def g():\n    nonlocal x\n    x = 2\ng()\nreturn x", "'x' nonlocal"), ("import os; return x", "imports 'os'"),
+    ("import math, os.path; return x", "imports 'os.path'"),
+    ("from random import choice; return x", "imports 'random'"),
+    ("@print\ndef g(): pass\nreturn x", "decorates the inner function 'g'"),
+    ("def g(y: print('hi')): pass\nreturn x", "annotation", "print"),
+    ("def g(y=print('hi')): pass\nreturn x", "calls print"), ("assert x, print(x); return x", "calls print"),
+    ("try: x[0]\nexcept IndexError as error: return error", "'error'", "exception"),
+    ("try: return 1\nexcept x: return 2", "catches 'x'"),
+    ("for y in {'a', x}: return y", "the set '{'a', x}'", "order"),
+    ("y = frozenset(x); return tuple(y)", "the set 'y'"), ("z = x.keys() - xs; return [w for w in z]", "the set 'z'"),
+    ("y = x or set(x); return list(y)", "the set 'y'"), ("y = x; y |= {1}; return [*y]", "the set '{1}'"),
+    ("y = {}; y |= {(z, w) for z, w in x}; return y", "the set '{(z, w) for z, w in x}'"),
+    ("a, b = set(x); return a", "the set 'set(x)'"), ("x.extend(set(xs)); return x", "the set 'set(xs)'"),
+    ("y = [set(x)]; return list(y[0])", "the set 'set(x)'"),
+    ("y = {}; y[0] = set(x); return list(y[0])", "the set 'set(x)'"),
+    ("y = []; y.append({x}); return list(y[0])", "the set '{x}'"),
+    ("def g():\n    if x: return set(x)\n    return []\nreturn list(g())", "the set 'g()'"),
+    ("if (y := set(x)): return list(y)", "the set 'y'"), ("y, z = set(x), 1; return list(y)", "the set 'y'"),
+    ("y = zip(x, x); return y", "'y'", "iterator"), ("def g(): return x\nreturn g", "'g'", "function"),
+    ("for len in xs: return len(x)", "calls 'len'"), ("p = print; return p(x)", "calls p"),
+    ("g = g; return g(x)", "calls 'g'"),
+]
 # Others, likewise.
 VOLATILE = {
     # Effects, and values that do not come from the arguments.
-    "print": ("def f(x): print(x); return x", "calls print", "effects"),
-    "print that is never reached": ("def f(x):\n    if False: print(x)\n    return x", "calls print"),
-    "globals": ("def f(x): globals()['n'] = x", "calls globals"),
     "random": ("import random\ndef f(x): return random.random() + x", "random.random"),
     "random, imported": ("from random import choice\ndef f(x): return choice(x)", "calls choice", "arguments alone"),
     "random, renamed": ("import random as r\ndef f(x): return r.randint(1, 2)", "r.randint", "arguments alone"),
@@ -74,15 +103,12 @@ VOLATILE = {
     "a class of the user's": ("class Place: pass\ndef f(x): return Place()", "calls Place"),
     "a constant of a class": ("class Place:\n    SIZE = 2\ndef f(x): return Place.SIZE", "attribute 'SIZE'"),
     "an enumeration": ("import enum\nclass E(enum.Enum):\n    A = 1\ndef f(x): return E.A == x", "attribute 'A'"),
-    "a state kept on the function": ("def f(x):\n    f.calls = x\n    return x", "changes the attribute 'calls'"),
     "a helper of a helper": ("import time\ndef b(): return time.time()\ndef a(): return b()\ndef f(): return a()",
         "calls a, which calls b, which calls time.time"),
     "a method of a class": ("class A:\n    def m(self): return self.x\nf = A.m", "attribute 'x'"),
     "an unknown module": ("import purity_sample_0 as me\nN = 1\nN = 2\ndef f(x): return me.N", "may change"),
     # Arguments.
     "an attribute that is set": ("def f(body, x): body.x = x", "changes the attribute 'x'"),
-    "an attribute that is deleted": ("def f(body): del body.x", "changes the attribute 'x'"),
-    "an attribute as a loop variable": ("def f(body, xs):\n    for body.x in xs: pass", "changes the attribute 'x'"),
     "a function's result as a key": ("def g(): return len\ndef f(x): return sorted(x, key=g())",
         "calls the result of 'g()'"),
     "a helper as a key": ("def g(x): print(x)\ndef f(x): return sorted(x, key=g)", "calls g, which calls print"),
@@ -90,11 +116,8 @@ VOLATILE = {
     "an argument for reduce": ("import functools\ndef f(xs, g): return functools.reduce(g, xs)",
         "calls its argument 'g'"),
     "json with a function": ("import json\ndef f(x, g): return json.dumps(x, default=g)", "json.dumps", "'default'"),
-    "identity with a number": ("def f(a):\n    b = 1000\n    return a is not b", "identities"),
     "matching attributes": ("class P: pass\ndef f(p):\n    match p:\n        case P(): return 1",
         "asks whether a value is a 'P'"),
-    "matching attributes of a built-in class": ("def f(p):\n    match p:\n        case int(real=r): return r",
-        "matches attributes"),
     "matching a dotted name": ("class P:\n    A = 1\ndef f(p):\n    match p:\n        case P.A: return 1",
         "attribute 'A'"),
     "isinstance of a user's class": ("class P: pass\ndef f(p): return isinstance(p, P)", "'P'"),
@@ -104,52 +127,19 @@ VOLATILE = {
     "a list as a default set later": ("def f(x, y=1): return x\nf.__defaults__ = ([],)", "default argument"),
     "a function as a default": ("def f(x, g=len): return x", "default argument"),
     # Statements.
-    "a generator": ("def f(n):\n    for i in range(n): yield i", "is a generator"),
     "a coroutine": ("async def f(n): return n", "coroutine"),
-    "an inner generator": ("def f(n):\n    def g(): yield n\n    return list(g())", "uses 'yield'"),
     "with": ("import contextlib\ndef f(x):\n    with contextlib.suppress(ValueError): return x", "uses 'with'"),
-    "a class inside": ("def f(x):\n    class A: pass\n    return x", "defines the class 'A'"),
-    "nonlocal": ("def f(x):\n    def g():\n        nonlocal x\n        x = 2\n    g()\n    return x", "'x' nonlocal"),
-    "an import": ("def f(x):\n    import os\n    return x", "imports 'os'"),
-    "an import among others": ("def f(x):\n    import math, os.path\n    return x", "imports 'os.path'"),
-    "an import from": ("def f(x):\n    from random import choice\n    return x", "imports 'random'"),
-    "a decorated inner function": ("def f(x):\n    @print\n    def g(): pass\n    return x",
-        "decorates the inner function 'g'"),
-    "an effect in an annotation": ("def f(x):\n    def g(y: print('hi')): pass\n    return x", "annotation", "print"),
-    "an effect in an inner default": ("def f(x):\n    def g(y=print('hi')): pass\n    return x", "calls print"),
-    "an effect in an assertion": ("def f(x):\n    assert x, print(x)\n    return x", "calls print"),
     "an exception with its own __init__": ("class Loud(Exception):\n    def __init__(self): print('hi')\n"
         "def f(x): raise Loud", "calls Loud"),
     "such an exception, inherited": ("class Loud(Exception):\n    def __new__(cls): print('hi')\n"
         "class Louder(Loud): pass\ndef f(x): raise Louder()", "calls Louder"),
-    "an exception kept": ("def f(x):\n    try: x[0]\n    except IndexError as error: return error", "'error'",
-        "exception"),
-    "a local exception class": ("def f(x):\n    try: return 1\n    except x: return 2", "catches 'x'"),
     # Sets, iterators and functions that get out.
-    "a loop over a set": ("def f(x):\n    for y in {'a', x}: return y", "the set '{'a', x}'", "order"),
-    "a tuple of a named set": ("def f(x):\n    y = frozenset(x)\n    return tuple(y)", "the set 'y'"),
-    "a set by an operator": ("def f(x, y):\n    z = x.keys() - y\n    return [w for w in z]", "the set 'z'"),
-    "a set through or": ("def f(x):\n    y = x or set(x)\n    return list(y)", "the set 'y'"),
-    "a set through an update": ("def f(x):\n    y = x\n    y |= {1}\n    return [*y]", "the set '{1}'"),
-    "a dict that takes in a set": ("def f(x):\n    y = {}\n    y |= {(z, w) for z, w in x}\n    return y",
-        "the set '{(z, w) for z, w in x}'"),
-    "a set unpacked": ("def f(x):\n    a, b = set(x)\n    return a", "the set 'set(x)'"),
-    "a list extended by a set": ("def f(x, y): x.extend(set(y)); return x", "the set 'set(y)'"),
-    "a set within a list": ("def f(x):\n    y = [set(x)]\n    return list(y[0])", "the set 'set(x)'"),
-    "a set in a dict": ("def f(x):\n    y = {}\n    y[0] = set(x)\n    return list(y[0])", "the set 'set(x)'"),
-    "a set appended": ("def f(x):\n    y = []\n    y.append({x})\n    return list(y[0])", "the set '{x}'"),
     "a set to a helper": ("def g(x): return list(x)\ndef f(x): return g(set(x))", "the set 'set(x)'"),
     "a set from a helper": ("def g(x): return set(x)\ndef f(x): return list(g(x))", "the set 'g(x)'"),
     "a set from a recursive helper": ("def g(x): return set() if not x else h(x)\ndef h(x): return g(x[1:])\n"
         "def f(x): return list(h(x))", "the set 'h(x)'"),
-    "a set from an inner function": ("def f(x):\n    def g():\n        if x: return set(x)\n        return []\n"
-        "    return list(g())", "the set 'g()'"),
-    "a set of a walrus": ("def f(x):\n    if (y := set(x)): return list(y)", "the set 'y'"),
-    "a set of a tuple": ("def f(x):\n    y, z = set(x), 1\n    return list(y)", "the set 'y'"),
-    "a named iterator returned": ("def f(x):\n    y = zip(x, x)\n    return y", "'y'", "iterator"),
     "an iterator to a helper": ("def g(x): return x\ndef f(x): return g(iter(x))", "'iter(x)'"),
     "a deque returned": ("import collections\ndef f(x): return collections.deque(x)", "'collections.deque(x)'"),
-    "an inner function returned": ("def f(x):\n    def g(): return x\n    return g", "'g'", "function"),
     "a function in a list": ("def g(): pass\ndef f(x): return [g]", "'g'", "function"),
     "a function as text": ("def g(): pass\ndef f(x): return str(g)", "'g'", "function"),
     "a module as a value": ("import math\ndef f(x): return [math]", "'math'"),
@@ -158,10 +148,7 @@ VOLATILE = {
         "len"),
     "a built-in function shadowed later": ("def f(x): return len(x)\nif not f:\n    def len(x): return 1", "'len'"),
     "a built-in function shadowed by an argument": ("def f(x, len): return len(x)", "calls its argument 'len'"),
-    "a built-in function shadowed by a loop": ("def f(x, y):\n    for len in y: return len(x)", "calls 'len'"),
     "a name that a lambda binds": ("n = []\ndef f(x): return [(lambda: (n := y))() for y in x] + n", "global name 'n'"),
-    "a function hidden behind a name": ("def f(x):\n    p = print\n    return p(x)", "calls p"),
-    "a name that calls itself": ("def f(x):\n    g = g\n    return g(x)", "calls 'g'"),
     "a replacing decorator": ("import functools, time\ndef timed(g):\n    @functools.wraps(g)\n"
         "    def h(x): return g(x), time.time()\n    return h\n@timed\ndef f(x): return x", "time.time"),
     "a decorator that makes an object": ("class Deco:\n    def __init__(self, g): self.g = g\n"
@@ -211,6 +198,7 @@ VOLATILE = {
 
 
 VOLATILE |= {f"returns {text}": (f"def f(x, y, g): return {text}", *words) for text, *words in RETURNED}
+VOLATILE |= {text: (f"def f(x, xs):\n{indent(text, '    ')}", *words) for text, *words in BODIES}
 
 
 @pytest.mark.parametrize(("text", "words"), [(text, words) for text, *words in VOLATILE.values()], ids=VOLATILE.keys())

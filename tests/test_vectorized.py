@@ -22,7 +22,7 @@ BLOCK, ROOM = 256, 4096  # instead of 8,192 and 131,072, which would take long
 
 
 @pytest.fixture(autouse=True)
-def _small_Blocks(monkeypatch: pytest.MonkeyPatch) -> None:
+def _small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("ss2sql.runtime.ahead.BLOCK", BLOCK)
     monkeypatch.setattr("ss2sql.runtime.ahead.SCAN", 4 * BLOCK)
     monkeypatch.setattr("ss2sql.runtime.host.MEMO_LIMIT", ROOM)
@@ -323,7 +323,7 @@ def test_objects_are_elements_of_arrays(ss: ss2sql.Session, engine: Any) -> None
     assert names == ["object", "int64", "object", "list"]
 
 
-def test_a_run_that_must_end_ends_between_Blocks(ss: ss2sql.Session, engine: Any) -> None:
+def test_a_run_that_must_end_ends_between_blocks(ss: ss2sql.Session, engine: Any) -> None:
     f = Blocks(lambda n: n)
     first = f.function
 
