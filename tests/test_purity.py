@@ -15,19 +15,6 @@ from ss2sql.frontend.purity import infer
 __all__ = ["load"]  # the fixture
 
 BLOCKS = '''\
-# the paper's move
-def f(step, towers):
-    if not towers or not towers[step[0]]: pass
-    elif not towers[step[1]] or towers[step[1]][-1]>towers[step[0]][-1]:
-        towers[step[1]].append(towers[step[0]].pop())
-        return towers
-    return []
-# its twin that changes nothing
-def f(step, towers):
-    a, b = step
-    if not towers or not towers[a] or (towers[b] and towers[b][-1] < towers[a][-1]):
-        return []
-    return [t[:-1] if i == a else t + [towers[a][-1]] if i == b else t[:] for i, t in enumerate(towers)]
 # a docstring and annotations
 def f(a: "Any of them", b: list[int] = None) -> dict:
     """What it says."""
@@ -103,16 +90,15 @@ def f(rows, names):
     return rows
 # a deque
 from collections import deque
-def f(graph, start, goal):
+def f(graph, start):
     queue, seen = deque([(start, 0)]), {start}
     while queue:
         node, depth = queue.popleft()
-        if node == goal: return depth
         for after in graph.get(node, []):
             if after not in seen:
                 seen.add(after)
                 queue.append((after, depth + 1))
-    return None
+    return depth
 # sets whose order does not matter
 def f(a, b):
     left, right = set(a), {x for x in b}

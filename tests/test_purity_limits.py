@@ -16,6 +16,7 @@ from types import ModuleType
 from typing import Any
 
 import pytest
+from cases.functions import moved
 from listings import move
 from purity_samples import Load, load
 
@@ -195,6 +196,6 @@ def test_inference_is_quick_and_does_not_pile_up(load: Load) -> None:
     for number in range(6):
         assert infer(load(f"def f(x): return x + {number}").f).volatility == "immutable"
     assert source._parse.cache_info().currsize <= 4
-    infer(move)
+    assert (infer(move).volatility, infer(moved).changes) == ("immutable", False)
     best = min(timeit.repeat(lambda: infer(move), number=1, repeat=20))
     assert best < 0.005  # a fraction of a millisecond on an idle machine
