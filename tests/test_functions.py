@@ -167,11 +167,30 @@ def test_all_arguments_count(ss: ss2sql.Session, engine: Any, arguments: tuple[A
     assert result.stats.calls == {"f": 2}
 
 
-def test_a_stable_function_is_called_once_in_a_run(ss: ss2sql.Session, engine: Any) -> None:
-    f = ss.function("f", Counted(), volatility="stable")
-    query = ss.compile("SELECT f(1) FROM [1, 2, 3] AS list;")
-    assert [query.run(engine=engine).stats.calls["f"] for _ in range(2)] == [1, 1]
-    assert f.seen == [1, 1]
+# How far f can be relied on, a script, its value, and the arguments of the calls of f in their order.
+CALLS: list[tuple[Any, str, list[Any], list[Any]]] = [
+    ("stable", "SELECT f(1) FROM [1, 2, 3] AS list;", [1, 1, 1], [1]),
+    # every occurrence of a volatile function, as written
+    ("volatile", "SELECT f(this), f(0), f(this) FROM [1, 2, 3] WHERE f(this) > 1 AND f(5) AS list;",
+     [2, 0, 2, 3, 0, 3], [1, 2, 5, 2, 0, 2, 3, 5, 3, 0, 3]),
+    # what the left side decides is not called
+    ("volatile", "SELECT this FROM [1, 2, 3] WHERE this > 1 AND f(this) > 2 OR this == 1 OR f(10) AS list;",
+     [1, 2, 3], [2, 10, 3]),
+    ("volatile", "SELECT IF(this > 1; f(this); f(-this)) FROM [1, 2] AS list;", [-1, 2], [-1, 2]),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("volatility", "script", "value", "seen"), CALLS)
+def test_calls_of_each_run(
+    ss: ss2sql.Session, engine: Any, volatility: Any, script: str, value: list[Any], seen: list[Any]
+) -> None:
+    f = ss.function("f", Counted(), volatility=volatility)
+    query = ss.compile(script)
+    for _ in range(2):
+        result = query.run(engine=engine)
+        assert result.value == value
+        assert result.stats.calls == {"f": len(seen)}
+    assert f.seen == seen * 2
 
 
 def test_a_stable_function_is_asked_anew_by_the_next_statement(ss: ss2sql.Session, engine: Any) -> None:
@@ -185,25 +204,6 @@ def test_a_stable_function_is_asked_anew_by_the_next_statement(ss: ss2sql.Sessio
                 move("robot", 7); [before, after, alone, where("robot")];"""
     assert ss.run(script, engine=engine if engine == "native" else "auto").value == [[1, 2], [5, 6], 5, 7]
     assert len(f.seen) == 4
-
-
-def test_a_volatile_function_is_called_for_every_occurrence_in_written_order(ss: ss2sql.Session, engine: Any) -> None:
-    f = ss.function("f", Counted(), volatility="volatile")
-    g = ss.function("g", Counted(), volatility="volatile")
-    result = ss.run("SELECT f(this), g(0), f(this) FROM [1, 2, 3] WHERE f(this) > 1 AND g(5) AS list;", engine=engine)
-    assert result.value == [2, 0, 2, 3, 0, 3]
-    assert f.seen == [1, 2, 2, 2, 3, 3, 3]
-    assert g.seen == [5, 0, 5, 0]
-    assert result.stats.calls == {"f": 7, "g": 4}
-
-
-def test_what_the_left_side_decides_is_not_called(ss: ss2sql.Session, engine: Any) -> None:
-    f = ss.function("f", Counted(), volatility="volatile")
-    ss.run("SELECT this FROM [1, 2, 3] WHERE this > 1 AND f(this) > 2 OR this == 1 OR f(10);", engine=engine)
-    assert f.seen == [2, 10, 3]
-    f.seen.clear()
-    ss.run("SELECT IF(this > 1; f(this); f(-this)) FROM [1, 2];", engine=engine)
-    assert f.seen == [-1, 2]
 
 
 @pytest.mark.parametrize("volatility", ["immutable", "volatile"])
