@@ -35,27 +35,18 @@ def f(n):
         k //= 2
         if k == 3: break
     return total
-# exceptions
-def f(a):
-    try:
-        return a[0]
-    except (IndexError, TypeError) as error:
-        raise ValueError("empty") from error
-    except KeyError:
-        raise
-    else:
-        return 1
-    finally:
-        assert a is not None, "nothing"
-# an exception class of the module's own
+# exceptions, also of the module's own
 class NoMove(ValueError):
     """There is no such move."""
 def f(a):
     try:
         if a: raise NoMove
-        raise NoMove(f"none of {a!r:>9}")
-    except NoMove:
-        return False
+        return a[0]
+    except (IndexError, TypeError) as error: raise ValueError("empty") from error
+    except KeyError: raise
+    except NoMove: raise NoMove(f"none of {a!r:>9}")
+    else: return 1
+    finally: assert a is not None, "nothing"
 # comprehensions
 def f(rows, k):
     pairs = [(x, y) for x in rows for y in rows[x] if y != k]
@@ -99,21 +90,19 @@ def f(graph, start):
                 seen.add(after)
                 queue.append((after, depth + 1))
     return depth
-# sets whose order does not matter
+# sets whose order does not matter, and views of dicts
 def f(a, b):
     left, right = set(a), {x for x in b}
     both = left & right | set()
     both |= {1, 2}
     both.update(left, right)
     both.discard(3)
-    if len(both) > 2 and 3 in both and left <= right and not left.isdisjoint(right):
-        return sorted(both) + [max(both), sum(left), any(x > 2 for x in right), all(right), min(left - right)]
-    return left.union(right, a)
-# views of dicts
-def f(a, b):
     c = dict(a.items())
     c |= b.items()
-    return list(a.items()), sorted(a.keys() & b.keys()), sum(a.values()), 3 in b.values()
+    views = list(a.items()), sorted(a.keys() & b.keys()), sum(a.values()), 3 in b.values()
+    if views and len(both) > 2 and 3 in both and left <= right and not left.isdisjoint(right):
+        return sorted(both) + [max(both), sum(left), any(x > 2 for x in right), all(right), min(left - right)]
+    return left.union(right, a)
 # format strings
 FORM = "{0[2]:>{1}} {name!r:.2f}"
 def f(a, b):
@@ -150,13 +139,19 @@ def f(a, b):
     b = b + [heapq.heappop(heap) for _ in range(len(heap))]
     return (math.sqrt(statistics.mean(a)) + math.pi, json.loads(json.dumps(a, sort_keys=True)),
             bisect_left(a, 3), [list(x) for x in choose(b, 2)], math.hypot(*a), count.most_common(1), groups)
-# imports inside
+# imports repeated, and inside
+import math
+import math
+import collections
+import collections.abc
+from math import sqrt
+from math import sqrt
 def f(a):
     import math
     import operator as op
     from string import digits
     from math import dist, pi as half
-    return math.floor(op.add(a, half)), dist(a, a), digits
+    return math.floor(op.add(a, half)), dist(a, a), digits, collections.Counter(a), sqrt(a)
 # constants and kinds of values
 SIZE = 8
 WALLS: tuple = ((1, 2), "x", None, -1.5)
@@ -205,12 +200,6 @@ class Moves:
     @staticmethod
     def down(place): return [place[0], place[1] - 1]
 f = Moves.down
-# a lambda over several lines
-f = (lambda x, y=2: x
-     + y)
-# future annotations
-from __future__ import annotations
-def f(x: Unknown) -> Unknown: return x
 # a name for a name
 import math
 m = math
@@ -225,16 +214,10 @@ match [1, {"a": 2, "b": 3}]:
     case {"a": third, **rest}: pass
 async def neighbour(): pass
 def f(x): return x + 1
-# an import repeated
-import math
-import math
-import collections
-import collections.abc
-from math import sqrt
-from math import sqrt
-def f(x): return math.sqrt(x), collections.Counter(x), sqrt(x)
 '''
 IMMUTABLE = {
+    "future annotations": "from __future__ import annotations\ndef f(x: Unknown) -> Unknown: return x",
+    "a lambda over several lines": "f = (lambda x, y=2:\n     x\n     + y)",
     "other defaults": "def f(x, y=[]): return x\nf.__defaults__ = ((1, 'two'),)",
     "arithmetic": "def f(a, b): return (a ** 2 + -b) / (a % 7 or 1) < a // 2",
     "no arguments, no body": "def f(): pass",

@@ -71,6 +71,11 @@ BODIES = [
     ("for len in xs: return len(x)", "calls 'len'"), ("p = print; return p(x)", "calls p"),
     ("g = g; return g(x)", "calls 'g'"),
 ]
+# Modules that may give N another value.
+GLOBALS = [
+    "N = 1\n{f}\nN = 1", "N = 1\nN += 1\n{f}", "for N in range(3): pass\n{f}", "for _ in range(3): N = 1\n{f}",
+    "N = 1\n{f}\nif not f: del N", "N = 1\ndef g(x: (N := 2)): pass\n{f}",
+]
 # Others, likewise.
 VOLATILE = {
     # Effects, and values that do not come from the arguments.
@@ -88,12 +93,6 @@ VOLATILE = {
     "a global that is counted": ("n = 0\ndef f(x):\n    global n\n    n += x\n    return n", "'n'"),
     "a global that another function counts": ("n = 0\ndef count():\n    global n\n    n += 1\ndef f(x): return x + n",
         "global name 'n'", "may change"),
-    "a global that is assigned twice": ("N = 1\ndef f(x): return x + N\nN = 1", "global name 'N'", "may change"),
-    "a global that is updated": ("N = 1\nN += 1\ndef f(x): return x + N", "global name 'N'"),
-    "a global of a loop": ("for N in range(3): pass\ndef f(x): return x + N", "global name 'N'"),
-    "a global assigned in a loop": ("for _ in range(3): N = 1\ndef f(x): return x + N", "global name 'N'"),
-    "a global that may be deleted": ("N = 1\ndef f(x): return x + N\nif not f: del N", "global name 'N'"),
-    "a global bound in an annotation": ("N = 1\ndef g(x: (N := 2)): pass\ndef f(x): return x + N", "global name 'N'"),
     "a global bound by a class": ("N = 1\nclass A:\n    global N\n    N = 2\ndef f(x): return N", "global name 'N'"),
     "two imports under one name": ("import math as m\nimport copy as m\ndef f(x): return m.copy(x)", "global name 'm'"),
     "a global tuple with a list": ("N = (1, [2])\ndef f(x): return N[1]", "global name 'N'"),
@@ -198,6 +197,7 @@ VOLATILE = {
 
 
 VOLATILE |= {f"returns {text}": (f"def f(x, y, g): return {text}", *words) for text, *words in RETURNED}
+VOLATILE |= {text: (text.format(f="def f(x): return x + N"), "global name 'N'", "may change") for text in GLOBALS}
 VOLATILE |= {text: (f"def f(x, xs):\n{indent(text, '    ')}", *words) for text, *words in BODIES}
 
 

@@ -20,28 +20,23 @@ VALUES = [
 ]  # fmt: skip
 
 
-@pytest.fixture
-def rows(ss: ss2sql.Session) -> ss2sql.Session:
-    """A session with a list of rows, and a table of the same."""
+@pytest.mark.parametrize("value", VALUES, ids=label)
+def test_they_equal_what_python_says(ss: ss2sql.Session, engine: Any, value: Any) -> None:
     ss.attach("rows", ROWS)
     ss.host.connection.execute("CREATE TABLE t(a INTEGER, b TEXT, c REAL)")
     ss.host.connection.executemany("INSERT INTO t VALUES(:a, :b, :c)", ROWS)
-    return ss
-
-
-@pytest.mark.parametrize("value", VALUES, ids=label)
-def test_they_equal_what_python_says(rows: ss2sql.Session, engine: Any, value: Any) -> None:
     for source, column in itertools.product(("rows", "t"), "abc"):
         equal = [row["a"] for row in ROWS if row[column] == value]
         other = [row["a"] for row in ROWS if row[column] != value]
         for condition, expected in ((f"{column} == n", equal), (f"n == {column}", equal), (f"{column} != n", other)):
-            query = rows.compile(f"SELECT a FROM {source} WHERE {condition} AS list;")
+            query = ss.compile(f"SELECT a FROM {source} WHERE {condition} AS list;")
             assert query.run(engine=engine, n=value).value == expected, (source, condition)
 
 
-def test_sqlite_compares_them_by_itself(rows: ss2sql.Session) -> None:
-    text = rows.compile("SELECT a FROM rows WHERE a == n AND b != n;").sql
-    assert "rows.a IS :n AND rows.b IS NOT :n_2" in " ".join(text.split())
+def test_sqlite_compares_them_by_itself(ss: ss2sql.Session) -> None:
+    ss.attach("things", ROWS)
+    text = ss.compile("SELECT a FROM things WHERE a == n AND b != n;").sql
+    assert "things.a IS :n AND things.b IS NOT :n_2" in " ".join(text.split())
 
 
 def test_a_world_is_asked_for_the_one_that_is_wanted(ss: ss2sql.Session, engine: Any) -> None:
