@@ -77,8 +77,6 @@ def caught(action: Callable[[], object], kind: type[BaseException] = MishapError
     return list(found.value.__notes__), found.traceback[-1].name
 
 
-# --- the note ------------------------------------------------------------------------------------------
-
 # What raises, where the note says that it was called, and the script.
 PLACES = [
     *(("fail", "fail", script) for script in (
@@ -160,9 +158,6 @@ def test_a_line_of_another_text_is_shown_from_that_text() -> None:
     first, second = Source("a;\nb;", "one.ss"), Source("c;\nd;", "two.ss")
     note_place(error, "f", [Span(first, 0, 1), Span(second, 3, 4)])
     assert error.__notes__ == ["raised by the function 'f', called at one.ss:1:1, two.ss:2:1\n  1 | a;\n  2 | d;"]
-
-
-# --- others --------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("script", ["SELECT heavy\nFROM world;", "SELECT x\nFROM world WHERE heavy > 1;"])

@@ -11,9 +11,6 @@ from random_values import Thing, Unhashable
 
 import ss2sql
 
-# --- fresh values --------------------------------------------------------------------------------------
-
-
 HANOI = """SELECT this, tower FROM moves WHERE [[], [], [3, 2, 1]] == move(this, tower)
 START WITH tower = [[3, 2, 1], [], []], level = 1
 CONNECT BY {option} tower = move(this, tower), level = level + 1
@@ -106,9 +103,6 @@ def test_a_function_may_keep_what_it_got_and_gave(ss: ss2sql.Session, engine: An
     log: list[int] = []
     ss.function("log", lambda x: log.append(x) or log, volatility="volatile")
     assert ss.run("SELECT log(this) FROM [1, 2, 3] AS list;", engine=engine).value == [[1], [1, 2], [1, 2, 3]]
-
-
-# --- what comes back -----------------------------------------------------------------------------------
 
 
 def test_objects_come_back_identical(ss: ss2sql.Session, engine: Any) -> None:

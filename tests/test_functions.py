@@ -11,8 +11,6 @@ from sessions import code_of
 
 import ss2sql
 
-# --- registration --------------------------------------------------------------------------------------
-
 
 def test_the_forms_of_registration(ss: ss2sql.Session) -> None:
     seen: list[int] = []
@@ -103,8 +101,6 @@ def test_built_in_functions_can_be_replaced(ss: ss2sql.Session, engine: Any) -> 
     script = "SELECT max(this), min(this) FROM [1, 2, 1] GROUP BY max(this) AS rows;"
     assert ss.run(script, engine="auto" if engine == "database" else engine).value == [(100, 1), (200, 2)]
 
-
-# --- names ---------------------------------------------------------------------------------------------
 
 NAMES = [
     # words of SQL

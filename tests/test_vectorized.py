@@ -65,9 +65,6 @@ def outcome(engine: Any, script: str, sources: dict[str, Any], **functions: Any)
         return type(error), str(error), getattr(error, "__notes__", [])
 
 
-# --- calls ---------------------------------------------------------------------------------------------
-
-
 def test_a_flat_query_calls_once_for_a_block(engine: Any) -> None:
     points = [{"x": n / 7 - 3.0, "y": n % 11} for n in range(3 * BLOCK)]
     f, g = Blocks(lambda x, y: x * y), Blocks(lambda x: x - 10.0)
@@ -109,13 +106,6 @@ def test_a_limit_keeps_blocks_small(engine: Any) -> None:
     assert f.sizes == [FIRST]
 
 
-def test_a_source_without_elements_calls_nothing(engine: Any) -> None:
-    f = Blocks(lambda n: n)
-    assert run(engine, "SELECT f(this) FROM [] AS list;", {}, f=f).value == []
-    assert run(engine, "SELECT f(this) FROM [1, 2] WHERE this > 2 AS list;", {}, f=f).value == []
-    assert f.sizes == []
-
-
 def double(n: Any) -> Any:
     return n * 2
 
@@ -128,6 +118,8 @@ def inverse(n: Any) -> Any:
 
 # Scripts, and how many blocks they need at most.
 PLACES = [
+    ("SELECT f(this) FROM [] AS list;", 0),
+    ("SELECT f(this) FROM numbers WHERE this > 200 AS list;", 0),
     ("SELECT f(this), f(this + 0.5) FROM numbers AS list;", 2),
     ("SELECT f(f(this)) FROM numbers AS list;", 2),
     ("SELECT this FROM numbers ORDER BY f(this) DESC AS list;", 1),
@@ -224,9 +216,6 @@ def test_lists_in_states_and_elements_are_fresh_values(engine: Any) -> None:
             assert result.stats.calls["move"] % 6 == 0
 
 
-# --- arrays --------------------------------------------------------------------------------------------
-
-
 def test_the_arrays_have_one_kind_of_number_or_plain_values(ss: ss2sql.Session, engine: Any) -> None:
     seen: list[tuple[str, list[Any]]] = []
 
@@ -275,9 +264,6 @@ def test_values_are_those_of_calls_row_by_row(engine: Any, rows: Any, script: st
     }
     f = Blocks(mixed)
     assert outcome(engine, script, sources, f=f) == outcome(engine, script, sources, f=mixed)
-
-
-# --- registration --------------------------------------------------------------------------------------
 
 
 def test_as_a_decorator_and_without_a_word_on_volatility(ss: ss2sql.Session, engine: Any) -> None:
