@@ -36,6 +36,7 @@ def test_nothing_is_run_without_analyze() -> None:
     assert "called" not in found.stderr
     assert "double is volatile: it calls print" in found.stdout
     assert "the run:" not in found.stdout
+    assert "warning: nothing shows that this search ends" in call("-e", COUNT.format("")).stdout
 
 
 def test_analyze_runs_and_tells_what_was_done() -> None:
@@ -77,10 +78,6 @@ def test_a_run_that_is_broken_off_is_explained_nevertheless() -> None:
     assert found.exit_code == 124
     assert "the run: timeout, " in found.stdout
     assert "T001" in found.stderr
-
-
-def test_a_search_without_an_end_is_told_before_it_runs() -> None:
-    assert "warning: nothing shows that this search ends" in call("-e", COUNT.format("")).stdout
 
 
 def test_errors_end_it() -> None:
