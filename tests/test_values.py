@@ -107,9 +107,11 @@ def test_keys_of_chosen_values() -> None:
         ({"a": 1, "b": [1.0]}, {"b": [True], "a": 1}), ([Decimal(2)], [2]), (Fraction(1, 2), 0.5),
         ([b"a", 1.0], [b"a", 1]), (2**53, 2.0**53),
     ]  # fmt: skip
+    pool = Pool()
     for left, right in equal:
         assert left == right
         assert freeze(left) == freeze(right)
+        assert pool.key(pool.encode(left)) == pool.key(pool.encode(right))
     different = [
         [], [[]], {}, [{}], "", "[]", 0, "0", None, [None], "1", 1, b"", b"1", [b"1"], ["1"], [1], [[1]], [1, 1],
         {"a": 1}, {"a": "1"}, [["a", 1]], 2**53 + 1, 2.0**53, [2**53 + 1], [2.0**53], 2.0**63, [Decimal("0.1")], [0.1],
@@ -117,6 +119,7 @@ def test_keys_of_chosen_values() -> None:
     ]  # fmt: skip
     for left, right in itertools.combinations(different, 2):
         assert freeze(left) != freeze(right), (left, right)
+        assert pool.key(pool.encode(left)) != pool.key(pool.encode(right)), (left, right)
 
 
 def test_values_that_a_script_nested_too_deeply_have_no_key() -> None:
@@ -173,9 +176,6 @@ def test_sorting_numbers_as_python_does(column: list[Any], descending: bool) -> 
     keys = [(value is not None, value or 0) for value in column]
     expected = sorted(range(len(column)), key=keys.__getitem__, reverse=descending)
     assert sort_rows(range(len(column)), [(value,) for value in column], [descending]) == expected
-
-
-# --- messages ------------------------------------------------------------------------------------------
 
 
 @given(values(st.one_of(st.none(), NUMBERS, st.text(max_size=9))))
@@ -371,6 +371,7 @@ def test_values_come_back_exactly(value: Any) -> None:
         assert same(handle, value)
     assert same(pool.decode(handle), value)
     assert same(normalise(pool.fresh(handle), GIVER), value)
+    assert not _shares_structure(pool.fresh(handle), pool.decode(handle))
     assert pool.encode(value) == handle
     assert pool.encode(pool.decode(handle)) == handle
     assert same(pool.decode(table(handle).execute(THROUGH_SQLITE).get), value)
