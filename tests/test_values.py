@@ -204,6 +204,8 @@ def test_values_in_messages() -> None:
 
 
 def test_python_values_become_plain_values() -> None:
+    clean = [1, [2.5, "a", None], {"b": [True]}]
+    assert normalise(clean, GIVER) is clean
     pool = Pool()
     thrice = [python_values() for _ in range(3)]  # some can be read once
     for (one, expected), (two, _), (three, _) in zip(*thrice, strict=True):
