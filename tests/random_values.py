@@ -1,11 +1,16 @@
-"""Random values of the language for Hypothesis, and what it means that two values are exactly the same."""
+"""Values of the language, random and chosen ones, and what it means that two values are exactly the same."""
 
 from __future__ import annotations
 
+import enum
 import math
+import types
+from array import array
+from collections import Counter, OrderedDict, defaultdict, deque, namedtuple
 from decimal import Decimal
 from typing import Any
 
+import numpy as np
 from hypothesis import settings
 from hypothesis import strategies as st
 
@@ -80,9 +85,8 @@ def lists(leaves: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
 PLAIN_VALUES = values(SCALARS)
 VALUES = values(st.one_of(SCALARS, OBJECTS))
 # Few different values, so that equal ones meet.
-ALIKE = values(
-    st.sampled_from([None, 0, 1, 2, 0.0, -0.0, 1.0, 2.0, True, False, "a", "1", Decimal(1), b"a", THINGS[4]])
-)
+EQUAL_ONES = [None, 0, 1, 2, 0.0, -0.0, 1.0, 2.0, True, False, "a", "1", Decimal(1), b"a", THINGS[4]]
+ALIKE = values(st.sampled_from([*EQUAL_ONES, "\ud800", "\ud801", "gTF{\ud800"]))
 
 
 def same(left: Any, right: Any) -> bool:
@@ -100,3 +104,61 @@ def same(left: Any, right: Any) -> bool:
     if isinstance(left, (int, str, bytes)) or left is None:
         return bool(left == right)
     return left is right
+
+
+# --- what Python hands over ----------------------------------------------------------------------------
+
+
+class Level(enum.IntEnum):
+    LOW = 3
+
+
+class Name(enum.StrEnum):
+    ANN = "ann"
+
+
+class Text(str):
+    def __str__(self) -> str:
+        return "something else"
+
+
+Point = namedtuple("Point", "x y")
+
+
+def python_values() -> list[tuple[Any, Any]]:
+    """Values of Python, each with the value of the language that it becomes."""
+    return [
+        ((1, (2, 3)), [1, [2, 3]]), ([(1, 2), (3, 4)], [[1, 2], [3, 4]]), ([1, (2, "a")], [1, [2, "a"]]),
+        (Point(1, 2.0), [1, 2.0]), ({3, 1, 2}, [1, 2, 3]), (frozenset({"b", "a"}), ["a", "b"]),
+        ({(2, 1), (1, 5)}, [[1, 5], [2, 1]]), ({frozenset({2, 1}), frozenset({0})}, [[0], [1, 2]]),
+        ({1, "a", None}, [None, 1, "a"]), (range(3), [0, 1, 2]), ((i * i for i in range(3)), [0, 1, 4]),
+        (deque([1, 2]), [1, 2]), (array("d", [1, 2]), [1.0, 2.0]), ({"a": 1}.keys(), ["a"]), ({"a": 1}.values(), [1]),
+        ({"a": 1}.items(), [["a", 1]]), (np.array([[1, 2], [3, 4]]), [[1, 2], [3, 4]]),
+        (np.array([1.5, 2]), [1.5, 2.0]), (np.array([True, False]), [True, False]),
+        (np.array(["a", "bc"]), ["a", "bc"]), (np.array(7), 7), (np.array([], dtype=float), []),
+        (np.array([(1, 2)], dtype=object), [[1, 2]]), (np.ma.masked_array([1, 2], mask=[True, False]), [None, 2]),
+        ([np.float64(1.5), np.int8(-3)], [1.5, -3]), (np.float64(0.5), 0.5), (np.float32(0.5), 0.5),
+        (np.longdouble(0.5), 0.5), (np.int64(7), 7), (np.uint8(255), 255), (np.bool_(True), True), (np.str_("a"), "a"),
+        (Level.LOW, 3), (Name.ANN, "ann"), (Text("a"), "a"), (OrderedDict(b=1, a=2), {"b": 1, "a": 2}),
+        (defaultdict(list, a=[(1,)]), {"a": [[1]]}), (Counter("aa"), {"a": 2}),
+        (types.MappingProxyType({"a": {1}}), {"a": [1]}), ({np.int64(1): 2}, {1: 2}),
+        ({(1, np.int64(2)): (3,)}, {(1, 2): [3]}), ({frozenset({2, 1}): 0}, {(1, 2): 0}),
+        ({1: 1, "a": None}, {1: 1, "a": None}),
+    ]  # fmt: skip
+
+
+# Values that the language does not have, with what the message says behind "returned".
+REFUSED: list[tuple[Any, str]] = [
+    (float("nan"), "NaN"), ([[1, 2], [0, 1, float("nan")]], "NaN at [1][2]"), ([1, float("inf")], "inf at [1]"),
+    ((float("-inf"),), "-inf at [0]"), (np.array([[0.5, np.nan]]), "NaN at [0][1]"), (np.float32("nan"), "NaN"),
+    (np.longdouble("inf"), "inf"), ({"a": [float("nan")]}, "NaN at ['a'][0]"),
+    ([{"a": 1}, {"b": {float("nan")}}], "NaN at [1]['b']"), (1j, "the complex number 1j"),
+    ([np.complex64(1)], "the complex number (1+0j) at [0]"), (np.clongdouble(1), "the complex number (1+0j)"),
+    (np.array([1j]), "the complex number 1j at [0]"), (np.array([np.inf]), "inf at [0]"),
+    (np.array([2**63]), "9223372036854775808 at [0], which does not fit into 64 bits"),
+    (2**63, "9223372036854775808, which does not fit into 64 bits"),
+    ([-(2**63) - 1], "-9223372036854775809 at [0], which does not fit into 64 bits"),
+    ([[2**63]], "9223372036854775808 at [0][0], which does not fit into 64 bits"),
+    (np.uint64(2**63), "9223372036854775808, which does not fit into 64 bits"),
+    (10**6000, "<integer of 19932 bits>, which does not fit into 64 bits"), ({float("nan"): 1}, "NaN at [nan]"),
+]  # fmt: skip

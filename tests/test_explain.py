@@ -1,15 +1,19 @@
-"""`explain`: which engine runs a query and why, what was rewritten, what became of functions, the SQL, the run."""
+"""`explain`: the engine and why, rewrites, functions, the SQL, the run, the plan, searches without an end."""
 
 from __future__ import annotations
 
 import json
 import random
+import re
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from listings import MOVES, move
+from sessions import leaping, write
 
 import ss2sql
+from ss2sql.explained.endless import ADVICE
+from ss2sql.explained.sqlite_plan import SENTENCES
 from ss2sql.explained.words import STAGES
 
 
@@ -35,50 +39,34 @@ def lines(text: str) -> list[str]:
     return [line.strip() for line in text.splitlines()]
 
 
-def test_a_query_of_the_database() -> None:
-    ss = ss2sql.connect()
+def test_a_query_of_the_database(ss: ss2sql.Session) -> None:
     ss.function(inc)
     ss.attach("items", [1, 2, 3])
     found = ss.compile("x = 1; SELECT inc(this) FROM items WHERE NOT this == 2 AS list;").explain()
     assert lines(found) == [
-        "1. x = 1",
-        "no query: runs in Python as it is written",
-        "2. SELECT inc(this) FROM items WHERE NOT this == 2 AS list",
-        "engine: database: all of it can be said in SQL",
-        "rewrites:",
-        "inline: calls of Python functions became the expressions that they compute",
-        "split: conditions were taken apart, so that each is asked as early as possible",
-        "inc(n) is inlined: n + 1",
-        "inc is immutable: it has a source that uses only its arguments",
-        "how SQLite does it:",
-        "walks the elements of items",
-        "SQL:",
-        "SELECT",
-        "items.this + 1 AS inc",
-        "FROM elements(:items) AS items",
-        "WHERE",
-        "items.this <> 2",
-        "values that are bound in it:",
-        ":items, once it runs",
-    ]
+        "1. x = 1", "no query: runs in Python as it is written",
+        "2. SELECT inc(this) FROM items WHERE NOT this == 2 AS list", "engine: database: all of it can be said in SQL",
+        "rewrites:", "inline: calls of Python functions became the expressions that they compute",
+        "split: conditions were taken apart, so that each is asked as early as possible", "inc(n) is inlined: n + 1",
+        "inc is immutable: it has a source that uses only its arguments", "how SQLite does it:",
+        "walks the elements of items", "SQL:", "SELECT", "items.this + 1 AS inc", "FROM elements(:items) AS items",
+        "WHERE", "items.this <> 2", "values that are bound in it:", ":items, once it runs",
+    ]  # fmt: skip
 
 
-def test_why_a_query_runs_natively() -> None:
-    ss = ss2sql.connect()
+def test_why_a_query_runs_natively(ss: ss2sql.Session) -> None:
     script = "SELECT n FROM [1, 2] WHERE (n = this) > 1 AS list;"
     found = lines(ss.compile(script).explain())
     assert found[1:3] == [
         "engine: native: the query assigns a script variable, so it runs natively",
         "to have SQLite run it: move the assignment out of the query",
-    ]
+    ]  # fmt: skip
     assert "SQL:" not in found
-    assert lines(ss.run("SELECT 1 FROM [1];", engine="native").explain())[1] == (
-        "engine: native: engine='native' was asked for"
-    )
+    asked = lines(ss.run("SELECT 1 FROM [1];", engine="native").explain())
+    assert asked[1] == "engine: native: engine='native' was asked for"
 
 
-def test_why_a_function_is_called() -> None:
-    ss = ss2sql.connect()
+def test_why_a_function_is_called(ss: ss2sql.Session) -> None:
     for function in (inc, ratio, noisy, several):
         ss.function(function)
     ss.function("kept", inc, volatility="stable")
@@ -86,67 +74,51 @@ def test_why_a_function_is_called() -> None:
     found = lines(ss.compile(script).explain())
     assert [line for line in found if "is called" in line] == [
         "inc is called: 'add' can fail on none or int 1..1 and int 1..1",
-        "ratio is called: 'div' can fail on int 1..1 and none or int 1..1",
-        "noisy is called: it is volatile",
-        "several is called: it is more than one expression",
-        "kept is called: it is stable",
-    ]
+        "ratio is called: 'div' can fail on int 1..1 and none or int 1..1", "noisy is called: it is volatile",
+        "several is called: it is more than one expression", "kept is called: it is stable",
+    ]  # fmt: skip
     assert "kept is stable: declared" in found
     assert any(line.startswith("noisy is volatile: it calls random.random") for line in found)
 
 
-def test_what_is_switched_off_or_replaced() -> None:
-    off = ss2sql.connect(disable=["inline"])
-    off.function(inc)
+def test_what_is_switched_off_or_replaced(ss: ss2sql.Session) -> None:
     script = "SELECT inc(this) FROM [1] AS list;"
-    assert "inc is called: the rewrite inline is switched off" in lines(off.compile(script).explain())
-    ss = ss2sql.connect()
+    with ss2sql.connect(disable=["inline"]) as off:
+        off.function(inc)
+        assert "inc is called: the rewrite inline is switched off" in lines(off.compile(script).explain())
     ss.function(inc)
     ss.function("add", lambda a, b: a)
-    assert "inc is called: a built-in function or operator that it uses is replaced" in lines(
-        ss.compile(script).explain()
-    )
+    replaced = "inc is called: a built-in function or operator that it uses is replaced"
+    assert replaced in lines(ss.compile(script).explain())
 
 
-def test_a_result_tells_how_often_functions_were_called() -> None:
-    ss = ss2sql.connect()
+def test_a_result_tells_how_often_functions_were_called(ss: ss2sql.Session, engine: Any) -> None:
     ss.function(several)
-    for engine in ("database", "native"):
-        result = ss.run("SELECT several(this) FROM [1, 2, 1] AS list;", engine=engine)  # type: ignore[arg-type]
-        assert "several is called: it is more than one expression (2 calls, 1 remembered)" in lines(result.explain())
+    result = ss.run("SELECT several(this) FROM [1, 2, 1] AS list;", engine=engine)
+    assert "several is called: it is more than one expression (2 calls, 1 remembered)" in lines(result.explain())
 
 
-def test_limits_are_told() -> None:
-    ss = ss2sql.connect()
+def test_limits_are_told(ss: ss2sql.Session) -> None:
     ss.function(inc)
     ss.attach("wide", [1, 2**62])
     assert "inc(n) is inlined: n + 1" in lines(ss.compile("SELECT inc(this) FROM wide;").explain())
     ss.attach("wide", [1, 2**63 - 1])
-    assert "inc(n) is inlined: n + 1; called for numbers beyond 1,000,000,000,000,000" in lines(
-        ss.compile("SELECT inc(this) FROM wide;").explain()
-    )
+    limited = "inc(n) is inlined: n + 1; called for numbers beyond 1,000,000,000,000,000"
+    assert limited in lines(ss.compile("SELECT inc(this) FROM wide;").explain())
 
 
-def test_queries_of_one_statement_have_their_texts() -> None:
-    ss = ss2sql.connect()
+def test_queries_of_one_statement_have_their_texts(ss: ss2sql.Session) -> None:
     found = lines(ss.compile("a = [SELECT this FROM [1] AS list, SELECT 2 * this FROM [3] AS list];").explain())
     assert found[1] == "SELECT this FROM [1] AS list"
     assert "SELECT 2 * this FROM [3] AS list" in found
 
 
-# --- values that are bound -----------------------------------------------------------------------------
-
-
 def bound(text: str) -> list[str]:
-    found = lines(text)
-    if "values that are bound in it:" not in found:
-        return []
-    rest = found[found.index("values that are bound in it:") + 1 :]
-    return [line for line in rest if line.startswith(":")]
+    _, _, rest = text.partition("values that are bound in it:")
+    return [line for line in lines(rest) if line.startswith(":")]
 
 
-def test_values_stand_beside_the_sql_as_the_script_says_them() -> None:
-    ss = ss2sql.connect()
+def test_values_stand_beside_the_sql_as_the_script_says_them(ss: ss2sql.Session) -> None:
     ss.set("y", [[2], [3]])
     query = ss.compile("SELECT this FROM [[1], [2]] WHERE this == y[0] OR this == z AS list;")
     assert bound(query.explain()) == [":p1 = [[1], [2]]", ":p2 = y[0], once it runs", ":z, once it runs"]
@@ -154,21 +126,15 @@ def test_values_stand_beside_the_sql_as_the_script_says_them() -> None:
     (statement,) = query.run(z=1).explain().as_dict()["statements"]
     assert statement["queries"][0]["parameters"] == [
         {"name": "p1", "written": "[[1], [2]]", "value": "[[1], [2]]"},
-        {"name": "p2", "written": "y[0]", "value": "[2]"},
-        {"name": "z", "written": "z", "value": "1"},
-    ]
-
-
-def test_long_values_are_cut() -> None:
-    ss = ss2sql.connect()
+        {"name": "p2", "written": "y[0]", "value": "[2]"}, {"name": "z", "written": "z", "value": "1"},
+    ]  # fmt: skip
     ss.attach("many", list(range(100_000)))
     (line,) = bound(ss.run("SELECT this FROM many WHERE this > 5;").explain())
-    assert len(line) < 130
+    assert len(line) < 130  # it is cut
 
 
-def test_the_sql_of_a_result_is_that_of_its_run() -> None:
+def test_the_sql_of_a_result_is_that_of_its_run(ss: ss2sql.Session) -> None:
     """`maximum=` makes another statement than the script alone; a later run of the query changes nothing."""
-    ss = ss2sql.connect()
     query = ss.compile("SELECT n FROM [1, 2] WHERE n < m START WITH n = 0 CONNECT BY n = n + 1 STOP WITH n > 3;")
     first = query.run(m=2, maximum=1)
     text = first.explain()
@@ -180,41 +146,26 @@ def test_the_sql_of_a_result_is_that_of_its_run() -> None:
 
 # --- the run -------------------------------------------------------------------------------------------
 
-HANOI = """SELECT this, tower FROM moves WHERE [[], [], [3, 2, 1]] == move(this, tower)
-START WITH tower = [[3, 2, 1], [], []], level = 1
-CONNECT BY {} tower = move(this, tower), level = level + 1
-STOP WITH level == 8 OR [] == move(this, tower);"""
 
-
-def hanoi(ss: ss2sql.Session, options: str, engine: Any) -> ss2sql.Result:
-    ss.attach("moves", MOVES)
-    ss.function(move)
-    return ss.run(HANOI.format(options), engine=engine)
-
-
-@pytest.mark.parametrize("engine", ["database", "native"])
-def test_a_run_tells_its_steps(engine: Any) -> None:
-    ss = ss2sql.connect()
-    result = hanoi(ss, "NO CYCLE", engine)
+def test_a_run_tells_its_steps(ss: ss2sql.Session, engine: Any) -> None:
+    """Two ways on from everywhere, and results on the third level alone: 8 paths of 3 rows each."""
+    script = "SELECT this FROM [1, 2] WHERE n == 3 START WITH n = 1 CONNECT BY n = n + 1 STOP WITH n >= 3;"
+    result = ss.run(script, engine=engine)
     run = result.explain().as_dict()["run"]
-    stats = result.stats
-    assert (run["status"], run["engine"], run["rows"], run["paths"]) == ("complete", engine, 39, 5)
-    assert (run["generated"], run["expanded"], run["pruned"]) == (stats.generated, stats.expanded, stats.pruned)
+    assert (run["status"], run["engine"], run["rows"], run["paths"]) == ("complete", engine, 24, 8)
+    assert (run["generated"], run["expanded"], run["pruned"]) == (14, 6, result.stats.pruned)
     assert {"run"} <= set(run["seconds"]) <= set(STAGES)
     assert min(run["seconds"].values()) >= 0
-    table = run["levels"]
-    assert [row[0] for row in table["rows"]] == list(range(1, 9))
-    assert [row[-1] for row in table["rows"]] == [0] * 6 + [1, 4]  # one path of seven steps, four of eight
+    assert [(row[0], row[-1]) for row in run["levels"]["rows"]] == [(1, 0), (2, 0), (3, 8)]
     found = lines(result.explain())
-    assert "the run: complete, 5 paths of 39 rows, " + engine in found
-    assert f"{stats.generated:,} steps generated, {stats.expanded:,} of them expanded" in "\n".join(found)
+    assert f"the run: complete, 8 paths of 24 rows, {engine}" in found
+    assert "14 steps generated, 6 of them expanded" in "\n".join(found)
 
 
 @pytest.mark.parametrize("options", ["", "NO CYCLE", "BREADTH FIRST", "UNIQUE", "DEPTH FIRST UNIQUE", "COST 1 UNIQUE"])
 @pytest.mark.parametrize("tail", ["", "WHERE n + this == 4 "])
-def test_levels_count_all_steps_that_were_kept(options: str, tail: str) -> None:
+def test_levels_count_all_steps_that_were_kept(ss: ss2sql.Session, options: str, tail: str) -> None:
     """The steps that went on, and the results that did not; the reference counts them on the paths of all of them."""
-    ss = ss2sql.connect()
     script = """SELECT this, n FROM [1, 2] {} START WITH n = 0 CONNECT BY {} n = n + this STOP WITH n + this > 4;"""
     result = ss.run(script.format(tail, options), engine="database")
     table = result.explain().as_dict()["run"]["levels"]
@@ -230,15 +181,7 @@ def test_levels_count_all_steps_that_were_kept(options: str, tail: str) -> None:
         assert list(kept.values()) == wanted
 
 
-def test_levels_are_not_told_where_there_is_no_search() -> None:
-    ss = ss2sql.connect()
-    found = ss.run("SELECT this FROM [1, 2];").explain()
-    assert "by level" not in found
-    assert found.as_dict()["run"]["levels"] is None
-
-
-def test_many_levels_are_cut_in_the_middle() -> None:
-    ss = ss2sql.connect()
+def test_many_levels_are_cut_in_the_middle(ss: ss2sql.Session) -> None:
     result = ss.run("SELECT n FROM [1] START WITH n = 1 CONNECT BY n = n + 1 STOP WITH n == 1001;")
     found = lines(result.explain())
     table = found[found.index("the search by level:") + 1 :]
@@ -248,8 +191,7 @@ def test_many_levels_are_cut_in_the_middle() -> None:
     assert len(result.explain().as_dict()["run"]["levels"]["rows"]) == 1000
 
 
-def test_times_of_stages() -> None:
-    ss = ss2sql.connect()
+def test_times_of_stages(ss: ss2sql.Session) -> None:
     script = "SELECT this FROM [1, 2] START WITH n = 0 CONNECT BY n = n + 1 STOP WITH n == 3 AS dict;"
     result = ss.run(script)
     assert set(result.stats.seconds) == {"parse", "resolve", "lower", "compile", "run"}
@@ -262,10 +204,10 @@ def test_times_of_stages() -> None:
     assert native["compile"] > 0
 
 
-def test_the_result_of_a_broken_off_run_is_explained() -> None:
-    ss = ss2sql.connect()
+def test_the_result_of_a_broken_off_run_is_explained(ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    ss.function("leap", leaping(monkeypatch, 3), volatility="immutable")
     with pytest.raises(ss2sql.Timeout) as caught:
-        ss.run("SELECT n FROM [1] START WITH n = 0 CONNECT BY n = n + 1;", timeout=0.05)
+        ss.run("SELECT n FROM [1] START WITH n = 0 CONNECT BY n = leap(n);", timeout=3600)
     partial = caught.value.partial
     assert partial is not None
     found = partial.explain()
@@ -273,23 +215,164 @@ def test_the_result_of_a_broken_off_run_is_explained() -> None:
     assert "takes the steps that wait in a queue one by one, the deepest first" in lines(found)
 
 
-# --- as data -------------------------------------------------------------------------------------------
+# --- SQLite's plan in words ----------------------------------------------------------------------------
 
 
-def test_an_explanation_is_a_text_and_data() -> None:
-    ss = ss2sql.connect()
+@pytest.fixture(scope="module")
+def roads(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ss2sql.Session]:
+    path = tmp_path_factory.mktemp("data") / "map.db"
+    tables = """CREATE TABLE edge(src, dst, len); CREATE INDEX start_index ON edge(src);
+        CREATE TABLE town(id INTEGER PRIMARY KEY, name); INSERT INTO edge VALUES (1, 2, 5), (2, 3, 5);
+        INSERT INTO town VALUES (2, 'Ulm');"""
+    write(path, tables)
+    with ss2sql.connect(path) as session:
+        session.attach("moves", [{"src": 1, "dst": 2}])
+        yield session
+
+
+def plan(ss: ss2sql.Session, script: str) -> list[str]:
+    (query,) = ss.compile(script).explain().as_dict()["statements"][0]["queries"]
+    return ["  " * line["depth"] + line["words"] for line in query["plan"]]
+
+
+@pytest.mark.parametrize(
+    ("query", "expected"),
+    [
+        ("SELECT src FROM edge", ["reads every row of edge"]),
+        ("SELECT src FROM e = edge ORDER BY src",
+         ["reads every row of edge (as e) in the order of its index start_index"]),
+        ("SELECT src FROM edge ORDER BY len, src", ["reads every row of edge", "sorts the rows for ORDER BY"]),
+        ("SELECT dst FROM edge WHERE src == 1", ["looks up the rows of edge with src = … in its index start_index"]),
+        ("SELECT t.name FROM e = edge, t = town WHERE t.id == e.dst",
+         ["reads every row of edge (as e)", "for each of them, looks up the row of town (as t) by its number"]),
+        ("SELECT a.this, m.dst FROM a = range(3), m = moves",
+         ["walks the elements of range(3) (as a)", "for each of them, walks the elements of moves (as m)"]),
+        ("""SELECT e.dst, e.len FROM e = (SELECT * FROM edge WHERE src == at) START WITH at = 1
+            CONNECT BY COST e.len UNIQUE at = e.dst""",
+         ["searches step by step:", "  the first steps:",
+          "    looks up the rows of edge with src = … in its index start_index", "  the steps after them:",
+          "    takes the steps that wait in a queue one by one, the cheapest first",
+          "    for each of them, looks up the rows of edge with src = … in its index start_index",
+          "gives the results as the search finds them"]),
+    ],
+)  # fmt: skip
+def test_the_plan_of_sqlite(roads: ss2sql.Session, query: str, expected: list[str]) -> None:
+    assert plan(roads, f"{query};") == expected
+
+
+@pytest.mark.parametrize(
+    ("options", "queue"),
+    [("", "the deepest first"), ("BREADTH FIRST", "the oldest first"), ("PROBABILITY 0.5", "the likeliest first"),
+     ("COST 1 HEURISTIC 0", "the one with the least cost and estimate together first")],
+)  # fmt: skip
+def test_the_queue(roads: ss2sql.Session, options: str, queue: str) -> None:
+    found = plan(roads, f"SELECT this FROM [1] START WITH n = 1 CONNECT BY {options} n = n + 1 STOP WITH n >= 3;")
+    assert f"takes the steps that wait in a queue one by one, {queue}" in map(str.strip, found)
+    assert not any("SQLite says" in line for line in found)
+
+
+def test_the_plan_of_worlds(ss: ss2sql.Session) -> None:
+    ss.attach("space", ss2sql.scenes.chaos(seed=1, bodies=3))
+    assert plan(ss, "SELECT mass FROM space;") == ["reads every element of space.bodies (as space)"]
+    asks = "asks for the elements of space.bodies (as space) with x from … to … and y > …"
+    found = plan(ss, "SELECT mass FROM space WHERE x >= 0 AND x < 2 AND y > 1;")
+    assert found == [f"{asks}; the adapter uses these conditions"]
+    near = plan(ss, "SELECT id FROM space.near([0, 0, 0], 1);")
+    assert near == ["asks for the elements of space.near for a given point and radius"]
+
+
+@pytest.mark.parametrize(
+    ("query", "expected"),
+    [
+        ("SELECT this, n.this FROM [1, 2], n = moves ORDER BY n.dst LIMIT 2",
+         ["walks the elements of [1, 2]", "for each of them, walks the elements of moves (as n)",
+          "sorts them for ORDER BY", "keeps as many as LIMIT says"]),
+        ("SELECT dst FROM (SELECT * FROM edge WHERE src == at) START WITH at = 1 CONNECT BY COST len UNIQUE at = dst",
+         ["searches step by step:", "  takes the steps that wait one by one, the cheapest first",
+          "  for each of them, finds the rows of (SELECT * FROM edge WHERE src == at)",
+          "gives the results as the search finds them"]),
+        ("SELECT src, dst FROM edge START WITH at = 1 CONNECT BY MEMORIZE 3 at = dst GROUP BY dst",
+         ["makes the graph of rows level by level; for each row that is new:", "  reads every row of edge",
+          "gives the paths of the graph, the shortest first", "puts them into groups"]),
+    ],
+)  # fmt: skip
+def test_python_tells_it_in_the_same_words(roads: ss2sql.Session, query: str, expected: list[str]) -> None:
+    (found,) = roads.compile(f"{query};", engine="native").explain().as_dict()["statements"][0]["queries"]
+    assert ["  " * line["depth"] + line["words"] for line in found["plan"]] == expected
+    assert {line["sqlite"] for line in found["plan"]} == {None}
+
+
+def test_every_kind_of_line_has_one_sentence() -> None:
+    """What SQLite may say of other queries than the tests have; what it says besides is shown as it is."""
+    for line in (
+        "MATERIALIZE a b", "CO-ROUTINE (subquery-3)", "SCAN 3 CONSTANT ROWS", "USE TEMP B-TREE FOR DISTINCT",
+        "USE TEMP B-TREE FOR LAST 2 TERMS OF ORDER BY", "SEARCH t USING COVERING INDEX i (a=? AND b>?)",
+        "SEARCH t USING INTEGER PRIMARY KEY (rowid>?)", "LIST SUBQUERY 2", "CORRELATED SCALAR SUBQUERY 4",
+        "BLOOM FILTER ON t (a=?)", "COMPOUND QUERY", "LEFT-MOST SUBQUERY", "UNION ALL",
+    ):  # fmt: skip
+        assert any(re.fullmatch(pattern, line) for pattern, _ in SENTENCES), line
+    assert not any(re.fullmatch(pattern, "MULTI-INDEX OR") for pattern, _ in SENTENCES)
+
+
+def test_what_is_left_for_python(roads: ss2sql.Session) -> None:
+    found = roads.compile("SELECT dst FROM edge GROUP BY src;").explain().as_dict()["statements"][0]["queries"][0]
+    assert found["afterwards"] == ["puts the results into groups"]
+
+
+def test_a_plan_that_cannot_be_told_any_more() -> None:
+    with ss2sql.connect() as ss:
+        result = ss.run("SELECT this FROM [1];")
+    text = result.explain()
+    assert "how SQLite does it cannot be told: the session is closed" in text
+    assert "FROM elements" in text
+
+
+# --- searches without an end ---------------------------------------------------------------------------
+
+
+SEARCH = "SELECT {select} FROM {source} START WITH n = 1 CONNECT BY {options} n = {next} {stop};"
+ENDS: dict[str, dict[str, Any]] = {
+    "maximum": {"options": "MAXIMUM 3"}, "a bound of MEMORIZE": {"options": "MEMORIZE 3"},
+    "a level at least": {"stop": "STOP WITH n >= 3"},
+    "a level compared the other way round": {"stop": "STOP WITH 3 <= n"},
+    "a level that is met": {"stop": "STOP WITH this == 7 OR n == 3"},
+    "a level that is met in twos": {"stop": "STOP WITH n == 5", "next": "n + 2"}, "always": {"stop": "STOP WITH True"},
+    "each row once": {"options": "UNIQUE", "select": "this"},
+    "no row twice": {"options": "NO CYCLE", "select": "this * 2, 'x'"},
+    "rows of a table": {"options": "UNIQUE", "source": "(SELECT * FROM edge WHERE src == n)", "select": "dst"},
+}  # fmt: skip
+ENDLESS: dict[str, dict[str, Any]] = {
+    "nothing": {}, "a level that is missed": {"stop": "STOP WITH n == 4", "next": "n + 2"},
+    "a level that is behind": {"stop": "STOP WITH n == 0"},
+    "a level that falls": {"stop": "STOP WITH n >= 3", "next": "n + -1"},
+    "a level that is set back": {"options": "n = 0,", "stop": "STOP WITH n >= 3"},
+    "one condition of two": {"stop": "STOP WITH n >= 3 AND this == 2"},
+    "a limit that moves": {"stop": "STOP WITH n > this"}, "rows that count": {"options": "UNIQUE", "select": "this, n"},
+    "a source that counts": {"options": "UNIQUE", "source": "[n]", "select": "this"},
+    "a query that counts": {"options": "UNIQUE", "source": "(SELECT to(dst + n, d) FROM edge)", "select": "d"},
+    "MEMORIZE alone": {"options": "MEMORIZE", "select": "n"},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", [*ENDS, *ENDLESS])
+def test_searches_that_nothing_ends_are_told(roads: ss2sql.Session, name: str) -> None:
+    parts = ENDS.get(name) or ENDLESS.get(name, {})
+    text = {"select": "n", "source": "[1, 2]", "options": "", "next": "n + 1", "stop": "", **parts}
+    found = roads.compile(SEARCH.format(**text)).explain()
+    assert (f"warning: {ADVICE}" in found) is (name in ENDLESS)
+
+
+def test_an_explanation_is_a_text_and_data(ss: ss2sql.Session) -> None:
     ss.function(inc)
     found = ss.run("x = 1; SELECT inc(this) FROM [1, 2] WHERE this > x;").explain()
     assert isinstance(found, str)
     assert repr(found) == found
     data = found.as_dict()
     assert json.loads(json.dumps(data)) == data
-    assert [statement["text"] for statement in data["statements"]] == [
-        "x = 1",
-        "SELECT inc(this) FROM [1, 2] WHERE this > x",
-    ]
-    assert data["statements"][0]["queries"] == []
-    (query,) = data["statements"][1]["queries"]
+    assignment, select = data["statements"]
+    assert assignment == {"text": "x = 1", "queries": []}
+    assert select["text"] == "SELECT inc(this) FROM [1, 2] WHERE this > x"
+    (query,) = select["queries"]
     assert (query["engine"], query["reason"]) == ("database", "all of it can be said in SQL")
     assert set(query["rewrites"]) == {"inline"}
     (function,) = query["functions"]

@@ -12,18 +12,12 @@ from click.testing import CliRunner, Result
 from ss2sql.cli import main
 
 COUNT = "SELECT n FROM [1] START WITH n = 1 CONNECT BY n = n + 1 {};"
-FUNCTIONS = '''
-def double(x):
-    """Prints, so it is volatile."""
-    print("called")
-    return 2 * x
-'''
 
 
 @pytest.fixture(autouse=True)
 def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "functions.py").write_text(FUNCTIONS)
+    (tmp_path / "functions.py").write_text("def double(x):\n    print('called')\n    return 2 * x\n")
 
 
 def call(*arguments: str) -> Result:
@@ -42,6 +36,7 @@ def test_nothing_is_run_without_analyze() -> None:
     assert "called" not in found.stderr
     assert "double is volatile: it calls print" in found.stdout
     assert "the run:" not in found.stdout
+    assert "warning: nothing shows that this search ends" in call("-e", COUNT.format("")).stdout
 
 
 def test_analyze_runs_and_tells_what_was_done() -> None:
@@ -83,11 +78,6 @@ def test_a_run_that_is_broken_off_is_explained_nevertheless() -> None:
     assert found.exit_code == 124
     assert "the run: timeout, " in found.stdout
     assert "T001" in found.stderr
-
-
-def test_a_search_without_an_end_is_told_before_it_runs() -> None:
-    assert "warning: nothing shows that this search ends" in call("-e", COUNT.format("")).stdout
-    assert "warning" not in call("-e", COUNT.format("STOP WITH n == 4")).stdout
 
 
 def test_errors_end_it() -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from sessions import both
 
 import ss2sql
 
@@ -20,21 +19,14 @@ SCRIPT = """SELECT go(this, n) FROM [1, 2, 5] WHERE go(this, n) % 7 == 3
             STOP WITH level == 6 OR go(this, n) > 27;"""
 
 
-def session() -> ss2sql.Session:
-    ss = ss2sql.connect()
-    ss.function("go", lambda step, n: (3 * n + step) % 30, volatility="immutable")
-    return ss
-
-
 def table(explanation: Any) -> list[dict[str, int]]:
     levels = explanation.as_dict()["run"]["levels"]
     return [dict(zip(levels["columns"], row, strict=True)) for row in levels["rows"]]
 
 
 @pytest.mark.parametrize("options", OPTIONS)
-@both
-def test_levels_add_up_to_what_the_run_has_counted(options: str, engine: Any) -> None:
-    ss = session()
+def test_levels_add_up_to_what_the_run_has_counted(ss: ss2sql.Session, options: str, engine: Any) -> None:
+    ss.function("go", lambda step, n: (3 * n + step) % 30, volatility="immutable")
     result = ss.run(SCRIPT.replace("OPTIONS", options), engine=engine)
     found = table(result.explain(levels=True))
     assert [row["level"] for row in found] == list(range(1, len(found) + 1))
@@ -47,35 +39,39 @@ def test_levels_add_up_to_what_the_run_has_counted(options: str, engine: Any) ->
 
 
 @pytest.mark.parametrize("options", ["", "BREADTH FIRST"])
-@both
-def test_a_tree(options: str, engine: Any) -> None:
+def test_a_tree(ss: ss2sql.Session, options: str, engine: Any) -> None:
     """Two ways on from everywhere, three levels deep; the last level leads nowhere."""
     script = f"SELECT this FROM [1, 2] START WITH n = 1 CONNECT BY {options} n = n + 1 STOP WITH n == 4;"
-    result = ss2sql.connect().run(script, engine=engine)
+    result = ss.run(script, engine=engine)
     assert [tuple(row.values()) for row in table(result.explain(levels=True))] == [
         (1, 2, 2, 0, 2), (2, 4, 4, 0, 4), (3, 8, 8, 0, 8), (4, 16, 0, 0, 0),
     ]  # fmt: skip
 
 
-@both
-def test_a_search_that_has_its_maximum_ends_early_here_too(engine: Any) -> None:
+def test_a_search_that_has_its_maximum_ends_early_here_too(ss: ss2sql.Session, engine: Any) -> None:
     script = "SELECT this FROM [1, 2] START WITH n = 1 CONNECT BY BREADTH FIRST MAXIMUM 5 n = n + 1;"
-    result = ss2sql.connect().run(script, engine=engine)
+    result = ss.run(script, engine=engine)
     assert [row["results"] for row in table(result.explain(levels=True))] == [2, 3]
-    limited = ss2sql.connect().run(script.replace("MAXIMUM 5", ""), engine=engine, maximum=4)
+    limited = ss.run(script.replace("MAXIMUM 5", ""), engine=engine, maximum=4)
     assert [row["results"] for row in table(limited.explain(levels=True))] == [2, 2]
 
 
-def test_parameters_and_the_values_of_variables_are_those_of_the_run() -> None:
-    query = ss2sql.connect().compile("SELECT this FROM xs START WITH n = 0 CONNECT BY n = n + 1 STOP WITH n == depth;")
+def test_parameters_and_the_values_of_variables_are_those_of_the_run(ss: ss2sql.Session) -> None:
+    query = ss.compile("SELECT this FROM xs START WITH n = 0 CONNECT BY n = n + 1 STOP WITH n == depth;")
     result = query.run(xs=[1, 2, 3], depth=1)
     assert [row["generated"] for row in table(result.explain(levels=True))] == [3, 9]
 
 
-def test_without_being_asked_nothing_runs_again() -> None:
-    calls = []
-    ss = ss2sql.connect()
-    ss.function("go", lambda n: calls.append(n) or n + 1, volatility="immutable")
+@pytest.fixture
+def calls(ss: ss2sql.Session) -> list[int]:
+    """The calls of `go`, n + 1, which is immutable, and of `went`, which is volatile."""
+    made: list[int] = []
+    for name, volatility in (("go", "immutable"), ("went", "volatile")):
+        ss.function(name, lambda n: made.append(n) or n + 1, volatility=volatility)  # type: ignore[arg-type]
+    return made
+
+
+def test_without_being_asked_nothing_runs_again(ss: ss2sql.Session, calls: list[int]) -> None:
     result = ss.run("SELECT go(n) FROM [1] START WITH n = 0 CONNECT BY n = go(n) STOP WITH n == 3;", engine="native")
     before = len(calls)
     result.explain()
@@ -84,26 +80,23 @@ def test_without_being_asked_nothing_runs_again() -> None:
     assert len(calls) == 2 * before
 
 
-def test_what_cannot_be_done_twice_is_not() -> None:
-    ss = ss2sql.connect()
-    calls = []
-    ss.function("go", lambda n: calls.append(n) or n + 1, volatility="volatile")
-    result = ss.run("SELECT this FROM [1] START WITH n = 0 CONNECT BY n = go(n) STOP WITH n == 3;")
+def test_what_cannot_be_done_twice_is_not(ss: ss2sql.Session, calls: list[int]) -> None:
+    result = ss.run("SELECT this FROM [1] START WITH n = 0 CONNECT BY n = went(n) STOP WITH n == 3;")
     before = len(calls)
     found = result.explain(levels=True)
     assert "steps are not counted by level: what it calls or assigns is not to be done twice" in found.splitlines()
     assert len(calls) == before
 
 
-def test_a_result_that_is_no_search_says_nothing_of_levels() -> None:
-    for script in ("1 + 1;", "SELECT this FROM [1];", "x = SELECT this FROM [1] AS list; x;"):
-        assert "level" not in ss2sql.connect().run(script).explain(levels=True)
-
-
-def test_the_graph_of_memorize_needs_no_second_run() -> None:
-    calls = []
-    ss = ss2sql.connect()
-    ss.function("go", lambda n: calls.append(n) or n + 1, volatility="immutable")
+def test_the_graph_of_memorize_needs_no_second_run(ss: ss2sql.Session, calls: list[int]) -> None:
     result = ss.run("SELECT go(n) FROM [1] START WITH n = 0 CONNECT BY MEMORIZE 4 n = go(n);")
     assert "the graph of MEMORIZE:" in result.explain(levels=True).splitlines()
     assert calls == [0, 1, 2, 3]
+
+
+def test_a_result_that_is_no_search_says_nothing_of_levels(ss: ss2sql.Session) -> None:
+    for script in ("1 + 1;", "SELECT this FROM [1];", "x = SELECT this FROM [1] AS list; x;"):
+        result = ss.run(script)
+        assert "level" not in result.explain(levels=True)
+        assert "by level" not in result.explain()
+        assert result.explain().as_dict()["run"]["levels"] is None

@@ -1,55 +1,133 @@
-"""Python functions in scripts: their exceptions pass with a note that names the place in the script."""
+"""What Python code of the user raises keeps its type and traceback; a note names the place in the script."""
 
 from __future__ import annotations
 
-import traceback
+from collections.abc import Callable
 from typing import Any
 
 import pytest
-from sessions import both
 
 import ss2sql
+from ss2sql.errors import Source, Span, note_place
+from ss2sql.vtables import Column, Table, World, function
 
 
-class CrashError(RuntimeError):
-    pass
+class MishapError(Exception):
+    """An exception of the user's own."""
 
 
 class SlottedError(Exception):
     __slots__ = ()
 
 
-def notes_of(ss: ss2sql.Session, script: str, engine: Any, kind: type[BaseException]) -> list[str]:
-    with pytest.raises(kind) as caught:
-        ss.run(script, engine=engine)
-    assert type(caught.value) is kind
-    assert caught.value.__cause__ is None
-    lines = traceback.format_exception(caught.value)
-    assert any("in broken" in line for line in lines), "the user's own frame is in the traceback"
-    assert ss.eval("1 + 1;") == 2
-    return list(caught.value.__notes__)
+def fail(*values: Any) -> Any:
+    raise MishapError("no")
 
 
-@both
-@pytest.mark.parametrize("kind", [CrashError, SlottedError, KeyError, StopIteration, ZeroDivisionError, AssertionError])
+class Balls(Table):
+    name = "balls"
+    columns = (Column("x", float), Column("heavy", float))
+    groups = {"place": "x", "weight": "heavy"}
+
+    def keys(self, where: Any) -> list[int]:
+        return [1, 2]
+
+    def place(self, key: int) -> float:
+        return float(key)
+
+    def weight(self, key: int) -> float:
+        raise MishapError("no")
+
+
+class BallWorld(World):
+    tables = (Balls,)
+
+    @function("volatile")
+    def weigh(self, ball: Any) -> float:
+        raise MishapError("no")
+
+    representations = {"pile": "pile"}
+
+    def pile(self, table: Any) -> Any:
+        raise MishapError("no")
+
+
+@pytest.fixture
+def failing(ss: ss2sql.Session) -> ss2sql.Session:
+    """A session in which `fail`, its forms, two representations, and much of a world raise an exception."""
+    ss.attach("world", BallWorld())
+    ss.function("fail", fail, volatility="immutable")
+    ss.function("arrays", fail, vectorized=True)
+    ss.function("add", fail)
+    ss.representation("heap")(fail)
+
+    @ss.representation("odd")
+    def odd(table: Any) -> Any:
+        raise TypeError("no")
+
+    return ss
+
+
+def caught(action: Callable[[], object], kind: type[BaseException] = MishapError) -> tuple[list[str], str]:
+    """The notes of the exception that the action raises, and the function in which it was raised."""
+    with pytest.raises(kind) as found:
+        action()
+    assert type(found.value) is kind
+    assert found.value.__cause__ is None
+    return list(found.value.__notes__), found.traceback[-1].name
+
+
+# What raises, where the note says that it was called, and the script.
+PLACES = [
+    *(("fail", "fail", script) for script in (
+        "fail(1);", "x = [1, fail(2)];", "SELECT this FROM fail(1);", "SELECT this FROM a = [1], b = fail(a.this);",
+        "SELECT this FROM [1] ORDER BY fail(this);", "SELECT this FROM [1] GROUP BY fail(this);",
+        "SELECT this FROM [1] LIMIT fail(1);", "SELECT (SELECT fail(a.this) FROM [1] AS value) FROM a = [1];",
+        "SELECT this FROM [1] START WITH n = fail(1) CONNECT BY n = n;",
+        "SELECT this FROM [1] START WITH n = 1 CONNECT BY n = fail(n);",
+        "SELECT this FROM [1] START WITH n = 1 CONNECT BY n = n STOP WITH fail(n);",
+        "SELECT fail(this) FROM [1] START WITH n = 1 CONNECT BY UNIQUE n = n;",
+        "SELECT n FROM [1] START WITH n = 0\nCONNECT BY MEMORIZE 9 n = fail(n)\nSTOP WITH n == 3;",
+    )),
+    ("arrays", "arrays", "SELECT\narrays(this) FROM [1, 2];"),
+    ("add", "+", "SELECT this + 1 FROM [1, 2];"),
+    ("weigh", "weigh", "SELECT x\nFROM world WHERE weigh(this) > 1;"),
+    ("pile", "AS pile", "x = 1;\nSELECT x FROM world AS pile;"),
+    ("heap", "AS heap", "x = 1;\nSELECT x FROM world AS heap;"),
+    ("heap", "AS heap", "SELECT (SELECT this FROM [1] AS heap)\nFROM [1];"),
+    ("odd", "AS odd", "SELECT this FROM [1] AS odd;"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "at", "script"), PLACES)
+def test_a_note_names_the_place(failing: ss2sql.Session, engine: Any, name: str, at: str, script: str) -> None:
+    asked = "auto" if "MEMORIZE" in script or "(SELECT this" in script else engine
+    kind = TypeError if name == "odd" else MishapError
+    notes, raised_in = caught(lambda: failing.run(script, engine=asked), kind)
+    what = "representation" if at.startswith("AS") else "function"
+    before, _, _ = script.partition(at)
+    line, column = before.count("\n") + 1, len(before) - before.rfind("\n")
+    called = f"raised by the {what} '{name}', called at <script>:{line}:{column}"
+    assert notes == [f"{called}\n  {line} | {script.splitlines()[line - 1]}"]
+    assert raised_in == (name if name in ("weigh", "pile", "odd") else "fail")
+    assert failing.eval("1 - 1;") == 0
+
+
+@pytest.mark.parametrize("kind", [SlottedError, KeyError, StopIteration, ZeroDivisionError, AssertionError])
 def test_an_exception_keeps_its_type_and_gets_one_note(ss: ss2sql.Session, engine: Any, kind: Any) -> None:
     def broken(x):
         raise kind("no")
 
     ss.function("broken", broken)
-    notes = notes_of(ss, "SELECT this,\n  broken(this) FROM [1, 2];", engine, kind)
+    notes, name = caught(lambda: ss.run("SELECT this,\n  broken(this) FROM [1, 2];", engine=engine), kind)
     assert notes == ["raised by the function 'broken', called at <script>:2:3\n  2 |   broken(this) FROM [1, 2];"]
+    assert name == "broken"
 
 
-@both
 def test_a_note_names_the_place_among_several(ss: ss2sql.Session, engine: Any) -> None:
-    def broken(x):
-        if x == 2:
-            raise CrashError("no")
-        return x
-
-    ss.function("broken", broken, volatility="volatile")
-    (note,) = notes_of(ss, "SELECT broken(this)\nFROM [1, 2] WHERE broken(1) AND\nbroken(this);", engine, CrashError)
+    ss.function("broken", lambda x: fail() if x == 2 else x, volatility="volatile")
+    script = "SELECT broken(this)\nFROM [1, 2] WHERE broken(1) AND\nbroken(this);"
+    (note,), _ = caught(lambda: ss.run(script, engine=engine))
     assert note.startswith("raised by the function 'broken', called at ")
     assert "<script>:3:1" in note
     assert "3 | broken(this);" in note
@@ -57,41 +135,67 @@ def test_a_note_names_the_place_among_several(ss: ss2sql.Session, engine: Any) -
         assert "<script>:1:8, <script>:2:19, <script>:3:1" in note
 
 
-@both
-@pytest.mark.parametrize(
-    "script",
-    ["broken(1);", "x = [1, broken(2)];", "SELECT this FROM broken(1);",
-     "SELECT this FROM a = [1], b = broken(a.this);",
-     "SELECT this FROM [1] ORDER BY broken(this);", "SELECT this FROM [1] GROUP BY broken(this);",
-     "SELECT this FROM [1] LIMIT broken(1);", "SELECT (SELECT broken(a.this) FROM [1] AS value) FROM a = [1];",
-     "SELECT this FROM [1] START WITH n = broken(1) CONNECT BY n = n;",
-     "SELECT this FROM [1] START WITH n = 1 CONNECT BY n = broken(n);",
-     "SELECT this FROM [1] START WITH n = 1 CONNECT BY n = n STOP WITH broken(n);",
-     "SELECT broken(this) FROM [1] START WITH n = 1 CONNECT BY UNIQUE n = n;"],
-)  # fmt: skip
-def test_exceptions_from_every_clause_get_their_note(ss: ss2sql.Session, engine: Any, script: str) -> None:
-    def broken(x):
-        raise CrashError("no")
-
-    ss.function("broken", broken, volatility="immutable")
-    (note,) = notes_of(ss, script, engine, CrashError)
-    assert f"called at <script>:1:{script.index('broken') + 1}\n" in note
-    assert script in note
-
-
-@both
 def test_an_exception_through_two_scripts_gets_one_note(ss: ss2sql.Session, engine: Any) -> None:
-    def broken(x):
-        raise CrashError("no")
-
-    ss.function("broken", broken, volatility="volatile")
-    ss.function("outer", lambda x: ss.run("SELECT broken(this) FROM [7];", engine=engine), volatility="volatile")
-    (note,) = notes_of(ss, "SELECT outer(this) FROM [1];", engine, CrashError)
-    assert "broken" in note
+    ss.function("fail", fail, volatility="volatile")
+    ss.function("outer", lambda x: ss.run("SELECT fail(this) FROM [7];", engine=engine), volatility="volatile")
+    (note,), _ = caught(lambda: ss.run("SELECT outer(this) FROM [1];", engine=engine))
+    assert "'fail'" in note
     assert "FROM [7]" in note
 
 
-@both
+def test_the_text_of_an_eval(ss: ss2sql.Session, engine: Any) -> None:
+    ss.function("fail", fail)
+    notes, _ = caught(lambda: ss.run("x = 'fail(5)';\neval(x);", engine=engine))
+    assert notes == [
+        "raised by the function 'fail', called at <eval>:1:1\n  1 | fail(5)\n"
+        "in the text that eval reads at <script>:2:1\n  2 | eval(x);"
+    ]
+
+
+def test_a_line_of_another_text_is_shown_from_that_text() -> None:
+    """The places of one function may lie in two texts: each line comes from its own."""
+    error = MishapError("no")
+    first, second = Source("a;\nb;", "one.ss"), Source("c;\nd;", "two.ss")
+    note_place(error, "f", [Span(first, 0, 1), Span(second, 3, 4)])
+    assert error.__notes__ == ["raised by the function 'f', called at one.ss:1:1, two.ss:2:1\n  1 | a;\n  2 | d;"]
+
+
+@pytest.mark.parametrize("script", ["SELECT heavy\nFROM world;", "SELECT x\nFROM world WHERE heavy > 1;"])
+def test_a_column_of_a_world(failing: ss2sql.Session, engine: Any, script: str) -> None:
+    """The adapter stands between: its exception is the cause of an error that names the world and the place."""
+    with pytest.raises(ss2sql.ExecutionError) as found:
+        failing.run(script, engine=engine)
+    error = found.value
+    assert error.code == "X011"
+    assert "MishapError: no" in error.message
+    assert error.span is not None
+    assert error.span.place == "<script>:2:6"
+    assert type(error.__cause__) is MishapError
+    frames = pytest.ExceptionInfo.from_exception(error.__cause__).traceback
+    assert frames[-1].name == "weight"
+
+
+@pytest.mark.parametrize(
+    ("script", "called", "note"),
+    [
+        ("fragile(x);", print,
+         "raised by the function 'fragile', called at <script>:1:1\n  1 | fragile(x);"),
+        ("y = 1;\nx + y;", fail,
+         "raised by the function 'fail', called because the value at <script>:2:1 has changed\n  2 | x + y;"),
+    ],
+    ids=["its script", "the function that it calls"],
+)  # fmt: skip
+def test_a_trigger(ss: ss2sql.Session, script: str, called: Callable[..., object], note: str) -> None:
+    now = [0.0]
+    ss.host.triggers.clock = lambda: now[0]
+    ss.function("fragile", lambda x: fail() if x > 1 else x)
+    ss.set("x", 1)
+    ss.on_change(script, every=0.1)(called)
+    ss.set("x", 2)
+    now[0] = 1.0
+    assert caught(ss.poll) == ([note], "fail")
+
+
 @pytest.mark.parametrize("kind", [SystemExit, GeneratorExit])
 def test_what_is_no_error_passes_untouched(ss: ss2sql.Session, engine: Any, kind: Any) -> None:
     def leave(x):

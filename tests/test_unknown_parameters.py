@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from decimal import Decimal
 from fractions import Fraction
 from typing import Any
@@ -19,31 +20,27 @@ VALUES = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("column", ["a", "b", "c"])
-@pytest.mark.parametrize("source", ["rows", "t"])
 @pytest.mark.parametrize("value", VALUES, ids=label)
-def test_they_equal_what_python_says(engine: Any, source: str, column: str, value: Any) -> None:
-    ss = ss2sql.connect()
+def test_they_equal_what_python_says(ss: ss2sql.Session, engine: Any, value: Any) -> None:
     ss.attach("rows", ROWS)
     ss.host.connection.execute("CREATE TABLE t(a INTEGER, b TEXT, c REAL)")
     ss.host.connection.executemany("INSERT INTO t VALUES(:a, :b, :c)", ROWS)
-    equal = [row["a"] for row in ROWS if row[column] == value]
-    other = [row["a"] for row in ROWS if row[column] != value]
-    for condition, expected in ((f"{column} == n", equal), (f"n == {column}", equal), (f"{column} != n", other)):
-        query = ss.compile(f"SELECT a FROM {source} WHERE {condition} AS list;")
-        assert query.run(engine=engine, n=value).value == expected
+    for source, column in itertools.product(("rows", "t"), "abc"):
+        equal = [row["a"] for row in ROWS if row[column] == value]
+        other = [row["a"] for row in ROWS if row[column] != value]
+        for condition, expected in ((f"{column} == n", equal), (f"n == {column}", equal), (f"{column} != n", other)):
+            query = ss.compile(f"SELECT a FROM {source} WHERE {condition} AS list;")
+            assert query.run(engine=engine, n=value).value == expected, (source, condition)
 
 
-def test_sqlite_compares_them_by_itself() -> None:
-    ss = ss2sql.connect()
+def test_sqlite_compares_them_by_itself(ss: ss2sql.Session) -> None:
     ss.attach("things", ROWS)
     text = ss.compile("SELECT a FROM things WHERE a == n AND b != n;").sql
     assert "things.a IS :n AND things.b IS NOT :n_2" in " ".join(text.split())
 
 
-def test_a_world_is_asked_for_the_one_that_is_wanted(engine: Any) -> None:
+def test_a_world_is_asked_for_the_one_that_is_wanted(ss: ss2sql.Session, engine: Any) -> None:
     box = Box.row(50)
-    ss = ss2sql.connect()
     ss.attach("space", BallWorld(box))
     query = ss.compile("SELECT name FROM space WHERE id == n AS list;")
     assert query.run(engine=engine, n=7).value == ["ball7"]

@@ -129,4 +129,5 @@ VALUES: dict[str, Callable[[], Any]] = {
     "record": lambda: {"a": 1, "b": [2]},
     "large": lambda: [{"x": 2**62}, {"x": 2**62}],
     "gaps": lambda: [{"k": "a", "v": 3}, {"k": "b", "v": None}, {"v": 1, "w": 2.5}],
+    "mixed_keys": lambda: {"a": 1, 1: "one", (1, 2): "pair"},
 }
