@@ -76,7 +76,14 @@ def test_the_same_name_in_two_files(ss: ss2sql.Session, file: Path, engine: Any)
     other = file.with_name("other.db")
     write(other, "CREATE TABLE t(a); INSERT INTO t VALUES ('other'); CREATE TABLE u(b); INSERT INTO u VALUES (2)")
     ss.attach("other", other)
-    assert ss.run("SELECT a FROM t AS list;", engine=engine).value == ["main"]
+    for script, value in (
+        ("SELECT a FROM t AS list;", ["main"]),
+        ("t = [7]; SELECT this FROM t AS list;", [7]),  # variables come before tables
+        ("SELECT a FROM main.t AS list;", ["main"]),
+        ("clear();", None),
+        ("SELECT a FROM t AS list;", ["main"]),
+    ):
+        assert ss.run(script, engine=engine).value == value
     joined = ss.run("SELECT x.a, y.a, b FROM x = t, y = other.t, u AS rows;", engine=engine)
     assert joined.value == [("main", "other", 2)]
     script = "SELECT t.a, n FROM t = other.t START WITH n = 0 CONNECT BY n = n + 1 STOP WITH n == 2 AS rows;"
