@@ -17,7 +17,7 @@ import ss2sql
 from ss2sql.lowering.rewrites import REWRITES
 
 SWITCHES = ["nothing", *REWRITES]
-PROGRAMS = amount(2)  # of each kind; each without one of the rewrites
+PROGRAMS = 2 * amount(3 / 10)  # of each kind; each without one of the rewrites
 NAMES = "a b c d e f g h".split()  # noqa: SIM905
 BORDERS = "ab ac ad ae af bc bd bf bg cd cg ch de dh ef eh fg gh".split()  # noqa: SIM905
 COLOURS = ["red", "green", "blue", "yellow"]
