@@ -118,27 +118,31 @@ def test_only_what_lies_in_the_box_is_asked_for(
     assert space.given == given
 
 
-def test_neighbours_in_joins(ss: ss2sql.Session, space: Space, engine: Any) -> None:
-    script = "SELECT a.id, b.id FROM a = space, b = space WHERE a.id <= 3 AND distance({}) <= 1 AS rows;"
-    expected = [(1, 1), (1, 2), (2, 1), (2, 2), (2, 3), (3, 2), (3, 3), (3, 4)]
-    for arguments in ("a.this, b.this", "b.this, a.this", "a.pos, b.this", "a.pos, b.pos"):
-        space.given = space.measured = 0
-        assert ss.run(script.format(arguments), engine=engine).value == expected
-        assert space.given == 20 + len(expected)
-        assert space.measured == (0 if arguments == "a.pos, b.pos" else len(expected))
+JOINED = "SELECT a.id, b.id FROM a = space, b = space WHERE a.id <= 3 AND distance({}) <= 1 AS rows"
+NEAR = "SELECT b.id FROM b = space WHERE distance(b.this, space.this) <= 1 AS list"
+PAIRS = [(1, 1), (1, 2), (2, 1), (2, 2), (2, 3), (3, 2), (3, 3), (3, 4)]
 
 
-def test_neighbours_in_nested_queries(ss: ss2sql.Session, space: Space, engine: Any) -> None:
-    near = "SELECT b.id FROM b = space WHERE distance(b.this, space.this) <= 1 AS list"
-    assert ss.run(f"SELECT id, len({near}) FROM space WHERE id < 3 AS rows;", engine=engine).value == [(1, 2), (2, 3)]
-    assert space.given == 20 + 5
-
-
-def test_a_query_without_a_condition_has_no_box(ss: ss2sql.Session, space: Space, engine: Any) -> None:
-    assert ss.run("SELECT id FROM space LIMIT 2 AS list", engine=engine).value == [1, 2]
-    inner = "(SELECT to(id, k) FROM space)"
-    script = f"SELECT q.k FROM q = {inner}, space WHERE space.id == q.k AND distance(space.this, 3) < 1.5 AS list"
-    assert ss.run(script, engine=engine).value == [2, 3, 4]
+@pytest.mark.parametrize(
+    ("script", "found", "given", "measured"),
+    [
+        *((JOINED.format(both), PAIRS, 28, 8) for both in ("a.this, b.this", "b.this, a.this", "a.pos, b.this")),
+        (JOINED.format("a.pos, b.pos"), PAIRS, 28, 0),
+        (f"SELECT id, len({NEAR}) FROM space WHERE id < 3 AS rows", [(1, 2), (2, 3)], 25, 5),
+        # Without a condition there is no box.
+        ("SELECT id FROM space LIMIT 2 AS list", [1, 2], 20, 0),
+        ("SELECT q.k FROM q = (SELECT to(id, k) FROM space), space"
+         " WHERE space.id == q.k AND distance(space.this, 3) < 1.5 AS list", [2, 3, 4], None, None),
+        # Ends that are known at different times stay apart.
+        ("SELECT id FROM space, s = spots WHERE x >= 17 AND x <= s.this[0] AS list", [17, 18], 4, 0),
+    ],
+)  # fmt: skip
+def test_neighbours_in_joins_and_nested_queries(
+    ss: ss2sql.Session, space: Space, engine: Any, script: str, found: Any, given: int | None, measured: int | None
+) -> None:
+    assert ss.run(script, engine=engine).value == found
+    assert given in (None, space.given)
+    assert measured in (None, space.measured)
 
 
 def test_neighbours_in_another_world(ss: ss2sql.Session, space: Space, engine: Any) -> None:
@@ -173,34 +177,22 @@ def test_what_may_fail_before_it_is_still_asked(ss: ss2sql.Session, space: Space
     assert found.value == [4, 5, 6]
 
 
-def test_a_function_of_the_user_promises_nothing(ss: ss2sql.Session, space: Space, engine: Any) -> None:
-    ss.function("distance", lambda one, other: 0.0, volatility="immutable")
+@pytest.mark.parametrize(("name", "answer"), [("distance", 0.0), ("le", True)])
+def test_what_the_user_replaces_promises_nothing(ss: ss2sql.Session, engine: Any, name: str, answer: Any) -> None:
+    ss.function(name, lambda one, other: answer, volatility="immutable")
     for place in ("this", "pos"):
         script = f"SELECT id FROM space WHERE distance({place}, p) <= 1 AS list;"
         assert len(ss.run(script, engine=engine).value) == 20
 
 
-def test_a_replaced_comparison_is_left_alone(ss: ss2sql.Session, space: Space, engine: Any) -> None:
-    ss.function("le", lambda one, other: True, volatility="immutable")
-    assert len(ss.run("SELECT id FROM space WHERE distance(this, p) <= 1 AS list;", engine=engine).value) == 20
-
-
-def test_a_table_without_places_promises_nothing(engine: Any) -> None:
-    class Silent(Points):
-        places = {}
-
-    space = type("Space", (Space,), {"tables": (Silent,)})(dict(LINE))
-    ss = ss2sql.connect()
-    ss.attach("space", space)
-    assert ss.run("SELECT id FROM space WHERE distance(this, [5, 0, 0]) < 1 AS list;", engine=engine).value == [5]
-    assert space.given == 20
-
-
-def test_it_can_be_switched_off(space: Space, engine: Any) -> None:
-    ss = ss2sql.connect(disable=["near"])
-    ss.attach("space", space)
-    assert ss.run("SELECT id FROM space WHERE distance(this, [5, 0, 0]) < 1 AS list;", engine=engine).value == [5]
-    assert space.given == 20
+@pytest.mark.parametrize(("places", "disable"), [({}, []), (Points.places, ["near"])], ids=["no places", "off"])
+def test_without_places_or_switched_off_all_are_asked_for(places: Any, disable: list[str], engine: Any) -> None:
+    table = type("Other", (Points,), {"places": places})
+    space = type("Space", (Space,), {"tables": (table,)})(dict(LINE))
+    with ss2sql.connect(disable=disable) as ss:
+        ss.attach("space", space)
+        found = ss.run("SELECT id FROM space WHERE distance(this, [5, 0, 0]) < 1 AS list;", engine=engine)
+    assert (found.value, space.given) == ([5], 20)
 
 
 @pytest.mark.parametrize("scale", [1e-150, 1e-9, 1.0, 1e9, 1e90])
@@ -232,6 +224,7 @@ def test_the_sql_is_what_one_would_write(ss: ss2sql.Session) -> None:
         f"AND le(world_distance(a.this, b.this), 0.5, '1:{script.index('<=') + 1}')"
     )
     assert "near" in ss.compile("SELECT id FROM space WHERE distance(this, p) <= 1;").explain()
+    assert "BETWEEN" in ss.compile("SELECT id FROM space WHERE x >= 17 AND x <= 18;").sql
 
 
 def test_the_judge_measures_what_is_promised() -> None:
@@ -262,11 +255,3 @@ def test_places_are_checked_when_they_are_declared(places: dict[str, str]) -> No
     with pytest.raises(ss2sql.SessionError) as caught:
         ss2sql.connect().attach("space", type("Space", (Space,), {"tables": (wrong,)})({}))
     assert caught.value.code == "S002"
-
-
-def test_ends_that_are_known_at_different_times_stay_apart(ss: ss2sql.Session, space: Space, engine: Any) -> None:
-    script = "SELECT id FROM space, s = spots WHERE x >= 17 AND x <= s.this[0] AS list;"
-    assert "BETWEEN" not in ss.compile(script).sql
-    assert "BETWEEN" in ss.compile("SELECT id FROM space WHERE x >= 17 AND x <= 18;").sql
-    assert ss.run(script, engine=engine).value == [17, 18]
-    assert space.given == 4
