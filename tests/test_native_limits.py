@@ -19,41 +19,29 @@ from ss2sql.runtime.rows import Rows
 # --- runs that end early -------------------------------------------------------------------------------
 
 ENDLESS = [
-    "SELECT this FROM [0, 1] START WITH n = 1 CONNECT BY n = n + 1",
-    "SELECT this FROM [0, 1] START WITH n = 1 CONNECT BY BREADTH FIRST n = n + 1",
-    "SELECT n FROM [0, 1] START WITH n = 1 CONNECT BY NO CYCLE n = n + 1",
-    "SELECT n FROM [0, 1] START WITH n = 1 CONNECT BY UNIQUE n = n + 1",
-    "SELECT this FROM [0, 1] START WITH n = 1 CONNECT BY COST this n = n + 1",
-    "SELECT this FROM [0, 1] WHERE this == 2 START WITH n = 1 CONNECT BY n = 1 - n",
+    ("SELECT this FROM [0, 1] START WITH n = 1 CONNECT BY n = n + 1", True),
+    ("SELECT this FROM [0, 1] START WITH n = 1 CONNECT BY BREADTH FIRST n = n + 1", True),
+    ("SELECT n FROM [0, 1] START WITH n = 1 CONNECT BY NO CYCLE n = n + 1", True),
+    ("SELECT n FROM [0, 1] START WITH n = 1 CONNECT BY UNIQUE n = n + 1", True),
+    ("SELECT this FROM [0, 1] START WITH n = 1 CONNECT BY COST this n = n + 1", True),
+    ("SELECT this FROM [0, 1] WHERE this == 2 START WITH n = 1 CONNECT BY n = 1 - n", False),
+    ("SELECT a.this FROM a = l, b = l, c = l, d = l WHERE c.this + d.this < 0", False),
+    ("SELECT (SELECT 1 FROM b = l, c = l, d = l WHERE a.this + d.this < 0) FROM a = l", False),
+    ("SELECT a.this FROM a = l, b = l, c = l, d = l, e = []", False),
 ]
 
 
-@pytest.mark.parametrize("script", ENDLESS)
-def test_a_timeout_keeps_what_was_found(script: str) -> None:
-    host = FakeHost()
+@pytest.mark.parametrize(("script", "found"), ENDLESS)
+def test_a_timeout_keeps_what_was_found(script: str, found: bool) -> None:
+    host = FakeHost(l=list(range(300)))
     query = host.query(script)
-    sink = Rows((), paths=[])
+    sink = Rows((), rows=[], paths=[])
     started = time.monotonic()
     with pytest.raises(Timeout) as raised:
         query.rows(host.start(deadline=time.monotonic() + 0.05), sink)
     assert time.monotonic() - started < 5  # it tells an end from a hang, on any machine
     assert raised.value.span == query.query.span
-    assert sink.paths is not None
-    assert bool(sink.paths) is ("WHERE" not in script)
-
-
-@pytest.mark.parametrize(
-    "script",
-    [
-        "SELECT a.this FROM a = l, b = l, c = l, d = l WHERE c.this + d.this < 0",
-        "SELECT (SELECT 1 FROM b = l, c = l, d = l WHERE a.this + d.this < 0) FROM a = l",
-        "SELECT a.this FROM a = l, b = l, c = l, d = l, e = []",
-    ],
-)
-def test_a_timeout_where_nothing_is_found(script: str) -> None:
-    host = FakeHost(l=list(range(300)))
-    with pytest.raises(Timeout):
-        host.query(script).rows(host.start(deadline=time.monotonic() + 0.05))
+    assert bool(sink.paths or sink.rows) is found
 
 
 def test_a_timeout_in_the_paths_of_memorize() -> None:
@@ -118,12 +106,8 @@ def test_more_results_than_allowed(script: str) -> None:
         query.rows(host.start(max_rows=5))
     assert (raised.value.code, place(raised.value)) == ("X010", f"1:1 {script}")
     assert query.rows(host.start(max_rows=7)) is not None
-
-
-def test_a_limit_keeps_results_within_what_is_allowed() -> None:
-    host = FakeHost(l=list(range(100)))
-    for order in ("", "ORDER BY this"):
-        assert len(host.query(f"SELECT this FROM l {order} LIMIT 5").rows(host.start(max_rows=5)).rows or ()) == 5
+    if "LIMIT" not in script:
+        assert host.query(f"{script} LIMIT 5").rows(host.start(max_rows=5)) is not None
 
 
 def test_rows_of_inner_queries_are_counted_where_they_become_a_value() -> None:
@@ -232,15 +216,3 @@ def test_searches_and_groups_with_more_sources_than_python_nests(number: int) ->
     columns = f"s{number - 1}.this, count(*), sum(s{number - 2}.this)"
     found = FakeHost().run(f"SELECT {columns} FROM {pairs} GROUP BY s{number - 1}.this AS rows")
     assert found == [[1, 4, 6], [2, 4, 6]]
-
-
-@pytest.mark.parametrize(
-    "script", ["SELECT wait(this) FROM l", "SELECT wait(n) FROM [0] START WITH n = 1 CONNECT BY n = n + 1"]
-)
-def test_slow_functions_do_not_delay_the_end(script: str) -> None:
-    host = FakeHost({"wait": lambda value: time.sleep(0.004)}, {"wait": "volatile"}, l=list(range(1000)))
-    query = host.query(script)
-    started = time.monotonic()
-    with pytest.raises(Timeout):
-        query.rows(host.start(deadline=started + 0.05))
-    assert time.monotonic() - started < 1  # all calls would take 4 s
