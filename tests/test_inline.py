@@ -83,10 +83,6 @@ def switched(x, on=True, off=False, nothing=0):
     return "never"
 
 
-def decided(x, on=True, off=False):
-    return "all" if on and x > 0 else "some" if off and x < 0 else "none" if x == 0 or off else "other"
-
-
 # not one expression of the language
 
 
@@ -149,10 +145,11 @@ INLINED: list[tuple[Callable[..., Any], str, list[Any], list[Any]]] = [
     (lambda s: s[:1] + s[1:3], ONE, [[], [1], [1, 2, 3, 4]], [1]),
     (perhaps, ONE, Mixed, [1]),
     (switched, ONE, Mixed, [1]),
-    (decided, ONE, Numbers, [1]),
+    (lambda x, on=True, off=False: 1 if on and x > 0 else 2 if off and x < 0 else 3 if x == 0 or off else 4,
+     ONE, Numbers, [1]),
     (lambda x: x in NAME, ONE, ["a", "", "bc", "x"], [1]),
     (lambda x: bool(x), ONE, Mixed, [1]),
-]
+]  # fmt: skip
 
 
 class _This:
