@@ -153,6 +153,41 @@ def test_a_replaced_operator_keeps_its_meaning(disable: list[str], where: str) -
 
 # --- unnest --------------------------------------------------------------------------------------------
 
+NAMES = "a b c d e f g h".split()  # noqa: SIM905
+BORDERS = "ab ac ad ae af bc bd bf bg cd cg ch de dh ef eh fg gh".split()  # noqa: SIM905
+COLOURS = ["red", "green", "blue", "yellow"]
+SELECT = f"SELECT {', '.join(f'{n}.this' for n in NAMES)} FROM {', '.join(f'{n} = colours' for n in NAMES)} WHERE "
+PAIRS = f"[{', '.join(f'[{one}.this, {other}.this]' for one, other in BORDERS)}]"
+PAIRS_OF_NAMES = [[one, other] for one, other in BORDERS]
+FORMS = {
+    "inequalities": SELECT + " AND ".join(f"{one}.this != {other}.this" for one, other in BORDERS),
+    "nested": SELECT + f"[] == (SELECT this FROM {PAIRS} WHERE this[0] == this[1] AS list)",
+    "length": SELECT + f"len(SELECT this FROM {PAIRS} WHERE this[0] == this[1] AS list) == 0",
+    "negation": SELECT + f"NOT (SELECT this FROM {PAIRS} WHERE this[0] == this[1] AS list)",
+    "variable": f"pairs = {PAIRS};" + SELECT + "[] == (SELECT this FROM pairs WHERE this[0] == this[1] AS list)",
+    "names": f"pairs = {PAIRS_OF_NAMES};" + SELECT + "[] == (SELECT this FROM pairs"
+    " WHERE eval(this[0] + '.this;') == eval(this[1] + '.this;') AS list)",
+    "one of them": SELECT + " AND NOT ".join(
+        ["True", *(f"({one}.this == {other}.this OR {one}.this == {other}.this)" for one, other in BORDERS)]
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_the_forms_of_the_map_become_the_same_sql(form: str) -> None:
+    ss = ss2sql.connect()
+    ss.attach("colours", COLOURS)
+    result = ss.run(FORMS[form] + " AS rows;", engine="database")
+    assert len(result.value) == 48
+    assert result.value[0] == ("red", "green", "blue", "yellow", "green", "blue", "yellow", "red")
+    plain = ss.run(FORMS["inequalities"] + " AS rows;", engine="database")
+    assert result.sql.statements[-1] == plain.sql
+
+
+def test_an_unknown_switch_is_refused() -> None:
+    with pytest.raises(ss2sql.SessionError, match="unnest"):
+        ss2sql.connect(disable=["unnset"])
+
 
 @pytest.mark.parametrize(
     ("condition", "where"),

@@ -14,7 +14,8 @@ TOWERS = """SELECT m1.this, m2.this, m3.this, m4.this, m5.this, m6.this, m7.this
 FROM m1 = moves, m2 = moves, m3 = moves, m4 = moves, m5 = moves, m6 = moves, m7 = moves
 WHERE [[], [], [3, 2, 1]] == move(m7.this, move(m6.this, move(m5.this, move(m4.this, move(m3.this,
     move(m2.this, move(m1.this, [[3, 2, 1], [], []]))))))) AS list"""
-SWITCHED: tuple[tuple[str, ...], ...] = ((), ("hoist",), ("early",), ("hoist", "early"))
+SWITCHED = ((), ("hoist",), ("early",), ("hoist", "early"), ("fold",), ("split", "unnest"))
+LISTS = {"moves": MOVES, "xs": [1, 2, 3], "ones": [1, 1], "empty": [], "rows": [{"k": 2, "v": "x"}, {"k": 1, "v": "y"}]}
 
 
 def session(*disable: str) -> tuple[ss2sql.Session, list[tuple[Any, ...]]]:
@@ -36,12 +37,7 @@ def session(*disable: str) -> tuple[ss2sql.Session, list[tuple[Any, ...]]]:
     ss.function("g", g, volatility="immutable")
     ss.function("loud", f, volatility="volatile")
     ss.function("move", move)
-    for name, value in {
-        "moves": MOVES,
-        "xs": [1, 2, 3],
-        "empty": [],
-        "rows": [{"k": 2, "v": "x"}, {"k": 1, "v": "y"}],
-    }.items():
+    for name, value in LISTS.items():
         ss.attach(name, value)
     return ss, calls
 
@@ -124,6 +120,10 @@ def test_which_parts_are_evaluated_ahead(columns: str, times: int) -> None:
         ("SELECT 1 FROM a = [1, 2], b = [3, 4] WHERE loud(a.this) == 1 AND loud(b.this) AS list", [1, 3, 1, 4, 2, 2]),
         # SQLite does not put constants in the place of columns: `2 < b.this` would be false for any source then.
         ("SELECT 1 FROM a = [1], b = [1, 2] WHERE f(a.this) AND b.this == 2 AND 2 < b.this AS list", [1]),
+        # It leaves out `0 AND a.this != b.this` by itself; what remains mentions b no more, and waits for b as before.
+        ("SELECT a.this FROM a = ones, b = [a.this, 1] WHERE a.this != b.this AND (f(a.this) AND (a.this > 5"
+         " OR (2 != (1 + 1) AND a.this != b.this)"
+         " OR [] == (SELECT this FROM [a.this, 1] WHERE this == a.this AS list))) AS list", []),
     ],
 )  # fmt: skip
 def test_only_what_the_written_order_evaluates(
