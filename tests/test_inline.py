@@ -461,32 +461,6 @@ def test_counting_and_moving_in_a_search(engine: Any) -> None:
     assert (value, calls) == (outcome(script, engine, ("inline",), **functions)[0], {})
 
 
-@both
-@pytest.mark.parametrize("disable", [(), ("fold", "unnest", "split", "hoist", "early")])
-@pytest.mark.parametrize(
-    ("script", "value"),
-    [
-        ("SELECT p FROM (SELECT to(big(this), p) FROM [1, 2]) AS list", [False, True]),
-        ("SELECT big(this), count(*) FROM [1, 2, 3] GROUP BY big(this) HAVING big(count(*)) AS list", [True, 2]),
-        ("SELECT big FROM (SELECT big(this) FROM [1, 2] GROUP BY big(this)) AS list", [False, True]),
-        ("SELECT (SELECT big(this) FROM [1] GROUP BY big(this) AS value) FROM [1] AS list", [False]),
-        ("SELECT (SELECT big(this) FROM [a.this] AS value), [big(a.this)] FROM a = [1, 2] AS rows",
-         [(False, [False]), (True, [True])]),
-        ("SELECT one(this), count(*) FROM [1, 2, 2] GROUP BY this AS list", [1, 1, 1, 2]),
-        ("SELECT this FROM [1, 2, 3] ORDER BY big(this) DESC, one(this) AS list", [2, 3, 1]),
-        ("SELECT n, b FROM [0] WHERE n == 3 START WITH b = False, n = 0 CONNECT BY b = big(n), n = n + 1"
-         " STOP WITH n == 3 AS rows", [[(0, False), (1, False), (2, False), (3, True)]]),
-        # What is known of the sum of a list says nothing of the sum of a group.
-        ("SELECT inc(sum(this)), inc(count(this)) + 1 FROM [1, 2, 2] GROUP BY this AS list", [2, 3, 5, 4]),
-    ],
-)  # fmt: skip
-def test_bools_and_sums_pass_through_queries_and_groups(
-    engine: Any, disable: tuple[str, ...], script: str, value: Any
-) -> None:
-    found, _ = outcome(script, engine, disable, big=lambda n: n > 1, one=lambda n: 1, inc=inc)
-    assert found == exact(value)
-
-
 @pytest.mark.parametrize("disable", [(), ("inline",)])
 def test_a_group_is_what_is_written(disable: tuple[str, ...]) -> None:
     """`inc(this)` is not `this + 1` where groups are told apart, inlined or not."""

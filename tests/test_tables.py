@@ -10,7 +10,7 @@ import apsw
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from sessions import both, write
+from sessions import both, code_of, write
 
 import ss2sql
 
@@ -137,10 +137,8 @@ def test_a_file_that_somebody_writes(ss: ss2sql.Session, file: Path, engine: Any
 def test_an_infinity_is_no_number_of_the_language(ss: ss2sql.Session, file: Path, engine: Any) -> None:
     write(file, "CREATE TABLE t(a REAL); INSERT INTO t VALUES (1.5), (9e999)")
     assert ss.run("SELECT a FROM t WHERE a < 2 AS list;", engine=engine).value == [1.5]
-    for script in ("SELECT a + 1 FROM t;", "SELECT a * 0 FROM t;", "SELECT abs(a) FROM t;"):
-        with pytest.raises(ss2sql.ExecutionError) as caught:
-            ss.run(script, engine=engine)
-        assert caught.value.code == "X004"
+    for column in ("a + 1", "a * 0", "abs(a)"):
+        assert code_of(ss.run, f"SELECT {column} FROM t;", engine=engine) == "X004"
 
 
 # --- bounds of the numbers in columns: what they are, and that they are never stale --------------------------
@@ -244,9 +242,7 @@ def test_a_number_that_grows_too_large_for_a_sum(ss: ss2sql.Session, engine: Any
     connection.execute(f"INSERT INTO t VALUES ({2**62 - 1})")
     assert query.run(engine=engine).value == [2, -2, 2**63 - 2]
     connection.execute(f"INSERT INTO t VALUES ({2**62})")
-    with pytest.raises(ss2sql.ExecutionError) as caught:
-        query.run(engine=engine)
-    assert caught.value.code == "X004"
+    assert code_of(query.run, engine=engine) == "X004"
     connection.execute(f"DELETE FROM t WHERE a > {2**61}")
     assert query.run(engine=engine).value == [2, -2]
 

@@ -208,6 +208,11 @@ FUNCTIONS: dict[str, Callable[[], dict[str, Function]]] = {
     "vectors": lambda: {"add": vector_add},
     "caseless": lambda: {"eq": caseless},
     "tick": lambda: {"tick": Counter()},
+    "expressions": lambda: {
+        "big": lambda n: n > 1,
+        "one": lambda n: 1,
+        "inc": lambda n: n + 1,
+    },
     "floor": lambda: _floor(Floor()),
     "clock": lambda: _clock(Clock()),
 }
