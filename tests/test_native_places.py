@@ -72,34 +72,6 @@ def test_a_variable_without_a_value_that_nobody_reads() -> None:
     assert (error.code, error.__cause__, error.__suppress_context__) == ("R001", None, True)
 
 
-@pytest.mark.parametrize(
-    "script",
-    [
-        "1 + \n  fail(2)",
-        "SELECT this FROM [1]\nWHERE fail(this)",
-        "SELECT\nfail(this) FROM [1]",
-        "SELECT n.this FROM n = [1] START WITH m = 1 CONNECT BY MEMORIZE\n m = fail(m)",
-        "SELECT this FROM [1] GROUP BY\nfail(this)",
-        "SELECT (SELECT 1 FROM [1] WHERE\nfail(1)) FROM [1]",
-        "SELECT 1 FROM [1],\nl = fail()",
-    ],
-)
-def test_a_users_exception_keeps_its_type_and_gets_a_note(script: str) -> None:
-    with pytest.raises(ZeroDivisionError, match="on purpose") as raised:
-        FakeHost({"fail": raising(ZeroDivisionError("on purpose"))}).run(script)
-    (note,) = raised.value.__notes__
-    column = script.split("\n")[1].index("fail") + 1
-    assert note.startswith(f"raised by the function 'fail', called at <script>:2:{column}\n")
-    assert note.endswith(script.split("\n")[1])
-
-
-def test_a_note_names_the_call_that_failed() -> None:
-    host = FakeHost({"half": lambda value: 1 / value})
-    with pytest.raises(ZeroDivisionError) as raised:
-        host.run("SELECT half(this), half(this - 1) FROM [2, 1]")
-    assert "called at <script>:1:20" in raised.value.__notes__[0]
-
-
 def test_pythons_traceback_shows_the_script() -> None:
     script = "x = 5;\nSELECT this + x FROM [1, 2]\nWHERE fail(this) == 1"
     with pytest.raises(ZeroDivisionError) as raised:

@@ -39,6 +39,7 @@ lit = partial(ast.Literal, span=NOWHERE)
 name = partial(ast.Name, span=NOWHERE)
 index = partial(ast.Index, span=NOWHERE)
 cut = partial(ast.Slice, span=NOWHERE)
+assign = partial(ast.Assign, span=NOWHERE, name_span=NOWHERE)
 select = partial(ast.Query, span=NOWHERE)
 A, B, C, D = map(name, "abcd")
 
@@ -53,10 +54,6 @@ def items(*parts: ast.Expr) -> ast.ListLiteral:
 
 def call(function: str, *arguments: ast.Expr, star: bool = False) -> ast.Call:
     return ast.Call(function, arguments, span=NOWHERE, star=star)
-
-
-def assign(target: str, value: ast.Expr) -> ast.Assign:
-    return ast.Assign(target, value, span=NOWHERE, name_span=NOWHERE)
 
 
 def this(source: str | None = None) -> ast.This:
