@@ -1,49 +1,57 @@
-"""What the native executor saves, told by counted calls and by its generated code; and that nothing else changes."""
+"""What the native executor saves: calls are remembered, or known to be new ones; and nothing else changes."""
 
 from __future__ import annotations
 
-import re
+from collections import Counter
+from collections.abc import Callable
 from typing import Any
 
 import pytest
-from native_host import generated_code
 
 import ss2sql
-from ss2sql import plan
 from ss2sql.runtime.functions import user_function
 from ss2sql.runtime.native.calls import RememberedCalls, exact_key
 from ss2sql.runtime.run import Run
+from ss2sql.runtime.values import freeze, normalise
 
 
-def calls_of(function: Any, limit: int = 100, volatility: plan.Volatility | None = "immutable") -> tuple[Run, Any]:
+def remembered(function: Any, limit: int = 100) -> tuple[RememberedCalls, Callable[[], tuple[int, int]]]:
+    """A function as the native executor calls it; and how often it was called and remembered."""
     run: Any = Run(None)  # type: ignore[arg-type]
-    return run, RememberedCalls(user_function("f", function, volatility), run, limit)
+    calls = RememberedCalls(user_function("f", function, "immutable"), run, limit)
+
+    def counted() -> tuple[int, int]:
+        calls.settle()
+        return run.stats.calls["f"], run.stats.remembered["f"]
+
+    return calls, counted
 
 
 def test_all_ways_of_calling_share_what_is_remembered() -> None:
-    run, calls = calls_of(lambda *arguments: len(arguments))
+    calls, counted = remembered(lambda *arguments: len(arguments))
     for arguments in ((1, "a"), (1, None), ([1], 2), ([[1]], "a")):
         keys = tuple(map(exact_key, arguments))
         assert [calls.of_any(*arguments)[0], calls.of_keys(keys, *arguments)[0]] == [2, 2]
     assert calls.of_plain(1, "a")[0] == 2
-    calls.settle()
-    assert (run.stats.calls["f"], run.stats.remembered["f"]) == (4, 5)
+    assert counted() == (4, 5)
 
 
 def test_equal_arguments_of_other_kinds_are_other_arguments() -> None:
-    run, calls = calls_of(lambda value: str(value))
+    calls, counted = remembered(lambda value: str(value))
     given: list[Any] = [1, 1.0, True, [1], [1.0], [True], 0.0, -0.0, None, "1"]
     assert [calls.of_any(value)[0] for value in given] == list(map(str, given))
-    calls.settle()
-    assert run.stats.calls["f"] == len(given)
+    assert counted() == (len(given), 0)
+
+
+def test_objects_inside_of_arguments_are_told_apart() -> None:
+    one, other = object(), object()
+    calls, counted = remembered(lambda values: values[0] is one)
+    assert [calls.of_any([thing])[0] for thing in (one, other, one)] == [True, False, True]
+    assert counted() == (2, 1)
 
 
 def test_a_function_may_change_what_it_gets_however_it_is_called() -> None:
-    def grown(values: list[int]) -> list[int]:
-        values.append(9)
-        return values
-
-    _, calls = calls_of(grown)
+    calls, _ = remembered(lambda values: values.append(9) or values)
     value = [1]
     assert calls.of_keys((exact_key(value),), value)[0] == [1, 9]
     assert calls.of_any([2])[0] == [2, 9]
@@ -51,26 +59,10 @@ def test_a_function_may_change_what_it_gets_however_it_is_called() -> None:
 
 
 def test_the_memory_of_calls_is_bounded() -> None:
-    run, calls = calls_of(lambda value: [value], limit=10)
-    for value in range(100):
+    calls, counted = remembered(lambda value: [value], limit=10)
+    for value in (*range(100), 99):
         assert calls.of_plain(value)[0] == [value]
-    assert calls.of_plain(99)[0] == [99]
-    calls.settle()
-    assert (run.stats.calls["f"], run.stats.remembered["f"]) == (100, 1)
-
-
-def test_objects_inside_of_arguments_are_told_apart() -> None:
-    class Thing:
-        __slots__ = ("name",)
-
-        def __init__(self, name: str) -> None:
-            self.name = name
-
-    one, other = Thing("one"), Thing("other")
-    run, calls = calls_of(lambda values: values[0].name)
-    assert [calls.of_any([thing])[0] for thing in (one, other, one)] == ["one", "other", "one"]
-    calls.settle()
-    assert run.stats.calls["f"] == 2
+    assert counted() == (100, 1)
 
 
 @pytest.mark.parametrize(
@@ -78,63 +70,141 @@ def test_objects_inside_of_arguments_are_told_apart() -> None:
     [[1.5, 2], [True], [(1, 2)], [2**40], ["text with ({<"], [[1, [2, [3]]]], {"a": 1}, [None, "x"], [[], []], (1, 2)],
 )
 def test_results_are_values_with_their_frozen_forms(value: Any) -> None:
-    from ss2sql.runtime.values import freeze, normalise
-
-    _, calls = calls_of(lambda: value)
-    found, frozen = calls.of_any()
+    found, frozen = remembered(lambda: value)[0].of_any()
     assert found == normalise(value, "the function 'f'")
     assert frozen is None or frozen == freeze(found)
 
 
 def test_a_result_that_contains_itself_is_refused() -> None:
-    def endless() -> list[Any]:
-        inner: list[Any] = []
-        inner += [inner, inner]
-        return [[inner, inner]]
-
-    _, calls = calls_of(endless)
+    inner: list[Any] = []
+    inner += [inner, inner]
     with pytest.raises(ss2sql.ExecutionError) as caught:
-        calls.of_any()
+        remembered(lambda: [[inner, inner]])[0].of_any()
     assert caught.value.code == "X004"
 
 
-def session() -> ss2sql.Session:
-    ss = ss2sql.connect()
-    ss.set("moves", [{"dx": 1, "cost": 2}, {"dx": -1, "cost": 1}])
-    ss.set("row", [0, 0, 0, 0, 1])
-    return ss
+# --- searches whose calls are all new ones: nobody is asked twice, although nothing is remembered -----------
+
+STATES = 24
+OPTIONS = ["UNIQUE", "BREADTH FIRST UNIQUE", "MEMORIZE 30"]
+THINGS = [object() for _ in range(STATES)]
 
 
-@pytest.mark.parametrize("engine", ["database", "native"])
-def test_an_index_that_is_out_of_range_says_so(engine: Any) -> None:
-    script = "SELECT x, dx FROM moves START WITH x = 0 CONNECT BY UNIQUE x = x + dx STOP WITH row[x + dx + 3] == 2;"
-    with pytest.raises(ss2sql.ExecutionError) as caught:
-        session().run(script, engine=engine)
-    assert caught.value.code == "X003"
-    assert "index 5 is out of range" in str(caught.value)
+class Steps:
+    """A machine of 24 states, `shown` as anything; each call is noted."""
+
+    def __init__(self, shown: Any = lambda number: number) -> None:
+        self.states = [shown(number) for number in range(STATES)]
+        self.calls: Counter[str] = Counter()
+
+    def run(self, script: str) -> ss2sql.Result:
+        """What a script gives natively; no step is asked for twice."""
+        with ss2sql.connect() as ss:
+            ss.function("go", self.go, volatility="immutable")
+            ss.function("same", lambda value: value, volatility="immutable")
+            ss.set("first", self.states[0])
+            result = ss.run(script, engine="native")
+        assert set(self.calls.values()) == {1}
+        return result
+
+    def go(self, step: Any, state: Any) -> Any:
+        self.calls[repr((step, state))] += 1
+        return self.states[self.after(self.states.index(state), step)]
+
+    def after(self, number: int, step: Any) -> int:
+        return (number * 5 + (int(step[0]) if isinstance(step, list) else step)) % STATES
+
+    def reached(self, steps: list[Any]) -> set[int]:
+        found, left = {0}, [0]
+        while left:
+            number = left.pop()
+            new = {self.after(number, step) for step in steps} - found
+            found |= new
+            left += new
+        return found
 
 
-@pytest.mark.parametrize("engine", ["database", "native"])
+def script(options: str, elements: str = "[1, 2, 7]", shown: str = "go(this, n)", more: str = "") -> str:
+    return f"""SELECT {shown} FROM {elements} START WITH n = first
+               CONNECT BY {options} MAXIMUM 1000 n = go(this, n) STOP WITH same(1) == 2{more} AS list"""
+
+
+SHOWN: dict[str, Callable[[int], Any]] = {
+    "numbers": lambda number: number,
+    "text": lambda number: f"s{number}",
+    "lists": lambda number: [[number], []],
+    "floats": lambda number: [number / 2, 1],
+    "dicts": lambda number: {"at": number},
+    "objects": lambda number: THINGS[number],  # each call is a new one only by what it is given
+}
+
+
+@pytest.mark.parametrize("shown", SHOWN.values(), ids=SHOWN)
+@pytest.mark.parametrize("options", OPTIONS)
+def test_each_step_is_one_call(options: str, shown: Any) -> None:
+    steps = Steps(shown)
+    result = steps.run(script(options))
+    reached = steps.reached([1, 2, 7])
+    assert len(steps.calls) == 3 * len(reached) == result.stats.calls["go"]
+    # The start is a row as well, so its steps are asked for twice.
+    assert result.stats.remembered["go"] == 3
+    assert len({repr(state) for path in result.value for state in path}) == len(reached)
+
+
+@pytest.mark.parametrize("options", OPTIONS)
+@pytest.mark.parametrize("elements", ["[1, 2, 2, 7, 1]", "[[1], [2], [2]]", "[[1], [1.0]]"])
+def test_elements_that_occur_twice(elements: str, options: str) -> None:
+    Steps().run(script(options, elements))
+
+
 @pytest.mark.parametrize(
-    ("known", "value", "is_in"),
-    [([1, [2, 3]], 1.0, True), ([1, [2, 3]], [2.0, True + 2], True), (["a"], "b", False), ([], 1, False)],
+    "more", ["1;", "x = go(1, first);", "SELECT go(this, first) FROM [1, 2, 7] AS list;", "eval('go(1, first)');"]
 )
-def test_membership_is_asked_by_equality(engine: Any, known: list[Any], value: Any, is_in: bool) -> None:
+def test_a_function_that_is_called_elsewhere_too(more: str) -> None:
+    assert Steps().run(f"{more} {script('UNIQUE')}; {more}").stats.calls["go"] == 3 * STATES
+
+
+SEARCH = script("UNIQUE")
+
+
+@pytest.mark.parametrize(
+    "query",
+    [
+        f"SELECT a.this FROM a = [1, 2, 3] WHERE a.this < 3 AND [] != ({SEARCH}) AS list",
+        f"late = [({SEARCH}), ({SEARCH})]; SELECT this FROM late AS list; SELECT this FROM late AS list",
+        script("MEMORIZE 9"),
+        script("UNIQUE", shown="this, go(this, n)"),  # two rows, one state
+        script("UNIQUE", shown="this"),
+        script("UNIQUE", shown="go(this, n), 0").replace(" STOP", ", n = 0 STOP"),  # one state, many rows
+        script("NO CYCLE"),
+        script("COST 1 UNIQUE"),  # reached again for less, a row is expanded again
+        script("UNIQUE", more=" OR go(1, n) == -1"),
+        SEARCH.replace("FROM [1, 2, 7]", "FROM a = [1, 2], b = [3]").replace("this", "a.this"),
+    ],
+)
+def test_searches_whose_calls_are_not_all_new_ones(query: str) -> None:
+    Steps().run(query)
+
+
+@pytest.mark.parametrize("options", OPTIONS)
+def test_functions_that_change_what_they_get(options: str) -> None:
+    def go(step: list[int], towers: list[list[int]]) -> list[list[int]]:
+        if not towers[step[0]] or (towers[step[1]] and towers[step[1]][-1] < towers[step[0]][-1]):
+            step.clear()
+            return []
+        towers[step[1]].append(towers[step[0]].pop())
+        step.append(9)
+        return towers
+
     ss = ss2sql.connect()
-    ss.set("known", known)
-    ss.set("value", value)
-    script = "SELECT value IN known, value NOT IN known FROM [1, 2] AS list;"
-    assert ss.run(script, engine=engine).value == [is_in, not is_in] * 2
-
-
-def test_an_expression_that_is_certain_to_be_computed_is_written_once() -> None:
-    ss = session()
-    query = ss.compile(
-        """SELECT to(x + dx, at) FROM moves WHERE x + dx == 4 START WITH x = 0
-           CONNECT BY COST cost UNIQUE x = x + dx STOP WITH row[x + dx] == 1 AS list;""",
-        engine="native",
-    )
-    values: list[Any] = []
-    texts = generated_code(lambda: values.append(query.run().value))
-    assert values == [[[1, 2, 3, 4]]]
-    assert [len(re.findall(r"x_\d+ \+ ", text)) for text in texts] == [1]
+    ss.function("go", go, volatility="immutable")
+    moves = [[0, 1], [0, 2], [1, 0], [1, 2], [2, 0], [2, 1]]
+    ss.set("moves", moves)
+    ss.set("first", [[3, 2, 1], [], []])
+    query = f"""SELECT go(this, t) FROM moves WHERE [[], [], [3, 2, 1]] == go(this, t) START WITH t = first
+                CONNECT BY {options} MAXIMUM 1 t = go(this, t) STOP WITH [] == go(this, t) AS list;"""
+    (path,) = ss.run(query, engine="native").value
+    assert path[-1] == [[], [], [3, 2, 1]]
+    assert len(set(map(repr, path))) == len(path)
+    assert ss.get("moves") == moves
+    assert ss.run("SELECT this FROM moves AS list").value == moves

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import Counter, deque
 from collections.abc import Iterator
 from itertools import pairwise
-from math import dist, sqrt
+from math import dist
 from typing import Any
 
 import pytest
@@ -47,13 +47,8 @@ PURE = replaced(
     ("IF(checkCollision(robot);", "IF(collision(robot, this + cur_pos);"),
 )
 # The same, where the sum in WHERE also notes for which state and element it is made.
-NOTED = replaced(
-    MOVING,
-    (
-        "WHERE  target_pos == move(robot, this + cur_pos)",
-        "WHERE  target_pos == move(robot, note(cur_pos, level, this))",
-    ),
-)
+GOAL = "WHERE  target_pos == move(robot, {})"
+NOTED = replaced(MOVING, (GOAL.format("this + cur_pos"), GOAL.format("note(cur_pos, level, this)")))
 
 
 def add(left: Any, right: Any) -> Any:
@@ -68,14 +63,14 @@ class Floor:
     def __init__(self) -> None:
         self.hall = ss2sql.scenes.hall(seed=0)
         self.space = PyBulletWorld(self.hall)
+        self.start = self.where()
         self._known: dict[Spot, bool] = {}
-        self._home = self.hall.client.getBasePositionAndOrientation(self.hall.robot)
+
+    def where(self) -> Any:
+        return self.hall.client.getBasePositionAndOrientation(self.hall.robot)
 
     def home(self) -> None:
-        self.hall.client.resetBasePositionAndOrientation(self.hall.robot, *self._home)
-
-    def is_home(self) -> bool:
-        return bool(self.hall.client.getBasePositionAndOrientation(self.hall.robot) == self._home)
+        self.hall.client.resetBasePositionAndOrientation(self.hall.robot, *self.start)
 
     def session(self) -> ss2sql.Session:
         """A session over the hall, with the robot at its start."""
@@ -90,7 +85,7 @@ class Floor:
         """Whether the robot collides there, by PyBullet's own functions."""
         if spot not in self._known:
             client, robot = self.hall.client, self.hall.robot
-            (_, _, z), turned = self._home
+            (_, _, z), turned = self.start
             client.resetBasePositionAndOrientation(robot, (*spot, z), turned)
             bodies = [client.getBodyUniqueId(place) for place in range(client.getNumBodies())]
             self._known[spot] = any(client.getClosestPoints(robot, body, 0.0) for body in bodies if body != robot)
@@ -138,14 +133,17 @@ def floor() -> Iterator[Floor]:
     found.hall.close()
 
 
-def test_a_thousand_paths_shortest_first_none_collides(floor: Floor) -> None:
+@pytest.fixture(scope="module")
+def paths(floor: Floor) -> list[Any]:
+    """What the listing of the paper finds: a thousand paths, shortest first, none with a collision."""
     with floor.session() as ss:
         result = ss.run(MOVING)
     assert result.status == "maximum"
     floor.check(result.value)
+    return result.value
 
 
-def test_a_test_that_moves_nothing_asks_once_for_each_pose(floor: Floor) -> None:
+def test_a_test_that_moves_nothing_asks_once_for_each_pose(floor: Floor, paths: list[Any]) -> None:
     asked: Counter[Spot] = Counter()
     with floor.session() as ss:
 
@@ -155,16 +153,14 @@ def test_a_test_that_moves_nothing_asks_once_for_each_pose(floor: Floor) -> None
             return floor.space.collision(robot, spot)
 
         result = ss.run(PURE)
-        assert floor.is_home()
-        moving = ss.run(MOVING).value
-    floor.check(result.value)
-    assert result.value == moving
+    assert floor.where() == floor.start
+    assert result.value == paths
     assert set(asked.values()) == {1}
     assert set(asked) == {(x + dx, y + dy) for (x, y), _, (dx, dy), free in floor.steps() if free}
     assert asked.total() == result.stats.calls["collision"]
 
 
-def test_the_paper_looks_once_at_each_state_and_element(floor: Floor) -> None:
+def test_the_paper_looks_once_at_each_state_and_element(floor: Floor, paths: list[Any]) -> None:
     looked: Counter[tuple[Spot, int, Spot]] = Counter()
     with floor.session() as ss:
 
@@ -174,8 +170,7 @@ def test_the_paper_looks_once_at_each_state_and_element(floor: Floor) -> None:
             return add(place, direction)
 
         result = ss.run(NOTED)
-        floor.home()
-        assert result.value == ss.run(MOVING).value
+    assert result.value == paths
     assert set(looked.values()) == {1}
     steps = list(floor.steps())
     assert set(looked) == {step[:3] for step in steps}
@@ -187,12 +182,9 @@ def test_the_best_path_costs_what_networkx_says(floor: Floor, engine: Any) -> No
     networkx = pytest.importorskip("networkx")
     spots = [(float(x), float(y)) for x in range(1, 16) for y in range(1, 12)]
     free = [spot for spot in spots if not floor.collides(spot)]
+    ways = [(one, (one[0] + x, one[1] + y)) for one in free for x, y in DIRECTIONS]
     grid = networkx.Graph()
-    for one in free:
-        for x, y in DIRECTIONS:
-            other = one[0] + x, one[1] + y
-            if other in free:
-                grid.add_edge(one, other, weight=sqrt(2) if x and y else 1.0)
+    grid.add_weighted_edges_from((one, other, dist(one, other)) for one, other in ways if other in free)
     for target in [TARGET, *(spot for spot in free[::9] if networkx.has_path(grid, START, spot) and spot != START)]:
         with floor.session() as ss:
             script = replaced(BEST, ("[10.0, 9.0]", str(list(target))))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import pytest
@@ -38,12 +39,13 @@ def same(found: object, wanted: object) -> None:
     assert repr(found) == repr(wanted)
 
 
-def lit(value: Any) -> ast.Literal:
-    return ast.Literal(value, span=NOWHERE)
-
-
-def name(text: str) -> ast.Name:
-    return ast.Name(text, span=NOWHERE)
+lit = partial(ast.Literal, span=NOWHERE)
+name = partial(ast.Name, span=NOWHERE)
+index = partial(ast.Index, span=NOWHERE)
+cut = partial(ast.Slice, span=NOWHERE)
+assign = partial(ast.Assign, span=NOWHERE, name_span=NOWHERE)
+select = partial(ast.Query, span=NOWHERE)
+A, B, C, D = map(name, "abcd")
 
 
 def op(function: str, *operands: ast.Expr) -> ast.Operator:
@@ -58,20 +60,8 @@ def call(function: str, *arguments: ast.Expr, star: bool = False) -> ast.Call:
     return ast.Call(function, arguments, span=NOWHERE, star=star)
 
 
-def assign(target: str, value: ast.Expr) -> ast.Assign:
-    return ast.Assign(target, value, span=NOWHERE, name_span=NOWHERE)
-
-
 def this(source: str | None = None) -> ast.This:
     return ast.This(source, span=NOWHERE)
-
-
-def index(value: ast.Expr, at: ast.Expr) -> ast.Index:
-    return ast.Index(value, at, span=NOWHERE)
-
-
-def cut(value: ast.Expr, lower: ast.Expr | None, upper: ast.Expr | None) -> ast.Slice:
-    return ast.Slice(value, lower, upper, span=NOWHERE)
 
 
 def iff(condition: ast.Expr, then: tuple[ast.Expr, ...] = (), otherwise: tuple[ast.Expr, ...] = ()) -> ast.If:
@@ -82,15 +72,8 @@ def source(expr: ast.Expr, named: str | None = None) -> ast.From:
     return ast.From(named, expr, span=NOWHERE)
 
 
-def select(columns: tuple[Any, ...], sources: tuple[ast.From, ...], **clauses: Any) -> ast.Query:
-    return ast.Query(columns, sources, **clauses, span=NOWHERE)
-
-
 def shape(named: str, *arguments: ast.Expr, **keywords: ast.Expr) -> ast.Representation:
     return ast.Representation(named, arguments, tuple(assign(*pair) for pair in keywords.items()), span=NOWHERE)
-
-
-A, B, C, D = (name(letter) for letter in "abcd")
 
 
 def failure(source: str) -> ParseError:

@@ -82,6 +82,24 @@ TABLES: dict[str, str] = {
         CREATE TABLE parts(part TEXT, width REAL);
         INSERT INTO parts VALUES ('bolt', -2.25), ('nut', 2.6);
         CREATE VIEW sizes AS SELECT part, CAST(round(abs(width)) AS INTEGER) AS size FROM parts""",
+    "oddities": """
+        CREATE TABLE kinds(a, b INTEGER, c REAL, d TEXT);
+        INSERT INTO kinds VALUES (1, 'one', 2, 3), (1.5, 2.5, 'x', NULL), ('a', NULL, 4.0, 'd'), (x'00ff', 1, 1, 1);
+        CREATE TABLE digits(number INTEGER, word TEXT);
+        INSERT INTO digits VALUES (1, '1'), (2, '2');
+        CREATE TABLE spellings(a TEXT COLLATE NOCASE PRIMARY KEY, b TEXT COLLATE RTRIM);
+        INSERT INTO spellings VALUES ('b', 'x '), ('A', 'x'), ('C', 'y');
+        CREATE TABLE keyed(key INTEGER PRIMARY KEY, a);
+        INSERT INTO keyed VALUES (3, 'x'), (1, 'y'), (2, 'x');
+        CREATE INDEX by_a ON keyed(a);
+        CREATE VIEW turned AS SELECT a FROM keyed ORDER BY key DESC;
+        CREATE TABLE numbered(rowid, Oid, a);
+        INSERT INTO numbered VALUES ('z', 9, 1), ('y', 8, 2);
+        CREATE TABLE renumbered(rowid, oid, _rowid_);
+        INSERT INTO renumbered VALUES (3, 2, 1), (1, 2, 3);
+        CREATE TABLE generated(a INTEGER, double INTEGER AS (2 * a), stored TEXT AS (a || '!') STORED) STRICT;
+        INSERT INTO generated(a) VALUES (1), (2);
+        CREATE TABLE nobody(a, b)""",
     "broken": """
         CREATE TABLE gone(part TEXT);
         CREATE VIEW broken AS SELECT part FROM gone;
@@ -128,6 +146,6 @@ VALUES: dict[str, Callable[[], Any]] = {
     "rooms": lambda: [{"doors": [1, 2]}, {"doors": []}, {"doors": [3]}],
     "record": lambda: {"a": 1, "b": [2]},
     "large": lambda: [{"x": 2**62}, {"x": 2**62}],
-    "gaps": lambda: [{"k": "a", "v": 3}, {"k": "b", "v": None}, {"v": 1, "w": 2.5}],
+    "holes": lambda: [{"k": "a", "v": 3}, {"k": "b", "v": None}, {"v": 1, "w": 2.5}],
     "mixed_keys": lambda: {"a": 1, 1: "one", (1, 2): "pair"},
 }

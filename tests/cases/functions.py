@@ -244,7 +244,6 @@ FUNCTIONS: dict[str, Callable[[], dict[str, Function]]] = {
         function.__name__: (lambda function=function: {function.__name__: function})  # type: ignore[misc]
         for function in (
             *(move, moved, neighbours, around, mass, grow, grid, pair, bag, array, scalar),
-            *(not_a_number, infinite, huge, imaginary, picky),
             *(two_rows, odd_rows, split_rows, nothing, initial, minus_a, twin),
             *(not_a_number, infinite, huge, imaginary, picky, toll),
         )
@@ -254,6 +253,11 @@ FUNCTIONS: dict[str, Callable[[], dict[str, Function]]] = {
     "caseless": lambda: {"eq": caseless},
     "tick": lambda: {"tick": Counter()},
     "fetch": lambda: {"fetch": Fetch()},
+    "expressions": lambda: {
+        "big": lambda n: n > 1,
+        "one": lambda n: 1,
+        "inc": lambda n: n + 1,
+    },
     "floor": lambda: _floor(Floor()),
     "clock": lambda: _clock(Clock()),
 }

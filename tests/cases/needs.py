@@ -64,7 +64,7 @@ def _rows(sql: str) -> dict[str, list[dict[str, Any]]]:
     tables = {}
     for (name,) in connection.execute("SELECT name FROM sqlite_schema WHERE type <> 'index'").fetchall():
         try:
-            columns = [row[1] for row in connection.execute(f'PRAGMA table_info("{name}")')]
+            columns = [row[1] for row in connection.execute(f'PRAGMA table_xinfo("{name}")')]
             rows = connection.execute(f'SELECT * FROM "{name}"').fetchall()
         except apsw.Error:
             continue  # a view that fails on purpose
