@@ -63,7 +63,8 @@ class Unhashable:
         return True
 
 
-THINGS = [Thing(), Thing(), Decimal(1), Decimal("0.1"), Opaque(Unhashable()), Opaque(Unhashable()), b"a", b"gs("]
+ONE, TENTH = (Opaque(number, key=number) for number in (Decimal(1), Decimal("0.1")))
+THINGS = [Thing(), Thing(), ONE, TENTH, Opaque(Unhashable()), Opaque(Unhashable()), b"a", b"gs("]
 OBJECTS = st.sampled_from(THINGS)
 KEYS = st.one_of(st.sampled_from(["a", "b", "c"]), st.integers(0, 2), st.just((1, "a")), st.just(1.0), st.just(True))
 
@@ -85,7 +86,7 @@ def lists(leaves: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
 PLAIN_VALUES = values(SCALARS)
 VALUES = values(st.one_of(SCALARS, OBJECTS))
 # Few different values, so that equal ones meet.
-EQUAL_ONES = [None, 0, 1, 2, 0.0, -0.0, 1.0, 2.0, True, False, "a", "1", Decimal(1), b"a", THINGS[4]]
+EQUAL_ONES = [None, 0, 1, 2, 0.0, -0.0, 1.0, 2.0, True, False, "a", "1", ONE, b"a", THINGS[4]]
 ALIKE = values(st.sampled_from([*EQUAL_ONES, "\ud800", "\ud801", "gTF{\ud800"]))
 
 

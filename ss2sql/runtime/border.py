@@ -34,6 +34,9 @@ _SEQUENCES: tuple[type[Iterable[Any]], ...] = (
 # the infinities. It also finds some other numbers and text, by chance: that costs time only.
 _to_be_checked = re.compile(rb"[l(]|g.{6}[\xf0-\xff][\x7f\xff]", re.DOTALL).search
 
+# Modules whose objects equal none of other types.
+EQUAL_TO_THEIR_LIKE = frozenset({"datetime", "uuid", "pathlib", "zoneinfo"})
+
 _MAPPINGS = (dict, MappingProxyType)
 _CONTAINERS: tuple[type, ...] = (*_SEQUENCES, *_MAPPINGS, set, frozenset)
 
@@ -287,8 +290,8 @@ def _of_numpy(value: Any, depth: int) -> Any:
 def _opaque(value: Any) -> Any:
     """The object, wrapped unless it is hashable and `==` finds it equal to itself.
 
-    Objects that marshal would write as bytes (a memoryview, code) are wrapped as well, so that copying by
-    marshal cannot touch them; they keep their own equality.
+    Objects with an equality of their own, which may call them equal to a number or string, are wrapped as well and keep
+    it among themselves; so are those that marshal would write as bytes (a memoryview, code), which it must not touch.
     """
     if type(value) is bytes or isinstance(value, Opaque):
         return value
@@ -298,6 +301,8 @@ def _opaque(value: Any) -> Any:
             return Opaque(value)
     except Exception:  # whatever a user's __hash__ or __eq__ raises
         return Opaque(value)
+    if type(value).__eq__ is not object.__eq__ and type(value).__module__ not in EQUAL_TO_THEIR_LIKE:
+        return Opaque(value, key=value)
     try:
         dumps(value, 2)
     except ValueError:

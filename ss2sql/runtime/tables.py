@@ -284,8 +284,10 @@ class Tables:
         }
 
 
-def rounded(kinds: Kind, low: float, high: float) -> Type:
+def rounded(kinds: Kind, low: float | None, high: float | None) -> Type:
     """The type of numbers between these, with powers of two as bounds, so that few changes of a table change it."""
+    if low is None or high is None:  # no number is left where SQLite found one, as in a damaged file
+        return Type(kinds)
     if math.isinf(low) or math.isinf(high):
         return Type(kinds | Kind.OBJECT)  # no float of the language
     least, greatest = (-MAX, MAX) if kinds & Kind.FLOAT else (INT_MIN, INT_MAX)
