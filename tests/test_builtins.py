@@ -14,7 +14,7 @@ from random_values import FLOATS, INTEGERS, NUMBERS, PLAIN_VALUES, SCALARS, TEXT
 from ss2sql.errors import ExecutionError
 from ss2sql.kinds import ANY, INT, INT_MAX, INT_MIN, Kind, Type, covers, list_of, type_of, union
 from ss2sql.runtime.builtins import BUILTINS
-from ss2sql.runtime.values import normalise
+from ss2sql.runtime.values import check, normalise
 
 OPERATORS = ["add", "sub", "mul", "div", "mod", "pow", "neg", "lt", "le", "eq", "ne", "ge", "gt", "in", "not_in"]
 FUNCTIONS = ["len", "count", "sum", "min", "max", "average", "uniq", "sorted", "zip", "range", "abs", "round", "sqrt",
@@ -88,6 +88,8 @@ def test_messages(row: tuple[Any, ...]) -> None:
 
 
 def test_hints_name_the_cure() -> None:
+    with pytest.raises(ExecutionError, match="1j"):
+        check(1j)
     assert "max(SELECT ... AS list)" in failure("max", 5).hints[0]
     assert "str(...)" in failure("add", 1, "a").hints[0]
     assert "did you mean 'name'?" in failure("item", {"name": 1, "other": 2}, "nam").hints

@@ -43,7 +43,7 @@ RETURNED = [
     ("(y for y in x)", "'(y for y in x)'", "iterator"), ("map(abs, x)", "'map(abs, x)'", "iterator"),
     ("[iter(x)]", "'iter(x)'"), ("x.keys()", "'x.keys()'", "view"), ("lambda: x", "'lambda: x'", "function"),
     ("type(x)", "'type(x)'", "function"), ("[len(y) for y, len in x]", "calls 'len'"),
-    ("(len if x else print)(x)", "print"),
+    ("(len if x else print)(x)", "print"), ("print(x).real", "calls print"),
 ]
 # Functions of x and xs, likewise.
 BODIES = [
