@@ -177,7 +177,7 @@ SEARCH = script("UNIQUE")
         script("UNIQUE", shown="this"),
         script("UNIQUE", shown="go(this, n), 0").replace(" STOP", ", n = 0 STOP"),  # one state, many rows
         script("NO CYCLE"),
-        script("COST 1 UNIQUE"),  # reached again for less, a row is expanded again
+        script("COST this HEURISTIC (n % 5) * 20 UNIQUE"),  # reached again for less, a row is expanded again
         script("UNIQUE", more=" OR go(1, n) == -1"),
         SEARCH.replace("FROM [1, 2, 7]", "FROM a = [1, 2], b = [3]").replace("this", "a.this"),
     ],
