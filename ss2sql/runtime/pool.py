@@ -161,8 +161,7 @@ class Pool:
     def key(self, value: Any) -> Any:
         """One SQL value for all equal values: SQLite's `IS` and Python's `==` on keys are the language's equality.
 
-        The key of True is 1. Keys of structured values are handles of the pool, or numbers where an object
-        equals one. They are hashable.
+        The key of True is 1. Keys of structured values are handles of the pool. They are hashable.
         """
         if type(value) is not bytes:
             return value
@@ -231,8 +230,6 @@ class Pool:
     def _key_of(self, frozen: Any, handle: bytes) -> Any:
         if type(frozen) is bytes:  # the marshal bytes of a list, which is the key of all lists that equal it
             return self._handles.get(frozen) or self._add(frozen, frozen, loads(frozen))
-        if type(frozen) in SCALARS:
-            return frozen
         return self._classes.setdefault(frozen, handle)
 
 

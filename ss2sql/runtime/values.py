@@ -11,8 +11,6 @@ from __future__ import annotations
 import re
 from collections.abc import Hashable, Sequence
 from marshal import dumps, loads
-from math import isfinite
-from numbers import Number
 from typing import Any
 
 from ss2sql.kinds import INT_MIN
@@ -129,8 +127,7 @@ def freeze(value: Any) -> Hashable:
         return frozenset(zip(value, map(freeze, value.values()), strict=True))
     if kind is bytes:
         return bytes, value
-    number = _as_number(value)
-    return value if number is None else number
+    return value  # type: ignore[no-any-return]
 
 
 class Form(bytes):
@@ -157,13 +154,8 @@ def _deep_list_bytes(value: list[Any]) -> bytes:
 
 def _list_bytes(value: list[Any]) -> bytes:
     """The bytes of a list, the same for equal lists. ValueError: there are dicts or objects inside."""
-    try:
-        marshalled = dumps(value, 2)
-        if not several_forms(marshalled):
-            return marshalled
-    except ValueError:
-        pass  # there are objects inside; they may still equal numbers
-    return dumps(_one_form(value), 2)
+    marshalled = dumps(value, 2)
+    return dumps(_one_form(value), 2) if several_forms(marshalled) else marshalled
 
 
 def _one_form(value: Any) -> Any:
@@ -185,23 +177,4 @@ def _one_form(value: Any) -> Any:
         ]
     if kind in SCALARS or kind is bytes:
         return value
-    number = None if kind is dict else _as_number(value)
-    if number is None:
-        raise ValueError
-    return number
-
-
-def _as_number(value: Any) -> int | float | None:
-    """The number that an object such as a Decimal or a Fraction equals, if there is one."""
-    if not isinstance(value, Number):
-        return None
-    given: Any = value
-    for kind in (int, float):
-        try:
-            number = _one_form(kind(given))
-            is_value = isfinite(number) and (type(number) is float or INT_MIN <= number < -INT_MIN)
-            if is_value and number == given and hash(number) == hash(given):
-                return number  # type: ignore[no-any-return]
-        except (TypeError, ValueError, OverflowError):
-            continue
-    return None
+    raise ValueError
