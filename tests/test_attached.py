@@ -11,6 +11,7 @@ import pytest
 from sessions import both, code_of, write
 
 import ss2sql
+from ss2sql.vtables.files import READ_IN_PYTHON
 
 # --- values --------------------------------------------------------------------------------------------
 
@@ -206,3 +207,47 @@ def test_a_file_that_may_only_be_read(ss: ss2sql.Session, file: Path) -> None:
     file.chmod(0o444)
     ss.attach("db", file)
     assert ss.eval("SELECT x FROM db.t AS list;") == [1, 2]
+
+
+# --- what is no list of one ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("iterator", [lambda: (n for n in range(3)), lambda: iter([0, 1, 2]), lambda: map(int, "012")])
+def test_an_iterator_is_read_once_into_a_list(ss: ss2sql.Session, engine: Any, iterator: Any) -> None:
+    ss.attach("g", iterator())
+    ss.set("v", iterator())
+    for _ in range(2):
+        assert ss.run("SELECT this FROM g AS list", engine=engine).value == [0, 1, 2]
+        assert ss.run("SELECT this FROM v AS list", engine=engine).value == [0, 1, 2]
+    assert ss.run("SELECT this FROM p AS list", engine=engine, p=iterator()).value == [0, 1, 2]
+
+
+@pytest.mark.parametrize("ending", [*READ_IN_PYTHON, ".CSV"])
+def test_a_path_that_cannot_be_attached_is_no_value(ss: ss2sql.Session, ending: str) -> None:
+    for path in (f"data{ending}", Path(f"data{ending}")):
+        assert code_of(ss.attach, "t", path) == "S002"
+    assert code_of(ss.run, f"SELECT * FROM 'data{ending}'") == "R003"
+    assert ss.eval("SELECT this FROM t AS list", t=f"data{ending}") == [f"data{ending}"]  # a value of the script
+
+
+def test_a_client_of_pybullet_by_its_number_and_by_the_module(ss: ss2sql.Session, engine: Any) -> None:
+    pybullet = pytest.importorskip("pybullet")
+    ss.attach("seven", 7)
+    number = pybullet.connect(pybullet.DIRECT)
+    try:
+        pybullet.createMultiBody(2.5, physicsClientId=number)
+        ss.attach("space", number)
+        assert ss.run("SELECT mass FROM space AS list", engine=engine).value == [2.5]
+        assert ss.run("SELECT this FROM seven AS list", engine=engine).value == [7]
+        if number == 0:
+            ss.attach("space", pybullet)
+            assert ss.run("SELECT mass FROM space AS list", engine=engine).value == [2.5]
+    finally:
+        pybullet.disconnect(number)
+
+
+def test_a_world_in_a_variable_is_no_source(ss: ss2sql.Session, engine: Any, client: Any) -> None:
+    ss.set("space", client)
+    assert code_of(ss.run, "SELECT this FROM space AS list", engine=engine) == "X005"
+    assert code_of(ss.run, "SELECT this FROM given AS list", engine=engine, given=client) == "X005"
+    assert ss.run("SELECT this FROM [space] AS list", engine=engine).value == [client]

@@ -11,6 +11,7 @@ from ss2sql.frontend import ast
 from ss2sql.frontend.scope import Scope
 from ss2sql.frontend.worlds import function_source, table_of_world, world_named, world_source
 from ss2sql.kinds import ANY, Kind, Type
+from ss2sql.vtables.files import cure_for, ending_of
 from ss2sql.walk import moves
 
 if TYPE_CHECKING:
@@ -61,6 +62,9 @@ def _source(resolver: Resolver, tree: ast.From, scope: Scope) -> plan.Source:
             return plan.QuerySource(resolver.number(), name, inner.query, element, columns, span=tree.span)
         case ast.Name(name=word):
             return _named_source(resolver, name, word, scope, tree.expr.span)
+        case ast.Literal(value=str(path)) if ending_of(path) is not None:
+            hint = cure_for(path, tree.name or "data")
+            raise ResolveError("R003", f"FROM opens no file: {tree.expr.span.text}", tree.expr.span, (hint,))
         case ast.Index(value=ast.Name(name=schema), index=ast.Literal(value=str(word))) if _is_file(resolver, schema):
             return _table_source(resolver, tree.name or word, schema, word, tree.expr.span)
         case ast.Attribute(source=str(schema), name=word):

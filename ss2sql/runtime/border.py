@@ -6,7 +6,8 @@ import re
 import sys
 from array import array
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from io import IOBase
 from itertools import chain
 from marshal import dumps
 from math import isfinite
@@ -44,7 +45,7 @@ _CONTAINERS: tuple[type, ...] = (*_SEQUENCES, *_MAPPINGS, set, frozenset)
 def normalise(value: Any, giver: str) -> Any:
     """The value of the language that a Python value stands for.
 
-    Tuples, sets, ranges, generators, views and NumPy arrays become lists, a set in sorted order; NumPy
+    Tuples, sets, ranges, iterators, views and NumPy arrays become lists, a set in sorted order; NumPy
     scalars and instances of subclasses (an IntEnum, an OrderedDict) become plain values; everything that
     the language does not know is an opaque object. What is a value already is returned as it is, not copied.
 
@@ -217,6 +218,8 @@ def _converted(value: Any, depth: int) -> Any:
         return mapping
     if isinstance(value, complex):
         raise _Refused(f"the complex number {value}", "give its parts, for example [z.real, z.imag]")
+    if isinstance(value, Iterator) and not isinstance(value, IOBase):  # an open file is an object for functions
+        return _converted(list(value), depth)
     return _of_numpy(value, depth)
 
 

@@ -33,7 +33,7 @@ from ss2sql.runtime.temporal import TemporalFile
 from ss2sql.runtime.triggers import Trigger
 from ss2sql.runtime.turns import in_turn
 from ss2sql.runtime.values import fresh, normalise
-from ss2sql.vtables import adapter_of, refuse_unknown
+from ss2sql.vtables import adapter_of, attachable, refuse_unknown
 from ss2sql.vtables.describe import described, tables_in_sight
 from ss2sql.vtables.frames import reader_of
 
@@ -156,7 +156,8 @@ class Session:
                 SQLite file, or its text if that ends in .db, .sqlite or .sqlite3; its tables are then `name.table`.
                 A connection of `sqlite3`, likewise: its main database is copied at the start of each run, in the
                 thread of the connection.
-                The path of a Parquet file, which ends in .parquet; DuckDB reads it.
+                The path of a Parquet file, which ends in .parquet; DuckDB reads it. An iterator is read once, into a
+                list. `pybullet`, or the number of a connection of it, is that client.
 
         Raises:
             SessionError: S002 for anything else, and for a world that declares what cannot be; S003 where DuckDB is
@@ -164,6 +165,7 @@ class Session:
                 SQLite has open in this process.
         """
         self._check_name(name)
+        source = attachable(name, source)
         file = parquet_of(source)
         if file is not None:
             parquet = self.host.held.parquet(file, name)

@@ -8,11 +8,13 @@ from typing import Any
 from ss2sql.errors import ExecutionError, did_you_mean
 from ss2sql.kinds import Opaque
 from ss2sql.runtime.values import normalise, show
+from ss2sql.vtables import has_adapter
 from ss2sql.vtables.base import Element
 from ss2sql.vtables.frames.frame import Frame
 from ss2sql.vtables.schema import element_column, schema_of
 
 _MISSING = object()
+PLAIN = frozenset({type(None), bool, int, float, str, list, dict, bytes})
 
 
 def elements(value: Any) -> list[Any]:
@@ -30,6 +32,9 @@ def elements(value: Any) -> list[Any]:
         return value.elements()
     if kind is dict and value and set(map(type, value.values())) == {list}:
         return _rows_of_columns(value)
+    if kind not in PLAIN and has_adapter(value.object if kind is Opaque else value):
+        hint = "attach it: attach(name, object); its tables and columns are then known"
+        raise ExecutionError("X005", f"a {type(value).__name__} is a world, and no list", hints=(hint,))
     return [value]
 
 

@@ -7,9 +7,12 @@ reads it, `conformance.py` the judge of adapters. `adapter_of` finds the adapter
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import os
+import sys
+from collections.abc import Iterable, Iterator
 from dataclasses import is_dataclass
 from importlib import import_module
+from io import IOBase
 from types import NoneType
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +25,7 @@ from ss2sql.vtables.base import TableFunction as TableFunction
 from ss2sql.vtables.base import Where as Where
 from ss2sql.vtables.base import World as World
 from ss2sql.vtables.base import function as function
+from ss2sql.vtables.files import ATTACHED, cure_for, ending_of
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -95,6 +99,33 @@ def _loaded(place: str) -> type[World]:
     module, _, name = place.partition(":")
     adapter: type[World] = getattr(import_module(module), name)
     return adapter
+
+
+def has_adapter(value: Any) -> bool:
+    """Whether an object is a world, or of a type that has an adapter; the adapter is not made."""
+    kind = type(value)
+    if isinstance(value, World) or hasattr(kind, "__world__"):
+        return True
+    if kind.__module__ in ("builtins", "numpy"):
+        return False
+    return any(f"{one.__module__}.{one.__qualname__}" in known_types() for one in kind.__mro__[:-1])
+
+
+def attachable(name: str, source: Any) -> Any:
+    """What is attached where this is given: an iterator is read into a list, a number may mean a client of PyBullet.
+
+    Raises SessionError S002 for the path of a file that cannot be attached.
+    """
+    ending = ending_of(source)
+    if ending is not None and ending not in ATTACHED:
+        path = os.fspath(source)
+        raise SessionError("S002", f"a file {ending} cannot be attached by its path", hints=(cure_for(path, name),))
+    pybullet = sys.modules.get("pybullet")  # where nobody imported it, there are no clients
+    if pybullet is not None and (source is pybullet or type(source) is int):
+        number = 0 if source is pybullet else source  # the client that its functions mean where none is named
+        if pybullet.getConnectionInfo(number)["isConnected"]:
+            return _loaded(SHIPPED["ss2sql.scenes.scene.Scene"])(number)
+    return list(source) if isinstance(source, Iterator) and not isinstance(source, IOBase) else source
 
 
 def refuse_unknown(source: Any) -> None:
