@@ -106,4 +106,5 @@ VALUES: dict[str, Callable[[], Any]] = {
     "number": lambda: 7,
     "shelf": lambda: Shelf(),
     "gaps": lambda: [{"k": "a", "v": 3}, {"k": "b", "v": None}, {"v": 1, "w": 2.5}],
+    "hops": lambda: [{"src": [1.0], "dst": 5}, {"src": 5, "dst": [1]}],
 }
