@@ -148,4 +148,5 @@ VALUES: dict[str, Callable[[], Any]] = {
     "large": lambda: [{"x": 2**62}, {"x": 2**62}],
     "holes": lambda: [{"k": "a", "v": 3}, {"k": "b", "v": None}, {"v": 1, "w": 2.5}],
     "mixed_keys": lambda: {"a": 1, 1: "one", (1, 2): "pair"},
+    "hops": lambda: [{"src": [1.0], "dst": 5}, {"src": 5, "dst": [1]}],
 }
