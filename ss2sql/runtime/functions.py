@@ -11,6 +11,7 @@ from __future__ import annotations
 import marshal
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from inspect import isasyncgenfunction, iscoroutinefunction
 from itertools import islice
 from types import NoneType
 from typing import Any
@@ -93,11 +94,14 @@ def user_function(
 
     Raises SessionError S002 for a name or a signature that scripts could not use.
     """
-    if name not in BUILTINS:  # `in` is the name of an operator
+    if not isinstance(name, str) or name not in BUILTINS:  # `in` is the name of an operator
         check_name(name)
     if not callable(function):
         hint = f"give the function without calling it; a value is given by session.set('{name}', value)"
         raise SessionError("S002", f"'{name}' is a {type(function).__name__}, not a function", hints=(hint,))
+    if iscoroutinefunction(function) or isasyncgenfunction(function):
+        hint = f"register a function that waits for it: lambda *arguments: asyncio.run({name}(*arguments))"
+        raise SessionError("S002", f"'{name}' is async: a call gives a coroutine, and no value", hints=(hint,))
     if volatility not in (None, "immutable", "stable", "volatile"):
         raise SessionError("S002", f"volatility is 'immutable', 'stable' or 'volatile', not {volatility!r}")
     takes = arity(function)
@@ -136,6 +140,8 @@ def _body(
 
 def check_name(name: str) -> None:
     """Raises SessionError S002 if scripts could not use the name."""
+    if not isinstance(name, str):
+        raise SessionError("S002", f"a name is a text, not {type(name).__name__}", hints=("put it into quotes",))
     if not name.isidentifier():
         hints = ("use letters, digits and _, a letter first",)
     elif name.upper() in RESERVED_WORDS:
@@ -160,13 +166,19 @@ def sql_names(functions: Mapping[str, Any]) -> dict[str, str]:
     """
     taken, names = {word.lower() for word in RESERVED} | {name.lower() for name in BUILTINS}, {}
     for name in sorted(functions, key=lambda word: (word.lower(), word)):
-        candidate, count = name, 1
+        candidate = stem = _cut(name)
+        count = 1
         while candidate.lower() in taken and (name not in BUILTINS or name in RESERVED):
             count += 1
-            candidate = f"{name}_{count}"
+            candidate = f"{stem}_{count}"
         taken.add(candidate.lower())
         names[name] = candidate
     return names
+
+
+def _cut(name: str) -> str:
+    """A name that SQLite takes for a function, which has 255 bytes at most, with room for a number."""
+    return name.encode()[:240].decode(errors="ignore")
 
 
 def forget_half(memory: dict[Any, Any]) -> None:

@@ -8,8 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from ss2sql import plan
+from ss2sql.errors import SessionError
 from ss2sql.kinds import Type
 from ss2sql.results import files, frames, fresh_row, graphs, rows_of, show
+from ss2sql.runtime.opening import check_bound
 from ss2sql.runtime.paths import lengths_of
 from ss2sql.runtime.rows import Row, Rows, free_name, row_maker
 from ss2sql.runtime.run import Stats, out_of_memory
@@ -172,6 +174,10 @@ class Result:
         """
         from rich.console import Console
 
+        check_bound("max_rows", max_rows, 0)
+        if console is not None and not isinstance(console, Console):
+            hint = "give a rich.console.Console, or leave it out"
+            raise SessionError("S002", f"a console is no {type(console).__name__}", hints=(hint,))
         show.show(self, max_rows, console or Console())
 
     def __repr__(self) -> str:
@@ -261,4 +267,7 @@ class Result:
         """
         from ss2sql.results.plots import plot  # it imports NumPy at once
 
+        check_bound("most", most, 1)
+        if ax is not None and not hasattr(ax, "scatter"):
+            raise SessionError("S002", f"Axes are no {type(ax).__name__}", hints=("give what plt.subplots() gives",))
         return plot(self, ax, kind, most, title)

@@ -22,7 +22,7 @@ from ss2sql.runtime.functions import UserFunction, check_name, user_function
 from ss2sql.runtime.host import SessionHost
 from ss2sql.runtime.interrupts import under_way
 from ss2sql.runtime.limits import NO_LIMITS, Limits
-from ss2sql.runtime.opening import check_known, name_of, open_connection
+from ss2sql.runtime.opening import check_known, check_seconds, name_of, open_connection
 from ss2sql.runtime.opening import source_of as source_of
 from ss2sql.runtime.progress import check_progress
 from ss2sql.runtime.remembered.listing import Graphs, listed
@@ -60,6 +60,7 @@ class Session:
         session: Any = None,
     ) -> None:
         check_known("optimisation", disable, SWITCHES)
+        check_seconds(timeout)
         check_progress(progress)
         limits.check()
         check_engine(engine)
@@ -78,7 +79,8 @@ class Session:
     # --- registration ----------------------------------------------------------------------------------
 
     @overload
-    def function(self, name: F, /) -> F: ...
+    def function(self, name: F, /, *, volatility: plan.Volatility | None = ...,
+                 inverse: Callable[..., Any] | None = ..., vectorized: bool = ...) -> F: ...  # fmt: skip
     @overload
     def function(self, name: str, function: F, /, volatility: plan.Volatility | None = ...,
                  inverse: Callable[..., Any] | None = ..., vectorized: bool = ...) -> F: ...  # fmt: skip
@@ -114,7 +116,9 @@ class Session:
             SessionError: S002 for a name, signature or volatility that cannot be used.
         """
         if callable(name):
-            return self._register(user_function(name_of(name), name))
+            if function is not None:
+                raise SessionError("S002", "the name of a function is a text", hints=('write function("name", f)',))
+            return self._register(user_function(name_of(name), name, volatility, inverse, vectorized))
 
         def register(body: F) -> F:
             self._register(user_function(name or name_of(body), body, volatility, inverse, vectorized))
@@ -337,6 +341,7 @@ class Session:
     def _options(
         self, engine: Engine | None, timeout: float | None, maximum: int | None, workers: int, max_rows: int | None
     ) -> Options:
+        check_seconds(timeout)
         seconds = self.timeout if timeout is None else timeout
         engine = self.engine if engine == "auto" else engine
         return Options(engine, seconds, maximum, workers, max_rows, self.progress)
