@@ -126,7 +126,7 @@ NEARLY_TOO_DEEP: dict[str, tuple[str, Any]] = {
     "not": ("NOT " * 200 + "1", True),
     "branches": ("IF(1; " * 200 + "7" + ")" * 200, 7),
     "queries in FROM": ("(SELECT this FROM " * 100 + "[7, 8]" + " AS list)" * 100, [7, 8]),
-    "queries in WHERE": ("(SELECT this FROM [1] WHERE " * 60 + "this == 1" + " AS list)" * 60, [1]),
+    "queries in WHERE": ("(SELECT this FROM [1] WHERE " * 30 + "this == 1" + " AS list)" * 30, [1]),
 }
 
 

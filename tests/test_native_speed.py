@@ -1,4 +1,4 @@
-"""Searches whose calls are all new ones: nobody is asked twice, although nothing is remembered; nothing else changes."""
+"""Searches whose calls are all new ones: nobody is asked twice, although nothing is remembered."""
 
 from __future__ import annotations
 
