@@ -62,6 +62,10 @@ def test_a_late_list_of_an_earlier_script_points_there() -> None:
     assert place(host.error("SELECT (SELECT this FROM pairs AS list) FROM a = [1]")) == "3:18 /"
 
 
+def test_a_variable_without_a_value_that_nobody_reads() -> None:
+    assert FakeHost().run("IF(1 == 2; late = 1); SELECT this FROM [1, 2] WHERE this == 3 AND late > 1 AS list") == []
+
+
 def test_pythons_traceback_shows_the_script() -> None:
     script = "x = 5;\nSELECT this + x FROM [1, 2]\nWHERE fail(this) == 1"
     with pytest.raises(ZeroDivisionError) as raised:

@@ -150,15 +150,7 @@ def test_max_rows_is_a_limit_that_must_not_be_passed(ss: ss2sql.Session, engine:
     assert len(ss.run("SELECT this FROM [1, 2];", engine=engine, max_rows=2)) == 2
     assert len(ss.run("SELECT this FROM [1, 2, 3] LIMIT 2;", engine=engine, max_rows=2)) == 2
     too_many = "SELECT a.this FROM a = range(100000), b = range(100000);"  # for the memory too
-    endings = (
-        "",
-        "ORDER BY this",
-        "ORDER BY -this",
-        "GROUP BY this + 1",
-        "LIMIT 3",
-        STOPPED,
-        f"{STOPPED} ORDER BY this",
-    )
+    endings = ("", "ORDER BY this", "ORDER BY -this", "GROUP BY this", "LIMIT 3", STOPPED, f"{STOPPED} ORDER BY this")
     for script in (*(f"SELECT this FROM [3, 1, 2] {ending};" for ending in endings), ENDLESS, too_many):
         with pytest.raises(ss2sql.ExecutionError, match="max_rows=2") as caught:
             ss.run(script, engine=engine, max_rows=2)
