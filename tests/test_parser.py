@@ -73,6 +73,7 @@ EXPRESSIONS: dict[str, ast.Expr] = {
     "v{a + b}[0]": index(ast.Temporal("v", op("add", A, B), span=NOWHERE), lit(0)),
     "v{5.0} = a": ast.TemporalAssign("v", lit(5.0), A, span=NOWHERE),
     "w = v{5} = a": assign("w", ast.TemporalAssign("v", lit(5), A, span=NOWHERE)),
+    "v{1} = SELECT a FROM b": ast.TemporalAssign("v", lit(1), select((A,), (source(B),)), span=NOWHERE),
     # comments and white space
     "a # b\n + /* c; \n 'd */ b # ; end": op("add", A, B), "\ufeffa\u00a0+\tb\r\n": op("add", A, B),
     "a /**/ + /***/ b": op("add", A, B),
@@ -227,15 +228,13 @@ OPEN = [
     "SELECT a FROM b START WITH x = {SELECT c FROM d AS value}, y = 1 CONNECT BY x = 2",
     "SELECT a FROM b ORDER BY {SELECT c FROM d ORDER BY e ASC AS value} DESC",
     "SELECT a FROM b GROUP BY {SELECT c FROM d AS value} HAVING e",
-    "SELECT a FROM b WHERE max({SELECT c FROM d}) > 1", "v{{1}} = {SELECT a FROM b}",
+    "SELECT a FROM b WHERE max({SELECT c FROM d}) > 1",
 ]  # fmt: skip
 
 
 @pytest.mark.parametrize("written", OPEN)
 def test_open_queries(written: str) -> None:
-    written = written.replace("{{", "\0").replace("}}", "\1")
-    bare, closed = written.translate({123: None, 125: None}), written.replace("{", "(").replace("}", ")")
-    same(*(expr(text.replace("\0", "{").replace("\1", "}")) for text in (bare, closed)))
+    same(expr(written.replace("{", "").replace("}", "")), expr(written.replace("{", "(").replace("}", ")")))
 
 
 # --- places ----------------------------------------------------------------------------------------------
