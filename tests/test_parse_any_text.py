@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from timeit import repeat
 
 import pytest
 from fuzz_judge import inside, is_ours
@@ -94,6 +95,14 @@ def long(part: str, size: int) -> str:
 def test_long_texts_take_calls_in_proportion_to_their_length(part: str) -> None:
     few, many = (calls_of(lambda size=size: judge(long(part, size))) for size in (1_000, 4_000))
     assert many <= 4.5 * few
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("part", LONG)
+def test_long_texts_take_time_in_proportion_to_their_length(part: str) -> None:
+    """What a single call of C does to a text shows in its time alone."""
+    few, many = (min(repeat(lambda size=size: judge(long(part, size)), number=1)) for size in (16_000, 64_000))
+    assert many < 4 * 4 * few + 0.05
 
 
 @pytest.mark.parametrize("part", ["a", "(", "\0", "é", "SELECT "])

@@ -47,7 +47,7 @@ ALIKE = "SELECT this FROM {} WHERE this[0] == this[1] AS list"
         ("", "min(SELECT this FROM [a.this, b.this] AS list) >= 3", "a.this >= 3 AND b.this >= 3"),
         ("", "eval('a' + '.this;') == 1", "a.this = 1"),
         # `fold` and `split` alone.
-        ("", "a.this > 1 * 2 AND len('ab') == 2", "a.this > 2"),
+        ("", "a.this > 1 * 2 AND True", "a.this > 2"),
         ("", "[a.this, 2][0] == 1", "a.this = 1"),
         ("", "NOT (a.this == 1 OR b.this != 2)", "a.this <> 1 AND b.this = 2"),
         ("", "NOT (a.this < 2 AND b.this >= 2)", "(a.this >= 2 OR b.this < 2)"),

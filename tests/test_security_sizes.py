@@ -19,8 +19,8 @@ import pytest
 from reference import Failure, Reference, values
 
 import ss2sql
-from ss2sql.runtime import executing, run
-from ss2sql.runtime.sizes import CELL, FEW, LEAST
+from ss2sql.runtime import executing, run, shaping
+from ss2sql.runtime.sizes import CELL, FEW, LEAST, Sizes
 
 STEPS = 40  # doublings
 
@@ -258,6 +258,22 @@ def test_max_memory_needs_a_system_that_knows_it(monkeypatch: pytest.MonkeyPatch
 # --- no memory at all --------------------------------------------------------------------------------------
 
 
+def test_where_python_has_no_memory_the_run_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(rows: Any) -> Any:
+        # The frame that raises it has to be one of ss2sql, as where its code joins two texts.
+        exec("raise MemoryError", {"__name__": "ss2sql.runtime.values"})
+
+    search = "SELECT [n, [this]] FROM [1] START WITH n = 0 CONNECT BY n = n + 1 STOP WITH n == 3"
+    with ss2sql.connect() as session:
+        result = session.run(f"{search} AS list")  # whose paths are made when they are read
+        with monkeypatch.context() as patch:
+            patch.setattr(shaping, "fresh_rows", full)
+            assert refused(session, f"SELECT len(({search} GROUP BY n AS list)) FROM [1]", engine="native") == "T003"
+            with pytest.raises(ss2sql.OutOfMemory):
+                result.value  # noqa: B018
+        assert result.value[0] == [[0, [1]]]
+
+
 @pytest.mark.parametrize("engine", ["database", "native"])
 def test_what_a_function_of_the_user_raises_stays_its_own(engine: Any) -> None:
     def greedy(x: int) -> int:
@@ -351,3 +367,13 @@ def test_a_run_is_free_at_its_end(monkeypatch: pytest.MonkeyPatch, engine: Any) 
             assert [one() for one in made] == [None]
         finally:
             gc.enable()
+
+
+def test_lists_that_were_measured_are_not_walked_again() -> None:
+    """A list of a million parts in a thousand others: to walk it each time would take a thousand times as long."""
+    sizes = Sizes()
+    big = sizes.checked([[0] * 1000] * 1000)
+    unknown, size, depth = sizes._without_known([big, [1]])
+    assert unknown == [[1]]
+    assert (size, depth) == (CELL * (1000 + 1000 * 1000), 2)
+    assert sizes._measure([[big, big]]) == (2 * size + 2 * CELL, 3)
