@@ -1,4 +1,4 @@
-"""Searches whose calls are all new ones: nobody is asked twice, although nothing is remembered."""
+"""Calls that are remembered, and searches whose calls are all new ones: nobody is asked twice."""
 
 from __future__ import annotations
 
@@ -9,6 +9,15 @@ from typing import Any
 import pytest
 
 import ss2sql
+
+
+def test_equal_arguments_of_other_kinds_are_other_arguments(ss: ss2sql.Session, engine: Any) -> None:
+    given = [1, 1.0, True, [1], [1.0], [True], 0.0, -0.0, None, "1", 1, True, [1.0]]
+    ss.function("told", lambda value: repr(value), volatility="immutable")
+    result = ss.run("SELECT told(this), told(g.this), told([this]) FROM g = given AS rows", engine=engine, given=given)
+    assert result.value == [(repr(value), repr(value), repr([value])) for value in given]
+    assert result.stats.calls["told"] == 10 + 7  # of the other ten, which are in a list, three are known
+
 
 STATES = 24
 OPTIONS = ["UNIQUE", "BREADTH FIRST UNIQUE", "MEMORIZE 30"]
