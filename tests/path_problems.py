@@ -145,25 +145,6 @@ def trap(side: int, detour: int) -> Graph:
     return graph_of(edges, {2})
 
 
-def halls(size: int) -> Graph:
-    """Two rows of nodes, every one of a row joined to every one of the other; the way in is the only way out."""
-    goal = 2 * size + 5
-    ones, others = range(2, 2 + size), range(2 + size, goal)
-    pairs = [(0, 1), *((1, one) for one in ones), *((one, other) for one in ones for other in others), (1, goal)]
-    return graph_of(both_ways(pairs), {goal})
-
-
-def comb(teeth: int, side: int) -> Graph:
-    """A corridor with a floor at each of its places."""
-    nodes = teeth + 1
-    pairs = [(0, 1)]
-    for place in range(1, teeth + 1):
-        pairs += [(place, nodes), *floor_of(side, side, nodes)]
-        nodes += side * side
-    pairs += [(place, place + 1) for place in range(1, teeth)]
-    return graph_of(both_ways(pairs), {teeth})
-
-
 def ladder(rungs: int, first: int = 1) -> Graph:
     """Two corridors with a rung from each place to the other; the goal is at one end."""
     pairs = [(0, first)]
@@ -213,8 +194,6 @@ MISLEADING = {
     "long lollipop": lambda: lollipop(16, 120),
     "side room": lambda: side_room(8, 200),
     "trap": lambda: trap(6, 60),
-    "halls": lambda: halls(12),
-    "comb": lambda: comb(10, 5),
     "crowd": lambda: crowd(8),
     "corridors": lambda: corridors(20, 30, rungs=False),
     "doubling": lambda: doubling(9),

@@ -16,7 +16,6 @@ from programs.drawn import amount, drawn
 from test_operators_sql import python_calls
 
 import ss2sql
-from ss2sql.lowering.packing import Cells, Members
 
 GRID = [[0, 1, 0], [5, 0, 2]]
 LONG = [[(7 * x + y) % 3 for x in range(40)] for y in range(30)]
@@ -168,14 +167,6 @@ def test_membership_in_a_list_of_numbers_or_strings(values: list[Any], places: l
 
 
 # --- how lists are packed ------------------------------------------------------------------------------
-
-
-def test_packing() -> None:
-    assert Cells(True, 0).pack([[0, 255], [True, False]]) == bytes([0, 255, 1, 0])
-    assert Cells(False, -3).pack([-3, 252]) == bytes([0, 255])
-    assert Members(((0, 1), (5, 7))).pack([[1, 5], [0, 7], [True, 5]]) == bytes([0, 0, 1, 1, 0, 0])
-    query = f"SELECT IF({IN_RANGE.format(2, 3)}; grid[a.this][b.this]; None) FROM a = [0, 1], b = [0, 1, 2] AS list;"
-    assert "x'000102030405'" in text_of(query, grid=GRID).lower()  # only the bytes that occur are looked through
 
 
 def test_the_packed_list_is_explained_and_can_be_pasted(ss: ss2sql.Session) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -118,10 +119,24 @@ def test_errors_from_python(session: Session, code: str) -> None:
 # --- texts ---------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("text", ["x = " + "1 + " * 200 + "1", "(" * 199 + "1" + ")" * 199], ids=["sum", "parentheses"])
-def test_what_is_nearly_too_deep_runs(session: Session, text: str) -> None:
-    session.run(text)
-    still_works(session)
+NEARLY_TOO_DEEP: dict[str, tuple[str, Any]] = {
+    "sum": ("+".join(["1"] * 300), 300),
+    "parentheses": ("(" * 199 + "1" + ")" * 199, 1),
+    "calls": ("f(" * 200 + "1" + ")" * 200, 1),
+    "not": ("NOT " * 200 + "1", True),
+    "branches": ("IF(1; " * 200 + "7" + ")" * 200, 7),
+    "queries in FROM": ("(SELECT this FROM " * 100 + "[7, 8]" + " AS list)" * 100, [7, 8]),
+    "queries in WHERE": ("(SELECT this FROM [1] WHERE " * 30 + "this == 1" + " AS list)" * 30, [1]),
+}
+
+
+@pytest.mark.parametrize("what", NEARLY_TOO_DEEP)
+def test_what_is_nearly_too_deep_runs(session: Session, engine: Any, what: str) -> None:
+    session.function("f", lambda value: value, volatility="volatile")
+    text, value = NEARLY_TOO_DEEP[what]
+    limit = sys.getrecursionlimit()
+    assert session.run(text, engine=engine).value == value
+    assert sys.getrecursionlimit() == limit
 
 
 def test_the_name_of_a_file_stands_in_the_error(session: Session, tmp_path: Path) -> None:
@@ -210,14 +225,6 @@ def test_an_exception_keeps_its_type_and_its_traceback(session: Session, engine:
     assert "3 | FROM [1, 2, 3] WHERE fragile(this) AS list;" in notes
     assert caught.traceback[-1].name == "fragile"
     still_works(session)
-
-
-def test_max_rows_counts_paths_of_a_search(session: Session, engine: Any) -> None:
-    script = "SELECT n FROM [1] START WITH n = 1 CONNECT BY n = n + 1 STOP WITH n == 4"
-    assert len(session.run(script, engine=engine, max_rows=3).paths) == 3
-    error = failure(lambda: session.run(script, engine=engine, max_rows=2))
-    assert error.code == "X010"
-    assert "2" in error.message
 
 
 @pytest.mark.parametrize("disable", [(), ("fold",), ("split", "unnest", "fold")], ids=str)

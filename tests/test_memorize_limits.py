@@ -111,8 +111,3 @@ def test_impossible_steps_are_pruned(ss: ss2sql.Session) -> None:
     script = "SELECT this FROM [0, 1] START WITH n = 0 CONNECT BY MEMORIZE 2 PROBABILITY this / 2 n = n;"
     # The row 1 is found in the first level; in the second it leads to itself.
     assert ss.run(script).stats.levels == [Level(1, 1, 1), Level(0, 1, 1)]
-
-
-def test_a_run_without_a_graph_shows_none(ss: ss2sql.Session) -> None:
-    assert "graph of MEMORIZE" not in ss.run("SELECT this FROM [1];", engine="native").explain()
-    assert "graph of MEMORIZE" not in ss.compile(TREE).explain()

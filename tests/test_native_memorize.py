@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Iterator, Sequence
 from functools import reduce
 from itertools import islice, pairwise
 from operator import add, mul
@@ -18,7 +17,6 @@ import ss2sql
 from ss2sql.runtime.memorize import by_length as lengths_module
 from ss2sql.runtime.memorize import by_weight as weights_module
 from ss2sql.runtime.memorize import careful as careful_module
-from ss2sql.runtime.memorize import growing
 from ss2sql.runtime.memorize.by_length import PATIENCE, ByLength
 from ss2sql.runtime.memorize.by_weight import ByWeight
 from ss2sql.runtime.memorize.graph import Graph
@@ -43,9 +41,19 @@ WORK: dict[str, Any] = {
 }
 
 
+# The engine, when quick walks give up, and how much careful ones keep; None as it is.
+CARE = [("auto", None, None), ("native", None, None), ("native", 0, 0), ("native", 0.05, 3), ("native", 0.3, 1000)]
+
+
 @pytest.mark.parametrize("order", RANKED)
-@pytest.mark.parametrize("engine", ["auto", "native"])
-def test_the_paths_are_those_of_brute_force(ss: ss2sql.Session, order: str, engine: Any) -> None:
+@pytest.mark.parametrize(("engine", "patience", "kept"), CARE)
+def test_the_paths_are_those_of_brute_force_whenever_care_begins(
+    ss: ss2sql.Session, order: str, engine: Any, patience: Any, kept: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if patience is not None:
+        monkeypatch.setattr(lengths_module, "PATIENCE", patience)
+        monkeypatch.setattr(weights_module, "PATIENCE", patience)
+        monkeypatch.setattr(careful_module, "KEPT", kept)
     graph = Problem([], set(), set(), None)
     ss.function("near", lambda node: [list(edge) for edge in graph.edges[node]], volatility="stable")
     ss.function("is_goal", lambda node: node in graph.goals, volatility="stable")
@@ -105,20 +113,17 @@ def test_each_row_is_expanded_once() -> None:
     nodes = range(side * side)
     edges = [[(node + step, 1) for step in (-side, side, -1, 1) if node + step in nodes] for node in nodes]
     graph = Problem(edges, {side + 3}, set(), None)
-    host = graph.host()
-    run = host.start()
-    host.run(graph.script("MAXIMUM 10"), run)
+    stats = graph.host().result(graph.script("MAXIMUM 10")).stats
     # Every node is a row, the start's own one too; the start is expanded besides.
-    assert run.stats.calls["near"] == run.stats.expanded + 1 == side * side + 1
+    assert stats.calls["near"] == stats.expanded + 1 == side * side + 1
 
 
 def test_the_graph_ends_at_the_bound() -> None:
     edges: list[list[Edge]] = [[(node + 1, 1)] for node in range(50)] + [[]]
     graph = Problem(edges, {3, 40}, set(), 5)
-    host = graph.host()
-    run = host.start()
-    assert host.run(graph.script(), run) == [[1, 2, 3]]
-    assert run.stats.generated == 5
+    result = graph.host().result(graph.script())
+    assert result.value == [[1, 2, 3]]
+    assert result.stats.generated == 5
 
 
 def test_functions_are_asked_once_for_a_row() -> None:
@@ -134,56 +139,6 @@ def test_functions_are_asked_once_for_a_row() -> None:
     assert len(host.run(script)) == 3
     # The second step to 2 is an edge to a known row.
     assert asked == [1, 2]
-
-
-# --- whenever care begins, order and paths are the same ---------------------------------------------------------------
-
-
-def numbered(graph: Problem) -> Graph:
-    """The graph with its nodes as they are; a row of the start, which steps may lead to, is a node of its own."""
-    start, made = len(graph.edges), Graph(lambda: None, graph.bound)
-    for node in [*range(1, start), 0]:
-        made.add_node((node,), node in graph.goals)
-    for node in [0, *range(1, start), start]:
-        if node % start in graph.stops and node:
-            continue
-        for target, weight in graph.edges[node % start]:
-            if target in graph.goals or target not in graph.stops:
-                made.add_edge(node, target or start, weight, None)
-    return made
-
-
-def rows(graph: Graph, paths: Iterator[Sequence[int]]) -> list[list[int]]:
-    return [[graph.rows[graph.targets[edge]][0] for edge in path] for path in paths]
-
-
-@pytest.fixture(params=[0, 0.05, 0.3, 1])
-def impatient(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Quick walks give up here and there."""
-    monkeypatch.setattr(lengths_module, "PATIENCE", request.param)
-    monkeypatch.setattr(weights_module, "PATIENCE", request.param)
-
-
-@pytest.mark.usefixtures("impatient")
-@pytest.mark.parametrize(
-    ("order", "kept"), [("length", 0), ("length", 3), ("length", 1000), ("cost", None), ("chance", None)]
-)
-def test_careful_walks(order: str, kept: int | None, monkeypatch: pytest.MonkeyPatch) -> None:
-    if kept is not None:
-        monkeypatch.setattr(careful_module, "KEPT", kept)
-    careful = 0
-    (weights, ranked), make = RANKED[order], WORK[order]
-    for seed in range(5 * COUNT):
-        graph = problem(seed, weights[seed % len(weights)], 7)
-        made = numbered(graph)
-        walk = make(made)
-        assert rows(made, walk.paths()) == ranked(graph)
-        if order == "length":
-            careful += walk.careful is not None
-            assert walk.careful is None or walk.careful.kept == 0
-        else:
-            careful += walk.lost
-    assert careful > 5
 
 
 # --- how much work it is -----------------------------------------------------------------------------------------
@@ -226,15 +181,6 @@ def test_steps_are_bounded(name: str, order: str) -> None:
     check_order(graph, order, found)
 
 
-@pytest.mark.parametrize("name", [*MISLEADING, *HARMLESS])
-def test_a_quick_walk_loses_its_way_only_in_the_bad_cases(name: str) -> None:
-    walk = ByLength((MISLEADING | HARMLESS)[name]())
-    found = sum(1 for _ in islice(walk.paths(), 1000))
-    # In the last two bad cases a walk finds paths, but begins anew for each length.
-    assert (walk.careful is not None) is (name in MISLEADING)
-    assert found == 1000 or name in MISLEADING
-
-
 def test_ways_that_are_cheap_but_too_long() -> None:
     # Every place can be passed at no cost in two steps or dearly in one. Only `limit` steps are left for 40 places.
     places, limit = 40, 44
@@ -256,21 +202,6 @@ def test_ways_that_are_cheap_but_too_long() -> None:
 # --- only what is asked for -----------------------------------------------------------------------------------------
 
 
-def test_maximum_takes_no_step_beyond_the_last_path(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked = []
-
-    def counted(graph: Graph, marks: Sequence[Any] | None) -> Iterator[list[Any]]:
-        for number, path in enumerate(ByLength(graph, marks).paths(), 1):
-            asked.append(number)
-            yield path
-
-    monkeypatch.setattr(growing, "paths_by_length", counted)
-    with ss2sql.connect() as ss:
-        paths = ss.eval("SELECT this FROM range(9) START WITH n = 0 CONNECT BY MEMORIZE MAXIMUM 7 n = this AS list")
-    assert paths == [[0], [1], [2], [3], [4], [5], [6]]
-    assert asked == [1, 2, 3, 4, 5, 6, 7]
-
-
 def test_steps_to_the_first_paths_do_not_depend_on_how_many_there_are() -> None:
     side = 40
     edges = [[1], *([target + 1 for target, _ in outward] for outward in grid(side, {1: 1, side: 1}))]
@@ -279,23 +210,3 @@ def test_steps_to_the_first_paths_do_not_depend_on_how_many_there_are() -> None:
     # The first path is walked straight; each of the others leaves the one before it somewhere.
     assert steps[0] == 0
     assert all(after - before <= 4 * side for before, after in pairwise(steps))
-
-
-class EndedError(Exception):
-    pass
-
-
-@pytest.mark.parametrize("order", WORK)
-@pytest.mark.parametrize("name", MISLEADING)
-def test_a_run_that_has_to_end_ends(name: str, order: str) -> None:
-    graph = MISLEADING[name]()
-    if order != "length":
-        weigh(graph, order)
-    work = WORK[order](graph)
-
-    def check() -> None:
-        raise EndedError
-
-    graph.check = check
-    with pytest.raises(EndedError):
-        list(islice(work.paths(), 5000))

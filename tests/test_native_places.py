@@ -11,7 +11,6 @@ from typing import Any
 import pytest
 from native_host import FakeHost, place
 
-from ss2sql.errors import Error
 from ss2sql.runtime.native.locate import EVAL_LABEL
 
 
@@ -49,13 +48,11 @@ def raising(error: BaseException) -> Callable[..., Any]:
         ("IF(1 == 2; late = 1);\nSELECT this FROM [1, 2] WHERE this == 2 AND late > 1", "R001", "2:45 late"),
         ("eval(5)", "X007", "1:1 eval(5)"),
         ("[1,\n nan()]", "X004", "2:2 nan()"),  # an error of the border has the place of the call
-        ("\n\npairs = [[a.this / 0]]; SELECT (SELECT this FROM pairs AS list) FROM a = [1]", "X002", "3:18 /"),
     ],
 )
 def test_errors_of_the_language(script: str, code: str, expected: str) -> None:
     functions = {"rows": lambda: [{"a": 1}, {"b": 2}], "numbers": lambda: [1], "nan": lambda: float("nan")}
     error = FakeHost(functions, uneven={"a": [1], "b": []}).error(script)
-    assert isinstance(error, Error)
     assert (error.code, place(error)) == (code, expected)
 
 
@@ -66,10 +63,7 @@ def test_a_late_list_of_an_earlier_script_points_there() -> None:
 
 
 def test_a_variable_without_a_value_that_nobody_reads() -> None:
-    script = "IF(1 == 2; late = 1); SELECT this FROM [1, 2] WHERE this == {} AND late > 1 AS list"
-    assert FakeHost().run(script.format(3)) == []
-    error = FakeHost().error(script.format(2))
-    assert (error.code, error.__cause__, error.__suppress_context__) == ("R001", None, True)
+    assert FakeHost().run("IF(1 == 2; late = 1); SELECT this FROM [1, 2] WHERE this == 3 AND late > 1 AS list") == []
 
 
 def test_pythons_traceback_shows_the_script() -> None:

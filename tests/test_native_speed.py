@@ -1,4 +1,4 @@
-"""What the native executor saves: calls are remembered, or known to be new ones; and nothing else changes."""
+"""Calls that are remembered, and searches whose calls are all new ones: nobody is asked twice."""
 
 from __future__ import annotations
 
@@ -9,81 +9,16 @@ from typing import Any
 import pytest
 
 import ss2sql
-from ss2sql.runtime.functions import user_function
-from ss2sql.runtime.native.calls import RememberedCalls, exact_key
-from ss2sql.runtime.run import Run
-from ss2sql.runtime.values import freeze, normalise
 
 
-def remembered(function: Any, limit: int = 100) -> tuple[RememberedCalls, Callable[[], tuple[int, int]]]:
-    """A function as the native executor calls it; and how often it was called and remembered."""
-    run: Any = Run(None)  # type: ignore[arg-type]
-    calls = RememberedCalls(user_function("f", function, "immutable"), run, limit)
+def test_equal_arguments_of_other_kinds_are_other_arguments(ss: ss2sql.Session, engine: Any) -> None:
+    given = [1, 1.0, True, [1], [1.0], [True], 0.0, -0.0, None, "1", 1, True, [1.0]]
+    ss.function("told", lambda *values: repr(values), volatility="immutable")
+    script = "SELECT told(this), told(g.this), told(this, [0]) FROM g = given AS rows"
+    result = ss.run(script, engine=engine, given=given)
+    assert result.value == [(repr((value,)), repr((value,)), repr((value, [0]))) for value in given]
+    assert result.stats.calls["told"] == 2 * 10
 
-    def counted() -> tuple[int, int]:
-        calls.settle()
-        return run.stats.calls["f"], run.stats.remembered["f"]
-
-    return calls, counted
-
-
-def test_all_ways_of_calling_share_what_is_remembered() -> None:
-    calls, counted = remembered(lambda *arguments: len(arguments))
-    for arguments in ((1, "a"), (1, None), ([1], 2), ([[1]], "a")):
-        keys = tuple(map(exact_key, arguments))
-        assert [calls.of_any(*arguments)[0], calls.of_keys(keys, *arguments)[0]] == [2, 2]
-    assert calls.of_plain(1, "a")[0] == 2
-    assert counted() == (4, 5)
-
-
-def test_equal_arguments_of_other_kinds_are_other_arguments() -> None:
-    calls, counted = remembered(lambda value: str(value))
-    given: list[Any] = [1, 1.0, True, [1], [1.0], [True], 0.0, -0.0, None, "1"]
-    assert [calls.of_any(value)[0] for value in given] == list(map(str, given))
-    assert counted() == (len(given), 0)
-
-
-def test_objects_inside_of_arguments_are_told_apart() -> None:
-    one, other = object(), object()
-    calls, counted = remembered(lambda values: values[0] is one)
-    assert [calls.of_any([thing])[0] for thing in (one, other, one)] == [True, False, True]
-    assert counted() == (2, 1)
-
-
-def test_a_function_may_change_what_it_gets_however_it_is_called() -> None:
-    calls, _ = remembered(lambda values: values.append(9) or values)
-    value = [1]
-    assert calls.of_keys((exact_key(value),), value)[0] == [1, 9]
-    assert calls.of_any([2])[0] == [2, 9]
-    assert (value, calls.of_any(value)[0]) == ([1], [1, 9])
-
-
-def test_the_memory_of_calls_is_bounded() -> None:
-    calls, counted = remembered(lambda value: [value], limit=10)
-    for value in (*range(100), 99):
-        assert calls.of_plain(value)[0] == [value]
-    assert counted() == (100, 1)
-
-
-@pytest.mark.parametrize(
-    "value",
-    [[1.5, 2], [True], [(1, 2)], [2**40], ["text with ({<"], [[1, [2, [3]]]], {"a": 1}, [None, "x"], [[], []], (1, 2)],
-)
-def test_results_are_values_with_their_frozen_forms(value: Any) -> None:
-    found, frozen = remembered(lambda: value)[0].of_any()
-    assert found == normalise(value, "the function 'f'")
-    assert frozen is None or frozen == freeze(found)
-
-
-def test_a_result_that_contains_itself_is_refused() -> None:
-    inner: list[Any] = []
-    inner += [inner, inner]
-    with pytest.raises(ss2sql.ExecutionError) as caught:
-        remembered(lambda: [[inner, inner]])[0].of_any()
-    assert caught.value.code == "X004"
-
-
-# --- searches whose calls are all new ones: nobody is asked twice, although nothing is remembered -----------
 
 STATES = 24
 OPTIONS = ["UNIQUE", "BREADTH FIRST UNIQUE", "MEMORIZE 30"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from timeit import repeat
 
 import pytest
 from fuzz_judge import inside, is_ours
@@ -78,13 +79,6 @@ def test_scripts_cut_off_anywhere(source: str, data: st.DataObject) -> None:
     judge(source[start : data.draw(st.integers(start, len(source)))])
 
 
-@pytest.mark.parametrize("source", SCRIPTS)
-def test_scripts_without_one_word(source: str) -> None:
-    words = words_of(source)
-    for place in range(len(words)):
-        judge(" ".join(words[:place] + words[place + 1 :]))
-
-
 LONG = [
     "$", "→", "a ", "a b;", "x=(1;", "selct a from b;", "f(a b);", "x[1:2,", "if(a;", "'", "\"'", "'\n", "/*", "not ",
     "-", "select ", "a=", "=", ",", ")", "v{", ":", ".", "where ", "a;", "\\", "#\n", "union ", "1", "1.", "a^", "[",
@@ -107,16 +101,8 @@ def test_long_texts_take_calls_in_proportion_to_their_length(part: str) -> None:
 @pytest.mark.parametrize("part", LONG)
 def test_long_texts_take_time_in_proportion_to_their_length(part: str) -> None:
     """What a single call of C does to a text shows in its time alone."""
-
-    def seconds(size: int) -> float:
-        best = float("inf")
-        for _ in range(3):
-            begin = time.perf_counter()
-            judge(long(part, size))
-            best = min(best, time.perf_counter() - begin)
-        return best
-
-    assert seconds(64_000) < 4 * 4 * seconds(16_000) + 0.05
+    few, many = (min(repeat(lambda size=size: judge(long(part, size)), number=1)) for size in (16_000, 64_000))
+    assert many < 4 * 4 * few + 0.05
 
 
 @pytest.mark.parametrize("part", ["a", "(", "\0", "é", "SELECT "])

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import json
-import logging
 import runpy
 import sys
 from pathlib import Path
 
-import lark
 import pytest
 from trees import calls_of, failure, script
 
@@ -106,26 +104,6 @@ def test_the_module_writes_the_table_that_is_shipped(monkeypatch: pytest.MonkeyP
     assert [json.loads(content) | {"lark": ""} for content in written] == [shipped | {"lark": ""}], (
         "run python -m ss2sql.frontend.table"
     )
-
-
-def test_the_grammar_is_ambiguous_in_queries_without_parentheses_only(caplog: pytest.LogCaptureFixture) -> None:
-    grammar = table.GRAMMAR.read_text(encoding="utf-8")
-
-    def conflicts() -> bool:
-        caplog.clear()
-        with caplog.at_level(logging.DEBUG, logger="lark"):
-            lark.Lark(grammar, parser="lalr", start="script")
-        return "Shift/Reduce conflict" in caplog.text
-
-    assert conflicts()
-    for old, new in (
-        ("| power | query\n", "| power\n"),
-        ("(postfix | query)", "postfix"),
-        ('| "(" value ")" ', '| "(" (value | query) ")" '),
-    ):
-        assert grammar.count(old) == 1
-        grammar = grammar.replace(old, new)
-    assert not conflicts()
 
 
 def test_the_scanner_knows_the_words_of_the_grammar() -> None:

@@ -1,57 +1,9 @@
-"""The reference against the language page where no sheet or golden case runs it: Hanoi and failures."""
+"""The reference against the language page where no sheet or golden case runs it: failures."""
 
 from __future__ import annotations
 
-from collections import Counter
-
 import pytest
-from listings import MOVES, move
 from reference import Failure, Reference
-
-# Towers of Hanoi
-
-
-def hanoi(option: str, level: int) -> Reference:
-    """Three disks; the reference that ran keeps the result in its variable `found`."""
-    ref = Reference({"move": move}, {"moves": MOVES})
-    ref.run(
-        "found = SELECT this, tower FROM moves WHERE [[],[],[3,2,1]] == move(this, tower) "
-        "START WITH tower = [[3,2,1],[],[]], level = 1 "
-        f"CONNECT BY {option} tower = move(this, tower), level = level + 1 "
-        f"STOP WITH level == {level} OR [] == move(this, tower)"
-    )
-    return ref
-
-
-@pytest.mark.parametrize(
-    ("option", "level", "expected"),
-    [
-        ("", 9, {7: 1, 8: 4, 9: 23}),
-        ("NO CYCLE", 9, {7: 1, 8: 4, 9: 16}),
-        ("MEMORIZE 8", 99, {7: 1, 8: 4}),
-        ("MEMORIZE 12", 99, {7: 1, 8: 4, 9: 16, 10: 50, 11: 147, 12: 382}),
-    ],
-)
-def test_paths_of_hanoi(option: str, level: int, expected: dict[int, int]) -> None:
-    assert Counter(map(len, hanoi(option, level).variables["found"])) == expected
-
-
-@pytest.mark.parametrize(
-    ("option", "steps"),
-    [
-        *[("", 3462), ("BREADTH FIRST", 3462), ("COST 1", 3462), ("NO CYCLE", None), ("UNIQUE", None)],
-        *[("MEMORIZE 7", None), ("NO CYCLE UNIQUE", None)],
-    ],
-)
-def test_the_shortest_plan_and_the_steps_of_the_page(option: str, steps: int | None) -> None:
-    ref = hanoi(option, 7)
-    [path] = ref.variables["found"]
-    assert [step["this"] for step in path] == [[0, 2], [0, 1], [2, 1], [0, 2], [1, 0], [1, 2], [0, 2]]
-    assert path[0]["tower"] == [[3, 2, 1], [], []]  # the state before CONNECT BY
-    assert steps in (None, ref.steps)
-
-
-# What fails
 
 SEARCH = "SELECT this FROM [1] START WITH x = 1 CONNECT BY"
 FAILURES = {

@@ -119,7 +119,6 @@ ERRORS: list[tuple[str, ...]] = [
     ("R005", "= help: did you mean 'second'?", "SELECT this FROM f(1, «secnd» = 2);"),
     ("R005", "= help: known here: first, second", "SELECT this FROM f(1, «depth» = 2);"),
     ("R005", "= help: help('g') shows how it is called", "SELECT this FROM g(«depth» = 2);"),
-    ("R006", "did you mean 'list' or", "SELECT a FROM t «AS lst»;"),
     ("R006", "", "SELECT a FROM t «AS lists»;"),
     ("R006", "to name a source write FROM p = ...", "SELECT a FROM t «AS p»;"),
     # searches

@@ -8,132 +8,11 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from sessions import ENGINES, both
+from sessions import both
 
 import ss2sql
-from ss2sql import plan
-from ss2sql.lowering.rewrites import optimise
-
-ALL = ("inline", "fold", "unnest", "split")
-
-
-def rewritten(script: str, *rewrites: str, **functions: Any) -> plan.Query:
-    """The plan of a query after these rewrites alone."""
-    ss = ss2sql.connect()
-    for name, function in functions.items():
-        ss.function(name, function)
-    statement = ss.compile(script).plan.statements[0]
-    assert isinstance(statement.expr, plan.Subquery)
-    query, _ = optimise(statement.expr.query, [name for name in ALL if name not in rewrites])
-    return query
-
-
-# --- fold ----------------------------------------------------------------------------------------------
-
-
-def folded(expression: str, **functions: Any) -> plan.Expr:
-    """The column of SELECT after folding alone; `x` is an element of which nothing is known."""
-    return rewritten(f"SELECT {expression} FROM x = given", "fold", **functions).columns[0].expr
-
-
-@pytest.mark.parametrize(
-    "expression",
-    [
-        *("60 * 60", "10.0 + 0", "2 ^ 10", "7 / 2", "-(-3)", "'a' + 'b'", "[1] + [2.0]", "[1 + 1, [True]]"),
-        *("[[1, 2], [3]][0][1]", "'abc'[1:]", "len('abc')", "len([x.this, 2])", "[x.this, 2][1]", "range(3)"),
-        *("2 IN [1, 2]", "'a' < 'b'", "1 == 1.0", "None == 0", "NOT []", "1 XOR ''", "True AND 1", "1 OR x.this / 0"),
-        *("False AND x.this / 0", "x.this == 1 AND False", "IF(1 > 2; x.this / 0; 'else')", "IF([]; 1)"),
-        *("max(1, 2) + min([3, 4])", "float(1)", "-0.0 * 1", "range(1, 1000)"),
-    ],
-)
-def test_constants_are_computed_exactly(expression: str) -> None:
-    node = folded(expression)
-    assert isinstance(node, plan.Constant)
-    with ss2sql.connect(disable=["fold"]) as ss:
-        assert repr(ss.run(f"SELECT {expression} FROM x = [1] AS rows", engine="native").value) == repr([(node.value,)])
-
-
-@pytest.mark.parametrize(
-    ("expression", "same_as"),
-    [
-        ("x.this == 1 AND True", "x.this == 1"),
-        ("False OR x.this == 1 OR ''", "x.this == 1"),
-        ("True XOR x.this", "NOT x.this"),
-        ("IF(True; x.this; 1)", "x.this"),
-        ("[x.this + 1, 2][0]", "x.this + 1"),
-        ("x.this + 2 * 3", "x.this + 6"),
-        ("True AND x.this", "NOT NOT x.this"),  # AND gives a bool
-    ],
-)
-def test_what_is_left_of_an_expression(expression: str, same_as: str) -> None:
-    assert folded(expression) == folded(same_as)
-
-
-def test_functions_of_the_user_are_not_run() -> None:
-    assert isinstance(folded("double(2)", double=lambda x: 2 * x), plan.Call)
-    assert isinstance(folded("1 + 2", add=lambda a, b: [a, b]), plan.Call)
-    assert isinstance(folded("print(1)"), plan.Call)
-    assert isinstance(folded("range(1, 1001)"), plan.Call)  # a long list is better made when it is needed
-
-
-# --- split ---------------------------------------------------------------------------------------------
 
 SOURCES = "FROM x = [1, 2, 3], y = [1, 2, 3], t = ['a']"
-
-
-def condition(text: str, *rewrites: str, **functions: Any) -> plan.Expr | None:
-    return rewritten(f"SELECT 1 {SOURCES} WHERE {text}", *rewrites, **functions).where
-
-
-@pytest.mark.parametrize(
-    ("written", "split"),
-    [
-        ("x.this == 1 AND (y.this == 2 AND x.this < y.this)", "x.this == 1 AND y.this == 2 AND x.this < y.this"),
-        ("(x.this == 1 OR y.this == 2) OR x.this < y.this", "x.this == 1 OR y.this == 2 OR x.this < y.this"),
-        ("NOT (x.this == 1 OR y.this != 2)", "x.this != 1 AND y.this == 2"),
-        ("NOT (x.this < 1 AND y.this >= 2)", "x.this >= 1 OR y.this < 2"),
-        ("NOT NOT x.this", "x.this"),
-        ("NOT (NOT x.this OR y.this == 2)", "x.this AND y.this != 2"),
-        ("NOT x.this IN [1, 'a']", "x.this NOT IN [1, 'a']"),
-        ("x.this == 1 AND y.this == 2 AND x.this == 1", "x.this == 1 AND y.this == 2"),
-        ("(x.this == 1 AND y.this == 1) OR (x.this == 1 AND y.this == 3)",
-         "x.this == 1 AND (y.this == 1 OR y.this == 3)"),
-        ("x.this == 1 AND y.this OR x.this == 1 AND t.this", "x.this == 1 AND (y.this OR t.this)"),
-        ("x.this == 1 AND y.this == 1 OR x.this == 1", "x.this == 1"),
-        ("x.this == 1 OR x.this == 2 OR 3 == x.this OR y.this == 1", "x.this IN [1, 2, 3] OR y.this == 1"),
-        ("x.this != 1 AND x.this != 2 AND x.this != 3", "x.this NOT IN [1, 2, 3]"),
-        ("IF(NOT NOT x.this; y.this; 0)", "IF(x.this; y.this; 0)"),
-    ],
-)  # fmt: skip
-def test_conditions_are_split(written: str, split: str) -> None:
-    assert condition(written, "split") == condition(split)
-    script = f"SELECT x.this, y.this {SOURCES} WHERE {written} AS rows"
-    expected = ss2sql.connect(disable=["split"]).run(script, engine="native").value
-    for engine in ENGINES:
-        assert ss2sql.connect().run(script, engine=engine).value == expected  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "NOT (x.this < t.this)",  # the error says `<`
-        "tick() == 1 AND tick() == 1",
-        "(x.this == 1 AND tick() == 1) OR (x.this == 1 AND y.this == 1)",
-        "x.this == 1 OR x.this == 2",  # no better as IN
-        "x.this == 1 OR x.this == None OR x.this == 'a'",
-    ],
-)
-def test_what_stays_as_it_is(text: str) -> None:
-    numbers = iter(range(100))
-    functions = {"tick": lambda: next(numbers)}
-    assert condition(text, "split", **functions) == condition(text, **functions)
-
-
-def test_stop_is_split_too() -> None:
-    script = "SELECT this FROM [1, 2] START WITH s = 1 CONNECT BY s = this STOP WITH NOT (this == 2 AND s != 2)"
-    search = rewritten(script, *ALL).search
-    assert search is not None
-    assert isinstance(search.stop, plan.Or)
 
 
 def test_many_parts_are_not_too_deep_for_sqlite() -> None:
@@ -154,11 +33,6 @@ def test_a_replaced_operator_keeps_its_meaning(disable: list[str], where: str) -
 # --- unnest --------------------------------------------------------------------------------------------
 
 
-def test_an_unknown_switch_is_refused() -> None:
-    with pytest.raises(ss2sql.SessionError, match="unnest"):
-        ss2sql.connect(disable=["unnset"])
-
-
 BORDERS = "a.this <> b.this AND a.this <> c.this"
 PAIRS = "[[a.this, b.this], [a.this, c.this]]"
 ALIKE = "SELECT this FROM {} WHERE this[0] == this[1] AS list"
@@ -172,6 +46,15 @@ ALIKE = "SELECT this FROM {} WHERE this[0] == this[1] AS list"
         ("", "[] == (SELECT this FROM [2, 3] WHERE this == a.this AS list)", "NOT (a.this IN (2, 3))"),
         ("", "min(SELECT this FROM [a.this, b.this] AS list) >= 3", "a.this >= 3 AND b.this >= 3"),
         ("", "eval('a' + '.this;') == 1", "a.this = 1"),
+        # `fold` and `split` alone.
+        ("", "a.this > 1 * 2 AND True", "a.this > 2"),
+        ("", "[a.this, 2][0] == 1", "a.this = 1"),
+        ("", "NOT (a.this == 1 OR b.this != 2)", "a.this <> 1 AND b.this = 2"),
+        ("", "NOT (a.this < 2 AND b.this >= 2)", "(a.this >= 2 OR b.this < 2)"),
+        ("", "a.this == 1 AND b.this == 2 AND a.this == 1", "a.this = 1 AND b.this = 2"),
+        ("", "(a.this == 1 AND b.this == 1) OR (a.this == 1 AND b.this == 3)",
+         "a.this = 1 AND (b.this = 1 OR b.this = 3)"),
+        ("", "(a.this == 1 OR a.this == 2) OR 3 == a.this OR b.this == 1", "(a.this IN (1, 2, 3) OR b.this = 1)"),
         # The forms of the map.
         ("", "a.this != b.this AND a.this != c.this", BORDERS),
         ("", f"[] == ({ALIKE.format(PAIRS)})", BORDERS),
@@ -199,6 +82,7 @@ def test_what_the_sql_asks(before: str, condition: str, where: str) -> None:
         # of fold
         *("1 / 0", "'a' + 1", "9223372036854775807 + 1", "[1][5]", "a.this / 0 AND False", "[1 / 0, 2][1]"),
         *("len([1 / 0])", "IF(True; 1 / 0, 2; 3)"),
+        "NOT (a.this < 'x')",  # of split
         # of unnest
         "[] == (SELECT this FROM [a.this, 'x'] WHERE this < 2 AS list)",  # fails for the second element
         "[] == (SELECT 1 / this FROM [a.this, 0] WHERE this < 2 AS list)",  # so does its column
@@ -212,7 +96,7 @@ def test_what_the_sql_asks(before: str, condition: str, where: str) -> None:
 )
 def test_what_fails_fails_as_without_and_when_it_runs(engine: Any, expression: str) -> None:
     messages = set()
-    for disable in ([], ["fold"], ["unnest"]):
+    for disable in ([], ["fold"], ["split"], ["unnest"]):
         for script in ("SELECT {} FROM a = given AS list", "SELECT a.this FROM a = given WHERE {} AS list"):
             with ss2sql.connect(disable=disable) as ss:
                 assert ss.eval(script.format(expression), given=[]) == []
@@ -221,6 +105,15 @@ def test_what_fails_fails_as_without_and_when_it_runs(engine: Any, expression: s
             assert caught.value.span is not None
             messages.add((caught.value.code, caught.value.message, caught.value.span.text))
     assert len(messages) == 1
+
+
+def test_functions_are_not_run_before_the_run(ss: ss2sql.Session, capsys: pytest.CaptureFixture[str]) -> None:
+    ss.function("shout", lambda x: print(x) or x, volatility="immutable")
+    query = ss.compile("SELECT shout('a') + print('b') FROM [1] AS list")
+    assert "shout" in str(query.sql)
+    assert capsys.readouterr().out == ""
+    assert query.run().value == ["ab"]
+    assert capsys.readouterr().out == "a\nb\n"
 
 
 # --- lists in variables --------------------------------------------------------------------------------

@@ -12,6 +12,7 @@ from sessions import both, code_of, leaping
 import ss2sql
 
 ENDLESS = "SELECT this FROM [1, 2] START WITH n = 0 CONNECT BY n = n + 1;"
+STOPPED = "START WITH n = 0 CONNECT BY n = 1 STOP WITH n == 1"
 PRODUCT = "SELECT a.this FROM a = range(2000), b = range(2000), c = range(2000) WHERE a.this + b.this + c.this < 0;"
 
 
@@ -25,6 +26,11 @@ def elapsed(call: Any, kind: type[ss2sql.Error]) -> tuple[float, Any]:
 SLOW = {
     "search": ENDLESS,
     "breadth": "SELECT this FROM [1, 2] START WITH n = 0 CONNECT BY BREADTH FIRST n = n + 1;",
+    "no cycle": "SELECT n FROM [1, 2] START WITH n = 0 CONNECT BY NO CYCLE n = n + 1;",
+    "unique": "SELECT n FROM [1, 2] START WITH n = 0 CONNECT BY UNIQUE n = n + 1;",
+    "cost": "SELECT this FROM [1, 2] START WITH n = 0 CONNECT BY COST this n = n + 1;",
+    "nested": "SELECT (SELECT 1 FROM b = range(900), c = range(900), d = range(900) WHERE a.this + d.this < 0)"
+    " FROM a = range(900);",
     "search without results": "SELECT this FROM [1, 2] WHERE n < 0 START WITH n = 0 CONNECT BY n = n + 1;",
     "product": PRODUCT,
     "sorting": "SELECT a.this FROM a = range(2000), b = range(2000) ORDER BY b.this;",
@@ -43,6 +49,7 @@ def test_a_timeout_ends_every_kind_of_run(ss: ss2sql.Session, engine: Any, scrip
     elapsed(lambda: query.run(timeout=0.01), ss2sql.Timeout)  # so it need not be compiled in the time that is measured
     seconds, error = elapsed(lambda: query.run(timeout=0.1), ss2sql.Timeout)
     assert error.code == "T001"
+    assert error.span is not None
     assert 0.1 <= seconds < 5
     assert error.partial.status == "timeout"
     assert error.partial.engine == engine
@@ -130,6 +137,10 @@ def test_maximum_bounds_the_results_of_a_search(ss: ss2sql.Session, engine: Any)
     assert len(query.run(engine=engine, maximum=4).paths) == 4
     flat = ss.run("SELECT this FROM [1, 2, 3];", engine=engine, maximum=1)
     assert (len(flat), flat.status) == (3, "complete")
+    # It counts for the outermost search alone.
+    inner = "len((SELECT m.this FROM m = range(k) START WITH k = 2 CONNECT BY k = m.this AS list))"
+    nested = f"SELECT {inner} FROM n = range(node) START WITH node = 3 CONNECT BY MAXIMUM 3 node = n.this AS list;"
+    assert ss.run(nested, maximum=2).value == [[3], [3]]
     for wrong in (0, -1, 1.5, True):
         assert code_of(ss.run, ENDLESS, engine=engine, maximum=wrong) == "S002"
 
@@ -139,7 +150,8 @@ def test_max_rows_is_a_limit_that_must_not_be_passed(ss: ss2sql.Session, engine:
     assert len(ss.run("SELECT this FROM [1, 2];", engine=engine, max_rows=2)) == 2
     assert len(ss.run("SELECT this FROM [1, 2, 3] LIMIT 2;", engine=engine, max_rows=2)) == 2
     too_many = "SELECT a.this FROM a = range(100000), b = range(100000);"  # for the memory too
-    for script in ("SELECT this FROM [1, 2, 3];", ENDLESS, "SELECT this FROM [3, 1, 2] ORDER BY this;", too_many):
+    endings = ("", "ORDER BY this", "ORDER BY -this", "GROUP BY this", "LIMIT 3", STOPPED, f"{STOPPED} ORDER BY this")
+    for script in (*(f"SELECT this FROM [3, 1, 2] {ending};" for ending in endings), ENDLESS, too_many):
         with pytest.raises(ss2sql.ExecutionError, match="max_rows=2") as caught:
             ss.run(script, engine=engine, max_rows=2)
         assert caught.value.code == "X010"

@@ -10,6 +10,7 @@ from sessions import ENGINES
 
 import ss2sql
 from ss2sql.runtime.native import pace
+from ss2sql.runtime.sizes import LEAST
 
 # Each ends, and its steps are counted on both engines.
 SEARCHES = {
@@ -143,6 +144,12 @@ def test_output_of_what_runs_inside_counts(capsys: pytest.CaptureFixture[str], s
 def test_limits_are_whole_numbers(name: str, value: Any) -> None:
     with pytest.raises(ss2sql.SessionError, match=f"{name} is a whole number of at least 0, not"):
         ss2sql.connect(**{name: value})
+
+
+@pytest.mark.parametrize("size", [LEAST - 1, 10**9 + 1, None, "1"])
+def test_sizes_that_are_no_limits(size: Any) -> None:
+    with pytest.raises(ss2sql.SessionError):
+        ss2sql.connect(max_size=size)
 
 
 def test_limits_on_the_command_line() -> None:

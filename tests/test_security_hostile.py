@@ -118,12 +118,6 @@ class Maker:
         return "".join(pieces)
 
 
-def test_the_canary_sings() -> None:
-    reached.clear()
-    assert Canary().secret == "secret"
-    assert reached == {"secret"}
-
-
 @pytest.mark.parametrize("first", range(0, COUNT, AT_ONCE))
 def test_hostile_scripts_reach_nothing_and_change_nothing(
     first: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -141,6 +135,8 @@ def test_hostile_scripts_reach_nothing_and_change_nothing(
         ss.function("f", lambda x=None: x, volatility="immutable")
         ss.set("xs", [1, [2, "b"], None])
         canary = Canary()
+        assert canary.secret == "secret"
+        assert "secret" in reached  # so it would sing
         ss.attach("objects", [canary])
         ss.set("canary", canary)
         variables = ss.variables()

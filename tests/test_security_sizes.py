@@ -143,18 +143,6 @@ def test_all_variables_together_are_a_value(small: ss2sql.Session, more: str) ->
     assert small.eval("var('l')") == [1, 2]
 
 
-def test_two_limits_of_sessions_know_nothing_of_each_other(small: ss2sql.Session) -> None:
-    with ss2sql.connect() as large:
-        assert len(large.eval("t = 'ab'; " + "t = t + t; " * 20 + "t")) == 2**21
-        assert refused(small, "t = 'ab'; " + "t = t + t; " * 20 + "t") == "X014"
-
-
-@pytest.mark.parametrize("size", [LEAST - 1, 10**9 + 1, None, "1"])
-def test_sizes_that_are_no_limits(size: Any) -> None:
-    with pytest.raises(ss2sql.SessionError):
-        ss2sql.connect(max_size=size)
-
-
 # --- depth -------------------------------------------------------------------------------------------------
 
 LOOKS = (
@@ -356,18 +344,6 @@ def test_one_step_that_makes_many_values_is_broken_off(engine: Any) -> None:
         assert refused(session, queries_in_each_other(20), engine=engine, timeout=timeout) == code
 
 
-def test_values_of_inner_queries_are_not_copied(monkeypatch: pytest.MonkeyPatch) -> None:
-    copied: list[int] = []
-    monkeypatch.setattr(shaping, "fresh_rows", lambda rows: copied.append(len(rows)) or rows)  # type: ignore[func-returns-value]
-    with ss2sql.connect() as session:
-        for form in ("list", "dict", "rows"):
-            inner = f"SELECT (SELECT [this] FROM [1, 2] AS {form}) FROM [1, 2, 3] AS {form}"
-            session.run(f"x = ({inner}); y = [{inner}]; len({inner})", engine="native")
-        assert copied == []
-        session.run("SELECT (SELECT [this] FROM [1, 2]) FROM [1, 2, 3]", engine="native")
-        assert copied == [3]
-
-
 class Watched(run.Run):
     """A run that a weak reference can tell of."""
 
@@ -391,9 +367,6 @@ def test_a_run_is_free_at_its_end(monkeypatch: pytest.MonkeyPatch, engine: Any) 
             assert [one() for one in made] == [None]
         finally:
             gc.enable()
-
-
-# --- measuring ---------------------------------------------------------------------------------------------
 
 
 def test_lists_that_were_measured_are_not_walked_again() -> None:

@@ -55,8 +55,7 @@ def test_names_are_case_sensitive(ss: ss2sql.Session, file: Path) -> None:
         ("SELECT 1 FROM another.t;", "R003", "R003"),
         ("SELECT 1 FROM main.u;", "R003", "R003"),
         ("SELECT 1 FROM other;", "R003", "'other' is a file: name one of its tables, FROM other.table"),
-        *((f"SELECT * FROM {name};", "R003", "R003") for name in ("sqlite_schema", "sqlite_master", "elements")),
-        *((f"SELECT * FROM {name};", "R003", "R003") for name in ("pragma_table_list", "json_each")),
+        ("SELECT * FROM elements;", "R003", "R003"),
     ],
 )
 def test_what_is_not_there(ss: ss2sql.Session, file: Path, engine: Any, script: str, code: str, hint: str) -> None:
