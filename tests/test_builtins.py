@@ -134,20 +134,6 @@ def test_no_operator_changes_its_operands(left: Any, right: Any) -> None:
     assert [repr(left), repr(right)] == before
 
 
-def test_the_table_is_complete() -> None:
-    assert sorted(BUILTINS) == sorted([*OPERATORS, *FUNCTIONS, "item", "slice", *OF_SESSION])
-    for name, entry in BUILTINS.items():
-        assert entry.name == name
-        assert entry.text
-        assert "\n" not in entry.text
-        assert entry.minimum <= (entry.minimum if entry.maximum is None else entry.maximum)
-        assert (entry.python is None) is (name in OF_SESSION)
-        assert entry.volatility == ("volatile" if name in OF_SESSION else "immutable")
-        types = (ANY,) * entry.minimum
-        assert isinstance(entry.result(types), Type)
-        assert entry.raises(types) is (name not in ("eq", "ne"))
-
-
 # --- types ---------------------------------------------------------------------------------------------
 
 

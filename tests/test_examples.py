@@ -8,7 +8,6 @@ import sqlite3
 import subprocess
 import sys
 from contextlib import closing
-from importlib.util import find_spec
 from typing import Any
 
 import pytest
@@ -262,39 +261,7 @@ def test_converters_reach_every_format_by_the_cheapest_chain():
     assert all(" > ".join(["csv", *chain]) in example.text for chain in chains)
 
 
-def test_every_converter_does_what_it_says():
-    library = play("converters").module["LIBRARY"]
-    rows = [["x", "y"], ["1.0", "2.5"], ["3.0", "4.5"]]
-    columns = {"x": [1.0, 3.0], "y": [2.5, 4.5]}
-    dicts = [{"x": 1.0, "y": 2.5}, {"x": 3.0, "y": 4.5}]
-    values: dict[str, Any] = {
-        "csv": "x,y\n1.0,2.5\n3.0,4.5\n", "rows": rows, "columns": columns, "dicts": dicts,
-        "json": '[{"x": 1.0, "y": 2.5}, {"x": 3.0, "y": 4.5}]', "numpy": [[1.0, 2.5], [3.0, 4.5]],
-    }  # fmt: skip
-    if find_spec("pandas"):
-        values["frame"] = library["columns_to_frame"].function(columns)
-    for entry in library.values():
-        given, wanted = entry.function(values[entry.takes]), values[entry.gives]
-        if entry.gives == "numpy":
-            given = given.tolist()
-        elif entry.gives == "frame":
-            given, wanted = given.to_dict("list"), columns
-        elif entry.name == "columns_to_rows":
-            wanted = [["x", "y"], [1.0, 2.5], [3.0, 4.5]]
-        assert given == wanted, entry.name
-
-
 # --- the demonstration ---------------------------------------------------------------------------------
-
-
-def test_demo_shows_every_example_but_the_mistakes(monkeypatch):
-    monkeypatch.syspath_prepend(str(EXAMPLES))
-    demo = runpy.run_path(str(EXAMPLES / "demo.py"))
-    assert {*demo["EXAMPLES"], *demo["SIMULATED"], *demo["INSTEAD"]} == set(NAMES) - {"errors"}
-    assert set(demo["SIMULATED"]) == set(SIMULATED)
-    for there, last in ((True, "navigation"), (False, "robot")):  # with the simulator, or with a floor made of lists
-        monkeypatch.setitem(demo["chosen"].__globals__, "find_spec", lambda name, there=there: there or None)
-        assert demo["chosen"]()[-1] == last
 
 
 def test_demo_runs_to_its_summary():

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import random
-import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -13,7 +12,6 @@ from sessions import leaping, write
 
 import ss2sql
 from ss2sql.explained.endless import ADVICE
-from ss2sql.explained.sqlite_plan import SENTENCES
 from ss2sql.explained.words import STAGES
 
 
@@ -107,12 +105,6 @@ def test_limits_are_told(ss: ss2sql.Session) -> None:
     assert limited in lines(ss.compile("SELECT inc(this) FROM wide;").explain())
 
 
-def test_queries_of_one_statement_have_their_texts(ss: ss2sql.Session) -> None:
-    found = lines(ss.compile("a = [SELECT this FROM [1] AS list, SELECT 2 * this FROM [3] AS list];").explain())
-    assert found[1] == "SELECT this FROM [1] AS list"
-    assert "SELECT 2 * this FROM [3] AS list" in found
-
-
 def bound(text: str) -> list[str]:
     _, _, rest = text.partition("values that are bound in it:")
     return [line for line in lines(rest) if line.startswith(":")]
@@ -157,28 +149,20 @@ def test_a_run_tells_its_steps(ss: ss2sql.Session, engine: Any) -> None:
     assert {"run"} <= set(run["seconds"]) <= set(STAGES)
     assert min(run["seconds"].values()) >= 0
     assert [(row[0], row[-1]) for row in run["levels"]["rows"]] == [(1, 0), (2, 0), (3, 8)]
+    assert engine == "native" or [row[1] for row in run["levels"]["rows"]] == [2, 4, 8]
     found = lines(result.explain())
     assert f"the run: complete, 8 paths of 24 rows, {engine}" in found
     assert "14 steps generated, 6 of them expanded" in "\n".join(found)
 
 
 @pytest.mark.parametrize("options", ["", "NO CYCLE", "BREADTH FIRST", "UNIQUE", "DEPTH FIRST UNIQUE", "COST 1 UNIQUE"])
-@pytest.mark.parametrize("tail", ["", "WHERE n + this == 4 "])
-def test_levels_count_all_steps_that_were_kept(ss: ss2sql.Session, options: str, tail: str) -> None:
-    """The steps that went on, and the results that did not; the reference counts them on the paths of all of them."""
-    script = """SELECT this, n FROM [1, 2] {} START WITH n = 0 CONNECT BY {} n = n + this STOP WITH n + this > 4;"""
-    result = ss.run(script.format(tail, options), engine="database")
-    table = result.explain().as_dict()["run"]["levels"]
-    kept = {level: number for level, number, _ in table["rows"]}
-    assert sum(kept.values()) >= max(result.stats.expanded, len(result.paths))
-    for level, number, results in table["rows"]:
+def test_levels_count_the_steps_that_were_kept(ss: ss2sql.Session, options: str) -> None:
+    script = f"SELECT this, n FROM [1, 2] START WITH n = 0 CONNECT BY {options} n = n + this STOP WITH n + this > 4;"
+    result = ss.run(script, engine="database")
+    for level, number, results in result.explain().as_dict()["run"]["levels"]["rows"]:
         assert results == sum(1 for path in result.paths if len(path) == level)
-        assert number >= results
-        assert number >= len({tuple(path[:level]) for path in result.paths if len(path) >= level})
-    every = ss.run(script.format("", options), engine="database")
-    wanted = [len({tuple(path[:level]) for path in every.paths if len(path) >= level}) for level in kept]
-    if "UNIQUE" not in options:
-        assert list(kept.values()) == wanted
+        prefixes = {tuple(path[:level]) for path in result.paths if len(path) >= level}
+        assert number == len(prefixes) or "UNIQUE" in options
 
 
 def test_many_levels_are_cut_in_the_middle(ss: ss2sql.Session) -> None:
@@ -300,18 +284,6 @@ def test_python_tells_it_in_the_same_words(roads: ss2sql.Session, query: str, ex
     (found,) = roads.compile(f"{query};", engine="native").explain().as_dict()["statements"][0]["queries"]
     assert ["  " * line["depth"] + line["words"] for line in found["plan"]] == expected
     assert {line["sqlite"] for line in found["plan"]} == {None}
-
-
-def test_every_kind_of_line_has_one_sentence() -> None:
-    """What SQLite may say of other queries than the tests have; what it says besides is shown as it is."""
-    for line in (
-        "MATERIALIZE a b", "CO-ROUTINE (subquery-3)", "SCAN 3 CONSTANT ROWS", "USE TEMP B-TREE FOR DISTINCT",
-        "USE TEMP B-TREE FOR LAST 2 TERMS OF ORDER BY", "SEARCH t USING COVERING INDEX i (a=? AND b>?)",
-        "SEARCH t USING INTEGER PRIMARY KEY (rowid>?)", "LIST SUBQUERY 2", "CORRELATED SCALAR SUBQUERY 4",
-        "BLOOM FILTER ON t (a=?)", "COMPOUND QUERY", "LEFT-MOST SUBQUERY", "UNION ALL",
-    ):  # fmt: skip
-        assert any(re.fullmatch(pattern, line) for pattern, _ in SENTENCES), line
-    assert not any(re.fullmatch(pattern, "MULTI-INDEX OR") for pattern, _ in SENTENCES)
 
 
 def test_what_is_left_for_python(roads: ss2sql.Session) -> None:

@@ -251,20 +251,6 @@ def test_a_frame_gives_way_to_whatever_takes_its_name(ss: ss2sql.Session) -> Non
         ss.eval("SELECT x FROM t AS list;")
 
 
-@both
-def test_functions_that_take_arrays(ss: ss2sql.Session, engine: Any) -> None:
-    ss.attach("t", pandas.DataFrame({"x": range(100)}))
-    blocks = []
-
-    def double(x: Any) -> Any:
-        blocks.append(len(x))
-        return x * 2
-
-    ss.function("double", double, vectorized=True)
-    assert ss.run("SELECT double(x) FROM t AS list;", engine=engine).value == [2 * x for x in range(100)]
-    assert len(blocks) < 20
-
-
 # --- what stands in cells ------------------------------------------------------------------------------
 
 

@@ -168,26 +168,6 @@ def test_short_lists_are_described_one_by_one_as_long_as_all_have_one_length() -
     assert list_of([]).positions is None
 
 
-def test_types_unbounded() -> None:
-    rows = type_of([{"a": 1, "b": [2, 2.5]}])
-    free = unbounded(rows)
-    assert covers(free, rows)
-    assert covers(free, type_of([{"a": -5, "b": [7, 0.0]}, {"a": 3, "b": [-7, 1e300]}]))
-    assert not covers(free, type_of([{"a": 1, "b": [2.5, 2]}]))
-
-
-def test_what_types_say() -> None:
-    assert INT.only(Kind.NUMBER)
-    assert not ANY.only(Kind.NUMBER)
-    assert ANY.may(Kind.DICT)
-    assert not INT.may(Kind.FLOAT)
-    assert NOTHING.only(Kind.STR)
-    assert not NOTHING.may(Kind.ANY)
-    assert number(-5, 3).bounded(5)
-    assert not number(-5, 3).bounded(4)
-    assert not INT.bounded(10**100)
-
-
 def test_large_lists_are_read_quickly() -> None:
     pairs = [[i, i + 1] for i in range(200_000)]
     rows = [{"a": i, "b": "x"} for i in range(50_000)]

@@ -12,7 +12,6 @@ import time
 import timeit
 from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import pytest
@@ -20,7 +19,7 @@ from cases.functions import moved
 from listings import move
 from purity_samples import Load, load
 
-from ss2sql.frontend.purity import Purity, infer, source, tables
+from ss2sql.frontend.purity import Purity, infer, source
 
 __all__ = ["load"]  # the fixture
 
@@ -157,13 +156,6 @@ def test_a_replaced_built_in_function_is_noticed(load: Load, monkeypatch: pytest
         patch.setattr(builtins, "len", logged_length)
         purity = infer(module.f)
     assert "calls len, which reads the global name 'logged'" in purity.reason
-
-
-def test_what_was_replaced_before_it_was_looked_at_is_not_known() -> None:
-    module = ModuleType("other")
-    vars(module)["length"] = logged_length
-    tables._add(module, "length")
-    assert tables.known(logged_length) is None
 
 
 def test_a_replaced_helper_is_noticed(load: Load) -> None:

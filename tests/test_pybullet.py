@@ -19,7 +19,6 @@ from bullet_rooms import ENGINES, Counting, ball, box, furnish, jointed, live, m
 from ss2sql.scenes import Sensor, chaos
 from ss2sql.scenes.bullet import connect
 from ss2sql.vtables.pybullet import PyBulletWorld
-from ss2sql.vtables.pybullet.places import Places
 from ss2sql.vtables.pybullet.posture import posture
 
 
@@ -92,18 +91,6 @@ def test_links_and_joints_of_a_robot(client: Any, ss: ss2sql.Session) -> None:
     assert values(ss, "SELECT l.number FROM b = space, l = space.links WHERE l.body == b.id AS list") == [-1, 0]
 
 
-def test_names_come_from_the_file_the_scene_or_the_caller(client: Any) -> None:
-    a, b = ball(client), ball(client)
-    session = ss2sql.connect()
-    session.attach("space", PyBulletWorld(client, names={b: "target"}))
-    assert values(session, "SELECT name FROM space AS list") == [f"body_{a}", "target"]
-    assert values(session, "SELECT id FROM space WHERE name == 'target' AS list") == [b]
-    client.resetBasePositionAndOrientation(b, (3, 4, 5), (0, 0, 0, 1))
-    assert values(session, "position('target')") == [3.0, 4.0]
-    client.removeBody(b)
-    assert "no body is called 'target'" in message(session, "position('target')")
-
-
 # --- functions of two bodies ---------------------------------------------------------------------------
 
 
@@ -165,25 +152,6 @@ def test_rays_hit_what_is_first_however_many_they_are(client: Any, ss: ss2sql.Se
     assert "X007" in message(ss, script, start=[[0, 0, 0]] * 2, goal=[[1, 1, 1]] * 3)
 
 
-def test_cells_find_what_lies_in_a_box(client: Any) -> None:
-    dice = Random(3)
-    shape = client.createCollisionShape(client.GEOM_SPHERE, radius=0.1)
-    points = [tuple(dice.choice([-2.5, -1.0, 0.0, 0.5, dice.uniform(-4, 4)]) for _ in range(3)) for _ in range(120)]
-    for point in [*points, *[(3.0, 3.0, 3.0)] * 80, (1e7, 0.0, -1e7)]:
-        client.createMultiBody(1, shape, basePosition=point)
-    world = PyBulletWorld(client)
-    own = [client.getBasePositionAndOrientation(body)[0] for body in world.ids()]
-    for first in (1.0, 0.01, 50.0):
-        places = Places(world)
-        places.between(*[(0.0, first)] * 3)
-        for _ in range(300):
-            middle = dice.choice(own) if dice.random() < 0.7 else [dice.uniform(-5, 5) for _ in range(3)]
-            reach = dice.choice([0.0, 0.5, 1.0, 2.0, float("inf"), -1.0])
-            ranges = [(value - reach, value + reach) for value in middle]
-            inside = [all(a <= part <= b for part, (a, b) in zip(point, ranges, strict=True)) for point in own]
-            assert places.between(*ranges) == [body for body, found in enumerate(inside) if found]
-
-
 # --- how often the simulator is asked ------------------------------------------------------------------
 
 
@@ -216,26 +184,6 @@ def test_only_what_is_read_is_asked_for(client: Any) -> None:
 
 
 # --- several worlds, and lists -------------------------------------------------------------------------
-
-
-def test_worlds_join_with_lists_and_with_each_other(client: Any) -> None:
-    other = connect()
-    try:
-        a, b = ball(client, position=(0, 0, 1), mass=2.0), ball(other, position=(0, 3, 5), mass=3.0)
-        session = ss2sql.connect()
-        session.attach("here", client)
-        session.attach("there", PyBulletWorld(other._client))
-        session.attach("masses", [{"mass": 2.0, "word": "light"}, {"mass": 3.0, "word": "heavy"}])
-        script = "SELECT h.mass, t.mass, distance(h.this, t.this) FROM h = here, t = there AS rows"
-        assert values(session, script) == [(2.0, 3.0, 5.0)]
-        script = "SELECT m.word FROM m = masses, t = there WHERE m.mass == t.mass AS list"
-        assert values(session, script) == ["heavy"]
-        assert (a, b) == (0, 0)  # the same id in both
-        assert values(session, "SELECT h.this == t.this FROM h = here, t = there AS list") == [False]
-    finally:
-        other.disconnect()
-    assert "X011" in message(session, "SELECT mass FROM there")
-    assert values(session, "SELECT mass FROM here AS list") == [2.0]
 
 
 def test_a_disconnected_client_says_so_even_if_its_number_lives_on() -> None:
@@ -330,16 +278,6 @@ def test_a_margin_counts_and_is_a_number(client: Any, ss: ss2sql.Session) -> Non
     assert values(ss, script, r=robot, g=ground) == [True, False, True, False]
     assert values(ss, "[collision(r, [2, 0, 2], 0.9), collision(r, [2, 0, 2], 1.1)]", r=robot) == [False, True]
     assert "X007" in message(ss, "collision(r, [1, 2], 'near')", r=robot)
-
-
-def test_move_and_check_run_in_written_order(client: Any, ss: ss2sql.Session) -> None:
-    wall, robot = box(client, (1, 1, 1), (2, 0, 0)), ball(client, 0.2)
-    assert wall != robot
-    found = ss.run(
-        "SELECT checkCollision(r), move(r, this), checkCollision(r) FROM [[2, 0], [5, 5], [2, 0, 7]] AS rows", r=robot
-    )
-    assert found.value == [(False, [2, 0], True), (True, [5, 5], False), (False, [2, 0, 7], False)]
-    assert values(ss, "SELECT pos FROM space WHERE id == r AS value", r=robot) == [2, 0, 7]
 
 
 def test_collision_sees_links_that_the_last_step_has_moved(client: Any, ss: ss2sql.Session) -> None:

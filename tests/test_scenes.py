@@ -23,7 +23,7 @@ import ss2sql
 from ss2sql import scenes
 from ss2sql.scenes import Scene, View, bullet
 from ss2sql.scenes.particles import BOUNCE, INSIDE
-from ss2sql.scenes.solids import Box, Sphere
+from ss2sql.scenes.solids import Sphere
 
 DIRECTIONS = [(x, y) for x, y in product((-1, 0, 1), repeat=2) if (x, y) != (0, 0)]
 SMALL = (160, 120)
@@ -319,11 +319,3 @@ def test_scenes_are_imported_when_they_are_asked_for_and_print_nothing():
     )
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
     assert ran.stdout == ""
-
-
-def test_the_room_for_a_body_is_the_cube_around_it(client):
-    scene = scenes.chaos(bodies=0, client=client)
-    scene.add("block", Box(1, 1, 1), (0, 0, 0), (1, 1, 1))
-    assert scene.is_free((2, 0, 0), 1.4)
-    assert not scene.is_free((2, 0, 0), 1.6)
-    assert not scene.is_free((0, 0, 0), 0.1)

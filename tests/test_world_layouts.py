@@ -156,40 +156,12 @@ def test_what_contradicts_the_columns_is_refused(ss: ss2sql.Session, blocks: Any
 
 # --- what is only shown --------------------------------------------------------------------------------
 
-SHOWN = [
-    "SELECT id, x, name FROM boats AS rows;",
-    "SELECT this, pos FROM boats WHERE speed > 1 AS rows;",
-    "SELECT a.pos, b.id, b.pos, a.tags FROM a = boats, b = boats WHERE b.id == a.id + 1 AND a.x > 30 AS rows;",
-    "SELECT name, tags FROM boats WHERE id == 7;",
-    "SELECT z, y, x FROM boats ORDER BY x DESC LIMIT 3 AS rows;",
-    "SELECT x, pos FROM a = boats, b = range(2) WHERE b.this < a.speed AS rows;",
-    "SELECT id, speed, x FROM boats GROUP BY speed AS rows;",
-    "SELECT name, pos FROM boats AS set;",
-    "SELECT x, y FROM boats LIMIT 2;",
-]
-
-
-@pytest.mark.parametrize("script", SHOWN)
-def test_what_is_read_late_is_the_same(world: Harbour, script: str) -> None:
-    values = []
-    for engine, disable in (("database", []), ("database", ["late"]), ("native", [])):
-        with ss2sql.connect(disable=disable) as ss:
-            ss.attach("boats", world)
-            values.append(repr(ss.run(script, engine=engine).value))
-    assert values[0] == values[1] == values[2]
-
 
 def test_the_sql_that_is_shown_asks_for_keys_as_the_one_that_runs(ss: ss2sql.Session) -> None:
     query = ss.compile("SELECT name, pos FROM boats WHERE x > 2 AS rows;", engine="database")
     assert "boats.id /* then name, pos */" in query.sql
     assert query.run().sql == query.sql
     assert "SQLite finds keys of a world alone" in query.explain()
-
-
-def test_a_key_that_is_shown_twice_needs_no_comment(ss: ss2sql.Session, engine: Any) -> None:
-    script = "SELECT id, id FROM boats WHERE x > 33.5 AS rows;"  # x is half the number of 0 to 69
-    assert ss.run(script, engine=engine).value == [(68, 68), (69, 69)]
-    assert "/* then" not in ss.compile(script, engine="database").sql
 
 
 def test_each_result_has_lists_of_its_own(ss: ss2sql.Session) -> None:

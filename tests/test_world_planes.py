@@ -102,14 +102,6 @@ def test_a_blur_is_a_gaussian(engine: Any) -> None:
     assert np.array_equal(blurred(np.eye(3), 0), np.eye(3))
 
 
-def test_a_blur_loses_what_leaves_the_grid() -> None:
-    cells = np.zeros((5, 5))
-    cells[0, 0] = 1.0
-    kept = np.exp(-0.5 * (np.arange(0, 4) / 1.0) ** 2).sum() / np.exp(-0.5 * (np.arange(-3, 4) / 1.0) ** 2).sum()
-    assert blurred(cells, 1).sum() == pytest.approx(kept**2)
-    assert blurred(np.ones((2, 2)), 9.0).shape == (2, 2)  # a kernel larger than the grid
-
-
 def test_planes_of_partitions_and_paths(scene: Scene, engine: Any) -> None:
     scene.add("ball", Sphere(0.1), (0.5, 0.5, 0.0), GREY, 7.0)
     scene.add("crate", Box(0.1, 0.1, 0.1), (1.5, 0.5, 0.0), GREY, 5.0)
@@ -163,11 +155,6 @@ def test_representations_of_a_world_that_nobody_has_attached(ss: ss2sql.Session,
     with pytest.raises(ss2sql.ResolveError) as caught:
         ss.run(f"SELECT this FROM [1] AS {name}(0, 1);", engine=engine)
     assert caught.value.code == "R006"
-
-
-def test_rows_that_are_nowhere() -> None:
-    with ss2sql.connect() as ss, pytest.raises(ss2sql.RepresentationError, match="does not know where row 1 is"):
-        ss.run("SELECT this FROM [1, 2] AS plane('XY', [0, 0], [1, 1, 1]);")
 
 
 def test_grids_can_be_pickled_and_lose_their_place_when_they_are_cut() -> None:
@@ -297,19 +284,6 @@ def prolog(folder: Path, text: str, goal: str) -> list[str]:
     )  # fmt: skip
     assert done.stderr == ""
     return done.stdout.splitlines()
-
-
-@needs_prolog
-def test_prolog_loads_the_facts(scene: Scene, tmp_path: Path) -> None:
-    scene.add("sphere_1", Sphere(0.5), (0.0, 0.0, 0.0), GREY, 3.25)
-    scene.add("YouBot", Box(1, 1, 1), (3.0, 4.0, 0.0), GREY, 2.0)
-    scene.add("it's 1\\2", Box(1, 1, 1), (9.0, 0.0, 0.0), GREY)
-    text = ask(scene, "SELECT mass, isSphere, linearVelocity(this, 2), to(mass * 2, twice), id FROM space AS prolog;")
-    assert prolog(tmp_path, text, "mass(B, M), M > 1, X = B-M") == ["sphere_1-3.25", "'YouBot'-2.0"]
-    assert prolog(tmp_path, text, "isSphere(X)") == ["sphere_1"]
-    assert prolog(tmp_path, text, "linearVelocity(X, 2, 0.0)")[:2] == ["sphere_1", "'YouBot'"]
-    assert prolog(tmp_path, text, "twice(_, X)") == ["6.5", "4.0", "0.0"]
-    assert prolog(tmp_path, text, "id(X, 2)") == ["'it\\'s 1\\\\2'"]
 
 
 @needs_prolog
