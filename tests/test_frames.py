@@ -237,20 +237,6 @@ def test_columns_that_are_read_are_converted_once_per_run(
     assert made.columns == (2 if cannot_change else 4)
 
 
-def test_a_frame_gives_way_to_whatever_takes_its_name(ss: ss2sql.Session) -> None:
-    source = pandas.DataFrame({"x": [1]})
-    ss.attach("t", source)
-    assert ss.get("t") is source
-    assert ss.eval("SELECT x FROM t AS list;") == [1]
-    assert ss.eval("t = [2]; SELECT this FROM t AS list;") == [2]
-    ss.attach("t", [{"x": 3}])
-    assert ss.eval("SELECT x FROM t AS list;") == [3]
-    ss.attach("t", source)
-    ss.detach("t")
-    with pytest.raises(ss2sql.ResolveError):
-        ss.eval("SELECT x FROM t AS list;")
-
-
 # --- what stands in cells ------------------------------------------------------------------------------
 
 

@@ -110,27 +110,6 @@ def test_a_file_that_changed_since_is_not_taken_for_the_source(load: Load) -> No
     assert infer(module.still) == Purity("volatile", "has no Python source")
 
 
-CLOSURE = "def g(n):\n    def f(x): return x + n\n    return f\nf = g(1)\n"
-
-
-@pytest.mark.parametrize(
-    ("text", "later", "reason"),
-    [
-        ("# one line above\ndef f(x): return x\n", "def g(n):\n    def f(x):\n        nonlocal n\n        n = x\n",
-         "is not in its source file as it runs"),
-        ("# one line above\ndef f(x): return x\n", "def g(n):\n    def f(x:\n", "has no Python source"),
-        (CLOSURE, CLOSURE.replace("g(n)", "g(other)"),
-         "reads the variable 'n' of an enclosing function, which may change"),
-    ],
-)  # fmt: skip
-def test_a_file_that_is_another_program_now(load: Load, text: str, later: str, reason: str) -> None:
-    module = load(text)
-    assert infer(module.f).volatility == "immutable"
-    Path(str(module.__file__)).write_text(later, encoding="utf-8")
-    found = infer(module.f)
-    assert (found.volatility, found.reason) == ("volatile", reason)
-
-
 def test_every_lambda_of_a_line_is_told_from_the_others(load: Load) -> None:
     module = load("fs = [lambda x: x + 1, lambda x: x.name, lambda x: print(x), (lambda x: lambda: x), lambda x: x]")
     found = [infer(f).volatility for f in module.fs]

@@ -12,7 +12,6 @@ import pytest
 from agreement import exact
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from listings import move
 from sessions import both
 
 import ss2sql
@@ -180,24 +179,6 @@ def test_a_search_calls_once_for_the_steps_of_a_state(engine: Any, options: str,
         assert function.seen == [(n, move) for n in dict.fromkeys(states) for move in MOVES]
 
 
-def test_lists_in_states_and_elements_are_fresh_values(engine: Any) -> None:
-    def moves(steps: Any, towers: Any) -> Any:
-        return [move(*row) for row in zip(steps, towers, strict=True)]  # which changes a copy that nobody else sees
-
-    script = """SELECT this, t FROM [[0,1], [0,2], [1,0], [1,2], [2,0], [2,1]] WHERE [[], [], [2, 1]] == move(this, t)
-        START WITH t = [[2, 1], [], []]
-        CONNECT BY UNIQUE t = move(this, t) STOP WITH move(this, t) IN [[], [[], [], [2, 1]]];"""
-    paths = [[[0, 1], [0, 2], [1, 2]], [[0, 1], [0, 2], [1, 0], [0, 2]]]
-    for function, vectorized in ((moves, True), (move, False)):
-        with ss2sql.connect() as ss:
-            ss.function("move", function, volatility="immutable", vectorized=vectorized)
-            result = ss.run(script, engine=engine)
-            assert [[row["this"] for row in path] for path in result.value] == paths
-            # Six steps from each state at once, and two states for each of its last steps, which are dropped.
-            assert bool(result.stats.blocks) == vectorized
-            assert result.stats.calls["move"] % 6 == 0
-
-
 def test_the_arrays_have_one_kind_of_number_or_plain_values(ss: ss2sql.Session, engine: Any) -> None:
     seen: list[tuple[str, list[Any]]] = []
 
@@ -264,15 +245,6 @@ def test_a_volatile_function_does_not_take_arrays(ss: ss2sql.Session) -> None:
         ss.function("f", lambda x: x, volatility="volatile", vectorized=True)
     assert caught.value.code == "S002"
     assert caught.value.hints
-
-
-def test_a_function_that_runs_a_script_itself(ss: ss2sql.Session, engine: Any) -> None:
-    ss.function("double", lambda x: 2 * x, vectorized=True)
-    ss.function("f", lambda x: [ss.eval("SELECT double(this + n) FROM [1, 2] AS list;", n=n) for n in x.tolist()],
-                volatility="stable", vectorized=True)  # fmt: skip
-    result = ss.run("SELECT f(this), double(this) FROM [10, 20] AS list;", engine=engine)
-    assert result.value == [[22, 24], 20, [42, 44], 40]
-    assert result.stats.blocks == {"f": 1, "double": 1}
 
 
 def test_a_run_that_must_end_ends_between_blocks(ss: ss2sql.Session, engine: Any) -> None:

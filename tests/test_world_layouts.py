@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import ss2sql
-from ss2sql.errors import ExecutionError, SessionError
+from ss2sql.errors import ExecutionError
 from ss2sql.vtables import Column, Gone, Table, World
 
 COUNT = 70
@@ -135,23 +135,6 @@ def test_names_beyond_ascii_are_asked_in_blocks_too(ss: ss2sql.Session, world: H
     world.names[1] = "\ud800"
     with pytest.raises(ExecutionError, match="no text that can be written"):
         ss.run("SELECT name FROM boats;", engine=engine)
-
-
-@pytest.mark.parametrize(
-    ("blocks", "message"),
-    [
-        ({"place": "pos(x=east y) speed"}, "'pos' is no list of 2 plain values"),
-        ({"place": "pos(x=name y z) speed"}, "x and name are the same value, and of different types"),
-        ({"place": "pos(x y z=y) speed"}, "the column 'y' is given twice"),
-        ({"place": "pos(x y z speed"}, "does not name columns"),
-        ({"place": "pos(x(y) z) speed"}, "does not name columns"),
-    ],
-)
-def test_what_contradicts_the_columns_is_refused(ss: ss2sql.Session, blocks: Any, message: str) -> None:
-    table = type("Wrong", (Boats,), {"blocks": blocks})
-    with pytest.raises(SessionError) as caught:
-        ss.attach("other", type("Other", (World,), {"tables": (table,)})())
-    assert message in caught.value.message
 
 
 # --- what is only shown --------------------------------------------------------------------------------
