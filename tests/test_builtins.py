@@ -97,24 +97,6 @@ def test_the_order_of_a_sum_does_not_matter(numbers: list[Any], random: Any) -> 
         assert error is None or other is None or error.code == other.code
 
 
-@given(st.lists(VALUES, max_size=6))
-def test_uniq_keeps_the_first_of_equal_values(values: list[Any]) -> None:
-    expected: list[Any] = []
-    for value in values:
-        if value not in expected:
-            expected.append(value)
-    assert same(call("uniq", values), expected)
-
-
-@given(st.lists(NUMBERS, min_size=1, max_size=6))
-def test_extremes_are_the_ends_of_the_sorted_list(numbers: list[Any]) -> None:
-    ordered = call("sorted", numbers)
-    assert call("min", numbers) is ordered[0] or same(call("min", numbers), ordered[0])
-    assert call("max", numbers) == ordered[-1]
-    assert same(call("min", *numbers) if len(numbers) > 1 else ordered[0], ordered[0])
-    assert same(call("max", numbers), call("sorted", numbers, True)[0])
-
-
 @given(PLAIN_VALUES, PLAIN_VALUES)
 def test_no_operator_changes_its_operands(left: Any, right: Any) -> None:
     before = [repr(left), repr(right)]

@@ -75,11 +75,7 @@ def test_chaos_gives_planes_with_what_is_in_the_box(box):
     total = sum(mass_of(box.client, body) for body in box.names)
     assert 0.8 * total < masses.sum() <= total * (1 + 1e-9)  # the blur loses what is near the walls
     assert masses.min() >= 0 > velocities.min()
-    lines = [
-        line for line in example.text.splitlines() if re.fullmatch(r"  [ .:\-=+*#%@]{50}   [ .:\-=+*#%@]{50}\s*", line)
-    ]
-    assert len([line for line in lines if line.strip()]) <= 25
-    assert "@" in "".join(lines)
+    assert re.search(r"^  [ .:\-=+*#%@]{50}   [ .:\-=+*#%@]*@[ .:\-=+*#%@]*$", example.text, re.MULTILINE)
 
 
 def test_chaos_counts_kinds_before_and_after(box):

@@ -182,10 +182,7 @@ def test_times_of_stages(ss: ss2sql.Session) -> None:
     result.value  # noqa: B018
     assert set(result.stats.seconds) == set(STAGES)
     query = ss.compile(script)
-    assert set(query.run().stats.seconds) == {"lower", "compile", "run"}
-    assert set(query.run().stats.seconds) == {"run"}
-    native = ss.run(script, engine="native").stats.seconds
-    assert native["compile"] > 0
+    assert [set(query.run().stats.seconds) for _ in range(2)] == [{"lower", "compile", "run"}, {"run"}]
 
 
 def test_the_result_of_a_broken_off_run_is_explained(ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch) -> None:

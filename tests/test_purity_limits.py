@@ -9,7 +9,6 @@ import math
 import operator
 import random
 import time
-import timeit
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -158,10 +157,8 @@ def test_proofs_of_large_sources_end(load: Load) -> None:
     assert infer(module.deep).reason == "is nested too deeply to be followed"
 
 
-def test_inference_is_quick_and_does_not_pile_up(load: Load) -> None:
+def test_inference_does_not_pile_up(load: Load) -> None:
     for number in range(6):
         assert infer(load(f"def f(x): return x + {number}").f).volatility == "immutable"
     assert source._parse.cache_info().currsize <= 4
     assert (infer(move).volatility, infer(moved).changes) == ("immutable", False)
-    best = min(timeit.repeat(lambda: infer(move), number=1, repeat=20))
-    assert best < 0.005  # a fraction of a millisecond on an idle machine

@@ -19,7 +19,6 @@ from bullet_rooms import ENGINES, Counting, ball, box, furnish, jointed, live, m
 from ss2sql.scenes import Sensor, chaos
 from ss2sql.scenes.bullet import connect
 from ss2sql.vtables.pybullet import PyBulletWorld
-from ss2sql.vtables.pybullet.posture import posture
 
 
 @pytest.fixture
@@ -240,7 +239,9 @@ def test_collision_equals_moving_there_and_moves_nothing(client: Any, ss: ss2sql
         furnish(client, dice, 5)
         place = [dice.uniform(-2, 2) for _ in range(3)]
         robot = jointed(client, dice, 3.0, place, client.getQuaternionFromEuler([0.3, 0.2, dice.uniform(-3, 3)]), 4)
-        if seed % 2:
+        if seed % 2:  # so quick that the step moves them, and their links, to somewhere else
+            for body in live(client):
+                client.resetBaseVelocity(body, [dice.uniform(-200, 200) for _ in range(3)], (9, -20, 30))
             client.stepSimulation()
         poses = []
         for turned in (False, True) * 12:
@@ -267,25 +268,6 @@ def test_a_margin_counts_and_is_a_number(client: Any, ss: ss2sql.Session) -> Non
     assert values(ss, script, r=robot, g=ground) == [True, False, True, False]
     assert values(ss, "[collision(r, [2, 0, 2], 0.9), collision(r, [2, 0, 2], 1.1)]", r=robot) == [False, True]
     assert "X007" in message(ss, "collision(r, [1, 2], 'near')", r=robot)
-
-
-def test_collision_sees_links_that_the_last_step_has_moved(client: Any, ss: ss2sql.Session) -> None:
-    counts: Counter[bool] = Counter()
-    for seed in range(6):
-        dice = Random(seed)
-        client.resetSimulation()
-        arms = [jointed(client, dice, 3.0, [dice.uniform(-1, 1) for _ in range(3)], (0, 0, 0, 1)) for _ in range(3)]
-        for arm in arms:
-            client.resetBaseVelocity(arm, [dice.uniform(-200, 200) for _ in range(3)], (9, -20, 30))
-        robot = ball(client, 0.15, (0, 0, 90))
-        client.stepSimulation()
-        links = [posture(client, arm, client.getBasePositionAndOrientation(arm)) for arm in arms]
-        centres = [frame[0] for frames in links for frame in frames.values()]
-        poses = [[part + dice.uniform(-0.4, 0.4) for part in dice.choice(centres)] for _ in range(60)]
-        found = values(ss, "SELECT collision(r, this) FROM poses AS list", r=robot, poses=poses)
-        assert found == [moved_collides(client, robot, pose) for pose in poses]
-        counts.update(found)
-    assert min(counts.values()) > 30
 
 
 def test_shapes_of_all_kinds_stand_in_the_way(client: Any, ss: ss2sql.Session) -> None:
