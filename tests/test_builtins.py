@@ -162,20 +162,17 @@ def test_what_cannot_fail_and_what_can() -> None:
         ("norm", (POINT,)), ("distance", (POINT, POINT)),
     ]  # fmt: skip
     unsafe = [
-        ("lt", (INT, Type(Kind.INT | Kind.NONE))), ("lt", (INT, text)), ("lt", (Type(Kind.LIST), Type(Kind.LIST))),
-        ("add", (INT, bounded(0, 1))), ("add", (floats, floats)), ("add", (Type(Kind.INT | Kind.STR), text)),
+        ("lt", (INT, Type(Kind.INT | Kind.NONE))), ("add", (INT, bounded(0, 1))), ("add", (floats, floats)),
         ("sub", (bounded(INT_MIN, 0), bounded(1, 1))), ("mul", (bounded(0, 2**32), bounded(0, 2**31))),
-        ("mul", (floats, floats)), ("div", (INT, bounded(0, 1))), ("div", (INT, bounded(-1, 1))),
-        ("div", (floats, bounded(0.5, 1, Kind.FLOAT))), ("mod", (INT, INT)), ("neg", (INT,)),
-        ("abs", (bounded(INT_MIN, 0),)), ("in", (INT, text)), ("item", (numbers, bounded(0, 0))), ("len", (ANY,)),
-        ("str", (ANY,)), ("sorted", (Type(Kind.LIST, item=Type(Kind.INT | Kind.NONE)),)), ("min", (numbers,)),
-        ("sum", (numbers,)), ("average", (numbers,)), ("range", (INT,)),
-        ("range", (bounded(0, 5), bounded(0, 5), bounded(0, 1))), ("sqrt", (bounded(-1, 5),)), ("round", (floats,)),
-        ("round", (INT, bounded(-1, 1))), ("int", (floats,)), ("float", (text,)), ("distance", (floats, floats)),
+        ("mul", (floats, floats)), ("div", (INT, bounded(-1, 1))), ("div", (floats, bounded(0.5, 1, Kind.FLOAT))),
+        ("mod", (INT, INT)), ("neg", (INT,)), ("abs", (bounded(INT_MIN, 0),)), ("item", (numbers, bounded(0, 0))),
+        ("sorted", (Type(Kind.LIST, item=Type(Kind.INT | Kind.NONE)),)), ("min", (numbers,)), ("sum", (numbers,)),
+        ("average", (numbers,)), ("range", (bounded(0, 5), bounded(0, 5), bounded(0, 1))), ("sqrt", (bounded(-1, 5),)),
+        ("round", (INT, bounded(-1, 1))), ("int", (floats,)), ("distance", (floats, floats)),
         ("pow", (bounded(0, 10), bounded(0, 19))), ("pow", (bounded(0, 10), bounded(-1, 2))),
         ("pow", (floats, bounded(0, 2))), ("item", (POINT, bounded(0, 2))), ("item", (POINT, bounded(-3, 0))),
-        ("item", (POINT, Type(Kind.INT | Kind.STR, 0, 1))), ("item", (union([POINT, text]), bounded(0, 1))),
-        ("max", (list_of([one, text]),)), ("max", (union([POINT, Type(Kind.NONE)]),)), ("sum", (list_of([INT, INT]),)),
+        ("item", (union([POINT, text]), bounded(0, 1))), ("max", (list_of([one, text]),)),
+        ("max", (union([POINT, Type(Kind.NONE)]),)), ("sum", (list_of([INT, INT]),)),
         ("distance", (POINT, list_of([INT]))), ("norm", (list_of([floats]),)),
     ]  # fmt: skip
     for raises, calls in ((False, safe), (True, unsafe)):

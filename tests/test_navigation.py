@@ -46,9 +46,6 @@ PURE = replaced(
     ("move(robot, this+cur_pos)", "this + cur_pos"),
     ("IF(checkCollision(robot);", "IF(collision(robot, this + cur_pos);"),
 )
-# The same, where the sum in WHERE also notes for which state and element it is made.
-GOAL = "WHERE  target_pos == move(robot, {})"
-NOTED = replaced(MOVING, (GOAL.format("this + cur_pos"), GOAL.format("note(cur_pos, level, this)")))
 
 
 def add(left: Any, right: Any) -> Any:
@@ -189,23 +186,6 @@ def test_a_test_that_moves_nothing_asks_once_for_each_pose(floor: Floor, paths: 
     assert set(asked.values()) == {1}
     assert set(asked) == {(x + dx, y + dy) for (x, y), _, (dx, dy), free in floor.steps() if free}
     assert asked.total() == result.stats.calls["collision"]
-
-
-def test_the_paper_looks_once_at_each_state_and_element(floor: Floor, paths: list[Any]) -> None:
-    looked: Counter[tuple[Spot, int, Spot]] = Counter()
-    with floor.session() as ss:
-
-        @ss.function(volatility="volatile")
-        def note(place: list[float], level: int, direction: list[float]) -> Any:
-            looked[(place[0], place[1]), level, (direction[0], direction[1])] += 1
-            return add(place, direction)
-
-        result = ss.run(NOTED)
-    assert result.value == paths
-    assert set(looked.values()) == {1}
-    steps = list(floor.steps())
-    assert set(looked) == {step[:3] for step in steps}
-    assert result.stats.calls["checkCollision"] == sum(step[3] for step in steps)
 
 
 @pytest.mark.parametrize("engine", ENGINES)

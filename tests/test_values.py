@@ -190,13 +190,9 @@ def test_values_in_messages() -> None:
         def __repr__(self) -> str:
             raise ValueError
 
-    assert show([[3, 2, 1], []]) == "[[3, 2, 1], []]"
-    assert show("it's") == '"it\'s"'
-    assert show([None, True, 1.0]) == "[None, True, 1.0]"
     assert show([Opaque(Thing()), Silent()]) == "[Thing, <Silent>]"
     assert show(np.zeros((2, 2))) == "array([[0., 0.], [0., 0.]])"
     assert len(show(list(range(10**6)))) == 60
-    assert len(show("x" * 10**6)) == 60
     assert show(-(10**5000)) == "<integer of 16610 bits>"
 
 
@@ -411,10 +407,7 @@ def test_blobs_of_tables_are_bytes_objects(blob: bytes) -> None:
     handle = pool.encode(blob)
     assert pool.decode(handle) == pool.fresh(handle) == blob
     assert pool.encode_foreign(blob, GIVER) == handle
-    assert pool.key(blob) == pool.key(handle)
-    assert pool.equal(blob, handle)
-    assert not pool.equal(blob, pool.encode([1]))
-    assert not pool.equal(blob, pool.encode(b"other"))
+    assert [pool.equal(blob, other) for other in (handle, pool.encode([1]))] == [True, False]
     strange = Pool().encode([1])  # the handle of another pool
     assert pool.decode(strange) == strange
 
