@@ -98,10 +98,8 @@ BROKEN_TABLES: list[tuple[str, type[Any], dict[str, Any], str]] = [
         lambda: Balls.keys(table, where))}, "keys are the same each time"),
     ("fails", Balls, {"keys": failing("no connection")}, "keys can be listed"),
     ("gives no number", Balls, {"place": lambda table, key: (float("nan"), 0.0, 0.0)}, FIT),
-    ("gives an array", Balls, {"place": lambda table, key: (np.zeros(3), 0.0, 0.0)}, FIT),
     ("gives too many values", Balls, {"place": lambda table, key: (1.0, 2.0, 3.0, 4.0)}, FIT),
     ("gives another type", Balls, {"label": lambda table, key: (7, None)}, FIT),
-    ("gives None", Balls, {"label": lambda table, key: (None, None)}, FIT),
     ("moves what it reads", Balls, {"place": lambda table, key: changed(
         lambda: push(balls_of(table), key), lambda: Balls.place(table, key))}, READING),
     ("reads the dead", Balls, {"place": lambda table, key:

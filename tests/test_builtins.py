@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from random_values import FLOATS, INTEGERS, NUMBERS, PLAIN_VALUES, SCALARS, TEXTS, VALUES, lists, same
 
 from ss2sql.errors import ExecutionError
-from ss2sql.kinds import ANY, INT, INT_MAX, INT_MIN, Kind, Type, covers, list_of, type_of, union
+from ss2sql.kinds import ANY, INT, INT_MIN, Kind, Type, covers, list_of, type_of, union
 from ss2sql.runtime.builtins import BUILTINS
 from ss2sql.runtime.values import check, normalise
 
@@ -48,34 +48,24 @@ def attempt(name: str, *arguments: Any) -> tuple[Any, ExecutionError | None]:
 
 # Values, and the codes of errors, are in cases/expressions/built-in-functions.sheet.
 MESSAGES: list[tuple[Any, ...]] = [
-    ("add", [1], 1, "X001 cannot compute [1] + 1"), ("sub", "a", "a", "X001 cannot compute 'a' - 'a'"),
-    ("mul", "a", 10**9, "X001 cannot compute 'a' * 1000000000"), ("div", {}, 1, "X001 cannot compute {} / 1"),
-    ("div", 1.5, -0.0, "X002 division by zero: 1.5 / -0.0"), ("mod", 1.0, 0.0, "X002 division by zero: 1.0 % 0.0"),
-    ("mod", "%s", 1, "X001 cannot compute '%s' % 1"), ("pow", 0, -1, "X002 division by zero: 0 ^ -1"),
+    ("add", [1], 1, "X001 cannot compute [1] + 1"), ("mod", "%s", 1, "X001 cannot compute '%s' % 1"),
+    ("neg", "a", "X001 cannot compute -'a'"), ("div", 1.5, -0.0, "X002 division by zero: 1.5 / -0.0"),
+    ("mod", 1.0, 0.0, "X002 division by zero: 1.0 % 0.0"), ("pow", 0, -1, "X002 division by zero: 0 ^ -1"),
     ("pow", 10, 10**10, "X004 integer overflow: 10 ^ 10000000000 does not fit into 64 bits"),
-    ("pow", "a", 2, "X001 cannot compute 'a' ^ 2"), ("neg", INT_MIN, "X004 integer overflow: 9223372036854775808"),
-    ("neg", "a", "X001 cannot compute -'a'"), ("in", 1, "abc", "X001 cannot look for 1 in 'abc'"),
-    ("not_in", 1, None, "X001 cannot look for 1 in None"),
+    ("neg", INT_MIN, "X004 integer overflow: 9223372036854775808"), ("in", 1, None, "X001 cannot look for 1 in None"),
     ("item", "", 0, "X003 index 0 is out of range: '' has 0 characters"), ("item", {}, 1, "X003 {} has no key 1"),
-    ("item", {"a": 1}, {"a": 1}, "X003 {'a': 1} has no key {'a': 1}"),
     ("item", [1], 0.0, "X001 cannot use 0.0 as an index of [1]"),
     ("item", None, 0, "X001 cannot take an element of None"), ("slice", 5, 0, 1, "X001 cannot take a slice of 5"),
     ("slice", [1], 0.5, None, "X001 cannot use 0.5 as the bound of a slice"),
     *((name, "abc", f"X007 {name} works on a list, not on 'abc'") for name in ("count", "sum", "uniq")),
-    *((name, 5, f"X007 {name} works on a list, not on 5") for name in ("max", "sum")),
-    ("sorted", {"a": 1}, "X007 sorted works on a list"), ("zip", [1], "ab", "X007 zip works on a list, not on 'ab'"),
-    *((name, ["a"], f"X007 {name} works on numbers, not on 'a'") for name in ("sum", "average", "norm")),
+    ("max", 5, "X007 max works on a list, not on 5"), ("zip", [1], "ab", "X007 zip works on a list, not on 'ab'"),
     *((name, "4", f"X007 {name} works on numbers, not on '4'") for name in ("abs", "sqrt", "round", "norm")),
-    ("distance", "a", "b", "X007 distance works on numbers, not on 'a'"),
     ("distance", [1], [1, 2], "X007 distance of lists of 1 and 2 numbers"),
-    ("distance", [1], 2, "X007 distance of [1] and 2"),
+    ("distance", [1], 2, "X007 distance of [1] and 2"), ("range", 1, 5, 0, "X007 the step of range is 0"),
     ("range", 10**12, "X007 range(1000000000000) has too many elements"),
-    ("range", 1.0, "X007 range works on integers, not on 1.0"), ("range", 1, 5, 0, "X007 the step of range is 0"),
+    ("range", 1.0, "X007 range works on integers, not on 1.0"),
     ("round", 1.5, 0.5, "X007 round takes a whole number of decimal places, not 0.5"),
-    ("round", INT_MAX, -19, "X004 integer overflow: 10000000000000000000"), ("int", "9" * 5000, "X007 int cannot read"),
-    ("int", [1], "X007 int works on numbers and strings, not on [1]"),
-    ("float", None, "X007 float works on numbers and strings, not on None"),
-    ("float", "x", "X007 float cannot read 'x'"), ("float", "nan", "X004 'nan' is not a finite number"),
+    ("int", "9" * 5000, "X007 int cannot read"), ("int", [1], "X007 int works on numbers and strings, not on [1]"),
     ("float", "1e999", "X004 '1e999' is not a finite number"),
 ]  # fmt: skip
 
@@ -109,24 +99,6 @@ def test_the_order_of_a_sum_does_not_matter(numbers: list[Any], random: Any) -> 
         assert error is None or other is None or error.code == other.code
 
 
-@given(st.lists(VALUES, max_size=6))
-def test_uniq_keeps_the_first_of_equal_values(values: list[Any]) -> None:
-    expected: list[Any] = []
-    for value in values:
-        if value not in expected:
-            expected.append(value)
-    assert same(call("uniq", values), expected)
-
-
-@given(st.lists(NUMBERS, min_size=1, max_size=6))
-def test_extremes_are_the_ends_of_the_sorted_list(numbers: list[Any]) -> None:
-    ordered = call("sorted", numbers)
-    assert call("min", numbers) is ordered[0] or same(call("min", numbers), ordered[0])
-    assert call("max", numbers) == ordered[-1]
-    assert same(call("min", *numbers) if len(numbers) > 1 else ordered[0], ordered[0])
-    assert same(call("max", numbers), call("sorted", numbers, True)[0])
-
-
 @given(PLAIN_VALUES, PLAIN_VALUES)
 def test_no_operator_changes_its_operands(left: Any, right: Any) -> None:
     before = [repr(left), repr(right)]
@@ -134,20 +106,6 @@ def test_no_operator_changes_its_operands(left: Any, right: Any) -> None:
         _, error = attempt(name, left, right)
         assert error is None or error.code in ("X001", "X003", "X004", "X007")
     assert [repr(left), repr(right)] == before
-
-
-def test_the_table_is_complete() -> None:
-    assert sorted(BUILTINS) == sorted([*OPERATORS, *FUNCTIONS, "item", "slice", *OF_SESSION])
-    for name, entry in BUILTINS.items():
-        assert entry.name == name
-        assert entry.text
-        assert "\n" not in entry.text
-        assert entry.minimum <= (entry.minimum if entry.maximum is None else entry.maximum)
-        assert (entry.python is None) is (name in OF_SESSION)
-        assert entry.volatility == ("volatile" if name in OF_SESSION else "immutable")
-        types = (ANY,) * entry.minimum
-        assert isinstance(entry.result(types), Type)
-        assert entry.raises(types) is (name not in ("eq", "ne"))
 
 
 # --- types ---------------------------------------------------------------------------------------------
@@ -165,14 +123,10 @@ def test_bounds_are_computed() -> None:
     half = bounded(-0.5, 0.5, Kind.FLOAT)
     cases: list[tuple[str, Sequence[Type], Type]] = [
         ("add", (small, one), bounded(1, 6)), ("add", (small, half), bounded(-0.5, 5.5, Kind.FLOAT)),
-        ("add", (bounded(0, 1, Kind.BOOL), one), bounded(1, 2)), ("sub", (small, one), bounded(-1, 4)),
         ("mul", (small, bounded(-2, 3)), bounded(-10, 15)), ("mul", (INT, bounded(0, 0)), bounded(0, 0)),
         ("div", (small, bounded(2, 4)), bounded(0, 2.5, Kind.FLOAT)), ("mod", (INT, bounded(10, 10)), bounded(0, 9)),
         ("mod", (small, bounded(10, 10)), small), ("mod", (INT, bounded(-3, 4)), bounded(-2, 3)),
         ("pow", (bounded(-3, 2), bounded(2, 2)), bounded(0, 9)),
-        ("pow", (bounded(-3, -2), bounded(2, 2)), bounded(4, 9)),
-        ("pow", (bounded(-3, 2), bounded(3, 3)), bounded(-27, 8)),
-        ("pow", (bounded(-3, 2), bounded(0, 0)), bounded(1, 1)),
         ("pow", (bounded(-3, 2), bounded(1, 2)), bounded(-9, 9)), ("pow", (INT, bounded(2, 2)), Type(Kind.INT, 0)),
         ("pow", (bounded(2, 3), bounded(1, 2)), bounded(1, 9)), ("neg", (small,), bounded(-5, 0)),
         ("abs", (bounded(-7, 5),), bounded(0, 7)), ("round", (bounded(-0.7, 2.5, Kind.FLOAT),), bounded(-1, 2)),
@@ -183,12 +137,10 @@ def test_bounds_are_computed() -> None:
         ("min", (list_of([bounded(3, 4)]),), bounded(3, 4)), ("sum", (POINT,), bounded(-1, 5)),
         ("len", (POINT,), bounded(2, 2)), ("item", (POINT, bounded(0, 0)), bounded(-2, 0)),
         ("item", (POINT, bounded(-1, -1)), bounded(1, 5)), ("item", (POINT, bounded(0, 1)), bounded(-2, 5)),
-        ("item", (POINT, bounded(1, 7)), bounded(1, 5)),
         ("item", (list_of([Type(Kind.STR), one]), bounded(0, 1, Kind.BOOL)), bounded(1, 1, Kind.STR | Kind.INT)),
         ("zip", (POINT, list_of([Type(Kind.STR)])),
          Type(Kind.LIST, item=list_of([bounded(-2, 5), Type(Kind.STR)]), columns=())),
         ("range", (bounded(0, 9),), Type(Kind.LIST, item=bounded(0, 8), columns=())),
-        ("range", (bounded(1, 3), bounded(5, 9)), Type(Kind.LIST, item=bounded(1, 8), columns=())),
         ("range", (bounded(7, 9), bounded(1, 3), INT), Type(Kind.LIST, item=bounded(2, 9), columns=())),
     ]  # fmt: skip
     for name, types, expected in cases:
@@ -212,20 +164,17 @@ def test_what_cannot_fail_and_what_can() -> None:
         ("norm", (POINT,)), ("distance", (POINT, POINT)),
     ]  # fmt: skip
     unsafe = [
-        ("lt", (INT, Type(Kind.INT | Kind.NONE))), ("lt", (INT, text)), ("lt", (Type(Kind.LIST), Type(Kind.LIST))),
-        ("add", (INT, bounded(0, 1))), ("add", (floats, floats)), ("add", (Type(Kind.INT | Kind.STR), text)),
+        ("lt", (INT, Type(Kind.INT | Kind.NONE))), ("add", (INT, bounded(0, 1))), ("add", (floats, floats)),
         ("sub", (bounded(INT_MIN, 0), bounded(1, 1))), ("mul", (bounded(0, 2**32), bounded(0, 2**31))),
-        ("mul", (floats, floats)), ("div", (INT, bounded(0, 1))), ("div", (INT, bounded(-1, 1))),
-        ("div", (floats, bounded(0.5, 1, Kind.FLOAT))), ("mod", (INT, INT)), ("neg", (INT,)),
-        ("abs", (bounded(INT_MIN, 0),)), ("in", (INT, text)), ("item", (numbers, bounded(0, 0))), ("len", (ANY,)),
-        ("str", (ANY,)), ("sorted", (Type(Kind.LIST, item=Type(Kind.INT | Kind.NONE)),)), ("min", (numbers,)),
-        ("sum", (numbers,)), ("average", (numbers,)), ("range", (INT,)),
-        ("range", (bounded(0, 5), bounded(0, 5), bounded(0, 1))), ("sqrt", (bounded(-1, 5),)), ("round", (floats,)),
-        ("round", (INT, bounded(-1, 1))), ("int", (floats,)), ("float", (text,)), ("distance", (floats, floats)),
+        ("mul", (floats, floats)), ("div", (INT, bounded(-1, 1))), ("div", (floats, bounded(0.5, 1, Kind.FLOAT))),
+        ("mod", (INT, INT)), ("neg", (INT,)), ("abs", (bounded(INT_MIN, 0),)), ("item", (numbers, bounded(0, 0))),
+        ("sorted", (Type(Kind.LIST, item=Type(Kind.INT | Kind.NONE)),)), ("min", (numbers,)), ("sum", (numbers,)),
+        ("average", (numbers,)), ("range", (bounded(0, 5), bounded(0, 5), bounded(0, 1))), ("sqrt", (bounded(-1, 5),)),
+        ("round", (INT, bounded(-1, 1))), ("int", (floats,)), ("distance", (floats, floats)),
         ("pow", (bounded(0, 10), bounded(0, 19))), ("pow", (bounded(0, 10), bounded(-1, 2))),
         ("pow", (floats, bounded(0, 2))), ("item", (POINT, bounded(0, 2))), ("item", (POINT, bounded(-3, 0))),
-        ("item", (POINT, Type(Kind.INT | Kind.STR, 0, 1))), ("item", (union([POINT, text]), bounded(0, 1))),
-        ("max", (list_of([one, text]),)), ("max", (union([POINT, Type(Kind.NONE)]),)), ("sum", (list_of([INT, INT]),)),
+        ("item", (union([POINT, text]), bounded(0, 1))), ("max", (list_of([one, text]),)),
+        ("max", (union([POINT, Type(Kind.NONE)]),)), ("sum", (list_of([INT, INT]),)),
         ("distance", (POINT, list_of([INT]))), ("norm", (list_of([floats]),)),
     ]  # fmt: skip
     for raises, calls in ((False, safe), (True, unsafe)):

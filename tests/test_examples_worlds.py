@@ -3,9 +3,8 @@
 import itertools
 import re
 import shutil
-from collections import Counter, deque
-from collections.abc import Iterator
-from math import dist, hypot
+from collections import Counter
+from math import hypot
 from typing import Any
 
 import pytest
@@ -17,9 +16,6 @@ from example_pages import EXAMPLES, play
 
 import ss2sql
 from ss2sql.vtables.pybullet import PyBulletWorld
-
-Spot = tuple[float, float]
-DIRECTIONS: list[Spot] = [(0, 1), (0, -1), (1, -1), (-1, -1), (1, 0), (-1, 0), (-1, 1), (1, 1)]
 
 
 def script(name: str) -> list[str]:
@@ -36,95 +32,11 @@ def is_png(file: Any) -> bool:
     return file.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n" and file.stat().st_size > 20_000
 
 
-# --- navigation ----------------------------------------------------------------------------------------
-
-
-class Floor:
-    """The hall, asked for collisions without ss2sql: the robot is put there, and distances to all bodies are asked."""
-
-    def __init__(self) -> None:
-        self.hall = ss2sql.scenes.hall(seed=0)
-        self.known: dict[Spot, bool] = {}
-
-    def blocked(self, spot: Spot) -> bool:
-        if spot not in self.known:
-            client, robot = self.hall.client, self.hall.robot
-            (_, _, z), turned = client.getBasePositionAndOrientation(robot)
-            client.resetBasePositionAndOrientation(robot, (*spot, z), turned)
-            others = [body for body in self.hall.names if body != robot]
-            self.known[spot] = any(client.getClosestPoints(robot, body, 0.0) for body in others)
-        return self.known[spot]
-
-
-@pytest.fixture(scope="module")
-def floor() -> Any:
-    found = Floor()
-    yield found
-    found.hall.close()
-
-
-START, TARGET = (4.0, 3.0), (10.0, 9.0)
+# --- navigation: what it finds is tested in test_navigation.py --------------------------------------------
 
 
 def test_navigation_runs_the_listing_of_the_paper_as_printed():
     assert script("navigation/1_paths.ss") == stripped(listings.ROBOT)
-
-
-def test_navigation_lists_paths_as_a_plain_enumeration_does(floor):
-    graph: dict[Spot | None, list[Spot]] = {}  # None: the start, before the first step
-    checked(floor, graph)
-    steps: dict[Spot | None, int] = {TARGET: 0}  # to the target, at least
-    for length in range(1, 21):
-        for here, ends in graph.items():
-            if here not in steps and any(steps.get(spot) == length - 1 for spot in ends):
-                steps[here] = length
-
-    def paths(here: Spot | None, left: int, before: tuple[Spot, ...]) -> Iterator[tuple[Spot, ...]]:
-        for spot in graph[here]:
-            if spot == TARGET and left == 1:
-                yield (*before, spot)
-            elif spot != TARGET and spot not in before and steps.get(spot, left) < left:
-                yield from paths(spot, left - 1, (*before, spot))
-
-    every = itertools.chain.from_iterable(paths(None, length, ()) for length in range(1, 21))
-    expected = [[list(spot) for spot in path] for path in itertools.islice(every, 1000)]
-    assert play("navigation").value("1_paths") == expected
-
-
-def checked(floor: Floor, graph: dict[Spot | None, list[Spot]]) -> tuple[int, int]:
-    """How many steps ask for a collision, and how many collide. `graph` gets the steps that go on.
-
-    Each place is gone on from once, from the level where it was reached first; the start has been left, not reached. A
-    step to a place that was reached before is dropped before anything is asked.
-    """
-    reached: set[Spot] = set()
-    waiting = deque([(START, 1)])
-    asked, hits = 0, 0
-    while waiting:
-        here, level = waiting.popleft()
-        ends = graph.setdefault(None if level == 1 else here, [])
-        for spot in ((here[0] + x, here[1] + y) for x, y in DIRECTIONS):
-            if spot == TARGET or spot in reached:
-                ends.append(spot)
-            elif dist(spot, TARGET) <= 0.5 * (20 - level):
-                asked += 1
-                if floor.blocked(spot):
-                    hits += 1
-                else:
-                    ends.append(spot)
-                    reached.add(spot)
-                    waiting.append((spot, level + 1))
-    return asked, hits
-
-
-def test_navigation_tells_what_it_asked_and_shows_a_picture(floor):
-    example = play("navigation")
-    assert example.result("1_paths").status == "maximum"
-    asked, hits = checked(floor, {})
-    assert example.result("1_paths").stats.calls["checkCollision"] == asked
-    assert f"the bell rang {hits} times" in example.text
-    assert f"{asked} calls of checkCollision" in example.text
-    assert is_png(example.picture("navigation.png"))
 
 
 # --- the chaos -----------------------------------------------------------------------------------------
@@ -163,11 +75,7 @@ def test_chaos_gives_planes_with_what_is_in_the_box(box):
     total = sum(mass_of(box.client, body) for body in box.names)
     assert 0.8 * total < masses.sum() <= total * (1 + 1e-9)  # the blur loses what is near the walls
     assert masses.min() >= 0 > velocities.min()
-    lines = [
-        line for line in example.text.splitlines() if re.fullmatch(r"  [ .:\-=+*#%@]{50}   [ .:\-=+*#%@]{50}\s*", line)
-    ]
-    assert len([line for line in lines if line.strip()]) <= 25
-    assert "@" in "".join(lines)
+    assert re.search(r"^  [ .:\-=+*#%@]{50}   [ .:\-=+*#%@]*@[ .:\-=+*#%@]*$", example.text, re.MULTILINE)
 
 
 def test_chaos_counts_kinds_before_and_after(box):
@@ -228,9 +136,10 @@ def test_the_alarm_tells_every_change_while_the_robot_drives():
 # --- facts ---------------------------------------------------------------------------------------------
 
 
-def test_facts_are_those_of_the_simulation(floor):
-    example, hall = play("facts"), floor.hall
-    weights = {name: mass_of(hall.client, body) for body, name in hall.names.items()}
+def test_facts_are_those_of_the_simulation():
+    example = play("facts")
+    with ss2sql.scenes.hall(seed=0) as hall:
+        weights = {name: mass_of(hall.client, body) for body, name in hall.names.items()}
     facts = set(example.value("1_bodies").splitlines())
     assert {fact for fact in facts if fact.startswith("is")} == {
         *(f"isSensor({hall.names[sensor]})." for sensor in hall.sensors), "isRobot('YouBot').",

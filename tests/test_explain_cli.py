@@ -80,13 +80,6 @@ def test_a_run_that_is_broken_off_is_explained_nevertheless() -> None:
     assert "T001" in found.stderr
 
 
-def test_errors_end_it() -> None:
-    found = call("-e", "SELECT nothing FROM [1];", "--analyze")
-    assert (found.exit_code, found.stdout) == (1, "")
-    assert "R001" in found.stderr
-    assert call("-e", "SELECT FROM [1];").exit_code == 1
-
-
 def test_names_without_a_value_are_told() -> None:
     script = ("-e", "SELECT this FROM [1] WHERE this > least AND this < most;")
     assert call(*script).stdout.startswith("needs a value for least, most\n")

@@ -38,16 +38,6 @@ def test_levels_add_up_to_what_the_run_has_counted(ss: ss2sql.Session, options: 
     assert [row["generated"] for row in found] == [3 * count for count in going[:-1]]
 
 
-@pytest.mark.parametrize("options", ["", "BREADTH FIRST"])
-def test_a_tree(ss: ss2sql.Session, options: str, engine: Any) -> None:
-    """Two ways on from everywhere, three levels deep; the last level leads nowhere."""
-    script = f"SELECT this FROM [1, 2] START WITH n = 1 CONNECT BY {options} n = n + 1 STOP WITH n == 4;"
-    result = ss.run(script, engine=engine)
-    assert [tuple(row.values()) for row in table(result.explain(levels=True))] == [
-        (1, 2, 2, 0, 2), (2, 4, 4, 0, 4), (3, 8, 8, 0, 8), (4, 16, 0, 0, 0),
-    ]  # fmt: skip
-
-
 def test_a_search_that_has_its_maximum_ends_early_here_too(ss: ss2sql.Session, engine: Any) -> None:
     script = "SELECT this FROM [1, 2] START WITH n = 1 CONNECT BY BREADTH FIRST MAXIMUM 5 n = n + 1;"
     result = ss.run(script, engine=engine)

@@ -237,34 +237,6 @@ def test_columns_that_are_read_are_converted_once_per_run(
     assert made.columns == (2 if cannot_change else 4)
 
 
-def test_a_frame_gives_way_to_whatever_takes_its_name(ss: ss2sql.Session) -> None:
-    source = pandas.DataFrame({"x": [1]})
-    ss.attach("t", source)
-    assert ss.get("t") is source
-    assert ss.eval("SELECT x FROM t AS list;") == [1]
-    assert ss.eval("t = [2]; SELECT this FROM t AS list;") == [2]
-    ss.attach("t", [{"x": 3}])
-    assert ss.eval("SELECT x FROM t AS list;") == [3]
-    ss.attach("t", source)
-    ss.detach("t")
-    with pytest.raises(ss2sql.ResolveError):
-        ss.eval("SELECT x FROM t AS list;")
-
-
-@both
-def test_functions_that_take_arrays(ss: ss2sql.Session, engine: Any) -> None:
-    ss.attach("t", pandas.DataFrame({"x": range(100)}))
-    blocks = []
-
-    def double(x: Any) -> Any:
-        blocks.append(len(x))
-        return x * 2
-
-    ss.function("double", double, vectorized=True)
-    assert ss.run("SELECT double(x) FROM t AS list;", engine=engine).value == [2 * x for x in range(100)]
-    assert len(blocks) < 20
-
-
 # --- what stands in cells ------------------------------------------------------------------------------
 
 

@@ -8,7 +8,6 @@ from typing import Any
 import pytest
 
 import ss2sql
-from ss2sql.errors import Source, Span, note_place
 from ss2sql.vtables import Column, Table, World, function
 
 
@@ -150,14 +149,6 @@ def test_the_text_of_an_eval(ss: ss2sql.Session, engine: Any) -> None:
         "raised by the function 'fail', called at <eval>:1:1\n  1 | fail(5)\n"
         "in the text that eval reads at <script>:2:1\n  2 | eval(x);"
     ]
-
-
-def test_a_line_of_another_text_is_shown_from_that_text() -> None:
-    """The places of one function may lie in two texts: each line comes from its own."""
-    error = MishapError("no")
-    first, second = Source("a;\nb;", "one.ss"), Source("c;\nd;", "two.ss")
-    note_place(error, "f", [Span(first, 0, 1), Span(second, 3, 4)])
-    assert error.__notes__ == ["raised by the function 'f', called at one.ss:1:1, two.ss:2:1\n  1 | a;\n  2 | d;"]
 
 
 @pytest.mark.parametrize("script", ["SELECT heavy\nFROM world;", "SELECT x\nFROM world WHERE heavy > 1;"])

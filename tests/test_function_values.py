@@ -139,9 +139,3 @@ def test_values_are_exact_on_every_way(ss: ss2sql.Session, engine: Any, value: A
     assert repr(ss.run(nested, engine=engine).value) == repr([(value, value)])
     search = "SELECT s FROM x WHERE n == 1 START WITH s = x[0], n = 0 CONNECT BY s = this, n = n + 1 STOP WITH n == 1;"
     assert repr(ss.run(search, engine=engine).paths) == repr([[(value,), (value,)]])
-
-
-def test_a_generator_is_read_once_into_a_list(ss: ss2sql.Session, engine: Any) -> None:
-    ss.function("letters", lambda text: (letter for letter in text), volatility="immutable")
-    script = "SELECT letters('ab'), len(letters('ab')) FROM [1, 2] AS rows;"
-    assert ss.run(script, engine=engine).value == [(["a", "b"], 2)] * 2

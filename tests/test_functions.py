@@ -85,14 +85,6 @@ def test_operators_can_be_replaced(ss: ss2sql.Session, engine: Any) -> None:
     assert ss.run(script, engine=engine).value == rows
 
 
-def test_equality_of_groups_and_searches_stays_the_languages(ss: ss2sql.Session, engine: Any) -> None:
-    ss.function("eq", lambda a, b: True)
-    assert ss.run("SELECT this FROM [1, 2] WHERE this == 7 AS list;", engine=engine).value == [1, 2]
-    assert ss.run("SELECT this, count(*) FROM [1, 2] GROUP BY this AS rows;", engine=engine).value == [(1, 1), (2, 1)]
-    search = "SELECT this FROM [1, 2] START WITH n = 0 CONNECT BY UNIQUE n = this;"
-    assert ss.run(search, engine=engine).paths == [[(1,)], [(2,)]]
-
-
 def test_built_in_functions_can_be_replaced(ss: ss2sql.Session, engine: Any) -> None:
     ss.function("max", lambda x: ["mine", x])
     ss.function("len", lambda x: -1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from math import pi
+from math import cos, hypot, pi, sin, sqrt
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,6 @@ import pytest
 from simulators import ARGUMENTS, MuJoCo, agree, answer
 
 import ss2sql
-from ss2sql.scenes.mujoco_chaos import chaos
 from ss2sql.vtables.mujoco import MuJoCoWorld
 
 mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed: pip install mujoco")
@@ -70,12 +69,6 @@ def test_check_world_passes_for_the_robot(robot: tuple[Any, Any]) -> None:
 # --- columns of bodies ---------------------------------------------------------------------------------
 
 
-def test_quaternions_have_their_real_part_last(ss: ss2sql.Session, engine: Any) -> None:
-    script = "SELECT qx, qy, qz, qw, quat FROM space WHERE name == 'crate';"
-    assert answer(ss, script, engine) == [{"qx": 0.5, "qy": 0.5, "qz": 0.5, "qw": 0.5, "quat": [0.5, 0.5, 0.5, 0.5]}]
-    assert answer(ss, "SELECT quat FROM space WHERE name == 'ball' AS list;", engine) == [[0, 0, 0, 1]]
-
-
 def test_angles_make_the_matrix_that_mujoco_has(robot: tuple[Any, Any], ss: ss2sql.Session) -> None:
     model, data = robot
     random = np.random.default_rng(1)
@@ -128,33 +121,23 @@ def test_meshes_have_a_volume_and_count_once_where_another_shape_shows_them(ss: 
     assert rows == [["mesh", pytest.approx(1 / 6), True], ["sphere", pytest.approx(4 / 3 * pi), False]]
 
 
-def test_boxes_hold_the_outermost_points_of_shapes(ss: ss2sql.Session) -> None:
-    scene = chaos(4, 40)
-    scene.step(50)
-    ss.attach("space", scene)
-    for number, (low, high) in answer(ss, "SELECT id, aabb FROM space WHERE hasBody AS rows;"):
-        (geom,) = np.flatnonzero(scene.model.geom_bodyid == number)
-        for axis in range(3):
-            for side, sign in ((low, -1), (high, 1)):
-                outermost = _furthest(scene.model, scene.data, geom, sign * np.eye(3)[axis])
-                assert side[axis] == pytest.approx(outermost[axis], abs=1e-9)
-
-
-def _furthest(model: Any, data: Any, geom: int, direction: Any) -> Any:
-    """The point of a shape that lies furthest in a direction, by the shape's definition."""
-    axes, (a, b, c) = data.geom_xmat[geom].reshape(3, 3), model.geom_size[geom]
-    local = direction @ axes
-    match mujoco.mjtGeom(int(model.geom_type[geom])):
-        case mujoco.mjtGeom.mjGEOM_SPHERE:
-            point = a * local
-        case mujoco.mjtGeom.mjGEOM_BOX:
-            point = np.sign(local) * (a, b, c)
-        case mujoco.mjtGeom.mjGEOM_CAPSULE:
-            point = a * local + (0, 0, np.sign(local[2]) * b)
-        case _:
-            across = np.hypot(local[0], local[1])
-            point = np.array([a * local[0] / across, a * local[1] / across, np.sign(local[2]) * b])
-    return data.geom_xpos[geom] + axes @ point
+def test_boxes_hold_the_outermost_points_of_turned_shapes(ss: ss2sql.Session, engine: Any) -> None:
+    """All are turned by 45 degrees around x, and then so that x, y and z become y, z and x."""
+    a, b, c, r = 0.1, 0.2, 0.3, sqrt(0.5)
+    halves = {
+        "sphere": (a, a, a), "box": (a, (b + c) * r, (b + c) * r), "capsule": (a, b * r + a, b * r + a),
+        "cylinder": (a, (a + b) * r, (a + b) * r), "ellipsoid": (a, hypot(b, c) * r, hypot(b, c) * r),
+    }  # fmt: skip
+    less, more = (cos(pi / 8) - sin(pi / 8)) / 2, (cos(pi / 8) + sin(pi / 8)) / 2
+    turn = f"{less} {more} {more} {less}"
+    _, data = MuJoCo().made("".join(
+        f'<body name="{kind}" pos="1 2 3" quat="{turn}"><geom type="{kind}" size="{a} {b} {c}"/></body>'
+        for kind in halves
+    ))  # fmt: skip
+    ss.attach("space", data)
+    for kind, (low, high) in answer(ss, "SELECT name, aabb FROM space WHERE id > 0 AS rows;", engine):
+        y, z, x = halves[kind]
+        assert (low, high) == (pytest.approx([1 - x, 2 - y, 3 - z]), pytest.approx([1 + x, 2 + y, 3 + z]))
 
 
 @pytest.mark.parametrize(

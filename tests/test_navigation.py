@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Iterator
-from itertools import pairwise
+from itertools import chain, islice, pairwise
 from math import dist
 from typing import Any
 
@@ -19,7 +19,7 @@ import ss2sql
 
 pytest.importorskip("pybullet")
 
-from example_pages import EXAMPLES
+from example_pages import EXAMPLES, play
 
 from ss2sql.vtables.pybullet import PyBulletWorld
 
@@ -46,9 +46,6 @@ PURE = replaced(
     ("move(robot, this+cur_pos)", "this + cur_pos"),
     ("IF(checkCollision(robot);", "IF(collision(robot, this + cur_pos);"),
 )
-# The same, where the sum in WHERE also notes for which state and element it is made.
-GOAL = "WHERE  target_pos == move(robot, {})"
-NOTED = replaced(MOVING, (GOAL.format("this + cur_pos"), GOAL.format("note(cur_pos, level, this)")))
 
 
 def add(left: Any, right: Any) -> Any:
@@ -143,6 +140,37 @@ def paths(floor: Floor) -> list[Any]:
     return result.value
 
 
+def test_they_are_the_first_paths_of_a_plain_enumeration(floor: Floor, paths: list[Any]) -> None:
+    free = [(x + dx, y + dy) for (x, y), _, (dx, dy), free in floor.steps() if free]
+    reached = {TARGET, *(spot for spot in free if not floor.collides(spot))}
+    ends = {(x, y): [(x + dx, y + dy) for dx, dy in DIRECTIONS if (x + dx, y + dy) in reached]
+            for x, y in (START, *reached)}  # fmt: skip
+    steps: dict[Spot, int] = {TARGET: 0}  # to the target, at least
+    for length in range(1, 21):
+        near = [here for here in ends if here not in steps and any(steps.get(end) == length - 1 for end in ends[here])]
+        steps |= dict.fromkeys(near, length)
+
+    def walks(here: Spot, left: int, before: tuple[Spot, ...]) -> Iterator[tuple[Spot, ...]]:
+        for spot in ends[here]:
+            if spot == TARGET and left == 1:
+                yield (*before, spot)
+            elif spot != TARGET and spot not in before and steps.get(spot, left) < left:
+                yield from walks(spot, left - 1, (*before, spot))
+
+    every = chain.from_iterable(walks(START, length, ()) for length in range(1, 21))
+    assert paths == [[list(spot) for spot in path] for path in islice(every, 1000)]
+
+
+def test_the_example_tells_what_it_asked_and_shows_a_picture(floor: Floor, paths: list[Any]) -> None:
+    example = play("navigation")
+    assert example.value("1_paths") == paths
+    asked = [(x + dx, y + dy) for (x, y), _, (dx, dy), free in floor.steps() if free]
+    assert example.result("1_paths").stats.calls["checkCollision"] == len(asked)
+    assert f"the bell rang {sum(map(floor.collides, asked))} times" in example.text
+    assert f"{len(asked)} calls of checkCollision" in example.text
+    assert example.picture("navigation.png").read_bytes().startswith(b"\x89PNG")
+
+
 def test_a_test_that_moves_nothing_asks_once_for_each_pose(floor: Floor, paths: list[Any]) -> None:
     asked: Counter[Spot] = Counter()
     with floor.session() as ss:
@@ -158,23 +186,6 @@ def test_a_test_that_moves_nothing_asks_once_for_each_pose(floor: Floor, paths: 
     assert set(asked.values()) == {1}
     assert set(asked) == {(x + dx, y + dy) for (x, y), _, (dx, dy), free in floor.steps() if free}
     assert asked.total() == result.stats.calls["collision"]
-
-
-def test_the_paper_looks_once_at_each_state_and_element(floor: Floor, paths: list[Any]) -> None:
-    looked: Counter[tuple[Spot, int, Spot]] = Counter()
-    with floor.session() as ss:
-
-        @ss.function(volatility="volatile")
-        def note(place: list[float], level: int, direction: list[float]) -> Any:
-            looked[(place[0], place[1]), level, (direction[0], direction[1])] += 1
-            return add(place, direction)
-
-        result = ss.run(NOTED)
-    assert result.value == paths
-    assert set(looked.values()) == {1}
-    steps = list(floor.steps())
-    assert set(looked) == {step[:3] for step in steps}
-    assert result.stats.calls["checkCollision"] == sum(step[3] for step in steps)
 
 
 @pytest.mark.parametrize("engine", ENGINES)

@@ -207,13 +207,6 @@ def f(x):
     root = m.sqrt
     again = root
     return sorted(x, key=again), again(x)
-# patterns that bind names in the module
-match [1, {"a": 2, "b": 3}]:
-    case [first, {"a": second}]: pass
-    case [first, *others]: pass
-    case {"a": third, **rest}: pass
-async def neighbour(): pass
-def f(x): return x + 1
 '''
 IMMUTABLE = {
     "future annotations": "from __future__ import annotations\ndef f(x: Unknown) -> Unknown: return x",

@@ -190,13 +190,9 @@ def test_values_in_messages() -> None:
         def __repr__(self) -> str:
             raise ValueError
 
-    assert show([[3, 2, 1], []]) == "[[3, 2, 1], []]"
-    assert show("it's") == '"it\'s"'
-    assert show([None, True, 1.0]) == "[None, True, 1.0]"
     assert show([Opaque(Thing()), Silent()]) == "[Thing, <Silent>]"
     assert show(np.zeros((2, 2))) == "array([[0., 0.], [0., 0.]])"
     assert len(show(list(range(10**6)))) == 60
-    assert len(show("x" * 10**6)) == 60
     assert show(-(10**5000)) == "<integer of 16610 bits>"
 
 
@@ -229,22 +225,9 @@ def test_objects_stay_themselves() -> None:
         assert pool.fresh(alone) is pool.fresh(inside)["a"][0] is thing
         assert pool.encode_foreign(thing, GIVER) == alone
         assert pool.encode_foreign({"a": [thing]}, GIVER) == inside == pool.encode(pool.decode(inside))
+    assert fresh(normalise(np.array(dates[1:2]), GIVER)) == dates[1:2]
     assert normalise(b"bytes", GIVER) == b"bytes"
     assert truth(b"bytes") is True
-
-
-def test_only_what_python_cannot_compare_is_wrapped() -> None:
-    path = pathlib.PurePath("a")
-    assert normalise(path, GIVER) is path
-    assert normalise([path], GIVER) == [pathlib.PurePath("a")]
-    odd = Unhashable()
-    value = normalise([odd, odd, Unhashable()], GIVER)
-    assert value[0] == value[1]
-    assert value[0] != value[2]
-    assert value[0] != 1
-    assert [fresh(item) is odd for item in value] == [True, True, False]
-    assert isinstance(normalise(bytearray(b"a"), GIVER), Opaque)
-    assert normalise(value, GIVER) == value
 
 
 class Vague(Thing):
@@ -265,17 +248,6 @@ def test_objects_that_do_not_equal_themselves_compare_by_identity() -> None:
     assert normalise([vague], GIVER) != normalise([Vague()], GIVER)
 
 
-def test_numpy_dates_are_objects_with_their_own_equality() -> None:
-    days = [np.datetime64("2020-01-01"), np.datetime64("2020-01-02")]
-    value = normalise(np.array(days, dtype="datetime64[D]"), GIVER)
-    assert value == normalise(days, GIVER)
-    assert value[0] != value[1]
-    assert fresh(value) == days
-    assert isinstance(fresh(value)[0], np.datetime64)
-    assert normalise(np.array(days[0]), GIVER) == value[0]
-    assert normalise(np.timedelta64(5, "s"), GIVER) != 5
-
-
 @pytest.mark.parametrize(("bad", "message"), REFUSED, ids=label)
 def test_values_that_the_language_does_not_have(bad: Any, message: str) -> None:
     error = failure(normalise, bad, GIVER)
@@ -285,16 +257,6 @@ def test_values_that_the_language_does_not_have(bad: Any, message: str) -> None:
         for _ in range(2):  # it is refused every time
             refused = failure(pool.encode_foreign, value, GIVER)
             assert (refused.code, refused.message[:25]) == ("X004", "the function 'f' returned")
-
-
-@pytest.mark.parametrize("inside", [True, 7, 1.5, "a", None, (1,), b"a"])
-def test_limits_hold_beside_any_neighbour(inside: Any) -> None:
-    for bad in (2**63, -(2**63) - 1, float("nan"), float("inf")):
-        for value in ([bad, inside], [inside, bad], [[inside], [bad]], [[[bad]], inside], {"a": bad, "b": inside}):
-            assert failure(normalise, value, GIVER).code == "X004"
-    assert failure(normalise, [float("nan")], "the variable 'x'").message == "the variable 'x' holds NaN at [0]"
-    for good in (2**63 - 1, -(2**63), 1.7976931348623157e308):
-        assert fresh(normalise([good, inside], GIVER))[0] == good
 
 
 def test_lists_that_contain_themselves() -> None:
@@ -384,24 +346,6 @@ def test_values_come_back_exactly(value: Any) -> None:
     assert foreign.encode_foreign(fresh(value), GIVER) == handle == foreign.encode(value)
 
 
-def test_numpy_scalars_are_not_taken_for_their_bytes() -> None:
-    pool = Pool()
-    raw = np.float64(1.5).tobytes()
-    assert pool.decode(pool.encode_foreign([raw], GIVER)) == [raw]
-    assert pool.decode(pool.encode_foreign([np.float64(1.5)], GIVER)) == [1.5]
-    assert pool.decode(pool.encode_foreign([raw], GIVER)) == [raw]
-
-
-def test_equal_objects_keep_their_identity() -> None:
-    pool = Pool()
-    first, second = pathlib.PurePath("a"), pathlib.PurePath("a")
-    one, two = pool.encode_foreign([first], GIVER), pool.encode_foreign([second], GIVER)
-    assert one != two
-    assert pool.equal(one, two)
-    assert pool.fresh(one)[0] is first
-    assert pool.fresh(two)[0] is second
-
-
 @pytest.mark.usefixtures("little_heap")
 def test_objects_live_as_long_as_the_pool() -> None:
     pool = Pool()
@@ -451,10 +395,7 @@ def test_blobs_of_tables_are_bytes_objects(blob: bytes) -> None:
     handle = pool.encode(blob)
     assert pool.decode(handle) == pool.fresh(handle) == blob
     assert pool.encode_foreign(blob, GIVER) == handle
-    assert pool.key(blob) == pool.key(handle)
-    assert pool.equal(blob, handle)
-    assert not pool.equal(blob, pool.encode([1]))
-    assert not pool.equal(blob, pool.encode(b"other"))
+    assert [pool.equal(blob, other) for other in (handle, pool.encode([1]))] == [True, False]
     strange = Pool().encode([1])  # the handle of another pool
     assert pool.decode(strange) == strange
 
@@ -467,10 +408,5 @@ def test_sqlite_sees_the_truth_of_handles(encoding: str, value: Any) -> None:
         " (SELECT count(*) FROM one WHERE value) FROM one"
     )
     expected = int(truth(value))
-    assert table(Pool().encode(value), encoding).execute(query).get == (
-        expected,
-        1 - expected,
-        expected,
-        expected,
-        expected,
-    )
+    found = table(Pool().encode(value), encoding).execute(query).get
+    assert found == (expected, 1 - expected, expected, expected, expected)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -77,21 +76,11 @@ def answers(ss: ss2sql.Session, script: str) -> Any:
 
 @pytest.mark.parametrize(
     ("script", "where"),
-    [
-        ("SELECT mass FROM space;", "space"),
-        ("SELECT mass FROM space WHERE id == 0;", "space"),
-        ("SELECT number FROM space.links;", "space.links"),
-        ("SELECT id FROM space.near([0, 0, 0], 1);", "space.near([0, 0, 0], 1)"),
-        ("SELECT idA FROM space.contacts;", "space.contacts"),
-        ("SELECT n.id FROM a = [1, 2], n = space.near([a.this, 0], 1);", "space.near([a.this, 0], 1)"),
-        ("SELECT id FROM space AS environment;", "space"),
-        ("space.collision(0, [1, 2]);", "space.collision(0, [1, 2])"),
-        ("move(0, [1, 2]);", "move(0, [1, 2])"),
-        ("checkCollision(0);", "checkCollision(0)"),
-        ("mass(kept[0]);", "mass(kept[0])"),
-        ("SELECT space.collision(0, this) FROM [[1, 2]] AS list;", ""),
-    ],
-)
+    [("SELECT mass FROM space WHERE id == 0;", "space"), ("SELECT number FROM space.links;", "space.links"),
+     ("SELECT n.id FROM a = [1, 2], n = space.near([a.this, 0], 1);", "space.near([a.this, 0], 1)"),
+     ("SELECT id FROM space AS environment;", "space"), ("move(0, [1, 2]);", "move(0, [1, 2])"),
+     ("mass(kept[0]);", "mass(kept[0])"), ("SELECT space.collision(0, this) FROM [[1, 2]] AS list;", "")],
+)  # fmt: skip
 def test_a_disconnected_client(cut_off: ss2sql.Session, engine: Any, script: str, where: str) -> None:
     error = refused(cut_off, script, engine)
     assert (error.code, error.message) == ("X011", "the PyBullet client is disconnected")
@@ -105,17 +94,12 @@ def test_a_disconnected_client(cut_off: ss2sql.Session, engine: Any, script: str
         ("SELECT mass(this) FROM kept;", "bodies[2] no longer exists"),
         *[(f"SELECT {column} FROM kept;", "bodies[2] no longer exists")
           for column in ("mass", "name", "aabb", "velocity", "colour", "type", "volume", "isSensor", "force", "rot")],
-        ("pos(kept[2]);", "bodies[2] no longer exists"),
         ("SELECT this.x FROM kept WHERE this.x > 0;", "bodies[2] no longer exists"),
-        ("distance(kept[0], kept[2]);", "there is no body 2"),
-        ("space.collision(kept[2], [0, 0]);", "there is no body 2"),
-        ("space.position(2);", "there is no body 2"),
-        ("space.move(2, [0, 0]);", "there is no body 2"),
-        ("space.checkCollision(2);", "there is no body 2"),
         ("space.position('body_2');", "no body is called 'body_2'"),
-        ("SELECT id FROM space.near(kept[2], 1);", "there is no body 2"),
-        ("SELECT idA FROM space.contacts(2);", "there is no body 2"),
-        ("SELECT c.idA FROM k = kept, c = space.closest(k.this, None, 1);", "there is no body 2"),
+        *[(script, "there is no body 2") for script in (
+            "distance(kept[0], kept[2]);", "space.collision(kept[2], [0, 0]);", "space.move(2, [0, 0]);",
+            "space.checkCollision(2);", "SELECT id FROM space.near(kept[2], 1);", "SELECT idA FROM space.contacts(2);",
+            "SELECT c.idA FROM k = kept, c = space.closest(k.this, None, 1);")],
     ],
 )  # fmt: skip
 def test_a_removed_body(client: Any, ss: ss2sql.Session, engine: Any, script: str, says: str) -> None:
@@ -174,21 +158,16 @@ def test_bodies_removed_within_a_query(client: Any, ss: ss2sql.Session, engine: 
     ("script", "code", "says", "cure", "where"),
     [
         ("SELECT id FROM space.near;", "R005", "lacks point and radius", "space.near(point, radius)", "space.near"),
-        ("SELECT id FROM space.near([0, 0]);", "R005", "lacks radius", "(point, radius)", "space.near([0, 0])"),
-        ("SELECT idA FROM space.closest(0, 1);", "R005", "lacks distance", "(a, b, distance)", "space.closest(0, 1)"),
         ("SELECT id FROM space.near([0, 0], radus=2);", "R005", "no argument 'radus'", "'radius'", "radus"),
         ("SELECT n.id FROM a = space, n = space.near(a.pos);", "R005", "lacks radius", "radius)", "space.near(a.pos)"),
         ("SELECT mas FROM space;", "R001", "unknown name 'mas'", "'mass'", "mas"),
-        ("SELECT id FROM space WHERE mas > 3;", "R001", "unknown name 'mas'", "'mass'", "mas"),
         ("SELECT space.mas FROM space;", "R001", "no column 'mas'", "'mass'", "space.mas"),
         ("SELECT this.mas FROM space;", "R001", "no column 'mas'", "'mass'", "this.mas"),
-        ("SELECT b.mas FROM a = space, b = space;", "R001", "no column 'mas'", "'mass'", "b.mas"),
         ("SELECT n.idd FROM n = space.near([0, 0], 9);", "R001", "no column 'idd'", "'id'", "n.idd"),
-        ("SELECT id FROM space ORDER BY mas;", "R001", "unknown name 'mas'", "'mass'", "mas"),
         ("SELECT id FROM space WHERE isSfere(this);", "R002", "function 'isSfere'", "'isSphere'", "isSfere"),
         ("SELECT space.isSfere(this) FROM space;", "R002", "function 'isSfere'", "'isSphere'", "space.isSfere"),
-        ("SELECT space.colision(this) FROM space;", "R002", "'colision'", "'collision'", "space.colision"),
         ("SELECT id FROM spce;", "R003", "'spce'", "'space'", "spce"),
+        ("SELECT space.near(x, 1) FROM space;", "R002", "no function 'near'", "FROM space.near(", "space.near"),
         ("SELECT id FROM space.link;", "R003", "no table 'link'", "'links'", "space.link"),
         ("SELECT id FROM space AS plain;", "R006", "'plain'", "'plane'", "AS plain"),
         ("SELECT id FROM space.near('body_9', 1);", "X011", "'body_9'", "'body_3'", "space.near('body_9', 1)"),
@@ -203,15 +182,6 @@ def test_a_wrong_name_or_argument(
     assert says in error.message
     assert cure in " ".join(error.hints)
     assert answers(ss, "SELECT id FROM space.near([0, 0, 0], 2) AS list;") == [0]
-
-
-@pytest.mark.parametrize("thing", [object(), len, ss2sql.World, os], ids=["object", "function", "class", "module"])
-def test_what_cannot_be_attached(ss: ss2sql.Session, thing: Any) -> None:
-    with pytest.raises(ss2sql.SessionError, match=r"cannot be attached[\s\S]*BulletClient") as caught:
-        ss.attach("space", thing)
-    assert caught.value.code == "S002"
-    assert any("write an adapter" in hint for hint in caught.value.hints)
-    assert answers(ss, "SELECT id FROM space LIMIT 1 AS list;") == [0]  # what was there before
 
 
 # --- scenes and their pictures -------------------------------------------------------------------------
@@ -230,15 +200,11 @@ def test_a_picture_that_cannot_be_written(client: Any, ss: ss2sql.Session, tmp_p
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
 
 
-@pytest.mark.parametrize(
-    ("name", "cure"),
-    [("hal", "did you mean 'hall'?"), ("kaos", "did you mean 'chaos'?"), ("sea", "known here: chaos, hall")],
-)
-def test_a_scene_that_does_not_exist(name: str, cure: str) -> None:
-    with pytest.raises(ss2sql.SessionError, match=f"there is no scene '{name}'") as caught:
-        getattr(scenes, name)
-    assert (caught.value.code, caught.value.hints) == ("S002", (cure,))
-    assert not hasattr(scenes, name)
+def test_a_scene_that_does_not_exist() -> None:
+    for name, cure in (("hal", "did you mean 'hall'?"), ("sea", "known here: chaos, hall")):
+        with pytest.raises(ss2sql.SessionError, match=f"there is no scene '{name}'") as caught:
+            getattr(scenes, name)
+        assert (caught.value.code, caught.value.hints) == ("S002", (cure,))
 
 
 def test_a_scene_that_was_closed(ss: ss2sql.Session, engine: Any) -> None:
