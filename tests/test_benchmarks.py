@@ -95,28 +95,6 @@ def test_the_table_shows_ratios_words_and_targets():
     assert compare.ratio_rows(small)[1][0][-1] == ""  # a target counts from its size on
 
 
-def test_new_records_take_the_place_of_old_ones():
-    old = [record("database", 1.0), record("python", 2.0), record("python", 3.0, problem="jugs", size=5)]
-    new = [record("sql", 4.0), record("database", 5.0)]
-    found = [(r["problem"], r["contender"], r["seconds"]) for r in run.merged(old, new)]
-    assert found == [("jugs", "python", 3.0), ("reach", "database", 5.0), ("reach", "python", 2.0),
-                     ("reach", "sql", 4.0)]  # fmt: skip
-
-
-def test_a_size_without_hope_is_not_tried():
-    slow = record("database", 5.0, size=100) | {"first": 5.0}
-    assert run.hopeless([slow], 200, 9.0, 40.0) == "not tried: 5.0 s at 100"
-    assert run.hopeless([slow], 200, 7.0, 40.0) is None
-    assert run.hopeless([record("database", status="timeout", size=100)], 200, 1.0, 40.0)
-    assert run.hopeless([], 200, 1.0, 40.0) is None
-
-
-def test_the_page_keeps_its_text():
-    page = f"before\n{compare.BEGIN}\nold\n{compare.END}\nafter\n"
-    assert compare.with_figures(page, "new") == f"before\n{compare.BEGIN}\n\nnew\n\n{compare.END}\nafter\n"
-    assert compare.PAGE.read_text("utf-8").count(compare.BEGIN) == 1
-
-
 def test_one_measurement_runs_in_a_process():
     command = [sys.executable, str(BENCHMARKS / "worker.py"), "jugs", "5", "python", "1", "0.01"]
     done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60)

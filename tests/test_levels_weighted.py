@@ -11,8 +11,6 @@ from programs.drawn import amount
 from sessions import code_of
 
 import ss2sql
-from ss2sql.runtime.levels import duck
-from ss2sql.runtime.memorize.graph import Graph
 
 duckdb = pytest.importorskip("duckdb")
 
@@ -46,29 +44,6 @@ def test_what_the_sheet_says(ss: ss2sql.Session) -> None:
     assert list(by_sheet(ss, "search/by-levels"))
 
 
-@pytest.mark.parametrize("clause", ["stops", "weigh"])
-def test_of_a_known_row_only_the_weight_is_asked_for(ss: ss2sql.Session, clause: str) -> None:
-    """2 is known when the step from 3 is tried: what STOP WITH would raise there is no error, what COST raises is."""
-
-    def fail(n: int, to: int) -> Any:
-        if (n, to) == (3, 2):
-            raise ValueError(clause)
-        return 1
-
-    functions = {"near": lambda n: ROADS[n], "stops": lambda n, to: 0, "weigh": lambda n, to: 1, clause: fail}
-    for name, function in functions.items():
-        ss.function(name, function, volatility="immutable")
-    script = (
-        "SELECT x.this FROM x = near(n) WHERE x.this == 4 START WITH n = 1 CONNECT BY MEMORIZE 3 COST weigh(n, x.this)"
-        " n = x.this STOP WITH stops(n, x.this) == 1 and n == 9 AS list;"
-    )
-    if clause == "weigh":
-        with pytest.raises(ValueError, match="weigh"):
-            ss.run(script)
-    else:
-        assert ss.run(script).value == [[2, 4], [3, 4], [2, 3, 4], [3, 2, 4]]
-
-
 @pytest.mark.parametrize("engine", ["native", "duckdb"])
 def test_max_rows(ss: ss2sql.Session, engine: Any) -> None:
     script = "SELECT x.this FROM x = near(n) WHERE x.this == 7 START WITH n = 1 CONNECT BY MEMORIZE n = x.this AS list;"
@@ -97,46 +72,17 @@ def grid(ss: ss2sql.Session, cost: Callable[[int, int], float]) -> ss2sql.Result
     )
 
 
-def test_equal_costs_make_a_level_of_each_total(ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch) -> None:
-    """And a level is a few statements."""
-    counts = {"run": 0, "rows": 0}
-    for name in counts:
-        known = getattr(duck.DuckTables, name)
-
-        def counted(self: Any, *arguments: Any, known: Any = known, name: str = name, **values: Any) -> Any:
-            counts[name] += 1
-            return known(self, *arguments, **values)
-
-        monkeypatch.setattr(duck.DuckTables, name, counted)
+def test_equal_costs_make_a_level_of_each_total(ss: ss2sql.Session) -> None:
     result = grid(ss, lambda a, b: 1)
-    levels = len(result.stats.levels)
     assert len(result.value[0]) == 18
-    assert levels <= 21  # the start is reached again at 2; the farthest rows lead nowhere
+    assert len(result.stats.levels) <= 21  # the start is reached again at 2; the farthest rows lead nowhere
     assert result.stats.expanded == 100  # every field
-    assert counts["run"] <= 16 * (levels + 1)
-    assert counts["rows"] <= 5 * (levels + 1)
 
 
 def test_costs_that_all_differ_are_taken_many_at_a_time(ss: ss2sql.Session) -> None:
     result = grid(ss, lambda a, b: 1 + (a * 31 + b * 17) % 101 / 101)
     assert len(result.stats.levels) < 50  # for 100 rows
     assert result.stats.expanded < 140  # some are chosen too early and tried again
-
-
-def test_only_what_lies_on_ways_to_goals_is_loaded(ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch) -> None:
-    """From 1000 numbers in a binary tree with ways back, 4 are on the only way to the goal."""
-    loaded: list[Graph] = []
-    known = Graph.first_path
-    monkeypatch.setattr(Graph, "first_path", lambda graph: loaded.append(graph) or known(graph))
-    result = ss.run(
-        "SELECT 2 * n + this FROM [0, 1] WHERE 2 * n + this == 22 START WITH n = 1"
-        " CONNECT BY MEMORIZE n = 2 * n + this STOP WITH 2 * n + this > 1000 AS list;"
-    )
-    assert result.value == [[2, 5, 11, 22]]
-    (graph,) = loaded
-    assert len(graph.rows) == 1 + 4
-    assert len(graph.targets) == 4
-    assert sum(level.rows for level in result.stats.levels) == 999
 
 
 def test_the_bound_leaves_out_what_is_too_far(ss: ss2sql.Session) -> None:
@@ -150,35 +96,17 @@ def test_the_bound_leaves_out_what_is_too_far(ss: ss2sql.Session) -> None:
 
 
 @pytest.mark.parametrize(
-    ("options", "told", "sql"),
+    ("options", "told"),
     [
-        (
-            "UNIQUE COST n",
-            ["searches the cheapest steps first", "keeps those to rows that were not taken before"],
-            "ORDER BY total, place",
-        ),
-        (
-            "NO CYCLE PROBABILITY 0.5",
-            ["searches the likeliest steps first", "not met on the way back to the start"],
-            "ORDER BY total, place",
-        ),
-        (
-            "MEMORIZE 3",
-            [
-                "keeps every step to a row that is reached by then as an edge",
-                "gives the paths of that, the shortest first",
-                "searched from the start only: its graph is in tables",
-            ],
-            "INSERT INTO edges",
-        ),
+        ("UNIQUE COST n", "searches the cheapest steps first"),
+        ("NO CYCLE PROBABILITY 0.5", "not met on the way back to the start"),
+        ("MEMORIZE 3", "searched from the start only: its graph is in tables"),
     ],
 )
-def test_explain_tells_how(ss: ss2sql.Session, options: str, told: list[str], sql: str) -> None:
+def test_explain_tells_how(ss: ss2sql.Session, options: str, told: str) -> None:
     result = ss.run(f"SELECT this FROM [1, 2] START WITH n = 0 CONNECT BY {options} n = this AS list;")
     text = str(result.explain())
-    for line in told:
-        assert line in text
-    assert sql in result.sql
+    level = result.stats.levels[0]
+    assert told in text
     if "MEMORIZE" not in options:
-        levels = result.stats.levels
-        assert ["1", str(levels[0].steps), str(levels[0].pruned)] in [line.split() for line in text.splitlines()]
+        assert ["1", str(level.steps), str(level.pruned)] in [line.split() for line in text.splitlines()]

@@ -139,20 +139,6 @@ def steps_of(case: ProgramCase, engine: str, **limits: int) -> tuple[Outcome, in
         return Outcome(exact(result.value)), result.stats.generated
 
 
-@pytest.mark.parametrize(
-    ("script", "shuffles"),
-    [
-        ("((1 + 1) + (1 + 1))", {"((1 + 1) + (1 + 1))"}),
-        ("(a = 1); (b = 2); (a + b)", {"a = 1; b = 2; (a + b)", "b = 2; a = 1; (a + b)"}),
-        ("(SELECT this FROM [1] LIMIT 1 ORDER BY this)",
-         {"(SELECT this FROM [1] LIMIT 1 ORDER BY this )", "(SELECT this FROM [1] ORDER BY this LIMIT 1 )"}),
-    ],
-)  # fmt: skip
-def test_scripts_in_parentheses_are_shuffled(script: str, shuffles: set[str]) -> None:
-    found = {shuffled(ProgramCase(script), Random(number)).script for number in range(20)}
-    assert {" ".join(one.split()) for one in found} == shuffles
-
-
 @dataclass(frozen=True)
 class Partition:
     """A product, and the query of its rows for the condition, for NOT, for None, and for all of them."""

@@ -365,22 +365,13 @@ def rows(text: str) -> list[list[str]]:
     return found
 
 
-def test_the_table() -> None:
+def test_times_in_the_table() -> None:
     answer = bench("roads.ss", "--repeat", "2", "--timeout", "60")
     assert answer.exit_code == 0
     assert answer.stderr == ""
-    found = {(row[0], row[1]): row[2:] for row in rows(answer.stdout)}
-    # ABABD ABACBD ABACD ABD ACBABD ACBACD ACBD ACD, on two of which a road is taken twice; D is reached by two roads
-    assert found["DEPTH FIRST", "database"][3] == "8"
-    assert found["DEPTH FIRST", "database"][-1] == "as written"
-    assert found["DEPTH FIRST", "native"][-1] == "same"
-    assert found["BREADTH FIRST", "database"][-1] == "same, other order"
-    assert found["NO CYCLE", "native"][3] == "6"
-    assert found["UNIQUE", "native"][3] == "2"
-    assert found["MEMORIZE 5", "database"] == ["not run"]
     told = " ".join(answer.stdout.split())
     assert "Not run: MEMORIZE 5 in database: MEMORIZE builds a graph in memory, so it runs natively." in told
-    for cells in found.values():
+    for _, _, *cells in rows(answer.stdout):
         if len(cells) > 1:
             best, middle, ratio = (float(cell.replace(",", "")) for cell in cells[:3])
             assert 0 < best <= middle

@@ -244,22 +244,6 @@ def test_explain_says_what_became_of_the_graph(file: Path) -> None:
         assert "graph: not remembered: 'near' is stable, not immutable" in text
 
 
-def test_tables_of_the_file_are_not_read_anew_after_each_run(file: Path) -> None:
-    write(file, "CREATE TABLE edges(src INTEGER, dst INTEGER); INSERT INTO edges VALUES (1, 2), (2, 3), (3, 1)")
-    script = """SELECT e.dst FROM e = (SELECT * FROM edges WHERE src == node) START WITH node = 1
-    CONNECT BY MEMORIZE node = name(e.dst) AS list"""
-    with session(file, name=lambda n: n) as ss:
-        assert ss.eval(script) == [[2], [2, 3], [2, 3, 1]]
-        table = ss.host.tables.find(None, "edges")
-        again = ss.run(script)
-        assert again.value == [[2], [2, 3], [2, 3, 1]]
-        assert calls(again) == 0
-        assert ss.host.tables.find(None, "edges") is table
-        write(file, "INSERT INTO edges VALUES (2, 9)")
-        assert ss.eval(script) == [[2], [2, 3], [2, 9], [2, 3, 1]]
-        assert len(ss.graphs()) == 2
-
-
 def test_both_ends_give_way_where_calls_are_saved(file: Path) -> None:
     script = """SELECT d.this, n FROM d = [1, 2] WHERE n + d.this == 6
     START WITH n = 0 CONNECT BY MEMORIZE 4 n = n + d.this STOP WITH {} AS list"""

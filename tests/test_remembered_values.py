@@ -9,31 +9,14 @@ from typing import Any
 import pytest
 from remembering import asked, calls, session
 
-import ss2sql
-from ss2sql.runtime.remembered.texts import NotKept, text_of, values_of
-
 EXACT = [
     *(None, True, False, 0, 1, 1.0, -0.0, 0.1 + 0.2, 5e-324, 1e308, 2**63 - 1, -(2**63), 9007199254740993),
     *("", 'quote " and \\ and \n and \0 and \u2028', "smile 😀 ünï", "{"),
     *([], [[], [1, 1.0, True, None]], {}, {"b": 1, "a": {"z": [1.0], "y": "é"}}, [{"": None}]),
 ]
 INEXACT: list[Any] = [
-    *(object(), b"bytes", {1: 2}, {(1, 2): 3}, {"a": {None: 1}}, "half \ud83d of a smile", "\ud83d\ude00"),
-    *(1j, float("inf")),
+    *(object(), [b"bytes"], {1: 2}, {(1, 2): 3}, {"a": {None: 1}}, "half \ud83d of a smile", "\ud83d\ude00"),
 ]
-
-
-@pytest.mark.parametrize("value", INEXACT, ids=lambda value: ascii(value)[:20])
-def test_values_without_a_text(value: Any) -> None:
-    for nested in (value, [value], {"a": value}):
-        with pytest.raises(NotKept):
-            text_of((nested,))
-
-
-def test_texts_that_are_none_of_one_value() -> None:
-    for texts in (["1, 2"], ["1", ""], ["]"], ["NaN,1"]):
-        with pytest.raises(ValueError):  # noqa: PT011 - whatever json says
-            values_of(texts)
 
 
 SCRIPT = """SELECT n, value(n), v FROM [0] START WITH n = 0, v = [] CONNECT BY MEMORIZE v = value(n), n = n + 1
@@ -54,7 +37,7 @@ def test_values_of_rows_and_states(tmp_path: Path) -> None:
     assert asked(file, texts) == [(1, 1)]
 
 
-@pytest.mark.parametrize("value", INEXACT[:7], ids=lambda value: ascii(value)[:20])
+@pytest.mark.parametrize("value", INEXACT, ids=lambda value: ascii(value)[:20])
 def test_what_json_cannot_give_back_is_not_remembered(value: Any, tmp_path: Path) -> None:
     values = [1, 2, value, 4, 5]
     with session(None, value=lambda n: values[n]) as ss:
@@ -104,14 +87,18 @@ QUERIES = [
 
 @pytest.mark.parametrize("seed", [*range(10), *(pytest.param(n, marks=pytest.mark.slow) for n in range(10, 30))])
 def test_random_queries_one_after_the_other(seed: int, tmp_path: Path) -> None:
-    """Whatever was asked before, a remembered graph answers as a fresh one, with the same steps."""
+    """Whatever was asked before, a remembered graph answers as a fresh one, with the same steps.
+
+    Equal numbers are one place, whether they are read or made.
+    """
     dice = random.Random(seed)
     size = dice.randint(3, 7)
     weights = [0, 0.5, 1.0, 1]
-    edges = [[[dice.randrange(size), dice.choice(weights)] for _ in range(dice.randint(0, 4))] for _ in range(size)]
+    places = [*range(size), True, *map(float, range(size))]
+    edges = [[[dice.choice(places), dice.choice(weights)] for _ in range(dice.randint(0, 4))] for _ in range(size)]
     functions = {
-        "near": lambda node: edges[node],
-        "reached": lambda node, k: edges[node][k][0] if k < len(edges[node]) else node,
+        "near": lambda node: edges[int(node)],
+        "reached": lambda node, k: edges[int(node)][k][0] if k < len(edges[int(node)]) else node,
         "is_goal": lambda node, goals: node in goals,
         "weight": lambda edge: edge[1],
     }
@@ -134,40 +121,3 @@ def test_random_queries_one_after_the_other(seed: int, tmp_path: Path) -> None:
         assert calls(sessions[0].run(script)) == 0, script
     for ss in sessions:
         ss.close()
-
-
-AROUND = [[0, 1], [1, 0], [0, -1], [-1, 0.0], [1.0, True]]
-
-
-@pytest.mark.parametrize(
-    "row", ["plus(place, this)", "plus(place, this), place[0] + this[0]", "this, plus(place, this)"]
-)
-def test_rows_that_are_read_meet_those_that_are_made(tmp_path: Path, row: str) -> None:
-    """Half of the graph is in the file, the other half is found out, and equal numbers are one row."""
-
-    def plus(place: list[float], step: list[float]) -> list[float]:
-        return [place[0] + step[0], place[1] + step[1]]
-
-    def free(place: list[float]) -> bool:
-        return -2 <= place[0] <= 2 and -2 <= place[1] <= 2
-
-    def run(ss: ss2sql.Session, bound: int) -> ss2sql.Result:
-        ss.function("plus", plus)
-        ss.function("free", free, volatility="immutable")
-        ss.set("around", AROUND)
-        return ss.run(
-            f"SELECT {row} FROM around WHERE plus(place, this) == [2, 1] START WITH place = [0, 0]"
-            f" CONNECT BY MEMORIZE {bound} MAXIMUM 60 place = plus(place, this)"
-            " STOP WITH plus(place, this) == [2, 1] OR not free(plus(place, this)) AS rows;"
-        )
-
-    with ss2sql.connect() as ss:
-        wanted = run(ss, 6)
-    file = tmp_path / "graphs.db"
-    with ss2sql.connect(file) as ss:
-        run(ss, 3)
-    with ss2sql.connect(file) as ss:
-        found = run(ss, 6)
-    assert found.stats.remembered_steps
-    assert len(wanted.value) == 60
-    assert found.value == wanted.value

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -119,22 +118,6 @@ def test_a_query_in_a_text_reads_rows_of_its_own(ss: ss2sql.Session, engine: Any
         engine=engine,
     )
     assert found.value == [(1, 10), (1, 80), (8, 10), (8, 80)]
-
-
-def test_a_condition_that_a_text_changes(ss: ss2sql.Session) -> None:
-    script = "SELECT eval('most = ' + str(id)) FROM sales WHERE kind < most AND last(id) > 0 AS list;"
-    ss.set("most", 3)
-    found = ss.run(script, engine="native").value
-    ss.set("most", 3)
-    as_without_tables(ss, script, found)
-    assert len(found) > 50
-
-
-def test_a_file(own: Any, ss: ss2sql.Session, read: list[int], tmp_path: Path) -> None:
-    own.sql("SELECT i AS id, i % 7 AS nth FROM range(100) AS r(i)").write_parquet(str(tmp_path / "some.parquet"))
-    ss.attach("some", tmp_path / "some.parquet")
-    assert ss.eval("SELECT last(id), nth FROM some WHERE nth == 6 AND id > 80 AS rows") == [(3, 6), (0, 6), (7, 6)]
-    assert set(read) == {3}
 
 
 # --- joins -------------------------------------------------------------------------------------------------
@@ -257,11 +240,6 @@ def test_a_compiled_query_joins_what_is_there(own: Any, ss: ss2sql.Session) -> N
     assert query.run(wanted="n1").value == []
     own.execute("DROP TABLE towns")
     assert code_of(query.run, wanted="n1") == "R001"
-
-
-def test_variables_that_are_set_again(ss: ss2sql.Session) -> None:
-    query = "SELECT last(id) FROM sales WHERE id > most AS list"
-    assert ss.eval(f"most = 97; a = ({query}); most = 98; [a, ({query})];") == [[8, 9], [9]]
 
 
 def test_a_connection_that_compares_texts_in_another_way(own: Any, ss: ss2sql.Session) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import random
 from collections import Counter
-from collections.abc import Callable
 from itertools import count
 from pathlib import Path
 from types import SimpleNamespace
@@ -16,7 +15,6 @@ import pytest
 from hypothesis import given, seed
 from level_searches import BY_LENGTH, FORMS, SHORT, World, agree, both_end_alike, by_sheet, compare, may_fail, one_of
 from programs.drawn import PROGRAMS, drawn
-from sessions import code_of
 from test_levels_typed import MOVES, expressions, script_of
 
 import ss2sql
@@ -29,31 +27,12 @@ pytestmark = pytest.mark.slow
 CASES = golden.level_searches()[:: 1 if os.environ.get("SS2SQL_SPARK") == "all" else 3]
 TRIALS = max(4, PROGRAMS // 250)
 STRATEGIES = ("BREADTH FIRST MAXIMUM 7", "UNIQUE", "BREADTH FIRST NO CYCLE MAXIMUM 9")
-WEIGHTED = ("UNIQUE COST abs(n - x.this)", "MEMORIZE 3", "MEMORIZE 3 PROBABILITY 1 / (1 + n)")
-SEARCHES = [form.format(strategy) for form in FORMS for strategy in STRATEGIES]
-SEARCHES += [FORMS[1].format(weighted) for weighted in WEIGHTED]
 
 
-@pytest.fixture
-def noted(ss: ss2sql.Session, tmp_path: Path) -> Callable[[], list[tuple[int, ...]]]:
-    """The process and the arguments of each call of `noted(n, more)`, in whichever process: n + more, at most 5."""
-    calls = tmp_path / "calls"
-
-    def noted(n: int, more: int) -> int:
-        with calls.open("a") as file:
-            file.write(f"{os.getpid()} {n} {more}\n")
-        return min(n + more, 5)
-
-    ss.function("noted", noted, volatility="immutable")
-    return lambda: [tuple(map(int, line.split())) for line in calls.read_text().splitlines()]
-
-
-# --- the same as natively ----------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("script", SEARCHES)
-def test_forms(ss: ss2sql.Session, script: str) -> None:
-    agree(ss, script)
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("strategy", STRATEGIES)
+def test_forms(ss: ss2sql.Session, form: str, strategy: str) -> None:
+    agree(ss, form.format(strategy))
 
 
 @pytest.mark.parametrize("name", ["search/by-levels", "search/steps-in-sql"])
@@ -72,13 +51,6 @@ def test_golden_cases(spark: Any, case: golden.Case) -> None:
 @pytest.mark.parametrize("bad", [0, 3, 5])
 def test_a_step_that_fails_counts_where_it_would_have_been_taken(ss: ss2sql.Session, strategy: str, bad: int) -> None:
     both_end_alike(ss, f"{may_fail(ss, f'{strategy} MAXIMUM 3', bad)} AS list")
-
-
-@pytest.mark.parametrize("most", [1, 4, 9])
-def test_rows_and_sources_that_fail(ss: ss2sql.Session, most: int) -> None:
-    ss.set("roads", [[0], [2, 3], [3, 1, 5], [2, 7], []])  # there are no roads from 5 and 7
-    search = f"START WITH n = 1 CONNECT BY UNIQUE MAXIMUM {most} n = x.this"
-    both_end_alike(ss, f"SELECT 10 / (4 - x.this) FROM x = roads[n] {search};")
 
 
 @pytest.mark.parametrize(
@@ -103,11 +75,22 @@ def test_large_levels_are_numbered_in_parts(ss: ss2sql.Session, monkeypatch: pyt
     """And ways to many goals are looked up by joins, some goals at a time, and tables of rows become one."""
     for name, number in {"FEW": 0, "GOALS": 2, "AT_ONCE": 0, "TABLES": 2}.items():
         monkeypatch.setattr(spark_search, name, number)
+    plans: list[str] = []
+    persisted = Store.persisted
+
+    def look(self: Store, frame: Any) -> Any:
+        plans.append(frame._jdf.queryExecution().executedPlan().toString())
+        return persisted(self, frame)
+
+    monkeypatch.setattr(Store, "persisted", look)
     agree(ss, script)
+    large = [text for text in plans if "rangepartitioning(place" in text]
+    assert large
+    assert not any("SinglePartition" in text for text in large)  # no exchange brings all rows into one partition
 
 
 @pytest.mark.parametrize("most", [1, 3, 2000])
-@pytest.mark.parametrize("strategy", ["BREADTH FIRST MAXIMUM 30", "UNIQUE", "BREADTH FIRST NO CYCLE"])
+@pytest.mark.parametrize("strategy", ["UNIQUE", "BREADTH FIRST NO CYCLE"])
 def test_the_first_levels_are_done_here(
     ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch, strategy: str, most: int
 ) -> None:
@@ -155,73 +138,48 @@ def test_random_steps(ss: ss2sql.Session) -> None:
 
 
 @pytest.mark.usefixtures("no_python")
-@pytest.mark.parametrize("strategy", BY_LENGTH)
-def test_values_of_variables_elements_and_the_start(ss: ss2sql.Session, strategy: str) -> None:
-    """Variables are bound, lists too; ORDER BY asks for the elements and the state of the last step."""
+@pytest.mark.parametrize(
+    "script",
+    [
+        # Variables are bound, lists too; ORDER BY asks for the elements and the state of the last step.
+        'SELECT n + m.by, t FROM m = moves WHERE n + m.by IN goals AND wanted == t START WITH n = 0, t = "it\'s"'
+        " CONNECT BY UNIQUE MAXIMUM 9 n = n + m.by STOP WITH abs(n) > 4 ORDER BY m.by, n DESC;",
+        # Places are steps times 2^24, so the 200th step has one that a small integer of Spark cannot hold.
+        "SELECT n + this FROM range(300) START WITH n = 0 CONNECT BY UNIQUE n = n + this STOP WITH n > 0 AS list;",
+    ],
+    ids=["variables", "32 bits"],
+)
+def test_values_in_sql(ss: ss2sql.Session, script: str) -> None:
     for name, value in {"goals": [3, 5], "wanted": "it's", "moves": MOVES}.items():
         ss.set(name, value)
-    agree(
-        ss,
-        'SELECT n + m.by, t FROM m = moves WHERE n + m.by IN goals AND wanted == t START WITH n = 0, t = "it\'s"'
-        f" CONNECT BY {strategy} MAXIMUM 9 n = n + m.by STOP WITH abs(n) > 4 ORDER BY m.by, n DESC;",
-    )
-
-
-@pytest.mark.usefixtures("no_python")
-def test_numbers_beyond_32_bits(ss: ss2sql.Session) -> None:
-    """Places are steps times 2^24, so the 200th step has one that a small integer of Spark cannot hold."""
-    search = "START WITH n = 0 CONNECT BY UNIQUE n = n + this STOP WITH n > 0"
-    agree(ss, f"SELECT n + this FROM range(300) {search} AS list;")
+    agree(ss, script)
 
 
 # --- what it takes -----------------------------------------------------------------------------------------
 
 
-def test_numbering_leaves_rows_where_they_are(ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Steps are numbered without an exchange that brings all rows into one partition."""
-    monkeypatch.setattr(spark_search, "FEW", 0)
-    plans: list[str] = []
-    persisted = Store.persisted
-
-    def look(self: Store, frame: Any) -> Any:
-        plans.append(frame._jdf.queryExecution().executedPlan().toString())
-        return persisted(self, frame)
-
-    monkeypatch.setattr(Store, "persisted", look)
-    assert ss.run(SHORT).value == [[1], [2], [1, 3], [2, 4]]
-    large = [text for text in plans if "rangepartitioning(place" in text]
-    assert large
-    assert not any("SinglePartition" in text for text in large)
-
-
-def test_each_step_is_tried_once(ss: ss2sql.Session, noted: Any) -> None:
-    result = ss.run("SELECT noted(n, this) FROM [1, 2] START WITH n = 0 CONNECT BY UNIQUE n = noted(n, this) AS list;")
-    assert sorted(path[-1] for path in result.value) == list(range(1, 6))
-    assert Counter(call[1:] for call in noted()) == Counter((n, more) for n in range(6) for more in (1, 2))
-    assert result.stats.calls["noted"] == 12
-    assert sum(level.steps + level.pruned for level in result.stats.levels) == 12
-
-
-def test_a_level_that_takes_long_is_left_to_spark(
-    ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch, noted: Any
+@pytest.mark.parametrize(("strategy", "at_first"), [("UNIQUE", False), ("UNIQUE", True), ("MEMORIZE", False)])
+def test_each_step_is_tried_once(
+    ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, strategy: str, at_first: bool
 ) -> None:
     """By a clock on which each look takes an hour the level of the start is done here, and no other."""
-    monkeypatch.setattr(beginning, "STATES", 2000)
-    ticks = count(0, 3600)
-    monkeypatch.setattr(beginning, "time", SimpleNamespace(monotonic=lambda: next(ticks)))
-    result = ss.run("SELECT noted(n, this) FROM [1, 2] START WITH n = 0 CONNECT BY UNIQUE n = noted(n, this) AS list;")
-    assert sorted(path[-1] for path in result.value) == [1, 2, 3, 4, 5]
-    assert {n for process, n, _ in noted() if process == os.getpid()} == {0}
-    assert sorted(n for _, n, _ in noted()) == sorted([*range(6), *range(6)])
+    calls = tmp_path / "calls"
 
+    def noted(n: int, more: int) -> int:
+        with calls.open("a") as file:
+            file.write(f"{os.getpid()} {n} {more}\n")
+        return min(n + more, 5)
 
-def test_a_graph_asks_for_each_edge_once(ss: ss2sql.Session, noted: Any) -> None:
-    script = (
-        "SELECT noted(n, this) FROM [1, 2] WHERE noted(n, this) == 5 START WITH n = 0"
-        " CONNECT BY MEMORIZE n = noted(n, this) AS list;"
-    )
+    if at_first:
+        monkeypatch.setattr(beginning, "STATES", 2000)
+        ticks = count(0, 3600)
+        monkeypatch.setattr(beginning, "time", SimpleNamespace(monotonic=lambda: next(ticks)))
+    ss.function("noted", noted, volatility="immutable")
+    script = f"SELECT noted(n, this) FROM [1, 2] START WITH n = 0 CONNECT BY {strategy} n = noted(n, this) AS list;"
     result = ss.run(script)
-    assert Counter(call[1:] for call in noted()) == Counter((n, more) for n in range(6) for more in (1, 2))
+    made = [tuple(map(int, line.split())) for line in calls.read_text().splitlines()]
+    assert Counter(call[1:] for call in made) == Counter((n, more) for n in range(6) for more in (1, 2))
+    assert {n for process, n, _ in made if process == os.getpid()} == ({0} if at_first else set())
     assert result.stats.calls["noted"] == 12
     assert result.value == ss.run(script, engine="native").value
 
@@ -236,9 +194,3 @@ def test_steps_that_are_chosen_too_early_are_tried_once(ss: ss2sql.Session) -> N
     search = "START WITH n = 0 CONNECT BY UNIQUE COST weigh(n, x.this) n = x.this"
     result = agree(ss, f"SELECT x.this FROM x = roads(n) {search} AS list;")
     assert result.stats.generated == 2 * (1 + len(result.value))  # two roads from the start, and from each row
-
-
-def test_the_most_rows_of_a_graph(ss: ss2sql.Session) -> None:
-    script = "SELECT x.this FROM x = near(n) WHERE x.this == 5 START WITH n = 1 CONNECT BY MEMORIZE n = x.this AS list;"
-    agree(ss, script, max_rows=8)
-    assert code_of(ss.run, script, max_rows=3) == "X010"
