@@ -10,17 +10,11 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 
 import compare
-import run
 import worker
 from problems import PROBLEMS, tables
 from problems.base import BASE, COMPILING, CONTENDERS
 
 BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
-
-# Rows with a promise: a change of the suite must not lose them.
-PROMISED = ("hanoi-default", "hanoi-nocycle", "hanoi-unique", "grid-cost", "grid-astar", "grid-cost-function",
-            "grid-astar-function", "reach", "hierarchy", "map-1", "map-2", "map-3", "map-4", "nested-moves",
-            "compile-robot", "memorize-robot", "memorize-hanoi", "memorize-one")  # fmt: skip
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -59,7 +53,6 @@ def test_all_contenders_give_the_same_answer(problem):
 
 @pytest.mark.parametrize("problem", PROBLEMS.values(), ids=lambda problem: problem.name)
 def test_a_problem_is_complete(problem):
-    assert problem.targets or problem.name not in PROMISED
     assert BASE in problem.others or COMPILING in problem.others
     assert set(problem.others) <= {*CONTENDERS, COMPILING}
     assert list(problem.sizes) == sorted(problem.sizes)
@@ -73,12 +66,6 @@ def test_a_problem_is_complete(problem):
 def record(contender, seconds=None, answer="1", status="ok", problem="reach", size=100_000):
     made = {"problem": problem, "size": size, "contender": contender, "status": status, "reason": "because"}
     return made if seconds is None else made | {"seconds": seconds, "cpu": seconds, "answer": answer}
-
-
-def test_another_answer_is_marked():
-    records = [record("database", 1.0, "2"), record("python", 2.0), record("sql", 4.0)]
-    run.judge(records)
-    assert [r["status"] for r in records] == ["differs", "ok", "ok"]
 
 
 def test_the_table_shows_ratios_words_and_targets():

@@ -142,28 +142,20 @@ def test_the_rows_of_the_product_come_in_its_order(ss: ss2sql.Session, engine: A
     ("script", "expected"),
     [
         # Three tables, each of which must equal one before it.
-        (
-            "turned(a.here) FROM a = roads, b = roads, t = towns"
-            " WHERE a.there == b.here AND b.there == t.id AND a.here == 0",
-            ["a, b, t with a.there == b.here AND b.there == t.id AND a.here == 0"],
-        ),
+        ("turned(1) FROM a = roads, b = roads, t = towns WHERE a.there == b.here AND b.there == t.id AND a.here < 1",
+         ["a, b, t with a.there == b.here AND b.there == t.id AND a.here < 1"]),
         # What stands between them keeps its place.
-        (
-            "turned(n.this) FROM a = roads, n = [1, 2], b = roads WHERE a.there == b.here AND a.here == 0",
-            ["a with a.here == 0"],
-        ),
+        ("turned(n.this) FROM a = roads, n = [1, 2], b = roads WHERE a.there == b.here AND a.here == 0",
+         ["a with a.here == 0"]),
         # A product without an equality is larger than its tables.
         ("turned(a.here) FROM a = roads, t = towns WHERE a.there > t.id AND a.here == 0", ["a with a.here == 0"]),
         # What may fail is asked in its place.
-        (
-            "turned(a.here) FROM a = roads, t = towns WHERE 1 / (a.here + a.there - 1.5) < 9 AND a.there == t.id",
-            [],
-        ),
+        ("turned(a.here) FROM a = roads, t = towns WHERE 1 / (a.here + a.there - 1.5) < 9 AND a.there == t.id", []),
         ("turned(a.this) FROM a = roads, t = towns WHERE a.there == t.id AND a.here < 3", ["a"]),
         ("turned(t.list) FROM a = roads, t = towns WHERE a.there == t.id AND a.here < 3", ["a, t"]),
         ("turned(1) FROM a = roads, t = towns WHERE a.there == t.id", ["a, t with a.there == t.id"]),
     ],
-)
+)  # fmt: skip
 def test_what_is_joined(ss: ss2sql.Session, script: str, expected: list[str]) -> None:
     result = ss.run(f"SELECT {script} AS list")
     pairs = zip(handed(result), expected, strict=True)
@@ -201,8 +193,6 @@ def test_what_is_no_value_of_the_language(own: Any, ss: ss2sql.Session) -> None:
 
 @pytest.mark.parametrize("script", ["a.id == b.id AND turned(a.id) != '3'", "a.id > 9 AND turned(b.id) != '3'"])
 def test_what_duckdb_refuses(ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch, script: str) -> None:
-    query = ss.compile(f"SELECT a.id FROM a = towns, b = towns WHERE {script} AS list")
-    expected = query.run().value
     rows = Reading.rows
 
     def full(reading: Reading, text: str, values: Any = None) -> Any:
@@ -210,14 +200,12 @@ def test_what_duckdb_refuses(ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch
             raise duckdb.OutOfMemoryException("no room")
         return rows(reading, text, values)
 
-    with monkeypatch.context() as patch:
-        patch.setattr(Reading, "rows", full)
-        patch.setattr(Reading, "arrow", full)
-        with pytest.raises(ss2sql.ExecutionError, match="duckdb: no room") as caught:
-            ss.run(f"SELECT b.id FROM a = towns, b = towns WHERE {script} AS list")
-        assert caught.value.span is not None
-        assert caught.value.span.text == "towns"
-    assert query.run().value == expected
+    for name in ("rows", "arrow"):
+        monkeypatch.setattr(Reading, name, full)
+    with pytest.raises(ss2sql.ExecutionError, match="duckdb: no room") as caught:
+        ss.run(f"SELECT b.id FROM a = towns, b = towns WHERE {script} AS list")
+    assert caught.value.span is not None
+    assert caught.value.span.text == "towns"
 
 
 # --- what changes ------------------------------------------------------------------------------------------

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import random
+import threading
+import time
 from collections import Counter
 from itertools import count
 from pathlib import Path
@@ -12,10 +14,23 @@ from typing import Any
 
 import golden
 import pytest
+from cases.shelf import Shelf
 from hypothesis import given, seed
-from level_searches import BY_LENGTH, FORMS, SHORT, World, agree, both_end_alike, by_sheet, compare, may_fail, one_of
+from level_searches import (
+    BY_LENGTH,
+    FORMS,
+    MOVES,
+    SHORT,
+    World,
+    agree,
+    both_end_alike,
+    by_sheet,
+    compare,
+    expressions,
+    one_of,
+    script_of,
+)
 from programs.drawn import PROGRAMS, drawn
-from test_levels_typed import MOVES, expressions, script_of
 
 import ss2sql
 from ss2sql.runtime.levels import beginning, spark_search, spark_tables
@@ -29,12 +44,6 @@ TRIALS = max(4, PROGRAMS // 250)
 STRATEGIES = ("BREADTH FIRST MAXIMUM 7", "UNIQUE", "BREADTH FIRST NO CYCLE MAXIMUM 9")
 
 
-@pytest.mark.parametrize("form", FORMS)
-@pytest.mark.parametrize("strategy", STRATEGIES)
-def test_forms(ss: ss2sql.Session, form: str, strategy: str) -> None:
-    agree(ss, form.format(strategy))
-
-
 @pytest.mark.parametrize("name", ["search/by-levels", "search/steps-in-sql"])
 def test_what_the_sheets_say(ss: ss2sql.Session, name: str) -> None:
     assert list(by_sheet(ss, name))
@@ -45,12 +54,6 @@ def test_golden_cases(spark: Any, case: golden.Case) -> None:
     found = golden.run(case, "spark")  # in the session that is active
     if not isinstance(found.error, ss2sql.UnsupportedError):
         assert found.verdict == golden.run(case, "native").verdict
-
-
-@pytest.mark.parametrize("strategy", BY_LENGTH)
-@pytest.mark.parametrize("bad", [0, 3, 5])
-def test_a_step_that_fails_counts_where_it_would_have_been_taken(ss: ss2sql.Session, strategy: str, bad: int) -> None:
-    both_end_alike(ss, f"{may_fail(ss, f'{strategy} MAXIMUM 3', bad)} AS list")
 
 
 @pytest.mark.parametrize(
@@ -87,17 +90,6 @@ def test_large_levels_are_numbered_in_parts(ss: ss2sql.Session, monkeypatch: pyt
     large = [text for text in plans if "rangepartitioning(place" in text]
     assert large
     assert not any("SinglePartition" in text for text in large)  # no exchange brings all rows into one partition
-
-
-@pytest.mark.parametrize("most", [1, 3, 2000])
-@pytest.mark.parametrize("strategy", ["UNIQUE", "BREADTH FIRST NO CYCLE"])
-def test_the_first_levels_are_done_here(
-    ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch, strategy: str, most: int
-) -> None:
-    monkeypatch.setattr(beginning, "STATES", most)
-    agree(ss, FORMS[1].format(strategy))
-    search = f"START WITH n = 0 CONNECT BY {strategy} n = (n + this) % 9 STOP WITH n > 6 ORDER BY n"
-    agree(ss, f"SELECT (n + this) % 9, n % 2 FROM [1, 2] {search} AS list;")
 
 
 def test_other_settings_of_spark(spark: Any, ss: ss2sql.Session) -> None:
@@ -194,3 +186,96 @@ def test_steps_that_are_chosen_too_early_are_tried_once(ss: ss2sql.Session) -> N
     search = "START WITH n = 0 CONNECT BY UNIQUE COST weigh(n, x.this) n = x.this"
     result = agree(ss, f"SELECT x.this FROM x = roads(n) {search} AS list;")
     assert result.stats.generated == 2 * (1 + len(result.value))  # two roads from the start, and from each row
+
+
+# --- what its processes are sent, how searches in them end, and what they leave behind ----------------------
+
+LOCK = threading.Lock()
+SEARCH = "SELECT f(n) FROM [1] START WITH n = 0 CONNECT BY UNIQUE n = n + 1;"
+MANY = "SELECT this FROM [1, 2] START WITH n = 0 CONNECT BY BREADTH FIRST n = n + this AS list;"
+
+
+def test_tables_variables_frames_and_nested_queries_are_sent(ss: ss2sql.Session) -> None:
+    pandas = pytest.importorskip("pandas")
+    ss.host.connection.execute("CREATE TABLE edges(src, dst); INSERT INTO edges VALUES (1, 2), (2, 3), (3, 4), (2, 1)")
+    ss.set("closed", [4, {"a": 1}])
+    ss.attach("weights", pandas.DataFrame({"node": [1, 2, 3], "more": [0.5, 1.5, 2.5]}))
+    agree(
+        ss,
+        "SELECT e.dst, w.more FROM e = (SELECT dst FROM edges Where src == n), w = weights"
+        " Where NOT (e.dst IN closed) START WITH n = 1 CONNECT BY UNIQUE n = e.dst STOP WITH w.node != n;",
+    )
+
+
+@pytest.mark.parametrize(
+    ("function", "volatility", "script", "reason"),
+    [
+        (abs, "stable", SEARCH, "'f' is stable: it may depend on what only this process knows"),
+        (lambda n, lock=LOCK: n + 1, "immutable", SEARCH, "'f' cannot be pickled"),
+        (lambda n: object(), "immutable", SEARCH, "a row or state has an object"),
+        (abs, "immutable", SEARCH.replace("[1]", "shelf"), "a world is in this process only"),
+        (abs, "immutable", SEARCH.replace("[1]", "things"), "object"),
+    ],
+    ids=["stable", "lock", "object", "world", "objects"],
+)
+def test_what_cannot_be_sent_is_refused_by_name(
+    ss: ss2sql.Session, function: Any, volatility: Any, script: str, reason: str
+) -> None:
+    ss.function("f", function, volatility=volatility)
+    ss.attach("shelf", Shelf())
+    ss.attach("things", [object()])
+    with pytest.raises(ss2sql.UnsupportedError, match=reason) as caught:
+        ss.run(script)
+    assert caught.value.code == "U001"
+    assert caught.value.hints or script != SEARCH
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [(lambda n: [][0], "did not fail again"), (lambda n: os._exit(3), "spark: ")],
+    ids=["fails", "ends its process"],
+)
+def test_what_goes_wrong_on_executors_only(ss: ss2sql.Session, wrong: Any, message: str) -> None:
+    here = os.getpid()
+    ss.function("f", lambda n: n if os.getpid() == here else wrong(n), volatility="immutable")
+    with pytest.raises(ss2sql.ExecutionError, match=message) as caught:
+        ss.run(SEARCH)
+    assert caught.value.code == "X009"
+    assert ss.run(SHORT).value == [[1], [2], [1, 3], [2, 4]]
+
+
+def test_a_run_that_is_late(ss: ss2sql.Session) -> None:
+    with pytest.raises(ss2sql.Timeout) as caught:
+        ss.run(MANY, timeout=6)
+    partial = caught.value.partial
+    assert partial is not None
+    assert [list(path) for path in partial.paths[:3]] in ([], [[(1,)], [(2,)], [(1,), (1,)]], [[(1,)], [(2,)]])
+    assert ss.run(SHORT).value == [[1], [2], [1, 3], [2, 4]]
+
+
+def test_interrupt_ends_the_job_that_runs(ss: ss2sql.Session, tmp_path: Path) -> None:
+    """The function sleeps on the executors for longer than anybody waits."""
+    marker = tmp_path / "marker"
+
+    def interrupt() -> None:
+        while not marker.exists():
+            time.sleep(0.01)
+        ss.interrupt()
+
+    ss.function("f", lambda n: (marker.touch(), time.sleep(30), n)[2], volatility="immutable")
+    thread = threading.Thread(target=interrupt)
+    thread.start()
+    before = time.monotonic()
+    with pytest.raises(ss2sql.Cancelled):
+        ss.run(SEARCH)
+    thread.join()
+    assert time.monotonic() - before < 25
+
+
+def test_explain_and_sql_and_views_of_the_user(spark: Any, ss: ss2sql.Session) -> None:
+    spark.sql("SELECT 1 AS a").createOrReplaceTempView("steps")
+    result = ss.run(SHORT)
+    assert [tuple(row) for row in spark.table("steps").collect()] == [(1,)]
+    spark.catalog.dropTempView("steps")
+    assert "engine: spark: engine='spark' was asked for" in str(result.explain())
+    assert "FROM frontier" in result.sql
