@@ -1,4 +1,4 @@
-"""The problems of benchmarks/: all contenders agree, targets name what is measured, the table leaves nothing out."""
+"""The problems of benchmarks/: all contenders agree, and the table leaves nothing out."""
 
 import json
 import subprocess
@@ -12,7 +12,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 import compare
 import worker
 from problems import PROBLEMS, tables
-from problems.base import BASE, COMPILING, CONTENDERS
+from problems.base import COMPILING
 
 BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
 
@@ -49,18 +49,6 @@ def test_all_contenders_give_the_same_answer(problem):
     found = answers(problem)
     assert len(set(found.values())) == 1, found
     assert "native" in found or COMPILING in found
-
-
-@pytest.mark.parametrize("problem", PROBLEMS.values(), ids=lambda problem: problem.name)
-def test_a_problem_is_complete(problem):
-    assert BASE in problem.others or COMPILING in problem.others
-    assert set(problem.others) <= {*CONTENDERS, COMPILING}
-    assert list(problem.sizes) == sorted(problem.sizes)
-    assert problem.tiny <= problem.sizes[0]
-    for target in problem.targets:
-        assert target.contender in problem.contenders
-        assert target.against is None or target.against in {*problem.contenders, *PROBLEMS}
-        assert target.since <= problem.sizes[-1]
 
 
 def record(contender, seconds=None, answer="1", status="ok", problem="reach", size=100_000):

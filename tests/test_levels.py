@@ -8,24 +8,11 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import level_searches
 import pytest
 from hypothesis import given, seed, settings
 from hypothesis import strategies as st
-from level_searches import (
-    BY_LENGTH,
-    FORMS,
-    MOVES,
-    ROADS,
-    VARIANTS,
-    World,
-    agree,
-    both_end_alike,
-    by_sheet,
-    compare,
-    expressions,
-    may_fail,
-    script_of,
-)
+from level_searches import BY_LENGTH, FORMS, MOVES, agree, both_end_alike, by_sheet, may_fail
 from programs.drawn import amount
 from sessions import code_of
 
@@ -52,7 +39,7 @@ def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def ss() -> Iterator[ss2sql.Session]:
     with ss2sql.connect(engine="duckdb", session=OWN) as session:
-        session.function("near", lambda n: ROADS[int(n)], volatility="immutable")
+        session.function("near", lambda n: level_searches.ROADS[int(n)], volatility="immutable")
         session.set("moves", MOVES)
         yield session
 
@@ -67,7 +54,7 @@ def ss() -> Iterator[ss2sql.Session]:
 )
 def test_random_searches(monkeypatch: pytest.MonkeyPatch, variants: str, number: int, states: int) -> None:
     monkeypatch.setattr(beginning, "STATES", states)
-    assert compare(VARIANTS[variants], "duckdb", OWN, number, COUNT) > COUNT // 8
+    assert level_searches.compare(level_searches.VARIANTS[variants], "duckdb", OWN, number, COUNT) > COUNT // 8
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -272,7 +259,7 @@ def test_explain_tells_of_levels(ss: ss2sql.Session) -> None:
 @pytest.mark.parametrize("number", range(TRIALS))
 @pytest.mark.parametrize("is_graph", [False, True], ids=["by weight", "by graph"])
 def test_ties_totals_bounds_and_failing_steps(ss: ss2sql.Session, number: int, is_graph: bool) -> None:
-    world = World(number)
+    world = level_searches.World(number)
     world.furnish(ss)
     by_weight = world.by_weight(["", "MAXIMUM 2"], ["MAXIMUM 3", "MAXIMUM 20"])
     both_end_alike(ss, world.by_graph(number % 3 > 0) if is_graph else by_weight)
@@ -350,7 +337,7 @@ def test_explain_tells_how(ss: ss2sql.Session, options: str, told: str) -> None:
 @seed(88)
 @settings(max_examples=amount(1 / 8), deadline=None, database=None)
 @given(
-    expressions(),
+    level_searches.expressions(),
     st.sampled_from(BY_LENGTH),
     st.sets(st.sampled_from("ntbl"), min_size=1),
     st.booleans(),
@@ -358,7 +345,7 @@ def test_explain_tells_how(ss: ss2sql.Session, options: str, told: str) -> None:
 )
 def test_random_steps(parts: dict[str, str], strategy: str, shown: set[str], grouped: bool, states: int) -> None:
     """Of some searches the first steps are tried in memory."""
-    script = script_of(parts, strategy, shown, grouped)
+    script = level_searches.script_of(parts, strategy, shown, grouped)
     with ss2sql.connect(engine="duckdb") as ss, pytest.MonkeyPatch.context() as patch:
         patch.setattr(beginning, "STATES", states)
         ss.set("moves", MOVES)

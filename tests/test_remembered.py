@@ -324,15 +324,11 @@ def test_elements_that_functions_give(tmp_path: Path) -> None:
         """SELECT w.this["to"], k.this FROM k = [1, 2], w = out_of(node) WHERE w.how != 1
         START WITH node = 0 CONNECT BY MEMORIZE 3 node = w.to AS rows""",
     ]
-    file = tmp_path / "ways.db"
-    for _ in range(2):
-        for script in scripts:
-            with session(None, out_of=out_of) as ss:
-                expected = ss.eval(script)
-            with session(file, out_of=out_of) as ss:
-                first, again = ss.run(script), ss.run(script)
-                assert first.value == again.value == expected
-                assert calls(again) == 0
+    for script in 2 * scripts:
+        with session(None, out_of=out_of) as scratch, session(tmp_path / "ways.db", out_of=out_of) as ss:
+            first, again = ss.run(script), ss.run(script)
+            assert first.value == again.value == scratch.eval(script)
+            assert calls(again) == 0
 
 
 # --- whatever is asked -----------------------------------------------------------------------------------

@@ -164,13 +164,6 @@ def test_dollars_are_no_formula(ss: ss2sql.Session, script: str, text: str) -> N
     assert unescape(text) in map(unescape, shown)
 
 
-def test_very_many_lengths_share_bars() -> None:
-    script = "SELECT this FROM [1] START WITH n = 0 CONNECT BY MAXIMUM 5000 n = n + 1 AS list;"
-    with ss2sql.connect() as ss:
-        ax = ss.run(script).plot(kind="lengths")
-    assert [round(bar.get_height()) for bar in ax.patches] == [50] * 100
-
-
 def test_edges_replay_the_paths(ss: ss2sql.Session) -> None:
     result = ss.run(WALK.format("this, n", 2, 4))
     graph = result.graph()

@@ -40,14 +40,6 @@ def test_queries_that_read_or_write_histories_are_native(ss: ss2sql.Session, scr
     assert ss.run(script).engine == "native"
 
 
-@pytest.mark.parametrize("script", ["v{'a'} = 1;", "v{5} = 1; v{'a'};", "w = 1; w{-1};", "w{};", "v{5} = 2 ^ 70;"])
-def test_wrong_uses_have_a_place_in_the_script(ss: ss2sql.Session, script: str) -> None:
-    with pytest.raises(ss2sql.Error) as caught:
-        ss.run(script)
-    assert caught.value.span is not None
-    assert ss.eval("1 + 1;") == 2
-
-
 def test_python_gives_a_name_another_meaning_too(ss: ss2sql.Session) -> None:
     ss.run("v{5.0} = 'a';")
     ss.set("v", 1)

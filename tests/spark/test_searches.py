@@ -13,23 +13,11 @@ from types import SimpleNamespace
 from typing import Any
 
 import golden
+import level_searches
 import pytest
 from cases.shelf import Shelf
 from hypothesis import given, seed
-from level_searches import (
-    BY_LENGTH,
-    FORMS,
-    MOVES,
-    SHORT,
-    World,
-    agree,
-    both_end_alike,
-    by_sheet,
-    compare,
-    expressions,
-    one_of,
-    script_of,
-)
+from level_searches import BY_LENGTH, FORMS, MOVES, SHORT, agree, both_end_alike, by_sheet
 from programs.drawn import PROGRAMS, drawn
 
 import ss2sql
@@ -61,13 +49,13 @@ def test_golden_cases(spark: Any, case: golden.Case) -> None:
 )
 def test_random_searches(spark: Any, variants: str, number: int, share: int) -> None:
     most = TRIALS * share
-    assert compare(one_of(variants), "spark", spark, number, 30 * most, most=most) == most
+    assert level_searches.compare(level_searches.one_of(variants), "spark", spark, number, 30 * most, most=most) == most
 
 
 @pytest.mark.parametrize("number", range(2 * TRIALS))
 def test_ties_totals_and_failing_steps(ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch, number: int) -> None:
     monkeypatch.setattr(spark_tables, "PARTS", 2)  # a table of more than two parts becomes one
-    world = World(number)
+    world = level_searches.World(number)
     world.furnish(ss)
     by_weight = world.by_weight(["MAXIMUM 2"], ["MAXIMUM 3"])
     both_end_alike(ss, by_weight if number % 2 else world.by_graph(number % 4 > 0))
@@ -121,10 +109,12 @@ def test_random_steps(ss: ss2sql.Session) -> None:
 
     @seed(89)
     @drawn(max(6, PROGRAMS // 160), shrunk=False)
-    @given(expressions())
+    @given(level_searches.expressions())
     def run(parts: dict[str, str]) -> None:
         number = len(str(parts))
-        agree(ss, script_of(parts, BY_LENGTH[number % 3], set("ntbl"[number % 4 :]), grouped=False, ends=1))
+        agree(
+            ss, level_searches.script_of(parts, BY_LENGTH[number % 3], set("ntbl"[number % 4 :]), grouped=False, ends=1)
+        )
 
     run()
 
