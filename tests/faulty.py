@@ -7,9 +7,7 @@ By default some faults are tried, drawn with a seed, and more of them by slow te
 from __future__ import annotations
 
 import os
-import signal
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from random import Random
 from typing import Any
 
@@ -123,22 +121,6 @@ def attempt(work: Callable[[], object]) -> Exception | None:
     return None
 
 
-@contextmanager
-def limited(seconds: float) -> Iterator[None]:
-    """What takes longer is a fault as well."""
-
-    def late(*_: object) -> None:
-        raise TimeoutError("it hangs")
-
-    before = signal.signal(signal.SIGALRM, late)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
-    try:
-        yield
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        signal.signal(signal.SIGALRM, before)
-
-
 # --- patients ------------------------------------------------------------------------------------------
 
 
@@ -201,11 +183,10 @@ class Patient:
         """Has the k-th call of a run go wrong, and gives the patient for the next run."""
         self.source.wrong, self.source.left = (lambda value: self.FAULTS[kind](self, value)), k
         value: list[Any] = [None]
-        with limited(20):
-            try:
-                error: BaseException | None = attempt(lambda: value.append(self.run()))
-            except (SystemExit, GeneratorExit, KeyboardInterrupt) as ending:
-                error = ending
+        try:
+            error: BaseException | None = attempt(lambda: value.append(self.run()))
+        except (SystemExit, GeneratorExit, KeyboardInterrupt) as ending:
+            error = ending
         self.judge(kind, value[-1], error)
         if kind == "close" and self.reached:
             with pytest.raises(ss2sql.SessionError, match="closed"):

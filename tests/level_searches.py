@@ -12,6 +12,7 @@ from typing import Any
 from agreement import exact, session_for
 from golden import FOLDER
 from hypothesis import given, seed
+from hypothesis import strategies as st
 from programs import ProgramCase, programs
 from programs.drawn import drawn
 from sessions import code_of
@@ -271,3 +272,60 @@ class World:
             return function(*arguments)
 
         return asked
+
+
+# --- random steps that can be SQL --------------------------------------------------------------------------
+
+MOVES = [
+    {"by": 1, "word": "a", "far": False},
+    {"by": -2, "word": "", "far": True},
+    {"by": 3, "word": "bü", "far": True},
+]
+STATES = {"n": "0", "t": "'x'", "b": "False", "l": "[1]"}
+
+INTS = ("n", "m.by", "1", "-3", "7")
+TEXTS = ("t", "m.word", "'x'", "''", "'äb'")
+
+# Expressions of ints stay within bounds by a remainder.
+NUMBERS = (
+    *("(({} + {}) % 9)", "(({} - {}) % -7)", "(({} * {}) % 5)", "abs({} % 11)", "(-({} % 6))", "min({} % 8, {} % 8)"),
+    "IF({} < {}; {} % 4; 2)",
+)
+TRUTHS = ("{} < {}", "{} != {}", "{} IN [1, 3, -1]", "(m.far XOR {} > 1)", "({} == 2 OR NOT {} == 3)")
+
+
+def filled(form: str, inner: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
+    return st.builds(form.format, *[inner] * form.count("{}"))
+
+
+def expressions() -> st.SearchStrategy[dict[str, str]]:
+    """Expressions by kind."""
+    words = st.sampled_from(TEXTS)
+    number = st.recursive(
+        st.sampled_from(INTS),
+        lambda inner: st.one_of(filled("len({})", words), *(filled(form, inner) for form in NUMBERS)),
+        max_leaves=4,
+    )
+    text = st.one_of(filled("({} + {})[0:3]", words), filled("({} + {})[1:4]", words), words)
+    truth = st.one_of(
+        *(filled(form, number) for form in TRUTHS),
+        *(filled(form, text) for form in ("{} == {}", "{} <= {}", "{} NOT IN {}")),
+        st.sampled_from(["m.far", "b", "n", "t", "l == [1]", "NOT (b AND m.far)"]),
+    )
+    return st.fixed_dictionaries({"int": number, "text": text, "truth": truth, "where": truth, "stop": truth})
+
+
+def script_of(parts: dict[str, str], strategy: str, shown: set[str], grouped: bool, ends: int = 2) -> str:
+    """A search with these expressions, whose paths stop after so many steps and one."""
+    outputs = {"n": f"({parts['int']}) % 13", "t": parts["text"], "b": f"({parts['truth']}) AND True"}
+    outputs["l"] = "[m.by % 3]"
+    return (
+        f"SELECT {', '.join(outputs[name] for name in sorted(shown))} FROM m = moves WHERE {parts['where']} START WITH "
+        + ", ".join(f"{name} = {value}" for name, value in STATES.items())
+        + ", depth = 0"
+        + f" CONNECT BY {strategy} MAXIMUM 40 "
+        + ", ".join(f"{name} = {value}" for name, value in outputs.items())
+        + f", depth = IF(depth < 9; depth + 1; 9) STOP WITH depth > {ends} OR {parts['stop']}"
+        + (" GROUP BY m.by % 2" if grouped else "")
+        + " AS list"
+    )

@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+import os
+import threading
 from collections.abc import Callable
+from pathlib import Path
+from random import Random
 from typing import Any
 
+import apsw
 import numpy as np
 import pytest
-from faulty import ALL, CLAUSES, Caller, amounts
+from faulty import ALL, CLAUSES, WANTED, Caller, amounts, attempt, check_idle
+from faulty_files import is_whole
 from faulty_worlds import LONG, SCRIPTS, Inhabitant, Lives, Mishaps
+from interrupting import at_line
+from level_searches import ended
+from remembering import MAZE, near
 from sessions import both, code_of
 
 import ss2sql
@@ -141,20 +150,20 @@ class MuteError(Exception):
 
 @both
 @pytest.mark.parametrize(
-    ("site", "k", "script", "raised", "words"),
-    [("time", 1, "SELECT getTime() FROM [1] AS list;", OSError("the simulator is gone"), "the simulator is gone"),
-     ("check", 2, "SELECT weight(this) FROM things;", OSError("the simulator is gone"), "the simulator is gone"),
-     ("color", 1, "SELECT color FROM things;", MuteError(), r"things\[0\] cannot be read: MuteError")],
-    ids=["time", "check", "mute"],
-)  # fmt: skip
-def test_errors_keep_what_the_world_has_raised(
-    ss: ss2sql.Session, break_once: Any, engine: Any, site: str, k: int, script: str, raised: Exception, words: str
+    ("raised", "words"),
+    [
+        (OSError("it is gone"), "it is gone"),
+        (MuteError(), r"things\[0\] cannot be read: MuteError"),
+    ],
+    ids=["told", "mute"],
+)
+def test_errors_tell_what_the_world_has_raised(
+    ss: ss2sql.Session, break_once: Any, engine: Any, raised: Exception, words: str
 ) -> None:
-    break_once(site, raising(raised), k)
+    break_once("color", raising(raised))
     with pytest.raises(ss2sql.ExecutionError, match=words) as caught:
-        ss.run(script, engine=engine)
-    assert caught.value.code == "X011"
-    assert type(caught.value.__cause__) is type(raised)
+        ss.run("SELECT color FROM things;", engine=engine)
+    assert (caught.value.code, type(caught.value.__cause__)) == ("X011", type(raised))
 
 
 WAITING = (
@@ -163,17 +172,148 @@ WAITING = (
 )
 
 
-def outcome(ss: ss2sql.Session, script: str, engine: Any) -> Any:
-    try:
-        return ss.run(script, engine=engine).value
-    except ss2sql.ExecutionError as error:
-        return error.code
-
-
 @pytest.mark.parametrize("script", WAITING)
 def test_a_condition_that_waits_for_a_copied_source(ss: ss2sql.Session, script: str) -> None:
     """A search reads such a source from a copy, which has to have the column that the condition waits for."""
     pd = pytest.importorskip("pandas")
     ss.attach("things", Mishaps(Lives()))
     ss.attach("frame", pd.DataFrame({"x": [0.0, 1.0, 2.0]}))
-    assert outcome(ss, script, "database") == outcome(ss, script, "native") != "X009"
+    found = ended(ss, script, engine="database")
+    assert found == ended(ss, script, engine="native")
+    assert found[0] != "X009"
+
+
+# --- other threads, and copies of the process, at any moment of a run: at its n-th line of Python --------------
+
+RUNS = {
+    "flat": "SELECT f(this) + x FROM t AS list;",
+    "native": "SELECT f(this) + x FROM t AS list;",
+    "world": "SELECT n, x FROM things WHERE x > 2 ORDER BY -x AS rows;",
+    "search": "SELECT n FROM t START WITH n = 0 CONNECT BY NO CYCLE MAXIMUM 20 n = f(n) + this STOP WITH n > 9;",
+    "memorize": MAZE.replace("goal", "6").replace("bound", "4").replace("first", "1").replace("limit", "40"),
+    "statements": "y = f(1); v{5.0} = y; SELECT this + y FROM t AS list;",
+}
+
+
+def meanwhile(work: Callable[[], object]) -> None:
+    """Does something in another thread, and waits for it."""
+    thread = threading.Thread(target=work, daemon=True)
+    thread.start()
+    thread.join(30)
+    assert not thread.is_alive(), "both threads wait for each other"
+
+
+def uses(ss: ss2sql.Session) -> list[Exception | None]:
+    """How all uses of a session end."""
+    calls = (lambda: ss.eval("SELECT this FROM [1] AS list;"), lambda: ss.set("x", 5), ss.tables,
+             lambda: ss.attach("more", [1]), lambda: ss.function("g", abs), ss.graphs)  # fmt: skip
+    return [attempt(call) for call in calls]
+
+
+def copy(ss: ss2sql.Session, children: list[int]) -> None:
+    """A copy of the process, which lets the session go, and harms nothing.
+
+    To go on with the run is not for it: where it was made in a function that SQLite has called, Python itself stands
+    still when that returns.
+    """
+    in_file = bool(ss.host.connection.filename)
+    children.append(os.fork())
+    if not children[0]:
+        code = "none"
+        try:
+            code = getattr(attempt(lambda: ss.set("x", 6)), "code", code) if in_file else "S004"
+            ss.close()
+        finally:
+            os._exit(7 if code == "S004" else 1)
+
+
+HAPPENS: dict[str, Callable[[ss2sql.Session, list[Any]], object]] = {
+    "use": lambda ss, seen: meanwhile(lambda: seen.extend(uses(ss))),
+    "interrupt": lambda ss, seen: meanwhile(ss.interrupt),
+    "close": lambda ss, seen: meanwhile(ss.close),
+    "copy": copy,
+}
+
+
+@amounts(1, 10)
+@pytest.mark.filterwarnings("ignore:.*multi-threaded, use of fork:DeprecationWarning")
+@pytest.mark.parametrize("script", RUNS)
+@pytest.mark.parametrize("what", HAPPENS)
+def test_at_any_moment_of_a_run(tmp_path: Path, script: str, what: str, amount: int | None) -> None:
+    file = tmp_path / "data.db" if script in ("memorize", "statements") else None
+    dice, lines = Random(f"{WANTED} {script} {what}"), 0
+    for number in range((amount or 300) + 1):  # the first time nothing happens
+        ss = ss2sql.connect(file)
+        ss.function("f", lambda x: x + 1, volatility="stable")
+        ss.function("near", near)
+        ss.attach("t", list(range(12)))
+        ss.attach("things", Mishaps(Lives()))
+        ss.set("x", 5)
+
+        values, seen = list[Any](), list[Any]()
+
+        def work(ss: ss2sql.Session = ss, values: list[Any] = values) -> None:
+            values.append(ss.run(RUNS[script], engine="native" if script == "native" else "auto").value)
+
+        work()
+        moment = dice.randint(1, lines) if number else 0
+        error, count = at_line(moment, work, lambda _, ss=ss, seen=seen: HAPPENS[what](ss, seen))  # type: ignore[misc]
+        lines = lines or count
+        if not number or what in ("use", "copy"):
+            assert error is None
+        if error is not None:
+            assert isinstance(error, ss2sql.Cancelled) or (what, code_of(ss.run, "1;")) == ("close", "S001"), error
+        if number and what == "use":  # before it has its turn and after that the run is not in the way
+            assert len(seen) == 6
+            assert {getattr(error, "code", error) for error in seen} <= {None, "S004"}
+        if number and what == "copy":
+            assert os.waitstatus_to_exitcode(os.waitpid(seen[0], 0)[1]) == 7
+        if not number or what != "close":
+            work()
+            check_idle(ss)
+            ss.close()
+        assert values == [values[0]] * len(values)
+        assert code_of(ss.run, "1;") == "S001"
+        assert file is None or is_whole(file)
+
+
+@both
+def test_in_a_function_other_threads_may_only_close(ss: ss2sql.Session, engine: Any) -> None:
+    seen: list[Any] = []
+
+    def ask(x: int) -> int:
+        meanwhile(ss.close if x == 3 else lambda: seen.extend(uses(ss)))
+        return x + 1
+
+    ss.function("ask", ask, volatility="volatile")
+    assert ss.run("SELECT ask(this) FROM [1, 2] AS list;", engine=engine).value == [2, 3]
+    assert [error.code for error in seen] == ["S004"] * 12
+    assert ss.variables() == {}
+    ss.set("x", 5)
+    meanwhile(lambda: seen.append(ss.eval("x;")))
+    assert seen[-1] == 5
+    with pytest.raises(ss2sql.Cancelled) as caught:
+        ss.run("SELECT ask(this) FROM range(3, 1000) AS list;", engine=engine)
+    assert isinstance(caught.value.partial, ss2sql.Result)
+    assert code_of(ss.run, "1;") == "S001"
+    with pytest.raises(apsw.ConnectionClosedError):
+        ss.host.connection.execute("SELECT 1")
+
+
+@pytest.mark.filterwarnings("ignore:.*multi-threaded, use of fork:DeprecationWarning")
+def test_a_copy_of_the_process_between_two_runs(file: Path) -> None:
+    with ss2sql.connect(file) as ss, ss2sql.connect() as memory:
+        ss.run("v{1000.0} = 1;")
+        child = os.fork()
+        if not child:
+            code = 1
+            try:
+                assert memory.eval("1 + 1;") == 2
+                code = 7 if code_of(ss.run, "v{1000.0} = 2;") == "S004" else 2
+                ss.close()
+                memory.close()
+            finally:
+                os._exit(code)
+        assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 7
+        ss.run("v{1000.0} = 3;")
+        assert ss.eval("v{};") == [1, 3]

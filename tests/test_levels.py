@@ -1,28 +1,31 @@
-"""Searches by levels in the tables of DuckDB find what the native search finds, in its order."""
+"""Searches by levels in the tables of DuckDB find what the native search finds, in its order; and by weights."""
 
 from __future__ import annotations
 
 import sys
 import tempfile
-import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import level_searches
 import pytest
-from level_searches import BY_LENGTH, FORMS, ROADS, VARIANTS, agree, both_end_alike, compare, may_fail
+from hypothesis import given, seed, settings
+from hypothesis import strategies as st
+from level_searches import BY_LENGTH, FORMS, MOVES, agree, both_end_alike, by_sheet, may_fail
 from programs.drawn import amount
 from sessions import code_of
 
 import ss2sql
-from ss2sql.runtime.levels import beginning, duck, tables
+from ss2sql.frontend.text import RESERVED
+from ss2sql.lowering.portable import names
+from ss2sql.runtime.levels import beginning, duck, tables, typed_search
 from ss2sql.runtime.levels.statements import Ask
-from ss2sql.runtime.levels.watch import watched
-from ss2sql.runtime.run import Run
 
 duckdb = pytest.importorskip("duckdb")
 
 COUNT = amount(1 / 10) // 2
+TRIALS = amount(1 / 25)
 OWN = duckdb.connect(config={"threads": 1})  # to connect takes 20 ms
 GROWING = "SELECT this FROM [1, 2] START WITH n = 0 CONNECT BY UNIQUE n = this{};"
 
@@ -36,7 +39,8 @@ def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def ss() -> Iterator[ss2sql.Session]:
     with ss2sql.connect(engine="duckdb", session=OWN) as session:
-        session.function("near", lambda n: ROADS[int(n)], volatility="immutable")
+        session.function("near", lambda n: level_searches.ROADS[int(n)], volatility="immutable")
+        session.set("moves", MOVES)
         yield session
 
 
@@ -50,49 +54,13 @@ def ss() -> Iterator[ss2sql.Session]:
 )
 def test_random_searches(monkeypatch: pytest.MonkeyPatch, variants: str, number: int, states: int) -> None:
     monkeypatch.setattr(beginning, "STATES", states)
-    assert compare(VARIANTS[variants], "duckdb", OWN, number, COUNT) > COUNT // 8
+    assert level_searches.compare(level_searches.VARIANTS[variants], "duckdb", OWN, number, COUNT) > COUNT // 8
 
 
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("strategy", ["BREADTH FIRST MAXIMUM 30", "UNIQUE", "BREADTH FIRST NO CYCLE MAXIMUM 40"])
 def test_forms(ss: ss2sql.Session, form: str, strategy: str) -> None:
     agree(ss, form.format(strategy))
-
-
-@pytest.mark.parametrize(
-    ("step", "goal"), [("(2 * n + this) % 9999", 9000), ("min(n + this, 60)", 59)], ids=["wide", "thin"]
-)
-@pytest.mark.parametrize("limits", [(0, 1 << 26), (20, 1 << 26), (2000, 5000), (2000, 1 << 26)])
-@pytest.mark.parametrize("is_sql", [True, False])
-def test_what_is_done_in_memory_is_bounded(
-    ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch, step: str, goal: int, limits: Any, is_sql: bool
-) -> None:
-    """By the states of a level and by what all take; then the tables have all that there is."""
-    monkeypatch.setattr(beginning, "STATES", limits[0])
-    monkeypatch.setattr(beginning, "BYTES", limits[1])
-    loaded: list[int] = []
-    load = duck.DuckTables.load
-
-    def look(self: duck.DuckTables, table: str, columns: Any) -> None:
-        if table == "steps":
-            loaded.append(len(columns[0]))
-        load(self, table, columns)
-
-    monkeypatch.setattr(duck.DuckTables, "load", look)
-    ss.function("same", lambda n: int(str(n)), volatility="immutable")
-    result = agree(
-        ss,
-        f"SELECT {step} FROM [1, 2] WHERE {step} == {goal} START WITH n = 0 CONNECT BY UNIQUE n = {step}"
-        f" STOP WITH {'n' if is_sql else 'same(n)'} > 7000 AS list",
-    )
-    assert result.value
-    done = sum(loaded) - is_sql * bool(loaded)
-    if limits[0] == 0:
-        assert done == 0
-    elif limits[1] == 5000:
-        assert 5000 / 600 < done < 5000 / 500 + 200
-    elif limits[0] == 20:
-        assert (0 < done < 80) if "%" in step else loaded == []
 
 
 # --- errors ------------------------------------------------------------------------------------------------
@@ -257,26 +225,6 @@ def test_nothing_is_left_in_the_folder_for_temporary_files(tmp_path: Path, monke
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_run_that_is_late_ends_the_statement_that_runs() -> None:
-    ended = []
-
-    class Slow:
-        def interrupt(self) -> None:
-            ended.append(True)
-
-    run = Run(host=None)  # type: ignore[arg-type]
-
-    def work() -> None:
-        with watched(run, Slow()):  # type: ignore[arg-type]
-            run.interrupted = True
-            while not ended:
-                time.sleep(0.001)
-            raise RuntimeError("interrupted")  # as the database says it
-
-    with pytest.raises(ss2sql.Cancelled):
-        work()
-
-
 def test_a_partial_result(ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tables, "BLOCK", 10)
     called = []
@@ -303,3 +251,203 @@ def test_explain_tells_of_levels(ss: ss2sql.Session) -> None:
     assert "keeps the first step to each row that no level before has reached" in text
     assert "GROUP BY\n    row_key" in result.sql
     assert text.splitlines()[-1].split() == ["all", "5", "10"]  # 15 steps from the 5 rows and the start
+
+
+# --- by COST, PROBABILITY and MEMORIZE -----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("number", range(TRIALS))
+@pytest.mark.parametrize("is_graph", [False, True], ids=["by weight", "by graph"])
+def test_ties_totals_bounds_and_failing_steps(ss: ss2sql.Session, number: int, is_graph: bool) -> None:
+    world = level_searches.World(number)
+    world.furnish(ss)
+    by_weight = world.by_weight(["", "MAXIMUM 2"], ["MAXIMUM 3", "MAXIMUM 20"])
+    both_end_alike(ss, world.by_graph(number % 3 > 0) if is_graph else by_weight)
+
+
+PLACES = {1: [2, 3], 2: [1, 3, 4, 6], 3: [4, 2, 1], 4: [5, 2], 5: [4], 6: [7], 7: [6]}
+
+
+def test_what_the_sheet_says(ss: ss2sql.Session) -> None:
+    assert list(by_sheet(ss, "search/by-levels"))
+
+
+@pytest.mark.parametrize("engine", ["native", "duckdb"])
+def test_max_rows(ss: ss2sql.Session, engine: Any) -> None:
+    script = "SELECT x.this FROM x = near(n) WHERE x.this == 7 START WITH n = 1 CONNECT BY MEMORIZE n = x.this AS list;"
+    ss.function("near", lambda n: PLACES[n], volatility="immutable")
+    assert ss.run(script, engine=engine, max_rows=7).value[0] == [2, 6, 7]
+    for most in (6, 2):
+        assert code_of(ss.run, script, engine=engine, max_rows=most) == "X010"
+
+
+def grid(ss: ss2sql.Session, cost: Callable[[int, int], float]) -> ss2sql.Result:
+    """The cheapest way over a grid of 10 by 10 fields."""
+
+    def near(field: int) -> list[int]:
+        x, y = divmod(field, 10)
+        steps = ((x - 1, y), (x + 1, y), (x, y - 1), (x, y + 1))
+        return [10 * a + b for a, b in steps if 0 <= a < 10 and 0 <= b < 10]
+
+    ss.function("near", near, volatility="immutable")
+    ss.function("cost", cost, volatility="immutable")
+    return ss.run(
+        "SELECT x.this FROM x = near(n) WHERE x.this == 99 START WITH n = 0"
+        " CONNECT BY UNIQUE COST cost(n, x.this) n = x.this AS list;"
+    )
+
+
+def test_equal_costs_make_a_level_of_each_total_and_others_are_taken_many_at_a_time(ss: ss2sql.Session) -> None:
+    result = grid(ss, lambda a, b: 1)
+    assert len(result.value[0]) == 18
+    assert len(result.stats.levels) <= 21  # the start is reached again at 2; the farthest rows lead nowhere
+    assert result.stats.expanded == 100  # every field
+    result = grid(ss, lambda a, b: 1 + (a * 31 + b * 17) % 101 / 101)
+    assert len(result.stats.levels) < 50  # for 100 rows
+    assert result.stats.expanded < 140  # some are chosen too early and tried again
+
+
+def test_the_bound_leaves_out_what_is_too_far(ss: ss2sql.Session) -> None:
+    ss.function("near", lambda n: PLACES[n], volatility="immutable")
+    script = "SELECT x.this FROM x = near(n) WHERE x.this == 4 START WITH n = 1 CONNECT BY MEMORIZE 2 n = x.this"
+    # All rows but 5 and 7 are reached by two steps; the steps to 1 and between 2 and 3 are edges of the second level.
+    assert [(level.rows, level.steps) for level in ss.run(script).stats.levels] == [(2, 2), (3, 7)]
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        ("UNIQUE COST n", "searches the cheapest steps first"),
+        ("NO CYCLE PROBABILITY 0.5", "not met on the way back to the start"),
+        ("MEMORIZE 3", "searched from the start only: its graph is in tables"),
+    ],
+)
+def test_explain_tells_how(ss: ss2sql.Session, options: str, told: str) -> None:
+    result = ss.run(f"SELECT this FROM [1, 2] START WITH n = 0 CONNECT BY {options} n = this AS list;")
+    text = str(result.explain())
+    level = result.stats.levels[0]
+    assert told in text
+    if "MEMORIZE" not in options:
+        assert ["1", str(level.steps), str(level.pruned)] in [line.split() for line in text.splitlines()]
+
+
+# --- steps as SQL: the same paths, and what is left to Python ------------------------------------------------
+
+
+@seed(88)
+@settings(max_examples=amount(1 / 8), deadline=None, database=None)
+@given(
+    level_searches.expressions(),
+    st.sampled_from(BY_LENGTH),
+    st.sets(st.sampled_from("ntbl"), min_size=1),
+    st.booleans(),
+    st.sampled_from((0, 0, 1, 4, 12)),
+)
+def test_random_steps(parts: dict[str, str], strategy: str, shown: set[str], grouped: bool, states: int) -> None:
+    """Of some searches the first steps are tried in memory."""
+    script = level_searches.script_of(parts, strategy, shown, grouped)
+    with ss2sql.connect(engine="duckdb") as ss, pytest.MonkeyPatch.context() as patch:
+        patch.setattr(beginning, "STATES", states)
+        ss.set("moves", MOVES)
+        try:
+            found = agree(ss, script)
+        except ss2sql.UnsupportedError:
+            assert grouped  # by what is constant: an aggregate
+            return
+        assert "in SQL" in str(found.explain()), script
+
+
+def test_python_is_left_alone_where_steps_are_sql(ss: ss2sql.Session) -> None:
+    result = ss.run(
+        "SELECT n + this FROM [1, 2] WHERE n + this == 5 START WITH n = 0"
+        " CONNECT BY UNIQUE n = n + this STOP WITH n + this > 5 AS list;"
+    )
+    assert result.value == [[1, 3, 5]]
+    assert result.stats.generated == 2 + 4 + 4 + 2  # from 0; from 1 and 2; from 3 and 4; from 5, as 6 stops
+    assert "tries the steps from them, in SQL" in str(result.explain())
+    assert "frontier.n + elements.this AS n" in result.sql
+
+
+def test_steps_in_sql(ss: ss2sql.Session) -> None:
+    for row, result in by_sheet(ss, "search/steps-in-sql"):
+        assert "in SQL" in str(result.explain()), row
+
+
+NOT_KNOWN = "the kind of this {} is not known, or may be None"
+
+
+@pytest.mark.parametrize(
+    ("search", "reason"),
+    [
+        ("f(n) FROM [1] START WITH n = 0 CONNECT BY UNIQUE n = f(n) STOP WITH n > 3", "f is a Python function"),
+        ("this FROM [f(n)] START WITH n = 0 CONNECT BY UNIQUE n = this STOP WITH n > 3",
+         "what stands in FROM depends on the state"),
+        ("b.this FROM a = [[1], [2]], b = a.this START WITH n = 0 CONNECT BY UNIQUE n = b.this",
+         "what stands in FROM depends on another source"),
+        ("n + this FROM [0.5] START WITH n = 0.0 CONNECT BY UNIQUE n = n + this STOP WITH n > 3",
+         "rows with floats are not compared in the same way everywhere"),
+        ("n FROM [1] START WITH n = 'a' CONNECT BY UNIQUE n = str(n)", "str is not known to other databases"),
+        ("n FROM [1] START WITH n = None CONNECT BY UNIQUE n = None", NOT_KNOWN.format("value")),
+        ("this + n FROM [] START WITH n = 0 CONNECT BY UNIQUE n = 1", NOT_KNOWN.format("value")),
+        ("this FROM [1, 2] START WITH n = None CONNECT BY UNIQUE n = IF(this > 1; None; this)",
+         NOT_KNOWN.format("variable")),
+    ],
+)  # fmt: skip
+def test_what_is_left_to_python(ss: ss2sql.Session, search: str, reason: str) -> None:
+    added = {0: 1, 1: 2, 2: 3, 3: 4, 4: 5}
+    ss.function("f", lambda n: added[n], volatility="immutable")
+    assert f"tries the steps from them, in Python: {reason}" in str(agree(ss, f"SELECT {search}").explain())
+
+
+@pytest.mark.parametrize("kinds", ["reserved", pytest.param("%", marks=pytest.mark.slow)])
+def test_names_that_are_words_of_sql(ss: ss2sql.Session, kinds: str) -> None:
+    """Every word that DuckDB knows can be a START WITH variable and a column of the elements."""
+    known = f"SELECT keyword_name FROM duckdb_keywords() WHERE keyword_category LIKE '{kinds}'"
+    words = [word for (word,) in duckdb.sql(known).fetchall()]
+    for start in range(0, len(words), 40):
+        some = dict.fromkeys(word for word in (*words[start : start + 40], *names.OWN) if word.upper() not in RESERVED)
+        first, *_ = some
+        ss.set("moves", [dict.fromkeys(some, 1)])
+        shown = ", ".join(f"{word} + m.{word}" for word in some)
+        begun = ", ".join(f"{word} = {number}" for number, word in enumerate(some))
+        assigned = ", ".join(f"{word} = {word} + m.{word}" for word in some)
+        search = f"START WITH {begun} CONNECT BY UNIQUE {assigned} STOP WITH {first} > 2"
+        assert "in SQL" in str(agree(ss, f"SELECT {shown} FROM m = moves {search} AS list").explain())
+
+
+def test_a_table_of_the_session_is_read(ss: ss2sql.Session) -> None:
+    ss.host.connection.execute("CREATE TABLE roads(a INTEGER NOT NULL, b INTEGER NOT NULL) STRICT")
+    ss.host.connection.executemany("INSERT INTO roads VALUES (?, ?)", [(1, 2), (2, 3), (1, 4), (4, 3)])
+    script = (
+        "SELECT r.b FROM r = roads WHERE r.b == 3 AND r.a == at_node START WITH at_node = 1"
+        " CONNECT BY UNIQUE at_node = r.b STOP WITH r.a != at_node AS list;"
+    )
+    assert agree(ss, script).value == [[2, 3]]
+
+
+def test_variables_are_bound_when_the_search_runs(ss: ss2sql.Session) -> None:
+    script = (
+        "SELECT n + m.by FROM m = moves WHERE n + m.by == goal AND word == 'ab' START WITH n = 0"
+        " CONNECT BY UNIQUE n = n + m.by STOP WITH n > most[0] OR n < -9 AS list"
+    )
+    for goal, word, most in [(3, "ab", [5]), (4, "ab", [5]), (4, "b", [5]), (2, "ab", [0])]:
+        for name, value in {"goal": goal, "word": word, "most": most}.items():
+            ss.set(name, value)
+        assert "in SQL" in str(agree(ss, script).explain())
+    ss.set("goal", 4.0)  # of another kind: compiled anew
+    agree(ss, script)
+
+
+def test_a_variable_without_a_value_fails_where_it_is_read(ss: ss2sql.Session) -> None:
+    script = "SELECT this FROM {} WHERE this == missing START WITH n = 0 CONNECT BY UNIQUE n = this AS list"
+    assert ss.compile(script.format("[]")).parameters == ("missing",)
+    for engine in ("duckdb", "native"):
+        assert code_of(ss.run, script.format("[1]"), engine=engine) == "R001"
+
+
+def test_more_elements_than_steps_can_be_numbered(ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(typed_search, "ELEMENTS", 2)
+    script = "SELECT this FROM range({}) START WITH n = 0 CONNECT BY UNIQUE n = this AS list"
+    assert len(ss.run(script.format(2)).value) == 2
+    with pytest.raises(ss2sql.UnsupportedError, match=r"FROM has more than .* elements"):
+        ss.run(script.format(3))

@@ -122,27 +122,6 @@ def test_how_deep_a_native_search_is() -> None:
     assert "depth 100,001+" in line.text(1.0)
 
 
-def test_how_deep_a_search_of_the_database_is() -> None:
-    assert depth_of([(0, ())]) == (0, True)
-    assert depth_of([(0, ()), (0, (1,)), (1, (2,)), (2, (3,)), (1, (4,))]) == (2, True)
-    assert depth_of({3: (0, ()), 5: (3, ()), 9: (5, ())}) == (3, True)
-    assert depth_of({}) == (0, True)
-    assert depth_of([(max(number - 1, 0), ()) for number in range(DEEPEST + 5)]) == (DEEPEST, False)
-
-
-@pytest.mark.parametrize(
-    ("steps", "depth"),
-    [([], 0), ([(1, 0)], 1),
-     ([(1, 0), (2, 0), (3, 1), (4, 1), (5, 2), (6, 3)], 3),  # breadth first
-     ([(1, 0), (3, 1), (5, 3), (6, 3), (4, 1), (2, 0), (7, 2)], 2),  # depth first
-     ([(1, 0), (3, 1), (5, 3), (6, 5), (4, 1)], 2)],
-)  # fmt: skip
-def test_how_deep_the_last_result_is(steps: list[tuple[int, int]], depth: int) -> None:
-    paths = Paths(None, tuple, [(number, parent, "row") for number, parent in steps])
-    assert paths.depth(100) == (depth, True)
-    assert paths.depth(0) == (0, not steps)
-
-
 def test_a_bar_where_the_total_is_known() -> None:
     run = run_of(generated=100)
     search = "SELECT this FROM [1, 2] START WITH n = 0 CONNECT BY {} n = n + 1"
@@ -173,6 +152,23 @@ def test_a_bar_for_the_first_list() -> None:
     assert line.text(1.0) == "1 s | [##........] 25%"
     line.begin()
     assert line.text(1.0) == "1 s"
+
+
+KEPT = [(1, 0), (2, 0), (3, 1), (4, 1), (5, 2), (6, 3)]  # steps, each with the one before it
+
+
+@pytest.mark.parametrize(
+    ("steps", "depth"),
+    [([], 0), (KEPT[:1], 1), (KEPT, 3), ([(1, 0), (3, 1), (5, 3), (6, 3), (4, 1), (2, 0), (7, 2)], 2)],
+    ids=["none", "one", "breadth first", "depth first"],
+)
+def test_how_deep_a_search_of_the_database_is(steps: list[tuple[int, int]], depth: int) -> None:
+    """By the last result, or by the steps that are kept."""
+    paths = Paths(None, tuple, [(number, parent, "row") for number, parent in steps])
+    assert paths.depth(100) == (depth, True)
+    assert paths.depth(0) == (0, not steps)
+    assert depth_of({number: (parent, ()) for number, parent in steps}) == (depth, True)
+    assert depth_of([(max(number - 1, 0), ()) for number in range(DEEPEST + 5)]) == (DEEPEST, False)
 
 
 @pytest.fixture

@@ -221,13 +221,16 @@ def test_one_object_for_all_libraries(ss: ss2sql.Session) -> None:
     assert list(map(str, duckdb.sql("SELECT * FROM result").types)) == ["BIGINT", "BOOLEAN", "BIGINT[]", "BIGINT"]
     assert duckdb.sql("SELECT sum(k) FROM result WHERE b").fetchall() == [(1,)]
     frame = pandas.DataFrame(result)
-    assert list(frame.columns) == ["k", "b", "l", "n"]
+    assert list(frame.columns) == list(pandas.DataFrame(list(result)).columns) == ["k", "b", "l", "n"]
+    assert pandas.DataFrame(result, columns=list("wxyz")).columns.tolist() == list("wxyz")
+    assert pandas.DataFrame(ss.run("7;")).to_dict("list") == {"value": [7]}
     assert [tuple(map(without_nan, row)) for row in frame.itertuples(index=False)] == rows
 
 
 def test_duckdb_reads_paths_and_empty_results(ss: ss2sql.Session) -> None:
     paths = ss.run("SELECT this FROM [1, 2] WHERE n == 2 START WITH n = 1 CONNECT BY n = n + 1 STOP WITH n == 2;")
     assert len(paths.paths) == 4
+    assert list(pandas.DataFrame(paths).columns) == ["path", "step", "this"]
     assert duckdb.sql("SELECT path, max(step) FROM paths GROUP BY path ORDER BY path").fetchall() == [
         (number, 2) for number in range(1, 5)
     ]
@@ -238,16 +241,6 @@ def test_duckdb_reads_paths_and_empty_results(ss: ss2sql.Session) -> None:
     assert relation.fetchall() == []
     if hasattr(pandas.DataFrame, "from_arrow"):  # from pandas 3 on
         assert pandas.DataFrame.from_arrow(none).dtypes.astype(str).to_dict() == {"k": "int64", "b": "bool"}
-
-
-def test_pandas_names_the_columns_of_a_result(ss: ss2sql.Session) -> None:
-    result = ss.run("SELECT to(this, 'a b'), to(str(this), class) FROM [1, 2];")
-    assert list(pandas.DataFrame(result).columns) == ["a b", "class"]
-    assert list(pandas.DataFrame(list(result)).columns) == ["a b", "class"]
-    assert pandas.DataFrame(result, columns=["x", "y"]).columns.tolist() == ["x", "y"]
-    assert pandas.DataFrame(ss.run("7;")).to_dict("list") == {"value": [7]}
-    paths = ss.run("SELECT this FROM [1] START WITH n = 1 CONNECT BY n = n + 1 STOP WITH n == 2;")
-    assert list(pandas.DataFrame(paths).columns) == ["path", "step", "this"]
 
 
 def test_rows_are_tuples_that_know_their_columns(ss: ss2sql.Session) -> None:

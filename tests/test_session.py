@@ -142,12 +142,6 @@ def test_names_that_no_script_can_use_are_refused(ss: ss2sql.Session, name: str)
     assert code_of(ss.representation, name) == "S002"
 
 
-def test_words_that_are_names_elsewhere_are_names_here(ss: ss2sql.Session) -> None:
-    for number, name in enumerate(("start", "value", "list", "level", "größe", "_x", "group")):
-        ss.set(name, number)
-        assert ss.eval(f"{name} + 1;") == number + 1
-
-
 def test_variables_are_copies(ss: ss2sql.Session) -> None:
     given = [[1], 2.0]
     ss.set("x", given)

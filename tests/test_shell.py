@@ -19,7 +19,7 @@ from click.testing import CliRunner, Result
 import ss2sql
 from ss2sql.cli import main
 from ss2sql.shell.commands import COMMANDS
-from ss2sql.shell.pieces import is_ready, open_bracket, pieces
+from ss2sql.shell.pieces import is_ready, pieces
 from ss2sql.shell.piped import run_piped
 from ss2sql.shell.settings import SETTINGS, Settings
 from ss2sql.shell.shell import Shell
@@ -89,11 +89,6 @@ def test_typed_text_is_cut_into_statements_and_commands(typed: str, expected: li
 )  # fmt: skip
 def test_when_enter_runs_what_was_typed(typed: str, ready: bool) -> None:
     assert is_ready(typed) is ready
-
-
-def test_the_bracket_that_is_open() -> None:
-    assert [open_bracket(text) for text in ("f(1, [2", "f([2]", "1 + /* a", "1 +", "f(1);", "")] == [
-        "[", "(", "/*", "", "", ""]  # fmt: skip
 
 
 def test_results_are_tables_and_assignments_a_line_beside_them(shell: Shell, capsys) -> None:

@@ -7,7 +7,6 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-import apsw
 import pytest
 from sessions import Clock, code_of
 
@@ -39,14 +38,6 @@ def test_queries_that_read_or_write_histories_are_native(ss: ss2sql.Session, scr
     ss.run("v{5.0} = 1;")
     assert code_of(ss.run, script, engine="database") == "U001"
     assert ss.run(script).engine == "native"
-
-
-@pytest.mark.parametrize("script", ["v{'a'} = 1;", "v{5} = 1; v{'a'};", "w = 1; w{-1};", "w{};", "v{5} = 2 ^ 70;"])
-def test_wrong_uses_have_a_place_in_the_script(ss: ss2sql.Session, script: str) -> None:
-    with pytest.raises(ss2sql.Error) as caught:
-        ss.run(script)
-    assert caught.value.span is not None
-    assert ss.eval("1 + 1;") == 2
 
 
 def test_python_gives_a_name_another_meaning_too(ss: ss2sql.Session) -> None:
@@ -131,17 +122,3 @@ def test_reading_only_starts_with_what_was_kept_and_writes_nothing(file: Path, c
         clock.now += 1
         assert ss.eval("v{5} = 2; v{};") == [1, 2]
     assert file.read_bytes() == before
-
-
-def test_a_locked_file_is_an_error_of_the_script(file: Path, clock: Clock, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("ss2sql.runtime.opening.BUSY_MILLISECONDS", 10)
-    with session(file, clock) as ss:
-        ss.run("v{5} = 1;")
-        writer = apsw.Connection(str(file))  # the locks of two copies of SQLite in one process do not see each other
-        writer.execute("BEGIN IMMEDIATE")
-        with pytest.raises(ss2sql.ExecutionError, match="'v' cannot be kept in the file: database is locked") as caught:
-            ss.run("1; v{5} = 2;")
-        assert caught.value.code == "X009"
-        assert caught.value.span is not None
-        writer.close()
-        assert ss.eval("v{5} = 3; v;") == 3

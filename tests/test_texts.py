@@ -17,7 +17,7 @@ from agreement import Outcome, judged
 from mutated_scripts import LONGEST, EnoughError, Limited
 from programs import ProgramCase
 from programs.drawn import amount
-from test_mixed_programs import SEED, agree, pool
+from test_program_laws import SEED, agree, pool
 
 from ss2sql.errors import Source
 from ss2sql.frontend import ast

@@ -39,14 +39,6 @@ def test_what_runs_elsewhere_is_explained(ss: ss2sql.Session, own: Any) -> None:
         assert f"engine: {engine}: not in duckdb: {reason}" in str(result.explain())
 
 
-def test_what_is_given_has_the_names_of_its_columns(ss: ss2sql.Session) -> None:
-    ss.set("people", [{"name": "Ann", "age": 31}])
-    result = ss.run("SELECT name, age FROM people AS rows")
-    assert (result.engine, result.value) == ("duckdb", [("Ann", 31)])
-    assert "people.name AS name" in result.sql
-    assert "people.age AS age" in result.sql
-
-
 def test_what_runs_here_is_explained(ss: ss2sql.Session, own: Any) -> None:
     own.execute("CREATE TABLE t AS SELECT 1 AS a")
     script = "SELECT a FROM t, n = numbers WHERE a < n.this + least AND a != least AND a != nobody LIMIT most"
@@ -66,18 +58,6 @@ def test_what_runs_here_is_explained(ss: ss2sql.Session, own: Any) -> None:
     ):
         assert line in text, line
     assert "SELECT" in str(ss.compile("SELECT a FROM t").explain())
-
-
-def test_queries_in_from_are_explained(ss: ss2sql.Session, own: Any) -> None:
-    own.execute("CREATE TABLE t AS SELECT 1 AS a")
-    text = str(ss.run("SELECT b FROM (SELECT to(a + n.this, b) FROM t, n = [1, 2])").explain())
-    lines = (
-        "finds the rows with one SELECT over",
-        "  the rows of (SELECT to(a + n.this, b) FROM t, n = [1, 2]), over",
-        "    t, which it reads itself",
-        "    the elements of [1, 2], which are written out",
-    )
-    assert "\n".join(f"     {line}" for line in lines) in text
 
 
 def test_max_rows_counts_the_list_of_a_query(ss: ss2sql.Session) -> None:

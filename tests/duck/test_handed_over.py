@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -121,22 +120,6 @@ def test_a_query_in_a_text_reads_rows_of_its_own(ss: ss2sql.Session, engine: Any
     assert found.value == [(1, 10), (1, 80), (8, 10), (8, 80)]
 
 
-def test_a_condition_that_a_text_changes(ss: ss2sql.Session) -> None:
-    script = "SELECT eval('most = ' + str(id)) FROM sales WHERE kind < most AND last(id) > 0 AS list;"
-    ss.set("most", 3)
-    found = ss.run(script, engine="native").value
-    ss.set("most", 3)
-    as_without_tables(ss, script, found)
-    assert len(found) > 50
-
-
-def test_a_file(own: Any, ss: ss2sql.Session, read: list[int], tmp_path: Path) -> None:
-    own.sql("SELECT i AS id, i % 7 AS nth FROM range(100) AS r(i)").write_parquet(str(tmp_path / "some.parquet"))
-    ss.attach("some", tmp_path / "some.parquet")
-    assert ss.eval("SELECT last(id), nth FROM some WHERE nth == 6 AND id > 80 AS rows") == [(3, 6), (0, 6), (7, 6)]
-    assert set(read) == {3}
-
-
 # --- joins -------------------------------------------------------------------------------------------------
 
 
@@ -159,28 +142,20 @@ def test_the_rows_of_the_product_come_in_its_order(ss: ss2sql.Session, engine: A
     ("script", "expected"),
     [
         # Three tables, each of which must equal one before it.
-        (
-            "turned(a.here) FROM a = roads, b = roads, t = towns"
-            " WHERE a.there == b.here AND b.there == t.id AND a.here == 0",
-            ["a, b, t with a.there == b.here AND b.there == t.id AND a.here == 0"],
-        ),
+        ("turned(1) FROM a = roads, b = roads, t = towns WHERE a.there == b.here AND b.there == t.id AND a.here < 1",
+         ["a, b, t with a.there == b.here AND b.there == t.id AND a.here < 1"]),
         # What stands between them keeps its place.
-        (
-            "turned(n.this) FROM a = roads, n = [1, 2], b = roads WHERE a.there == b.here AND a.here == 0",
-            ["a with a.here == 0"],
-        ),
+        ("turned(n.this) FROM a = roads, n = [1, 2], b = roads WHERE a.there == b.here AND a.here == 0",
+         ["a with a.here == 0"]),
         # A product without an equality is larger than its tables.
         ("turned(a.here) FROM a = roads, t = towns WHERE a.there > t.id AND a.here == 0", ["a with a.here == 0"]),
         # What may fail is asked in its place.
-        (
-            "turned(a.here) FROM a = roads, t = towns WHERE 1 / (a.here + a.there - 1.5) < 9 AND a.there == t.id",
-            [],
-        ),
+        ("turned(a.here) FROM a = roads, t = towns WHERE 1 / (a.here + a.there - 1.5) < 9 AND a.there == t.id", []),
         ("turned(a.this) FROM a = roads, t = towns WHERE a.there == t.id AND a.here < 3", ["a"]),
         ("turned(t.list) FROM a = roads, t = towns WHERE a.there == t.id AND a.here < 3", ["a, t"]),
         ("turned(1) FROM a = roads, t = towns WHERE a.there == t.id", ["a, t with a.there == t.id"]),
     ],
-)
+)  # fmt: skip
 def test_what_is_joined(ss: ss2sql.Session, script: str, expected: list[str]) -> None:
     result = ss.run(f"SELECT {script} AS list")
     pairs = zip(handed(result), expected, strict=True)
@@ -218,8 +193,6 @@ def test_what_is_no_value_of_the_language(own: Any, ss: ss2sql.Session) -> None:
 
 @pytest.mark.parametrize("script", ["a.id == b.id AND turned(a.id) != '3'", "a.id > 9 AND turned(b.id) != '3'"])
 def test_what_duckdb_refuses(ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch, script: str) -> None:
-    query = ss.compile(f"SELECT a.id FROM a = towns, b = towns WHERE {script} AS list")
-    expected = query.run().value
     rows = Reading.rows
 
     def full(reading: Reading, text: str, values: Any = None) -> Any:
@@ -227,14 +200,12 @@ def test_what_duckdb_refuses(ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch
             raise duckdb.OutOfMemoryException("no room")
         return rows(reading, text, values)
 
-    with monkeypatch.context() as patch:
-        patch.setattr(Reading, "rows", full)
-        patch.setattr(Reading, "arrow", full)
-        with pytest.raises(ss2sql.ExecutionError, match="duckdb: no room") as caught:
-            ss.run(f"SELECT b.id FROM a = towns, b = towns WHERE {script} AS list")
-        assert caught.value.span is not None
-        assert caught.value.span.text == "towns"
-    assert query.run().value == expected
+    for name in ("rows", "arrow"):
+        monkeypatch.setattr(Reading, name, full)
+    with pytest.raises(ss2sql.ExecutionError, match="duckdb: no room") as caught:
+        ss.run(f"SELECT b.id FROM a = towns, b = towns WHERE {script} AS list")
+    assert caught.value.span is not None
+    assert caught.value.span.text == "towns"
 
 
 # --- what changes ------------------------------------------------------------------------------------------
@@ -257,11 +228,6 @@ def test_a_compiled_query_joins_what_is_there(own: Any, ss: ss2sql.Session) -> N
     assert query.run(wanted="n1").value == []
     own.execute("DROP TABLE towns")
     assert code_of(query.run, wanted="n1") == "R001"
-
-
-def test_variables_that_are_set_again(ss: ss2sql.Session) -> None:
-    query = "SELECT last(id) FROM sales WHERE id > most AS list"
-    assert ss.eval(f"most = 97; a = ({query}); most = 98; [a, ({query})];") == [[8, 9], [9]]
 
 
 def test_a_connection_that_compares_texts_in_another_way(own: Any, ss: ss2sql.Session) -> None:

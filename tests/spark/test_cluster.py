@@ -16,13 +16,9 @@ import pytest
 pytestmark = pytest.mark.slow
 
 SETTINGS = {
-    "spark.ui.enabled": "false",
-    "spark.ui.showConsoleProgress": "false",
-    "spark.sql.shuffle.partitions": "2",
-    "spark.log.level": "OFF",
-    "spark.driver.memory": "600m",
-    "spark.executor.memory": "600m",
-}
+    "spark.ui.enabled": "false", "spark.ui.showConsoleProgress": "false", "spark.sql.shuffle.partitions": "2",
+    "spark.log.level": "OFF", "spark.driver.memory": "600m", "spark.executor.memory": "600m",
+}  # fmt: skip
 SCRIPT = "SELECT deadly(n, this) FROM [1, 2] START WITH n = 0 CONNECT BY UNIQUE n = deadly(n, this) AS list;"
 
 

@@ -16,7 +16,6 @@ pytestmark = pytest.mark.slow
 
 STRATEGIES = ["UNIQUE", "BREADTH FIRST NO CYCLE", "BREADTH FIRST MAXIMUM 9"]
 GROWING = "SELECT n + this FROM [1, 2] START WITH n = 0 CONNECT BY BREADTH FIRST {} n = n + this {}"
-NEAR = "SELECT float(x.this), n FROM x = near(n) START WITH n = 1 CONNECT BY UNIQUE n = x.this"
 
 
 @pytest.fixture(autouse=True)
@@ -40,57 +39,40 @@ def agree(ss: ss2sql.Session, script: str, **options: Any) -> None:
 def test_rows_are_those_of_the_list(
     ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch, strategy: str, states: int
 ) -> None:
-    """Whatever is searched here, in Python and in SQL; with goals in several levels."""
+    """Whatever is searched here, in Python and in SQL; with goals in several levels, which are numbered in parts."""
     monkeypatch.setattr(beginning, "STATES", states)
+    if states == 0:
+        for module, name, number in ((spark_search, "FEW", 0), (spark_frame, "FEW", 0), (spark_frame, "JOINS", 1)):
+            monkeypatch.setattr(module, name, number)
     ss.function("step", lambda n, more: [(n + more) % 9, str(n)], volatility="immutable")
-    agree(
-        ss,
-        "SELECT this, step(n, this)[0], to(step(n, this)[1], text) FROM [1, 2] WHERE step(n, this)[0] % 3 == 1"
-        f" START WITH n = 0 CONNECT BY {strategy} n = step(n, this)[0] STOP WITH n > 5",
-    )
-    agree(
-        ss,
-        f"SELECT (n + this) % 9, n % 2 == 0 FROM [1, 2] WHERE (n + this) % 3 == 1 START WITH n = 0"
-        f" CONNECT BY {strategy} n = (n + this) % 9 STOP WITH n > 6",
-    )
+    for row, n in (
+        ("this, step(n, this)[0], to(step(n, this)[1], text)", "step(n, this)[0]"),
+        ("(n + this) % 9, n % 2 == 0", "(n + this) % 9"),
+    ):
+        search = f"START WITH n = 0 CONNECT BY {strategy} n = {n} STOP WITH n > 5"
+        agree(ss, f"SELECT {row} FROM [1, 2] WHERE {n} % 3 == 1 {search}")
 
 
-@pytest.mark.parametrize(("maximum", "limit"), [("3", ""), ("3", "LIMIT 2"), ("", "LIMIT 0"), ("", "LIMIT 90")])
+@pytest.mark.parametrize(
+    ("maximum", "limit", "given"),
+    [("MAXIMUM 3", "", None), ("MAXIMUM 3", "LIMIT 2", None), ("", "LIMIT 0", None), ("", "LIMIT 90", None),
+     ("", "", 5)],
+)  # fmt: skip
 @pytest.mark.parametrize("states", [0, 2000])
 def test_the_first_paths(
-    ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch, maximum: str, limit: str, states: int
+    ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch, maximum: str, limit: str, given: Any, states: int
 ) -> None:
     monkeypatch.setattr(beginning, "STATES", states)
-    agree(ss, GROWING.format(maximum and f"MAXIMUM {maximum}", f"STOP WITH n > 4 {limit}"))
+    agree(ss, GROWING.format(maximum, f"STOP WITH n > 4 {limit}" if given is None else ""), maximum=given)
 
 
 @pytest.mark.parametrize(("maximum", "limit"), [("(most())", "9"), ("9", "most()")])
 def test_limits_are_evaluated_once(ss: ss2sql.Session, maximum: str, limit: str) -> None:
-    calls = []
-
-    def most() -> int:
-        calls.append(None)
-        return 2
-
-    ss.function("most", most, volatility="volatile")
-    script = GROWING.format(f"MAXIMUM {maximum}", f"STOP WITH n > 4 LIMIT {limit} AS list")
-    frame = ss.compile(script).spark()
+    calls: list[None] = []
+    ss.function("most", lambda: calls.append(None) or 2, volatility="volatile")
+    frame = ss.compile(GROWING.format(f"MAXIMUM {maximum}", f"STOP WITH n > 4 LIMIT {limit} AS list")).spark()
+    assert len({row[0] for row in frame.collect()}) == 2
     assert len(calls) == 1
-    paths = sorted({row[0] for row in frame.collect()})
-    assert len(paths) == len(ss.run(script).value) == 2
-    assert len(calls) == 2
-
-
-def test_maximum_of_the_run(ss: ss2sql.Session) -> None:
-    agree(ss, GROWING.format("", ""), maximum=5)
-
-
-@pytest.mark.parametrize("script", [NEAR, SHORT], ids=["python", "sql"])
-def test_many_goals_are_numbered_in_parts(ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch, script: str) -> None:
-    monkeypatch.setattr(spark_search, "FEW", 0)
-    monkeypatch.setattr(spark_frame, "FEW", 0)
-    monkeypatch.setattr(spark_frame, "JOINS", 1)
-    agree(ss, script)
 
 
 def test_types_are_those_of_other_frames(ss: ss2sql.Session) -> None:
@@ -106,29 +88,24 @@ def test_types_are_those_of_other_frames(ss: ss2sql.Session) -> None:
     assert exact(found) == exact([list(row.values()) for row in wanted.to_pylist()])
 
 
-def test_a_column_of_several_kinds_is_refused_by_name(ss: ss2sql.Session) -> None:
-    ss.function("odd", lambda n: "a" if n == 2 else n, volatility="immutable")
-    script = "SELECT to(odd(n), mixed) FROM [1] START WITH n = 0 CONNECT BY UNIQUE n = n + this STOP WITH n > 3"
-    with pytest.raises(ss2sql.RepresentationError, match="the column 'mixed' has values of several kinds") as caught:
-        ss.compile(script).spark()
-    assert caught.value.code == "V001"
-
-
 @pytest.mark.parametrize(
-    ("script", "reason"),
+    ("script", "error", "code", "reason"),
     [
-        ("1 + 1", "only a search has paths"),
-        ("x = (SELECT this FROM [1])", "only a search has paths"),
-        ("SELECT this FROM [1]", "only a search has paths"),
-        (SHORT.replace(" AS list", " GROUP BY n"), "GROUP BY makes no DataFrame"),
-        (SHORT.replace(" AS list", " ORDER BY n"), "ORDER BY makes no DataFrame"),
-        (SHORT.replace("UNIQUE", "UNIQUE COST 1"), "put together by this process"),
+        ("1 + 1", ss2sql.UnsupportedError, "U001", "only a search has paths"),
+        ("SELECT this FROM [1]", ss2sql.UnsupportedError, "U001", "only a search has paths"),
+        (SHORT.replace(" AS list", " GROUP BY n"), ss2sql.UnsupportedError, "U001", "GROUP BY makes no DataFrame"),
+        (SHORT.replace(" AS list", " ORDER BY n"), ss2sql.UnsupportedError, "U001", "ORDER BY makes no DataFrame"),
+        (SHORT.replace("UNIQUE", "UNIQUE COST 1"), ss2sql.UnsupportedError, "U001", "put together by this process"),
+        (SHORT.replace("n + this FROM", "to(odd(n), mixed) FROM"), ss2sql.RepresentationError, "V001",
+         "the column 'mixed' has values of several kinds"),
     ],
-)
-def test_what_has_no_frame_is_refused(ss: ss2sql.Session, script: str, reason: str) -> None:
-    with pytest.raises(ss2sql.UnsupportedError, match=reason) as caught:
+    ids=["value", "flat", "groups", "order", "cost", "kinds"],
+)  # fmt: skip
+def test_what_has_no_frame_is_refused(ss: ss2sql.Session, script: str, error: Any, code: str, reason: str) -> None:
+    ss.function("odd", lambda n: "a" if n == 2 else n, volatility="immutable")
+    with pytest.raises(error, match=reason) as caught:
         ss.compile(script).spark()
-    assert caught.value.code == "U001"
+    assert caught.value.code == code
 
 
 @pytest.mark.parametrize("bad", range(6))
@@ -162,25 +139,15 @@ def test_no_rows_pass_through_this_process(ss: ss2sql.Session, monkeypatch: pyte
     """Of 252 goals with 1,524 steps on their ways there come only counts: a row for each level or task."""
     from pyspark.sql.classic.dataframe import DataFrame
 
-    fetched: list[int] = []
+    fetched: list[Any] = []
     collect = DataFrame.collect
-
-    def counting(self: Any) -> Any:
-        rows = collect(self)
-        fetched.append(len(rows))
-        return rows
-
-    def refuse(self: Any, *given: Any, **named: Any) -> Any:
-        raise AssertionError("fetches rows")
-
     ss.function("twice", lambda n, more: [n * 2, more][0] + more, volatility="immutable")
-    monkeypatch.setattr(DataFrame, "collect", counting)
+    monkeypatch.setattr(DataFrame, "collect", lambda self: fetched.append(collect(self)) or fetched[-1])
     for name in ("toLocalIterator", "toArrow", "toPandas", "take", "head", "tail", "foreach"):
-        monkeypatch.setattr(DataFrame, name, refuse)
-    frame = ss.compile(
-        f"SELECT {written} FROM [1, 2] START WITH n = 0 CONNECT BY UNIQUE n = {written} STOP WITH n >= 126"
-    ).spark()
+        monkeypatch.setattr(DataFrame, name, None)
+    search = f"START WITH n = 0 CONNECT BY UNIQUE n = {written} STOP WITH n >= 126"
+    frame = ss.compile(f"SELECT {written} FROM [1, 2] {search}").spark()
     monkeypatch.undo()
     assert frame.count() == 1524  # 1 * 2 + 2 * 4 + ... + 6 * 64, and 7 * 126
     assert len(fetched) <= 12
-    assert max(fetched) <= 2
+    assert max(map(len, fetched)) <= 2

@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import os
 import random
+import threading
+import time
 from collections import Counter
-from collections.abc import Callable
 from itertools import count
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import golden
+import level_searches
 import pytest
+from cases.shelf import Shelf
 from hypothesis import given, seed
-from level_searches import BY_LENGTH, FORMS, SHORT, World, agree, both_end_alike, by_sheet, compare, may_fail, one_of
+from level_searches import BY_LENGTH, FORMS, MOVES, SHORT, agree, both_end_alike, by_sheet
 from programs.drawn import PROGRAMS, drawn
-from sessions import code_of
-from test_levels_typed import MOVES, expressions, script_of
 
 import ss2sql
 from ss2sql.runtime.levels import beginning, spark_search, spark_tables
@@ -29,31 +30,6 @@ pytestmark = pytest.mark.slow
 CASES = golden.level_searches()[:: 1 if os.environ.get("SS2SQL_SPARK") == "all" else 3]
 TRIALS = max(4, PROGRAMS // 250)
 STRATEGIES = ("BREADTH FIRST MAXIMUM 7", "UNIQUE", "BREADTH FIRST NO CYCLE MAXIMUM 9")
-WEIGHTED = ("UNIQUE COST abs(n - x.this)", "MEMORIZE 3", "MEMORIZE 3 PROBABILITY 1 / (1 + n)")
-SEARCHES = [form.format(strategy) for form in FORMS for strategy in STRATEGIES]
-SEARCHES += [FORMS[1].format(weighted) for weighted in WEIGHTED]
-
-
-@pytest.fixture
-def noted(ss: ss2sql.Session, tmp_path: Path) -> Callable[[], list[tuple[int, ...]]]:
-    """The process and the arguments of each call of `noted(n, more)`, in whichever process: n + more, at most 5."""
-    calls = tmp_path / "calls"
-
-    def noted(n: int, more: int) -> int:
-        with calls.open("a") as file:
-            file.write(f"{os.getpid()} {n} {more}\n")
-        return min(n + more, 5)
-
-    ss.function("noted", noted, volatility="immutable")
-    return lambda: [tuple(map(int, line.split())) for line in calls.read_text().splitlines()]
-
-
-# --- the same as natively ----------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("script", SEARCHES)
-def test_forms(ss: ss2sql.Session, script: str) -> None:
-    agree(ss, script)
 
 
 @pytest.mark.parametrize("name", ["search/by-levels", "search/steps-in-sql"])
@@ -68,31 +44,18 @@ def test_golden_cases(spark: Any, case: golden.Case) -> None:
         assert found.verdict == golden.run(case, "native").verdict
 
 
-@pytest.mark.parametrize("strategy", BY_LENGTH)
-@pytest.mark.parametrize("bad", [0, 3, 5])
-def test_a_step_that_fails_counts_where_it_would_have_been_taken(ss: ss2sql.Session, strategy: str, bad: int) -> None:
-    both_end_alike(ss, f"{may_fail(ss, f'{strategy} MAXIMUM 3', bad)} AS list")
-
-
-@pytest.mark.parametrize("most", [1, 4, 9])
-def test_rows_and_sources_that_fail(ss: ss2sql.Session, most: int) -> None:
-    ss.set("roads", [[0], [2, 3], [3, 1, 5], [2, 7], []])  # there are no roads from 5 and 7
-    search = f"START WITH n = 1 CONNECT BY UNIQUE MAXIMUM {most} n = x.this"
-    both_end_alike(ss, f"SELECT 10 / (4 - x.this) FROM x = roads[n] {search};")
-
-
 @pytest.mark.parametrize(
     ("variants", "number", "share"), [("by length", 8, 2), ("by weight", 9, 1), ("by graph", 10, 1)]
 )
 def test_random_searches(spark: Any, variants: str, number: int, share: int) -> None:
     most = TRIALS * share
-    assert compare(one_of(variants), "spark", spark, number, 30 * most, most=most) == most
+    assert level_searches.compare(level_searches.one_of(variants), "spark", spark, number, 30 * most, most=most) == most
 
 
 @pytest.mark.parametrize("number", range(2 * TRIALS))
 def test_ties_totals_and_failing_steps(ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch, number: int) -> None:
     monkeypatch.setattr(spark_tables, "PARTS", 2)  # a table of more than two parts becomes one
-    world = World(number)
+    world = level_searches.World(number)
     world.furnish(ss)
     by_weight = world.by_weight(["MAXIMUM 2"], ["MAXIMUM 3"])
     both_end_alike(ss, by_weight if number % 2 else world.by_graph(number % 4 > 0))
@@ -103,18 +66,18 @@ def test_large_levels_are_numbered_in_parts(ss: ss2sql.Session, monkeypatch: pyt
     """And ways to many goals are looked up by joins, some goals at a time, and tables of rows become one."""
     for name, number in {"FEW": 0, "GOALS": 2, "AT_ONCE": 0, "TABLES": 2}.items():
         monkeypatch.setattr(spark_search, name, number)
+    plans: list[str] = []
+    persisted = Store.persisted
+
+    def look(self: Store, frame: Any) -> Any:
+        plans.append(frame._jdf.queryExecution().executedPlan().toString())
+        return persisted(self, frame)
+
+    monkeypatch.setattr(Store, "persisted", look)
     agree(ss, script)
-
-
-@pytest.mark.parametrize("most", [1, 3, 2000])
-@pytest.mark.parametrize("strategy", ["BREADTH FIRST MAXIMUM 30", "UNIQUE", "BREADTH FIRST NO CYCLE"])
-def test_the_first_levels_are_done_here(
-    ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch, strategy: str, most: int
-) -> None:
-    monkeypatch.setattr(beginning, "STATES", most)
-    agree(ss, FORMS[1].format(strategy))
-    search = f"START WITH n = 0 CONNECT BY {strategy} n = (n + this) % 9 STOP WITH n > 6 ORDER BY n"
-    agree(ss, f"SELECT (n + this) % 9, n % 2 FROM [1, 2] {search} AS list;")
+    large = [text for text in plans if "rangepartitioning(place" in text]
+    assert large
+    assert not any("SinglePartition" in text for text in large)  # no exchange brings all rows into one partition
 
 
 def test_other_settings_of_spark(spark: Any, ss: ss2sql.Session) -> None:
@@ -146,82 +109,59 @@ def test_random_steps(ss: ss2sql.Session) -> None:
 
     @seed(89)
     @drawn(max(6, PROGRAMS // 160), shrunk=False)
-    @given(expressions())
+    @given(level_searches.expressions())
     def run(parts: dict[str, str]) -> None:
         number = len(str(parts))
-        agree(ss, script_of(parts, BY_LENGTH[number % 3], set("ntbl"[number % 4 :]), grouped=False, ends=1))
+        agree(
+            ss, level_searches.script_of(parts, BY_LENGTH[number % 3], set("ntbl"[number % 4 :]), grouped=False, ends=1)
+        )
 
     run()
 
 
 @pytest.mark.usefixtures("no_python")
-@pytest.mark.parametrize("strategy", BY_LENGTH)
-def test_values_of_variables_elements_and_the_start(ss: ss2sql.Session, strategy: str) -> None:
-    """Variables are bound, lists too; ORDER BY asks for the elements and the state of the last step."""
+@pytest.mark.parametrize(
+    "script",
+    [
+        # Variables are bound, lists too; ORDER BY asks for the elements and the state of the last step.
+        'SELECT n + m.by, t FROM m = moves WHERE n + m.by IN goals AND wanted == t START WITH n = 0, t = "it\'s"'
+        " CONNECT BY UNIQUE MAXIMUM 9 n = n + m.by STOP WITH abs(n) > 4 ORDER BY m.by, n DESC;",
+        # Places are steps times 2^24, so the 200th step has one that a small integer of Spark cannot hold.
+        "SELECT n + this FROM range(300) START WITH n = 0 CONNECT BY UNIQUE n = n + this STOP WITH n > 0 AS list;",
+    ],
+    ids=["variables", "32 bits"],
+)
+def test_values_in_sql(ss: ss2sql.Session, script: str) -> None:
     for name, value in {"goals": [3, 5], "wanted": "it's", "moves": MOVES}.items():
         ss.set(name, value)
-    agree(
-        ss,
-        'SELECT n + m.by, t FROM m = moves WHERE n + m.by IN goals AND wanted == t START WITH n = 0, t = "it\'s"'
-        f" CONNECT BY {strategy} MAXIMUM 9 n = n + m.by STOP WITH abs(n) > 4 ORDER BY m.by, n DESC;",
-    )
-
-
-@pytest.mark.usefixtures("no_python")
-def test_numbers_beyond_32_bits(ss: ss2sql.Session) -> None:
-    """Places are steps times 2^24, so the 200th step has one that a small integer of Spark cannot hold."""
-    search = "START WITH n = 0 CONNECT BY UNIQUE n = n + this STOP WITH n > 0"
-    agree(ss, f"SELECT n + this FROM range(300) {search} AS list;")
+    agree(ss, script)
 
 
 # --- what it takes -----------------------------------------------------------------------------------------
 
 
-def test_numbering_leaves_rows_where_they_are(ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Steps are numbered without an exchange that brings all rows into one partition."""
-    monkeypatch.setattr(spark_search, "FEW", 0)
-    plans: list[str] = []
-    persisted = Store.persisted
-
-    def look(self: Store, frame: Any) -> Any:
-        plans.append(frame._jdf.queryExecution().executedPlan().toString())
-        return persisted(self, frame)
-
-    monkeypatch.setattr(Store, "persisted", look)
-    assert ss.run(SHORT).value == [[1], [2], [1, 3], [2, 4]]
-    large = [text for text in plans if "rangepartitioning(place" in text]
-    assert large
-    assert not any("SinglePartition" in text for text in large)
-
-
-def test_each_step_is_tried_once(ss: ss2sql.Session, noted: Any) -> None:
-    result = ss.run("SELECT noted(n, this) FROM [1, 2] START WITH n = 0 CONNECT BY UNIQUE n = noted(n, this) AS list;")
-    assert sorted(path[-1] for path in result.value) == list(range(1, 6))
-    assert Counter(call[1:] for call in noted()) == Counter((n, more) for n in range(6) for more in (1, 2))
-    assert result.stats.calls["noted"] == 12
-    assert sum(level.steps + level.pruned for level in result.stats.levels) == 12
-
-
-def test_a_level_that_takes_long_is_left_to_spark(
-    ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch, noted: Any
+@pytest.mark.parametrize(("strategy", "at_first"), [("UNIQUE", False), ("UNIQUE", True), ("MEMORIZE", False)])
+def test_each_step_is_tried_once(
+    ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, strategy: str, at_first: bool
 ) -> None:
     """By a clock on which each look takes an hour the level of the start is done here, and no other."""
-    monkeypatch.setattr(beginning, "STATES", 2000)
-    ticks = count(0, 3600)
-    monkeypatch.setattr(beginning, "time", SimpleNamespace(monotonic=lambda: next(ticks)))
-    result = ss.run("SELECT noted(n, this) FROM [1, 2] START WITH n = 0 CONNECT BY UNIQUE n = noted(n, this) AS list;")
-    assert sorted(path[-1] for path in result.value) == [1, 2, 3, 4, 5]
-    assert {n for process, n, _ in noted() if process == os.getpid()} == {0}
-    assert sorted(n for _, n, _ in noted()) == sorted([*range(6), *range(6)])
+    calls = tmp_path / "calls"
 
+    def noted(n: int, more: int) -> int:
+        with calls.open("a") as file:
+            file.write(f"{os.getpid()} {n} {more}\n")
+        return min(n + more, 5)
 
-def test_a_graph_asks_for_each_edge_once(ss: ss2sql.Session, noted: Any) -> None:
-    script = (
-        "SELECT noted(n, this) FROM [1, 2] WHERE noted(n, this) == 5 START WITH n = 0"
-        " CONNECT BY MEMORIZE n = noted(n, this) AS list;"
-    )
+    if at_first:
+        monkeypatch.setattr(beginning, "STATES", 2000)
+        ticks = count(0, 3600)
+        monkeypatch.setattr(beginning, "time", SimpleNamespace(monotonic=lambda: next(ticks)))
+    ss.function("noted", noted, volatility="immutable")
+    script = f"SELECT noted(n, this) FROM [1, 2] START WITH n = 0 CONNECT BY {strategy} n = noted(n, this) AS list;"
     result = ss.run(script)
-    assert Counter(call[1:] for call in noted()) == Counter((n, more) for n in range(6) for more in (1, 2))
+    made = [tuple(map(int, line.split())) for line in calls.read_text().splitlines()]
+    assert Counter(call[1:] for call in made) == Counter((n, more) for n in range(6) for more in (1, 2))
+    assert {n for process, n, _ in made if process == os.getpid()} == ({0} if at_first else set())
     assert result.stats.calls["noted"] == 12
     assert result.value == ss.run(script, engine="native").value
 
@@ -238,7 +178,94 @@ def test_steps_that_are_chosen_too_early_are_tried_once(ss: ss2sql.Session) -> N
     assert result.stats.generated == 2 * (1 + len(result.value))  # two roads from the start, and from each row
 
 
-def test_the_most_rows_of_a_graph(ss: ss2sql.Session) -> None:
-    script = "SELECT x.this FROM x = near(n) WHERE x.this == 5 START WITH n = 1 CONNECT BY MEMORIZE n = x.this AS list;"
-    agree(ss, script, max_rows=8)
-    assert code_of(ss.run, script, max_rows=3) == "X010"
+# --- what its processes are sent, how searches in them end, and what they leave behind ----------------------
+
+LOCK = threading.Lock()
+SEARCH = "SELECT f(n) FROM [1] START WITH n = 0 CONNECT BY UNIQUE n = n + 1;"
+MANY = "SELECT this FROM [1, 2] START WITH n = 0 CONNECT BY BREADTH FIRST n = n + this AS list;"
+
+
+def test_tables_variables_frames_and_nested_queries_are_sent(ss: ss2sql.Session) -> None:
+    pandas = pytest.importorskip("pandas")
+    ss.host.connection.execute("CREATE TABLE edges(src, dst); INSERT INTO edges VALUES (1, 2), (2, 3), (3, 4), (2, 1)")
+    ss.set("closed", [4, {"a": 1}])
+    ss.attach("weights", pandas.DataFrame({"node": [1, 2, 3], "more": [0.5, 1.5, 2.5]}))
+    agree(
+        ss,
+        "SELECT e.dst, w.more FROM e = (SELECT dst FROM edges Where src == n), w = weights"
+        " Where NOT (e.dst IN closed) START WITH n = 1 CONNECT BY UNIQUE n = e.dst STOP WITH w.node != n;",
+    )
+
+
+@pytest.mark.parametrize(
+    ("function", "volatility", "script", "reason"),
+    [
+        (abs, "stable", SEARCH, "'f' is stable: it may depend on what only this process knows"),
+        (lambda n, lock=LOCK: n + 1, "immutable", SEARCH, "'f' cannot be pickled"),
+        (lambda n: object(), "immutable", SEARCH, "a row or state has an object"),
+        (abs, "immutable", SEARCH.replace("[1]", "shelf"), "a world is in this process only"),
+        (abs, "immutable", SEARCH.replace("[1]", "things"), "object"),
+    ],
+    ids=["stable", "lock", "object", "world", "objects"],
+)
+def test_what_cannot_be_sent_is_refused_by_name(
+    ss: ss2sql.Session, function: Any, volatility: Any, script: str, reason: str
+) -> None:
+    ss.function("f", function, volatility=volatility)
+    ss.attach("shelf", Shelf())
+    ss.attach("things", [object()])
+    with pytest.raises(ss2sql.UnsupportedError, match=reason) as caught:
+        ss.run(script)
+    assert caught.value.code == "U001"
+    assert caught.value.hints or script != SEARCH
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [(lambda n: [][0], "did not fail again"), (lambda n: os._exit(3), "spark: ")],
+    ids=["fails", "ends its process"],
+)
+def test_what_goes_wrong_on_executors_only(ss: ss2sql.Session, wrong: Any, message: str) -> None:
+    here = os.getpid()
+    ss.function("f", lambda n: n if os.getpid() == here else wrong(n), volatility="immutable")
+    with pytest.raises(ss2sql.ExecutionError, match=message) as caught:
+        ss.run(SEARCH)
+    assert caught.value.code == "X009"
+    assert ss.run(SHORT).value == [[1], [2], [1, 3], [2, 4]]
+
+
+def test_a_run_that_is_late(ss: ss2sql.Session) -> None:
+    with pytest.raises(ss2sql.Timeout) as caught:
+        ss.run(MANY, timeout=6)
+    partial = caught.value.partial
+    assert partial is not None
+    assert [list(path) for path in partial.paths[:3]] in ([], [[(1,)], [(2,)], [(1,), (1,)]], [[(1,)], [(2,)]])
+    assert ss.run(SHORT).value == [[1], [2], [1, 3], [2, 4]]
+
+
+def test_interrupt_ends_the_job_that_runs(ss: ss2sql.Session, tmp_path: Path) -> None:
+    """The function sleeps on the executors for longer than anybody waits."""
+    marker = tmp_path / "marker"
+
+    def interrupt() -> None:
+        while not marker.exists():
+            time.sleep(0.01)
+        ss.interrupt()
+
+    ss.function("f", lambda n: (marker.touch(), time.sleep(30), n)[2], volatility="immutable")
+    thread = threading.Thread(target=interrupt)
+    thread.start()
+    before = time.monotonic()
+    with pytest.raises(ss2sql.Cancelled):
+        ss.run(SEARCH)
+    thread.join()
+    assert time.monotonic() - before < 25
+
+
+def test_explain_and_sql_and_views_of_the_user(spark: Any, ss: ss2sql.Session) -> None:
+    spark.sql("SELECT 1 AS a").createOrReplaceTempView("steps")
+    result = ss.run(SHORT)
+    assert [tuple(row) for row in spark.table("steps").collect()] == [(1,)]
+    spark.catalog.dropTempView("steps")
+    assert "engine: spark: engine='spark' was asked for" in str(result.explain())
+    assert "FROM frontier" in result.sql
