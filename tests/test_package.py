@@ -13,6 +13,7 @@ import pytest
 
 import ss2sql
 from ss2sql.errors import CODES
+from ss2sql.extras import PACKAGES
 
 ROOT = Path(__file__).parent.parent
 PACKAGE = ROOT / "ss2sql"
@@ -78,7 +79,7 @@ for extra, use in (
         use()
     except ss2sql.SessionError as error:
         assert error.code == "S003", error
-        assert f'pip install "ss2sql[{{extra}}]"' in str(error), error
+        assert ss2sql.extras.install_line(extra) in str(error), error
     else:
         raise AssertionError(use)
 from ss2sql.cli import main
@@ -91,8 +92,8 @@ main({arguments!r})
     [
         (["--help"], 0, "Commands:"),
         (["run", "-e", "SELECT this FROM [1] AS list;", "--format", "json"], 0, "[1]\n"),
-        (["run", "-e", "SELECT this FROM [1];", "--format", "arrow"], 1, 'pip install "ss2sql[df]"'),
-        (["plot", "-e", "1", "-o", "p.png"], 1, 'pip install "ss2sql[plot]"'),
+        (["run", "-e", "SELECT this FROM [1];", "--format", "arrow"], 1, "pip install pyarrow pandas polars"),
+        (["plot", "-e", "1", "-o", "p.png"], 1, "pip install matplotlib networkx"),
         (["list", "errors"], 0, "T001"),
     ],
 )
@@ -113,6 +114,12 @@ def test_import_loads_no_extra():
     code = "import sys, ss2sql; ss2sql.connect().close(); print(*sorted({name.split('.')[0] for name in sys.modules}))"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
     assert set(loaded.stdout.split()) & set(HEAVY) == set()
+
+
+def test_lines_that_install_extras_name_their_packages():
+    extras = PROJECT["optional-dependencies"]
+    for extra, packages in PACKAGES.items():
+        assert packages.split() == [re.split(r"[<>=]", line)[0] for line in extras[extra]], extra
 
 
 def test_dependencies_are_few():

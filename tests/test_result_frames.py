@@ -27,6 +27,7 @@ from programs.drawn import FEWEST, drawn
 from random_values import FLOATS, INTEGERS
 
 import ss2sql
+from ss2sql.extras import install_line
 
 TEXTS = st.text(st.characters(codec="utf-8"), max_size=4)
 ALIKE = st.one_of([st.just(kind) for kind in (st.booleans(), INTEGERS, FLOATS, TEXTS)])
@@ -204,7 +205,7 @@ def test_a_missing_package_is_named(
     with pytest.raises(ss2sql.SessionError) as caught:
         getattr(result, use)()
     assert caught.value.code == "S003"
-    assert caught.value.hints == (f'pip install "ss2sql[{extra}]"',)
+    assert caught.value.hints == (install_line(extra),)
 
 
 MIXED = "SELECT k, to(k > 0, b), to([k], l), to(IF(k > 0; k; None), n) FROM t;"

@@ -343,7 +343,7 @@ CODES: dict[str, Code] = _table(
         "S003", "missing package",
         "It needs a package that is not installed; the error shows how to install it.",
         "Simulators, data frames and plots come with packages of their own, which ss2sql does not ask of everybody.",
-        "Run the line of the message, `pip install \"ss2sql[...]\"`.",
+        "Run the line of the message, such as `pip install pybullet`.",
     ),
     (
         "S004", "session in use",

@@ -11,6 +11,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors import SessionError
+from ss2sql.extras import install_line
 from ss2sql.runtime.rows import Row
 from ss2sql.runtime.values import fresh
 
@@ -26,7 +27,7 @@ def package(name: str, extra: str, user: str) -> Any:
         raise SessionError(
             "S003",
             f"{user} needs the package {name.partition('.')[0]}, which is not installed",
-            hints=(f'pip install "ss2sql[{extra}]"',),
+            hints=(install_line(extra),),
         ) from reason
 
 

@@ -9,6 +9,7 @@ from types import ModuleType
 from typing import Any
 
 from ss2sql.errors import SessionError
+from ss2sql.extras import install_line
 
 
 def package(name: str) -> ModuleType:
@@ -19,7 +20,7 @@ def package(name: str) -> ModuleType:
         raise SessionError(
             "S003",
             f"scenes need the package {name.partition('.')[0]}, which is not installed",
-            hints=('pip install "ss2sql[sim]"',),
+            hints=(install_line("sim"),),
         ) from reason
 
 

@@ -10,6 +10,7 @@ from random import Random
 from typing import ClassVar
 from xml.sax.saxutils import quoteattr
 
+from ss2sql.extras import install_line
 from ss2sql.scenes.drawn import HALF, Draws, Particle, quaternion, simulator
 from ss2sql.scenes.particles import PUSH_EVERY, WALLS
 from ss2sql.scenes.scene import TIME_STEP
@@ -32,7 +33,7 @@ class MuJoCoChaos:
     bounds: ClassVar[tuple[Vector, Vector]] = ((-HALF, -HALF, -HALF), (HALF, HALF, HALF))
 
     def __init__(self, seed: int, bodies: int) -> None:
-        self.mujoco = simulator("mujoco", 'pip install "ss2sql[mujoco]"')
+        self.mujoco = simulator("mujoco", install_line("mujoco"))
         self.seed = seed
         self.steps = 0
         self._draws = Draws(Random(seed))

@@ -12,6 +12,7 @@ from importlib import import_module
 from typing import Any, TypeAlias
 
 from ss2sql.errors import SessionError
+from ss2sql.extras import install_line
 from ss2sql.vtables.frames.frame import Frame as Frame
 
 # Reads a frame as it stands now.
@@ -65,5 +66,5 @@ def _table(source: Any) -> Any:
         pyarrow = import_module("pyarrow")
     except ImportError:
         message = f"to read a {type(source).__name__}, pyarrow is needed"
-        raise SessionError("S002", message, hints=("pip install 'ss2sql[df]'",)) from None
+        raise SessionError("S002", message, hints=(install_line("df"),)) from None
     return pyarrow.RecordBatchReader.from_stream(source).read_all()

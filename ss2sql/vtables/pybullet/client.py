@@ -9,6 +9,7 @@ from inspect import isbuiltin
 from typing import Any
 
 from ss2sql.errors import SessionError
+from ss2sql.extras import install_line
 
 
 class NumberedClient:
@@ -27,7 +28,7 @@ def _pybullet() -> Any:
         return import_module("pybullet")
     except ImportError as reason:
         text = "this world needs the package pybullet, which is not installed"
-        raise SessionError("S003", text, hints=('pip install "ss2sql[sim]"',)) from reason
+        raise SessionError("S003", text, hints=(install_line("sim"),)) from reason
 
 
 def client_number(client: Any) -> int:

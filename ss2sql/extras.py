@@ -1,0 +1,24 @@
+"""Packages that ss2sql does not ask of everybody, and the line that installs them."""
+
+from __future__ import annotations
+
+# The same as the extras of pyproject.toml, which `pip install -e ".[sim]"` in a checkout installs.
+PACKAGES = {
+    "sim": "pybullet",
+    "mujoco": "mujoco",
+    "df": "pyarrow pandas polars",
+    "plot": "matplotlib networkx",
+    "repl": "prompt_toolkit pygments",
+    "jupyter": "ipython jupyter",
+    "duckdb": "duckdb pyarrow",
+    "spark": "pyspark pyarrow pandas",
+}
+
+
+def install_line(extra: str) -> str:
+    """The command that installs what an extra stands for, wherever ss2sql itself came from.
+
+    >>> install_line("sim")
+    'pip install pybullet'
+    """
+    return f"pip install {PACKAGES[extra]}"
