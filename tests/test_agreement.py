@@ -26,6 +26,7 @@ PART = 1000
 SCORE = Score(SEED)
 
 
+@pytest.mark.drawn
 @pytest.mark.parametrize("part", range(-(-COUNT // PART)))
 def test_three_evaluators_agree(part: int) -> None:
     shrinking = False
@@ -52,6 +53,7 @@ def notes(tried: Trial) -> list[str]:
     return written + (["in the database"] if tried.outcomes["database"] is not None else [])
 
 
+@pytest.mark.drawn
 def test_paths_of_random_searches_replay() -> None:
     replayed = 0
 
@@ -112,6 +114,7 @@ def test_a_search_from_both_ends_asks_nothing_of_steps_that_lead_to_no_goal() ->
     assert asked.differences == spared.differences == []
 
 
+@pytest.mark.drawn
 def test_score(capsys: pytest.CaptureFixture[str]) -> None:
     assert SCORE.programs > 0, "no programs were tried: run the whole file"
     SCORE.write(Path(__file__).parent.parent / "out" / "score.json")

@@ -53,6 +53,7 @@ def script(dice: random.Random) -> str:
                STOP WITH {parts[2]} AS list"""
 
 
+@pytest.mark.drawn
 def test_same_paths_in_the_same_order() -> None:
     went_back = 0
     for seed in range(SEED, SEED + COUNT):

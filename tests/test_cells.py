@@ -211,6 +211,7 @@ LIMITS = st.builds(
 )
 
 
+@pytest.mark.drawn
 @drawn(amount(1 / 5))
 @given(ROWS, st.lists(st.integers(-5, 5), min_size=1, max_size=5), LIMITS, PARTS)
 def test_random_grids_and_indexes(rows: list[list[int]], places: list[int], condition: str, parts: list[str]) -> None:

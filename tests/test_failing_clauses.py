@@ -130,6 +130,7 @@ def agree(scripts: list[str], **variables: Any) -> float:
     return in_database / len(scripts)
 
 
+@pytest.mark.drawn
 @pytest.mark.parametrize("most", ["", "MAXIMUM 1"])
 @pytest.mark.parametrize("option", OPTIONS)
 def test_the_first_clause_that_fails_shows(option: str, most: str) -> None:
@@ -141,6 +142,7 @@ def test_the_first_clause_that_fails_shows(option: str, most: str) -> None:
     assert agree(some(scripts)) > 0.46
 
 
+@pytest.mark.drawn
 @pytest.mark.parametrize("option", OPTIONS)
 def test_what_is_done_with_results_fails_after_the_steps(option: str) -> None:
     scripts = (
@@ -151,6 +153,7 @@ def test_what_is_done_with_results_fails_after_the_steps(option: str) -> None:
     assert agree(some(scripts)) > 0.52
 
 
+@pytest.mark.drawn
 @pytest.mark.parametrize("name", QUERIES)
 def test_the_first_clause_of_a_query_that_fails_shows(name: str) -> None:
     slots = {field[0] for _, field, _, _ in Formatter().parse(QUERIES[name]) if field}
@@ -158,6 +161,7 @@ def test_the_first_clause_of_a_query_that_fails_shows(name: str) -> None:
     assert agree(some(scripts), one=1) >= 0.2
 
 
+@pytest.mark.drawn
 @pytest.mark.parametrize("name", MENTIONING)
 def test_a_source_that_mentions_an_earlier_one_fails_in_its_rows_only(name: str) -> None:
     """It does so as it is written: `tie` mentions a, in what the rewrites find to be the same for all of its rows."""

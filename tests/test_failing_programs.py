@@ -31,6 +31,7 @@ def placed_outcome(case: ProgramCase, engine: Any) -> tuple[Outcome, int | None]
             return Outcome(error=type(error).__name__), None
 
 
+@pytest.mark.drawn
 @pytest.mark.parametrize("part", range(PARTS))
 def test_all_hear_of_the_same_failure(part: int) -> None:
     writer = FailingPrograms(Random(f"{SEED} failing {part}"))

@@ -130,6 +130,7 @@ def frames_of(kinds: dict[str, str], rows: list[dict[str, Any]]) -> dict[str, An
     }
 
 
+@pytest.mark.drawn
 @drawn(amount(0.2))
 @given(columns(), st.sampled_from(QUERIES), st.sampled_from(["auto", "native"]))
 def test_random_frames_are_the_same_as_lists_of_dicts(given: Any, query: str, engine: str) -> None:

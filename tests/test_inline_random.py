@@ -162,6 +162,7 @@ def outcome(ss: ss2sql.Session, script: str, engine: Any) -> tuple[Any, int]:
     return exact(result.value), sum(result.stats.calls.values())
 
 
+@pytest.mark.drawn
 @pytest.mark.filterwarnings("ignore::SyntaxWarning")  # of `1 is None` and the like
 @pytest.mark.parametrize("seed", [1, 2])
 def test_inlined_or_called_a_script_comes_to_the_same(tmp_path: Path, seed: int) -> None:

@@ -43,6 +43,7 @@ WAYS = [
 ]
 
 
+@pytest.mark.drawn
 @seed(103)
 @drawn(COUNT, shrunk=False)
 @given(joins(), st.sampled_from(WAYS))

@@ -256,6 +256,7 @@ def test_explain_tells_of_levels(ss: ss2sql.Session) -> None:
 # --- by COST, PROBABILITY and MEMORIZE -----------------------------------------------------------------------
 
 
+@pytest.mark.drawn
 @pytest.mark.parametrize("number", range(TRIALS))
 @pytest.mark.parametrize("is_graph", [False, True], ids=["by weight", "by graph"])
 def test_ties_totals_bounds_and_failing_steps(ss: ss2sql.Session, number: int, is_graph: bool) -> None:
@@ -334,6 +335,7 @@ def test_explain_tells_how(ss: ss2sql.Session, options: str, told: str) -> None:
 # --- steps as SQL: the same paths, and what is left to Python ------------------------------------------------
 
 
+@pytest.mark.drawn
 @seed(88)
 @settings(max_examples=amount(1 / 8), deadline=None, database=None)
 @given(

@@ -28,6 +28,7 @@ MOVING = "tick|getTime|print"  # they differ from call to call
 UNKNOWN = "help|clear|var|shelf|ragged|weight|distance|[{]|922337203685"
 
 
+@pytest.mark.drawn
 @pytest.mark.parametrize("part", range(4))
 def test_engines_agree_on_scripts_with_parts_of_others(part: int) -> None:
     scripts = mutated(seeds(), re.compile(MOVING), Random(f"{SEED} {part}"))
@@ -46,6 +47,7 @@ def like_a_session() -> Limited:
     return Limited(functions, {**VARIABLES, **given["variables"]}, given["tables"])
 
 
+@pytest.mark.drawn
 @pytest.mark.parametrize("part", range(2))
 def test_the_reference_agrees_on_scripts_with_parts_of_others(part: int) -> None:
     known = [case.script for case in cases() if not case.name.startswith((*UNKNOWN_TO_REFERENCE, *MANY_ARGUMENTS))]

@@ -45,6 +45,7 @@ WORK: dict[str, Any] = {
 CARE = [("auto", None, None), ("native", None, None), ("native", 0, 0), ("native", 0.05, 3), ("native", 0.3, 1000)]
 
 
+@pytest.mark.drawn
 @pytest.mark.parametrize("order", RANKED)
 @pytest.mark.parametrize(("engine", "patience", "kept"), CARE)
 def test_the_paths_are_those_of_brute_force_whenever_care_begins(

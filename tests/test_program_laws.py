@@ -69,6 +69,7 @@ def same_with_other_names(case: ProgramCase, other: RenamedCase) -> None:
         assert found is None or with_old_names(other, found) == expected, other
 
 
+@pytest.mark.drawn
 @seed(SEED)
 @many
 @given(programs(), st.integers(0, 2**16))
@@ -97,6 +98,7 @@ def test_other_names_of_temporal_variables_change_nothing(number: int) -> None:
     same_with_other_names(case, other)
 
 
+@pytest.mark.drawn
 @seed(SEED)
 @many
 @given(programs(), st.integers(0, 2**16))
@@ -106,6 +108,7 @@ def test_orders_that_the_language_leaves_open_change_nothing(case: ProgramCase, 
         assert executor_outcome(other, engine) == executor_outcome(case, engine), other
 
 
+@pytest.mark.drawn
 @seed(SEED)
 @many
 @given(st.binary(min_size=80, max_size=80), st.integers(0, 2**16))
@@ -130,6 +133,7 @@ def rows_of(case: ProgramCase, engine: str) -> list[Any]:
         return list(ss.run(case.script, engine=engine).value)  # type: ignore[arg-type]
 
 
+@pytest.mark.drawn
 @seed(SEED)
 @many
 @given(programs())
@@ -176,6 +180,7 @@ def counted(outcome: Outcome) -> Counter[Any]:
     return Counter(outcome.value[1:])
 
 
+@pytest.mark.drawn
 @seed(2015)
 @drawn(amount(1 / 5))
 @given(st.binary(min_size=160, max_size=160).map(partition))
@@ -265,6 +270,7 @@ def agree(cases: Iterator[ProgramCase], count: int, also: Callable[[ProgramCase,
         compared += len(found) > 1
 
 
+@pytest.mark.drawn
 @pytest.mark.parametrize("part", range(PARTS))
 def test_programs_with_parts_of_others(part: int) -> None:
     agree(mixed(part), COUNT // PARTS, lambda case, found: True)
@@ -383,6 +389,7 @@ def history(part: int, dice: Random) -> History:
     return History(dice, base, scripts, values)
 
 
+@pytest.mark.drawn
 @pytest.mark.parametrize("part", range(HISTORIES))
 def test_a_session_with_a_history_is_as_good_as_a_fresh_one(part: int) -> None:
     dice = Random(f"{SEED} histories {part}")

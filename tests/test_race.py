@@ -291,6 +291,7 @@ def test_what_comes_up_against_a_limit_of_the_session_is_out_of_the_race(limits:
         assert [cell.paths for cell in heat.cells] == [None, 12]
 
 
+@pytest.mark.drawn
 @seed(6)
 @drawn(amount(1 / 8))
 @given(programs())

@@ -63,6 +63,7 @@ def without_nan(value: Any) -> Any:
     return None if (isinstance(value, float) and math.isnan(value)) or value is pandas.NA else value
 
 
+@pytest.mark.drawn
 @drawn(FEWEST)
 @given(data=st.data())
 def test_columns_of_one_kind_survive(ss: ss2sql.Session, data: st.DataObject) -> None:
@@ -79,6 +80,7 @@ def test_columns_of_one_kind_survive(ss: ss2sql.Session, data: st.DataObject) ->
 MIXED_VALUES = st.none() | st.booleans() | INTEGERS | FLOATS | TEXTS | st.lists(INTEGERS, max_size=2)
 
 
+@pytest.mark.drawn
 @drawn(FEWEST)
 @given(values=st.lists(MIXED_VALUES, min_size=1, max_size=4))
 def test_whatever_pandas_gets_is_equal(ss: ss2sql.Session, values: list[Any]) -> None:

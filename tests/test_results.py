@@ -296,6 +296,7 @@ def test_rows_are_counted_without_walking_the_paths(
         assert count == sum(map(len, result.paths))
 
 
+@pytest.mark.drawn
 @drawn(FEWEST)
 @given(rows=st.lists(st.lists(VALUES, min_size=1, max_size=30), min_size=1, max_size=25))
 def test_no_table_is_long_or_wide(ss: ss2sql.Session, rows: list[list[Any]]) -> None:

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
+import pytest
 from agreement import EARLY, executor_outcome, reference_outcome
 from hypothesis import given, seed
 from hypothesis import strategies as st
@@ -225,6 +226,7 @@ def agreed(case: ProgramCase | NotedCase, switch: str) -> None:
                 assert case.different_calls == calls, (engine, switch)
 
 
+@pytest.mark.drawn
 @seed(1)
 @drawn(PROGRAMS)
 @given(programs(), st.sampled_from(SWITCHES))
@@ -232,6 +234,7 @@ def test_random_programs_do_not_notice_a_rewrite(case: ProgramCase, switch: str)
     agreed(case, switch)
 
 
+@pytest.mark.drawn
 @seed(2)
 @drawn(PROGRAMS)
 @given(st.binary(min_size=DECISIONS, max_size=DECISIONS).map(noted_program), st.sampled_from(SWITCHES))

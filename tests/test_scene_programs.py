@@ -12,6 +12,7 @@ from typing import Any
 
 import pandas as pd
 import polars as pl
+import pytest
 from agreement import EARLY, code_of, exact
 from balls import BallWorld
 from hypothesis import given, seed
@@ -110,6 +111,7 @@ def column(name: str) -> Callable[[dict[str, Any]], Any]:
     return lambda row: row[name]
 
 
+@pytest.mark.drawn
 def test_programs_over_a_world_equal_those_over_copies() -> None:
     values = 0
 

@@ -208,6 +208,7 @@ def program(chance: random.Random) -> ProgramCase:
     return ProgramCase(" ".join(parts) + ";", {} if table else {"edges": edges}, (), {"edges": edges} if table else {})
 
 
+@pytest.mark.drawn
 @pytest.mark.parametrize("part", range(3))
 def test_three_evaluators_agree_on_searches_over_edges(part: int) -> None:
     in_database = 0

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import networkx
+import pytest
 from programs.drawn import amount
 from sessions import both
 
@@ -139,6 +140,7 @@ def estimates(given: Graph) -> dict[str, list[Any]]:
     }
 
 
+@pytest.mark.drawn
 @both
 def test_the_cheapest_path_is_that_of_dijkstra_whatever_the_heuristic(engine: Any) -> None:
     searches, found, again = Searches(), 0, 0

@@ -55,6 +55,7 @@ def becomes(case: ProgramCase) -> str | None:
             return None
 
 
+@pytest.mark.drawn
 def test_duckdb_agrees() -> None:
     tried: Counter[str] = Counter()
 

@@ -145,6 +145,7 @@ CONDITION = st.recursive(
 CONNECT = st.permutations(["x = {}", "y = {}", "p = {}"])
 
 
+@pytest.mark.drawn
 @drawn(amount(1 / 8))
 @given(st.data())
 def test_every_state_keeps_to_its_type(data: st.DataObject) -> None:

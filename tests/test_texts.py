@@ -81,6 +81,7 @@ def raises_too(case: ProgramCase, found: list[Outcome]) -> bool:
         return True
 
 
+@pytest.mark.drawn
 @pytest.mark.parametrize("part", range(PARTS))
 def test_programs_with_texts(part: int) -> None:
     agree(with_texts(part), COUNT // PARTS, raises_too)

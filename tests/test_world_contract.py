@@ -17,6 +17,7 @@ from ss2sql.vtables import Column, Table, TableFunction, World
 QUERIES = amount(0.1)
 
 
+@pytest.mark.drawn
 def test_a_good_adapter_passes() -> None:
     box = Box.random(1, 25)
     arguments = {"gaps": [(min(box.balls),)], "near": [(0.0, 0.0, 0.0), (1, 1, 0, 4.0)]}

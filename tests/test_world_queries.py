@@ -54,6 +54,7 @@ def values(ss: ss2sql.Session, script: str) -> Any:
 # --- random queries ------------------------------------------------------------------------------------
 
 
+@pytest.mark.drawn
 @every
 def test_queries_give_what_loops_give(simulator: Any, ss: ss2sql.Session) -> None:
     """The paper's queries, before and after steps, births and deaths. The engines take turns."""
@@ -68,6 +69,7 @@ def test_queries_give_what_loops_give(simulator: Any, ss: ss2sql.Session) -> Non
             agree(ss, bodies, ENGINES[seed % len(ENGINES)])
 
 
+@pytest.mark.drawn
 @every
 def test_random_queries_give_what_copies_give(simulator: Any) -> None:
     asked, seed, elements = 0, 0, Counter[str]()

@@ -256,6 +256,7 @@ COUNT = amount(1 / 5)
 TWINS = st.binary(min_size=DECISIONS, max_size=DECISIONS).map(lambda bits: twin(bits).case)
 
 
+@pytest.mark.drawn
 def test_random_programs(own: Any) -> None:
     engines: Counter[str] = Counter()
 
@@ -285,6 +286,7 @@ def store(own: Any, case: ProgramCase, kept: str) -> None:
             own.execute(f"CREATE OR REPLACE VIEW {name} AS FROM {table}")
 
 
+@pytest.mark.drawn
 @pytest.mark.parametrize(
     ("cases", "kept", "engine", "told", "least"),
     [

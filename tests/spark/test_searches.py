@@ -44,6 +44,7 @@ def test_golden_cases(spark: Any, case: golden.Case) -> None:
         assert found.verdict == golden.run(case, "native").verdict
 
 
+@pytest.mark.drawn
 @pytest.mark.parametrize(
     ("variants", "number", "share"), [("by length", 8, 2), ("by weight", 9, 1), ("by graph", 10, 1)]
 )
@@ -52,6 +53,7 @@ def test_random_searches(spark: Any, variants: str, number: int, share: int) -> 
     assert level_searches.compare(level_searches.one_of(variants), "spark", spark, number, 30 * most, most=most) == most
 
 
+@pytest.mark.drawn
 @pytest.mark.parametrize("number", range(2 * TRIALS))
 def test_ties_totals_and_failing_steps(ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch, number: int) -> None:
     monkeypatch.setattr(spark_tables, "PARTS", 2)  # a table of more than two parts becomes one
@@ -103,6 +105,7 @@ def no_python(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Steps, "load", refuse)
 
 
+@pytest.mark.drawn
 @pytest.mark.usefixtures("no_python")
 def test_random_steps(ss: ss2sql.Session) -> None:
     ss.set("moves", MOVES)
