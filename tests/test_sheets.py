@@ -27,7 +27,7 @@ from typing import Any
 
 import pytest
 from cases import needs
-from golden import FOLDER, NEEDS
+from golden import FOLDER, NEEDS, database_of
 from reference import Failure, Reference
 
 import ss2sql
@@ -125,7 +125,7 @@ def test_sheet(sheet: Sheet) -> None:
     assert sheet.rows
     wrong = []
     for engine, disable in RUNS:
-        with TemporaryDirectory() as folder, opened(sheet, Path(folder), disable) as session:
+        with TemporaryDirectory() as folder, opened(sheet, Path(folder), disable, engine) as session:
             for row in sheet.rows:
                 if engine == "duckdb" and "CONNECT BY" in row.script.upper():
                     continue  # searches by levels have tests of their own
@@ -141,8 +141,9 @@ def test_sheet(sheet: Sheet) -> None:
 
 
 @contextmanager
-def opened(sheet: Sheet, folder: Path, disable: tuple[str, ...]) -> Iterator[ss2sql.Session]:
+def opened(sheet: Sheet, folder: Path, disable: tuple[str, ...], engine: str) -> Iterator[ss2sql.Session]:
     """A session with what the sheet needs."""
-    with ss2sql.connect(needs.database(folder, sheet.needs), disable=disable) as session:
+    path = needs.database(folder, sheet.needs)
+    with ss2sql.connect(path, disable=disable, session=database_of(engine)) as session:
         needs.furnish(session, sheet.needs)
         yield session
