@@ -203,6 +203,8 @@ def test_python_values_become_plain_values() -> None:
     clean = [1, [2.5, "a", None], {"b": [True]}]
     assert normalise(clean, GIVER) is clean
     pool = Pool()
+    raw = np.float64(1.5).tobytes()  # which marshal would also make of the number
+    assert [pool.decode(pool.encode_foreign([x], GIVER)) for x in (raw, np.float64(1.5))] == [[raw], [1.5]]
     thrice = [python_values() for _ in range(3)]  # some can be read once
     for (one, expected), (two, _), (three, _) in zip(*thrice, strict=True):
         assert same(normalise(one, GIVER), expected)
