@@ -300,7 +300,6 @@ SEARCH = "SELECT {select} FROM {source} START WITH n = 1 CONNECT BY {options} n 
 ENDS: dict[str, dict[str, Any]] = {
     "maximum": {"options": "MAXIMUM 3"}, "a bound of MEMORIZE": {"options": "MEMORIZE 3"},
     "a level at least": {"stop": "STOP WITH n >= 3"},
-    "a level compared the other way round": {"stop": "STOP WITH 3 <= n"},
     "a level that is met": {"stop": "STOP WITH this == 7 OR n == 3"},
     "a level that is met in twos": {"stop": "STOP WITH n == 5", "next": "n + 2"}, "always": {"stop": "STOP WITH True"},
     "each row once": {"options": "UNIQUE", "select": "this"},

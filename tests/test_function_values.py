@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import PurePath
 from typing import Any
 
 import pytest
@@ -106,7 +107,7 @@ def test_a_function_may_keep_what_it_got_and_gave(ss: ss2sql.Session, engine: An
 
 
 def test_objects_come_back_identical(ss: ss2sql.Session, engine: Any) -> None:
-    objects = [Thing(), Unhashable(), Unhashable(), Thing, len]
+    objects = [Thing(), Unhashable(), Unhashable(), Thing, len, PurePath("a"), PurePath("a")]
     ss.attach("objects", objects)
     ss.function("same", lambda x: x)
     ss.function("boxed", lambda x: [{"object": x}])

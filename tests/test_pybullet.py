@@ -174,6 +174,9 @@ def test_only_what_is_read_is_asked_for(client: Any) -> None:
             counted.calls.clear()
             session.run(script, engine=engine)
             assert counted.calls[name] == calls, (script, engine)
+        joined = "SELECT b.id FROM a = space, b = space WHERE b.x >= a.x - 1 AND b.x <= a.x + 1"
+        for more in ("", " AND b.y >= a.y - 1 AND b.y <= a.y + 1 AND b.z >= a.z - 1 AND b.z <= a.z + 1"):
+            assert len(session.run(f"{joined}{more} AS list", engine=engine).value) == 20 + 2 * 19
 
 
 def test_a_disconnected_client_says_so_even_if_its_number_lives_on() -> None:

@@ -268,14 +268,6 @@ def test_a_run_that_must_end_ends_between_blocks(ss: ss2sql.Session, engine: Any
 # --- failures, and results that do not fit --------------------------------------------------------------
 
 
-def test_blocks_around_failing_rows_stay_large(engine: Any) -> None:
-    f = Blocks(inverse)
-    numbers = {"numbers": [n if n % 1000 else 0 for n in range(1, 1501)]}
-    script = "SELECT f(this) FROM numbers WHERE this != 0 OR f(this) > 0 LIMIT 999 AS list;"
-    assert run(engine, script, numbers, f=f).value == [1 / n for n in range(1, 1000)]
-    assert len(f.sizes) < 30
-
-
 @pytest.mark.parametrize(
     ("returned", "got"),
     [([1.5], "1 element"), ([1.5] * 4, "4 elements"), ([], "0 elements"), (5.5, "5.5"), (None, "None"),

@@ -100,6 +100,8 @@ def test_a_blur_is_a_gaussian(engine: Any) -> None:
         assert grid[20 + y, 10 + x] / grid[20, 10] == pytest.approx(np.exp(-(x * x + y * y) / (2 * 2**2)))
     assert grid[20 + 7, 10] == 0.0
     assert np.array_equal(blurred(np.eye(3), 0), np.eye(3))
+    whole = sum(np.exp(-x * x / 2) for x in range(-3, 4)) ** 2  # of which all but the middle leaves the grid
+    assert blurred(np.ones((1, 1)), 1) == pytest.approx(1 / whole)
 
 
 def test_planes_of_partitions_and_paths(scene: Scene, engine: Any) -> None:
