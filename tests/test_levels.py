@@ -358,10 +358,8 @@ def test_random_steps(parts: dict[str, str], strategy: str, shown: set[str], gro
 
 
 def test_python_is_left_alone_where_steps_are_sql(ss: ss2sql.Session) -> None:
-    result = ss.run(
-        "SELECT n + this FROM [1, 2] WHERE n + this == 5 START WITH n = 0"
-        " CONNECT BY UNIQUE n = n + this STOP WITH n + this > 5 AS list;"
-    )
+    search = "WHERE n + this == 5 START WITH n = 0 CONNECT BY UNIQUE n = n + this STOP WITH n + this > 5"
+    result = ss.run(f"SELECT n + this FROM [1, 2] {search} AS list;")
     assert result.value == [[1, 3, 5]]
     assert result.stats.generated == 2 + 4 + 4 + 2  # from 0; from 1 and 2; from 3 and 4; from 5, as 6 stops
     assert "tries the steps from them, in SQL" in str(result.explain())
@@ -418,18 +416,13 @@ def test_names_that_are_words_of_sql(ss: ss2sql.Session, kinds: str) -> None:
 def test_a_table_of_the_session_is_read(ss: ss2sql.Session) -> None:
     ss.host.connection.execute("CREATE TABLE roads(a INTEGER NOT NULL, b INTEGER NOT NULL) STRICT")
     ss.host.connection.executemany("INSERT INTO roads VALUES (?, ?)", [(1, 2), (2, 3), (1, 4), (4, 3)])
-    script = (
-        "SELECT r.b FROM r = roads WHERE r.b == 3 AND r.a == at_node START WITH at_node = 1"
-        " CONNECT BY UNIQUE at_node = r.b STOP WITH r.a != at_node AS list;"
-    )
-    assert agree(ss, script).value == [[2, 3]]
+    search = "START WITH n = 1 CONNECT BY UNIQUE n = r.b STOP WITH r.a != n"
+    assert agree(ss, f"SELECT r.b FROM r = roads WHERE r.b == 3 AND r.a == n {search} AS list;").value == [[2, 3]]
 
 
 def test_variables_are_bound_when_the_search_runs(ss: ss2sql.Session) -> None:
-    script = (
-        "SELECT n + m.by FROM m = moves WHERE n + m.by == goal AND word == 'ab' START WITH n = 0"
-        " CONNECT BY UNIQUE n = n + m.by STOP WITH n > most[0] OR n < -9 AS list"
-    )
+    search = "START WITH n = 0 CONNECT BY UNIQUE n = n + m.by STOP WITH n > most[0] OR n < -9"
+    script = f"SELECT n + m.by FROM m = moves WHERE n + m.by == goal AND word == 'ab' {search} AS list"
     for goal, word, most in [(3, "ab", [5]), (4, "ab", [5]), (4, "b", [5]), (2, "ab", [0])]:
         for name, value in {"goal": goal, "word": word, "most": most}.items():
             ss.set(name, value)
