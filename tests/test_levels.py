@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import tempfile
+import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -164,7 +165,7 @@ def test_the_engine_of_a_session(ss: ss2sql.Session) -> None:
 
 
 def test_a_connection_of_the_user_is_left_as_it_was() -> None:
-    """Also by a search that is late, and by one that fails while somebody keeps its error with the traceback."""
+    """Also by searches that are late, interrupted, or fail while somebody keeps the error with its traceback."""
     own = duckdb.connect()
     own.execute("CREATE TABLE steps AS SELECT 1 AS a")
 
@@ -177,6 +178,9 @@ def test_a_connection_of_the_user_is_left_as_it_was() -> None:
         assert ss.run(script).value[-1] == list(range(1, 10))
         with pytest.raises(ss2sql.Timeout):
             ss.run(script.replace("MAXIMUM 9", ""), timeout=0.3)
+        threading.Timer(0.3, ss.interrupt).start()
+        with pytest.raises(ss2sql.Cancelled):
+            ss.run(script.replace("MAXIMUM 9", ""))
         with pytest.raises(ss2sql.ExecutionError) as caught:
             ss.run(GROWING.format(" ORDER BY 1 / (this - 2)"))
         assert caught.value.code == "X002"
@@ -270,6 +274,21 @@ PLACES = {1: [2, 3], 2: [1, 3, 4, 6], 3: [4, 2, 1], 4: [5, 2], 5: [4], 6: [7], 7
 
 def test_what_the_sheet_says(ss: ss2sql.Session) -> None:
     assert list(by_sheet(ss, "search/by-levels"))
+
+
+@pytest.mark.parametrize("clause", ["stops", "weigh"])
+def test_of_a_known_row_only_the_weight_is_asked_for(ss: ss2sql.Session, clause: str) -> None:
+    """2 is known when the step from 3 is tried: what STOP WITH would raise there is no error, what COST raises is."""
+    functions = {"stops": lambda n, to: 0, "weigh": lambda n, to: 1}
+    functions[clause] = lambda n, to: 1 // ((n, to) != (3, 2))
+    for name, function in {"near": lambda n: PLACES[n], **functions}.items():
+        ss.function(name, function, volatility="immutable")
+    search = "START WITH n = 1 CONNECT BY MEMORIZE 3 COST weigh(n, x.this) n = x.this"
+    script = (
+        f"SELECT x.this FROM x = near(n) WHERE x.this == 4 {search} STOP WITH stops(n, x.this) == 1 AND n == 9 AS list"
+    )
+    found = both_end_alike(ss, script)
+    assert found[0] == ("ZeroDivisionError" if clause == "weigh" else "value")
 
 
 @pytest.mark.parametrize("engine", ["native", "duckdb"])
