@@ -144,10 +144,12 @@ def test_scripts_leave_nothing(ss: ss2sql.Session, amount: int | None) -> None:
     ss.function("f", lambda x: x + 1, volatility="stable")
     ss.function("halt", lambda x: ss.interrupt() if x == 30 else x, volatility="volatile")
     left: weakref.WeakSet[Any] = weakref.WeakSet()
+    partial: list[weakref.ref[Any]] = []
 
     def use(number: int) -> None:
         cancelled: Any = attempt(lambda: ss.run("SELECT halt(this) FROM range(100);"))
-        left.update((cancelled, cancelled.partial))
+        left.add(cancelled)
+        partial.append(weakref.ref(cancelled.partial))
         script = f"SELECT f(this) + {number} FROM [1, 2] WHERE this > {number % 2} AS list;"
         query = ss.compile(script, ENGINES[number % 2])  # type: ignore[arg-type]
         if number % 4 == 0:
@@ -156,3 +158,4 @@ def test_scripts_leave_nothing(ss: ss2sql.Session, amount: int | None) -> None:
 
     repeat(use, amount or 20_000)
     assert len(left) == 0
+    assert [one for one in partial if one() is not None] == []

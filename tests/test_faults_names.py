@@ -85,10 +85,13 @@ def test_sql_has_no_texts_that_terminals_obey(ss: ss2sql.Session) -> None:
         assert is_harmless(result.sql)
 
 
-def test_the_shell_prints_nothing_that_terminals_obey(
+def test_the_shell_and_the_command_line_print_nothing_that_terminals_obey(
     ss: ss2sql.Session, file: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Neither in results nor in errors."""
+    from click.testing import CliRunner
+
+    from ss2sql.cli import main
     from ss2sql.shell.shell import Shell
 
     write(file, f'CREATE TABLE t("c{ESCAPE}"); CREATE TABLE "t{ESCAPE}"(a)')
@@ -108,14 +111,6 @@ def test_the_shell_prints_nothing_that_terminals_obey(
             patch.setattr(sys, "stderr", out)
             Shell(ss).run(text)
         assert is_harmless(out.getvalue()), text
-
-
-def test_the_command_line_prints_nothing_that_terminals_obey(tmp_path: Path) -> None:
-    from click.testing import CliRunner
-
-    from ss2sql.cli import main
-
-    functions = tmp_path / "functions.py"
     functions.write_text(f"def fail(x):\n    raise ValueError({ESCAPE!r})\n")
     done = CliRunner().invoke(main, ["run", "-e", "fail(1);", "--functions", str(functions)])
     assert done.exit_code == 1

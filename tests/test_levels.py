@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import tempfile
+import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -164,7 +165,7 @@ def test_the_engine_of_a_session(ss: ss2sql.Session) -> None:
 
 
 def test_a_connection_of_the_user_is_left_as_it_was() -> None:
-    """Also by a search that is late, and by one that fails while somebody keeps its error with the traceback."""
+    """Also by searches that are late, interrupted, or fail while somebody keeps the error with its traceback."""
     own = duckdb.connect()
     own.execute("CREATE TABLE steps AS SELECT 1 AS a")
 
@@ -177,6 +178,9 @@ def test_a_connection_of_the_user_is_left_as_it_was() -> None:
         assert ss.run(script).value[-1] == list(range(1, 10))
         with pytest.raises(ss2sql.Timeout):
             ss.run(script.replace("MAXIMUM 9", ""), timeout=0.3)
+        threading.Timer(0.3, ss.interrupt).start()
+        with pytest.raises(ss2sql.Cancelled):
+            ss.run(script.replace("MAXIMUM 9", ""))
         with pytest.raises(ss2sql.ExecutionError) as caught:
             ss.run(GROWING.format(" ORDER BY 1 / (this - 2)"))
         assert caught.value.code == "X002"
@@ -273,6 +277,21 @@ def test_what_the_sheet_says(ss: ss2sql.Session) -> None:
     assert list(by_sheet(ss, "search/by-levels"))
 
 
+@pytest.mark.parametrize("clause", ["stops", "weigh"])
+def test_of_a_known_row_only_the_weight_is_asked_for(ss: ss2sql.Session, clause: str) -> None:
+    """2 is known when the step from 3 is tried: what STOP WITH would raise there is no error, what COST raises is."""
+    functions = {"stops": lambda n, to: 0, "weigh": lambda n, to: 1}
+    functions[clause] = lambda n, to: 1 // ((n, to) != (3, 2))
+    for name, function in {"near": lambda n: PLACES[n], **functions}.items():
+        ss.function(name, function, volatility="immutable")
+    search = "START WITH n = 1 CONNECT BY MEMORIZE 3 COST weigh(n, x.this) n = x.this"
+    script = (
+        f"SELECT x.this FROM x = near(n) WHERE x.this == 4 {search} STOP WITH stops(n, x.this) == 1 AND n == 9 AS list"
+    )
+    found = both_end_alike(ss, script)
+    assert found[0] == ("ZeroDivisionError" if clause == "weigh" else "value")
+
+
 @pytest.mark.parametrize("engine", ["native", "duckdb"])
 def test_max_rows(ss: ss2sql.Session, engine: Any) -> None:
     script = "SELECT x.this FROM x = near(n) WHERE x.this == 7 START WITH n = 1 CONNECT BY MEMORIZE n = x.this AS list;"
@@ -360,10 +379,8 @@ def test_random_steps(parts: dict[str, str], strategy: str, shown: set[str], gro
 
 
 def test_python_is_left_alone_where_steps_are_sql(ss: ss2sql.Session) -> None:
-    result = ss.run(
-        "SELECT n + this FROM [1, 2] WHERE n + this == 5 START WITH n = 0"
-        " CONNECT BY UNIQUE n = n + this STOP WITH n + this > 5 AS list;"
-    )
+    search = "WHERE n + this == 5 START WITH n = 0 CONNECT BY UNIQUE n = n + this STOP WITH n + this > 5"
+    result = ss.run(f"SELECT n + this FROM [1, 2] {search} AS list;")
     assert result.value == [[1, 3, 5]]
     assert result.stats.generated == 2 + 4 + 4 + 2  # from 0; from 1 and 2; from 3 and 4; from 5, as 6 stops
     assert "tries the steps from them, in SQL" in str(result.explain())
@@ -420,18 +437,13 @@ def test_names_that_are_words_of_sql(ss: ss2sql.Session, kinds: str) -> None:
 def test_a_table_of_the_session_is_read(ss: ss2sql.Session) -> None:
     ss.host.connection.execute("CREATE TABLE roads(a INTEGER NOT NULL, b INTEGER NOT NULL) STRICT")
     ss.host.connection.executemany("INSERT INTO roads VALUES (?, ?)", [(1, 2), (2, 3), (1, 4), (4, 3)])
-    script = (
-        "SELECT r.b FROM r = roads WHERE r.b == 3 AND r.a == at_node START WITH at_node = 1"
-        " CONNECT BY UNIQUE at_node = r.b STOP WITH r.a != at_node AS list;"
-    )
-    assert agree(ss, script).value == [[2, 3]]
+    search = "START WITH n = 1 CONNECT BY UNIQUE n = r.b STOP WITH r.a != n"
+    assert agree(ss, f"SELECT r.b FROM r = roads WHERE r.b == 3 AND r.a == n {search} AS list;").value == [[2, 3]]
 
 
 def test_variables_are_bound_when_the_search_runs(ss: ss2sql.Session) -> None:
-    script = (
-        "SELECT n + m.by FROM m = moves WHERE n + m.by == goal AND word == 'ab' START WITH n = 0"
-        " CONNECT BY UNIQUE n = n + m.by STOP WITH n > most[0] OR n < -9 AS list"
-    )
+    search = "START WITH n = 0 CONNECT BY UNIQUE n = n + m.by STOP WITH n > most[0] OR n < -9"
+    script = f"SELECT n + m.by FROM m = moves WHERE n + m.by == goal AND word == 'ab' {search} AS list"
     for goal, word, most in [(3, "ab", [5]), (4, "ab", [5]), (4, "b", [5]), (2, "ab", [0])]:
         for name, value in {"goal": goal, "word": word, "most": most}.items():
             ss.set(name, value)

@@ -72,10 +72,7 @@ def main(folder: Path) -> None:
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="the executor is found by /proc, which Linux has")
 def test_an_executor_that_is_killed(tmp_path: Path) -> None:
-    """Its task is begun anew by another one. What is counted belongs to the rows, so nothing is counted twice.
-
-    The other task of the level may be begun anew too, by the process that had it, which remembers calls.
-    """
+    """Its task is begun anew by another one. What is counted belongs to the rows, so nothing is counted twice."""
     pytest.importorskip("pyspark")
     if shutil.which("java") is None:
         pytest.skip("Spark needs Java, which is not installed")
