@@ -259,9 +259,12 @@ def test_a_compiled_query_joins_what_is_there(own: Any, ss: ss2sql.Session) -> N
     assert code_of(query.run, wanted="n1") == "R001"
 
 
-def test_variables_that_are_set_again(ss: ss2sql.Session) -> None:
+def test_variables_that_are_set_again_or_of_another_kind(ss: ss2sql.Session) -> None:
     query = "SELECT last(id) FROM sales WHERE id > most AS list"
     assert ss.eval(f"most = 97; a = ({query}); most = 98; [a, ({query})];") == [[8, 9], [9]]
+    named = ss.compile("SELECT last(id) FROM sales WHERE name == wanted AND id < 5 AS list")
+    for wanted, expected in (("n1", [1, 4]), ([1], []), (None, [])):
+        assert named.run(wanted=wanted).value == expected
 
 
 def test_a_connection_that_compares_texts_in_another_way(own: Any, ss: ss2sql.Session) -> None:
