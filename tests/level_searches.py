@@ -231,8 +231,8 @@ class World:
         self.weights = {edge: some.choice(weights) if weights else some.random() for edge in edges}
         self.goals = {some.randrange(size) for _ in range(2)}
         self.ends = {some.randrange(size) for _ in range(some.randint(0, 2))}
-        self.clause = some.choice((*CLAUSES, None))
-        self.bad = (some.randrange(size), some.randrange(size))
+        self.clause = (*CLAUSES, None)[number % 7]
+        self.bad = some.choice([(a, b) for a in range(size) for b in self.roads[a]] or [(0, 0)])
 
     def by_weight(self, unique: Sequence[str], others: Sequence[str]) -> str:
         """A search by COST or PROBABILITY, with one of these MAXIMUM."""

@@ -174,7 +174,8 @@ def test_a_connection_of_the_user_is_left_as_it_was() -> None:
 
     before = databases()
     with ss2sql.connect(engine="duckdb", session=own) as ss:
-        script = "SELECT n + 1 FROM [1] START WITH n = 0 CONNECT BY UNIQUE MAXIMUM 9 n = n + 1 AS list;"
+        ss.function("near", lambda n: [n + 1], volatility="immutable")
+        script = "SELECT x.this FROM x = near(n) START WITH n = 0 CONNECT BY UNIQUE MAXIMUM 9 n = x.this AS list;"
         assert ss.run(script).value[-1] == list(range(1, 10))
         with pytest.raises(ss2sql.Timeout):
             ss.run(script.replace("MAXIMUM 9", ""), timeout=0.3)
