@@ -76,11 +76,6 @@ def level_searches() -> list[Case]:
     return [case for case in cases() if "value" in case.expected and any(word in case.script for word in words)]
 
 
-def flat_queries() -> list[Case]:
-    """The cases without a search."""
-    return [case for case in cases() if "CONNECT BY" not in case.script.upper()]
-
-
 def load(path: Path) -> Case:
     """Reads a file: title, needs, an empty line, the script, and its sections."""
     head, _, rest = path.read_text(encoding="utf-8").partition("\n\n")
