@@ -129,6 +129,8 @@ VOLATILE = {
     "with": ("import contextlib\ndef f(x):\n    with contextlib.suppress(ValueError): return x", "uses 'with'"),
     "an exception with its own __init__": ("class Loud(Exception):\n    def __init__(self): print('hi')\n"
         "def f(x): raise Loud", "calls Loud"),
+    "such an exception, inherited": ("class Loud(Exception):\n    def __new__(cls): print('hi')\n"
+        "class Louder(Loud): pass\ndef f(x): raise Louder()", "calls Louder"),
     # Sets, iterators and functions that get out.
     "a set to a helper": ("def g(x): return list(x)\ndef f(x): return g(set(x))", "the set 'set(x)'"),
     "a set from a helper": ("def g(x): return set(x)\ndef f(x): return list(g(x))", "the set 'g(x)'"),
