@@ -72,6 +72,7 @@ LITERALS = {
     "maybe": ("1", "2"),
     "bool": ("True", "False"),
 }
+BARE = {literal for literals in LITERALS.values() for literal in literals}  # ORDER BY refuses them
 LITERAL_TYPES = {"int": "BIGINT", "num": "DOUBLE", "str": "VARCHAR", "maybe": "BIGINT", "bool": "BOOLEAN"}
 COLUMNS = {"int": ("a",), "num": ("w",), "str": ("s",), "maybe": ("b", "a"), "bool": ()}
 # Questions about a nested query, whose text from its columns on is {rows}.
@@ -144,13 +145,13 @@ class Twins:
             group = ["", ""]
         order, limit = c.chance(50), f" LIMIT {c.pick((2, 1, 3, 0))}"
         descending = [c.chance(40) for _ in shown]
+        ordered = [(one, down) for one, down in zip(shown, descending, strict=True) if one[0] not in BARE]
+        order = order and bool(ordered)
         limit = limit if order and c.chance(50) else ""
         texts = []
         for side in (0, 1):
             ends = [(" DESC", " ASC"), (" DESC NULLS LAST", " ASC NULLS FIRST")][side]
-            keys_text = ", ".join(
-                one[side] + ends[0 if down else 1] for one, down in zip(shown, descending, strict=True)
-            )
+            keys_text = ", ".join(one[side] + ends[0 if down else 1] for one, down in ordered)
             texts.append(
                 f"SELECT {', '.join(one[side] for one in shown)} FROM "
                 + ", ".join(f"{name} = {of}" if side == 0 else f"{of} AS {name}" for name, of in sources)

@@ -93,24 +93,13 @@ def test_nothing_is_held_after_a_run(ss: ss2sql.Session, own: Any) -> None:
 
 
 COLUMNS = (
-    ("TINYINT", "-5", -5),
-    ("UBIGINT", "5", 5),
-    ("HUGEINT", "9223372036854775807", 2**63 - 1),
-    ("DECIMAL(9, 2)", "1.25", 1.25),
-    ("DECIMAL(38, 2)", "1.25", 1.25),
-    ("DECIMAL(18, 0)", "7", 7),
-    ("FLOAT", "1.5", 1.5),
-    ("DOUBLE", "'NaN'", None),
-    ("DOUBLE", "-0.5", -0.5),
-    ("BOOLEAN", "true", True),
-    ("VARCHAR", "'ä'", "ä"),
-    ("ENUM('a', 'b')", "'b'", "b"),
-    ("DATE", "'2024-02-29'", "2024-02-29"),
-    ("TIMESTAMP", "'2024-02-29 12:00:00.5'", "2024-02-29T12:00:00.500000"),
-    ("TIME", "'12:00:01'", "12:00:01"),
-    ("INTEGER[]", "[1, 2]", [1, 2]),
-    ("STRUCT(a INTEGER, b VARCHAR)", "{'a': 1, 'b': 'x'}", {"a": 1, "b": "x"}),
-)
+    ("TINYINT", "-5", -5), ("UBIGINT", "5", 5), ("HUGEINT", "9223372036854775807", 2**63 - 1),
+    ("DECIMAL(9, 2)", "1.25", 1.25), ("DECIMAL(38, 2)", "1.25", 1.25), ("DECIMAL(18, 0)", "7", 7),
+    ("FLOAT", "1.5", 1.5), ("DOUBLE", "'NaN'", None), ("DOUBLE", "-0.5", -0.5), ("BOOLEAN", "true", True),
+    ("VARCHAR", "'ä'", "ä"), ("ENUM('a', 'b')", "'b'", "b"), ("DATE", "'2024-02-29'", "2024-02-29"),
+    ("TIMESTAMP", "'2024-02-29 12:00:00.5'", "2024-02-29T12:00:00.500000"), ("TIME", "'12:00:01'", "12:00:01"),
+    ("INTEGER[]", "[1, 2]", [1, 2]), ("STRUCT(a INTEGER, b VARCHAR)", "{'a': 1, 'b': 'x'}", {"a": 1, "b": "x"}),
+)  # fmt: skip
 
 
 @pytest.mark.parametrize(("kind", "written", "value"), COLUMNS)
