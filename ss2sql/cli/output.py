@@ -169,7 +169,9 @@ def _table(result: Result, shown: int, target: Console) -> None:
     if result.answer is None:
         target.file.write(visible(f"{result.value}\n"))
     else:
-        result.show(shown, target)
+        from ss2sql.results.show import show
+
+        show(result, shown, target, noted=False)  # notes go to stderr
 
 
 def _bytes(result: Result, form: str, stream: bool) -> bytes:

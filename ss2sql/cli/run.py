@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ss2sql.cli.endings import UserError, note, reports_errors
+from ss2sql.cli.endings import UserError, note, reports_errors, writes_json
 from ss2sql.cli.given import Given, beside_results, script_options
 from ss2sql.cli.output import output_of, output_options
 from ss2sql.errors import Error, Source, Stopped, WorkersWarning
@@ -80,6 +80,8 @@ def run_script(session: Session, source: str | Path | Source, **options: Any) ->
     for text in result.stats.notes:
         if text.startswith("workers: "):
             note(text)
+    for text in result.notes:
+        note(text if writes_json() else f"note: {text}")
     return result
 
 

@@ -1,8 +1,8 @@
 """The race of `ss2sql bench`: the same search by every engine and strategy, timed, and its answers compared.
 
 `heats` finds the statements that are raced and runs them, `lineup` says by which strategies, `timing` runs one. `jury`
-compares the answers, by what `promises` knows that they owe each other; `named` reads from the plan what rows tell of a
-state. `cells` holds what came out, `sheet` and `picture` show it.
+compares the answers, by what `promises` knows that they owe each other; `../told.py` reads from the plan what rows tell
+of a state. `cells` holds what came out, `sheet` and `picture` show it.
 """
 
 from __future__ import annotations

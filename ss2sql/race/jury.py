@@ -8,11 +8,12 @@ from dataclasses import dataclass, field
 from ss2sql import plan
 from ss2sql.race.cells import Cell
 from ss2sql.race.lineup import Strategy
-from ss2sql.race.named import unnamed, whims
 from ss2sql.race.promises import Answer, Verdict, alike, broken_rule, compared, compared_rows
+from ss2sql.race.whims import whims
 from ss2sql.results import found_paths
 from ss2sql.runtime.result import Result
 from ss2sql.runtime.rows import Row
+from ss2sql.told import unnamed
 
 AS_WRITTEN, REFERENCE = "as written", "the measure of the others"
 
@@ -51,7 +52,7 @@ class Jury:
 
     own: str  # the strategy of the script as it is written
     whim: str | None  # why two runs may rightly differ
-    unnamed: Sequence[str]  # what rows do not tell, see named.py
+    unnamed: Sequence[str]  # what rows do not tell, see told.py
     reference: Finished | None = None
     _answer: Answer | None = None
     _by_strategy: dict[str, Finished] = field(default_factory=dict)

@@ -77,7 +77,7 @@ def broken_rule(answer: Answer) -> str | None:
 def compared(own: Answer, other: Answer, unnamed: Sequence[str]) -> Verdict:
     """The answer of a strategy beside that of the script's own.
 
-    `unnamed` is what SELECT does not name although other clauses read it, see named.py: with any of it the language
+    `unnamed` is what SELECT does not name although other clauses read it, see told.py: with any of it the language
     promises nothing of MEMORIZE, nor which rows UNIQUE reaches.
     """
     broken = broken_rule(other)

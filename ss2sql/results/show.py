@@ -39,8 +39,8 @@ class Sheet:
     caption: str
 
 
-def show(result: Result, most: int, console: Console) -> None:
-    """Prints the table and the line under it."""
+def show(result: Result, most: int, console: Console, noted: bool = True) -> None:
+    """Prints the table and the line under it, and the notes, where they are told nowhere else."""
     from rich.table import Table
     from rich.text import Text
 
@@ -56,7 +56,9 @@ def show(result: Result, most: int, console: Console) -> None:
     for row in made.rows:
         table.add_row(*map(Text, row))
     console.print(table)
-    console.print(made.caption, markup=False, highlight=False)
+    lines = [made.caption, *(f"note: {note}" for note in result.notes if noted)]
+    for line in lines:
+        console.print(line, markup=False, highlight=False)
 
 
 def text(result: Result, most: int = MOST_ROWS) -> str:
@@ -81,6 +83,7 @@ def html(result: Result, most: int = MOST_ROWS) -> str:
         cells = (f"<td{style}>{escape(cell)}</td>" for cell, style in zip(row, aligned, strict=True))
         lines.append(f"<tr>{''.join(cells)}</tr>")
     lines.append(f"</tbody>\n</table>\n<small>{escape(made.caption)}</small>")
+    lines += [f"<br><small>note: {escape(note)}</small>" for note in result.notes]
     return "\n".join(lines)
 
 

@@ -1,4 +1,4 @@
-"""The table of the built-in functions: one entry for each, the operators included."""
+"""The table of the built-in functions, the operators included: what is known of each beside what computes it."""
 
 from __future__ import annotations
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from functools import cache, partial
+from functools import cache, cached_property, partial
 from typing import TYPE_CHECKING, Any, TypeGuard
 
 import apsw
@@ -25,6 +25,7 @@ from ss2sql.runtime.levels.query import LevelQuery
 from ss2sql.runtime.native import NativeQuery, compile_statement
 from ss2sql.runtime.native.deep import with_room
 from ss2sql.runtime.native.options import least_of, whole
+from ss2sql.runtime.notes import notes_of, notes_of_empty
 from ss2sql.runtime.result import Answer, Sql, Status
 from ss2sql.runtime.rows import Rows
 from ss2sql.runtime.run import Run, Sink
@@ -113,6 +114,11 @@ class CompiledQuery:
     def engine(self) -> str:
         return "database" if self.lowered else self.native.engine if self.native else "native"
 
+    @cached_property
+    def notes(self) -> tuple[str, ...]:
+        """What a person should know of the query whatever it finds."""
+        return notes_of(self.written)
+
     @property
     def levels(self) -> LevelQuery | None:
         """The search as it goes by levels in another database."""
@@ -154,6 +160,8 @@ class CompiledQuery:
         form, shapes = query.representation, self.host.shapes
         sink = Rows(columns, None if paths else [], [] if paths else None, plain=self.plain, hidden=form.hidden)
         run.sink = Sink(sink, self.engine, query)
+        run.notes |= dict.fromkeys(self.notes)
+        before = run.stats.generated
         outer = run.handed  # of a query whose clauses ask for this one
         own = {name: cache(partial(handed.read, run)) for name, handed in self.handed.items()}
         run.handed = {**outer, **own}
@@ -167,6 +175,7 @@ class CompiledQuery:
             run.handed = outer
         arguments = tuple([argument(run) for argument in self.arguments])  # a generator changes StopIteration
         named = {name: argument(run) for name, argument in self.named.items()}
+        run.notes |= dict.fromkeys(notes_of_empty(self.written, rows, run.stats, before))
         status: Status = "maximum" if rows.ended else "complete"
         make = run.stats.timed("shape", partial(shapes.represent, form, rows, arguments, named))
         answer = run.answer = Answer(rows.shown(), make, self.engine, status, query.columns)

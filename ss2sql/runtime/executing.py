@@ -168,6 +168,7 @@ def _result(host: SessionHost, run: Run, statements: Sequence[CompiledStatement]
         answer,
         outline(statements, run),
         _recount(host, run.arguments, run.maximum),
+        tuple(run.notes),
     )
 
 
@@ -214,4 +215,5 @@ def _partial(run: Run | None, status: Status) -> Result | None:
     shown = run.answer.rows if run.answer is not None else rows.shown()
     form = None if run.sink.query is None else run.sink.query.representation
     answer = Answer(shown, None, engine, status, form=form)
-    return Result(None, engine, status, run.stats, script_sql([]), answer, outline(run.statements, run))
+    outlined, notes = outline(run.statements, run), tuple(run.notes)
+    return Result(None, engine, status, run.stats, script_sql([]), answer, outlined, notes=notes)

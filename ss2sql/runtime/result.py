@@ -109,6 +109,7 @@ class Result:
     a query as tuples; of a search one row per step, with the number of the path and of the step before it;
     of any other value one row. `status` is `complete`, `maximum`, `timeout`, `cancelled` or `memory`,
     `engine` `database` or `native`. `sql` is the text that ran, `stats` what was counted (see Stats).
+    `notes` are what a person should know, each a line with the cure: why a search may have found too little.
     """
 
     given: Any = field(repr=False)
@@ -119,6 +120,7 @@ class Result:
     answer: Answer | None = field(default=None)
     outline: tuple[OutlinedStatement, ...] = ()
     recount: Callable[[Callable[[Run], Any]], Any] | None = field(default=None, compare=False)
+    notes: tuple[str, ...] = ()
 
     @property
     def value(self) -> Any:
@@ -167,10 +169,11 @@ class Result:
     # --- what it can become ----------------------------------------------------------------------------
 
     def show(self, max_rows: int = 20, console: Console | None = None) -> None:
-        """Prints at most `max_rows` rows as a table, or so many paths of a search, and says how many there are.
+        """Prints at most `max_rows` rows as a table, or so many paths of a search.
 
-        Every row is one line, at most 120 characters wide; what is too long ends with `...` or `…`. A path is a line,
-        its steps joined by arrows, unless all steps fit only as rows of their own.
+        Below it says how many there are, and the `notes`. Every row is one line, at most 120 characters wide; what is
+        too long ends with `...` or `…`. A path is a line, its steps joined by arrows, unless all steps fit only as rows
+        of their own.
         """
         from rich.console import Console
 

@@ -130,6 +130,7 @@ class Run:
     - `shape(query, rows, arguments, named, run)`: the value that `AS` makes of rows, as a language value.
     - `table_rows(source)`: all rows of a table of the database, in its order, values of its columns in order.
 
+    `notes` are what a person should know of the result, in order, see notes.py.
     `framed` says that the paths of the search that runs are wanted as a DataFrame of the database that finds them.
     `ceiling` bounds the bytes of memory of the process, which is looked at again at the time `next_look`. `steps_left`
     bounds the steps of its searches, `steps_inside` are those of runs inside of this one; `printed` counts characters
@@ -148,6 +149,7 @@ class Run:
 
     host: Host
     stats: Stats = field(default_factory=Stats)
+    notes: dict[str, None] = field(default_factory=dict)
     deadline: float | None = None
     ceiling: int | None = None
     next_look: float = 0.0

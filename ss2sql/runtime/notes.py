@@ -1,0 +1,91 @@
+"""What a person should know of a result: why a search may have found too little, and the cure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from ss2sql import plan
+from ss2sql.runtime.rows import Rows
+from ss2sql.runtime.run import Stats
+from ss2sql.told import as_written, growing, missing, stops_of
+from ss2sql.walk import states_read, walk
+
+WORDS = {"unique": "UNIQUE", "no cycle": "NO CYCLE", "memorize": "MEMORIZE"}
+
+
+def notes_of(query: plan.Query) -> tuple[str, ...]:
+    """What can be said of a query, and of those inside of it, before it runs."""
+    queries = (node for node in walk(query) if isinstance(node, plan.Query))
+    return tuple(dict.fromkeys(note for each in queries if each.search is not None for note in _undetermined(each)))
+
+
+def notes_of_empty(query: plan.Query, rows: Rows, stats: Stats, before: int) -> Iterator[str]:
+    """Why a query has found nothing, where bounds of its search may be the reason.
+
+    `before` it ran so many steps had been generated.
+    """
+    if query.search is None or rows.rows or rows.paths or rows.groups or stats.generated == before:
+        return
+    search = query.search
+    if rows.ended and search.maximum is not None and query.having is not None:
+        most, having = as_written(search.maximum), as_written(query.having)
+        yield f"MAXIMUM {most} ended the search, and HAVING {having} dropped what it had found; {_larger('MAXIMUM')}"
+    if search.bound is not None and _is_cut(query, stats):
+        yield f"MEMORIZE {as_written(search.bound)} ended paths before any reached its goal; {_larger('MEMORIZE')}"
+        return
+    grown = {(query.id, name) for name in growing(query)}
+    for stop in stops_of(query):
+        read = {state for state in states_read(stop) if state[0] == query.id}
+        if read and read <= grown:
+            bound = as_written(stop)
+            yield f"nothing was found before STOP WITH {bound} ends a path; a wider bound in it may let paths go on"
+
+
+def _larger(word: str) -> str:
+    return f"a larger bound in {word} lets it go on"
+
+
+def _is_cut(query: plan.Query, stats: Stats) -> bool:
+    """Whether the graph of MEMORIZE could have grown further."""
+    inner = [node for node in walk(query) if isinstance(node, plan.Query) and node.search is not None]
+    levels = [*stats.levels, *stats.backward]
+    return len(inner) == 1 and bool(levels) and levels[-1].rows > 0
+
+
+def _undetermined(query: plan.Query) -> Iterator[str]:
+    """That a search compares rows which do not tell the state that its clauses read."""
+    search = query.search
+    assert search is not None
+    if search.repeats == "allowed":
+        return
+    found = missing(query)
+    counted = growing(query, evenly=True)
+    read = {expr: clauses for expr, clauses in found.items() if not _is_length(expr, clauses, counted, search)}
+    # Columns of an element tend to follow from each other, as a name and the key behind it.
+    if not any(isinstance(expr, plan.State) for expr in read):
+        return
+    word, names = WORDS[search.repeats], _listed(list(dict.fromkeys(map(as_written, read))))
+    clauses = _listed(list(dict.fromkeys(clause for several in read.values() for clause in several)))
+    verb = "read" if " and " in clauses else "reads"
+    lengths = all(isinstance(expr, plan.State) and expr.name in counted for expr in read)
+    bounded = search.repeats == "memorize" and lengths
+    cure = f"let MEMORIZE bound the paths in place of {names}" if bounded else f"name {names} in SELECT"
+    yield (
+        f"{word} compares rows, and {clauses} {verb} {names}, which SELECT does not name, "
+        f"so paths may be missing or end elsewhere; {cure}"
+    )
+
+
+def _is_length(expr: plan.Expr, clauses: tuple[str, ...], counted: frozenset[str], search: plan.Search) -> bool:
+    """Whether it only counts steps, where a row that comes again later is not worth more.
+
+    So it is on a path with NO CYCLE, and in STOP WITH where UNIQUE reaches each row by the fewest steps.
+    """
+    if not isinstance(expr, plan.State) or expr.name not in counted:
+        return False
+    fewest = search.repeats == "unique" and search.order == "breadth first" and "WHERE" not in clauses
+    return search.repeats == "no cycle" or fewest
+
+
+def _listed(words: list[str]) -> str:
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"

@@ -1,0 +1,151 @@
+"""Notes on results: why a search may have found too little, with a cure that works."""
+
+import json
+import random
+from collections.abc import Iterator
+from itertools import product
+
+import pytest
+from click.testing import CliRunner
+
+import ss2sql
+from ss2sql.cli import main
+from ss2sql.shell.shell import Shell
+from ss2sql.told import unnamed
+
+ROADS = [["A", "B"], ["B", "C"], ["C", "D"], ["B", "A"], ["A", "C"], ["X", "D"]]
+WALK = (
+    'FROM roads WHERE {goal} START WITH town = "A", goal = "D" CONNECT BY {option} town = dst STOP WITH {stop} AS list'
+)
+COUNT = (
+    "SELECT {columns} FROM [1, 2] {where} START WITH n = 0 CONNECT BY {option} n = n + {step} STOP WITH {stop} AS list"
+)
+
+
+@pytest.fixture(scope="module")
+def session() -> Iterator[ss2sql.Session]:
+    with ss2sql.connect() as ss:
+        ss.set("pairs", ROADS)
+        ss.run("roads = SELECT to(this[0], src), to(this[1], dst) FROM pairs;")
+        yield ss
+
+
+def walk(columns: str, goal: str, option: str = "UNIQUE", stop: str = "src != town") -> str:
+    return f"SELECT {columns} {WALK.format(goal=goal, option=option, stop=stop)}"
+
+
+@pytest.mark.parametrize("engine", ["native", "auto"])
+@pytest.mark.parametrize(
+    "option", ["UNIQUE", "NO CYCLE", "MEMORIZE", "DEPTH FIRST UNIQUE", "COST 1 UNIQUE", "MEMORIZE 3"]
+)
+@pytest.mark.parametrize(
+    ("columns", "goal", "stop", "clauses", "names"),
+    [
+        ("dst", "dst == goal", "src != town", "STOP WITH reads", "src and town"),
+        ("dst, src", "dst == goal", "src != town", "STOP WITH reads", "town"),
+        ("src, dst, town", "dst == goal", "src != town", "", ""),
+        ("dst", "dst == goal AND src == town", "src != town", "", ""),
+        ("dst", "dst == goal AND NOT town != src", "NOT (src == town) OR dst == goal", "", ""),
+        ("dst", "town == goal", "src != town", "STOP WITH and WHERE read", "src and town"),
+        ("dst", "town == goal AND src == town", "src != town", "WHERE reads", "town"),
+        ("src", "dst == goal AND src == town", "src != town", "WHERE and CONNECT BY read", ""),
+    ],
+)
+def test_state_that_rows_do_not_tell(session, engine, option, columns, goal, stop, clauses, names) -> None:
+    result = session.run(walk(columns, goal, option, stop), engine=engine)
+    word = next(word for word in ("UNIQUE", "NO CYCLE", "MEMORIZE") if word in option)
+    if not names:
+        assert result.notes == ()
+        return
+    (note,) = result.notes
+    assert note.startswith(f"{word} compares rows, and {clauses} {names}, which SELECT does not name")
+    missing = names.replace(" and ", ", ")
+    assert session.run(walk(f"{columns}, {missing}", goal, option, stop), engine=engine).notes == ()  # the cure
+
+
+def test_rows_that_tell_all_are_reached(session) -> None:
+    """UNIQUE reaches what every path reaches where rows tell what clauses read; the searches are drawn."""
+    draw = random.Random(7)
+    tried = open_ends = 0
+    parts = ["src == town", "dst == goal", "town != 'C'", "src != 'B'", "len(dst) == 1"]
+    for columns, size in product(["dst", "src", "town", "src, dst", "town, dst", "src, town, dst"], range(1, 4)):
+        for _ in range(6):
+            goals = draw.sample(parts, size)
+            stop = " OR ".join(f"NOT ({part})" for part in draw.sample(parts, draw.randint(1, 2)))
+            stop = f"n == 5 OR {stop}"
+            script = walk(columns, " AND ".join(goals), "{}", stop).replace('goal = "D"', 'goal = "D", n = 1')
+            script = script.replace("town = dst", "town = dst, n = n + 1")
+            plain, unique = session.run(script.replace("{}", "")), session.run(script.replace("{}", "UNIQUE"))
+            tried += 1
+            if set(unnamed(session.compile(script.replace("{}", "UNIQUE")).plan.statements[0].expr.query)) - {"n"}:
+                open_ends += 1
+            else:
+                assert {p[-1] for p in map(tuple, unique.paths)} == {p[-1] for p in map(tuple, plain.paths)}, script
+    assert (tried, open_ends > 20, tried - open_ends > 20) == (108, True, True)
+
+
+def count(
+    columns: str = "n", where: str = "WHERE n > 9", option: str = "", stop: str = "n == 3", step: str = "1"
+) -> str:
+    return COUNT.format(columns=columns, where=where, option=option, stop=stop, step=step)
+
+
+@pytest.mark.parametrize("engine", ["native", "auto"])
+@pytest.mark.parametrize(
+    ("script", "begins"),
+    [
+        (count(), ["nothing was found before STOP WITH n == 3 ends a path"]),
+        (count(stop="n >= 3 OR this == 2"), ["nothing was found before STOP WITH n >= 3 ends a path"]),
+        (count(step="this", stop="n >= 3"), ["nothing was found before STOP WITH n >= 3 ends a path"]),
+        (count(where="WHERE n == 2"), []),
+        (count(stop="this == 1 OR this == 2"), []),
+        (count(stop="this > 0", option="MEMORIZE 3"), []),  # it cannot go on
+        (count(columns="this, n", option="MEMORIZE 3", stop="n < 0"), ["MEMORIZE 3 ended paths before any reached"]),
+        (count(columns="this, n", option="MEMORIZE (1 + 2)", stop="n < 0"), ["MEMORIZE 1 + 2 ended paths before"]),
+        (count(columns="this, n", option="MEMORIZE 12", stop="n < 0"), []),
+        ("SELECT n, count(*) FROM [1] START WITH n = 0 CONNECT BY MAXIMUM 2 n = n + 1 GROUP BY n HAVING n > 5",
+         ["MAXIMUM 2 ended the search, and HAVING n > 5 dropped what it had found; a larger bound in MAXIMUM"]),
+        (count().replace("[1, 2]", "[]"), []),
+    ],
+)  # fmt: skip
+def test_bounds_that_end_every_path(session, engine, script, begins) -> None:
+    notes = session.run(script, engine=engine).notes
+    assert len(notes) == len(begins)
+    assert all(map(str.startswith, notes, begins)), notes
+
+
+def test_notes_of_queries_in_other_places(session) -> None:
+    inner = walk("dst", "dst == goal")
+    for script in (f"x = {inner}; 1;", f"len({inner});", f"SELECT ({inner}) FROM [1] AS list"):
+        assert len(session.run(script).notes) == 1
+    assert session.run("1;").notes == ()
+    query = session.compile(inner)
+    assert query.run().notes == query.run().notes != ()
+
+
+def test_where_notes_are_shown(session, capsys) -> None:
+    result = session.run(count())
+    (note,) = result.notes
+    assert f"note: {note}" in " ".join(repr(result).split())
+    result.show()
+    assert f"note: {note}" in " ".join(capsys.readouterr().out.split())
+    assert f"note: {note}</small>" in result._repr_html_()
+
+
+@pytest.mark.parametrize("form", ["table", "json", "csv"])
+def test_notes_on_the_command_line(form: str) -> None:
+    done = CliRunner().invoke(main, ["run", "-e", count(), "--format", form])
+    assert done.exit_code == 0
+    assert done.stderr.startswith("note: nothing was found before STOP WITH n == 3")
+    assert "note" not in done.stdout
+
+
+def test_notes_as_json() -> None:
+    done = CliRunner().invoke(main, ["run", "-e", count(), "--error-format", "json"])
+    assert json.loads(done.stderr)["message"].startswith("nothing was found")
+
+
+def test_notes_in_the_shell(session, capsys) -> None:
+    shell = Shell(session)
+    assert shell.run(f"{count()}; y = {count()};")
+    assert capsys.readouterr().err.count("note: nothing was found before STOP WITH n == 3") == 2
