@@ -20,7 +20,7 @@ from interrupting import KINDS, NumberWorld, check_session, press_at
 from sessions import both, write
 
 import ss2sql
-from ss2sql.runtime import interrupts
+from ss2sql.runtime import column_types, interrupts
 from ss2sql.runtime.tables import Tables
 
 pytestmark = pytest.mark.usefixtures("usual")
@@ -235,7 +235,7 @@ def test_reading_a_large_table_to_compile_can_be_interrupted(file: Path, monkeyp
             return read(self, *arguments)
 
         monkeypatch.setattr(Tables, "_indexes", indexes)
-        monkeypatch.setattr(Tables, "_bounded", lambda *_: bounded.append(1))
+        monkeypatch.setattr(column_types, "_bounded", lambda *_: bounded.append(1))
         assert cancelled(ss, "SELECT n FROM big;").partial is None
         assert bounded == []  # the kinds of its values come first, which takes 60,000 steps of SQLite
         monkeypatch.undo()
