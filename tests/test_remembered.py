@@ -250,11 +250,11 @@ def test_tables_of_the_file_are_not_read_anew_after_each_run(file: Path) -> None
     CONNECT BY MEMORIZE node = name(e.dst) AS list"""
     with session(file, name=lambda n: n) as ss:
         assert ss.eval(script) == [[2], [2, 3], [2, 3, 1]]
-        table = ss.host.tables.find(None, "edges")
+        known = ss.host.tables._known["main", "edges"]
         again = ss.run(script)
         assert again.value == [[2], [2, 3], [2, 3, 1]]
         assert calls(again) == 0
-        assert ss.host.tables.find(None, "edges") is table
+        assert ss.host.tables._known["main", "edges"] is known
         write(file, "INSERT INTO edges VALUES (2, 9)")
         assert ss.eval(script) == [[2], [2, 3], [2, 9], [2, 3, 1]]
         assert len(ss.graphs()) == 2
