@@ -20,7 +20,7 @@ from ss2sql.kinds import Type
 from ss2sql.runtime.column_types import STORED, Column, quoted, types_of_table, types_of_view
 from ss2sql.runtime.copied_databases import CopiedDatabase
 from ss2sql.runtime.file_locks import attach_file, close_file, detach_file, open_file
-from ss2sql.runtime.guard import UNREADABLE
+from ss2sql.runtime.guard import UNREADABLE, refusal
 from ss2sql.runtime.remembered.store import Store
 
 FILES = (".db", ".sqlite", ".sqlite3")  # a text that ends so is a path, any other is a value
@@ -250,7 +250,7 @@ class Tables:
         try:
             return self.connection.execute(text, bindings).fetchall()
         except UNREADABLE as error:
-            raise ExecutionError("X009", f"SQLite: {error}") from error
+            raise refusal(error) from error
 
     def _version(self, schema: str) -> Version:
         """Changes when this or another connection has changed the database; None where a ROLLBACK may change it."""
