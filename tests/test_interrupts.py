@@ -19,7 +19,7 @@ from remembering import KNOWN, asked
 from sessions import both, write
 
 import ss2sql
-from ss2sql.runtime import interrupts
+from ss2sql.runtime import column_types, interrupts
 from ss2sql.runtime.tables import Tables
 
 pytestmark = pytest.mark.usefixtures("usual")
@@ -225,7 +225,7 @@ def test_reading_a_large_table_to_compile_can_be_interrupted(file: Path, monkeyp
     with ss2sql.connect(file) as ss:
         read = Tables._indexes
         monkeypatch.setattr(Tables, "_indexes", lambda *arguments: ss.interrupt() or read(*arguments))
-        monkeypatch.setattr(Tables, "_bounded", None)  # the kinds of values come first, in 60,000 steps of SQLite
+        monkeypatch.setattr(column_types, "_bounded", None)  # kinds of values come first, in 60,000 steps of SQLite
         assert cancelled(ss, "SELECT n FROM big;").partial is None
         monkeypatch.undo()
         assert len(ss.run("SELECT n FROM big;")) == 20_000

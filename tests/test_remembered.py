@@ -10,7 +10,7 @@ import apsw
 import pytest
 from listings import move
 from remembering import KNOWN, MAZE, asked, calls, connect, fresh, near, run, scratch, session
-from sessions import write
+from sessions import code_of, write
 
 import ss2sql
 
@@ -383,3 +383,38 @@ def test_random_queries_one_after_the_other(seed: int, tmp_path: Path) -> None:
         assert calls(sessions[0].run(script)) == 0, script
     for ss in sessions:
         ss.close()
+
+
+SPOILT = [
+    *("[" * 100_000, "[" * 100_000 + "1" + "]" * 100_000),
+    *(f"[{'[' * 5000}{']' * 5000}]", f"[{10**30}]", f"[{-(10**30)}]"),
+    *("[1e999]", "[[-1e999]]", "[NaN]", '[{"a": [Infinity]}]', '{"n": 1}', '"abc"', "7", "null", "[1], [2]", ""),
+]
+
+
+@pytest.mark.parametrize("column", ["row", "elements", "state"])
+@pytest.mark.parametrize("text", SPOILT, ids=lambda text: text[:20])
+def test_texts_of_others_are_values_or_an_error(tmp_path: Path, text: str, column: str) -> None:
+    """What another program has written into the tables never becomes a value that the language does not have."""
+    file = tmp_path / "values.db"
+    script = "SELECT this FROM value(n) START WITH n = 0 CONNECT BY MEMORIZE n = n + 1 STOP WITH n == 3 AS rows"
+    with session(file, value=lambda n: [n, n + 1]) as ss:
+        assert len(ss.eval(script)) > 2
+    table = "ss2sql_nodes" if column == "state" else "ss2sql_edges"
+    where = "id = (SELECT max(id) FROM ss2sql_nodes)" if column == "state" else "1"
+    write(file, f"UPDATE {table} SET {column} = '{text}' WHERE {where}")
+    with session(file, value=lambda n: [n, n + 1]) as ss:
+        assert code_of(ss.run, script) == "X009"
+    write(file, f"UPDATE ss2sql_graphs SET functions = '{text}', parameters = '{text}'")
+
+
+@pytest.mark.parametrize("value", ["9e999", "-1", "2", "'1'", "x'01'"])
+def test_a_verdict_of_others(tmp_path: Path, value: str) -> None:
+    file = tmp_path / "values.db"
+    script = """SELECT this FROM [1, 2] WHERE good(this) START WITH n = 0 CONNECT BY MEMORIZE n = n + this
+        STOP WITH n > 3 AS rows"""
+    with session(file, value=int, good=lambda n: n > 1) as ss:
+        ss.eval(script)
+    write(file, f"UPDATE ss2sql_verdicts SET value = {value}")
+    with session(file, value=int, good=lambda n: n > 1) as ss:
+        assert code_of(ss.run, script) == "X009"

@@ -32,6 +32,10 @@ def test_odd_names_of_tables_and_columns(ss: ss2sql.Session, file: Path, engine:
     write(file, f"CREATE TABLE {quoted}(a); INSERT INTO {quoted} VALUES (5)")
     assert ss.run("SELECT * FROM plain;", engine=engine).value == [{name: 1, "b": 2}]
     assert ss.run("SELECT this FROM plain AS value;", engine=engine).value == {name: 1, "b": 2}
+    text = "'" + name.replace("'", "\\'") + "'"
+    assert ss.run(f"SELECT a FROM main[{text}] AS list;", engine=engine).value == [5]
+    assert ss.run(f"SELECT p.a FROM p = main[{text}] AS list;", engine=engine).value == [5]
+    assert ss.run("main = [[7]]; SELECT this FROM main[0] AS list;", engine=engine).value == [7]
     if name.isidentifier():
         assert ss.run(f"SELECT a FROM {name} AS list;", engine=engine).value == [5]
         assert ss.run(f"SELECT {name} FROM plain AS list;", engine=engine).value == [1]
@@ -54,6 +58,8 @@ def test_names_are_case_sensitive(ss: ss2sql.Session, file: Path) -> None:
         ("SELECT 1 FROM other.v;", "R003", "R003"),
         ("SELECT 1 FROM another.t;", "R003", "R003"),
         ("SELECT 1 FROM main.u;", "R003", "R003"),
+        ("SELECT 1 FROM main['a b'];", "R003", "unknown source 'main.a b'"),
+        ("SELECT 1 FROM main;", "R003", "'main' is the session's own file: name one of its tables, FROM main.table"),
         ("SELECT 1 FROM other;", "R003", "'other' is a file: name one of its tables, FROM other.table"),
         ("SELECT * FROM elements;", "R003", "R003"),
     ],
@@ -138,6 +144,29 @@ def test_an_infinity_is_no_number_of_the_language(ss: ss2sql.Session, file: Path
     assert ss.run("SELECT a FROM t WHERE a < 2 AS list;", engine=engine).value == [1.5]
     for column in ("a + 1", "a * 0", "abs(a)"):
         assert code_of(ss.run, f"SELECT {column} FROM t;", engine=engine) == "X004"
+
+
+@both
+@pytest.mark.parametrize("source", ["t", "mixed", "v"])
+@pytest.mark.parametrize("infinity", ["9e999", "-9e999"])
+def test_an_infinity_never_becomes_a_value(
+    ss: ss2sql.Session, file: Path, engine: Any, source: str, infinity: str
+) -> None:
+    write(file, f"CREATE TABLE t(a REAL); INSERT INTO t VALUES (1.5), ({infinity}), (NULL);"
+                "CREATE TABLE mixed AS SELECT a FROM t UNION ALL SELECT 'x';"
+                f"CREATE VIEW v AS SELECT 1.5 AS a UNION ALL SELECT {infinity}")  # fmt: skip
+    for script in (
+        "SELECT a FROM {};", "SELECT * FROM {};", "SELECT this FROM {} AS list;", "SELECT [a, [a]] FROM {} AS rows;",
+        "SELECT a FROM {} AS set;", "x = SELECT a FROM {} AS list;",
+        "SELECT a FROM {} START WITH n = 0 CONNECT BY n = n + 1 STOP WITH n == 2;",
+        "SELECT (SELECT a FROM {} AS list) FROM [1] AS list;",
+        "SELECT x.this FROM x = (SELECT a FROM {} AS list) AS list;",
+        "len(SELECT a FROM {} AS list);",
+    ):  # fmt: skip
+        assert code_of(ss.run, script.format(source), engine=engine) == "X004", script
+    with pytest.raises(ss2sql.ExecutionError, match=r"the column 'a' holds -?inf at \[1\]"):
+        ss.run(f"SELECT a FROM {source};", engine=engine)
+    assert ss.run(f"SELECT a FROM {source} LIMIT 1 AS list;", engine=engine).value == [1.5]
 
 
 # --- bounds of the numbers in columns: what they are, and that they are never stale --------------------------
@@ -254,3 +283,14 @@ def test_sqlite_computes_with_small_numbers_by_itself(ss: ss2sql.Session, file: 
     write(file, f"INSERT INTO t VALUES ({2**62 + 1}, 1)")
     assert query.run().value[1] == (2**62 + 2, float(2**62), float(2**62))
     assert "CASE" in query.sql
+
+
+@both
+def test_a_text_that_is_not_utf_8(ss: ss2sql.Session, file: Path, engine: Any) -> None:
+    write(file, "CREATE TABLE t(a TEXT, b); INSERT INTO t VALUES (CAST(x'4dfc6c' AS TEXT), 1);"
+                "CREATE VIEW v AS SELECT CAST(a AS BLOB) AS a FROM t")  # fmt: skip
+    with pytest.raises(ss2sql.ExecutionError, match="SQLite: a text is not UTF-8") as caught:
+        ss.run("SELECT a FROM t;", engine=engine)
+    assert caught.value.code == "X009"
+    assert "CAST(column AS BLOB)" in caught.value.hints[0]
+    assert ss.run("SELECT a FROM v AS list;", engine=engine).value == [b"M\xfcl"]

@@ -122,12 +122,13 @@ def _named_source(resolver: Resolver, name: str, word: str, scope: Scope, span: 
     if word in resolver.catalog.functions:
         hints = (f"'{word}' is a function: call it, {word}(...)",)
     if word in resolver.catalog.files:
-        hints = (f"'{word}' is a file: name one of its tables, FROM {word}.table",)
+        what = "the session's own file" if word == "main" else "a file"
+        hints = (f"'{word}' is {what}: name one of its tables, FROM {word}.table",)
     raise ResolveError("R003", f"unknown source '{word}'", span, hints)
 
 
 def _is_file(resolver: Resolver, name: str) -> bool:
-    """Whether a name is that of an attached SQLite file, and nothing else."""
+    """Whether a name is that of an attached SQLite file, or `main`, the session's own, and nothing else."""
     others = (resolver.assigned, resolver.catalog.variables, resolver.late)
     return name in resolver.catalog.files and not any(name in known for known in others)
 

@@ -32,6 +32,7 @@ from ss2sql.runtime.run import Run, Sink
 from ss2sql.runtime.scouts import Scouts
 from ss2sql.runtime.shaping import PATH_FORMS, with_stars
 from ss2sql.vtables.snapshots import may_move
+from ss2sql.walk import walk
 
 if TYPE_CHECKING:
     from ss2sql.runtime.host import SessionHost
@@ -104,6 +105,7 @@ class CompiledQuery:
         self.arguments = [compile_statement(expr) for expr in query.representation.arguments]
         self.named = {name: compile_statement(expr) for name, expr in query.representation.named}
         self.moves = may_move(query)
+        self.doubtful = any(_may_be_infinite(node) for node in walk(query) if isinstance(node, plan.TableSource))
         self.stored = tables_behind_what_fails(query) if self.lowered else []
         self.made = True
 
@@ -169,6 +171,8 @@ class CompiledQuery:
             with self.host.memories.query(self.moves):
                 found = self._database_rows(run, sink) if self.lowered else self._native_rows(run, sink)
                 rows = with_stars(query, found)
+                if self.doubtful:
+                    rows.check()
                 if run.borrows and self.lowered is None:
                     rows.keep()
         finally:
@@ -325,6 +329,15 @@ class CompiledQuery:
     def shown(self, run: Run | None) -> SqlQuery | None:
         """The statement that a run has executed last, else the one that would run."""
         return self.lowered if run is None or self.lowered is None else run.lowered.get(self, self.lowered)
+
+
+def _may_be_infinite(table: plan.TableSource) -> bool:
+    """Whether a table may hold what is no float of the language: it is looked for in columns of numbers alone.
+
+    A view has no order.
+    """
+    others = Kind.STR | Kind.OBJECT
+    return any(kind.may(Kind.FLOAT) and (not table.order or kind.may(others)) for _, kind in table.columns)
 
 
 def _is_too_much(error: Exception) -> TypeGuard[ExecutionError]:

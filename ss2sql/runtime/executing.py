@@ -83,6 +83,13 @@ def attended(host: SessionHost, work: Callable[[Run], T]) -> T:
     raise _cancelled(run) from None
 
 
+def begin_deadline(run: Run, host: SessionHost, seconds: float | None) -> None:
+    """Says when a run that starts now has to end; one inside of another run ends with that at the latest."""
+    times = [outer.deadline for outer in host.runs]
+    times.append(None if seconds is None else time.monotonic() + seconds)
+    run.deadline = min((moment for moment in times if moment is not None), default=None)
+
+
 def _cancelled(run: Run | None) -> Cancelled:
     cancelled = Cancelled("T002", "the run was interrupted")
     cancelled.partial = _partial(run, cancelled.status)
@@ -90,10 +97,10 @@ def _cancelled(run: Run | None) -> Cancelled:
 
 
 def execute(host: SessionHost, query: Query, options: Options, variables: Mapping[str, Any], run: Run) -> Result:
-    """Runs a compiled script and gives the result of its last statement."""
+    """Runs a compiled script and gives the result of its last statement. The run knows when it has to end."""
     options.check()
     host.ready()
-    run.deadline, run.max_rows = _deadline(host, options.timeout), options.max_rows
+    run.max_rows = options.max_rows
     run.ceiling, run.sizes.rows = _ceiling(host), run.max_rows
     run.steps_left = _steps_left(host)
     run.arguments = {name: normalise(value, f"the variable '{name}'") for name, value in variables.items()}
@@ -182,13 +189,6 @@ def _foreteller(host: SessionHost, run: Run, workers: int) -> Foreteller | None:
     if host.held.processes is None:
         host.held.processes = Processes()
     return Foreteller(run, workers, host.held.processes, host.planned, host.memo_limit > 0)
-
-
-def _deadline(host: SessionHost, seconds: float | None) -> float | None:
-    """When a run that starts now has to end; one inside of another run ends with that at the latest."""
-    times = [run.deadline for run in host.runs]
-    times.append(None if seconds is None else time.monotonic() + seconds)
-    return min((moment for moment in times if moment is not None), default=None)
 
 
 def _ceiling(host: SessionHost) -> int | None:

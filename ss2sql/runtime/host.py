@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Container, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import apsw
@@ -14,12 +15,14 @@ from ss2sql import plan
 from ss2sql.errors import Error, SessionError, Source
 from ss2sql.frontend import ast
 from ss2sql.frontend.catalog import Catalog
+from ss2sql.frontend.names_read import names_read
 from ss2sql.frontend.parser import parse
 from ss2sql.frontend.resolve import resolve, resolve_text
-from ss2sql.kinds import type_of
+from ss2sql.kinds import Type, type_of
 from ss2sql.lowering.rewrites.world import World
 from ss2sql.runtime import representations
 from ss2sql.runtime.builtins import BUILTINS
+from ss2sql.runtime.column_types import STORED
 from ss2sql.runtime.database import Database
 from ss2sql.runtime.file_locks import close_file, using
 from ss2sql.runtime.functions import MEMO_LIMIT, UserFunction, builtin_functions, sql_names
@@ -218,7 +221,13 @@ class SessionHost:
 
     # --- what the compiler asks ------------------------------------------------------------------------
 
-    def catalog(self, values: Mapping[str, Any] | None = None, open_names: bool = False) -> Catalog:
+    def catalog(
+        self,
+        values: Mapping[str, Any] | None = None,
+        open_names: bool = False,
+        read: Callable[[], Container[str] | None] = lambda: None,
+    ) -> Catalog:
+        """What scripts may name; `read` gives the columns of tables that they read, as far as that is known."""
         given = dict(values or {})
         snapshots: dict[str, Any] = {}
 
@@ -234,7 +243,7 @@ class SessionHost:
             tuple(self.shapes.functions),
             {*self.names, *given},
             variable_type,
-            self.tables.find,
+            lambda schema, name: self.tables.find(schema, name, read()),
             TableNames(self.tables.names(), self.names.others),
             self.names.others.find if self.names.others is not None else lambda name: None,
             dict(self.names.late),
@@ -242,7 +251,7 @@ class SessionHost:
             {name: world for name, world in self.names.worlds.items() if name not in given},
             {n: self._planned(f) for n, f in self.world_functions.items() if n not in self.functions},
             frames=self.names.frames.keys() - given.keys(),
-            files=self.tables.attached,
+            files=("main", *self.tables.attached),
             asked=self.shapes.asked(),
         )
 
@@ -258,7 +267,8 @@ class SessionHost:
 
     def resolve_script(self, tree: ast.Script, values: Mapping[str, Any], open_names: bool) -> plan.Program:
         """The plan of a script, resolved against the values that stand now and those that are given."""
-        catalog = self.catalog(values, open_names)
+        read = cache(lambda: names_read(tree, *self.names.late.values()))
+        catalog = self.catalog(values, open_names, read)
         return with_room(lambda: resolve(tree, catalog))
 
     def resolve_statement(self, tree: ast.Expr, run: Run) -> plan.Statement:
@@ -298,8 +308,9 @@ class SessionHost:
             name = table.table.world_name
             world = None if name in run.arguments else self.names.worlds.get(name)
             return world is None or table.table not in world.tables.values()
+        read = {name for name, kind in table.columns if kind != Type(STORED)}
         try:
-            now = self.tables.find(table.schema, table.table)
+            now = self.tables.find(table.schema, table.table, read)
         except Error as error:
             raise error.located(table.span) from error.__cause__
         return now is None or replace(now, id=table.id, name=table.name) != table

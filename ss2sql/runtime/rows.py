@@ -9,7 +9,7 @@ from itertools import chain
 from typing import Any, ClassVar, TypeAlias
 
 from ss2sql.errors import ExecutionError, Span
-from ss2sql.runtime.values import kept
+from ss2sql.runtime.values import kept, normalise
 
 Row: TypeAlias = tuple[Any, ...]
 
@@ -63,6 +63,12 @@ class Rows:
             self.rows = kept(self.rows)
             self.paths = kept(self.paths)  # Paths, which a database has found, hold nothing of anybody else
             self.groups = kept(self.groups)
+
+    def check(self) -> None:
+        """Raises ExecutionError X004 for what is no value of the language, such as an infinity in a table."""
+        for name, values in zip(self.columns, zip(*self.all_rows(), strict=True), strict=False):
+            normalise(list(values), f"the column '{name}'")
+        normalise([value for value, _ in self.groups or ()], "GROUP BY")
 
     def shown(self) -> Rows:
         """The rows as SELECT names them."""

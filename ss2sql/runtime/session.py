@@ -17,7 +17,7 @@ from ss2sql.frontend.parser import parse
 from ss2sql.lowering.rewrites import REWRITES
 from ss2sql.runtime.compiled import Query
 from ss2sql.runtime.engines import Engine, check_engine
-from ss2sql.runtime.executing import Options, attended, execute
+from ss2sql.runtime.executing import Options, attended, begin_deadline, execute
 from ss2sql.runtime.functions import UserFunction, check_name, user_function
 from ss2sql.runtime.host import SessionHost
 from ss2sql.runtime.interrupts import under_way
@@ -212,14 +212,18 @@ class Session:
         self._check_open()
         return tables_in_sight(self.host.tables, self.host.names.worlds, self.host.names.others)
 
-    @in_turn
     def describe(self, name: str) -> str:
         """The columns of a table; of a world those of all its tables, with units and texts, and its functions.
 
-        Raises SessionError S002 where there is none of the name.
+        Raises SessionError S002 where there is none of the name; Timeout and Cancelled, for it looks at all rows.
         """
-        self._check_open()
-        return described(name, self.host.tables, self.host.names.worlds, self.host.names.others)
+
+        def work(run: Run) -> str:
+            self._check_open()
+            begin_deadline(run, self.host, self.timeout)
+            return described(name, self.host.tables, self.host.names.worlds, self.host.names.others)
+
+        return attended(self.host, work)
 
     @in_turn
     def set(self, name: str, value: Any) -> None:
@@ -249,13 +253,18 @@ class Session:
 
     # --- running ---------------------------------------------------------------------------------------
 
-    @in_turn
     def compile(self, script: str | Path | Source, engine: Engine = "auto") -> Query:
         """Parses, resolves and lowers a script once; names that it does not know become its parameters.
 
-        Raises ParseError and ResolveError, UnsupportedError if `engine` is "database" and that is impossible.
+        Raises ParseError and ResolveError, UnsupportedError if `engine` is "database" and that is impossible; Timeout
+        and Cancelled, for the tables that it reads are looked at.
         """
-        return self._compile(script, engine, {}, open_names=True)
+
+        def work(run: Run) -> Query:
+            begin_deadline(run, self.host, self.timeout)
+            return self._compile(script, engine, {}, open_names=True)
+
+        return attended(self.host, work)
 
     def _compile(
         self,
@@ -308,6 +317,7 @@ class Session:
 
         def work(run: Run) -> Result:
             options = self._options(engine, timeout, maximum, workers, max_rows)
+            begin_deadline(run, self.host, options.timeout)
             values = {name: normalise(value, f"the variable '{name}'") for name, value in variables.items()}
             query = self._compile(script, engine, values, open_names=False, stats=run.stats)
             return execute(self.host, query, options, values, run)
@@ -334,6 +344,7 @@ class Session:
         def work(run: Run) -> Result:
             self._check_open()
             options = replace(self._options(engine, timeout, maximum, workers, max_rows), framed=framed)
+            begin_deadline(run, self.host, options.timeout)
             return execute(self.host, query, options, variables, run)
 
         return attended(self.host, work)

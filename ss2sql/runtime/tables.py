@@ -1,37 +1,28 @@
 """Tables and views of the session's database, as the resolver sees them.
 
-The kinds of values in a column and the bounds of its numbers are read from the data, not from the declared type,
-which SQLite does not enforce. The reading is kept until the database changes. A million rows of three numbers and a
-text take 0.23 s, of that the bounds 0.1 s; those of a column that an index begins with take none.
+What the data show of the columns, see `column_types.py`, is kept until the database changes.
 """
 
 from __future__ import annotations
 
-import math
 import os
 import sqlite3
+from collections.abc import Callable, Container, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import apsw
 
 from ss2sql import plan
 from ss2sql.errors import ExecutionError, SessionError
-from ss2sql.kinds import INT_MAX, INT_MIN, Kind, Type
+from ss2sql.kinds import Type
+from ss2sql.runtime.column_types import STORED, Column, quoted, types_of_table, types_of_view
 from ss2sql.runtime.copied_databases import CopiedDatabase
 from ss2sql.runtime.file_locks import attach_file, close_file, detach_file, open_file
-from ss2sql.runtime.guard import UNREADABLE
-from ss2sql.runtime.operator_types import MAX
+from ss2sql.runtime.guard import UNREADABLE, refusal
 from ss2sql.runtime.remembered.store import Store
 
-_KINDS = {
-    "null": Kind.NONE,
-    "integer": Kind.INT,
-    "real": Kind.FLOAT,
-    "text": Kind.STR,
-    "blob": Kind.OBJECT,
-}
-NUMBER = Kind.INT | Kind.FLOAT
 FILES = (".db", ".sqlite", ".sqlite3")  # a text that ends so is a path, any other is a value
 
 
@@ -53,9 +44,59 @@ def path_of(source: Any) -> Path | None:
 CACHE_SIZE = -65536
 
 
-def quoted(name: str) -> str:
-    """A name as SQL reads it whatever characters it has."""
-    return '"' + name.replace('"', '""') + '"'
+Version: TypeAlias = tuple[Any, ...] | None
+
+
+class Known:
+    """A table or view as it was found in a version of its database, with the types of columns that were looked at.
+
+    `types` has for each of them the version, too.
+    """
+
+    def __init__(
+        self, version: Version, source: plan.TableSource, columns: tuple[Column, ...], keys: frozenset[str]
+    ) -> None:
+        self.version = version
+        self.source = source
+        self.columns = columns
+        self.keys = keys
+        self.types: dict[str, tuple[Version, Type]] = {}
+
+    def tells(self, version: Version, read: Container[str] | None) -> bool:
+        """Whether all is known that somebody asks for who reads these columns."""
+        if version is None or self.version != version:
+            return False
+        return all(one.name in self.types and self.types[one.name][0] == version for one in self._asked(read))
+
+    def _asked(self, read: Container[str] | None) -> list[Column]:
+        """The columns that are read; those of the primary key, which sorts rows, always are."""
+        return [one for one in self.columns if read is None or one.name in read or one.name in self.keys]
+
+    def look(
+        self,
+        types_of: Callable[[apsw.Connection, str, Sequence[Column], Mapping[str, Type]], dict[str, Type]],
+        connection: apsw.Connection,
+        before: Known | None,
+        read: Container[str] | None,
+    ) -> None:
+        """Finds out the types of columns, going by what was known `before`. Raises what apsw raises."""
+        if before is not None and before.columns == self.columns:
+            self.types.update(before.types)
+        table = f"{quoted(self.source.schema)}.{quoted(self.source.table)}"
+        of_now = {name for name, (version, _) in self.types.items() if version is not None and version == self.version}
+        asked = [one for one in self._asked(read) if one.name not in of_now]
+        seen = [one for one in asked if one.name in self.types]
+        new = [one for one in asked if one.name not in self.types]
+        for columns in filter(None, (seen, new)):
+            known = {one.name: self.types[one.name][1] for one in columns if one.name in self.types}
+            types = types_of(connection, table, columns, known)
+            self.types.update((name, (self.version, found)) for name, found in types.items())
+
+    def source_for(self, read: Container[str] | None) -> plan.TableSource:
+        """The source with the types of the columns that are read; the others are of all kinds."""
+        asked = {one.name for one in self._asked(read)}
+        typed = ((one.name, self.types[one.name][1] if one.name in asked else Type(STORED)) for one in self.columns)
+        return replace(self.source, columns=tuple(typed))
 
 
 class Tables:
@@ -63,7 +104,7 @@ class Tables:
 
     def __init__(self, connection: apsw.Connection) -> None:
         self.connection = connection
-        self._known: dict[tuple[str, str], tuple[Any, plan.TableSource]] = {}
+        self._known: dict[tuple[str, str], Known] = {}
         self.files: dict[str, Path] = {}  # what is attached, by name
         self.copied: dict[str, CopiedDatabase] = {}  # connections of sqlite3 that are attached, by name
         self.graphs: Store | None = None  # of remembered graphs, in tables that are no tables of scripts' own
@@ -138,30 +179,61 @@ class Tables:
             name for name, kind in rows if kind in ("table", "view") and not name.startswith(("sqlite_", "ss2sql_"))
         ]
 
-    def find(self, schema: str | None, name: str) -> plan.TableSource | None:
-        """The table or view with this name, exactly as it is written there; None if there is none."""
+    def find(self, schema: str | None, name: str, read: Container[str] | None = None) -> plan.TableSource | None:
+        """The table or view with this name, exactly as it is written there; None if there is none.
+
+        What its data show is found out of the columns that are `read`, as far as somebody knows; the others may have
+        values of all kinds.
+        """
         self.refresh(schema)
+        listed = self._listed(schema, name)
+        if listed is None:
+            return None
+        home, exact, kind, without_rowid = listed
+        version = self._version(home)
+        known = self._known.get((home, exact))
+        if known is not None and known.tells(version, read):
+            return known.source_for(read)
+        try:
+            with self.connection:  # all of it is read from one state of the file
+                found = self._read(home, exact, kind, bool(without_rowid), version, known, read)
+        except UNREADABLE as error:
+            hints = (f"look at the definition of the {kind} in the database",)
+            raise ExecutionError("X009", f"the {kind} '{name}' cannot be read: {error}", hints=hints) from error
+        self._known[(home, exact)] = found
+        return found.source_for(read)
+
+    def column_names(self, name: str) -> tuple[str, ...]:
+        """The columns of a table or view, without a look at its rows; none of a view that cannot be read."""
+        listed = self._listed(None, name)
+        if listed is None:
+            return ()
+        home, exact, _, _ = listed
+        try:
+            self._prepare(home, exact)
+            return tuple(column for column, _, _, hidden in self._columns(home, exact) if hidden != 1)
+        except UNREADABLE:
+            return ()
+
+    def _listed(self, schema: str | None, name: str) -> tuple[Any, ...] | None:
+        """Schema, exact name, type and whether it has no rowid, of a table or view that scripts may read."""
         rows = self._fetch(
             "SELECT schema, name, type, wr FROM pragma_table_list"
             " WHERE name = ? AND (? IS NULL OR schema = ?) AND type IN ('table', 'view')"
             " ORDER BY schema <> 'main'",
             (name, schema, schema),
         )
-        if not rows or name.startswith("sqlite_"):
-            return None
-        home, exact, kind, without_rowid = rows[0]
-        version = self._version(home)
-        known = self._known.get((home, exact))
-        if known is not None and known[0] == version and version is not None:
-            return known[1]
-        try:
-            with self.connection:  # all of it is read from one state of the file
-                source = self._read(home, exact, kind, bool(without_rowid))
-        except UNREADABLE as error:
-            hints = (f"look at the definition of the {kind} in the database",)
-            raise ExecutionError("X009", f"the {kind} '{name}' cannot be read: {error}", hints=hints) from error
-        self._known[(home, exact)] = (version, source)
-        return source
+        return rows[0] if rows and not name.startswith("sqlite_") else None
+
+    def _prepare(self, schema: str, name: str) -> None:
+        """Finds out whether SQLite can read a view, without a look at its rows. Raises apsw.Error."""
+        self.connection.execute(f"EXPLAIN SELECT * FROM {quoted(schema)}.{quoted(name)}").fetchall()
+
+    def _columns(self, schema: str, name: str) -> list[tuple[Any, ...]]:
+        """Name, declared type, place in the primary key, and whether it is hidden, of each column."""
+        return self.connection.execute(
+            "SELECT name, type, pk, hidden FROM pragma_table_xinfo(?, ?) ORDER BY cid", (name, schema)
+        ).fetchall()
 
     def rows(self, source: plan.TableSource) -> list[tuple[Any, ...]]:
         """All rows of a table in its order."""
@@ -178,9 +250,9 @@ class Tables:
         try:
             return self.connection.execute(text, bindings).fetchall()
         except UNREADABLE as error:
-            raise ExecutionError("X009", f"SQLite: {error}") from error
+            raise refusal(error) from error
 
-    def _version(self, schema: str) -> tuple[Any, ...] | None:
+    def _version(self, schema: str) -> Version:
         """Changes when this or another connection has changed the database; None where a ROLLBACK may change it."""
         if self.connection.in_transaction:
             return None
@@ -189,12 +261,19 @@ class Tables:
         own = 0 if self.graphs is None else self.graphs.changes
         return (versions, cookies, self.connection.total_changes() - own)
 
-    def _read(self, schema: str, name: str, kind: str, without_rowid: bool) -> plan.TableSource:
-        rows: list[tuple[Any, ...]] = self.connection.execute(
-            "SELECT name, pk, hidden FROM pragma_table_xinfo(?, ?) ORDER BY cid", (name, schema)
-        ).fetchall()
-        columns = [column for column, _, hidden in rows if hidden != 1]
-        keys = [column for _, column in sorted((key, column) for column, key, _ in rows if key)]
+    def _read(
+        self,
+        schema: str,
+        name: str,
+        kind: str,
+        without_rowid: bool,
+        version: Version,
+        before: Known | None,
+        read: Container[str] | None,
+    ) -> Known:
+        rows = [row for row in self._columns(schema, name) if row[3] != 1]
+        columns = [column for column, *_ in rows]
+        keys = [column for _, column in sorted((key, column) for column, _, key, _ in rows if key)]
         if kind == "view":
             order: tuple[str, ...] = ()
         elif without_rowid:
@@ -208,12 +287,17 @@ class Tables:
         indexed = any(origin != "pk" or not without_rowid for _, origin, _ in listed)
         whole = [(index, origin) for index, origin, partial in listed if not partial]
         indexes = () if kind == "view" else self._indexes(schema, name, order, keys, whole)
-        kinds = self._kinds(schema, name, columns)
-        # What a view computes may change with every look at it, as random() does.
-        bounded = {} if kind == "view" else self._bounded(schema, name, kinds, {index[0][0] for index in indexes})
-        typed = tuple((column, bounded.get(column, Type(kinds[column]))) for column in columns)
         collated = () if kind == "view" else tuple(c for c in columns if self._collation(schema, name, c) != "BINARY")
-        return plan.TableSource(0, name, schema, name, typed, order, collated, indexes, indexed, span=None)  # type: ignore[arg-type]
+        source = plan.TableSource(0, name, schema, name, (), order, collated, indexes, indexed, span=None)  # type: ignore[arg-type]
+        led = {entry[0][0] for entry in indexes} - set(collated)
+        rowid = {key for (key, *_), index in indexes if not index and not without_rowid}
+        declared = tuple(Column(c, words, c in led, c in rowid) for c, words, *_ in rows)
+        if kind == "view":
+            self._prepare(schema, name)
+            declared = tuple(map(Column, columns))
+        known = Known(version, source, declared, frozenset(keys))
+        known.look(types_of_view if kind == "view" else types_of_table, self.connection, before, read)
+        return known
 
     def _indexes(
         self, schema: str, name: str, order: tuple[str, ...], keys: list[str], listed: list[tuple[str, str]]
@@ -250,54 +334,3 @@ class Tables:
 
     def _collation(self, schema: str, name: str, column: str) -> str:
         return self.connection.column_metadata(schema, name, column)[1]
-
-    def _kinds(self, schema: str, name: str, columns: list[str]) -> dict[str, Kind]:
-        tests = ", ".join(f"typeof({quoted(column)})" for column in columns)
-        found: list[tuple[Any, ...]] = self.connection.execute(
-            f"SELECT DISTINCT {tests} FROM {quoted(schema)}.{quoted(name)}"
-        ).fetchall()
-        kinds = dict.fromkeys(columns, Kind(0))
-        for row in found:
-            for column, word in zip(columns, row, strict=True):
-                kinds[column] |= _KINDS[word]
-        return kinds
-
-    def _bounded(self, schema: str, name: str, kinds: dict[str, Kind], leading: set[str]) -> dict[str, Type]:
-        """The types of the columns that hold numbers and None alone.
-
-        In a query that asks for one end only, SQLite takes it from an index that begins with the column (`leading`).
-        """
-        numbers = [column for column, found in kinds.items() if found & NUMBER and not found & ~(NUMBER | Kind.NONE)]
-        if not numbers:
-            return {}
-        table = f"{quoted(schema)}.{quoted(name)}"
-        terms = []
-        for column in numbers:
-            ends = [f"{end}({quoted(column)})" for end in ("min", "max")]
-            terms += [f"(SELECT {end} FROM {table})" for end in ends] if column in leading else ends
-        walked = "" if leading.issuperset(numbers) else f" FROM {table}"
-        found: tuple[Any, ...]
-        (found,) = self.connection.execute(f"SELECT {', '.join(terms)}{walked}").fetchall()
-        return {
-            column: rounded(kinds[column], low, high)
-            for column, low, high in zip(numbers, found[::2], found[1::2], strict=True)
-        }
-
-
-def rounded(kinds: Kind, low: float | None, high: float | None) -> Type:
-    """The type of numbers between these, with powers of two as bounds, so that few changes of a table change it."""
-    if low is None or high is None:  # no number is left where SQLite found one, as in a damaged file
-        return Type(kinds)
-    if math.isinf(low) or math.isinf(high):
-        return Type(kinds | Kind.OBJECT)  # no float of the language
-    least, greatest = (-MAX, MAX) if kinds & Kind.FLOAT else (INT_MIN, INT_MAX)
-    below, above = -_power_above(-low), _power_above(high)
-    return Type(kinds, below if least < below else None, above if above < greatest else None)
-
-
-def _power_above(value: float) -> int:
-    """The least that is not below the value of 0, the powers of two from 1 on, and their negatives."""
-    whole = math.ceil(value)
-    if whole == 0:
-        return 0
-    return 1 << (whole - 1).bit_length() if whole > 0 else -1 << ((-whole).bit_length() - 1)

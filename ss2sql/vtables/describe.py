@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
-from ss2sql.errors import ExecutionError, SessionError, did_you_mean
+from ss2sql.errors import SessionError, did_you_mean
 from ss2sql.plan_tree import type_text
 from ss2sql.vtables.attached import AttachedTable, AttachedWorld
 from ss2sql.vtables.cleaning import type_name
@@ -57,13 +57,7 @@ def tables_in_sight(
     found: dict[str, tuple[str, ...]] = {}
     tables.refresh()
     for name in tables.names():
-        try:
-            source = tables.find(None, name)
-        except ExecutionError:
-            found[name] = ()
-            continue
-        if source is not None:
-            found[name] = tuple(column for column, _ in source.columns)
+        found[name] = tables.column_names(name)
     if others is not None:
         for name in others.names():
             found.setdefault(name, tuple(column for column, _ in others.columns(name)))

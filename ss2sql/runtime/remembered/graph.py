@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import math
 from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import islice
@@ -183,7 +184,10 @@ class GraphInFile:
         known = self.store.clauses(self.number) if self.clauses else {}
         for place, clause in enumerate(self.clauses):
             if clause.key in known:
+                most = math.inf if clause.kind == "cost" else 1
                 for source, position, value in self.store.verdicts(known[clause.key], edges):
+                    if position < 0 or not 0 <= value <= most or math.isinf(value):
+                        raise ValueError(f"a {clause.kind} is {value!r}")
                     edges[source][position].note(place, value)
 
     # --- writing ---------------------------------------------------------------------------------------

@@ -83,7 +83,7 @@ def listed(store: Store) -> Graphs:
         return Graphs([_graph(store, row) for row in store.described()])
     except (apsw.BusyError, apsw.LockedError) as error:
         raise ExecutionError("X009", f"the remembered graphs cannot be read now: {error}") from error
-    except (apsw.Error, ValueError, TypeError) as error:
+    except (apsw.Error, ValueError, TypeError, RecursionError) as error:
         raise spoilt(str(error)) from error
 
 

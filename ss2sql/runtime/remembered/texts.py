@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable
+from itertools import chain
 from json import encoder
 from marshal import dumps
 from typing import Any
 
+from ss2sql.errors import ExecutionError
 from ss2sql.kinds import Opaque
+from ss2sql.runtime.border import normalise
 
 
 class NotKept(Exception):  # noqa: N818 - it is a finding, not an error
@@ -69,9 +72,27 @@ def _is_same(value: Any, decoded: Any) -> bool:
 
 
 def values_of(texts: Iterable[str]) -> list[Any]:
-    """The values of many texts, read in one go: that takes 1.3 us for each, one by one 2.9. Raises ValueError."""
+    """The lists of values in many texts, read in one go: that takes 1.4 us for each, one by one 2.9.
+
+    Raises ValueError for a text that is none of a list of values, such as another program may have written.
+    """
     texts = list(texts)
-    values: list[Any] = _decode(f"[{','.join(texts)}]")
-    if len(values) != len(texts):
-        raise ValueError("there is a text that is none of one value")
+    try:
+        values: list[Any] = _decode(f"[{','.join(texts)}]")
+    except RecursionError:
+        raise ValueError("a value is nested too deeply") from None
+    if len(values) != len(texts) or not all(type(value) is list for value in values):
+        raise ValueError("there is a text that is none of one list")
+    try:
+        normalise(list(chain.from_iterable(values)), "a value")
+    except ExecutionError:
+        for value in chain.from_iterable(values):
+            _check(value)
     return values
+
+
+def _check(value: Any) -> None:
+    try:
+        normalise(value, "a value")
+    except ExecutionError as error:
+        raise ValueError(error.message) from None
