@@ -105,7 +105,10 @@ class _Copy:
         low, high = box_of(self.world, self.body)
         if self.world.shapes.is_soft(self.body) or (low != high and not self.world.shapes.of(self.body)):
             self._refuse()  # soft, or a terrain, of which PyBullet tells nothing else
-        base, *links = [self._link(link) for link in self.links]
+        try:
+            base, *links = [self._link(link) for link in self.links]
+        except self.calls.error:
+            self._refuse()  # PyBullet does not make all shapes a second time that it has made from a file
         links += self.more
         pose = inside(self.calls.getBasePositionAndOrientation(self.body), seen_from(base.local, NOWHERE))
         made: int = self.client.createMultiBody(
