@@ -305,12 +305,9 @@ def test_a_statement_runs_before_the_pipe_ends(shell: Shell, capsys) -> None:
     class Stream(io.RawIOBase):
         lines = iter([b"1;\n", b"2\n", b";\n"])
 
-        def __iter__(self):
-            return self
-
-        def __next__(self):
+        def readline(self, size=-1):
             seen.append(capsys.readouterr().out)
-            return next(self.lines)
+            return next(self.lines, b"")
 
     run_piped(shell, Stream())  # type: ignore[arg-type]
     assert seen == ["", "1\n", "", "2\n"]

@@ -7,11 +7,12 @@ for it, `endings` turns errors into messages and exit codes, `output` prints res
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Sequence
 from importlib import import_module
 from io import TextIOWrapper
-from typing import Any
+from typing import Any, NoReturn
 
 import click
 
@@ -76,9 +77,21 @@ class Commands(click.Group):
     def main(self, args: Sequence[str] | None = None, *others: Any, **named: Any) -> Any:
         """Runs a command line and ends the process, with the exit codes and the messages of `endings`."""
         given = list(sys.argv[1:] if args is None else args)
+        _open_streams()
         for stream in (sys.stdout, sys.stderr):
             if isinstance(stream, TextIOWrapper):
                 stream.reconfigure(errors="backslashreplace")  # what an encoding lacks is written as an escape
+        try:
+            try:
+                self._run(given, *others, **named)
+            finally:
+                sys.stdout.flush()  # at the end of the process nothing could be said of what fails
+        except OSError as error:
+            from ss2sql.cli import endings
+
+            endings.end_of_output(error, given)
+
+    def _run(self, given: list[str], *others: Any, **named: Any) -> NoReturn:
         try:
             code = super().main(given, *others, **{**named, "standalone_mode": False})
         except (click.Abort, click.ClickException) as error:
@@ -88,6 +101,21 @@ class Commands(click.Group):
                 endings.end_of_usage(error, given)
             endings.end_by_hand()
         sys.exit(code if isinstance(code, int) else 0)
+
+
+def _open_streams() -> None:
+    """Puts something into the place of each standard stream that is closed: with `<&-` or `>&-` Python has none.
+
+    Reading from it and writing to it fails, as with any stream that is broken, and no file that is opened later gets
+    its number. Only messages for a closed stderr go nowhere.
+    """
+    for number, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
+        if getattr(sys, name) is None:
+            nothing = os.open(os.devnull, os.O_RDONLY if number == 1 else os.O_WRONLY)
+            if nothing != number:
+                os.dup2(nothing, number)
+                os.close(nothing)
+            setattr(sys, name, os.fdopen(number, mode, encoding="utf-8", closefd=False))
 
 
 SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 100}

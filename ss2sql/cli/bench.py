@@ -82,19 +82,30 @@ def command(
     rules = Rules(ENGINES[engine], strategies, repeat, timeout, memory)  # type: ignore[arg-type]
     run: list[Heat] = []
     with given.session(progress=False) as session:
-        try:
-            for heat in heats(session, source_of(source), rules):
-                if run:
-                    echo("")
-                with _shown(heat, rules):
-                    _watch(heat)
-                run.append(heat)
-        except (Error, UserError):
-            raise
-        except Exception as error:
-            raise UserError(error) from None
+        following = heats(session, source_of(source), rules)
+        while True:
+            with _of_the_user():
+                heat = next(following, None)
+            if heat is None:
+                break
+            if run:
+                echo("")
+            with _shown(heat, rules), _of_the_user():
+                _watch(heat)
+            run.append(heat)
     _write(run, rules, json_file, plot_file)
     _complain(run)
+
+
+@contextmanager
+def _of_the_user() -> Iterator[None]:
+    """What is raised in here, and is no error of ours, comes from functions of the user."""
+    try:
+        yield
+    except (Error, UserError):
+        raise
+    except Exception as error:
+        raise UserError(error) from None
 
 
 @contextmanager

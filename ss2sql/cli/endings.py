@@ -8,6 +8,7 @@ import re
 import sys
 import traceback
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import wraps
 from pathlib import Path
 from typing import Any, NoReturn, TextIO, TypeVar
@@ -157,13 +158,29 @@ def end_by_hand() -> NoReturn:
 
 
 def end_of_usage(error: click.ClickException, arguments: Sequence[str]) -> NoReturn:
-    """Ends after wrong usage; no option has been read then, so `arguments` say how errors are written."""
-    given = " ".join(arguments).replace("=", " ")
-    if not writes_json() and "--error-format json" not in given:
+    """Ends after wrong usage."""
+    if not _wants_json(arguments):
         error.show()
     else:
         _say(json.dumps(_entry("wrong usage", error.format_message()), ensure_ascii=False))
     sys.exit(error.exit_code)
+
+
+def _wants_json(arguments: Sequence[str]) -> bool:
+    """Whether errors are written as JSON, where no option has been read, or no longer, so that `arguments` say it."""
+    return writes_json() or "--error-format json" in " ".join(arguments).replace("=", " ")
+
+
+def end_of_output(error: OSError, arguments: Sequence[str]) -> NoReturn:
+    """Ends where a result cannot be written: a full disk, a closed stream. One line says so."""
+    if error.filename is not None:
+        raise error  # a file that is no stream
+    # What is still waiting to be written would fail once more when the process ends.
+    with suppress(OSError, ValueError), open(os.devnull, "w") as nowhere:
+        os.dup2(nowhere.fileno(), sys.stdout.fileno())
+    message = f"the result cannot be written: {error.strerror or error}"
+    _say(json.dumps(_entry("cannot be written", message)) if _wants_json(arguments) else message)
+    sys.exit(SCRIPT)
 
 
 def end(text: str, entry: dict[str, Any], code: int) -> NoReturn:
@@ -178,7 +195,8 @@ def note(text: str) -> None:
 
 
 def _say(text: str) -> None:
-    click.echo(text, err=True, color=True if wants_color(sys.stderr) else None)
+    with suppress(OSError):  # where stderr cannot be written the exit code has to tell
+        click.echo(text, err=True, color=True if wants_color(sys.stderr) else None)
 
 
 def writes_json() -> bool:

@@ -90,9 +90,11 @@ class Given:
         assert self.file is not None
         if self.file != "-":
             return Path(self.file)
+        from ss2sql.frontend.text import read
+
         try:
-            return Source(sys.stdin.buffer.read().decode("utf-8"), "<stdin>")
-        except UnicodeDecodeError as error:
+            return read(sys.stdin.buffer, "<stdin>")
+        except (UnicodeDecodeError, OSError) as error:
             raise SessionError("S002", f"the script on standard input cannot be read: {error}") from error
 
     def session(self, progress: bool | None = None) -> Session:

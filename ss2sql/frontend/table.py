@@ -12,11 +12,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from hashlib import sha256
-from pathlib import Path
+from importlib.resources import files
 from typing import Any
 
-GRAMMAR = Path(__file__).with_name("grammar.lark")
-TABLE = Path(__file__).with_name("grammar_table.json")
+GRAMMAR = files("ss2sql.frontend") / "grammar.lark"
+TABLE = files("ss2sql.frontend") / "grammar_table.json"
 FORMAT = 1
 END = "$END"
 
@@ -49,7 +49,7 @@ class Table:
 @cache
 def load() -> Table:
     """The table of the installed grammar; the first call reads it."""
-    data = json.loads(TABLE.read_bytes()) if TABLE.exists() else {}
+    data = json.loads(TABLE.read_bytes()) if TABLE.is_file() else {}
     if data.get("format") != FORMAT or data.get("grammar") != _fingerprint():
         data = build()
     symbols = data["symbols"]
@@ -63,7 +63,9 @@ def load() -> Table:
 
 def write_table() -> None:
     """Builds the table and writes it beside the grammar, the same bytes on every machine."""
-    TABLE.write_text(json.dumps(build(), separators=(",", ":"), sort_keys=True) + "\n", encoding="utf-8")
+    from pathlib import Path
+
+    Path(str(TABLE)).write_text(json.dumps(build(), separators=(",", ":"), sort_keys=True) + "\n", encoding="utf-8")
 
 
 def _fingerprint() -> str:

@@ -11,6 +11,7 @@ import re
 import unicodedata
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import BinaryIO
 
 from ss2sql.errors import ParseError, Source, Span
 from ss2sql.frontend.table import END
@@ -86,13 +87,29 @@ def tokens(source: Source) -> list[Token]:
     return found
 
 
+def read(stream: BinaryIO, name: str) -> Source:
+    """The script that a stream of bytes gives; no more of it is read than a script may have.
+
+    Raises ParseError P004 for a script that is larger, UnicodeDecodeError for what is no text, and OSError.
+    """
+    found = stream.read(MAX_BYTES + 1)
+    if len(found) > MAX_BYTES:
+        raise too_large(f"the script {name}")
+    return Source(found.decode("utf-8"), name)
+
+
+def too_large(script: str, span: Span | None = None) -> ParseError:
+    """The error for a script that is larger than `MAX_BYTES`."""
+    return ParseError(
+        "P004", f"{script} is larger than 256 KiB", span,
+        ["give data to the session from Python, as a variable or a table, instead of writing it into the script"],
+    )  # fmt: skip
+
+
 def _check_text(source: Source) -> None:
     text = source.text
     if len(text) > MAX_BYTES or len(text.encode("utf-8", "surrogatepass")) > MAX_BYTES:
-        raise ParseError(
-            "P004", "the script is larger than 256 KiB", Span(source, 0, 0),
-            ["give data to the session from Python, as a variable or a table, instead of writing it into the script"],
-        )  # fmt: skip
+        raise too_large("the script", Span(source, 0, 0))
     if bad := _UNREADABLE.search(text):
         what = "a NUL character" if bad[0] == "\0" else f"half of a character, {_shown(bad[0])}"
         raise ParseError(

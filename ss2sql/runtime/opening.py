@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Collection, Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import apsw
 
 from ss2sql.errors import SessionError, Source, did_you_mean
+from ss2sql.frontend.text import read
 from ss2sql.runtime.file_locks import close_file, open_file
 from ss2sql.runtime.tables import CACHE_SIZE
 
@@ -67,10 +69,16 @@ def open_connection(path: str | os.PathLike[str] | None, read_only: bool) -> aps
 
 
 def source_of(script: str | Path | Source) -> Source:
-    """The text of a script with its name. Raises SessionError S002 for a file that cannot be read."""
+    """The text of a script with its name.
+
+    Raises SessionError S002 for a file that cannot be read, and ParseError P004 for one that is too large, of which no
+    more is read.
+    """
     if isinstance(script, Path):
         try:
-            return Source(script.read_text(encoding="utf-8"), str(script))
+            with script.open("rb") as file:
+                source = read(file, str(script))
+            return replace(source, text=source.text.replace("\r\n", "\n").replace("\r", "\n"))
         except OSError as error:
             message = f"the script {script} cannot be read: {error.strerror}"
             raise SessionError("S002", message, hints=("look for the file and its name",)) from error

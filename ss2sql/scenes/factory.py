@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from itertools import pairwise
 from math import dist, hypot, pi
-from pathlib import Path
 from typing import Any, ClassVar
 
 from ss2sql.scenes import layout
@@ -12,9 +11,9 @@ from ss2sql.scenes.bullet import package, pybullet
 from ss2sql.scenes.layout import Spot
 from ss2sql.scenes.scene import Scene, Sensor, View
 from ss2sql.scenes.solids import Box, Cylinder, Vector
+from ss2sql.shipped import path_of
 
 ROBOT = "YouBot"
-URDF = Path(__file__).with_name("youbot.urdf")
 CLEARANCE = 0.45  # between the ways that stay free and the nearest obstacle: half the diagonal of the robot is 0.35
 
 
@@ -87,7 +86,7 @@ class Hall(Scene):
         x, y = layout.TARGET
         self.add("target", Cylinder(0.35, 0.02), (x, y, 0.01), layout.GOAL, touchable=False)
         exact = pybullet().URDF_USE_IMPLICIT_CYLINDER  # otherwise Bullet turns cylinders into meshes
-        robot = self.client.loadURDF(str(URDF), (*layout.START, 0.0), flags=exact)
+        robot = self.client.loadURDF(str(path_of("ss2sql.scenes", "youbot.urdf")), (*layout.START, 0.0), flags=exact)
         return self.adopt(robot, ROBOT)
 
     def _crate(self, spot: Spot, size: float, height: float) -> None:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from codecs import getincrementaldecoder
+from collections.abc import Iterator
 from typing import BinaryIO
 
 from ss2sql.errors import SessionError
+from ss2sql.frontend.text import MAX_BYTES, too_large
 from ss2sql.shell.pieces import Piece, pieces
 from ss2sql.shell.shell import Leave, Shell
 
@@ -15,14 +18,15 @@ def run_piped(shell: Shell, stream: BinaryIO) -> None:
     """Runs what the stream gives up to its end, `.exit` or Ctrl-C. After an error the next statement follows."""
     pending, lines = "", 0
     try:
-        for number, line in enumerate(stream):
-            text = _decoded(line, number)
+        for text in _texts(stream):
             pending += text
             # Looking for the end of a statement only where there may be one keeps long ones from costing their square.
             if ";" in text or pending.lstrip().startswith("."):
                 pending, lines = _run_complete(shell, pending, lines)
             if shell.cancelled:
                 return
+            if len(pending) > MAX_BYTES and len(pending.strip()) > MAX_BYTES:
+                raise too_large("a statement on the standard input")
         for piece in pieces(pending):
             _run(shell, piece, pending, lines)
     except Leave:
@@ -47,8 +51,16 @@ def _run(shell: Shell, piece: Piece, pending: str, lines: int) -> None:
         shell.run_piece(piece, pending, NAME, lines)
 
 
-def _decoded(line: bytes, number: int) -> str:
+def _texts(stream: BinaryIO) -> Iterator[str]:
+    """The lines of a stream; one without end in parts, so that no more of it is read than a script may have."""
+    decoder = getincrementaldecoder("utf-8-sig")()
+    number = 1
     try:
-        return line.decode("utf-8-sig" if number == 0 else "utf-8")
+        while part := stream.readline(MAX_BYTES):
+            yield decoder.decode(part)
+            number += part.endswith(b"\n")
+        yield decoder.decode(b"", final=True)
     except UnicodeDecodeError as error:
-        raise SessionError("S002", f"line {number + 1} of the standard input cannot be read: {error}") from error
+        raise SessionError("S002", f"line {number} of the standard input cannot be read: {error}") from error
+    except OSError as error:
+        raise SessionError("S002", f"the standard input cannot be read: {error}") from error

@@ -7,6 +7,7 @@ over one of them runs over the other.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from math import atan2, copysign, pi, sqrt
 from typing import Any
 
@@ -79,13 +80,21 @@ _COLUMNS = (
 )
 
 
-def body_columns(without: str = "") -> tuple[Column, ...]:
-    """The columns of bodies, but for those that a simulator knows nothing of."""
-    left_out = without.split()
-    return tuple(column for column in _COLUMNS if column.name not in left_out)
+def body_columns(without: str = "", unknown: str = "") -> tuple[Column, ...]:
+    """The columns of bodies, but for those that a simulator knows nothing of; `unknown` are None for some bodies."""
+    left_out, optional = without.split(), unknown.split()
+    return tuple(
+        replace(column, type=_optional(column.type)) if column.name in optional else column
+        for column in _COLUMNS
+        if column.name not in left_out
+    )
 
 
-def shape_row(shape: str) -> tuple[Any, ...]:
+def _optional(declared: Any) -> Any:
+    return tuple(map(_optional, declared)) if isinstance(declared, tuple) else declared | None
+
+
+def shape_row(shape: str | None) -> tuple[Any, ...]:
     """The columns of SHAPE."""
     return shape, *(shape == known for known in ("sphere", "box", "capsule", "cylinder", "plane", "mesh"))
 

@@ -15,15 +15,13 @@ import threading
 import weakref
 from contextlib import suppress
 from dataclasses import dataclass, field
-from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any, TypeAlias
 
 from ss2sql.errors import ExecutionError
 from ss2sql.runtime.workers import IN_WORKER
 from ss2sql.runtime.workers.sending import Sent
-
-CHILD = Path(__file__).parent / "child.py"
+from ss2sql.shipped import path_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +145,7 @@ class _Crew:
 def _started() -> subprocess.Popen[bytes]:
     flags = subprocess._args_from_interpreter_flags()  # type: ignore[attr-defined]  # -O, -W, -X: as here
     process = subprocess.Popen(
-        [sys.executable, *flags, str(CHILD)],
+        [sys.executable, *flags, str(path_of("ss2sql.runtime.workers", "child.py"))],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         env={**os.environ, IN_WORKER: "1"},

@@ -1,8 +1,9 @@
 """PyBullet as a world: `ss.attach("space", client)`.
 
 `client.py` is how the simulator is called. The tables: `bodies.py`, `links.py`, `joints.py`, `shapes.py`, `cameras.py`
-and `pairs.py`; `places.py` finds bodies by their places. The functions of scripts: `functions.py`, `collision.py` with
-`parts.py`, `boxes.py` and `posture.py`; `poses.py` turns and moves points for them.
+and `pairs.py`; `places.py` finds bodies by their places, `collision_shapes.py` asks what links collide with where that
+is safe. The functions of scripts: `functions.py`, `collision.py` with `parts.py`, `boxes.py` and `posture.py`;
+`poses.py` turns and moves points for them.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from ss2sql.vtables.pybullet.bodies import Bodies
 from ss2sql.vtables.pybullet.cameras import Cameras
 from ss2sql.vtables.pybullet.client import Calls, NumberedClient, client_number
 from ss2sql.vtables.pybullet.collision import Collisions
+from ss2sql.vtables.pybullet.collision_shapes import CollisionShapes
 from ss2sql.vtables.pybullet.joints import Joints
 from ss2sql.vtables.pybullet.links import Links
 from ss2sql.vtables.pybullet.pairs import Closest, Contacts, Near, Overlaps, Rays
@@ -50,6 +52,7 @@ class PyBulletWorld(Representations, Collisions):
         super().__init__(source if isinstance(source, int) else client)
         self.client = client
         self.calls = Calls(client)
+        self.shapes = CollisionShapes(self)
         self._number = client_number(client)
         self._info = self.calls.numbered("getBodyInfo")
         self.names: Mapping[int, str] = names if names is not None else getattr(source, "names", {})

@@ -8,7 +8,8 @@ from math import pi
 from typing import Any, ClassVar
 
 from ss2sql.vtables.base import Column, Element, Table, Where
-from ss2sql.vtables.bodies import PLACES, SHAPE, body_columns, shape_row
+from ss2sql.vtables.bodies import PLACES, SHAPE, SPIN, VELOCITY, body_columns, shape_row
+from ss2sql.vtables.pybullet.links import SOFT, UNKNOWN
 from ss2sql.vtables.pybullet.places import AXES, places
 from ss2sql.vtables.pybullet.poses import Box, union
 
@@ -18,20 +19,25 @@ FORM_ROWS = {(kind, robot): (*shape_row(kind), robot, kind != "ghost") for kind 
 SINGLE_ROWS: dict[int, tuple[Any, ...]] = {  # of bodies with one shape
     number: FORM_ROWS[kind, False] for number, kind in KINDS.items()
 }
+SOFT_ROW = (*shape_row(None), False, True)
 FIXED = 4  # PyBullet's JOINT_FIXED
 
 
 class Bodies(Table):
-    """One row for each body. Positions are those of its centre of mass, as PyBullet gives them."""
+    """One row for each body. Positions are those of its centre of mass, as PyBullet gives them.
+
+    Of a soft body PyBullet does not tell velocity, mass, friction, restitution, shape and volume: these are None. Where
+    one asks nevertheless, it gives the numbers of the body that it was asked about before.
+    """
 
     name, key = "bodies", "id"
     text = "the bodies, in the order of their ids, which go to others after their death"
     columns = (
-        *body_columns(without="force torque"),
+        *body_columns(without="force torque", unknown=f"type mass {VELOCITY} {SPIN}"),
         Column("force", list | None, "N", "what the scene pushes it with; None where no scene tells"),
         Column("torque", list | None, "Nm", "what the scene turns it with; None where no scene tells"),
-        Column("friction", float, "", "of its base, sideways"),
-        Column("restitution", float, "", "of its base: how much it bounces"),
+        Column("friction", float | None, "", "of its base, sideways"),
+        Column("restitution", float | None, "", "of its base: how much it bounces"),
         Column("colour", list | None, "", "red, green, blue and opacity, from 0 to 1; None if it cannot be seen"),
     )
     places = PLACES
@@ -95,17 +101,21 @@ class Bodies(Table):
             raise self._reason(keys, error) from None
 
     def movement(self, keys: Sequence[int]) -> list[Any]:
+        info, velocity, client = self._dynamics, self._velocity, self._client
         try:
-            return list(map(self._velocity, keys, repeat(self._client)))
+            return [UNKNOWN if info(key, -1, client)[10] == SOFT else velocity(key, client) for key in keys]
         except self.error as error:
             raise self._reason(keys, error) from None
 
     def matter(self, keys: Sequence[int]) -> list[Any]:
         info, joints, client = self._dynamics, self._joints, self._client
-        rows = []
+        rows: list[tuple[Any, ...]] = []
         try:
             for key in keys:
                 base = info(key, -1, client)
+                if base[10] == SOFT:
+                    rows.append((None, True, None, None))
+                    continue
                 mass = base[0]
                 for link in range(joints(key, client)):
                     mass += info(key, link, client)[0]
@@ -140,12 +150,12 @@ class Bodies(Table):
 
     def size(self, key: int) -> float | None:
         total = 0.0
-        for _, _, shape in shapes_of(self.world, key):
+        for _, _, shape in self.world.shapes.of(key):
             volume = volume_of(shape)
             if volume is None:
                 return None
             total += volume
-        return total if total or not self._is_terrain(key) else None
+        return total if total or not (self.world.shapes.is_soft(key) or self._is_terrain(key)) else None
 
     def push(self, key: int) -> tuple[Any, Any]:
         self.world.present(key)
@@ -161,19 +171,18 @@ class Bodies(Table):
 
     def form(self, key: int) -> tuple[Any, ...]:
         calls = self.calls
-        self.world.present(key)  # about what is gone PyBullet would write a warning
-        if not calls.getNumJoints(key):
-            single = calls.getCollisionShapeData(key, -1)
-            if len(single) == 1:
-                return SINGLE_ROWS[single[0][2]]
-        shapes = shapes_of(self.world, key)
+        shapes = self.world.shapes.of(key)
         joints = range(calls.getNumJoints(key))
+        if not joints and len(shapes) == 1:
+            return SINGLE_ROWS[shapes[0][2][2]]
         robot = any(calls.getJointInfo(key, joint)[2] != FIXED for joint in joints)
         kinds = {KINDS.get(shape[2], "mesh") for _, _, shape in shapes}
         if len(shapes) == 1 or (kinds == {"mesh"} and not joints):  # PyBullet takes meshes of files apart
             return FORM_ROWS[kinds.pop(), robot]
         if shapes:
             return FORM_ROWS["compound", robot]
+        if self.world.shapes.is_soft(key):
+            return SOFT_ROW
         return FORM_ROWS["terrain" if self._is_terrain(key) else "ghost", robot]
 
     def itself(self, key: int) -> Element:
@@ -192,20 +201,6 @@ def box_of(world: Any, body: int) -> Box:
     world.present(body)
     boxes = [calls.getAABB(body, link) for link in range(-1, calls.getNumJoints(body))]
     return union(boxes)
-
-
-def shapes_of(world: Any, body: int) -> list[tuple[int, int, Any]]:
-    """The collision shapes of a body: link, number within the link, and what PyBullet tells of it.
-
-    What it tells of body and link is wrong from the second shape of a link on.
-    """
-    calls = world.calls
-    world.present(body)  # PyBullet writes warnings about bodies that are gone
-    return [
-        (link, number, shape)
-        for link in range(-1, calls.getNumJoints(body))
-        for number, shape in enumerate(calls.getCollisionShapeData(body, link))
-    ]
 
 
 def volume_of(shape: Any) -> float | None:

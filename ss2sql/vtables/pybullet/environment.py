@@ -14,7 +14,7 @@ from typing import Any, NoReturn
 from ss2sql.runtime.representations.grid import refuse
 from ss2sql.scenes.scene import Scene, View
 from ss2sql.scenes.solids import Sphere, visual_shape
-from ss2sql.vtables.pybullet.bodies import FIXED, KINDS, box_of, shapes_of
+from ss2sql.vtables.pybullet.bodies import FIXED, KINDS, box_of
 from ss2sql.vtables.pybullet.copied import UNNAMED, Part, Shapes, part_of, solid_of
 from ss2sql.vtables.pybullet.poses import UPRIGHT, Point, Pose, inside, seen_from
 from ss2sql.vtables.pybullet.selected import bounds_of
@@ -103,9 +103,12 @@ class _Copy:
     def make(self) -> int:
         """Makes the body; gives its new id."""
         low, high = box_of(self.world, self.body)
-        if low != high and not shapes_of(self.world, self.body):
-            self._refuse()  # a terrain, of which PyBullet tells nothing else
-        base, *links = [self._link(link) for link in self.links]
+        if self.world.shapes.is_soft(self.body) or (low != high and not self.world.shapes.of(self.body)):
+            self._refuse()  # soft, or a terrain, of which PyBullet tells nothing else
+        try:
+            base, *links = [self._link(link) for link in self.links]
+        except self.calls.error:
+            self._refuse()  # PyBullet does not make all shapes a second time that it has made from a file
         links += self.more
         pose = inside(self.calls.getBasePositionAndOrientation(self.body), seen_from(base.local, NOWHERE))
         made: int = self.client.createMultiBody(
@@ -170,13 +173,15 @@ class _Copy:
         """What a link collides with."""
         parts = [
             (self._solid(link, number, data), inside(self.local[link], (data[5], data[6])))
-            for of, number, data in shapes_of(self.world, self.body)
+            for of, number, data in self.world.shapes.of(self.body)
             if of == link
         ]
         return self.shapes.collision(parts)
 
     def _solid(self, link: int, number: int, data: Any) -> Part:
         corners = ()
+        if data[5] is None:
+            self._refuse()  # nothing tells where it is
         if KINDS.get(data[2]) == "mesh" and data[4] in UNNAMED:
             _, corners = self.calls.getMeshData(self.body, link, collisionShapeIndex=number)
         return part_of(data[2], data[3], data[4], corners) or self._refuse()
@@ -193,7 +198,7 @@ class _Copy:
         """
         seen = [shape for shape in self.seen if shape[1] == link]
         if any(shape[2] == self.calls.GEOM_MESH and shape[4] in UNNAMED for shape in seen):
-            touched = [data for of, _, data in shapes_of(self.world, self.body) if of == link]
+            touched = [data for of, _, data in self.world.shapes.of(self.body) if of == link]
             solid = solid_of(touched[0][2], touched[0][3]) if len(touched) == 1 else None
             return visual_shape(self.client, solid or Sphere(MARK), seen[0][7][:3])
         parts = [(part_of(shape[2], shape[3], shape[4], ()), (shape[5], shape[6])) for shape in seen]

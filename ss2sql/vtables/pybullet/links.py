@@ -11,6 +11,10 @@ from ss2sql.vtables.pybullet.poses import Box, Pose
 
 Key = tuple[int, int]
 
+UNSURE = (float | None, float | None, float | None)
+UNKNOWN = ((None, None, None), (None, None, None))  # the velocities of soft bodies
+SOFT = 3  # PyBullet's number for soft bodies in what getDynamicsInfo tells
+
 
 class OfBodies(Table):
     """A table whose keys are a body and a number within it."""
@@ -69,10 +73,10 @@ class Links(OfBodies):
         Column("z", float, "m"),
         Column("pos", VECTOR, "m", "x, y and z"),
         Column("quat", (*VECTOR, float), text="how it is turned: a quaternion x, y, z, w"),
-        Column("velocity", VECTOR, "m/s"),
-        Column("angularVelocity", VECTOR, "rad/s"),
-        Column("mass", float, "kg"),
-        Column("friction", float, text="sideways"),
+        Column("velocity", UNSURE, "m/s", "of soft bodies three times None"),
+        Column("angularVelocity", UNSURE, "rad/s", "of soft bodies three times None"),
+        Column("mass", float | None, "kg", "None of soft bodies"),
+        Column("friction", float | None, text="sideways; None of soft bodies"),
         Column("aabb", (VECTOR, VECTOR), "m", "the box around it: lowest and highest corner"),
         Column("colour", list | None, text="red, green, blue and opacity, from 0 to 1; None if it cannot be seen"),
     )
@@ -99,12 +103,14 @@ class Links(OfBodies):
 
     def movement(self, key: Key) -> Any:
         if key[1] < 0:
-            return self.ask(lambda body, _: self.world.calls.getBaseVelocity(body), key)
+            if self.ask(self.world.calls.getDynamicsInfo, key)[10] == SOFT:
+                return UNKNOWN
+            return self.world.calls.getBaseVelocity(key[0])
         return self.ask(self.world.calls.getLinkState, key, 1)[6:8]
 
-    def matter(self, key: Key) -> tuple[float, float]:
+    def matter(self, key: Key) -> tuple[float | None, float | None]:
         info = self.ask(self.world.calls.getDynamicsInfo, key)
-        return info[0], info[1]
+        return (None, None) if info[10] == SOFT else (info[0], info[1])
 
     def around(self, key: Key) -> Box:
         return self.ask(self.world.calls.getAABB, key)  # type: ignore[no-any-return]

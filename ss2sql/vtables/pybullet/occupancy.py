@@ -16,7 +16,7 @@ import numpy as np
 
 from ss2sql.runtime.representations import Table
 from ss2sql.runtime.representations.grid import Grid, number
-from ss2sql.vtables.pybullet.bodies import KINDS, box_of, shapes_of
+from ss2sql.vtables.pybullet.bodies import KINDS, box_of
 from ss2sql.vtables.pybullet.parts import Stock
 from ss2sql.vtables.pybullet.poses import Box
 from ss2sql.vtables.pybullet.selected import area_of, bodies_in
@@ -72,7 +72,7 @@ def _tester(world: Any, plates: list[int], body: int, origin: list[float], edge:
 
 def _is_convex(world: Any, body: int, edge: float) -> bool:
     """Whether a body is one convex shape, not so thin that it could be lost between two cells."""
-    shapes = shapes_of(world, body)
+    shapes = world.shapes.of(body)
     if len(shapes) != 1:
         return False
     kind, size = KINDS.get(shapes[0][2][2]), [length for length in shapes[0][2][3] if length]

@@ -7,7 +7,8 @@ from math import dist
 from random import random
 from typing import Any, NamedTuple
 
-from ss2sql.vtables.pybullet.bodies import KINDS, shapes_of
+from ss2sql.errors import ExecutionError
+from ss2sql.vtables.pybullet.bodies import KINDS
 from ss2sql.vtables.pybullet.boxes import Extent, extent_of, extent_of_corners, reach_of_link
 from ss2sql.vtables.pybullet.poses import UPRIGHT, Box, Point, Pose, Turn, inside, product, seen_from, union
 from ss2sql.vtables.pybullet.posture import poses_of
@@ -108,8 +109,7 @@ class Stock:
             case "mesh":
                 return self._mesh(body, link, number, key)
             case _:
-                reason = f"it is a {kind or 'shape that PyBullet does not describe'}"
-                raise failure(f"bodies[{body}] cannot be tried at other places: {reason}")
+                raise _unmovable(body, f"it is a {kind or 'shape that PyBullet does not describe'}")
         return self._keep(key, made, extent_of(kind, data[3]))
 
     def _mesh(self, body: int, link: int, number: int, key: Any) -> int:
@@ -131,13 +131,21 @@ class Stock:
         return made
 
 
+def _unmovable(body: int, reason: str) -> ExecutionError:
+    return failure(f"bodies[{body}] cannot be tried at other places: {reason}")
+
+
 def robot_of(world: Any, stock: Stock, body: int) -> Robot:
     """The parts of a body, as it is now."""
     poses = poses_of(world, body)
     base = poses[-1]
     parts = []
-    for link, number, data in shapes_of(world, body):
+    if world.shapes.is_soft(body):
+        raise _unmovable(body, "it is soft")
+    for link, number, data in world.shapes.of(body):
         pose = poses[link]
+        if data[5] is None:
+            raise _unmovable(body, f"PyBullet does not tell how the capsules of its link {link} lie")
         if data[4] != b"unknown_file":  # those are made of corners, which are given as the link sees them
             pose = inside(pose, (data[5], data[6]))
         shape = stock.shape(body, link, number, data)

@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from ss2sql.vtables.base import Column, Gone, Table, Where
-from ss2sql.vtables.bodies import VECTOR
-from ss2sql.vtables.pybullet.bodies import KINDS, shapes_of, volume_of
+from ss2sql.vtables.pybullet.bodies import KINDS, volume_of
 from ss2sql.vtables.pybullet.links import bodies_of, pose_of
 from ss2sql.vtables.pybullet.poses import inside
 
@@ -30,8 +29,8 @@ class Shapes(Table):
         Column("normal", list | None, text="of planes"),
         Column("file", str | None, text="of meshes, where they were read from one"),
         Column("volume", float | None, "m3", "None for meshes and planes"),
-        Column("pos", VECTOR, "m", "where it is"),
-        Column("quat", (*VECTOR, float), text="how it is turned: a quaternion x, y, z, w"),
+        Column("pos", list | None, "m", "where it is; None where PyBullet does not tell it: see Limits"),
+        Column("quat", list | None, text="how it is turned: a quaternion x, y, z, w; None where pos is"),
     )
     groups: ClassVar[Mapping[str, str]] = {
         "numbers": "body link number",
@@ -41,7 +40,7 @@ class Shapes(Table):
 
     def keys(self, where: Where) -> list[Key]:
         world = self.world
-        return [(body, link, n) for body in bodies_of(world, where) for link, n, _ in shapes_of(world, body)]
+        return [(body, link, n) for body in bodies_of(world, where) for link, n, _ in world.shapes.of(body)]
 
     def numbers(self, key: Key) -> Key:
         self._shape(key)
@@ -58,11 +57,12 @@ class Shapes(Table):
 
     def place(self, key: Key) -> Any:
         shape = self._shape(key)
+        if shape[5] is None:
+            return None, None
         return inside(pose_of(self.world, key[:2]), (shape[5], shape[6]))
 
     def _shape(self, key: Key) -> Any:
-        self.world.present(key[0])
-        found = self.world.calls.getCollisionShapeData(key[0], key[1])
+        found = self.world.shapes.of_link(key[0], key[1])
         if key[2] >= len(found):
             raise Gone("its body has other shapes now")
         return found[key[2]]

@@ -1,0 +1,130 @@
+"""What links collide with, asked of PyBullet only where it answers.
+
+`getCollisionShapeData` takes a capsule that an MJCF file gives by its two ends (`fromto`) for another kind of shape,
+reads memory that is none of its own, and mostly ends the process. Nothing else that PyBullet tells has this fault. So
+the capsules of these files are known by what can be seen: MJCF makes one and the same shape visible and touchable, and
+hangs each link on a joint of a name of its own. What a body of unknown origin collides with is measured first.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from math import dist, sqrt
+from typing import Any
+
+from ss2sql.vtables.pybullet.boxes import Extent
+from ss2sql.vtables.pybullet.links import SOFT, pose_of
+from ss2sql.vtables.pybullet.poses import Point, seen_from
+
+CAPSULE = 7  # PyBullet's GEOM_CAPSULE
+MJCF_JOINT = re.compile(rb"jointfix_\d+_\d+")  # on which PyBullet hangs every link with shapes of an MJCF file
+MARGIN = 0.04  # m, by which Bullet makes the box around a capsule of two ends larger, if it is a part of a shape
+NEAR = 1e-4  # how exactly boxes are compared, as a part of the shape
+BLIND = 1e-3  # a part of what directions add to a box; what adds less adds nothing
+ORIGIN: Point = (0.0, 0.0, 0.0)
+
+# As getCollisionShapeData gives a shape, and of two Nones in place of its pose where that is not known.
+Shape = tuple[Any, ...]
+
+
+class CollisionShapes:
+    """What a world tells of the shapes of its bodies."""
+
+    def __init__(self, world: Any) -> None:
+        self._world, self._client = world, world.calls.number
+        self._dynamics = world.calls.numbered("getDynamicsInfo")
+        self._touched = world.calls.numbered("getCollisionShapeData")
+        self._seen = world.calls.numbered("getVisualShapeData")
+
+    def is_soft(self, body: int) -> bool:
+        """Whether a body is soft: PyBullet knows where it is, and little else."""
+        return self._dynamics(body, -1, self._client)[10] == SOFT  # type: ignore[no-any-return]
+
+    def of(self, body: int) -> list[tuple[int, int, Shape]]:
+        """The collision shapes of a body: link, number within the link, and what PyBullet tells; none of soft ones.
+
+        What it tells of body and link is wrong from the second shape of a link on.
+        """
+        self._world.present(body)  # PyBullet writes warnings about bodies that are gone
+        if self.is_soft(body):
+            return []
+        links = range(-1, self._world.calls.getNumJoints(body))
+        seen = self._seen(body, 0, self._client)
+        for shape in seen:
+            if shape[2] == CAPSULE:
+                return [(link, n, shape) for link in links for n, shape in enumerate(self._safely(body, link, seen))]
+        ask, client = self._touched, self._client
+        return [(link, n, shape) for link in links for n, shape in enumerate(ask(body, link, client))]
+
+    def of_link(self, body: int, link: int) -> Sequence[Shape]:
+        """Those of one link."""
+        self._world.present(body)
+        return () if self.is_soft(body) else self._safely(body, link, self._seen(body, 0, self._client))
+
+    def _safely(self, body: int, link: int, seen: Sequence[Shape]) -> Sequence[Shape]:
+        visible = [shape for shape in seen if shape[1] == link]
+        if _answers(self._world, body, link, visible):
+            return self._touched(body, link, self._client)  # type: ignore[no-any-return]
+        return [(*shape[:5], None, None) for shape in visible]
+
+
+def _answers(world: Any, body: int, link: int, visible: Sequence[Shape]) -> bool:
+    """Whether PyBullet can be asked what a link collides with, of which this is visible."""
+    if not any(shape[2] == CAPSULE for shape in visible):
+        return True
+    if link >= 0 and not MJCF_JOINT.fullmatch(world.calls.getJointInfo(body, link)[1]):
+        return True
+    if len(visible) > 1:
+        return False
+    measured = _Measured(world, body, link, visible[0])
+    return measured.is_plain() or (link < 0 and not measured.may_have_ends())
+
+
+class _Measured:
+    """A link of which one capsule is visible, and the box around what it collides with."""
+
+    def __init__(self, world: Any, body: int, link: int, capsule: Shape) -> None:
+        calls = world.calls
+        self.length, self.radius, _ = capsule[3]
+        info = calls.getDynamicsInfo(body, link)
+        self.margin = info[11]
+        low, high = calls.getAABB(body, link)
+        self.half = tuple((b - a) / 2 for a, b in zip(low, high, strict=True))
+        at, self.turn = seen_from((info[3], info[4]), (capsule[5], capsule[6]))  # as seen from the centre of mass
+        self.own = pose_of(world, (body, link))[1]
+        self.alone = dist(at, ORIGIN) < NEAR and abs(self.turn[3]) > 1 - NEAR**2  # else it is put into another shape
+        self.near = NEAR * (self.length + self.radius + MARGIN)
+
+    def is_plain(self) -> bool:
+        """Whether it collides with just this capsule, along its own z axis, around which Bullet leaves no margin."""
+        margin = self.margin
+        if self.alone:
+            if abs(margin - self.radius) > self.near:
+                return False
+            margin = 0.0
+        box = self._around((self.radius, self.radius, self.radius + self.length / 2))
+        return all(abs(a + margin - b) < self.near for a, b in zip(box, self.half, strict=True))
+
+    def may_have_ends(self) -> bool:
+        """Whether it could collide with a capsule from one end to another, of this length in any direction."""
+        import numpy as np
+
+        adds = np.transpose([self._around(axis) for axis in ((1, 0, 0), (0, 1, 0), (0, 0, 1))])
+        sizes, (*_, blind) = np.linalg.svd(adds)[1:]
+        single, near = sizes[2] > BLIND * sizes[0], self.near  # else the box is the same for many directions
+        for inner, outer in ((self.margin, 0.0), (MARGIN, self.margin)):  # by itself, or put into another shape
+            box = np.array(self.half) - outer - adds.sum(axis=1) * (self.radius + inner)  # around half its axis
+            along = np.linalg.pinv(adds, rcond=BLIND) @ box
+            if not single:
+                near = 20 * self.near
+                rest = sqrt(max(0.0, (self.length / 2) ** 2 - along @ along)) * blind
+            for half in (along,) if single else (along + rest, along - rest):
+                fits = np.abs(adds @ half - box).max() < near and half.min() > -near
+                if fits and abs(np.linalg.norm(half) - self.length / 2) < 5 * near:
+                    return True
+        return False
+
+    def _around(self, half: Point) -> Point:
+        """Half the edges of the box around a box that is turned as the capsule is."""
+        return Extent(Extent(half).along(self.turn)).along(self.own)
