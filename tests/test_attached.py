@@ -233,6 +233,9 @@ def test_a_path_that_cannot_be_attached_is_no_value(ss: ss2sql.Session, ending: 
 def test_a_client_of_pybullet_by_its_number_and_by_the_module(ss: ss2sql.Session, engine: Any) -> None:
     pybullet = pytest.importorskip("pybullet")
     ss.attach("seven", 7)
+    for beyond in (-1, 2**31, 2**62):
+        ss.attach("number", beyond)
+        assert ss.eval("SELECT this FROM number AS list") == [beyond]
     number = pybullet.connect(pybullet.DIRECT)
     try:
         pybullet.createMultiBody(2.5, physicsClientId=number)

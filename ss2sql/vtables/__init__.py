@@ -49,6 +49,8 @@ SHIPPED: dict[str, str] = {
     ),
 }
 
+PYBULLET_CLIENTS = 1024  # more than PyBullet has at once; numbers beyond 32 bits it cannot even be asked about
+
 _registered: dict[str, type[World]] = {}
 
 
@@ -121,7 +123,7 @@ def attachable(name: str, source: Any) -> Any:
         path = os.fspath(source)
         raise SessionError("S002", f"a file {ending} cannot be attached by its path", hints=(cure_for(path, name),))
     pybullet = sys.modules.get("pybullet")  # where nobody imported it, there are no clients
-    if pybullet is not None and (source is pybullet or type(source) is int):
+    if pybullet is not None and (source is pybullet or (type(source) is int and 0 <= source < PYBULLET_CLIENTS)):
         number = 0 if source is pybullet else source  # the client that its functions mean where none is named
         if pybullet.getConnectionInfo(number)["isConnected"]:
             return _loaded(SHIPPED["ss2sql.scenes.scene.Scene"])(number)
