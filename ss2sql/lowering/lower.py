@@ -68,7 +68,9 @@ def lower(
         quiet = quiet or any(
             isinstance(p.expr, plan.Constant) and p.expr.value is True for p in needs.parameters.values()
         )
-        bookkeeping = replace(search.bookkeeping(), trusts=not (quiet or careful))
+        sources = tuple(needs.walked[source.id] for source in query.sources if source.id in needs.walked)
+        book, members = search.bookkeeping(), frozenset(needs.members)
+        bookkeeping = replace(book, trusts=not (quiet or careful), sources=sources, members=members)
         keys, orders = query.group, query.order
     elif query.aggregated:
         is_sorted, is_limited = True, _cut_by_sql(query)

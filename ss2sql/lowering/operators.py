@@ -147,11 +147,14 @@ def _membership(lowering: Expressions, call: plan.Call, env: Env) -> Node | None
         return None  # before the item is lowered: who comes next would lower it again, and all within it
     this = sql.operand(lowering.lower(item, env))
     if isinstance(items, plan.Constant) and len(items.value) <= MOST_MEMBERS:
-        members = [lowering.constant(plan.Constant(value, known, span=items.span)) for value in items.value]
-        test = exp.In(this=this, expressions=members)
+        written = [lowering.constant(plan.Constant(value, known, span=items.span)) for value in items.value]
+        test = exp.In(this=this, expressions=written)
     else:
         label = lowering.needs.label("members")
-        walked = sql.table_function(lowering.needs.elements(()), [lowering.lower(items, env)], label)
+        members = lowering.lower(items, env)
+        if isinstance(members, exp.Placeholder):
+            lowering.needs.members.add(members.name)
+        walked = sql.table_function(lowering.needs.elements(()), [members], label)
         test = exp.In(this=this, query=sql.scalar(sql.select([sql.column("this", label)], [walked])))
     return test if call.function.name == "in" else exp.Not(this=exp.Paren(this=test))
 

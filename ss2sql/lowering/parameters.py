@@ -28,7 +28,8 @@ class Bookkeeping:
     that went on, or as those that entered the queue and those that a guard kept out. `all_go_on` says that
     whatever enters goes on, `all_results` that it also comes out as a result, `by_turns` that steps are evaluated
     when they are taken from the queue. `trusts` says that rows may be compared as they are until the pool has met
-    values that have several forms.
+    values that have several forms. `sources` names the parameters that are walked as sources, `members` those that are
+    walked as lists right of IN, which make no steps; the value of one may be that of the other.
     """
 
     counts: Counts = "steps"
@@ -36,6 +37,8 @@ class Bookkeeping:
     all_results: bool = False
     by_turns: bool = False
     trusts: bool = False
+    sources: tuple[str, ...] = ()
+    members: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,8 +65,9 @@ class Needs:
     `function_names` maps the functions of the language to their names in SQL. `worlds` are the tables of worlds by the
     labels of their sources, `collected` the queries in FROM that are evaluated as a whole, by the numbers of theirs.
     `plain` are parameters with which values are compared by their handles; where a statement is to be `careful`,
-    nothing is. `disabled` are the rewrites that are switched off, `applied` those that lowering has applied; `written`
-    gives an expression as it was before these, for Python to evaluate.
+    nothing is. `walked` has the parameters that are walked as sources, by the numbers of theirs, `members` those that
+    are walked as lists right of IN. `disabled` are the rewrites that are switched off, `applied` those that lowering
+    has applied; `written` gives an expression as it was before these, for Python to evaluate.
     """
 
     function_names: Mapping[str, str]
@@ -76,6 +80,8 @@ class Needs:
     tables: set[str] = field(default_factory=set)
     careful: bool = False
     plain: set[str] = field(default_factory=set)
+    walked: dict[int, str] = field(default_factory=dict)
+    members: set[str] = field(default_factory=set)
     disabled: Collection[str] = ()
     applied: dict[str, None] = field(default_factory=dict)
     written: Callable[[plan.Expr], plan.Expr] | None = None

@@ -156,6 +156,8 @@ def _elements(selects: Selects, source: plan.ValueSource | plan.QuerySource, val
     names = sql_names(columns)
     label = selects.needs.label(source.name)
     module = selects.needs.elements(columns)
+    if isinstance(value, exp.Placeholder):
+        selects.needs.walked[source.id] = value.name
 
     def read(expr: plan.Element | plan.Column) -> Node:
         this = sql.column("this", label)

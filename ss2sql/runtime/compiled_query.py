@@ -97,6 +97,7 @@ class CompiledQuery:
         if not (self.native or self.lowered or self.refusal):
             self.native = NativeQuery(query)
         self.bounded: SqlQuery | None = None
+        self.careful: SqlQuery | None = None
         self.scouts = Scouts(query, self._scout) if self.lowered and takes_arrays(query) else None
         self.plain = all(output.expr.type.only(PLAIN) for output in query.columns)
         self.bindings: dict[int, tuple[plan.Expr, Callable[[Run], Any]]] = {}  # by the identities of the expressions
@@ -231,8 +232,10 @@ class CompiledQuery:
 
         def careful() -> SqlQuery:
             """The statement that takes nothing for granted."""
-            run.lowered[self] = self._lower(self.query, cut=True, careful=True)
-            return run.lowered[self]
+            if self.careful is None:
+                self.careful = self._lower(self.query, cut=True, careful=True)
+            run.lowered[self] = self.careful
+            return self.careful
 
         host = self.host
         lowered = run.lowered[self] = self.lowered_for(run)

@@ -185,7 +185,8 @@ class Database:
             if len(execution.elements) >= 10_000:
                 execution.elements.clear()
             execution.elements[key] = found
-        self.search.walks.append(found.length)
+        if execution.book.counts == "product":
+            self.search.walks.append((value, found.length))
         return found
 
     def _progress(self) -> bool:
@@ -304,6 +305,9 @@ class Database:
         pool.mixed = self.search.mixed
         values = self._values(lowered, pool, evaluate)
         pool.watched = frozenset(values[name] for name in lowered.plain)
+        self.search.looked_in(
+            [values[name] for name in execution.book.members], [values[name] for name in execution.book.sources]
+        )
         if _has_other_form(pool, values):
             raise OtherFormError
         cursor = self.connection.cursor()

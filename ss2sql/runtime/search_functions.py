@@ -9,7 +9,7 @@ and then answer the same. Ranks are totals for which less is better.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from math import prod
 from typing import Any, TypeAlias
 
@@ -83,7 +83,8 @@ class SearchState:
             "kept_way",
             "key",
         ),
-        *("last_dropped", "late", "met", "plain", "pruned", "rows", "steps", "taken", "walks", "wanted", "way"),
+        *("last_dropped", "late", "members", "met", "plain", "pruned", "rows", "shared", "steps", "taken", "walks"),
+        *("wanted", "way"),
     )
 
     def __init__(self) -> None:
@@ -127,7 +128,14 @@ class SearchState:
         self.kept_way = Way(self.kept, self._key_of)
         self.last_dropped = 0
         self.by_turns = by_turns
-        self.walks: list[int] = []  # the lengths of the lists that were walked
+        self.walks: list[tuple[Any, int]] = []  # the lists that were walked, and their lengths
+        self.members: frozenset[Any] = frozenset()  # those right of IN
+        self.shared: list[Any] = []  # for each source that is one of these, too, its list
+
+    def looked_in(self, members: Iterable[Any], sources: Iterable[Any]) -> None:
+        """Notes the lists right of IN and those of sources: only elements of sources make steps."""
+        self.members = frozenset(members)
+        self.shared = [source for source in sources if source in self.members]
 
     def count(self, stats: Stats, book: Bookkeeping, results: int) -> None:
         """Adds what the search has done; `results` is the number of paths."""
@@ -139,10 +147,18 @@ class SearchState:
         """The number of steps that have been generated until now."""
         generated = self.generated + self.steps
         if not generated and book.counts == "product":
-            return prod(self.walks) * (self._went_on(book, results) + 1)
+            return self._steps_from_a_state() * (self._went_on(book, results) + 1)
         if not generated and book.counts == "entered":
             return self._came_in(book, results) + self.pruned - self.late
         return generated
+
+    def _steps_from_a_state(self) -> int:
+        """The product of the lengths of the sources."""
+        lengths = [length for walked, length in self.walks if walked not in self.members]
+        if self.shared:
+            known = dict(self.walks)
+            lengths += [known.get(source, 0) for source in self.shared]
+        return prod(lengths)
 
     def _went_on(self, book: Bookkeeping, results: int) -> int:
         return self._came_in(book, results) if book.all_go_on else self.expanded + len(self.kept)
