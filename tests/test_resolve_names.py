@@ -91,7 +91,7 @@ ERRORS: list[tuple[str, ...]] = [
     ("R003", "", "SELECT b FROM «b», t;", "SELECT «z.this» FROM t;", "SELECT «z.a» FROM t;", "«x.this»;",
      "SELECT 1 FROM a = [«b.this»], b = [1];", "SELECT 1 FROM «t.a»;", "SELECT 1 FROM «mass»;"),
     ("R001", "a source in quotes is a text; write FROM people", "SELECT «a» FROM 'people';"),
-    ("R001", "a file is read in Python and attached", "SELECT «a» FROM 'people.csv';"),
+    ("R003", "read it in Python: attach(\"data\", pandas.read_csv(\"people.csv\"))", "SELECT a FROM «'people.csv'»;"),
     ("R003", "write SELECT a FROM x AS list", "x = [1]; «x.a»;"),
     ("R003", "'x' is a source without tables of its own: write FROM x", "x = [1]; SELECT a FROM «x.csv»;"),
     ("R013", "", "SELECT 1 FROM x = t, «x = u»;", "SELECT 1 FROM x = [1], «x = [2]»;",

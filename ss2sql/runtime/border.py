@@ -76,6 +76,11 @@ def normalise(value: Any, giver: str) -> Any:
         raise too_deep(_subject(giver)) from None
 
 
+def is_read_once(value: Any) -> bool:
+    """Whether a value is an iterator, which becomes a list: not an open file, nor a stream of Arrow data, a frame."""
+    return isinstance(value, Iterator) and not isinstance(value, IOBase) and not hasattr(value, "__arrow_c_stream__")
+
+
 def needs_no_check(marshalled: bytes) -> bool:
     """Whether the marshal bytes of a shallow list say that it is a value already."""
     return b"g" not in marshalled and b"l" not in marshalled and b"(" not in marshalled
@@ -218,7 +223,7 @@ def _converted(value: Any, depth: int) -> Any:
         return mapping
     if isinstance(value, complex):
         raise _Refused(f"the complex number {value}", "give its parts, for example [z.real, z.imag]")
-    if isinstance(value, Iterator) and not isinstance(value, IOBase):  # an open file is an object for functions
+    if is_read_once(value):
         return _converted(list(value), depth)
     return _of_numpy(value, depth)
 

@@ -9,10 +9,9 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import is_dataclass
 from importlib import import_module
-from io import IOBase
 from types import NoneType
 from typing import TYPE_CHECKING, Any
 
@@ -127,7 +126,9 @@ def attachable(name: str, source: Any) -> Any:
         number = 0 if source is pybullet else source  # the client that its functions mean where none is named
         if pybullet.getConnectionInfo(number)["isConnected"]:
             return _loaded(SHIPPED["ss2sql.scenes.scene.Scene"])(number)
-    return list(source) if isinstance(source, Iterator) and not isinstance(source, IOBase) else source
+    from ss2sql.runtime.border import is_read_once
+
+    return list(source) if is_read_once(source) else source
 
 
 def refuse_unknown(source: Any) -> None:
