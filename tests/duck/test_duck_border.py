@@ -135,7 +135,11 @@ def test_texts_are_elements(ss: ss2sql.Session, tmp_path: Path, monkeypatch: Any
     monkeypatch.chdir(tmp_path)
     Path("secret.csv").write_text("a\n1\n")
     assert ss.eval(f"SELECT this FROM [{text!r}] AS list") == [text]
-    assert ss.eval(f"SELECT this FROM {text!r} AS list") == [text]
+    assert ss.eval("SELECT this FROM t AS list", t=text) == [text]
+    if text.startswith("secret"):
+        assert code_of(ss.run, f"SELECT * FROM {text!r}") == "R003"
+    else:
+        assert ss.eval(f"SELECT this FROM {text!r} AS list") == [text]
     assert not Path("y.db").exists()
 
 
