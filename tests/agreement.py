@@ -72,7 +72,10 @@ def session_for(case: ProgramCase, indexed: bool = False, **options: Any) -> ss2
     for name, function in case.functions.items():
         ss.function(name, function, volatility=case.volatility.get(name))
     for name, value in case.variables.items():
-        ss.attach(name, value)
+        if type(value) is int:  # attached it would be a client of PyBullet, where that has one of this number
+            ss.set(name, value)
+        else:
+            ss.attach(name, value)
     for name, rows in case.tables.items():
         columns = list(rows[0])
         quoted = ", ".join(f'"{column}"' for column in columns)

@@ -21,6 +21,7 @@ from reference import Reference
 import ss2sql
 
 ALL = PROGRAMS > 1000
+pytestmark = pytest.mark.slow
 OPTIONS = (
     "", "BREADTH FIRST", "UNIQUE", "NO CYCLE", "DEPTH FIRST UNIQUE", "COST 1", "COST 1 UNIQUE", "COST 1 NO CYCLE",
     "COST 1 / (node - 2)", "COST 1 HEURISTIC 'a' + 1", "COST 1 HEURISTIC 'a' + 1 UNIQUE", "COST 1 HEURISTIC node - 3",

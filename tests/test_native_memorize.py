@@ -65,7 +65,7 @@ def test_the_paths_are_those_of_brute_force_whenever_care_begins(
     queries = [ss.compile(script, engine=engine) for script in scripts]
     weights, ranked = RANKED[order]
     found = 0
-    for seed in range(3 * COUNT):
+    for seed in range(COUNT):
         graph = problem(seed, weights[seed % len(weights)], 7)
         expected = ranked(graph)
         found += len(expected)
@@ -73,7 +73,7 @@ def test_the_paths_are_those_of_brute_force_whenever_care_begins(
         every, first = queries[2:] if graph.bound is None else queries[:2]
         assert every.run().value == expected, seed
         assert first.run().value == expected[:3], seed
-    assert found > 3 * COUNT
+    assert found > COUNT
 
 
 def grid(side: int, steps: dict[int, Any]) -> list[list[Edge]]:
