@@ -74,6 +74,7 @@ def test_a_changed_function_computes_something_else(tmp_path: Path) -> None:
     assert answers == [None, 3, 8]
 
 
+@pytest.mark.slow  # 4 s alone, minutes in a process that has run all other tests
 def test_every_mutant_has_a_name_of_its_own(every: list[Mutant]) -> None:
     assert len({mutant.name for mutant in every}) == len(every)
 
@@ -87,6 +88,7 @@ def test_functions_are_found_by_their_place() -> None:
             assert places[str(path), mutants_made.Site(function.name, first)]
 
 
+@pytest.mark.slow  # 4 s alone, minutes in a process that has run all other tests
 def test_justified_mutants_exist_and_say_why(every: list[Mutant]) -> None:
     names = {mutant.name for mutant in every}
     for name, why in mutants.justified().items():
