@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import sqlite3
 import threading
 from collections.abc import Callable, Iterator
@@ -186,6 +187,29 @@ def test_a_copy_of_the_process_has_locks_of_its_own(path: Path) -> None:
     assert os.waitpid(child, 0)[1] == 0
     assert code_of(ss2sql.connect, path) == "S005"
     other.close()
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no copies of processes here")
+def test_a_copy_that_is_made_while_another_thread_opens_a_file(path: Path) -> None:
+    """The thread is not in the copy, so it lets nothing go there."""
+    held, over = threading.Event(), threading.Event()
+
+    def hold() -> None:
+        with file_locks._lock:
+            held.set()
+            over.wait()
+
+    thread = threading.Thread(target=hold)
+    thread.start()
+    held.wait()
+    child = os.fork()
+    if not child:
+        signal.alarm(20)
+        with ss2sql.connect(path) as ss:
+            os._exit(ss.eval(COUNT) != 500)
+    over.set()
+    thread.join()
+    assert os.waitpid(child, 0)[1] == 0
 
 
 # --- connections of sqlite3 as sources -----------------------------------------------------------------

@@ -12,6 +12,7 @@ from typing import Any
 import apsw
 
 from ss2sql.errors import SessionError
+from ss2sql.runtime.column_types import quoted
 
 # Where a database file says that it is in WAL mode, and what says that it is not: a copy in memory has no WAL.
 WAL_VERSIONS, ROLLBACK = slice(18, 20), b"\x01\x01"
@@ -41,8 +42,7 @@ class CopiedDatabase:
         except sqlite3.Error as error:
             raise self._refusal(error) from error
         if self._seen is None:
-            quoted = self.name.replace('"', '""')
-            self.connection.execute(f"ATTACH ':memory:' AS \"{quoted}\"")
+            self.connection.execute(f"ATTACH ':memory:' AS {quoted(self.name)}")
         if data:
             copy = bytearray(data)
             copy[WAL_VERSIONS] = ROLLBACK

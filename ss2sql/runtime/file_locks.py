@@ -23,6 +23,7 @@ from typing import TypeAlias
 import apsw
 
 from ss2sql.errors import SessionError
+from ss2sql.runtime.column_types import quoted
 
 # The device and the number of a file, which all its names share.
 FileId: TypeAlias = tuple[int, int]
@@ -58,7 +59,7 @@ def attach_file(connection: apsw.Connection, name: str, path: str) -> None:
     with _lock:
         _close_parked()
         with _noting(path):
-            connection.execute(f'ATTACH ? AS "{_doubled(name)}"', (path,))
+            connection.execute(f"ATTACH ? AS {quoted(name)}", (path,))
         if identity := _identity(path):
             _files.setdefault(connection, {})[name] = identity
 
@@ -69,7 +70,7 @@ def detach_file(connection: apsw.Connection, name: str) -> None:
         known = _files.get(connection, {})
         if name in known and _is_shared(known[name]):
             raise _refusal(connection.db_filename(name))
-        connection.execute(f'DETACH "{_doubled(name)}"')
+        connection.execute(f"DETACH {quoted(name)}")
         if name in known:
             _forget_closed(known.pop(name))
 
@@ -143,10 +144,6 @@ def _refusal(path: str) -> SessionError:
     return SessionError("S005", message, hints=hints)
 
 
-def _doubled(name: str) -> str:
-    return name.replace('"', '""')
-
-
 def _identity(path: str) -> FileId | None:
     try:
         status = os.stat(path)
@@ -192,6 +189,8 @@ def _opened(connection: apsw.Connection) -> list[FileId | None]:
 
 
 def _after_fork() -> None:
+    global _lock
+    _lock = threading.RLock()  # a thread that is not in the copy may have held it
     _inherited.clear()
     for name in os.listdir(DESCRIPTORS):
         with suppress(OSError):

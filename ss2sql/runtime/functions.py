@@ -138,10 +138,15 @@ def _body(
     return body_of(function)
 
 
-def check_name(name: str) -> None:
-    """Raises SessionError S002 if scripts could not use the name."""
+def check_text(name: Any) -> None:
+    """Raises SessionError S002 for a name that is no text."""
     if not isinstance(name, str):
         raise SessionError("S002", f"a name is a text, not {type(name).__name__}", hints=("put it into quotes",))
+
+
+def check_name(name: str) -> None:
+    """Raises SessionError S002 if scripts could not use the name."""
+    check_text(name)
     if not name.isidentifier():
         hints = ("use letters, digits and _, a letter first",)
     elif name.upper() in RESERVED_WORDS:

@@ -18,7 +18,7 @@ from ss2sql.lowering.rewrites import REWRITES
 from ss2sql.runtime.compiled import Query
 from ss2sql.runtime.engines import Engine, check_engine
 from ss2sql.runtime.executing import Options, attended, begin_deadline, execute
-from ss2sql.runtime.functions import UserFunction, check_name, user_function
+from ss2sql.runtime.functions import UserFunction, check_name, check_text, user_function
 from ss2sql.runtime.host import SessionHost
 from ss2sql.runtime.interrupts import under_way
 from ss2sql.runtime.limits import NO_LIMITS, Limits
@@ -220,6 +220,7 @@ class Session:
 
         def work(run: Run) -> str:
             self._check_open()
+            check_text(name)
             begin_deadline(run, self.host, self.timeout)
             return described(name, self.host.tables, self.host.names.worlds, self.host.names.others)
 

@@ -11,6 +11,7 @@ import os
 import sys
 from collections.abc import Iterable
 from dataclasses import is_dataclass
+from functools import lru_cache
 from importlib import import_module
 from types import NoneType
 from typing import TYPE_CHECKING, Any
@@ -57,6 +58,7 @@ def register_world(adapter: type[World]) -> type[World]:
     """Makes an adapter known for the types that it `serves`; also a decorator of its class."""
     for name in adapter.serves:
         _registered[name] = adapter
+    _has_adapter.cache_clear()
     return adapter
 
 
@@ -81,7 +83,7 @@ def adapter_of(source: Any) -> World | None:
         if not isinstance(world, World):
             raise SessionError("S002", f"{type(source).__name__}.__world__ gives a {type(world).__name__}, not a World")
         return world
-    names = [f"{kind.__module__}.{kind.__qualname__}" for kind in type(source).__mro__[:-1]]
+    names = _names_of(type(source))
     for name in names:
         if name in _registered:
             return _registered[name](source)
@@ -104,12 +106,21 @@ def _loaded(place: str) -> type[World]:
 
 def has_adapter(value: Any) -> bool:
     """Whether an object is a world, or of a type that has an adapter; the adapter is not made."""
-    kind = type(value)
-    if isinstance(value, World) or hasattr(kind, "__world__"):
+    kind: Any = type(value)
+    return _has_adapter(kind)
+
+
+@lru_cache(1000)
+def _has_adapter(kind: type) -> bool:
+    """The same of a type: to look for entry points takes 10 ms, and FROM may walk many objects."""
+    if issubclass(kind, World) or hasattr(kind, "__world__"):
         return True
-    if kind.__module__ in ("builtins", "numpy"):
-        return False
-    return any(f"{one.__module__}.{one.__qualname__}" in known_types() for one in kind.__mro__[:-1])
+    return kind.__module__ not in ("builtins", "numpy") and not set(known_types()).isdisjoint(_names_of(kind))
+
+
+def _names_of(kind: type) -> list[str]:
+    """The names by which adapters say that they serve a type, its own first."""
+    return [f"{one.__module__}.{one.__qualname__}" for one in kind.__mro__[:-1]]
 
 
 def attachable(name: str, source: Any) -> Any:

@@ -68,8 +68,6 @@ def tables_in_sight(
 
 def described(name: str, tables: Tables, worlds: Mapping[str, AttachedWorld], others: OtherTables | None) -> str:
     """What is known of a world or a table. Raises SessionError S002 where there is none of the name."""
-    if not isinstance(name, str):
-        raise SessionError("S002", f"a name is a text, not {type(name).__name__}", hints=("put it into quotes",))
     owner, _, rest = name.partition(".")
     if owner in worlds and not rest:
         return description(worlds[owner])
