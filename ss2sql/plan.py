@@ -230,7 +230,6 @@ class Aggregate:
     function: str
     argument: Expr | None
     type: Type = ANY
-    spared: bool = False
     span: Span = _span()
 
 

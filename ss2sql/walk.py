@@ -127,16 +127,6 @@ def moves(node: Node, sources: Collection[int], search: int | None) -> bool:
     return not sources_read(node).isdisjoint(sources) or any(query == search for query, _ in states_read(node))
 
 
-def behind_what_fails(query: plan.Query) -> Iterator[plan.Source]:
-    """The sources behind one that may fail for each element of another, or for each state of the query's search."""
-    own = {source.id for source in query.sources}
-    failing = False
-    for source in query.sources:
-        if failing:
-            yield source
-        failing = failing or (can_fail(source) and moves(source, own, None if query.search is None else query.id))
-
-
 def set_at_once(query: plan.Query) -> dict[str, plan.Expr]:
     """The variables that CONNECT BY gives a value of the state before the step, and this value.
 
@@ -176,7 +166,6 @@ def can_fail(node: Node) -> bool:
         (isinstance(part, plan.Call) and part.function.raises)
         or isinstance(part, plan.Subquery)
         or (isinstance(part, plan.Column) and not part.declared)
-        or (isinstance(part, plan.Aggregate) and part.spared)
         for part in walk(node)
     )
 

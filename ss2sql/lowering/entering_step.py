@@ -35,16 +35,11 @@ class EnteringStep:
         self.query = search.query
         self.search = search.search
         self.parent: Node = sql.number(0) if first else search.column("step")
-        self.strict = search.strict
         self.best = search.total is not None and self.search.repeats == "unique"
         self.next = search.following(env)
 
     def row(self) -> list[Node]:
         return [self.expressions.value(output.expr, self.env) for output in self.query.columns]
-
-    @property
-    def row_fails(self) -> bool:
-        return any(can_fail(output.expr) for output in self.query.columns)
 
     def stop(self) -> Node:
         assert self.search.stop is not None
@@ -64,19 +59,17 @@ class EnteringStep:
         """The conditions on entering."""
         counted = [_not(sql.call("go_on"))] if self.of.counted else []
         guard, dead = self._guard(), self._dead()
-        if self.strict and self.of.asks_both and self.of.total is None:
+        if self.of.asks_both and self.of.total is None and dead and self._asks_python(dead):
             branches = [(drop, sql.number(0)) for drop in [*counted, *guard]]
             return [sql.case([*branches, (self.stop(), self.goal())], sql.number(1))]
         weighed = [] if self.of.total is None else self._weighed()
-        if self.strict:
-            drops = [*counted, *guard, *dead, *weighed]
-        else:
-            guard, rest = (weighed, []) if self.best else (guard, weighed)
-            # The row comes first in the language; where it cannot fail nobody can tell, and STOP WITH is cheaper.
-            row_first = self.row_fails or self._asks_python(dead)
-            drops = [*counted, *(guard + dead if row_first else dead + guard), *rest]
-        if self.strict or len(drops) > 1:
-            return [sql.case([(drop, sql.number(0)) for drop in drops], sql.number(1))] if drops else []
+        guard, rest = (weighed, []) if self.best else (guard, weighed)
+        # STOP WITH guards the weight; else what SQLite answers by itself is asked before what calls Python.
+        weighs = self.best and self.search.weight is not None and can_fail(self.search.weight)
+        guard_first = self._asks_python(dead) and not weighs
+        drops = [*counted, *(guard + dead if guard_first else dead + guard), *rest]
+        if len(drops) > 1:
+            return [sql.case([(drop, sql.number(0)) for drop in drops], sql.number(1))]
         return [_not(drop) for drop in drops]
 
     def _asks_python(self, drops: list[Node]) -> bool:
@@ -91,26 +84,21 @@ class EnteringStep:
         if name == "on_path":
             arguments.append(self.parent.copy())
         elif self.of.total is not None:
-            if not self.strict:
-                return []  # `improves` asks for more than `closed`
-            arguments.append(self.of.ranked(self.of.column(self.of.total)))
-        if self.first and name in ("on_path", "closed"):  # nothing was met yet, but the row is made
-            return [sql.call("in_turn", *self.row(), sql.number(0))] if self.row_fails else []
+            return []  # `improves` asks for more than `closed`
+        if self.first and name in ("on_path", "closed"):
+            return []  # nothing was met yet
         return [sql.call(name, *arguments, *self.row())]
 
     def _dead(self) -> list[Node]:
         """Whether the step stops without being a goal."""
         where, stop = self.query.where, self.search.stop
-        # A weighted search has no other way to keep the order in which the clauses would fail.
-        must_ask = where is not None and self.of.total is not None and self.strict and can_fail(where)
-        asked: list[Node] = [sql.call("in_turn", self.goal(), sql.number(0))] if must_ask else []
         if stop is None:
-            return asked
+            return []
         if where is None:
             left = without(stop, self.of.looked_up)
             return [] if left is None else [self.expressions.condition(left, self.env)]
         if can_fail(where) or can_fail(stop):
-            return [sql.case([(self.stop(), _not(self.goal()))], asked[0] if asked else sql.number(0))]
+            return [sql.case([(self.stop(), _not(self.goal()))], sql.number(0))]
         stop = _unless(stop, where)
         if stop is None:
             return []
@@ -121,25 +109,11 @@ class EnteringStep:
         """What COST or PROBABILITY drops."""
         drops: list[Node] = []
         if self.search.order == "probability":
-            drops.append(self._impossible())
+            drops.append(sql.binary(exp.EQ, self.weight(), sql.number(0)))
         if not self.best:
             return drops
-        if self._estimate_fails() or any(can_fail(expr) for _, expr in self.search.connect):
-            # Evaluated also for a step that turns out not to be better, for then its failing shows.
-            rest = [] if self.search.heuristic is None else [self.estimate()]
-            happens = sql.call("in_turn", self.weight(), *rest, *self._after(), sql.number(0))
-            drops.append(self._unless_it_stops(happens, sql.number(0)) if self.of.asks_both else happens)
         drops.append(_not(sql.call("improves", self.of.ranked(self.total()), *self.row())))
         return drops
-
-    def _impossible(self) -> Node:
-        """Whether the probability is 0. The row comes before it, if the guard has not asked for that."""
-        impossible = sql.binary(exp.EQ, self.weight(), sql.number(0))
-        if self._guard() or not self.row_fails:
-            return impossible
-        if self.strict:
-            return sql.call("in_turn", *self.row(), impossible)
-        return sql.case([(impossible, sql.call("in_turn", *self.row(), sql.number(1)))], sql.number(0))
 
     # --- what it carries -------------------------------------------------------------------------------
 
@@ -185,11 +159,8 @@ class EnteringStep:
         return [carried[name] for name in of.all_names]
 
     def _reached(self) -> Node:
-        """The rank of a goal. Where it is never expanded its estimate is asked for all the same: it may fail."""
-        if self.of.estimate is not None or not self._estimate_fails():
-            return self.total()
-        asked = sql.call("in_turn", self.estimate(), self.total())
-        return self._unless_it_stops(asked, self.total()) if self.of.asks_both else asked
+        """The rank of a goal."""
+        return self.total()
 
     def _number(self, positions: list[Node]) -> Node:
         """The number of the step; it notes the step's row with it."""

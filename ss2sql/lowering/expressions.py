@@ -154,8 +154,6 @@ class Expressions:
                 return self.any_of(parts, env)
             case plan.Xor(left=left, right=right):
                 one, other = self.condition(left, env), self.condition(right, env)
-                if can_fail(left) and can_fail(right):  # SQLite would ask a nested query last
-                    return exp.Case(this=one, ifs=[exp.If(this=other, true=sql.number(0))], default=sql.number(1))
                 return sql.binary(exp.NEQ, one, other)
             case plan.Not(operand=operand):
                 return exp.Not(this=sql.operand(self.condition(operand, env)))
@@ -223,7 +221,7 @@ class Expressions:
 
     def all_of(self, parts: tuple[plan.Expr, ...], env: Env) -> Node:
         conditions = self.in_order(parts, env, True)
-        if not any(can_fail(part) for part in parts):
+        if not any(can_fail(part) for part in parts[1:]):
             joined = sql.conjunction([sql.lasting(condition) for condition in conditions])
             assert joined is not None
             return joined
@@ -232,7 +230,7 @@ class Expressions:
 
     def any_of(self, parts: tuple[plan.Expr, ...], env: Env) -> Node:
         conditions = self.in_order(parts, env, False)
-        if not any(can_fail(part) for part in parts):
+        if not any(can_fail(part) for part in parts[1:]):
             return sql.disjunction([sql.lasting(condition) for condition in conditions])
         return sql.case([(condition, sql.number(1)) for condition in conditions[:-1]], conditions[-1])
 
@@ -248,21 +246,13 @@ class Expressions:
         branches = []
         for branch, truth in ((expr.then, True), (expr.otherwise, False)):
             here = env.with_facts(expr.condition, truth)
-            last = self.lower(branch[-1], here) if is_flag(expr.type) else self.value(branch[-1], here)
-            before = [self.value(part, here) for part in branch[:-1] if can_fail(part)]
-            branches.append(sql.call("in_turn", *before, last) if before else last)
+            branches.append(self.lower(branch[-1], here) if is_flag(expr.type) else self.value(branch[-1], here))
         return sql.case([(self.condition(expr.condition, env), branches[0])], branches[1])
 
     def aggregate(self, expr: plan.Aggregate, env: Env) -> Node:
-        if expr.spared:  # SQLite completes the aggregates of a group before it asks HAVING
-            return self.in_range(expr, self.collected(expr, env))
         if expr.function == "sum" and expr.argument is not None:
             return sql.call("group_sum", self.value(expr.argument, env), self.place(expr.span))
         return self.collected(expr, env)
-
-    def in_range(self, expr: plan.Aggregate, total: Node) -> Node:
-        """A collected sum, if it is a value."""
-        return sql.call("in_range", total, self.place(expr.span))
 
     def collected(self, expr: plan.Aggregate, env: Env) -> Node:
         """What SQLite makes of the rows of a group: the aggregate itself, but of a sum what `in_range` is asked of."""
@@ -278,8 +268,6 @@ class Expressions:
                 return exp.Min(this=argument)
             case "max" if plain:
                 return exp.Max(this=argument)
-            case "sum":
-                return sql.call("group_total", argument)
         return self.unboxed(sql.call(f"group_{expr.function}", argument, self.place(expr.span)), expr.type)
 
 

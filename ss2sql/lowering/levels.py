@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from ss2sql import plan
 from ss2sql.kinds import Kind
 from ss2sql.lowering.expressions import can_fail
-from ss2sql.walk import is_volatile, sources_inside, sources_read, walk
+from ss2sql.walk import sources_read, walk
 
 MOST_HOISTED = 24
 
@@ -51,71 +51,15 @@ class Hoisted:
 
 @dataclass(slots=True)
 class Levels:
-    """The levels of one query, which `asks` if something that may fail is read before its first source.
-
-    `silent_from` is the level from which on nobody can notice whether a source is read; `certain_from` that
-    from which on all sources are known to have elements, if those in `guarded` turn out to have some.
-    """
+    """The levels of one query."""
 
     query: plan.Query
     early: bool
     hoist: bool
-    asks: bool
     number: dict[int, int] = field(init=False)
-    silent_from: int = field(init=False)
-    certain_from: int = field(init=False)
-    guarded: list[plan.Source] = field(init=False)
 
     def __post_init__(self) -> None:
-        sources = self.query.sources
-        self.number = {source.id: position for position, source in enumerate(sources, 1)}
-        self.silent_from, self.certain_from = int(self.asks), 0
-        guarded: list[plan.Source] = []
-        for position, source in enumerate(sources, 1):
-            if self._is_loud(source, position):
-                self.silent_from = position
-            if has_elements(source):
-                continue
-            if self._may_be_guarded(source):
-                guarded.append(source)
-            else:
-                self.certain_from = position
-        self.guarded = guarded
-
-    # --- sources ---------------------------------------------------------------------------------------
-
-    def _values(self, source: plan.Source) -> tuple[plan.Expr | plan.Query, ...]:
-        match source:
-            case plan.ValueSource(value=value):
-                return (value,)
-            case plan.QuerySource(query=query):
-                return (query,)
-            case plan.WorldSource(arguments=arguments):
-                return arguments
-            case _:
-                assert isinstance(source, plan.TableSource)
-                return ()
-
-    def _is_loud(self, source: plan.Source, position: int) -> bool:
-        """Whether reading the source could be noticed; what is bound before the statement runs is read anyway."""
-        values = [value for value in self._values(source) if can_fail(value)]
-        lateral = isinstance(source, plan.ValueSource | plan.QuerySource) and source.lateral
-        return any(position == 1 or lateral or bool(sources_read(value) - sources_inside(value)) for value in values)
-
-    def _may_be_guarded(self, source: plan.Source) -> bool:
-        """Whether it can be asked beforehand if the source has elements."""
-        match source:
-            case plan.TableSource():
-                return True
-            case plan.ValueSource(value=value):
-                own = sources_read(value) & self.number.keys()
-                return value.type.only(Kind.LIST) and not own and not can_fail(value)
-            case _:
-                return False
-
-    def guards(self, level: int) -> list[plan.Source]:
-        """The sources that must be known to have elements where something fallible is evaluated at this level."""
-        return [source for source in self.guarded if self.number[source.id] > level]
+        self.number = {source.id: position for position, source in enumerate(self.query.sources, 1)}
 
     # --- expressions -----------------------------------------------------------------------------------
 
@@ -124,20 +68,17 @@ class Levels:
         return max((self.number.get(source, 0) for source in sources_read(expr)), default=0)
 
     def conditions(self) -> list[Condition]:
-        """The parts of WHERE in written order."""
+        """The parts of WHERE in written order. One that may fail is not asked before those that guard it."""
         last = len(self.query.sources)
         parts = () if self.query.where is None else _conjuncts(self.query.where)
         placed: list[Condition] = []
-        reached = failing = 0  # the highest level of all parts so far, and of those that may fail
+        reached = 1
         for part in parts:
-            level = max(self.of(part), self.silent_from, failing)
-            if can_fail(part):
-                level = max(level, reached, self.certain_from, 1)
-                if is_volatile(part) or not self.early:
-                    level = last
-                failing = level
+            level, fails = self.of(part), can_fail(part)
+            if fails:
+                level = max(level, reached) if self.early else last
             reached = max(reached, level)
-            placed.append(Condition(part, level, not failing))
+            placed.append(Condition(part, level, not fails))
         return placed
 
     def hoisted(self, conditions: Sequence[Condition], outputs: Sequence[plan.Expr]) -> list[Hoisted]:
@@ -161,15 +102,12 @@ class _Hoisting:
 
     def __init__(self, levels: Levels) -> None:
         self.levels = levels
-        self.floor = max(levels.silent_from, levels.certain_from, 1)
+        self.floor = 1
         self.found: list[Hoisted] = []
 
     def visit(self, expr: plan.Expr, level: int) -> None:
         """An expression that is certainly evaluated, at this level."""
         if not can_fail(expr) or any(known.expr == expr for known in self.found):
-            return
-        if is_volatile(expr):
-            self.floor = len(self.levels.query.sources)
             return
         own = max(self.levels.of(expr), self.floor)
         if own < level and _is_costly(expr):

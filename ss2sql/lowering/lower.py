@@ -13,16 +13,14 @@ from ss2sql.lowering import sql
 from ss2sql.lowering.copies import Copies
 from ss2sql.lowering.dialects import SQLITE, Dialect
 from ss2sql.lowering.expressions import Env, is_flag
-from ss2sql.lowering.on_entering import OnEntering, applies
+from ss2sql.lowering.on_entering import OnEntering
 from ss2sql.lowering.parameters import Bookkeeping, Needs, Shown, SqlQuery
 from ss2sql.lowering.positions import by_position
-from ss2sql.lowering.search import SearchLowering
 from ss2sql.lowering.select import Selects
-from ss2sql.lowering.unsupported import check, cuts_unasked
-from ss2sql.lowering.when_taken import WhenTaken
+from ss2sql.lowering.unsupported import check
 from ss2sql.vtables.late import Late, late, late_columns
 from ss2sql.vtables.snapshots import NO_SNAPSHOT, snapshot_for
-from ss2sql.walk import is_volatile, walk
+from ss2sql.walk import walk
 
 
 def lower(
@@ -31,37 +29,32 @@ def lower(
     dialect: Dialect = SQLITE,
     *,
     cut: bool = False,
-    careful: bool = False,
+    by_value: bool = False,
     disabled: Collection[str] = (),
 ) -> SqlQuery:
     """The statement of a query that stands by itself, not inside another.
 
     `function_names` maps registered functions to their names in SQL. `cut` says that a search may end before its
-    steps are used up, whether its text says so or not. `careful` asks for a statement that takes nothing for
-    granted, neither how values look nor that nothing fails: what to run when another has been found out.
+    steps are used up, whether its text says so or not. `by_value` asks for a statement that compares values of several
+    forms by their values, not by their handles: what to run where a value equals another one in another form.
     `disabled` names rewrites that are switched off.
 
     Raises UnsupportedError with the reason where the query has to run natively.
     """
     check(query)
-    needs = Needs(function_names, careful=careful or is_volatile(query), disabled=disabled)
+    needs = Needs(function_names, by_value=by_value, disabled=disabled)
     if "positions" not in disabled:
         query, needs.written = by_position(query)
         if needs.written is not None:
             needs.applied["positions"] = None
     selects = Selects(needs)
     selects.copies = Copies() if query.search is None else None
-    is_sorted = is_limited = ahead = False
+    is_sorted = is_limited = False
     bookkeeping = Bookkeeping()
     shown_late: dict[plan.Column, sql.Node] = {}
     if query.search is not None:
         cut = cut or query.search.maximum is not None or query.limit is not None
-        weighted = query.search.weight is not None
-        if weighted or (not careful and applies(query, cut)):
-            search: SearchLowering = OnEntering(selects, query, cut)
-            ahead = not careful
-        else:
-            search = WhenTaken(selects, query, cut)
+        search = OnEntering(selects, query, cut)
         select = search.statement()
         # Of tables' BLOBs, and of bools that SQL makes, the pool hears nothing.
         quiet = any(isinstance(node, (plan.TableSource, plan.WorldSource)) for node in walk(query))
@@ -70,7 +63,7 @@ def lower(
         )
         sources = tuple(needs.walked[source.id] for source in query.sources if source.id in needs.walked)
         book, members = search.bookkeeping(), frozenset(needs.members)
-        bookkeeping = replace(book, trusts=not (quiet or careful), sources=sources, members=members)
+        bookkeeping = replace(book, trusts=not (quiet or by_value), sources=sources, members=members)
         keys, orders = query.group, query.order
     elif query.aggregated:
         is_sorted, is_limited = True, _cut_by_sql(query)
@@ -108,7 +101,6 @@ def lower(
         {name: tuple(sorted(spans, key=lambda span: span.start)) for name, spans in needs.calls.items()},
         dict(needs.modules),
         frozenset(needs.plain),
-        ahead,
         plain_rows=all(output.expr.type.only(Kind.INT | Kind.FLOAT | Kind.STR | Kind.NONE) for output in query.columns),
         bookkeeping=bookkeeping,
         snapshot=snapshot_for((query,)) if needs.worlds else NO_SNAPSHOT,
@@ -132,15 +124,8 @@ def _source_of(expr: plan.Expr) -> int | None:
 
 
 def _cut_by_sql(query: plan.Query) -> bool:
-    """Whether LIMIT may stand in the SQL.
-
-    LIMIT 0 would keep SQLite from evaluating rows that have to be sorted or grouped first, and a partition is
-    cut before it is made. What fails in a row shows although the row is cut off.
-    """
-    if query.limit is None or (query.group and not query.aggregated) or cuts_unasked(query):
-        return False
-    positive = isinstance(query.limit, plan.Constant) and query.limit.value != 0
-    return positive or not (query.order or query.group)
+    """Whether LIMIT may stand in the SQL; a partition is cut before it is made."""
+    return query.limit is not None and not (query.group and not query.aggregated)
 
 
 def _names(query: plan.Query) -> list[str | None]:

@@ -19,9 +19,8 @@ from sqlglot import exp
 
 from ss2sql import plan
 from ss2sql.lowering import sql
-from ss2sql.lowering.entering_step import EnteringStep, certain, fallible, lies_within
-from ss2sql.lowering.expressions import Env, can_fail, is_flag
-from ss2sql.lowering.levels import has_elements
+from ss2sql.lowering.entering_step import EnteringStep, certain, fallible
+from ss2sql.lowering.expressions import Env, is_flag
 from ss2sql.lowering.lookup import lookups, without
 from ss2sql.lowering.parameters import Bookkeeping, Counts
 from ss2sql.lowering.search import SearchLowering, element_reads
@@ -30,24 +29,6 @@ from ss2sql.lowering.sql import Node, free_name
 from ss2sql.walk import parts, set_at_once, states_read, walk
 
 MOST = 2**40  # costs up to here do not add up to 64 bits: 2^23 steps on one path would be needed
-
-
-def applies(query: plan.Query, cut: bool) -> bool:
-    """Whether nobody can tell that the steps of the search are evaluated before they are taken."""
-    search = query.search
-    assert search is not None
-    if search.order != "depth first":
-        return True
-    clauses: list[object] = [query.where, search.stop, *(expr for _, expr in search.connect)]
-    if search.repeats == "unique" and _any_fails(clauses):
-        return False  # a row may be reached before the step is taken, which is then not asked whether it stops
-    clauses += [output.expr for output in query.columns]
-    clauses += [source for source in query.sources if not isinstance(source, plan.TableSource)]
-    return not (cut and _any_fails(clauses))
-
-
-def _any_fails(clauses: Iterable[object]) -> bool:
-    return any(can_fail(part) for part in clauses if part is not None)
 
 
 class OnEntering(SearchLowering):
@@ -61,7 +42,6 @@ class OnEntering(SearchLowering):
     def __init__(self, selects: Selects, query: plan.Query, cut: bool) -> None:
         super().__init__(selects, query, cut)
         search = self.search
-        self.strict = self._is_strict()
         self.looked_up = [] if "lookup" in selects.needs.disabled else lookups(query)
         if self.looked_up:
             selects.needs.applied["lookup"] = None
@@ -73,7 +53,7 @@ class OnEntering(SearchLowering):
         self.counted = ends_early or self.counts == "steps"
         self.depth = self._named("depth") if search.order == "depth first" else None
         self.states = {name: self._named(name) for name in self.variables}
-        self.at_once = {} if self.sets_again else set_at_once(query)
+        self.at_once = set_at_once(query)
         self.known = self._known_calls()
         self.goal_later = not self.ahead and self._waits_for_its_turn(query.where)
         self.stop_later = not self.one_result and self._waits_for_its_turn(search.stop)
@@ -89,25 +69,6 @@ class OnEntering(SearchLowering):
 
     def _named(self, name: str) -> str:
         return free_name(name, self.taken)
-
-    # --- what can be seen of the order of evaluation ---------------------------------------------------
-
-    def _is_strict(self) -> bool:
-        """Whether the parts of a step have to be evaluated in the order of the language.
-
-        Calls of the user's functions are counted. All else shows only where something fails; then the statement
-        is run again with care.
-        """
-        search, query = self.search, self.query
-        clauses = [query.where, search.stop, search.weight, search.heuristic, *(expr for _, expr in search.connect)]
-        drops = search.order == "probability" or (search.weight is not None and search.repeats == "unique")
-        if drops and _any_fails([query.where, search.stop]):
-            return True  # they are asked of a step that is not better, or impossible, too: its failing would not show
-        if self.selects.needs.careful:
-            weights = [expr for expr in (search.weight, search.heuristic) if expr is not None]
-            refused = any(not lies_within(expr.type, self.most) for expr in weights)
-            return refused or _any_fails([*clauses, *(output.expr for output in query.columns)])
-        return any(not self._is_known_of(call) for clause in clauses for call in _user_calls(clause))
 
     @property
     def most(self) -> int:
@@ -138,13 +99,6 @@ class OnEntering(SearchLowering):
         stop = self.search.stop
         undropped = stop is None or (query.where is None and without(stop, self.looked_up) is None)
         return "entered" if undropped and self.order.total is None else "steps"
-
-    def _is_known_of(self, call: plan.Call) -> bool:
-        """Whether a call has been made already for every row that was met: it depends on the row alone."""
-        if not any(call == part for part in certain(self.search.stop) + certain(self.query.where)):
-            return False
-        shown = [output.expr for output in self.query.columns]
-        return all(isinstance(a, plan.Constant) or any(a == expr for expr in shown) for a in call.arguments)
 
     # --- what is known of a step when it is taken ------------------------------------------------------
 
@@ -248,13 +202,10 @@ class OnEntering(SearchLowering):
         evaluation shows, nothing is asked for the sake of elements that a later source turns out not to have.
         """
         sources = self.query.sources
-        if any(map(can_fail, sources)) or any(call.name in _CHANGING for call in node.find_all(exp.Anonymous)):
-            last = len(sources)
-        else:
-            unsure = (number for number, source in enumerate(sources, 1) if not has_elements(source))
-            last = max(unsure, default=0) if self.strict else 0
+        last = len(sources)
         known = {_table_of(witness) for witness in witnesses[last - 1 :]}
-        if last == 0 or any(column.table in known for column in node.find_all(exp.Column)):
+        changing = any(call.name in _CHANGING for call in node.find_all(exp.Anonymous))
+        if not changing or any(column.table in known for column in node.find_all(exp.Column)):
             return node
         return sql.call("in_turn", witnesses[last - 1].copy(), node)
 

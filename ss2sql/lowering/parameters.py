@@ -35,7 +35,6 @@ class Bookkeeping:
     counts: Counts = "steps"
     all_go_on: bool = False
     all_results: bool = False
-    by_turns: bool = False
     trusts: bool = False
     sources: tuple[str, ...] = ()
     members: frozenset[str] = frozenset()
@@ -64,7 +63,7 @@ class Needs:
 
     `function_names` maps the functions of the language to their names in SQL. `worlds` are the tables of worlds by the
     labels of their sources, `collected` the queries in FROM that are evaluated as a whole, by the numbers of theirs.
-    `plain` are parameters with which values are compared by their handles; where a statement is to be `careful`,
+    `plain` are parameters with which values are compared by their handles; where a statement compares `by_value`,
     nothing is. `walked` has the parameters that are walked as sources, by the numbers of theirs, `members` those that
     are walked as lists right of IN. `disabled` are the rewrites that are switched off, `applied` those that lowering
     has applied; `written` gives an expression as it was before these, for Python to evaluate.
@@ -78,7 +77,7 @@ class Needs:
     collected: dict[int, exp.CTE] = field(default_factory=dict)
     labels: set[str] = field(default_factory=set)
     tables: set[str] = field(default_factory=set)
-    careful: bool = False
+    by_value: bool = False
     plain: set[str] = field(default_factory=set)
     walked: dict[int, str] = field(default_factory=dict)
     members: set[str] = field(default_factory=set)
@@ -188,7 +187,6 @@ class SqlQuery:
     calls: Mapping[str, tuple[Span, ...]]
     modules: Mapping[str, tuple[str, ...]]
     plain: frozenset[str] = frozenset()
-    ahead: bool = False
     plain_rows: bool = False
     bookkeeping: Bookkeeping = Bookkeeping()
     snapshot: Snapshot = NO_SNAPSHOT

@@ -52,11 +52,7 @@ class Product:
         self.terms: list[Node] = []
         self.keeps = False
         conditions = levels.conditions()
-        self.sorts = self._must_sort(conditions)
-        if self.sorts:
-            self._sort(conditions)
-        else:
-            self._by_levels(conditions)
+        self._by_levels(conditions)
 
     def _by_levels(self, conditions: list[Condition]) -> None:
         """Joins the sources from level to level, and asks and computes at each what can be by then."""
@@ -68,7 +64,6 @@ class Product:
             applied["early"] = None
         if hoisted:
             applied["hoist"] = None
-        self._guarded_from = self._needs_guards(conditions, hoisted)
         bound = 0
         for level in sorted({value.level for value in hoisted}):
             self._bind(bound, level, conditions)
@@ -95,7 +90,7 @@ class Product:
 
         SQLite sees when a copy is empty, and then evaluates nothing before it: that must not show.
         """
-        return self.keeps or (len(self.query.sources) > 2 and not can_fail(self.query))
+        return self.keeps or len(self.query.sources) > 2
 
     @property
     def natural(self) -> list[Node] | None:
@@ -103,39 +98,6 @@ class Product:
         if not all(part.order for part in self.opened):
             return None
         return [self.outward(key) for part in self.opened for key in part.order]
-
-    # --- tables ----------------------------------------------------------------------------------------
-
-    def _must_sort(self, conditions: list[Condition]) -> bool:
-        """Whether SQLite may find rows in another order than that in which something is evaluated that may fail."""
-        query, tables = self.query, [one for one in self.query.sources if isinstance(one, plan.TableSource)]
-        if len(tables) < len(query.sources) or not all(part.order for part in self.opened):
-            return False
-        asked = [condition.expr for condition in conditions if condition.free]
-        late = [condition.expr for condition in conditions if not condition.free]
-        late += [*(output.expr for output in query.columns), *query.group, *(key.expr for key in query.order)]
-        if not any(map(sources_read, asked)) or not any(map(can_fail, late)):
-            return False
-        elsewhere = any(sources_read(expr) - self.levels.number.keys() for expr in asked)
-        return len(tables) > 1 or tables[0].indexed or elsewhere
-
-    def _sort(self, conditions: list[Condition]) -> None:
-        """Joins tables by what cannot fail, sorts the rows, and asks the rest of one after the other.
-
-        SQLite may use its indexes so, and still no row is asked that a LIMIT cuts off, or another row first.
-        """
-        for part in self.opened:
-            self.items += part.items
-            self.terms += part.conditions
-        self.terms += [self._free(condition) for condition in conditions if condition.free]
-        natural = self.natural or []
-        table = self._enclosed("found", [(key.copy(), False) for key in natural])
-        for key in natural:
-            table.carry(key)  # one column has to be there
-        self.tables.append(table)
-        self.env = replace(self.env, known=tuple((expr, table.carry(node)) for expr, node in self.env.known))
-        late = [condition.expr for condition in conditions if not condition.free]
-        self.terms = [self.selects.expressions.all_of(tuple(late), self.env)] if late else []
 
     def _enclosed(self, name: str, order: Sequence[tuple[Node, bool]] = ()) -> Table:
         """A table of what is joined so far, which is all that is joined then."""
@@ -182,8 +144,6 @@ class Product:
             # SQLite asks first what an index of the table answers, whatever stands before it.
             before = [self.selects.expressions.condition(part, self.env) for part in free]
             node = sql.case([(exp.Not(this=sql.operand(part)), sql.number(0)) for part in before], node)
-        if level == self._guarded_from:
-            node = sql.case([(exp.Not(this=guard), sql.number(0)) for guard in self._guards(level)], node)
         # What can fail calls a function, so that SQLite never asks it before the first source is read. Only the other
         # side of `column = ...` it evaluates before a derived table, to look that up in an index that it makes.
         indexed = isinstance(self.opened[level - 1].items[-1], exp.Subquery) and isinstance(node, exp.EQ)
@@ -195,9 +155,6 @@ class Product:
 
     def _close(self, level: int, conditions: list[Condition], hoisted: list[Hoisted]) -> None:
         """Makes a table of what is joined so far, with the values of its level."""
-        if self._guarded_from == -level:
-            silent = self.levels.silent_from
-            self.terms = [*(self._not_before(silent, 1, guard) for guard in self._guards(level)), *self.terms]
         table = self._enclosed(f"to_{self.query.sources[level - 1].name}")
         values = [value.expr for value in hoisted if value.level == level]
         nodes = [self.selects.expressions.lower(expr, self.env) for expr in values]
@@ -234,26 +191,6 @@ class Product:
         walked = {label for label, table in self.selects.needs.worlds.items() if not table.schema.parameters}
         return sql.ranges(terms, walked) if walked else terms
 
-    # --- sources that have elements --------------------------------------------------------------------
-
-    def _needs_guards(self, conditions: list[Condition], hoisted: list[Hoisted]) -> int:
-        """The lowest level at which something is evaluated that may fail; negative where that is a kept value."""
-        asked = min((condition.level for condition in conditions if not condition.free), default=len(self.opened))
-        kept = min((value.level for value in hoisted), default=len(self.opened))
-        return asked if asked <= kept else -kept
-
-    def _guards(self, level: int) -> list[Node]:
-        """Whether the sources have elements that are only read behind this level."""
-        found: list[Node] = []
-        for source in self.levels.guards(level):
-            item = self.opened[self.levels.number[source.id] - 1].items[0].copy()
-            item = self._copied(source, item) if self.copies else item
-            item.set("alias", None)
-            guard = exp.Exists(this=sql.select([sql.number(1)], [item]))
-            if guard not in found:
-                found.append(guard)
-        return found
-
     def _copied(self, source: plan.Source, item: Node) -> Node:
         """A source that is walked again and again: a copy of its list, if that stays the same for the statement."""
         copies = self.selects.copies
@@ -269,7 +206,7 @@ class Product:
     def _looked_up(self, position: int, item: Node, asked: list[Node]) -> Node | None:
         """A source that SQLite can look rows up in, where these must equal something that is known before."""
         source, copies, needs = self.query.sources[position], self.selects.copies, self.selects.needs
-        if copies is None or "lookup" in needs.disabled or self.levels.silent_from or not isinstance(item, exp.Table):
+        if copies is None or "lookup" in needs.disabled or not isinstance(item, exp.Table):
             return None
         label = item.alias_or_name
         keys = {column for table, column, others in asked_equal(asked) if table == label and others}

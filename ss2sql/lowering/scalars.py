@@ -16,7 +16,7 @@ from ss2sql.kinds import Kind, union
 from ss2sql.lowering import sql
 from ss2sql.lowering.classes import MOST_FACTORS, WHOLE, class_of, is_number, may_repeat
 from ss2sql.lowering.sql import Node
-from ss2sql.walk import can_fail, choices
+from ss2sql.walk import choices
 
 if TYPE_CHECKING:
     from ss2sql.lowering.expressions import Env, Expressions
@@ -105,8 +105,6 @@ def extreme(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
         return None
     nodes = [lowering.lower(argument, env) for argument in arguments]
     if call.function.name == "min" and any(argument.type.may(Kind.FLOAT) for argument in arguments):
-        if sum(map(can_fail, arguments)) > 1:
-            return None  # the first of two that fail names the error
         nodes.reverse()
     return nodes[0] if len(nodes) == 1 else sql.call(call.function.name, *nodes)
 

@@ -23,15 +23,14 @@ from sqlglot import exp
 from ss2sql import plan
 from ss2sql.lowering import sql
 from ss2sql.lowering.copies import asked_equal, by_index, keep_columns, materialized, rows_in_order
-from ss2sql.lowering.expressions import Env, can_fail, is_flag
-from ss2sql.lowering.levels import has_elements
+from ss2sql.lowering.expressions import Env, is_flag
 from ss2sql.lowering.parameters import Bookkeeping
 from ss2sql.lowering.select import Selects
-from ss2sql.lowering.sources import Opened, open_sources, sql_names
+from ss2sql.lowering.sources import open_sources, sql_names
 from ss2sql.lowering.sql import Node, free_name
 from ss2sql.lowering.strategies import guard_of, order_of
 from ss2sql.vtables.names import PLACE
-from ss2sql.walk import behind_what_fails, rebuild, sources_read, states_read, walk
+from ss2sql.walk import rebuild, sources_read, states_read, walk
 
 TABLE = "search"
 Read = plan.Element | plan.Column | plan.State
@@ -72,11 +71,8 @@ class SearchLowering(ABC):
         last = {name: number for number, (name, _) in enumerate(search.connect)}
         self.variables = sorted((name for name, _ in search.start), key=lambda name: last.get(name, -1))
         self.assigned = set(last)
-        overwritten = [expr for number, (name, expr) in enumerate(search.connect) if last[name] > number]
-        self.sets_again = any(map(can_fail, overwritten))  # they are evaluated all the same
         self.tables: list[exp.CTE] = []
         self.positions: dict[str, str] = {}  # the column of each copied table that numbers its rows
-        self.walked: set[str] = set()  # labels of lists that are read again for each step
         self.copied: dict[str, Node] = {}  # the lists and worlds that are read once, by the names of their copies
 
     @abstractmethod
@@ -164,14 +160,9 @@ class SearchLowering(ABC):
         Where the columns are made in the order of `variables`, all that may fail is evaluated in the order of the text.
         """
         states = dict(env.states)
-        made: list[Node] = []
         for name, expr in self.search.connect:
             lower = self.expressions.lower if self.flags[name] else self.expressions.value
-            made.append(lower(expr, env.with_states(states)))
-            states[(self.query.id, name)] = made[-1]
-        if self.sets_again:
-            first = next((self.query.id, name) for name in self.variables if name in self.assigned)
-            states[first] = sql.call("in_turn", *(node.copy() for node in made), states[first])
+            states[(self.query.id, name)] = lower(expr, env.with_states(states))
         return states
 
     # --- sources ---------------------------------------------------------------------------------------
@@ -179,17 +170,9 @@ class SearchLowering(ABC):
     def open(self, env: Env) -> tuple[list[Node], list[Node], Env, list[Node]]:
         """The items of FROM for the children of a state, their conditions, the sight on them, a column of each."""
         opened, env = open_sources(self.selects, self.query.sources, env, self.query.id)
-        self._note_walked(opened)
         items = [item for part in opened for item in part.items]
         conditions = [condition for part in opened for condition in part.conditions]
         return items, conditions, env, [part.witness for part in opened]
-
-    def _note_walked(self, opened: list[Opened]) -> None:
-        """Lists that may be empty, behind a source that may fail: SQLite would see it of a copy, and read nothing."""
-        behind = {source.id for source in behind_what_fails(self.query)}
-        for source, part in zip(self.query.sources, opened, strict=True):
-            if source.id in behind and not has_elements(source):
-                self.walked |= {item.alias_or_name for item in part.items}
 
     def arranged(self, items: list[Node], conditions: list[Node]) -> list[Node]:
         """The items of FROM, read so that their rows come in order under these conditions, which may become more."""
@@ -222,8 +205,6 @@ class SearchLowering(ABC):
         needs = self.selects.needs
         if item.alias_or_name in needs.worlds:
             return self._copied_once(item, (name for name, _ in needs.worlds[item.alias_or_name].columns), PLACE)
-        if item.alias_or_name in self.walked:
-            return item
         if isinstance(item.this, exp.Anonymous):
             return self._copied_once(item, needs.modules[item.this.name], "rowid")
         if any(item.name == table.alias for table in needs.collected.values()):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 from sqlglot import exp
 
@@ -12,13 +11,13 @@ from ss2sql import plan
 from ss2sql.kinds import Kind, Type
 from ss2sql.lowering import sql
 from ss2sql.lowering.copies import Copies
-from ss2sql.lowering.expressions import Env, Expressions, can_fail, is_flag
+from ss2sql.lowering.expressions import Env, Expressions, is_flag
 from ss2sql.lowering.levels import Levels
 from ss2sql.lowering.parameters import Needs
 from ss2sql.lowering.product import Product
 from ss2sql.lowering.sources import open_sources, sql_names
 from ss2sql.lowering.sql import Node
-from ss2sql.walk import conjuncts, rebuild, sources_read, walk_own
+from ss2sql.walk import conjuncts, sources_read, walk_own
 
 COLLECTORS = {
     "list": "collect",
@@ -33,11 +32,6 @@ def sortable(kind: Type) -> bool:
     """Whether SQLite's order of these values is the language's: numbers, or strings, or None among them."""
     plain = Kind.INT | Kind.FLOAT | Kind.NONE
     return is_flag(kind) or kind.only(plain) or kind.only(Kind.STR | Kind.NONE)
-
-
-def sortable_key(expr: plan.Expr) -> bool:
-    """Whether SQL may sort by the expression: SQLite evaluates keys before columns, so the keys must not fail."""
-    return sortable(expr.type) and not can_fail(expr)
 
 
 def uniform(kind: Type) -> bool:
@@ -65,18 +59,18 @@ class Selects:
         opened, inner = open_sources(self, query.sources, env)
         tables = any(isinstance(source, plan.TableSource) for source in _all_sources(query))
         disabled = self.needs.disabled
-        levels = Levels(query, "early" not in disabled, "hoist" not in disabled and not tables, opened[0].asks)
+        levels = Levels(query, "early" not in disabled, "hoist" not in disabled and not tables)
         return Product(self, query, opened, inner, levels)
 
     def order(self, query: plan.Query, flat: Product) -> list[tuple[Node, bool]] | None:
         """The keys of ORDER BY, then those of the product's own order; None where Python has to sort."""
         if not query.order:
             kinds = {isinstance(source, plan.TableSource) for source in _all_sources(query)}
-            if kinds == {True} and not flat.sorts:
+            if kinds == {True}:
                 return [(key, False) for key in flat.natural or ()]
             self._walk_in_order(flat)
             return []
-        natural = flat.natural if all(sortable_key(key.expr) for key in query.order) else None
+        natural = flat.natural if all(sortable(key.expr.type) for key in query.order) else None
         if natural is None:
             return None
         keys = [(self.expressions.lower(key.expr, flat.env), key.descending) for key in query.order]
@@ -121,70 +115,27 @@ class Selects:
         outputs += [
             sql.alias(self.expressions.lower(key, flat.env), f"key_{index}") for index, key in enumerate(query.group, 1)
         ]
-        fails = any(map(can_fail, (*_before_groups(query), *arguments)))
-        if fails:
-            self._walk_in_order(flat)
-        inner = sql.derived(self._positioned(flat, outputs, where, fails), label)
+        inner = sql.derived(self._positioned(flat, outputs, where), label)
         keys: list[Node] = [sql.column(f"key_{index}", label) for index in range(1, len(query.group) + 1)]
         lowering = _Numbered(self, arguments, [sql.column(name, label) for name in names_of])
         return lowering._group(query, _Rows(flat.env, [inner], None, keys, sql.column("position", label)), names)
 
-    def _positioned(self, flat: Product, outputs: list[Node], where: Node | None, fails: bool) -> exp.Select:
+    def _positioned(self, flat: Product, outputs: list[Node], where: Node | None) -> exp.Select:
         """The rows of a product with these columns, and their positions in its order."""
         natural = flat.natural or []
         if len(natural) == 1:
             return sql.select([*outputs, sql.alias(natural[0], "position")], flat.items, where, (), sql.unlimited())
-        if not fails:
-            number = sql.row_number([(key, False) for key in natural])
-            return sql.select([*outputs, sql.alias(number, "position")], flat.items, where)
-        # To number a row SQLite would ask WHERE of the next one first, or of all to sort them, and find another error.
-        label = self.needs.label("found")
-        rows = sql.derived(sql.select(outputs, flat.items, where, (), sql.unlimited()), label)
-        columns = [sql.column(output.alias, label) for output in outputs]
-        return sql.select([*columns, sql.alias(sql.row_number([]), "position")], [rows])
+        number = sql.row_number([(key, False) for key in natural])
+        return sql.select([*outputs, sql.alias(number, "position")], flat.items, where)
 
     def _group(self, query: plan.Query, rows: _Rows, names: list[str | None]) -> exp.Select:
-        asked = (query.having, *(output.expr for output in query.columns))
-        if any(can_fail(_of_a_group(expr)) for expr in asked if expr is not None):
-            return self._groups_in_turn(query, rows, names)
         env = rows.env.with_groups({(query.id, index): key for index, key in enumerate(rows.keys)})
         select = rows.grouped(self.outputs(query, env, names))
         if query.having is not None:
             having = self.expressions.condition(query.having, env)
-            if any(map(can_fail, (*_before_groups(query), *_fed(query)))):
-                # SQLite makes WHERE of what mentions no aggregate, and then evaluates less than it should.
-                having = sql.case([(exp.Count(this=exp.Star()), having)], sql.number(0))
             select.set("having", exp.Having(this=having))
         order = [(self.expressions.lower(key.expr, env), key.descending) for key in query.order]
         return sql.sorted_query(select, [*order, (rows.first_row, False)])
-
-    def _groups_in_turn(self, query: plan.Query, rows: _Rows, names: list[str | None]) -> exp.Select:
-        """All groups as a table, and then HAVING and the columns of one after the other.
-
-        SQLite would evaluate them in the order of their keys, and another group would be the first to fail.
-        """
-        label = self.needs.label("groups")
-        aggregates = list({node: None for node in _group_nodes(query) if isinstance(node, plan.Aggregate)})
-        outputs = [sql.alias(key, f"key_{index}") for index, key in enumerate(rows.keys, 1)]
-        known: list[tuple[plan.Expr, Node]] = []
-        for index, node in enumerate(aggregates, 1):
-            outputs.append(sql.alias(self.expressions.collected(node, rows.env), f"value_{index}"))
-            column = sql.column(f"value_{index}", label)
-            known.append((node, self.expressions.in_range(node, column) if node.function == "sum" else column))
-        outputs.append(sql.alias(rows.first_row, "position"))
-        groups = sql.sorted_query(rows.grouped(outputs), [(rows.first_row, False)], sql.unlimited())
-
-        seen = {(query.id, index): sql.column(f"key_{index + 1}", label) for index in range(len(rows.keys))}
-        env = replace(rows.env.with_groups(seen), known=(*rows.env.known, *known))
-        outer, position = Selects(self.needs), sql.column("position", label)
-        having = None if query.having is None else outer.expressions.condition(query.having, env)
-        order = [(outer.expressions.lower(key.expr, env), key.descending) for key in query.order]
-        return sql.select(
-            outer.outputs(query, env, names),
-            [sql.derived(groups, label)],
-            None if having is None else sql.asked_of(position, having),
-            [*order, (position.copy(), False)] if order else (),
-        )
 
     # --- whole queries ---------------------------------------------------------------------------------
 
@@ -217,7 +168,7 @@ class Selects:
         """A query in an expression: the value that its representation gives."""
         name = query.representation.name
         flag = query.aggregated and is_flag(query.columns[0].expr.type)  # which would not be made a value again
-        if name == "value" and not flag and not can_fail(replace(query, limit=None)):
+        if name == "value" and not flag:
             select = self.rows(replace(query, columns=query.columns[:1]), env, [None], boxed=not query.aggregated)
             if select.args.get("limit") is None:
                 sql.sorted_query(select, (), sql.number(1))
@@ -300,26 +251,14 @@ def _all_sources(query: plan.Query) -> list[plan.Source]:
     return found
 
 
-def _before_groups(query: plan.Query) -> tuple[object, ...]:
-    """What is evaluated of a row before it is put into its group."""
-    return (*query.sources, *(() if query.where is None else (query.where,)), *query.group)
-
-
-def _of_a_group(node: Any) -> Any:
-    """What is evaluated of a group, without that of its rows."""
-    if isinstance(node, plan.Aggregate):
-        return replace(node, argument=None)
-    return node if isinstance(node, plan.Query) else rebuild(node, _of_a_group)
-
-
 def _needs_numbers(query: plan.Query) -> bool:
     """Whether an aggregate's argument has to be evaluated for each row before the groups are made.
 
     An argument that mentions none of the query's own columns would make SQL take the aggregate for one of an
-    outer query. One that can fail must not be spared by HAVING, which SQLite asks before where it can.
+    outer query.
     """
     own = {source.id for source in query.sources}
-    return any(not sources_read(argument) & own or can_fail(argument) for argument in _fed(query))
+    return any(not sources_read(argument) & own for argument in _fed(query))
 
 
 def _fed(query: plan.Query) -> list[plan.Expr]:

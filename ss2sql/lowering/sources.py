@@ -9,7 +9,7 @@ where its evaluation cannot be told apart, a derived table where it stands alone
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, assert_never
+from typing import TYPE_CHECKING, assert_never
 
 from sqlglot import exp
 
@@ -30,7 +30,7 @@ class Opened:
     """A source as SQL: the item of FROM, how it is read, and what sorts it in its own order (empty: nothing does).
 
     `witness` is some column of it; mentioning it keeps a condition from being asked before the source is read.
-    `conditions` filter it, when it stems from a query. Where it `asks`, something that may fail is read before it.
+    `conditions` filter it, when it stems from a query.
     """
 
     items: tuple[Node, ...]
@@ -38,7 +38,6 @@ class Opened:
     order: tuple[Node, ...]
     witness: Node
     conditions: tuple[Node, ...] = ()
-    asks: bool = False
 
 
 def sql_names(columns: tuple[str, ...]) -> dict[str, str]:
@@ -58,38 +57,13 @@ def open_sources(
     `search` is the number of the query if its state may be mentioned.
     """
     siblings: set[int] = set()
-    early = {source.id for source in sources if _fails_alone(source, sources, search)}
-    if early == {sources[0].id}:  # which is read first anyway
-        early.clear()
-    asked: list[Node] = []  # what is read before the walk begins, so that it fails even if there is nothing to walk
     opened: list[Opened] = []
     for source in sources:
-        part = open_source(selects, source, env, siblings, search, asked if source.id in early else None)
+        part = open_source(selects, source, env, siblings, search)
         env = env.with_source(source.id, part.reader)
         siblings.add(source.id)
         opened.append(part)
-    if asked:
-        value = sql.call("in_turn", *(node.copy() for node in asked), sql.number(0))
-        first = sql.table_function(selects.needs.elements(()), [value], selects.needs.label("asked"))
-        opened[0] = replace(opened[0], items=(first, *opened[0].items), asks=True)
     return opened, env
-
-
-def _fails_alone(source: plan.Source, sources: tuple[plan.Source, ...], search: int | None) -> bool:
-    """Whether a source may fail that is the same for all rows of the others, and for all states of a search."""
-    match source:
-        case plan.ValueSource(value=value):
-            read: list[Any] = [value]
-        case plan.QuerySource(query=query):
-            read = [query]
-        case plan.WorldSource(arguments=arguments):
-            read = [*arguments]
-        case _:
-            return False
-    if not isinstance(source, plan.WorldSource) and source.lateral:
-        return False
-    own = {other.id for other in sources}
-    return any(map(can_fail, read)) and not any(moves(part, own, search) for part in read)
 
 
 def open_source(
@@ -98,40 +72,27 @@ def open_source(
     env: Env,
     siblings: set[int],
     search: int | None,
-    asked: list[Node] | None = None,
 ) -> Opened:
-    """One source. Where `asked` is given it is read before the walk begins: it is bound, or noted there."""
+    """One source."""
     match source:
         case plan.TableSource():
             return _table(selects, source)
         case plan.ValueSource(value=value):
-            return _elements(selects, source, _once(selects, value, env, asked))
+            return _elements(selects, source, selects.expressions.value(value, env))
         case plan.QuerySource(query=query):
-            if asked is not None:
-                return _elements(selects, source, _once(selects, plan.Subquery(query, span=source.span), env, asked))
             if _can_join(query) and not (search is None and _shows_outside(query, siblings)):
                 return _joined(selects, source, env, siblings, search)
             lateral = moves(query, siblings, search)
-            whole = can_fail(query) or search is not None
+            whole = search is not None
             outside = sources_read(query) - sources_inside(query) or states_read(query)
             apart = not lateral and not (whole and outside)
             if apart and query.representation.name == "dict" and (not query.group or query.aggregated):
                 return _derived(selects, source, env, whole)
             return _elements(selects, source, selects.subquery(query, replace(env, again=env.again or lateral)))
         case plan.WorldSource():
-            return _world(selects, source, env, asked)
+            return _world(selects, source, env)
         case _:
             assert_never(source)
-
-
-def _once(selects: Selects, expr: plan.Expr, env: Env, asked: list[Node] | None) -> Node:
-    """The value of a source, which is read before the walk begins where `asked` is given."""
-    if asked is not None and not env.again:
-        return selects.needs.bind(expr)
-    node = selects.expressions.value(expr, env)
-    if asked is not None:
-        asked.append(node)
-    return node
 
 
 def _table(selects: Selects, source: plan.TableSource) -> Opened:
@@ -174,7 +135,7 @@ def _elements(selects: Selects, source: plan.ValueSource | plan.QuerySource, val
     return Opened((item,), read, (sql.column("rowid", label),), witness)
 
 
-def _world(selects: Selects, source: plan.WorldSource, env: Env, asked: list[Node] | None) -> Opened:
+def _world(selects: Selects, source: plan.WorldSource, env: Env) -> Opened:
     """A table of a world, or one of its table functions; it is walked in its own order."""
     label = selects.needs.label(source.name)
     names = sql_names(tuple(name for name, _ in source.columns))
@@ -185,9 +146,7 @@ def _world(selects: Selects, source: plan.WorldSource, env: Env, asked: list[Nod
 
     item = sql.table(source.table.module, label)
     if source.table.schema.parameters:
-        arguments = [
-            _once(selects, argument, env, asked if can_fail(argument) else None) for argument in source.arguments
-        ]
+        arguments = [selects.expressions.value(argument, env) for argument in source.arguments]
         item = sql.table_function(source.table.module, arguments, label)
     return Opened((item,), read, (sql.column(PLACE, label),), sql.column(PLACE, label))
 

@@ -315,19 +315,6 @@ def _ordering(order: Sequence[tuple[Node, bool]]) -> exp.Order:
     return exp.Order(expressions=keys)
 
 
-def asked_of(column: Node, condition: Node) -> Node:
-    """A condition that is asked of every row, of a table with this column, and of nothing else.
-
-    What reads nothing of the table SQLite asks first, and if it is false reads no row. So it does with
-    `a = 1 AND a > 1`, where it puts 1 in the place of the column. A call on the other side of `a = ...` it makes first,
-    too, to look its value up.
-    """
-    table = column.find(exp.Column).table  # type: ignore[union-attr]
-    alone = any(read.table == table for read in condition.find_all(exp.Column)) and not isinstance(condition, exp.And)
-    looked_up = isinstance(condition, (exp.EQ, exp.NullSafeEQ)) and condition.find(exp.Anonymous)
-    return condition if alone and not looked_up else call("in_turn", column.copy(), condition)
-
-
 def lasting(condition: Node) -> Node:
     """A condition within AND or OR; `0 AND x` would go away, and with it the sources in x, for which the rest waits."""
     return binary(exp.NEQ, condition, number(0)) if isinstance(condition, exp.Literal) else condition

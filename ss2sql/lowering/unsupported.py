@@ -7,17 +7,17 @@ and the error of `engine="database"` say.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import islice
 from typing import Any
 
 from ss2sql import plan
-from ss2sql.errors import Error, Span, UnsupportedError
+from ss2sql.errors import Span, UnsupportedError
 from ss2sql.kinds import Kind
-from ss2sql.lowering.select import sortable_key, uniform
+from ss2sql.lowering.select import sortable, uniform
 from ss2sql.lowering.sql import can_be_text
 from ss2sql.lowering.strategies import GUARDS
-from ss2sql.walk import behind_what_fails, can_fail, is_volatile, sources_read, states_read, walk, walk_own
+from ss2sql.walk import sources_read, states_read, walk, walk_own
 
 LANGUAGE_REPRESENTATIONS = ("dict", "list", "rows", "value", "set", "void")
 MOST_SOURCES = 60  # SQLite joins at most 64 tables
@@ -55,32 +55,8 @@ def _temporal(query: plan.Query, nested: bool) -> Span | None:
 
 
 def _volatile(query: plan.Query, nested: bool) -> Span | None:
-    """Volatile calls keep their written order in a plain walk of one query; everywhere else SQL is free."""
-    if not (nested or query.search or query.group or query.order):
-        return None
     calls = (node for node in _own_nodes(query) if isinstance(node, plan.Call))
     return next((call.span for call in calls if call.function.volatility == "volatile"), None)
-
-
-def _volatile_source(query: plan.Query, nested: bool) -> Span | None:
-    values = [source.value for source in query.sources if isinstance(source, plan.ValueSource)]
-    values += [e for source in query.sources if isinstance(source, plan.WorldSource) for e in source.arguments]
-    return next((value.span for value in values if is_volatile(value)), None)
-
-
-def _stored_behind(query: plan.Query, nested: bool) -> Span | None:
-    """If a stored table is empty that it joins as the third or later, SQLite sees that first, and reads nothing."""
-    for source in behind_what_fails(query):
-        rows = isinstance(source, plan.QuerySource) and source.query.representation.name == "dict"
-        if rows or (isinstance(source, plan.WorldSource) and query.search is not None):
-            return source.span
-    return None
-
-
-def tables_behind_what_fails(query: plan.Query) -> list[plan.TableSource]:
-    """Tables that must not be empty where the query, or one inside it, runs in SQLite."""
-    queries = (node for node in walk(query) if isinstance(node, plan.Query))
-    return [source for one in queries for source in behind_what_fails(one) if isinstance(source, plan.TableSource)]
 
 
 def _nested_search(query: plan.Query, nested: bool) -> Span | None:
@@ -101,7 +77,7 @@ def _nested_order(query: plan.Query, nested: bool) -> Span | None:
     keys = query.order
     if keys and any(isinstance(source, plan.QuerySource) for source in query.sources):
         return keys[0].expr.span
-    return next((key.expr.span for key in keys if not sortable_key(key.expr)), None)
+    return next((key.expr.span for key in keys if not sortable(key.expr.type)), None)
 
 
 def _nested_limit(query: plan.Query, nested: bool) -> Span | None:
@@ -110,30 +86,9 @@ def _nested_limit(query: plan.Query, nested: bool) -> Span | None:
     if not nested or limit is None:
         return None
     is_count = limit.type.only(Kind.INT) and limit.type.at_least(0)
-    fixed = not (can_fail(limit) or sources_read(limit) or states_read(limit))
+    fixed = not (sources_read(limit) or states_read(limit))
     fixed = fixed and not any(isinstance(node, plan.GroupKey) for node in walk(limit))
     return None if is_count and fixed else limit.span
-
-
-def cuts_unasked(query: plan.Query) -> bool:
-    """Whether SQLite would leave out what SELECT shows of a row that may fail: while it sorts, it keeps the first n.
-
-    Rows that come behind these it drops by their keys alone.
-    """
-    cut = query.limit is not None and (bool(query.order) or query.aggregated)  # groups are sorted by their first rows
-    return cut and any(can_fail(output.expr) for output in query.columns)
-
-
-def _nested_cut(query: plan.Query, nested: bool) -> Span | None:
-    return query.limit.span if nested and query.limit is not None and cuts_unasked(query) else None
-
-
-def _nested_none(query: plan.Query, nested: bool) -> Span | None:
-    """A LIMIT of 0: SQLite reads nothing then, not even what is to be sorted or put into groups before."""
-    limit = query.limit
-    if not nested or limit is None or limit.type.at_least(1) or not (query.order or query.group):
-        return None
-    return limit.span if can_fail(replace(query, limit=None)) else None
 
 
 def _label(query: plan.Query, nested: bool) -> Span | None:
@@ -164,10 +119,8 @@ def _group_values(query: plan.Query, nested: bool) -> Span | None:
     for key in query.group:
         if not uniform(key.type):
             return key.span
-    columns = [output.expr for output in query.columns if can_fail(output.expr)]
-    for key_ in query.order:  # evaluated before the columns
-        same = all(one == key_.expr for one in (*columns, *(k.expr for k in query.order if can_fail(k.expr))))
-        if not (sortable_key(key_.expr) or (isinstance(key_.expr, plan.Aggregate) and same)):
+    for key_ in query.order:
+        if not sortable(key_.expr.type):
             return key_.expr.span
     for node in _own_nodes(query):
         if isinstance(node, plan.Aggregate) and node.argument is not None:
@@ -193,7 +146,6 @@ RULES: tuple[Rule, ...] = (
         "register it with volatility='immutable' or 'stable' if that is true",
         _volatile,
     ),
-    Rule("a source calls a volatile function", "assign its list to a variable before the query", _volatile_source),
     Rule("a search inside another query", "assign its result to a variable before the query", _nested_search),
     Rule(
         "a representation that SQL does not make, inside another query",
@@ -203,12 +155,6 @@ RULES: tuple[Rule, ...] = (
     Rule("a partition inside another query", "assign it to a variable before the query", _nested_partition),
     Rule("an inner ORDER BY over values of several kinds", "sort by numbers or strings alone", _nested_order),
     Rule("an inner LIMIT that is not known beforehand to be a count", "write a number", _nested_limit),
-    Rule("an inner LIMIT behind ORDER BY where SELECT may fail", "leave out ORDER BY or LIMIT", _nested_cut),
-    Rule(
-        "an inner LIMIT that may be 0, behind ORDER BY or GROUP BY of what may fail",
-        "write a count above 0",
-        _nested_none,
-    ),
     Rule("SELECT * over columns that only the elements know", "name the columns", _nested_star),
     Rule("a column name with half of a surrogate pair", "give the column another name", _unwritable_name),
     Rule("a column name that is computed", "write the name itself in to(expr, name)", _label),
@@ -216,11 +162,6 @@ RULES: tuple[Rule, ...] = (
     Rule("HAVING on a partition", "leave the engine to ss2sql", _partition_having),
     Rule("groups over values of several kinds", "group by integers or strings", _group_values),
     Rule("more sources than SQLite can join", "split the query", _limits),
-    Rule(
-        "a query that may be empty, behind a source that may fail for each element of another",
-        "write it before that source",
-        _stored_behind,
-    ),
 )
 
 
@@ -242,33 +183,6 @@ def check(query: plan.Query) -> None:
     """Raises UnsupportedError for the first objection."""
     for rule, place in objections(query):
         raise _refusal(rule.reason, rule.cure, place)
-
-
-def refusal_of_empty(source: plan.TableSource) -> UnsupportedError:
-    """Why a query has to run natively that reads this empty table behind a source that may fail."""
-    reason = "the table is empty, which SQLite would see before the source in front of it fails"
-    return _refusal(reason, "write it before that source", source.span)
-
-
-def refusal_of_failed(query: plan.Query, error: Exception) -> UnsupportedError | None:
-    """Why a query in which something failed has to run natively, for its result or for the error that comes first."""
-    place = _later_element(query)
-    if place is None:
-        return None
-    failed = error.message if isinstance(error, Error) else type(error).__name__  # its text is the user's own code
-    reason = f"{failed}; SQLite makes all elements of a step before it takes the first of them"
-    return _refusal(reason, "leave the engine to ss2sql", place)
-
-
-def _later_element(query: plan.Query) -> Span | None:
-    """A source that is made anew for each element of another; the language evaluates the step before the next one.
-
-    So does SQLite where all is evaluated on entering, which with weights is always so.
-    """
-    if query.search is None or query.search.weight is not None:
-        return None
-    own = {source.id for source in query.sources}
-    return next((source.span for source in query.sources if can_fail(source) and sources_read(source) & own), None)
 
 
 def _refusal(reason: str, cure: str, place: Span) -> UnsupportedError:

@@ -6,12 +6,12 @@ What happens per call decides the speed of a search, so the way of a remembered 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from marshal import dumps, loads
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors import Error, note_place
-from ss2sql.runtime.functions import Memo, UserFunction
+from ss2sql.runtime.functions import Memo, Refused, UserFunction
 from ss2sql.runtime.pool import OtherFormError, Pool
 from ss2sql.runtime.sizes import MAKERS
 
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 
 _MISSING = object()
+NONE = object()  # None in a memory where None says that nothing is known
 
 
 class HeldError(Exception):
@@ -108,6 +109,30 @@ def sql_function(function: UserFunction, memo: Memo, stack: list[Execution]) -> 
         return call(*arguments)
 
     return call_of_memo if remember else call
+
+
+class CallsMade:
+    """The calls that a statement has made before it ended, as values of the language, by the names of functions."""
+
+    def __init__(self, pool: Pool, memos: Mapping[str, Memo]) -> None:
+        self._pool = pool
+        self._known = {name: (memo.plain, memo.exact, memo.failures) for name, memo in memos.items()}
+
+    def __iter__(self) -> Iterator[tuple[str, tuple[Any, ...], Any]]:
+        """Each call: the function's name, the arguments, and the value or what the call was Refused with."""
+        decode = self._pool.decode
+        for name, memories in self._known.items():
+            for memory in memories:
+                for key, answer in memory.items():
+                    arguments = loads(key) if type(key) is bytes else key
+                    yield name, tuple(map(decode, arguments)), self._as_value(answer)
+
+    def _as_value(self, answer: Any) -> Any:
+        if type(answer) is HeldError:
+            return Refused(answer.args[0])
+        if isinstance(answer, Exception):
+            return Refused(answer)
+        return None if answer is NONE else answer if type(answer) is Refused else self._pool.decode(answer)
 
 
 def builtin_function(

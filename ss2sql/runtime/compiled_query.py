@@ -5,9 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from functools import cache, cached_property, partial
-from typing import TYPE_CHECKING, Any, TypeGuard
-
-import apsw
+from typing import TYPE_CHECKING, Any
 
 from ss2sql import plan
 from ss2sql.errors import Error, ExecutionError, Stopped, UnsupportedError
@@ -15,7 +13,6 @@ from ss2sql.kinds import Kind
 from ss2sql.lowering.lower import lower
 from ss2sql.lowering.parameters import Parameter, SqlQuery
 from ss2sql.lowering.rewrites import optimise
-from ss2sql.lowering.unsupported import refusal_of_empty, refusal_of_failed, tables_behind_what_fails
 from ss2sql.runtime.call_sites import takes_arrays
 from ss2sql.runtime.duck.narrowing import Handed, narrow
 from ss2sql.runtime.duck.query import DuckQuery, NotHereError
@@ -36,6 +33,8 @@ from ss2sql.walk import walk
 
 if TYPE_CHECKING:
     from ss2sql.runtime.host import SessionHost
+
+LIMITS = ("X010", "X014")  # of rows and of the size of values: no reason to begin again
 
 PLAIN = Kind.NONE | Kind.NUMBER | Kind.STR
 
@@ -68,8 +67,6 @@ class CompiledQuery:
         self.reason, self.cures = "engine='native' was asked for", tuple[str, ...]()
         self.refusal = None
         self.native: NativeQuery | LevelQuery | DuckQuery | None = None
-        self.set_aside: SqlQuery | None = None  # ran natively last time for what its tables and values were
-        self.stand_in: NativeQuery | None = None
         self.passed_on: str | None = None  # why the engine that was asked for does not run it
         tables = host.held.engine(self.wanted)
         levels = tables if query.search else None
@@ -97,7 +94,7 @@ class CompiledQuery:
         if not (self.native or self.lowered or self.refusal):
             self.native = NativeQuery(query)
         self.bounded: SqlQuery | None = None
-        self.careful: SqlQuery | None = None
+        self.by_value: SqlQuery | None = None
         self.scouts = Scouts(query, self._scout) if self.lowered and takes_arrays(query) else None
         self.plain = all(output.expr.type.only(PLAIN) for output in query.columns)
         self.bindings: dict[int, tuple[plan.Expr, Callable[[Run], Any]]] = {}  # by the identities of the expressions
@@ -107,7 +104,6 @@ class CompiledQuery:
         self.named = {name: compile_statement(expr) for name, expr in query.representation.named}
         self.moves = may_move(query)
         self.doubtful = any(_may_be_infinite(node) for node in walk(query) if isinstance(node, plan.TableSource))
-        self.stored = tables_behind_what_fails(query) if self.lowered else []
         self.made = True
 
     def _constant(self, expr: plan.Expr | None) -> Callable[[Run], Any] | None:
@@ -191,8 +187,6 @@ class CompiledQuery:
         held = self.made and self.world.holds(run.source)
         if not (held and all(handed.holds(run.source) for handed in self.handed.values())):
             self._make(run.source)
-        if self.set_aside is not None:
-            self.native, self.lowered, self.set_aside = None, self.set_aside, None
         if self.refusal is not None:
             raise self.refusal
 
@@ -211,9 +205,6 @@ class CompiledQuery:
 
     def _database_rows(self, run: Run, sink: Rows) -> Rows:
         assert self.lowered is not None
-        empty = next(filter(self.host.tables.is_empty, self.stored), None)
-        if empty is not None:
-            return self._natively_this_time(refusal_of_empty(empty), run, sink)
         limit = self._limit(run)
         own, maximum = self._maximum(run)
         # They are evaluated once, although the statement has them as parameters.
@@ -230,46 +221,41 @@ class CompiledQuery:
             value = bound[parameter.name] = parameter.bound(self._binding(expr)(run) if known is None else known)
             return value
 
-        def careful() -> SqlQuery:
-            """The statement that takes nothing for granted."""
-            if self.careful is None:
-                self.careful = self._lower(self.query, cut=True, careful=True)
-            run.lowered[self] = self.careful
-            return self.careful
+        def by_value() -> SqlQuery:
+            """The statement that compares values by their values."""
+            if self.by_value is None:
+                self.by_value = self._lower(self.query, cut=True, by_value=True)
+            run.lowered[self] = self.by_value
+            return self.by_value
 
         host = self.host
-        lowered = run.lowered[self] = self.lowered_for(run)
+        lowered = run.lowered[self] = self.by_value or self.lowered_for(run)
+        before = run.stats.steps
         try:
-            extras = host.database.execute(lowered, run, evaluate, careful, sink, most, self.scouts)
+            extras = host.database.execute(lowered, run, evaluate, by_value, sink, most, self.scouts)
         except Stopped:
             raise
         except Exception as error:
+            if self.demanded or (isinstance(error, ExecutionError) and error.code in LIMITS):
+                raise
+            run.stats.steps = before
             return self._natively_after(error, run, sink)
         sink.ended = maximum is not None and len(extras) >= maximum
         return finished(lowered, sink, extras, limit)
 
     def _natively_after(self, error: Exception, run: Run, sink: Rows) -> Rows:
-        """The native rows, where SQLite cannot have them, or not the error that comes first; else raises the error."""
-        refusal = refusal_of_failed(self.query, error)
-        if refusal is not None:
-            return self._natively_this_time(refusal, run, sink, error)
-        if self.demanded or not _is_too_much(error):
-            raise error
-        self.reason = f"{error.message}, so it runs natively"
-        self.native, self.lowered = NativeQuery(self.query), None
-        return self._native_rows(run, sink)
-
-    def _natively_this_time(
-        self, refusal: UnsupportedError, run: Run, sink: Rows, error: Exception | None = None
-    ) -> Rows:
-        """The native rows; the next run asks SQLite again. Raises the refusal where the database was demanded."""
-        if self.demanded:
-            raise refusal from error
-        self.reason = refusal.message
+        """SQL has given up: the native rows, or the native error. Calls that were made are not made again."""
+        # The text of an exception is the user's own.
+        reason = error.message if isinstance(error, Error) else f"a function raised {type(error).__name__}"
+        native = NativeQuery(self.query)
+        self.host.hand_over_calls(run)
         sink.clear()
-        self.stand_in = self.stand_in or NativeQuery(self.query)
-        self.native, self.lowered, self.set_aside = self.stand_in, None, self.lowered
-        return self._native_rows(run, sink)
+        if run.sink is not None:
+            run.sink = run.sink._replace(engine=native.engine)
+        rows = native.rows(run, sink)
+        self.native, self.lowered, self.reason = native, None, f"{reason}, so it runs natively"
+        run.notes |= {f"the query ran twice: SQL gave up ({reason}), and Python decided": None}
+        return rows
 
     def _binding(self, expr: plan.Expr) -> Callable[[Run], Any]:
         """What computes the value of a parameter; compiled once, 0.1 ms."""
@@ -290,12 +276,12 @@ class CompiledQuery:
 
     def _scout(self, query: plan.Query) -> SqlQuery:
         # A scout wants the values themselves.
-        return self._lower(query, "late", careful=True)
+        return self._lower(query, "late")
 
-    def _lower(self, query: plan.Query, *off: str, cut: bool = False, careful: bool = False) -> SqlQuery:
+    def _lower(self, query: plan.Query, *off: str, cut: bool = False, by_value: bool = False) -> SqlQuery:
         """The statement of a query, without the rewrites that are `off`; some are needed while a script runs."""
         names, disabled = self.host.sql_names, {*self.host.disabled, *off}
-        return with_room(lambda: lower(query, names, cut=cut, careful=careful, disabled=disabled))
+        return with_room(lambda: lower(query, names, cut=cut, by_value=by_value, disabled=disabled))
 
     def _limit(self, run: Run) -> int | None:
         return self._count(self.limit, run, 0, "LIMIT", self.query.limit)
@@ -341,9 +327,3 @@ def _may_be_infinite(table: plan.TableSource) -> bool:
     """
     others = Kind.STR | Kind.OBJECT
     return any(kind.may(Kind.FLOAT) and (not table.order or kind.may(others)) for _, kind in table.columns)
-
-
-def _is_too_much(error: Exception) -> TypeGuard[ExecutionError]:
-    """Too many terms, too deep, too long for SQLite: found out by its own prepare, before any row."""
-    too_much = isinstance(error.__cause__, (apsw.SQLError, apsw.TooBigError))
-    return isinstance(error, ExecutionError) and error.code == "X009" and too_much

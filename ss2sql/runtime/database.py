@@ -20,7 +20,7 @@ from ss2sql.lowering.expressions import PREDICATES, builtin_name
 from ss2sql.lowering.packing import Packed
 from ss2sql.lowering.parameters import Bookkeeping, Parameter, Shown, SqlQuery
 from ss2sql.runtime.ahead import ROOM, Ahead
-from ss2sql.runtime.calls import Members, Parts, builtin_function, located_final, sql_function
+from ss2sql.runtime.calls import CallsMade, Members, Parts, builtin_function, located_final, sql_function
 from ss2sql.runtime.decoding import decoder
 from ss2sql.runtime.functions import Memo, UserFunction
 from ss2sql.runtime.guard import UNREADABLE, Guard, own_error
@@ -33,7 +33,7 @@ from ss2sql.runtime.run import Run
 from ss2sql.runtime.scouts import Scouts, looking_ahead
 from ss2sql.runtime.search_functions import FUNCTIONS, SearchState, next_number
 from ss2sql.runtime.sources import column_of
-from ss2sql.runtime.sql_functions import AGGREGATE_FUNCTIONS, SCALAR_FUNCTIONS, element_columns, in_range
+from ss2sql.runtime.sql_functions import AGGREGATE_FUNCTIONS, SCALAR_FUNCTIONS, element_columns
 from ss2sql.runtime.vectorized import SqlCaller
 from ss2sql.vtables.frames.frame import Frame
 from ss2sql.vtables.module import WorldModules
@@ -109,7 +109,6 @@ class Database:
         for name, check in (("cost", cost), ("heuristic", heuristic), ("probability", probability)):
             guard.scalar(f"step_{name}", self._weight_function(check), 2)
         self.register_builtin("field", column_of)
-        self.register_builtin("in_range", in_range)
         for name, same in (("eq", True), ("ne", False)):
             guard.scalar(name, self._equality(same))
         connection.set_progress_handler(self._progress, CHECK_EVERY)
@@ -211,37 +210,26 @@ class Database:
         lowered: SqlQuery,
         run: Run,
         evaluate: Callable[[Parameter], Any],
-        careful: Callable[[], SqlQuery],
+        by_value: Callable[[], SqlQuery],
         sink: Rows,
         most: int | None = None,
         scouts: Scouts | None = None,
     ) -> list[tuple[Row, Row]]:
         """Runs the statement and fills `sink` with its rows, or with its paths.
 
-        `evaluate` gives the value of a parameter; `careful` the statement to run where this one took something
-        for granted that is not so; `most` bounds the results of a search; `scouts` say what is coming. Gives for each
-        result its group values and the sort keys that SQL left over. Raises what a user's function raised,
-        ExecutionError X009 for an error of SQLite, X010 for more results than run.max_rows.
+        `evaluate` gives the value of a parameter; `by_value` the statement to run where a value equals one of these in
+        another form; `most` bounds the results of a search; `scouts` say what is coming. Gives for each result its
+        group values and the sort keys that SQL left over. Raises what a user's function raised, ExecutionError X009
+        for an error of SQLite, X010 for more results than run.max_rows; run.calls_made are then the calls so far.
         """
         execution = Execution(run, lowered.query, lowered.calls, lowered.snapshot)
-        with self._running(execution):
+        with self._running(execution), looking_ahead(scouts, self, execution):
             try:
-                with looking_ahead(scouts, self, execution):
-                    return self._attempt(lowered, execution, evaluate, sink, most)
+                return self._attempt(lowered, execution, evaluate, sink, most)
             except OtherFormError:
-                pass
-            except Stopped:
-                raise
-            except Exception:
-                if not (execution.failed and lowered.ahead):
-                    raise
-            # What the statement took for granted is not so: a value has turned up in another form, or something
-            # failed that was perhaps evaluated too early. No call of a function is made a second time.
-            sink.clear()
-            execution.pool.watched = frozenset()
-            execution.failed = False
-            with looking_ahead(scouts, self, execution):
-                return self._attempt(careful(), execution, evaluate, sink, most)
+                sink.clear()
+                execution.pool.watched = frozenset()
+                return self._attempt(by_value(), execution, evaluate, sink, most)
 
     def cursor_of(self, lowered: SqlQuery, pool: Pool, evaluate: Callable[[Parameter], Any]) -> apsw.Cursor:
         """The rows of a statement that runs beside another one; the caller closes them."""
@@ -268,15 +256,16 @@ class Database:
         """Makes the execution the innermost one, with empty memos, and adds up at its end what it has done."""
         run, memos = execution.run, {name: self.memos[name] for name in execution.calls}
         outer = {name: memo.begin() for name, memo in memos.items()}
-        search = self.search.begin(execution.pool.frozen, None, False, False)
+        search = self.search.begin(execution.pool.frozen, None, False)
         self.stack.append(execution)
         try:
             with run.sizes.refusing():
                 yield
         except Stopped as stopped:
             raise stopped.located(execution.query.span if execution.query else None) from None
-        except UNREADABLE as error:
-            if execution.failed and isinstance(error, UnicodeDecodeError):
+        except Exception as error:
+            run.calls_made = CallsMade(execution.pool, memos)
+            if not isinstance(error, UNREADABLE) or (execution.failed and isinstance(error, UnicodeDecodeError)):
                 raise  # it comes from a function of the user
             raise own_error(error, run).located(execution.query.span if execution.query else None) from error
         finally:
@@ -299,7 +288,7 @@ class Database:
     ) -> list[tuple[Row, Row]]:
         pool = execution.pool
         execution.book = lowered.bookkeeping
-        self.search.begin(pool.frozen, most, lowered.plain_rows, lowered.bookkeeping.by_turns)
+        self.search.begin(pool.frozen, most, lowered.plain_rows)
         if lowered.bookkeeping.trusts and pool.pure:
             self.search.trust()
         pool.mixed = self.search.mixed

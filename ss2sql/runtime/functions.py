@@ -195,6 +195,15 @@ def forget_half(memory: dict[Any, Any]) -> None:
         del memory[key]
 
 
+class Refused:
+    """In a memory of calls: the error with which the call ended."""
+
+    __slots__ = ("error",)
+
+    def __init__(self, error: Exception) -> None:
+        self.error = error
+
+
 class Memo:
     """The remembered results of one function, by its SQL arguments; the oldest go when there are too many.
 

@@ -342,6 +342,13 @@ class SessionHost:
             run.callables[function.name] = known
         return known
 
+    def hand_over_calls(self, run: Run) -> None:
+        """Lets a native query know the calls that the statement before has made, for nobody makes them twice."""
+        for name, arguments, answer in run.calls_made:
+            if self.memo_limit:
+                self.call(self.planned[name].plan, run).adopt(arguments, answer)  # type: ignore[attr-defined]
+        run.calls_made = ()
+
     def forget_stable(self, run: Run) -> None:
         """Forgets what stable functions gave: the statement before may have changed what they look at."""
         for name in list(run.callables):

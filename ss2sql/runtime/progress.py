@@ -144,7 +144,7 @@ class Progress:
         if isinstance(self.reached, list):
             return len(self.reached) + 1, True
         if self.search is not None:
-            if self.search.entered or self.search.by_turns:
+            if self.search.entered:
                 return depth_of(self.search.kept_steps())
             paths = None if self._run.sink is None else self._run.sink.rows.paths
             return paths.depth(DEEPEST) if isinstance(paths, Paths) else (0, True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias, TypeVar
@@ -79,6 +79,15 @@ class Stats:
     remembered_steps: int = 0
     seconds: dict[str, float] = field(default_factory=dict)
 
+    @property
+    def steps(self) -> tuple[int, int, int]:
+        """What was generated, expanded and pruned."""
+        return self.generated, self.expanded, self.pruned
+
+    @steps.setter
+    def steps(self, steps: tuple[int, int, int]) -> None:
+        self.generated, self.expanded, self.pruned = steps
+
     def timed(self, stage: str, work: Callable[[], T]) -> Callable[[], T]:
         """The work, whose time counts for a stage whenever it is done."""
 
@@ -125,7 +134,7 @@ class Run:
       once per run and kept in `snapshots`.
     - `call(function, run)`: the callable behind a plan.Function, built in or the user's, on language values;
       the user's gets fresh values, is remembered where immutable, counted, and its result made a language
-      value. The run's memos live in `callables`.
+      value. The run's memos live in `callables`; `calls_made` are those of a statement that gave up.
     - `resolve_text(text, scope)`: the resolved statements of a text given to `eval`.
     - `shape(query, rows, arguments, named, run)`: the value that `AS` makes of rows, as a language value.
     - `table_rows(source)`: all rows of a table of the database, in its order, values of its columns in order.
@@ -170,6 +179,7 @@ class Run:
     endings: list[Callable[[], object]] = field(default_factory=list)
     handed: dict[str, Callable[[], Any]] = field(default_factory=dict)
     callables: dict[str, Callable[..., Any]] = field(default_factory=dict)
+    calls_made: Iterable[tuple[str, tuple[Any, ...], Any]] = ()
     ahead: list[Any] = field(default_factory=list)
     statements: list[Any] = field(default_factory=list)
     lowered: dict[object, SqlQuery] = field(default_factory=dict)

@@ -24,7 +24,6 @@ FUNCTIONS = {
     **dict.fromkeys(("expand", "arrive"), 1),
     **dict.fromkeys(("still_best", "give_once"), 2),
     **dict.fromkeys(("enter", "enter_first", "enter_best", "on_path", "reached", "closed", "improves"), -1),
-    **dict.fromkeys(("next_step", "keep", "on_way", "owned", "own"), -1),
 }
 
 
@@ -75,29 +74,26 @@ class SearchState:
             "always_plain",
             "asked",
             "asked_key",
-            "by_turns",
             "expanded",
             "generated",
             "given",
-            "kept",
-            "kept_way",
             "key",
         ),
-        *("last_dropped", "late", "members", "met", "plain", "pruned", "rows", "shared", "steps", "taken", "walks"),
+        *("last_dropped", "late", "members", "met", "plain", "pruned", "rows", "shared", "taken", "walks"),
         *("wanted", "way"),
     )
 
     def __init__(self) -> None:
-        self._reset(lambda value: value, None, True, False)
+        self._reset(lambda value: value, None, True)
 
-    def begin(self, key: Callable[[Any], Hashable], most: int | None, plain: bool, by_turns: bool) -> dict[str, Any]:
+    def begin(self, key: Callable[[Any], Hashable], most: int | None, plain: bool) -> dict[str, Any]:
         """Starts afresh and gives what has to be handed to `end`.
 
         `key` gives equal SQL values one hashable value; rows that are `plain` need none, see also `trust`. `most`
-        is the number of results after which the search ends. `by_turns` says that steps are evaluated when taken.
+        is the number of results after which the search ends.
         """
         outer = {name: getattr(self, name) for name in self.__slots__}
-        self._reset(key, most, plain, by_turns)
+        self._reset(key, most, plain)
         return outer
 
     def trust(self) -> None:
@@ -108,7 +104,7 @@ class SearchState:
         for name, value in outer.items():
             setattr(self, name, value)
 
-    def _reset(self, key: Callable[[Any], Hashable], most: int | None, plain: bool, by_turns: bool) -> None:
+    def _reset(self, key: Callable[[Any], Hashable], most: int | None, plain: bool) -> None:
         self.key = key
         self.always_plain = self.plain = plain
         self.asked: tuple[Any, ...] = ()  # the row that a guard was asked about, and let pass
@@ -117,17 +113,13 @@ class SearchState:
         self.expanded = 0
         self.pruned = 0
         self.late = 0  # of these, the steps that had entered
-        self.steps = 0
         self.wanted = float("inf") if most is None else most
         self.rows: list[Kept] = [(0, ())]  # of the steps that entered, by number
-        self.kept: dict[int, Kept] = {}  # of the steps that went on
         self.met: dict[Any, Any] = {}  # row -> the step that reached it, or its best rank
         self.taken: dict[Any, Any] = {}  # row -> the rank at which it was taken
         self.given: set[Any] = set()
         self.way = Way(self.rows, self._key_of)
-        self.kept_way = Way(self.kept, self._key_of)
         self.last_dropped = 0
-        self.by_turns = by_turns
         self.walks: list[tuple[Any, int]] = []  # the lists that were walked, and their lengths
         self.members: frozenset[Any] = frozenset()  # those right of IN
         self.shared: list[Any] = []  # for each source that is one of these, too, its list
@@ -145,7 +137,7 @@ class SearchState:
 
     def tried(self, book: Bookkeeping, results: int) -> int:
         """The number of steps that have been generated until now."""
-        generated = self.generated + self.steps
+        generated = self.generated
         if not generated and book.counts == "product":
             return self._steps_from_a_state() * (self._went_on(book, results) + 1)
         if not generated and book.counts == "entered":
@@ -161,7 +153,7 @@ class SearchState:
         return prod(lengths)
 
     def _went_on(self, book: Bookkeeping, results: int) -> int:
-        return self._came_in(book, results) if book.all_go_on else self.expanded + len(self.kept)
+        return self._came_in(book, results) if book.all_go_on else self.expanded
 
     def _came_in(self, book: Bookkeeping, results: int) -> int:
         return results if book.all_results else len(self.rows) - 1
@@ -180,8 +172,7 @@ class SearchState:
         self.taken = {self._mixed_key(key): value for key, value in self.taken.items()}
         self.given = set(map(self._mixed_key, self.given))
         self.asked_key = self._key_of(self.asked)
-        for way in (self.way, self.kept_way):
-            way.keys = set(map(self._mixed_key, way.keys))
+        self.way.keys = set(map(self._mixed_key, self.way.keys))
 
     def _mixed_key(self, key: Any) -> Hashable:
         """The key of a row that has stood for itself so far."""
@@ -192,9 +183,9 @@ class SearchState:
             return row[0] if self.plain else self.key(row[0])
         return row if self.plain else tuple(map(self.key, row))
 
-    def kept_steps(self) -> list[Kept] | dict[int, Kept]:
-        """The steps that others come from, by number; or all that entered."""
-        return self.kept if self.by_turns else self.rows
+    def kept_steps(self) -> list[Kept]:
+        """The steps that entered, by number."""
+        return self.rows
 
     # --- steps that are evaluated on entering ----------------------------------------------------------
 
@@ -254,9 +245,10 @@ class SearchState:
         """Whether a step that is taken is the first to reach its row; it then is the one that has."""
         if self.met.setdefault(self._key_of(self.rows[step][1]), step) == step:
             return 1
-        if step != self.last_dropped:
+        if step != self.last_dropped:  # it is asked for the result and for the children
+            self.last_dropped = step
             self.late += 1
-        self._dropped(step)
+            self.pruned += 1
         return 0
 
     def closed(self, rank: Any, *row: Any) -> int:
@@ -307,43 +299,3 @@ class SearchState:
             return 1
         return 0
 
-    # --- steps that are evaluated when they are taken --------------------------------------------------
-
-    def next_step(self, *positions: int) -> int:
-        """The number of a new step, after a look at the positions of its rows in their tables."""
-        self.steps += 1
-        return self.steps
-
-    def keep(self, step: int, parent: int, *row: Any) -> int:
-        """Notes the row of a step that goes on; always true."""
-        self.kept[step] = (parent, row)
-        return 1
-
-    def on_way(self, step: int, parent: int, *row: Any) -> int:
-        """Whether the row occurs on the path to this step."""
-        key = self._key_of(row)
-        way = self.kept_way
-        if parent != way.end:
-            way.lead_to(parent)
-        if key not in way.keys:
-            return 0
-        self._dropped(step)
-        return 1
-
-    def owned(self, step: int, parent: int, *row: Any) -> int:
-        """Whether another step has reached the row."""
-        owner = self.met.get(self._key_of(row))
-        if owner is None or owner == step:
-            return 0
-        self._dropped(step)
-        return 1
-
-    def own(self, step: int, parent: int, *row: Any) -> int:
-        """Notes that this step reaches the row; always true."""
-        self.met.setdefault(self._key_of(row), step)
-        return 1
-
-    def _dropped(self, step: int) -> None:
-        if step != self.last_dropped:
-            self.last_dropped = step
-            self.pruned += 1

@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from ss2sql.kinds import INT_MAX, INT_MIN, Kind
+from ss2sql.kinds import Kind
 from ss2sql.runtime.builtins import AGGREGATES
-from ss2sql.runtime.library import unchecked_total
-from ss2sql.runtime.messages import CURES, check
 from ss2sql.runtime.pool import Pool
 from ss2sql.runtime.representations import Table, sets
 from ss2sql.runtime.sources import column_of, elements
@@ -182,19 +180,6 @@ def _aggregate(name: str) -> Callable[[Pool], Collect]:
     return Aggregate
 
 
-class Total(Collect):
-    """`group_total(value)`: the sum for `in_range`; an integer beyond 64 bits is a text."""
-
-    def value(self) -> Any:
-        total = unchecked_total([value for value in self.values if value is not None])
-        return total if type(total) is float or INT_MIN <= total <= INT_MAX else str(total)
-
-
-def in_range(total: Any) -> Any:
-    """`in_range(group_total(value), place)`: the sum. Raises ExecutionError X004 where it is no value."""
-    return check(int(total) if type(total) is str else total, CURES["sum"])
-
-
 AGGREGATE_FUNCTIONS: dict[str, Callable[[Pool], Collect]] = {
     "collect": Collect,
     "collect_rows": CollectRows,
@@ -203,5 +188,4 @@ AGGREGATE_FUNCTIONS: dict[str, Callable[[Pool], Collect]] = {
     "collect_nothing": CollectNothing,
     "collect_value": CollectValue,
     **{f"group_{name}": _aggregate(name) for name in AGGREGATES},
-    "group_total": Total,
 }

@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors import Error, ExecutionError, Stopped, note_place
 from ss2sql.runtime.ahead import ROOM, Ahead, Arguments, Kinds, Row
-from ss2sql.runtime.functions import Memo, UserFunction, forget_half
+from ss2sql.runtime.calls import NONE
+from ss2sql.runtime.functions import Memo, Refused, UserFunction, forget_half
 from ss2sql.runtime.messages import show
 from ss2sql.runtime.pool import FALSE, TRUE, OtherFormError, Pool
 from ss2sql.runtime.run import Run
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
     from ss2sql.runtime.database import Execution
 
 NUMBERS = (float, int, bool)
-_NONE = object()
 
 
 # --- arrays --------------------------------------------------------------------------------------------
@@ -155,15 +155,6 @@ class Caller(ABC):
             return Block(rows, result)
 
 
-class Refused:
-    """In a memory of calls: an error that is that of the script if the row comes."""
-
-    __slots__ = ("error",)
-
-    def __init__(self, error: Exception) -> None:
-        self.error = error
-
-
 # --- on the database -----------------------------------------------------------------------------------
 
 
@@ -188,7 +179,7 @@ class SqlCaller(Caller):
         if type(answer) is Refused:
             self.stack[-1].failed = True
             raise answer.error
-        return None if answer is _NONE else answer
+        return None if answer is NONE else answer
 
     def _computed(self, key: bytes, arguments: Arguments) -> Any:
         """What is remembered when the block of these arguments has been computed."""
@@ -225,7 +216,7 @@ class SqlCaller(Caller):
                     value = pool.encode_foreign(element, self.giver)
             except Error as error:
                 value = Refused(error.located(places[0] if places else None))
-            kept = self._keep(row, _NONE if value is None else value)
+            kept = self._keep(row, NONE if value is None else value)
             first = first if number else kept
         if other is not None:
             raise other
@@ -314,6 +305,10 @@ class NativeCaller(Caller):
             first = first if number else answer
             self._keep(row, answer)
         return first
+
+    def adopt(self, arguments: Arguments, answer: Any) -> None:
+        """Remembers what a call has given elsewhere, a value or what it was Refused with."""
+        self._keep((self.key(arguments), arguments), answer)
 
     def _keep(self, row: Row, answer: Any) -> None:
         if self.keeps(row[1]):

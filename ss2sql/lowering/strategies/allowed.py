@@ -2,4 +2,4 @@
 
 from ss2sql.lowering.strategies.base import Guard
 
-GUARD = Guard("allowed", "", None, None, None, "enter", True, "Every path, cycles included.")
+GUARD = Guard("allowed", "", None, "enter", True, "Every path, cycles included.")

@@ -25,16 +25,12 @@ class Order:
 class Guard:
     """What happens to a step whose row was met before; the names are SQL functions of runtime/search_functions.py.
 
-    `met` tells whether the row was met (None: nobody asks) and `meet` notes it once the step has turned out
-    to count, where steps are evaluated when they are taken from the queue. Where they are evaluated before
-    they enter it, `entering` tells whether a row was met, and `number` gives the step its number, and notes
+    `entering` tells whether a row was met (None: nobody asks), and `number` gives the step its number, and notes
     the row. `lowered` is False for what only runs natively.
     """
 
     name: str
     keyword: str
-    met: str | None
-    meet: str | None
     entering: str | None
     number: str
     lowered: bool

@@ -6,8 +6,6 @@ GUARD = Guard(
     "memorize",
     "MEMORIZE",
     None,
-    None,
-    None,
     "enter",
     False,
     "Every path without a repeated row up to the bound, shortest first.",

@@ -2,4 +2,4 @@
 
 from ss2sql.lowering.strategies.base import Guard
 
-GUARD = Guard("no cycle", "NO CYCLE", "on_way", None, "on_path", "enter", True, "Every path without a repeated row.")
+GUARD = Guard("no cycle", "NO CYCLE", "on_path", "enter", True, "Every path without a repeated row.")

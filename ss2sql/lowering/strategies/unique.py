@@ -9,5 +9,5 @@ a step that is no longer the best is neither given out nor expanded when it is t
 from ss2sql.lowering.strategies.base import Guard
 
 PROMISE = "One path to every row that can be reached at all."
-GUARD = Guard("unique", "UNIQUE", "owned", "own", "reached", "enter_first", True, PROMISE)
-BEST = Guard("unique", "UNIQUE", None, None, "closed", "enter_best", True, PROMISE)
+GUARD = Guard("unique", "UNIQUE", "reached", "enter_first", True, PROMISE)
+BEST = Guard("unique", "UNIQUE", "closed", "enter_best", True, PROMISE)

@@ -20,7 +20,7 @@ from typing import Any, TypeAlias
 
 from ss2sql.kinds import INT_MAX, INT_MIN
 from ss2sql.runtime.border import is_finite
-from ss2sql.runtime.functions import UserFunction, forget_half
+from ss2sql.runtime.functions import Refused, UserFunction, forget_half
 from ss2sql.runtime.pool import Pool
 from ss2sql.runtime.run import Run
 from ss2sql.runtime.values import SCALARS, form_of, fresh, normalise
@@ -86,12 +86,14 @@ class RememberedCalls:
     what `missed` or `missed_plain` makes one of. `settle` hands on to the run what was counted.
 
     `once(keys, *arguments)` and `once_of_plain(*arguments)` make calls that nobody makes twice, and remember nothing.
+    `adopt(arguments, answer)` remembers what a call has given elsewhere; calls may then be `foretold`, as they may
+    where another process makes them.
 
     What is remembered is held as bytes until somebody asks for it: of thousands of tuples and lists more than a third
     of the time of a search would go into looking through them for garbage. So keys are bytes, and so are lists.
     """
 
-    __slots__ = ("foretold", "get", "hit", "missed", "missed_plain", "of_any", "of_keys", "of_plain", "once",
+    __slots__ = ("adopt", "foretold", "get", "hit", "missed", "missed_plain", "of_any", "of_keys", "of_plain", "once",
                  "once_of_plain", "settle")  # fmt: skip
 
     def __init__(self, function: UserFunction, run: Run, limit: int) -> None:
@@ -174,13 +176,15 @@ class RememberedCalls:
             found = get(key)
             if found is None:
                 return kept(key, call(map(fresh, arguments)))
-            if type(found) is bytes:
+            if type(found) is not tuple:
                 return again(key, found)
             hit()
-            return found  # type: ignore[no-any-return]
+            return found
 
-        def again(key: Hashable, found: bytes) -> Result:
+        def again(key: Hashable, found: Any) -> Result:
             hit()
+            if type(found) is Refused:
+                raise found.error
             result = memo[key] = (loads(found), found)
             return result
 
@@ -191,6 +195,20 @@ class RememberedCalls:
                 forget_half(memo)
             memo[key] = found[1] if type(found[1]) is bytes and found[0] else found
             return found
+
+        def adopt(arguments: tuple[Any, ...], answer: Any) -> None:
+            self.foretold = True
+            keys = tuple(map(exact_key, arguments))
+            if are_plain(arguments):
+                key: Hashable = arguments
+            elif NO_KEY not in keys:
+                key = b"".join(keys)
+            elif not function.inferred:
+                key = (objects.encode(list(arguments)),)
+            else:
+                return
+            if len(memo) < limit:
+                memo[key] = answer if type(answer) is Refused else (answer, None)
 
         def once(keys: tuple[bytes, ...], *arguments: Any) -> Result:
             return call(map(loads, keys) if copied else arguments)
@@ -205,7 +223,7 @@ class RememberedCalls:
         def once_of_plain(*arguments: Any) -> Result:
             return call(arguments)
 
-        self.foretold = run.foreteller is not None
+        self.adopt, self.foretold = adopt, run.foreteller is not None
         self.once_of_plain = once_of_plain
         self.once = once_of_two if function.minimum == function.maximum == 2 else once
         self.get, self.hit, self.settle = get, hit, settle
