@@ -63,11 +63,12 @@ class EnteringStep:
             branches = [(drop, sql.number(0)) for drop in [*counted, *guard]]
             return [sql.case([*branches, (self.stop(), self.goal())], sql.number(1))]
         weighed = [] if self.of.total is None else self._weighed()
-        guard, rest = (weighed, []) if self.best else (guard, weighed)
+        weighs = self.best and not guard
+        if weighs:
+            guard, weighed = weighed, []
         # STOP WITH guards the weight; else what SQLite answers by itself is asked before what calls Python.
-        weighs = self.best and self.search.weight is not None and can_fail(self.search.weight)
-        guard_first = self._asks_python(dead) and not weighs
-        drops = [*counted, *(guard + dead if guard_first else dead + guard), *rest]
+        guard_first = self._asks_python(dead) and not (weighs and can_fail(self.search.weight))
+        drops = [*counted, *(guard + dead if guard_first else dead + guard), *weighed]
         if len(drops) > 1:
             return [sql.case([(drop, sql.number(0)) for drop in drops], sql.number(1))]
         return [_not(drop) for drop in drops]
@@ -76,7 +77,7 @@ class EnteringStep:
         return any(map(sql.calls_python, drops))
 
     def _guard(self) -> list[Node]:
-        """Whether the row was met."""
+        """Whether the row was met; `improves` asks for more than `closed`, but needs the weight."""
         name = self.of.guard.entering
         if name is None:
             return []
@@ -84,7 +85,9 @@ class EnteringStep:
         if name == "on_path":
             arguments.append(self.parent.copy())
         elif self.of.total is not None:
-            return []  # `improves` asks for more than `closed`
+            if not self.of.weighs_by_calls:
+                return []
+            arguments.append(self.of.ranked(self.of.column(self.of.total)))
         if self.first and name in ("on_path", "closed"):
             return []  # nothing was met yet
         return [sql.call(name, *arguments, *self.row())]
@@ -141,8 +144,7 @@ class EnteringStep:
         if of.rank is not None:
             later = _plus(self.total(), self.estimate())
             goal = None if self.query.where is None else self.goal()
-            reached = self._reached()
-            carried[of.rank] = reached if goal is None else sql.case([(goal, reached)], later)
+            carried[of.rank] = self.total() if goal is None else sql.case([(goal, self.total())], later)
             if of.estimate is not None:
                 # Only a goal waits twice, and needs the estimate when it has come out.
                 estimate = self.estimate()
@@ -157,10 +159,6 @@ class EnteringStep:
         for short, read in of.reads:
             carried[short] = self.expressions.lower(read, self.env)
         return [carried[name] for name in of.all_names]
-
-    def _reached(self) -> Node:
-        """The rank of a goal."""
-        return self.total()
 
     def _number(self, positions: list[Node]) -> Node:
         """The number of the step; it notes the step's row with it."""

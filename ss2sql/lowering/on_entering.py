@@ -76,6 +76,11 @@ class OnEntering(SearchLowering):
         return 1 if self.search.order == "probability" else MOST
 
     @property
+    def weighs_by_calls(self) -> bool:
+        """Whether COST, PROBABILITY or HEURISTIC call functions of the user, which rows that are closed spare."""
+        return bool(_user_calls(self.search.weight) or _user_calls(self.search.heuristic))
+
+    @property
     def all_results(self) -> bool:
         """Whether every step that enters is a result, so that the results hold the rows of all paths."""
         plain = self.query.where is None and not self.ahead and self.order.total is None

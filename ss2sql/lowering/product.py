@@ -50,9 +50,12 @@ class Product:
         self.env = replace(env, sources={**env.sources, **self._readers(env)})
         self.items: list[Node] = []
         self.terms: list[Node] = []
-        self.keeps = False
+        self.keeps = self.sorts = False
         conditions = levels.conditions()
-        self._by_levels(conditions)
+        if self._must_sort(conditions):
+            self._sort(conditions)
+        else:
+            self._by_levels(conditions)
 
     def _by_levels(self, conditions: list[Condition]) -> None:
         """Joins the sources from level to level, and asks and computes at each what can be by then."""
@@ -98,6 +101,36 @@ class Product:
         if not all(part.order for part in self.opened):
             return None
         return [self.outward(key) for part in self.opened for key in part.order]
+
+    # --- tables ----------------------------------------------------------------------------------------
+
+    def _must_sort(self, conditions: list[Condition]) -> bool:
+        """Whether SQLite might evaluate rows that LIMIT cuts off: it may find rows by an index, not in order."""
+        query, tables = self.query, [one for one in self.query.sources if isinstance(one, plan.TableSource)]
+        if query.limit is None or query.order or query.group or not all(part.order for part in self.opened):
+            return False
+        asked = [condition.expr for condition in conditions if condition.free]
+        late = [condition.expr for condition in conditions if not condition.free]
+        late += [output.expr for output in query.columns]
+        if len(tables) < len(query.sources) or not any(map(sources_read, asked)):
+            return False
+        return any(map(can_fail, late))
+
+    def _sort(self, conditions: list[Condition]) -> None:
+        """Joins tables by what cannot fail, sorts the rows, and asks the rest of one after the other."""
+        for part in self.opened:
+            self.items += part.items
+            self.terms += part.conditions
+        self.terms += [self._free(condition) for condition in conditions if condition.free]
+        natural = self.natural or []
+        table = self._enclosed("found", [(key.copy(), False) for key in natural])
+        for key in natural:
+            table.carry(key)  # one column has to be there
+        self.tables.append(table)
+        self.env = replace(self.env, known=tuple((expr, table.carry(node)) for expr, node in self.env.known))
+        late = [condition.expr for condition in conditions if not condition.free]
+        self.terms = [self.selects.expressions.all_of(tuple(late), self.env)] if late else []
+        self.sorts = True
 
     def _enclosed(self, name: str, order: Sequence[tuple[Node, bool]] = ()) -> Table:
         """A table of what is joined so far, which is all that is joined then."""

@@ -66,7 +66,7 @@ class Selects:
         """The keys of ORDER BY, then those of the product's own order; None where Python has to sort."""
         if not query.order:
             kinds = {isinstance(source, plan.TableSource) for source in _all_sources(query)}
-            if kinds == {True}:
+            if kinds == {True} and not flat.sorts:
                 return [(key, False) for key in flat.natural or ()]
             self._walk_in_order(flat)
             return []

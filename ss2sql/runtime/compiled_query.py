@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 
 LIMITS = ("X010", "X014")  # of rows and of the size of values: no reason to begin again
 
+CUT_DEEP_DOWN = "SQLite would call functions for steps that a depth-first search never takes"
+
 PLAIN = Kind.NONE | Kind.NUMBER | Kind.STR
 
 
@@ -84,6 +86,8 @@ class CompiledQuery:
             if levels is not None:
                 self.native = LevelQuery(query, levels)
                 self.reason = f"engine='{self.wanted}' was asked for"
+            elif self.wanted == "auto" and _is_cut_deep_down(query):
+                self.reason = CUT_DEEP_DOWN
             elif self.wanted != "native" and self.native is None:
                 self.lowered = self._lower(query)
                 self.rewrites = (*self.rewrites, *self.lowered.applied)
@@ -187,6 +191,8 @@ class CompiledQuery:
         held = self.made and self.world.holds(run.source)
         if not (held and all(handed.holds(run.source) for handed in self.handed.values())):
             self._make(run.source)
+        if run.maximum is not None and self.lowered and self.wanted == "auto" and _is_cut_deep_down(self.query, True):
+            self.native, self.lowered, self.reason = NativeQuery(self.query), None, CUT_DEEP_DOWN
         if self.refusal is not None:
             raise self.refusal
 
@@ -318,6 +324,17 @@ class CompiledQuery:
     def shown(self, run: Run | None) -> SqlQuery | None:
         """The statement that a run has executed last, else the one that would run."""
         return self.lowered if run is None or self.lowered is None else run.lowered.get(self, self.lowered)
+
+
+def _is_cut_deep_down(query: plan.Query, cut: bool = False) -> bool:
+    """Whether a depth-first search ends early and calls functions of the user or of a world.
+
+    SQLite evaluates all steps from a state before it takes the first of them, so it would call them for the rest, too.
+    """
+    search = query.search
+    if search is None or search.order != "depth first" or not (cut or search.maximum or query.limit):
+        return False
+    return any(isinstance(node, plan.Call) and not node.function.builtin for node in walk(query))
 
 
 def _may_be_infinite(table: plan.TableSource) -> bool:

@@ -298,4 +298,3 @@ class SearchState:
             self.pruned += 1
             return 1
         return 0
-
