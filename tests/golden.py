@@ -17,7 +17,7 @@ from cases import needs
 
 import ss2sql
 from ss2sql.plan_tree import plan_tree
-from ss2sql.runtime.result import Sql
+from ss2sql.runtime.sql_text import Sql
 
 FOLDER = Path(__file__).parent / "cases"
 SECTIONS = ("plan", "sql", "printed", "status", "value", "error")

@@ -5,12 +5,13 @@ A compiled query is made anew when what it relied on has changed, so its parts a
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ss2sql import plan
 from ss2sql.lowering.parameters import SqlQuery
+from ss2sql.runtime.sql_text import Sql, joined_sql
 
 if TYPE_CHECKING:
     from ss2sql.runtime.compiled import CompiledStatement
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     from ss2sql.runtime.duck.query import DuckQuery
     from ss2sql.runtime.host import SessionHost
     from ss2sql.runtime.levels.query import LevelQuery
-    from ss2sql.runtime.result import Sql
     from ss2sql.runtime.run import Run
 
 
@@ -28,8 +28,9 @@ class OutlinedQuery:
     """One query: as it is written and after the rewrites; what SQLite runs, or why it does not, and what would help.
 
     `levels` is a search that goes by levels in another database, `duck` a query that is none, in DuckDB. `sql` is the
-    text that runs, with the values that are bound in it, as far as they are known; `passed_on` says why the engine that
-    was asked for does not run the query. `handed` are what it reads of tables of DuckDB instead of these.
+    text that runs, or that SQLite would run, with the values that are bound in it, as far as they are known; `tell`
+    makes it. `passed_on` says why the engine that was asked for does not run the query. `handed` are what it reads of
+    tables of DuckDB instead of these.
     """
 
     host: SessionHost
@@ -43,8 +44,12 @@ class OutlinedQuery:
     reason: str
     cures: tuple[str, ...]
     rewrites: tuple[str, ...]
-    sql: Sql
+    tell: Callable[[], Sql]
     handed: tuple[Handed, ...]
+
+    @property
+    def sql(self) -> Sql:
+        return self.tell()
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +58,20 @@ class OutlinedStatement:
 
     text: str
     queries: tuple[OutlinedQuery, ...]
+
+    @property
+    def sql(self) -> Sql:
+        texts = [query.sql for query in self.queries]
+        if len(texts) == 1:
+            return texts[0]
+        if not texts:
+            return Sql(f"-- no query: {' '.join(self.text.split())}")
+        return Sql("\n".join(f"{text};" for text in texts), statements=tuple(texts))
+
+
+def script_sql(statements: Iterable[OutlinedStatement]) -> Sql:
+    """The texts of all statements as one, each with its own parameters in `statements`."""
+    return joined_sql([statement.sql for statement in statements])
 
 
 def outline(statements: Iterable[CompiledStatement], run: Run | None = None) -> tuple[OutlinedStatement, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Container, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -17,8 +17,9 @@ from ss2sql.runtime.framed import framed_answer
 from ss2sql.runtime.native import compile_statement
 from ss2sql.runtime.native.deep import with_room
 from ss2sql.runtime.native.new_calls import call_places
-from ss2sql.runtime.result import Result, Sql, joined_sql
+from ss2sql.runtime.result import Result
 from ss2sql.runtime.run import Places, Run, Stats
+from ss2sql.runtime.sql_text import Sql
 from ss2sql.runtime.variables import foretold
 from ss2sql.walk import walk
 
@@ -103,14 +104,6 @@ class CompiledStatement:
             self.looked_at[name] = kept
         return any(self.host.table_changed(table, run) for table in self.statement.tables)
 
-    def sql(self, run: Run | None = None) -> Sql:
-        texts = [query.sql(run) for query in self.queries]
-        if len(texts) == 1:
-            return texts[0]
-        if not texts:
-            return Sql(f"-- no query: {' '.join(self.tree.span.text.split())}")
-        return Sql("\n".join(f"{text};" for text in texts), statements=tuple(texts))
-
 
 def _type_of(source: Callable[[str], Any], name: str) -> Type:
     """The type of a variable's present value; of one that cannot be read nothing: whoever reads it says so."""
@@ -120,11 +113,6 @@ def _type_of(source: Callable[[str], Any], name: str) -> Type:
         return ANY  # there is none any more
     except ExecutionError:
         return NOTHING
-
-
-def script_sql(statements: Sequence[CompiledStatement], run: Run | None = None) -> Sql:
-    """The texts of all statements as one, each with its own parameters in `statements`."""
-    return joined_sql([statement.sql(run) for statement in statements])
 
 
 class Query:
@@ -223,7 +211,9 @@ class Query:
 
     @property
     def sql(self) -> Sql:
-        return script_sql(self.statements())
+        from ss2sql.explained.outline import outline, script_sql
+
+        return script_sql(outline(self.statements()))
 
     def explain(self) -> Explanation:
         """What becomes of the script, as `Result.explain` says it, without what only a run can tell."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache, cached_property, partial
 from typing import TYPE_CHECKING, Any
 
@@ -23,11 +23,12 @@ from ss2sql.runtime.native import NativeQuery, compile_statement
 from ss2sql.runtime.native.deep import with_room
 from ss2sql.runtime.native.options import least_of, whole
 from ss2sql.runtime.notes import notes_of, notes_of_empty
-from ss2sql.runtime.result import Answer, Sql, Status
+from ss2sql.runtime.result import Answer, Status
 from ss2sql.runtime.rows import Rows
 from ss2sql.runtime.run import Run, Sink
 from ss2sql.runtime.scouts import Scouts
 from ss2sql.runtime.shaping import PATH_FORMS, with_stars
+from ss2sql.runtime.sql_text import Sql
 from ss2sql.vtables.snapshots import may_move
 from ss2sql.walk import walk
 
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
 
 LIMITS = ("X010", "X014")  # of rows and of the size of values: no reason to begin again
 
+READS_VALUES = "all its sources are Python values, which SQLite would read one by one"
 CUT_DEEP_DOWN = "SQLite would call functions for steps that a depth-first search never takes"
 
 PLAIN = Kind.NONE | Kind.NUMBER | Kind.STR
@@ -86,6 +88,8 @@ class CompiledQuery:
             if levels is not None:
                 self.native = LevelQuery(query, levels)
                 self.reason = f"engine='{self.wanted}' was asked for"
+            elif self.wanted == "auto" and self._reads_values_alone(query):
+                self.reason = READS_VALUES
             elif self.wanted == "auto" and _is_cut_deep_down(query):
                 self.reason = CUT_DEEP_DOWN
             elif self.wanted != "native" and self.native is None:
@@ -109,6 +113,14 @@ class CompiledQuery:
         self.moves = may_move(query)
         self.doubtful = any(_may_be_infinite(node) for node in walk(query) if isinstance(node, plan.TableSource))
         self.made = True
+
+    def _reads_values_alone(self, query: plan.Query) -> bool:
+        """Whether a query that is no search reads Python values alone, and nothing that lies in a table or a frame."""
+        nodes = list(walk(query))
+        if any(isinstance(node, (plan.TableSource, plan.WorldSource)) for node in nodes):
+            return False
+        read = {node.name for node in nodes if isinstance(node, plan.Variable)}
+        return query.search is None and not any(map(self.host.names.is_frame, read))
 
     def _constant(self, expr: plan.Expr | None) -> Callable[[Run], Any] | None:
         return None if expr is None else compile_statement(expr)
@@ -309,17 +321,37 @@ class CompiledQuery:
         except ExecutionError as error:
             raise error.located(expr.span) from None
 
-    def sql(self, run: Run | None = None) -> Sql:
-        """The text that runs, with the values of its parameters: those that it had in a run, else those in the text."""
+    def sql(self, run: Run | None = None) -> Callable[[], Sql]:
+        """What gives the text that runs, with the values of its parameters: those of a run, else those in the text.
+
+        Of a query that runs natively it is the text that SQLite would run, which is made when it is asked for.
+        """
         lowered = self.shown(run)
+        if lowered is None and self.duck is None and self.levels is None:
+            return partial(self._not_run, self.query, {} if run is None else run.snapshots)
         if lowered is None:
-            if self.duck is not None:
-                return self.duck.sql(run)
-            return Sql(self.levels.sql if self.levels else f"-- no SQL: {self.reason}")
+            text = self.duck.sql(run) if self.duck is not None else Sql(self.levels.sql if self.levels else "")
+            return lambda: text
         values = {p.name: p.bound(p.expr.value) for p in lowered.parameters if isinstance(p.expr, plan.Constant)}
         if run is not None:
             values.update(run.bound.get(self, ()))
-        return Sql(lowered.text, values, modules=lowered.modules)
+        return partial(Sql, lowered.text, values, modules=lowered.modules)
+
+    def _not_run(self, query: plan.Query, values: Mapping[str, Any]) -> Sql:
+        """What engine="database" would run, with the values of variables as far as they are known."""
+        try:
+            lowered = self._lower(query)
+        except UnsupportedError as error:
+            return Sql(f"-- no SQL: {error.message}")
+        known = {**self.host.names.values, **values}
+        bound = {}
+        for parameter in lowered.parameters:
+            match parameter.expr:
+                case plan.Constant(value=value):
+                    bound[parameter.name] = parameter.bound(value)
+                case plan.Variable(name=name) if name in known:
+                    bound[parameter.name] = parameter.bound(known[name])
+        return Sql(lowered.text, bound, modules=lowered.modules)
 
     def shown(self, run: Run | None) -> SqlQuery | None:
         """The statement that a run has executed last, else the one that would run."""

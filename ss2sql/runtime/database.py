@@ -27,13 +27,13 @@ from ss2sql.runtime.guard import UNREADABLE, Guard, own_error
 from ss2sql.runtime.native.options import cost, heuristic, probability
 from ss2sql.runtime.paths import Paths
 from ss2sql.runtime.pool import FALSE, TRUE, OtherFormError, Pool
-from ss2sql.runtime.result import Sql
 from ss2sql.runtime.rows import Row, Rows, check_room, within
 from ss2sql.runtime.run import Run
 from ss2sql.runtime.scouts import Scouts, looking_ahead
 from ss2sql.runtime.search_functions import FUNCTIONS, SearchState, next_number
 from ss2sql.runtime.sources import column_of
 from ss2sql.runtime.sql_functions import AGGREGATE_FUNCTIONS, SCALAR_FUNCTIONS, element_columns
+from ss2sql.runtime.sql_text import Sql
 from ss2sql.runtime.vectorized import SqlCaller
 from ss2sql.vtables.frames.frame import Frame
 from ss2sql.vtables.module import WorldModules

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from ss2sql.errors import Cancelled, Stopped
 from ss2sql.explained.outline import outline
 from ss2sql.runtime.calls import HeldError
-from ss2sql.runtime.compiled import CompiledStatement, Query, script_sql
+from ss2sql.runtime.compiled import CompiledStatement, Query
 from ss2sql.runtime.engines import Engine, check_engine
 from ss2sql.runtime.interrupts import under_way
 from ss2sql.runtime.opening import check_bound
@@ -171,7 +171,6 @@ def _result(host: SessionHost, run: Run, statements: Sequence[CompiledStatement]
         used,
         answer.status if answer is not None else "complete",
         run.stats,
-        script_sql(statements, run),
         answer,
         outline(statements, run),
         _recount(host, run.arguments, run.maximum),
@@ -216,4 +215,4 @@ def _partial(run: Run | None, status: Status) -> Result | None:
     form = None if run.sink.query is None else run.sink.query.representation
     answer = Answer(shown, None, engine, status, form=form)
     outlined, notes = outline(run.statements, run), tuple(run.notes)
-    return Result(None, engine, status, run.stats, script_sql([]), answer, outlined, notes=notes)
+    return Result(None, engine, status, run.stats, answer, outlined, notes=notes)

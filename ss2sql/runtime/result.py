@@ -2,53 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from ss2sql import plan
 from ss2sql.errors import SessionError
+from ss2sql.explained.outline import OutlinedStatement, script_sql
 from ss2sql.kinds import Type
 from ss2sql.results import files, frames, fresh_row, graphs, rows_of, show
 from ss2sql.runtime.opening import check_bound
 from ss2sql.runtime.paths import lengths_of
 from ss2sql.runtime.rows import Row, Rows, free_name, row_maker
 from ss2sql.runtime.run import Stats, out_of_memory
+from ss2sql.runtime.sql_text import Sql
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from ss2sql.explained.explanation import Explanation
-    from ss2sql.explained.outline import OutlinedStatement
     from ss2sql.runtime.run import Run
 
 Status: TypeAlias = Literal["complete", "maximum", "timeout", "cancelled", "memory", "steps"]
-
-
-class Sql(str):
-    """SQL text with what it needs beside it.
-
-    `parameters` are the values bound to its `:names`, `statements` the texts of the script's statements one
-    by one, `modules` the virtual tables that it reads, with the columns of their elements.
-    """
-
-    parameters: Mapping[str, Any]
-    statements: tuple[Sql, ...]
-    modules: Mapping[str, tuple[str, ...]]
-
-    def __new__(
-        cls,
-        text: str,
-        parameters: Mapping[str, Any] | None = None,
-        statements: tuple[Sql, ...] = (),
-        modules: Mapping[str, tuple[str, ...]] | None = None,
-    ) -> Sql:
-        self = super().__new__(cls, text)
-        self.parameters = dict(parameters or {})
-        self.statements = statements or (self,)
-        self.modules = dict(modules or {})
-        return self
 
 
 def column_names(own: Sequence[str]) -> tuple[str, ...]:
@@ -57,16 +34,6 @@ def column_names(own: Sequence[str]) -> tuple[str, ...]:
     for name in own:
         names.append(free_name(name, names))
     return tuple(names)
-
-
-def joined_sql(texts: Sequence[Sql]) -> Sql:
-    """The texts of several statements as one, each with its own parameters in `statements`."""
-    if len(texts) == 1:
-        return texts[0]
-    parameters = {name: value for text in texts for name, value in text.parameters.items()}
-    modules = {name: columns for text in texts for name, columns in text.modules.items()}
-    joined = "\n\n".join(text if text.startswith("--") else f"{text};" for text in texts)
-    return Sql(joined, parameters, tuple(texts), modules)
 
 
 @dataclass(slots=True)
@@ -108,15 +75,14 @@ class Result:
     `value` is what AS asked for, exactly. `columns` and the rows of iteration are a table of it: the rows of
     a query as tuples; of a search one row per step, with the number of the path and of the step before it;
     of any other value one row. `status` is `complete`, `maximum`, `timeout`, `cancelled` or `memory`,
-    `engine` `database` or `native`. `sql` is the text that ran, `stats` what was counted (see Stats).
-    `notes` are what a person should know, each a line with the cure: why a search may have found too little.
+    `engine` `database` or `native`. `sql` is the text that ran, or that SQLite would run, `stats` what was counted
+    (see Stats). `notes` are what a person should know, each a line with the cure: why a search may have found too little.
     """
 
     given: Any = field(repr=False)
     engine: str
     status: Status
     stats: Stats
-    sql: Sql
     answer: Answer | None = field(default=None)
     outline: tuple[OutlinedStatement, ...] = ()
     recount: Callable[[Callable[[Run], Any]], Any] | None = field(default=None, compare=False)
@@ -125,6 +91,10 @@ class Result:
     @property
     def value(self) -> Any:
         return self.given if self.answer is None else self.answer.value
+
+    @cached_property
+    def sql(self) -> Sql:
+        return script_sql(self.outline)
 
     @property
     def columns(self) -> tuple[str, ...]:

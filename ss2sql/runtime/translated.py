@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ss2sql.errors import UnsupportedError
+from ss2sql.explained.outline import outline, script_sql
 from ss2sql.lowering.dialects import SQLITE, Dialect
 from ss2sql.lowering.portable.flat import write_flat
-from ss2sql.runtime.compiled import CompiledStatement, script_sql
+from ss2sql.runtime.compiled import CompiledStatement
 from ss2sql.runtime.compiled_query import CompiledQuery
 from ss2sql.runtime.engines import ABILITIES
 from ss2sql.runtime.levels.query import in_tables
-from ss2sql.runtime.result import Sql
+from ss2sql.runtime.sql_text import Sql
 
 
 def translated(statements: Sequence[CompiledStatement], dialect: Dialect) -> Sql:
@@ -20,11 +21,11 @@ def translated(statements: Sequence[CompiledStatement], dialect: Dialect) -> Sql
     Raises UnsupportedError where a query could mean something else there.
     """
     if dialect is SQLITE:
-        return script_sql(statements)
+        return script_sql(outline(statements))
     texts = []
-    for statement in statements:
+    for statement, outlined in zip(statements, outline(statements), strict=True):
         queries = [_text(query, dialect) for query in statement.queries]
-        texts.append("\n".join(queries) or statement.sql())
+        texts.append("\n".join(queries) or outlined.sql)
     return Sql("\n\n".join(texts))
 
 

@@ -72,6 +72,10 @@ class Variables:
         reader = None if self.others is None else self.others.reader(name)
         return self.values[name] if reader is None else reader()
 
+    def is_frame(self, name: str) -> bool:
+        """Whether a name stands for a data frame, or a table that is handed over as one."""
+        return name in self.frames or (self.others is not None and self.others.reader(name) is not None)
+
     def read(self, name: str, run: Run) -> Any:
         """The value, or the data frame, as a run sees it; raises ExecutionError R001 where it has none yet."""
         if name in run.snapshots:

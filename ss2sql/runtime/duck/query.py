@@ -17,10 +17,10 @@ from ss2sql.runtime.duck.tables import DuckFrame, DuckSources, Reading
 from ss2sql.runtime.levels.watch import watched
 from ss2sql.runtime.native.compiled import compile_statement
 from ss2sql.runtime.native.options import whole
-from ss2sql.runtime.result import Sql
 from ss2sql.runtime.rows import Row, Rows, within
 from ss2sql.runtime.run import Run
 from ss2sql.runtime.sizes import CELL
+from ss2sql.runtime.sql_text import Sql
 from ss2sql.walk import walk
 
 BLOCK = 10_000  # rows that are read at once
