@@ -57,27 +57,26 @@ class EnteringStep:
 
     def enters(self) -> list[Node]:
         """The conditions on entering."""
-        counted = [_not(sql.call("go_on"))] if self.of.counted else []
-        guard, dead = self._guard(), self._dead()
-        if self.of.asks_both and self.of.total is None and dead and self._asks_python(dead):
-            branches = [(drop, sql.number(0)) for drop in [*counted, *guard]]
-            return [sql.case([*branches, (self.stop(), self.goal())], sql.number(1))]
+        enough = [sql.call("go_on")] if self.of.counted else []
+        new, alive = self._is_new(), self._is_alive()
         weighed = [] if self.of.total is None else self._weighed()
-        weighs = self.best and not guard
+        weighs = self.best and not new
         if weighs:
-            guard, weighed = weighed, []
-        # STOP WITH guards the weight; else what SQLite answers by itself is asked before what calls Python.
-        guard_first = self._asks_python(dead) and not (weighs and can_fail(self.search.weight))
-        drops = [*counted, *(guard + dead if guard_first else dead + guard), *weighed]
-        if len(drops) > 1:
-            return [sql.case([(drop, sql.number(0)) for drop in drops], sql.number(1))]
-        return [_not(drop) for drop in drops]
+            new, weighed = weighed, []
+        # What SQLite answers by itself is asked before what calls Python.
+        fails = self.search.weight is not None and can_fail(self.search.weight)
+        new_first = self._asks_python(alive) and not (weighs and fails)
+        conditions = [*enough, *(new + alive if new_first else alive + new), *weighed]
+        if (enough or (fails and alive)) and len(conditions) > 1:
+            # Steps are counted, and STOP WITH guards the weight; parts of AND SQLite asks as early as it can.
+            return [sql.case([(_not(one), sql.number(0)) for one in conditions[:-1]], conditions[-1])]
+        return conditions
 
     def _asks_python(self, drops: list[Node]) -> bool:
         return any(map(sql.calls_python, drops))
 
-    def _guard(self) -> list[Node]:
-        """Whether the row was met; `improves` asks for more than `closed`, but needs the weight."""
+    def _is_new(self) -> list[Node]:
+        """Whether the row was not met; `improves` asks for more than `closed`, but needs the weight."""
         name = self.of.guard.entering
         if name is None:
             return []
@@ -90,33 +89,26 @@ class EnteringStep:
             arguments.append(self.of.ranked(self.of.column(self.of.total)))
         if self.first and name in ("on_path", "closed"):
             return []  # nothing was met yet
-        return [sql.call(name, *arguments, *self.row())]
+        return [_not(sql.call(name, *arguments, *self.row()))]
 
-    def _dead(self) -> list[Node]:
-        """Whether the step stops without being a goal."""
+    def _is_alive(self) -> list[Node]:
+        """Whether the step goes on or is a goal."""
         where, stop = self.query.where, self.search.stop
+        if stop is not None:
+            stop = without(stop, self.of.looked_up) if where is None else _unless(stop, where)
         if stop is None:
             return []
-        if where is None:
-            left = without(stop, self.of.looked_up)
-            return [] if left is None else [self.expressions.condition(left, self.env)]
-        if can_fail(where) or can_fail(stop):
-            return [sql.case([(self.stop(), _not(self.goal()))], sql.number(0))]
-        stop = _unless(stop, where)
-        if stop is None:
-            return []
-        dead = sql.conjunction([self.expressions.condition(stop, self.env), _not(self.goal())])
-        return [dead] if dead is not None else []
+        goes_on = _not(self.expressions.condition(stop, self.env))
+        return [goes_on if where is None else sql.disjunction([goes_on, self.goal()])]
 
     def _weighed(self) -> list[Node]:
-        """What COST or PROBABILITY drops."""
-        drops: list[Node] = []
+        """What COST or PROBABILITY ask of a step."""
+        asked: list[Node] = []
         if self.search.order == "probability":
-            drops.append(sql.binary(exp.EQ, self.weight(), sql.number(0)))
-        if not self.best:
-            return drops
-        drops.append(_not(sql.call("improves", self.of.ranked(self.total()), *self.row())))
-        return drops
+            asked.append(sql.binary(exp.GT, self.weight(), sql.number(0)))
+        if self.best:
+            asked.append(sql.call("improves", self.of.ranked(self.total()), *self.row()))
+        return asked
 
     # --- what it carries -------------------------------------------------------------------------------
 

@@ -229,10 +229,7 @@ class Expressions:
         return sql.case(stops, conditions[-1])
 
     def any_of(self, parts: tuple[plan.Expr, ...], env: Env) -> Node:
-        conditions = self.in_order(parts, env, False)
-        if not any(can_fail(part) for part in parts[1:]):
-            return sql.disjunction([sql.lasting(condition) for condition in conditions])
-        return sql.case([(condition, sql.number(1)) for condition in conditions[:-1]], conditions[-1])
+        return sql.disjunction([sql.lasting(condition) for condition in self.in_order(parts, env, False)])
 
     def in_order(self, parts: tuple[plan.Expr, ...], env: Env, truth: bool) -> list[Node]:
         """The truth of expressions, each where those before it have this truth."""

@@ -76,7 +76,8 @@ class Result:
     a query as tuples; of a search one row per step, with the number of the path and of the step before it;
     of any other value one row. `status` is `complete`, `maximum`, `timeout`, `cancelled` or `memory`,
     `engine` `database` or `native`. `sql` is the text that ran, or that SQLite would run, `stats` what was counted
-    (see Stats). `notes` are what a person should know, each a line with the cure: why a search may have found too little.
+    (see Stats). `notes` are what a person should know, each a line with the cure: why a search may have found too
+    little.
     """
 
     given: Any = field(repr=False)
