@@ -171,7 +171,7 @@ class CompiledQuery:
         try:
             with self.host.memories.query(self.moves):
                 found = self._database_rows(run, sink) if self.lowered else self._native_rows(run, sink)
-                rows = with_stars(query, found)
+                rows = with_stars(query, found, run.check)
                 if self.doubtful:
                     rows.check()
                 if run.borrows and self.lowered is None:
@@ -183,7 +183,7 @@ class CompiledQuery:
         run.notes |= dict.fromkeys(notes_of_empty(self.written, rows, run.stats, before))
         status: Status = "maximum" if rows.ended else "complete"
         make = run.stats.timed("shape", partial(shapes.represent, form, rows, arguments, named))
-        answer = run.answer = Answer(rows.shown(), make, self.engine, status, query.columns)
+        answer = run.answer = Answer(rows.shown(), make, self.engine, status, query.columns, begin=lambda: run.check)
         return answer
 
     def renew(self, run: Run) -> None:

@@ -371,4 +371,4 @@ class SessionHost:
         return self.tables.rows(source)
 
     def shape(self, query: plan.Query, rows: Rows, arguments: tuple[Any, ...], named: dict[str, Any], run: Run) -> Any:
-        return self.shapes.of_inner(query, with_stars(query, rows), arguments, named, run.sizes)
+        return self.shapes.of_inner(query, with_stars(query, rows, run.sizes.pause), arguments, named, run.sizes)

@@ -18,13 +18,12 @@ from typing import Any
 from ss2sql.errors import ExecutionError
 from ss2sql.runtime import library, operators
 from ss2sql.runtime.messages import DEPTH_LIMIT, too_deep
-from ss2sql.runtime.rows import too_many
+from ss2sql.runtime.rows import AT_ONCE, too_many
 
 MOST = 10**9  # what SQLite allows a text at most
 LEAST = 2**18  # the length of a script, so of the texts in it
 CELL = 8  # bytes of a value inside of a list
 FEW = 16  # values in a list
-AT_ONCE = 4096  # rows
 LARGE = 1024  # lists of this size are measured once
 HUGE = 2**20  # to make a value of this size takes as long as a few thousand steps
 # Built-in functions that may give more than they take, and the methods that stand in for them.

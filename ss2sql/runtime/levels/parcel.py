@@ -253,7 +253,7 @@ class _Host:
         return self.parcel.tables[source.id]
 
     def shape(self, query: plan.Query, rows: Rows, arguments: tuple[Any, ...], named: dict[str, Any], run: Run) -> Any:
-        return self.shapes.of_inner(query, with_stars(query, rows), arguments, named, run.sizes)
+        return self.shapes.of_inner(query, with_stars(query, rows, run.sizes.pause), arguments, named, run.sizes)
 
     def _never(self, *given: Any) -> Any:
         raise AssertionError("a search that keeps the written order does not go by levels")
