@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors import SessionError
 from ss2sql.extras import install_line
-from ss2sql.runtime.rows import Row, checked
+from ss2sql.runtime.checking import checked
+from ss2sql.runtime.rows import Row
 from ss2sql.runtime.values import fresh
 
 if TYPE_CHECKING:

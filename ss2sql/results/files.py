@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from ss2sql.results import package, rows_of
 from ss2sql.results.frames import to_arrow
-from ss2sql.runtime.rows import checked
+from ss2sql.runtime.checking import checked
 
 if TYPE_CHECKING:
     from ss2sql.runtime.result import Result

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from ss2sql.errors import Cancelled, Stopped
 from ss2sql.explained.outline import outline
 from ss2sql.runtime.calls import HeldError
+from ss2sql.runtime.checking import checking
 from ss2sql.runtime.compiled import CompiledStatement, Query, script_sql
 from ss2sql.runtime.engines import Engine, check_engine
 from ss2sql.runtime.interrupts import under_way
@@ -104,6 +105,11 @@ def execute(host: SessionHost, query: Query, options: Options, variables: Mappin
     run.max_rows = run.sizes.rows = options.max_rows
     run.steps_left = _steps_left(host)
     run.arguments = {name: normalise(value, f"the variable '{name}'") for name, value in variables.items()}
+    with checking(run.check):
+        return _executed(host, query, options, run)
+
+
+def _executed(host: SessionHost, query: Query, options: Options, run: Run) -> Result:
     statements = run.statements = query.statements(options.engine, run)
     run.call_places = query.call_places
     run.foreteller = _foreteller(host, run, options.workers)

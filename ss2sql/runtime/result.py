@@ -12,9 +12,10 @@ from ss2sql import plan
 from ss2sql.errors import SessionError, Stopped
 from ss2sql.kinds import Type
 from ss2sql.results import files, frames, fresh_row, graphs, rows_of, show
+from ss2sql.runtime.checking import Check, checked
 from ss2sql.runtime.opening import check_bound
 from ss2sql.runtime.paths import lengths_of
-from ss2sql.runtime.rows import Check, Row, Rows, checked, checked_paths, free_name, row_maker
+from ss2sql.runtime.rows import Row, Rows, checked_paths, free_name, row_maker
 from ss2sql.runtime.run import BoundsLeft, Stats, out_of_memory
 
 if TYPE_CHECKING:

@@ -5,18 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from itertools import chain, islice
+from itertools import chain
 from typing import Any, ClassVar, TypeAlias, TypeVar
 
 from ss2sql.errors import ExecutionError, Span
+from ss2sql.runtime.checking import AT_ONCE, Check, checked
 from ss2sql.runtime.values import kept, normalise
 
-T = TypeVar("T")
 Path = TypeVar("Path", bound=Sequence[Any])
 Row: TypeAlias = tuple[Any, ...]
-Check: TypeAlias = Callable[[], None]  # raises what ends the work that asks it
-
-AT_ONCE = 4096  # rows, or cells, between two checks: some 0.1 to 1 ms
 
 
 class NamedRow(tuple[Any, ...]):
@@ -118,17 +115,6 @@ def free_name(name: str, taken: Collection[str]) -> str:
         count += 1
         candidate = f"{name}_{count}"
     return candidate
-
-
-def checked(items: Iterable[T], check: Check | None) -> Iterable[T]:
-    """The items, with a check after every few thousand."""
-    return items if check is None else chain.from_iterable(_portions(iter(items), check))
-
-
-def _portions(items: Iterator[T], check: Check) -> Iterator[list[T]]:
-    while portion := list(islice(items, AT_ONCE)):
-        yield portion
-        check()
 
 
 def checked_paths(paths: Iterable[Path], check: Check | None) -> Iterable[Path]:

@@ -9,10 +9,11 @@ from typing import Any
 from ss2sql import plan
 from ss2sql.errors import Error, RepresentationError, note_place
 from ss2sql.runtime import representations
+from ss2sql.runtime.checking import AT_ONCE, Check, checked
 from ss2sql.runtime.messages import show
 from ss2sql.runtime.paths import Paths, lengths_of
 from ss2sql.runtime.representations.base import ASKS
-from ss2sql.runtime.rows import AT_ONCE, Check, Row, Rows, checked, checked_paths
+from ss2sql.runtime.rows import Row, Rows, checked_paths
 from ss2sql.runtime.sizes import CELL, MOST, Sizes
 from ss2sql.runtime.values import Opaque, fresh, fresh_rows, normalise
 
@@ -195,7 +196,7 @@ class Shapes:
         return value
 
 
-def with_stars(query: plan.Query, rows: Rows, check: Check | None) -> Rows:
+def with_stars(query: plan.Query, rows: Rows, check: Check | None = None) -> Rows:
     """The rows of a query, with those columns taken apart that SELECT * could not know beforehand."""
     stars = frozenset(index for index, output in enumerate(query.columns) if output.star)
     return rows.with_stars(stars, check) if stars else rows

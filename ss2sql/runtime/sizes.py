@@ -17,8 +17,9 @@ from typing import Any
 
 from ss2sql.errors import ExecutionError
 from ss2sql.runtime import library, operators
+from ss2sql.runtime.checking import AT_ONCE
 from ss2sql.runtime.messages import DEPTH_LIMIT, too_deep
-from ss2sql.runtime.rows import AT_ONCE, too_many
+from ss2sql.runtime.rows import too_many
 
 MOST = 10**9  # what SQLite allows a text at most
 LEAST = 2**18  # the length of a script, so of the texts in it
@@ -76,9 +77,14 @@ class Sizes:
 
     def zipped(self, *lists: Any) -> Any:
         """`zip(a, b)`."""
-        if all(type(items) is list for items in lists):
-            self.room(CELL * (len(lists) + 1) * min(map(len, lists)))
-        return self.checked(library.zipped(*lists))
+        if not all(type(items) is list for items in lists):
+            return library.zipped(*lists)  # which refuses it
+        length = min(map(len, lists))
+        self.room(CELL * (len(lists) + 1) * length)
+        measures = [self._measure([items if len(items) == length else items[:length]]) for items in lists]
+        result = library.zipped(*lists)
+        self._check(result, (CELL * length + sum(size for size, _ in measures), 1 + max(deep for _, deep in measures)))
+        return result
 
     def numbers(self, *bounds: Any) -> Any:
         """`range(...)`."""

@@ -17,6 +17,7 @@ from ss2sql.kinds import INT_MIN
 from ss2sql.kinds import Opaque as Opaque
 from ss2sql.runtime.border import SCALARS as SCALARS
 from ss2sql.runtime.border import normalise as normalise
+from ss2sql.runtime.checking import watched
 from ss2sql.runtime.messages import DEPTH_LIMIT
 from ss2sql.runtime.messages import check as check
 from ss2sql.runtime.messages import show as show
@@ -173,7 +174,7 @@ def _one_form(value: Any) -> Any:
             else (int(part) if part.is_integer() and -TOO_LARGE <= part < TOO_LARGE else part)
             if type(part) is float
             else _one_form(part)
-            for part in value
+            for part in watched(value)
         ]
     if kind in SCALARS or kind is bytes:
         return value

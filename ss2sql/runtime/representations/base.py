@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, TypeVar
 
 from ss2sql.plan import Fact
-from ss2sql.runtime.rows import Check, checked
+from ss2sql.runtime.checking import Check, checked
 
 F = TypeVar("F", bound=Callable[..., Any])
 ASKS = "__ss2sql_asks__"
