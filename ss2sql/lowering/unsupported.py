@@ -260,6 +260,18 @@ def refusal_of_failed(query: plan.Query, error: Exception) -> UnsupportedError |
     return _refusal(reason, "leave the engine to ss2sql", place)
 
 
+def refusal_of_too_much(query: plan.Query, error: Error) -> UnsupportedError:
+    """Why a query has to run natively that SQLite's own limits are too low for."""
+    cure = "write fewer terms or queries inside of each other, or leave the engine to ss2sql"
+    return _refusal(f"it is too much for {error.message}", cure, query.span)
+
+
+def refusal_of_value(error: Error, query: plan.Query) -> UnsupportedError:
+    """Why a query has to run natively of which SQLite was to have a value that its answer may not need."""
+    reason = f"{error.message}; SQLite asks for it before it is known to be needed"
+    return _refusal(reason, "leave the engine to ss2sql", error.span or query.span)
+
+
 def _later_element(query: plan.Query) -> Span | None:
     """A source that is made anew for each element of another; the language evaluates the step before the next one.
 

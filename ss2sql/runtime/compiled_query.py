@@ -15,7 +15,13 @@ from ss2sql.kinds import Kind
 from ss2sql.lowering.lower import lower
 from ss2sql.lowering.parameters import Parameter, SqlQuery
 from ss2sql.lowering.rewrites import optimise
-from ss2sql.lowering.unsupported import refusal_of_empty, refusal_of_failed, tables_behind_what_fails
+from ss2sql.lowering.unsupported import (
+    refusal_of_empty,
+    refusal_of_failed,
+    refusal_of_too_much,
+    refusal_of_value,
+    tables_behind_what_fails,
+)
 from ss2sql.runtime.call_sites import takes_arrays
 from ss2sql.runtime.duck.narrowing import Handed, narrow
 from ss2sql.runtime.duck.query import DuckQuery, NotHereError
@@ -31,6 +37,7 @@ from ss2sql.runtime.rows import Rows
 from ss2sql.runtime.run import Run, Sink
 from ss2sql.runtime.scouts import Scouts
 from ss2sql.runtime.shaping import PATH_FORMS, with_stars
+from ss2sql.runtime.unreadable import is_unreadable
 from ss2sql.vtables.snapshots import may_move
 from ss2sql.walk import walk
 
@@ -172,7 +179,7 @@ class CompiledQuery:
             with self.host.memories.query(self.moves):
                 found = self._database_rows(run, sink) if self.lowered else self._native_rows(run, sink)
                 rows = with_stars(query, found, run.check)
-                if self.doubtful:
+                if self.doubtful or run.doubtful:
                     rows.check()
                 if run.borrows and self.lowered is None:
                     rows.keep()
@@ -223,11 +230,16 @@ class CompiledQuery:
             return sink  # nothing of the query is evaluated; SQLite would bind values and take first steps
         most = least_of(maximum, limit if cut_early else None)
         bound = run.bound[self] = {}
+        unbound: list[Error] = []
 
         def evaluate(parameter: Parameter) -> Any:
             expr = parameter.expr
             known = next((count for counted, count in counts if counted == expr), None)
-            value = bound[parameter.name] = parameter.bound(self._binding(expr)(run) if known is None else known)
+            try:
+                value = bound[parameter.name] = parameter.bound(self._binding(expr)(run) if known is None else known)
+            except Error as error:
+                unbound.append(error)
+                raise
             return value
 
         def careful() -> SqlQuery:
@@ -244,17 +256,25 @@ class CompiledQuery:
         except Stopped:
             raise
         except Exception as error:
-            return self._natively_after(error, run, sink)
+            return self._natively_after(error, run, sink, unneeded=bool(unbound) or is_unreadable(error))
         sink.ended = maximum is not None and len(extras) >= maximum
         return finished(lowered, sink, extras, limit)
 
-    def _natively_after(self, error: Exception, run: Run, sink: Rows) -> Rows:
-        """The native rows, where SQLite cannot have them, or not the error that comes first; else raises the error."""
+    def _natively_after(self, error: Exception, run: Run, sink: Rows, unneeded: bool) -> Rows:
+        """The native rows, where SQLite cannot have them, or not the error that comes first; else raises the error.
+
+        Args:
+            unneeded: whether it is an error of a value that the answer may not need.
+        """
         refusal = refusal_of_failed(self.query, error)
         if refusal is not None:
             return self._natively_this_time(refusal, run, sink, error)
-        if self.demanded or not _is_too_much(error):
+        if unneeded and isinstance(error, Error) and not self.demanded:
+            return self._natively_this_time(refusal_of_value(error, self.query), run, sink, error)
+        if not _is_too_much(error):
             raise error
+        if self.demanded:
+            raise refusal_of_too_much(self.query, error) from error
         self.reason = f"{error.message}, so it runs natively"
         self.native, self.lowered = NativeQuery(self.query), None
         return self._native_rows(run, sink)

@@ -113,7 +113,7 @@ class Host(Protocol):
     def shape(
         self, query: plan.Query, rows: Rows, arguments: tuple[Any, ...], named: dict[str, Any], run: Run
     ) -> Any: ...
-    def table_rows(self, source: plan.TableSource) -> list[tuple[Any, ...]]: ...
+    def table_rows(self, source: plan.TableSource, run: Run | None = None) -> list[tuple[Any, ...]]: ...
 
 
 @dataclass(slots=True)
@@ -179,7 +179,8 @@ class Run:
       value. The run's memos live in `callables`.
     - `resolve_text(text, scope)`: the resolved statements of a text given to `eval`.
     - `shape(query, rows, arguments, named, run)`: the value that `AS` makes of rows, as a language value.
-    - `table_rows(source)`: all rows of a table of the database, in its order, values of its columns in order.
+    - `table_rows(source, run)`: all rows of a table of the database, in its order, values of its columns in order. A
+      text that is not UTF-8 is an UnreadableText, and `doubtful` says so; without a run it is an error.
 
     `notes` are what a person should know of the result, in order, see notes.py.
     `framed` says that the paths of the search that runs are wanted as a DataFrame of the database that finds them.
@@ -206,6 +207,7 @@ class Run:
     printed: int = 0
     texts: int = 0  # how many texts of `eval` are being run, each inside of the one before
     interrupted: bool = False
+    doubtful: bool = False
     max_rows: int | None = None
     maximum: int | None = None
     framed: bool = False

@@ -30,6 +30,9 @@ from ss2sql.runtime.ordering import le as le
 from ss2sql.runtime.ordering import lt as lt
 from ss2sql.runtime.ordering import places_in_order as places_in_order
 from ss2sql.runtime.ordering import sort_rows as sort_rows
+from ss2sql.runtime.unreadable import UnreadableText
+
+WRAPPED = frozenset({Opaque, UnreadableText})
 
 
 def truth(value: Any) -> bool:
@@ -54,7 +57,7 @@ def fresh(value: Any) -> Any:
             return loads(dumps(value, 2))
         except ValueError:  # there are objects inside
             return _unwrapped(value)
-    return value.object if kind is Opaque else value
+    return value.object if kind in WRAPPED else value
 
 
 def fresh_rows(rows: Sequence[Sequence[Any]]) -> list[tuple[Any, ...]]:
@@ -96,7 +99,7 @@ def _unwrapped(value: Any) -> Any:
         return list(map(_unwrapped, value))
     if kind is dict:
         return dict(zip(map(_unwrapped, value), map(_unwrapped, value.values()), strict=True))
-    return value.object if kind is Opaque else value
+    return value.object if kind in WRAPPED else value
 
 
 # --- equality as hash keys -----------------------------------------------------------------------------

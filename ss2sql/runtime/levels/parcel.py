@@ -249,7 +249,7 @@ class _Host:
             run.callables[function.name] = known
         return known
 
-    def table_rows(self, source: plan.TableSource) -> list[tuple[Any, ...]]:
+    def table_rows(self, source: plan.TableSource, run: Run | None = None) -> list[tuple[Any, ...]]:
         return self.parcel.tables[source.id]
 
     def shape(self, query: plan.Query, rows: Rows, arguments: tuple[Any, ...], named: dict[str, Any], run: Run) -> Any:
