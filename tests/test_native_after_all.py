@@ -5,6 +5,7 @@ A search has made all elements of a step before the first is taken; a join reads
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Any
 
 import pytest
@@ -127,3 +128,50 @@ def test_the_next_run_tries_the_steps_in_sqlite_again(session: ss2sql.Session) -
     session.set("top", 2)
     engines += [query.run().engine, query.run().engine]
     assert engines == ["native", "database", "database", "native", "native"]
+
+
+# --- values that SQLite has to have before a row is read ------------------------------------------------
+
+LATE = "IF(1 == 2; late = 1);"
+
+
+@pytest.mark.parametrize(
+    ("query", "value"),
+    [
+        ("SELECT this FROM [1, 2] WHERE this == 3 AND late > 1 AS list", []),
+        ("SELECT this FROM [1, 2] WHERE this < 3 OR late > 1 AS list", [1, 2]),
+        ("SELECT IF(this == 3; late; 0) FROM [1, 2] AS list", [0, 0]),
+        ("SELECT this + late FROM [1, 2] WHERE this == 3 AS list", []),
+        ("SELECT this FROM [] ORDER BY this + late AS list", []),
+        ("SELECT n FROM [1] WHERE n == 2 START WITH n = 1 CONNECT BY n = n + late STOP WITH this == 1 AS list", []),
+        ("SELECT this FROM [1, 2] WHERE this == 3 AND this IN (SELECT late FROM [1] AS list) AS list", []),
+        ("SELECT (SELECT late FROM [1] WHERE this == 3 AS list) FROM [1] AS list", [[]]),
+    ],
+)
+def test_a_value_that_nobody_needs(session: ss2sql.Session, query: str, value: Any) -> None:
+    assert session.eval(f"{LATE} {query}", engine="native") == value
+    assert session.eval(f"{LATE} {query}") == value
+    compiled = session.compile(f"{LATE} {query}")
+    assert [compiled.run().value for _ in range(3)] == [value] * 3
+    with suppress(ss2sql.ResolveError, ss2sql.UnsupportedError, ss2sql.ExecutionError):  # SQLite may give up
+        assert session.eval(f"{LATE} {query}", engine="database") == value
+
+
+def test_a_value_that_is_needed_fails_as_it_does_natively(session: ss2sql.Session) -> None:
+    script = f"{LATE} SELECT this FROM [1, 2] WHERE this == 1 AND late > 1;"
+    for engine in ("native", "database", "auto"):
+        with pytest.raises(ss2sql.Error, match="'late' has no value yet") as caught:
+            session.run(script, engine=engine)  # type: ignore[arg-type]
+        assert caught.value.code == "R001"
+
+
+def test_queries_too_deep_for_sqlite(session: ss2sql.Session) -> None:
+    query = "SELECT this FROM [1] WHERE this == 1 AS list"
+    for _ in range(60):
+        query = f"SELECT this FROM [1] WHERE this IN ({query}) AS list"
+    result = session.run(f"{query};")
+    assert (result.value, result.engine) == ([1], "native")
+    with pytest.raises(ss2sql.UnsupportedError, match="too much for SQLite") as caught:
+        session.run(f"{query};", engine="database")
+    assert caught.value.code == "U001"
+    assert "leave the engine to ss2sql" in caught.value.hints[0]
