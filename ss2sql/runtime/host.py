@@ -84,7 +84,7 @@ class SessionHost:
     ) -> None:
         self.connection = connection
         self.limits = limits
-        self.turns = Turns(self._release, self._using, in_file=file is not None)
+        self.turns = Turns(self._release, self._using, connection.release_memory, in_file=file is not None)
         self.disabled = disabled
         self.memo_limit = 0 if "memo" in disabled else MEMO_LIMIT
         self.begun: list[Run] = []  # what runs, or is compiled to run, the innermost last
