@@ -286,6 +286,8 @@ class CompiledQuery:
         if self.demanded:
             raise refusal from error
         self.reason = refusal.message
+        if error is not None:
+            run.notes[f"SQLite gave up: {refusal.message}; engine='native' saves the first try"] = None
         sink.clear()
         self.stand_in = self.stand_in or NativeQuery(self.query)
         self.native, self.lowered, self.set_aside = self.stand_in, None, self.lowered
