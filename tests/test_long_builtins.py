@@ -11,6 +11,7 @@ import pytest
 from sessions import both
 
 import ss2sql
+from ss2sql.runtime.run import Run
 from ss2sql.runtime.sizes import CELL, Sizes
 
 LISTS = "zip(range({count}, 0, -1))"  # of one number each; Python compares them one by one
@@ -36,6 +37,19 @@ def test_a_timeout_ends_a_built_in_function(engine: Any, name: str) -> None:
             ss.run(script, engine=engine, timeout=0.3)
         assert time.monotonic() - started < 8
         assert ss.eval("1 + 1") == 2
+
+
+@both
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_a_built_in_function_asks_every_few_thousand_values(
+    engine: Any, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[Run] = []
+    check = Run.check
+    monkeypatch.setattr(Run, "check", lambda run: (asked.append(run), check(run)))
+    with ss2sql.connect() as ss:
+        ss.run(FUNCTIONS[name].format(count=200_000), engine=engine)
+    assert len(asked) >= 2 * 200_000 // 4096 - (name == "zip") * 200_000 // 4096
 
 
 @both
