@@ -14,7 +14,7 @@ import apsw
 import faulty_files
 import pytest
 from faulty import ALL, WANTED, amounts
-from faulty_files import DAMAGES, FAULTS, HISTORY, LOOKS, PLAIN, READS, VALUE, WRITES, handles, outcome
+from faulty_files import DAMAGES, FAULTS, HISTORY, LOOKS, PLAIN, READS, VALUE, WALK, WRITES, handles, outcome
 from remembering import connect
 from sessions import code_of, write
 
@@ -138,6 +138,22 @@ def test_damaged_files(file: Path, whole: bytes, right: dict[str, Any], amount: 
         for old in file.parent.glob(f"{file.name}*"):
             old.unlink()
     assert seen == {True, False}
+
+
+def test_damage_is_found_each_time(file: Path, whole: bytes) -> None:
+    """SQLite checks a page when it reads it, and no more as long as it keeps it."""
+    for place in range(8, 40):  # where the cells of a page of the table are
+        data = bytearray(whole)
+        data[3 * 4096 + place] ^= 0xC5
+        file.write_bytes(data)
+        with opened(file) as ss:
+            found = {code_or_none(ss, engine) for engine in ("native", "auto", "native", "database", "auto")}
+        assert found == {"X009"}, place
+
+
+def code_or_none(ss: ss2sql.Session, engine: Any) -> str | None:
+    _, error = outcome(lambda: ss.run(WALK, engine=engine).value)
+    return None if error is None else error.code
 
 
 def look_at_damage(file: Path, right: dict[str, Any]) -> bool:

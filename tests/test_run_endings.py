@@ -158,3 +158,18 @@ def test_max_rows_is_a_limit_that_must_not_be_passed(ss: ss2sql.Session, engine:
         assert caught.value.span is not None
     assert len(ss.run("SELECT this FROM [];", engine=engine, max_rows=0)) == 0
     assert code_of(ss.run, "1;", max_rows=-1) == "S002"
+
+
+def test_errors_in_a_circle(engine: Any) -> None:
+    """An exception of the user's whose causes lead back to itself ends the run like any other."""
+
+    def f(value: int) -> int:
+        error = ValueError("here")
+        error.__cause__ = KeyError("there")
+        error.__cause__.__cause__ = error
+        raise error
+
+    with ss2sql.connect() as ss:
+        ss.function("f", f)
+        with pytest.raises(ValueError, match="here"):
+            ss.run("SELECT f(this) FROM [1, 2] AS list;", engine=engine)

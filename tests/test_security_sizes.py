@@ -240,7 +240,7 @@ def test_a_run_inside_of_another_has_no_more_memory(monkeypatch: pytest.MonkeyPa
             session.eval("noted(1)")
             return x
 
-        session.function("noted", lambda x: seen.append(session.host.runs[-1].ceiling), volatility="volatile")
+        session.function("noted", lambda x: seen.append(session.host.runs[-1].bounds.ceiling), volatility="volatile")
         session.function("inner", inner, volatility="volatile")
         session.run("noted(1); inner(1)")
     assert len(set(seen)) == 1

@@ -29,6 +29,13 @@ def test_a_good_adapter_passes() -> None:
     assert ss2sql.check_world(BallWorld(Box()), queries=10).elements == {"balls": 0}
 
 
+def test_a_world_of_many_elements_is_judged_with_a_warning() -> None:
+    """The rules look at each element a few times; random queries join tables with each other."""
+    with pytest.warns(UserWarning, match=r"5,000 elements.* at most 200 .* queries=0"):
+        report = ss2sql.check_world(BallWorld(Box.row(5000)), queries=0)
+    assert report.elements == {"balls": 5000}
+
+
 def test_arguments_can_be_given_and_rows_generated() -> None:
     class Odd(TableFunction):
         name, columns = "odd", (Column("n", int),)

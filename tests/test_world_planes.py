@@ -125,6 +125,7 @@ def test_planes_of_partitions_and_paths(scene: Scene, engine: Any) -> None:
         ("mass FROM space AS plane('XY', [0, 0], [4, 4])", "width, height and resolution, a list of 3 numbers"),
         ("mass FROM space AS plane('XY', [0, 0], [0.5, 4, 0.1])", "0.5 m are 5 cells of 0.1 m"),
         ("mass FROM space AS plane('XY', [0, 0], [4, 4, 0])", "the edge of a cell, a number above 0, not 0"),
+        ("mass FROM space AS plane('XY', [0, 0], [4, 4, 1], -1)", "a blur of 0 to 10,000 cells"),
         ("mass FROM space AS plane('XY', [0, 0])", "AS plane(plane, start, size, [blur])"),
         ("name FROM space AS plane('XY', [0, 0], [4, 4, 1])", "cannot add up 'ball', the 'name' of row 1"),
         ("[1], mass FROM space AS plane('XY', [0, 0], [4, 4, 1])", "a place [x, y] or [x, y, z] in row 1, not [1]"),

@@ -32,6 +32,7 @@ from ss2sql.lowering.rewrites.inline import sites
 from ss2sql.runtime.functions import UserFunction
 from ss2sql.runtime.memorize.reverse import reverse_of
 from ss2sql.runtime.native.deep import with_room
+from ss2sql.runtime.notes import notes_of
 from ss2sql.runtime.paths import Paths, lengths_of
 from ss2sql.runtime.remembered.keeper import calls
 from ss2sql.runtime.run import Stats
@@ -68,7 +69,7 @@ def _query(outlined: OutlinedQuery, stats: Stats | None) -> QueryFacts:
         rewrites={name: REWRITES[name].done for name in outlined.rewrites},
         functions=tuple(_functions(outlined, stats)),
         notes=tuple(_notes(outlined, stats)),
-        warnings=tuple(endless(query)) if stats is None else (),
+        warnings=(*endless(query), *notes_of(outlined.written)) if stats is None else (),
         plan=lines,
         plan_missing=missing,
         afterwards=tuple(_afterwards(outlined)),
@@ -226,7 +227,7 @@ def _run(result: Result, by_level: bool) -> RunFacts:
         pruned=stats.pruned,
         seconds=dict(stats.seconds),
         levels=levels,
-        notes=(*stats.notes, *notes),
+        notes=(*result.notes, *stats.notes, *notes),
     )
 
 

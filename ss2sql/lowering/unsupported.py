@@ -12,7 +12,7 @@ from itertools import islice
 from typing import Any
 
 from ss2sql import plan
-from ss2sql.errors import Span, UnsupportedError
+from ss2sql.errors import Error, Span, UnsupportedError
 from ss2sql.kinds import Kind
 from ss2sql.lowering.select import sortable, uniform
 from ss2sql.lowering.sql import can_be_text
@@ -183,6 +183,12 @@ def check(query: plan.Query) -> None:
     """Raises UnsupportedError for the first objection."""
     for rule, place in objections(query):
         raise _refusal(rule.reason, rule.cure, place)
+
+
+def refusal_of_too_much(query: plan.Query, error: Error) -> UnsupportedError:
+    """Why a query has to run natively that SQLite's own limits are too low for."""
+    cure = "write fewer terms or queries inside of each other, or leave the engine to ss2sql"
+    return _refusal(f"it is too much for {error.message}", cure, query.span)
 
 
 def _refusal(reason: str, cure: str, place: Span) -> UnsupportedError:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors import SessionError
 from ss2sql.extras import install_line
+from ss2sql.runtime.checking import checked
 from ss2sql.runtime.rows import Row
 from ss2sql.runtime.values import fresh
 
@@ -42,6 +43,12 @@ def rows_of(result: Result) -> Iterator[Row]:
     else:
         rows = result.answer.rows.rows or ()
         yield from rows if result.answer.rows.plain else map(fresh_row, rows)
+
+
+def all_rows_of(result: Result) -> list[Row]:
+    """All these rows at once. Raises Timeout or OutOfMemory where this takes more than the run has left for it."""
+    with result.reading() as check:
+        return list(checked(rows_of(result), check))
 
 
 def fresh_row(row: Row) -> Row:

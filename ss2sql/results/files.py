@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from ss2sql.results import package, rows_of
 from ss2sql.results.frames import to_arrow
+from ss2sql.runtime.checking import checked
 
 if TYPE_CHECKING:
     from ss2sql.runtime.result import Result
@@ -22,7 +23,8 @@ def csv_text(result: Result) -> str:
     lines = _Lines()
     writer = csv.writer(lines, lineterminator="\r\n")
     writer.writerow(result.columns)
-    writer.writerows([[_field(value) for value in row] for row in rows_of(result)])
+    with result.reading() as check:
+        writer.writerows([_field(value) for value in row] for row in checked(rows_of(result), check))
     return "".join(lines)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from ss2sql.errors import RepresentationError
-from ss2sql.results import package, rows_of
+from ss2sql.results import all_rows_of, package
 from ss2sql.results.kinds import NONE, ListOf, Scalar, Shape, Struct, as_floats, holds_any, merged, shape_of
 from ss2sql.runtime.values import show
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 def columns_of(result: Result) -> list[tuple[str, list[Any], Shape]]:
     """The columns of a result: their names, their values and what these consist of."""
-    rows = list(rows_of(result))
+    rows = all_rows_of(result)
     parts = zip(*rows, strict=True) if rows else [()] * len(result.columns)
     types = {} if result.answer is None else result.answer.types
     return [

@@ -17,6 +17,7 @@ from typing import Any
 from ss2sql.errors import ExecutionError
 from ss2sql.kinds import INT_MAX, INT_MIN, Opaque
 from ss2sql.runtime.messages import DEPTH_LIMIT, show, too_deep
+from ss2sql.runtime.unreadable import UnreadableText
 
 SCALARS = frozenset({NoneType, bool, int, float, str})
 _SEQUENCES: tuple[type[Iterable[Any]], ...] = (
@@ -301,6 +302,8 @@ def _opaque(value: Any) -> Any:
     Objects with an equality of their own, which may call them equal to a number or string, are wrapped as well and keep
     it among themselves; so are those that marshal would write as bytes (a memoryview, code), which it must not touch.
     """
+    if type(value) is UnreadableText:
+        raise value.error()
     if type(value) is bytes or isinstance(value, Opaque):
         return value
     try:

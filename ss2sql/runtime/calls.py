@@ -57,7 +57,7 @@ def sql_function(function: UserFunction, memo: Memo, stack: list[Execution]) -> 
         except KeyError:  # there are objects inside
             whole = all(type(value) is not bytes or value in bytes_of for value in arguments)
             values = list(map(pool.fresh, arguments))
-        if run.interrupted or run.deadline is not None:
+        if run.interrupted or run.bounds.deadline is not None:
             run.check()  # a slow function must not keep a timeout waiting
         memo.calls += 1
         try:
@@ -145,7 +145,7 @@ def builtin_function(
     def function(*arguments: Any) -> Any:
         execution = stack[-1]
         run, pool = execution.run, execution.pool
-        if run.interrupted or run.deadline is not None:
+        if run.interrupted or run.bounds.deadline is not None:
             run.check()
         try:
             make = pool.sizes.maker(name, python) if makes else python

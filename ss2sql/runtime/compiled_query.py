@@ -5,7 +5,9 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from functools import cache, cached_property, partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeGuard
+
+import apsw
 
 from ss2sql import plan
 from ss2sql.errors import Error, ExecutionError, Stopped, UnsupportedError
@@ -13,6 +15,7 @@ from ss2sql.kinds import Kind
 from ss2sql.lowering.lower import lower
 from ss2sql.lowering.parameters import Parameter, SqlQuery
 from ss2sql.lowering.rewrites import optimise
+from ss2sql.lowering.unsupported import refusal_of_too_much
 from ss2sql.runtime.call_sites import takes_arrays
 from ss2sql.runtime.duck.narrowing import Handed, narrow
 from ss2sql.runtime.duck.query import DuckQuery, NotHereError
@@ -183,8 +186,8 @@ class CompiledQuery:
         try:
             with self.host.memories.query(self.moves):
                 found = self._database_rows(run, sink) if self.lowered else self._native_rows(run, sink)
-                rows = with_stars(query, found)
-                if self.doubtful:
+                rows = with_stars(query, found, run.check)
+                if self.doubtful or run.doubtful:
                     rows.check()
                 if run.borrows and self.lowered is None:
                     rows.keep()
@@ -195,7 +198,7 @@ class CompiledQuery:
         run.notes |= dict.fromkeys(notes_of_empty(self.written, rows, run.stats, before))
         status: Status = "maximum" if rows.ended else "complete"
         make = run.stats.timed("shape", partial(shapes.represent, form, rows, arguments, named))
-        answer = run.answer = Answer(rows.shown(), make, self.engine, status, query.columns)
+        answer = run.answer = Answer(rows.shown(), make, self.engine, status, query.columns, begin=lambda: run.check)
         return answer
 
     def renew(self, run: Run) -> None:
@@ -254,6 +257,8 @@ class CompiledQuery:
         except Stopped:
             raise
         except Exception as error:
+            if self.demanded and _is_too_much(error):
+                raise refusal_of_too_much(self.query, error) from error
             if self.demanded or (isinstance(error, ExecutionError) and error.code in LIMITS):
                 raise
             run.stats.steps = before
@@ -376,3 +381,9 @@ def _may_be_infinite(table: plan.TableSource) -> bool:
     """
     others = Kind.STR | Kind.OBJECT
     return any(kind.may(Kind.FLOAT) and (not table.order or kind.may(others)) for _, kind in table.columns)
+
+
+def _is_too_much(error: Exception) -> TypeGuard[ExecutionError]:
+    """Too many terms, too deep, too long for SQLite: found out by its own prepare, before any row."""
+    too_much = isinstance(error.__cause__, (apsw.SQLError, apsw.TooBigError))
+    return isinstance(error, ExecutionError) and error.code == "X009" and too_much

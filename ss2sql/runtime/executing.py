@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from ss2sql.errors import Cancelled, Stopped
 from ss2sql.explained.outline import outline
 from ss2sql.runtime.calls import HeldError
+from ss2sql.runtime.checking import checking
 from ss2sql.runtime.compiled import CompiledStatement, Query
 from ss2sql.runtime.engines import Engine, check_engine
 from ss2sql.runtime.interrupts import under_way
@@ -85,9 +86,9 @@ def attended(host: SessionHost, work: Callable[[Run], T]) -> T:
 
 def begin_deadline(run: Run, host: SessionHost, seconds: float | None) -> None:
     """Says when a run that starts now has to end; one inside of another run ends with that at the latest."""
-    times = [outer.deadline for outer in host.runs]
+    times = [outer.bounds.deadline for outer in host.runs]
     times.append(None if seconds is None else time.monotonic() + seconds)
-    run.deadline = min((moment for moment in times if moment is not None), default=None)
+    run.bounds.deadline = min((moment for moment in times if moment is not None), default=None)
 
 
 def _cancelled(run: Run | None) -> Cancelled:
@@ -97,13 +98,18 @@ def _cancelled(run: Run | None) -> Cancelled:
 
 
 def execute(host: SessionHost, query: Query, options: Options, variables: Mapping[str, Any], run: Run) -> Result:
-    """Runs a compiled script and gives the result of its last statement. The run knows when it has to end."""
+    """Runs a compiled script and gives the result of its last statement."""
     options.check()
     host.ready()
-    run.max_rows = options.max_rows
-    run.ceiling, run.sizes.rows = _ceiling(host), run.max_rows
+    run.bounds.ceiling = _ceiling(host)
+    run.max_rows = run.sizes.rows = options.max_rows
     run.steps_left = _steps_left(host)
     run.arguments = {name: normalise(value, f"the variable '{name}'") for name, value in variables.items()}
+    with checking(run.check):
+        return _executed(host, query, options, run)
+
+
+def _executed(host: SessionHost, query: Query, options: Options, run: Run) -> Result:
     statements = run.statements = query.statements(options.engine, run)
     run.call_places = query.call_places
     run.foreteller = _foreteller(host, run, options.workers)
@@ -163,7 +169,9 @@ def _recount(
 
 
 def _result(host: SessionHost, run: Run, statements: Sequence[CompiledStatement], value: Any) -> Result:
-    answer = run.answer if statements[-1].is_query else None
+    answer: Answer | None = run.answer if statements[-1].is_query else None
+    if answer is not None:
+        answer.begin = run.bounds.left().begin
     engines = [compiled.engine for statement in statements for compiled in statement.queries]
     used = answer.engine if answer is not None else (engines[-1] if engines else "native")
     return Result(
@@ -194,7 +202,7 @@ def _ceiling(host: SessionHost) -> int | None:
     """The bytes that the process may hold; a run inside of another one has no more."""
     if host.limits.max_memory is None:
         return None
-    ceilings = [run.ceiling for run in host.runs if run.ceiling is not None]
+    ceilings = [run.bounds.ceiling for run in host.runs if run.bounds.ceiling is not None]
     return min(ceilings, default=(memory_in_use() or 0) + host.limits.max_memory)
 
 

@@ -14,8 +14,8 @@ from typing import Any
 import apsw
 
 from ss2sql.errors import Error, ExecutionError
-from ss2sql.runtime.messages import show
 from ss2sql.runtime.run import Run, no_memory
+from ss2sql.runtime.unreadable import not_utf8
 
 # Functions of SQLite itself that lowering writes.
 OWN = frozenset(
@@ -111,7 +111,6 @@ def own_error(error: apsw.Error | UnicodeDecodeError, run: Run) -> Error:
 
 def refusal(error: apsw.Error | UnicodeDecodeError, *hints: str) -> ExecutionError:
     """The error for what SQLite does not do, or for a text that it gives and Python cannot read."""
-    if not isinstance(error, UnicodeDecodeError):
-        return ExecutionError("X009", f"SQLite: {error}", hints=hints)
-    hint = "read its bytes, by a view in the file with CAST(column AS BLOB), or write it anew as UTF-8"
-    return ExecutionError("X009", f"SQLite: a text is not UTF-8: {show(error.object)}", hints=(hint,))
+    if isinstance(error, UnicodeDecodeError):
+        return not_utf8(error.object)
+    return ExecutionError("X009", f"SQLite: {error}", hints=hints)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import apsw
 
 from ss2sql import plan
-from ss2sql.errors import Error, SessionError, Source
+from ss2sql.errors import Error, ExecutionError, SessionError, Source
 from ss2sql.frontend import ast
 from ss2sql.frontend.catalog import Catalog
 from ss2sql.frontend.names_read import names_read
@@ -41,6 +41,7 @@ from ss2sql.runtime.tables import Tables
 from ss2sql.runtime.temporal import TemporalFile, TemporalStore, moment_of
 from ss2sql.runtime.triggers import Triggers
 from ss2sql.runtime.turns import Turns
+from ss2sql.runtime.unreadable import is_unreadable
 from ss2sql.runtime.variables import OtherTables, Variables
 from ss2sql.runtime.vectorized import NativeCaller
 from ss2sql.vtables import base
@@ -83,7 +84,7 @@ class SessionHost:
     ) -> None:
         self.connection = connection
         self.limits = limits
-        self.turns = Turns(self._release, self._using, in_file=file is not None)
+        self.turns = Turns(self._release, self._using, connection.release_memory, in_file=file is not None)
         self.disabled = disabled
         self.memo_limit = 0 if "memo" in disabled else MEMO_LIMIT
         self.begun: list[Run] = []  # what runs, or is compiled to run, the innermost last
@@ -374,8 +375,14 @@ class SessionHost:
     def store_temporal(self, name: str, keep: Any, value: Any) -> None:
         self.names.store_temporal(name, keep, value)
 
-    def table_rows(self, source: plan.TableSource) -> list[tuple[Any, ...]]:
-        return self.tables.rows(source)
+    def table_rows(self, source: plan.TableSource, run: Run | None = None) -> list[tuple[Any, ...]]:
+        try:
+            return self.tables.rows(source)
+        except ExecutionError as error:
+            if run is None or not is_unreadable(error):
+                raise
+        run.doubtful = True
+        return self.tables.readable_rows(source)
 
     def shape(self, query: plan.Query, rows: Rows, arguments: tuple[Any, ...], named: dict[str, Any], run: Run) -> Any:
-        return self.shapes.of_inner(query, with_stars(query, rows), arguments, named, run.sizes)
+        return self.shapes.of_inner(query, with_stars(query, rows, run.sizes.pause), arguments, named, run.sizes)

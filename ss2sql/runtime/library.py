@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors import ExecutionError
+from ss2sql.runtime.checking import AT_ONCE, watched
 from ss2sql.runtime.messages import CURES, check, float_overflow, show
 from ss2sql.runtime.ordering import NUMBERS, compare, sorted_values
 from ss2sql.runtime.values import freeze, truth
@@ -118,7 +119,7 @@ def average(values: Any) -> float | None:
 def _exact_sum(values: Iterable[float]) -> Fraction:
     from fractions import Fraction  # rarely needed, and slow to import
 
-    return sum(map(Fraction, values), Fraction())
+    return sum(map(Fraction, watched(values)), Fraction())
 
 
 def _float(value: Fraction) -> float:
@@ -146,7 +147,7 @@ def _extreme(function: str, sign: int, first: Any, others: tuple[Any, ...]) -> A
     if kinds <= NUMBERS or kinds == {str}:
         return min(values) if sign < 0 else max(values)
     best = values[0]
-    for value in values[1:]:
+    for value in watched(values[1:]):
         if compare(value, best) == sign:
             best = value
     return best
@@ -155,7 +156,7 @@ def _extreme(function: str, sign: int, first: Any, others: tuple[Any, ...]) -> A
 def unique(values: Any) -> list[Any]:
     """The different elements of a list, the first of equal ones, in their order."""
     found: dict[Any, Any] = {}
-    for value in _list("uniq", values):
+    for value in watched(_list("uniq", values)):
         found.setdefault(freeze(value), value)
     return list(found.values())
 
@@ -167,7 +168,8 @@ def in_order(values: Any, descending: Any = False) -> list[Any]:
 
 def zipped(*lists: Any) -> list[list[Any]]:
     """Lists of the first elements, of the second ones, and so on, as far as the shortest list goes."""
-    return list(map(list, zip(*(_list("zip", values) for values in lists), strict=False)))
+    rows = zip(*(_list("zip", values) for values in lists), strict=False)
+    return list(map(list, rows if len(lists[0]) <= AT_ONCE else watched(rows)))
 
 
 def numbers_from(*bounds: Any) -> list[int]:

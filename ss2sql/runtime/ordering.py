@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cmp_to_key
 from heapq import nlargest, nsmallest
 from types import NoneType
 from typing import Any, TypeVar
 
 from ss2sql.errors import ExecutionError
+from ss2sql.runtime.checking import watched_order
 from ss2sql.runtime.messages import show
 
 NUMBERS = frozenset({int, float, bool})
@@ -102,7 +102,7 @@ def sorted_values(values: Sequence[Any], descending: bool = False) -> list[Any]:
     Raises:
         ExecutionError: X001 where two of them have no order, None included.
     """
-    key = None if _python_sorts(set(map(type, values))) else _by_order
+    key = None if _python_sorts(set(map(type, values))) else watched_order(compare)
     return sorted(values, key=key, reverse=descending)
 
 
@@ -141,7 +141,8 @@ def places_in_order(
         absent = NoneType in kinds
         kinds.discard(NoneType)
         if not _python_sorts(kinds):
-            values = [None if value is None else _by_order(value) for value in values]
+            key = watched_order(compare)
+            values = [None if value is None else key(value) for value in values]
         if absent:
             values = [(value is not None, value) for value in values]
         order.sort(key=values.__getitem__, reverse=reverse)
@@ -151,6 +152,3 @@ def places_in_order(
 def _python_sorts(kinds: set[type]) -> bool:
     """Whether Python's own order of values of these types is the language's."""
     return kinds <= NUMBERS or kinds == {str}
-
-
-_by_order = cmp_to_key(compare)

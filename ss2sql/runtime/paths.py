@@ -28,7 +28,8 @@ class Paths(Sequence[list[Row]]):
 
     `kept` has each step that others come from, its parent's number and its row in SQL values, which `decode` makes a
     row; it is None where every such step is a result itself. A path is walked back from its end until it
-    meets the one that was read before: so neighbours, which share their beginnings, cost their differences.
+    meets the one that was read before: so neighbours, which share their beginnings, cost their differences, whether all
+    are read in a row or one by one.
     """
 
     def __init__(
@@ -44,6 +45,7 @@ class Paths(Sequence[list[Row]]):
         self._ends: list[End] = list(ends)
         self._all_ends = self._ends if all_ends is None else all_ends
         self._places: dict[int, int] = {}  # of steps among all results, made when first needed
+        self._idle: list[_Walk] = []  # stands where the path ends that was read last; another thread begins its own
 
     def add(self, end: End) -> None:
         """One more result."""
@@ -66,6 +68,7 @@ class Paths(Sequence[list[Row]]):
             for path, row in self._read(self._ends, flat=True):
                 yield [*path, *row]
             return
+        walk = _Walk(self._step, self._width)
         steps: list[int] = []  # on the path that was made last; depth first, the next one grows from one of them
         made: list[list[Any]] = []
         for end in self._ends:
@@ -73,10 +76,8 @@ class Paths(Sequence[list[Row]]):
             while steps and steps[-1] != parent:
                 steps.pop()
                 made.pop()
-            if steps or not parent:
-                cells = [*made[-1], *end[2:]] if steps else [*end[2:]]
-            else:
-                cells = next([*path, *row] for path, row in self._read([end], flat=True))
+            before = made[-1] if steps else walk.rows_before(end)
+            cells = [*before, *end[2:]]
             yield cells
             steps.append(end[0])
             made.append(cells)
@@ -133,14 +134,26 @@ class Paths(Sequence[list[Row]]):
     def __len__(self) -> int:
         return len(self._ends)
 
+    @property
+    def _width(self) -> int:
+        """The number of cells of a row."""
+        return len(self._ends[0]) - 2 if self._ends else 0
+
     @overload
     def __getitem__(self, position: int) -> list[Row]: ...
     @overload
     def __getitem__(self, position: slice) -> list[list[Row]]: ...
     def __getitem__(self, position: int | slice) -> list[Row] | list[list[Row]]:
-        chosen = self._ends[position] if isinstance(position, slice) else [self._ends[position]]
-        paths = [[*path, row] for path, row in self._read(chosen, flat=False)]
-        return paths if isinstance(position, slice) else paths[0]
+        if isinstance(position, slice):
+            return [[*path, row] for path, row in self._read(self._ends[position], flat=False)]
+        end = self._ends[position]
+        try:
+            walk = self._idle.pop()
+        except IndexError:
+            walk = _Walk(self._step, 0)
+        path = [*walk.rows_before(end), end[2:]]
+        self._idle = [walk]
+        return path
 
     def __iter__(self) -> Iterator[list[Row]]:
         for path, row in self._read(self._ends, flat=False):
@@ -148,39 +161,12 @@ class Paths(Sequence[list[Row]]):
 
     def _read(self, ends: Sequence[End], flat: bool) -> Iterator[tuple[list[Any], Row]]:
         """For each result the rows before its own, as one list that changes from result to result, and its own."""
-        shared: list[Any] = []  # the rows, or their cells, of the steps
-        steps: list[int] = []  # on the path that was read last
-        places: dict[int, int] = {}
+        walk = _Walk(self._step, self._width if flat else 0)
         known = self._kept is None  # then the last result may be the parent of the next one
-        width = len(ends[0]) - 2 if ends and flat else 1
         for end in ends:
-            parent = end[1]
-            if not steps or parent != steps[-1]:
-                new: list[tuple[int, Row]] = []
-                step = parent
-                while step and step not in places:
-                    before, row = self._step(step)
-                    new.append((step, row))
-                    step = before
-                left = places[step] + 1 if step else 0
-                for gone in steps[left:]:
-                    del places[gone]
-                del steps[left:], shared[left * width :]
-                for step, row in reversed(new):
-                    self._follow(step, row, steps, places, shared, flat)
-            row = end[2:]
-            yield shared, row
+            yield walk.rows_before(end), end[2:]
             if known:
-                self._follow(end[0], row, steps, places, shared, flat)
-
-    @staticmethod
-    def _follow(step: int, row: Row, steps: list[int], places: dict[int, int], shared: list[Any], flat: bool) -> None:
-        places[step] = len(steps)
-        steps.append(step)
-        if flat:
-            shared.extend(row)
-        else:
-            shared.append(row)
+                walk.follow(end[0], end[2:])
 
     def _step(self, step: int) -> tuple[int, Row]:
         """The parent's number and the row of a step on the way to a result."""
@@ -199,3 +185,46 @@ class Paths(Sequence[list[Row]]):
         if not self._places:
             self._places = {end[0]: place for place, end in enumerate(self._all_ends)}
         return self._all_ends[self._places[step]]
+
+
+class _Walk:
+    """From path to path: the rows before the end of the one that was read last, or their cells, `width` of a row.
+
+    `step` gives the parent's number and the row of a step.
+    """
+
+    __slots__ = ("_places", "_shared", "_step", "_steps", "_width")
+
+    def __init__(self, step: Callable[[int], tuple[int, Row]], width: int) -> None:
+        self._step = step
+        self._width = width
+        self._shared: list[Any] = []
+        self._steps: list[int] = []  # those on the path
+        self._places: dict[int, int] = {}  # of these steps on it
+
+    def rows_before(self, end: End) -> list[Any]:
+        """The rows, or the cells, on the path to the parent of a result; the list changes with the next call."""
+        parent, steps, places = end[1], self._steps, self._places
+        if not steps or parent != steps[-1]:
+            new: list[tuple[int, Row]] = []
+            step = parent
+            while step and step not in places:
+                before, row = self._step(step)
+                new.append((step, row))
+                step = before
+            left = places[step] + 1 if step else 0
+            for gone in steps[left:]:
+                del places[gone]
+            del steps[left:], self._shared[left * (self._width or 1) :]
+            for step, row in reversed(new):
+                self.follow(step, row)
+        return self._shared
+
+    def follow(self, step: int, row: Row) -> None:
+        """One more step on the path."""
+        self._places[step] = len(self._steps)
+        self._steps.append(step)
+        if self._width:
+            self._shared.extend(row)
+        else:
+            self._shared.append(row)

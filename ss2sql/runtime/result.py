@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from ss2sql import plan
-from ss2sql.errors import SessionError
+from ss2sql.errors import SessionError, Stopped
 from ss2sql.explained.outline import OutlinedStatement, script_sql
 from ss2sql.kinds import Type
 from ss2sql.results import files, frames, fresh_row, graphs, rows_of, show
+from ss2sql.runtime.checking import Check, checked
 from ss2sql.runtime.opening import check_bound
 from ss2sql.runtime.paths import lengths_of
-from ss2sql.runtime.rows import Row, Rows, free_name, row_maker
-from ss2sql.runtime.run import Stats, out_of_memory
+from ss2sql.runtime.rows import Row, Rows, checked_paths, free_name, row_maker
+from ss2sql.runtime.run import BoundsLeft, Stats, out_of_memory
 from ss2sql.runtime.sql_text import Sql
 
 if TYPE_CHECKING:
@@ -41,16 +43,18 @@ class Answer:
     """What one query of a script gave: rows as the executor left them, what AS makes of them, the engine.
 
     `outputs` are the columns of the query in the plan, as far as it is known; `form` is what AS asks for, where the run
-    ended before there was a value.
+    ended before there was a value. `begin` gives what is asked while the rows are read whether to go on: within the run
+    its own check, after it that of what it has left of its time and its memory.
     """
 
     rows: Rows
-    make: Callable[[], Any] | None
+    make: Callable[[Check], Any] | None
     engine: str
     status: Status = "complete"
     outputs: tuple[plan.Output, ...] = ()
     made: Any = None
     form: plan.Representation | None = None
+    begin: Callable[[], Check] = BoundsLeft().begin
 
     @property
     def types(self) -> dict[str, Type]:
@@ -62,7 +66,7 @@ class Answer:
         """What AS makes of the rows, made when it is first asked for."""
         if self.make is not None:
             try:
-                self.made, self.make = self.make(), None
+                self.made, self.make = self.make(self.begin()), None
             except MemoryError as error:
                 raise out_of_memory(error) from None
         return self.made
@@ -91,7 +95,10 @@ class Result:
 
     @property
     def value(self) -> Any:
-        return self.given if self.answer is None else self.answer.value
+        if self.answer is None:
+            return self.given
+        with self.reading():
+            return self.answer.value
 
     @cached_property
     def sql(self) -> Sql:
@@ -111,7 +118,24 @@ class Result:
             return []
         rows = self.answer.rows
         assert rows.paths is not None
-        return list(map(list, rows.paths)) if rows.plain else [[fresh_row(row) for row in path] for path in rows.paths]
+        with self.reading() as check:
+            paths = checked_paths(rows.paths, check)
+            return list(map(list, paths)) if rows.plain else [list(map(fresh_row, checked(p, check))) for p in paths]
+
+    @contextmanager
+    def reading(self) -> Iterator[Check]:
+        """While all rows are read at once: gives what to ask every few thousand rows whether to go on.
+
+        What it raises is Timeout or OutOfMemory, whose `partial` is this result without its value: its rows can still
+        be had one after the other.
+        """
+        answer = Answer(Rows(()), None, self.engine) if self.answer is None else self.answer
+        try:
+            yield answer.begin()
+        except Stopped as stopped:
+            found = replace(answer, make=None, status=stopped.status)
+            stopped.partial = replace(self, given=None, status=stopped.status, answer=found)
+            raise
 
     def __iter__(self) -> Iterator[Row]:
         """The rows as tuples. They know the names of the columns, so that `pandas.DataFrame(result)` has them."""

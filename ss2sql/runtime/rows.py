@@ -6,11 +6,13 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import chain
-from typing import Any, ClassVar, TypeAlias
+from typing import Any, ClassVar, TypeAlias, TypeVar
 
 from ss2sql.errors import ExecutionError, Span
+from ss2sql.runtime.checking import AT_ONCE, Check, checked
 from ss2sql.runtime.values import kept, normalise
 
+Path = TypeVar("Path", bound=Sequence[Any])
 Row: TypeAlias = tuple[Any, ...]
 
 
@@ -81,14 +83,14 @@ class Rows:
         """The rows, or the rows of all paths."""
         return iter(self.rows or ()) if self.paths is None else chain.from_iterable(self.paths)
 
-    def with_stars(self, stars: frozenset[int]) -> Rows:
+    def with_stars(self, stars: frozenset[int], check: Check | None = None) -> Rows:
         """The rows with the columns at these positions taken apart, where all their values are dicts.
 
         This is SELECT * over a source whose columns only its elements know.
         """
         parts: list[tuple[int, tuple[str, ...] | None]] = []
         for index in range(len(self.columns)):
-            values = [row[index] for row in self.all_rows()] if index in stars else []
+            values = [row[index] for row in checked(self.all_rows(), check)] if index in stars else []
             apart = bool(values) and all(isinstance(value, dict) and value for value in values)
             parts.append((index, tuple({key: None for value in values for key in value}) if apart else None))
         names: list[str] = []
@@ -101,8 +103,8 @@ class Rows:
                 cells.extend((row[index],) if keys is None else map(row[index].get, keys))
             return tuple(cells)
 
-        rows = None if self.rows is None else [wide(row) for row in self.rows]
-        paths = None if self.paths is None else [[wide(row) for row in path] for path in self.paths]
+        rows = None if self.rows is None else [wide(row) for row in checked(self.rows, check)]
+        paths = None if self.paths is None else [list(map(wide, path)) for path in checked_paths(self.paths, check)]
         return replace(self, columns=tuple(names), rows=rows, paths=paths)
 
 
@@ -113,6 +115,21 @@ def free_name(name: str, taken: Collection[str]) -> str:
         count += 1
         candidate = f"{name}_{count}"
     return candidate
+
+
+def checked_paths(paths: Iterable[Path], check: Check | None) -> Iterable[Path]:
+    """The paths, or the lists of their cells, with a check after every few thousand rows or cells."""
+    return paths if check is None else _checked_paths(paths, check)
+
+
+def _checked_paths(paths: Iterable[Path], check: Check) -> Iterator[Path]:
+    seen = 0
+    for path in paths:
+        yield path
+        seen += len(path) + 1
+        if seen >= AT_ONCE:
+            seen = 0
+            check()
 
 
 def within(rows: Iterable[Row], most: int) -> Iterator[Row]:

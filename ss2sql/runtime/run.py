@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec, Protocol, TypeAlias, TypeVar
 
 from ss2sql import plan
 from ss2sql.errors import Cancelled, OutOfMemory, OutOfSteps, Timeout
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from ss2sql.lowering.parameters import SqlQuery
     from ss2sql.runtime.remembered.keeper import GraphKeeper
 
+P = ParamSpec("P")
 T = TypeVar("T")
 LOOK_EVERY = 0.002  # seconds between looks at the memory of the process, each of which takes 6 us
 Places: TypeAlias = frozenset[tuple[int, int]]  # stretches of the script
@@ -88,13 +89,13 @@ class Stats:
     def steps(self, steps: tuple[int, int, int]) -> None:
         self.generated, self.expanded, self.pruned = steps
 
-    def timed(self, stage: str, work: Callable[[], T]) -> Callable[[], T]:
+    def timed(self, stage: str, work: Callable[P, T]) -> Callable[P, T]:
         """The work, whose time counts for a stage whenever it is done."""
 
-        def measured() -> T:
+        def measured(*arguments: P.args, **named: P.kwargs) -> T:
             started = perf_counter()
             try:
-                return work()
+                return work(*arguments, **named)
             finally:
                 self.spend(stage, started)
 
@@ -121,7 +122,57 @@ class Host(Protocol):
     def shape(
         self, query: plan.Query, rows: Rows, arguments: tuple[Any, ...], named: dict[str, Any], run: Run
     ) -> Any: ...
-    def table_rows(self, source: plan.TableSource) -> list[tuple[Any, ...]]: ...
+    def table_rows(self, source: plan.TableSource, run: Run | None = None) -> list[tuple[Any, ...]]: ...
+
+
+@dataclass(slots=True)
+class Bounds:
+    """When somebody has to end, and the bytes of memory that the process may hold by then; None is no bound.
+
+    `who` takes the time and the memory, in the words of a message. At `next_look` the memory is looked at again.
+    """
+
+    deadline: float | None = None
+    ceiling: int | None = None
+    who: str = "the run"
+    next_look: float = 0.0
+
+    def check(self) -> None:
+        """Raises OutOfMemory or Timeout when it has to end."""
+        if self.ceiling is not None and time.monotonic() >= self.next_look:
+            if (memory_in_use() or 0) > self.ceiling:
+                message = f"{self.who} took more memory than max_memory allows"
+                raise OutOfMemory("T003", message, hints=("bound the search or the result, or raise max_memory",))
+            self.next_look = time.monotonic() + LOOK_EVERY
+        if self.deadline is not None and time.monotonic() >= self.deadline:
+            raise Timeout(
+                "T001",
+                f"{self.who} took longer than its timeout",
+                hints=("raise timeout=, or bound the search, for example with MAXIMUM, UNIQUE or STOP WITH",),
+            )
+
+    def left(self) -> BoundsLeft:
+        """What is left of them now."""
+        seconds = None if self.deadline is None else max(self.deadline - time.monotonic(), 0.0)
+        size = None if self.ceiling is None else max(self.ceiling - (memory_in_use() or 0), 0)
+        return BoundsLeft(seconds, size, self.ceiling)
+
+
+@dataclass(frozen=True, slots=True)
+class BoundsLeft:
+    """What a run has left of its time and its memory: each reading of its result may take as much."""
+
+    seconds: float | None = None
+    size: int | None = None
+    ceiling: int | None = None
+
+    def begin(self) -> Callable[[], None]:
+        """The check of a reading that begins now."""
+        deadline = None if self.seconds is None else time.monotonic() + self.seconds
+        ceiling = None
+        if self.size is not None and self.ceiling is not None:
+            ceiling = max(self.ceiling, (memory_in_use() or 0) + self.size)
+        return Bounds(deadline, ceiling, "the run with the reading of its result").check
 
 
 @dataclass(slots=True)
@@ -137,14 +188,14 @@ class Run:
       value. The run's memos live in `callables`; `calls_made` are those of a statement that gave up.
     - `resolve_text(text, scope)`: the resolved statements of a text given to `eval`.
     - `shape(query, rows, arguments, named, run)`: the value that `AS` makes of rows, as a language value.
-    - `table_rows(source)`: all rows of a table of the database, in its order, values of its columns in order.
+    - `table_rows(source, run)`: all rows of a table of the database, in its order, values of its columns in order. A
+      text that is not UTF-8 is an UnreadableText, and `doubtful` says so; without a run it is an error.
 
     `notes` are what a person should know of the result, in order, see notes.py.
     `framed` says that the paths of the search that runs are wanted as a DataFrame of the database that finds them.
-    `ceiling` bounds the bytes of memory of the process, which is looked at again at the time `next_look`. `steps_left`
-    bounds the steps of its searches, `steps_inside` are those of runs inside of this one; `printed` counts characters
-    that were printed while it was the outermost. `readings`
-    is what was read of another database, `endings` lets go of that, and `handed` are tables of it of which some
+    `bounds` are those of its time and its memory. `steps_left` bounds the steps of its searches, `steps_inside`
+    are those of runs inside of this one; `printed` counts characters printed while it was the outermost. `readings` is
+    what was read of another database, `endings` lets go of that, and `handed` are tables of it of which some
     rows are read, by the variables that stand for them. `sizes` measures what the script makes, see sizes.py. `sink`
     holds the rows found so far by the query that runs; `answer` what the last query gave. `statements` are those of
     the script; `lowered` is the SQL that each of their queries has run, `bound` are the values for its parameters or
@@ -159,14 +210,13 @@ class Run:
     host: Host
     stats: Stats = field(default_factory=Stats)
     notes: dict[str, None] = field(default_factory=dict)
-    deadline: float | None = None
-    ceiling: int | None = None
-    next_look: float = 0.0
+    bounds: Bounds = field(default_factory=Bounds)
     steps_left: int | None = None
     steps_inside: int = 0
     printed: int = 0
     texts: int = 0  # how many texts of `eval` are being run, each inside of the one before
     interrupted: bool = False
+    doubtful: bool = False
     max_rows: int | None = None
     maximum: int | None = None
     framed: bool = False
@@ -214,17 +264,7 @@ class Run:
         self.check_steps()
         if self.progress is not None:
             self.progress.show()
-        if self.ceiling is not None and time.monotonic() >= self.next_look:
-            if (memory_in_use() or 0) > self.ceiling:
-                message = "the run took more memory than max_memory allows"
-                raise OutOfMemory("T003", message, hints=("bound the search or the result, or raise max_memory",))
-            self.next_look = time.monotonic() + LOOK_EVERY
-        if self.deadline is not None and time.monotonic() >= self.deadline:
-            raise Timeout(
-                "T001",
-                "the run took longer than its timeout",
-                hints=("raise timeout=, or bound the search, for example with MAXIMUM, UNIQUE or STOP WITH",),
-            )
+        self.bounds.check()
 
     def variable(self, name: str) -> Any:
         """The value of a script variable or of a parameter of this run."""

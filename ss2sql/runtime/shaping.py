@@ -9,18 +9,19 @@ from typing import Any
 from ss2sql import plan
 from ss2sql.errors import Error, RepresentationError, note_place
 from ss2sql.runtime import representations
+from ss2sql.runtime.checking import AT_ONCE, Check, checked
 from ss2sql.runtime.messages import show
-from ss2sql.runtime.paths import Paths
+from ss2sql.runtime.paths import Paths, lengths_of
 from ss2sql.runtime.representations.base import ASKS
-from ss2sql.runtime.rows import Row, Rows
-from ss2sql.runtime.sizes import MOST, Sizes
+from ss2sql.runtime.rows import Row, Rows, checked_paths
+from ss2sql.runtime.sizes import CELL, MOST, Sizes
 from ss2sql.runtime.values import Opaque, fresh, fresh_rows, normalise
 
 # What the language makes of rows so that scripts go on with it: lists where `AS rows` gives tuples.
 SHARED: dict[str, Callable[[representations.Table], Any]] = {
     "dict": representations.ALL["dict"],
     "list": representations.ALL["list"],
-    "rows": lambda table: list(map(list, table.rows)),
+    "rows": lambda table: list(map(list, table)),
     "value": representations.ALL["value"],
 }
 PATH_FORMS = frozenset(SHARED)  # which cannot fail
@@ -39,11 +40,17 @@ class Shapes:
         self.functions: dict[str, Callable[..., Any]] = dict(representations.ALL)
 
     def represent(
-        self, form: plan.Representation, rows: Rows, arguments: Sequence[Any], named: Mapping[str, Any]
+        self,
+        form: plan.Representation,
+        rows: Rows,
+        arguments: Sequence[Any],
+        named: Mapping[str, Any],
+        check: Check | None = None,
     ) -> Any:
         """The value that AS makes of rows, as the user gets it: nothing in it is shared.
 
-        Of a search it is a list with one value per path; of a partition a dict from group value to that.
+        Of a search it is a list with one value per path; of a partition a dict from group value to that. `check` is
+        asked every few thousand rows whether to go on.
         """
 
         if form.name == "void":
@@ -53,26 +60,41 @@ class Shapes:
         def own_rows(some: Sequence[Row]) -> list[Row]:
             """Copies of rows, if there is room for them: until then rows may share their values."""
             nonlocal size
-            size = sizes.rows_within(some, size)
-            return fresh_rows(some)
+            if check is None or len(some) <= AT_ONCE:
+                size = sizes.rows_within(some, size)
+                return fresh_rows(some)
+            own: list[Row] = []
+            for start in range(0, len(some), AT_ONCE):
+                portion = some[start : start + AT_ONCE]
+                size = sizes.rows_within(portion, size)
+                own += fresh_rows(portion)
+                check()
+            return own
 
         def whole(positions: Sequence[int] | None) -> Any:
             results: Sequence[Any] = rows.rows if rows.paths is None else rows.paths  # type: ignore[assignment]
-            chosen = results if positions is None else [results[index] for index in positions]
+            if positions is None:
+                chosen = results
+            elif isinstance(results, Paths):
+                chosen = results.chosen(positions)
+            else:
+                chosen = [results[index] for index in positions]
             if rows.paths is None:
                 if form.name == "value" and self.is_built_in(form):
                     chosen = chosen[:1]
                 own = list(chosen) if rows.plain else own_rows(chosen)
-                return self._shaped(form, rows.columns, own, arguments, named)
+                return self._shaped(form, rows.columns, own, arguments, named, check)
             if not arguments and not named and self.is_built_in(form) and form.name in PATH_FORMS:
                 if rows.plain and form.name == "list" and isinstance(chosen, Paths):
-                    return list(chosen.cells())
+                    return list(checked_paths(chosen.cells(), check))
                 represent, columns = representations.ALL[form.name], rows.columns
                 paths = chosen if rows.plain else map(own_rows, chosen)
-                return [represent(representations.Table(columns, path)) for path in paths]
+                return [
+                    represent(representations.Table(columns, path, check=check)) for path in checked_paths(paths, check)
+                ]
             return [
-                self._shaped(form, rows.columns, list(path) if rows.plain else own_rows(path), arguments, named)
-                for path in chosen
+                self._shaped(form, rows.columns, list(path) if rows.plain else own_rows(path), arguments, named, check)
+                for path in checked_paths(chosen, check)
             ]
 
         if rows.groups is None:
@@ -85,7 +107,7 @@ class Shapes:
         """The value of a query inside of a script, as a value of the language."""
         if self.is_shared(query.representation, rows):
             return self.shared(query.representation, rows, sizes)
-        value = self.represent(query.representation, rows, arguments, named)
+        value = self.represent(query.representation, rows, arguments, named, sizes.pause)
         return sizes.checked(self.language_value(query.representation.name, value))
 
     def is_shared(self, form: plan.Representation, rows: Rows) -> bool:
@@ -99,10 +121,13 @@ class Shapes:
         Nobody changes it in place, so a query of queries of queries of four rows each takes as long as its rows do:
         of ten of them in each other copies took 18 s and 1.4 GB.
         """
-        make = SHARED[form.name]
+        make, columns, check = SHARED[form.name], rows.columns, sizes.pause
         if rows.paths is None:
-            return sizes.checked(make(representations.Table(rows.columns, rows.rows or [])))
-        return sizes.checked([make(representations.Table(rows.columns, list(path))) for path in rows.paths])
+            return sizes.checked(make(representations.Table(columns, rows.rows or [], check=check)))
+        if form.name != "value":
+            sizes.room(CELL * len(columns) * sum(checked(lengths_of(rows.paths), check)))
+        paths = checked_paths(map(list, rows.paths), check)
+        return sizes.checked([make(representations.Table(columns, path, check=check)) for path in paths])
 
     def _shaped(
         self,
@@ -111,12 +136,13 @@ class Shapes:
         own: list[Row],
         arguments: Sequence[Any],
         named: Mapping[str, Any],
+        check: Check | None,
     ) -> Any:
-        table = representations.Table(columns, own)
+        table = representations.Table(columns, own, check=check)
         if form.hidden:
             shown = -form.hidden
             seen, told = [row[:shown] for row in own], [row[shown:] for row in own]
-            table = representations.Table(columns[:shown], seen, told, form.facts)
+            table = representations.Table(columns[:shown], seen, told, form.facts, check)
         given = {name: fresh(value) for name, value in named.items()}
         try:
             return self.functions[form.name](table, *map(fresh, arguments), **given)
@@ -170,10 +196,10 @@ class Shapes:
         return value
 
 
-def with_stars(query: plan.Query, rows: Rows) -> Rows:
+def with_stars(query: plan.Query, rows: Rows, check: Check | None = None) -> Rows:
     """The rows of a query, with those columns taken apart that SELECT * could not know beforehand."""
     stars = frozenset(index for index, output in enumerate(query.columns) if output.star)
-    return rows.with_stars(stars) if stars else rows
+    return rows.with_stars(stars, check) if stars else rows
 
 
 def _own_key(value: Any, form: plan.Representation) -> Any:

@@ -17,6 +17,7 @@ from typing import Any
 
 from ss2sql.errors import ExecutionError
 from ss2sql.runtime import library, operators
+from ss2sql.runtime.checking import AT_ONCE
 from ss2sql.runtime.messages import DEPTH_LIMIT, too_deep
 from ss2sql.runtime.rows import too_many
 
@@ -24,7 +25,6 @@ MOST = 10**9  # what SQLite allows a text at most
 LEAST = 2**18  # the length of a script, so of the texts in it
 CELL = 8  # bytes of a value inside of a list
 FEW = 16  # values in a list
-AT_ONCE = 4096  # rows
 LARGE = 1024  # lists of this size are measured once
 HUGE = 2**20  # to make a value of this size takes as long as a few thousand steps
 # Built-in functions that may give more than they take, and the methods that stand in for them.
@@ -77,9 +77,14 @@ class Sizes:
 
     def zipped(self, *lists: Any) -> Any:
         """`zip(a, b)`."""
-        if all(type(items) is list for items in lists):
-            self.room(CELL * (len(lists) + 1) * min(map(len, lists)))
-        return self.checked(library.zipped(*lists))
+        if not all(type(items) is list for items in lists):
+            return library.zipped(*lists)  # which refuses it
+        length = min(map(len, lists))
+        self.room(CELL * (len(lists) + 1) * length)
+        measures = [self._measure([items if len(items) == length else items[:length]]) for items in lists]
+        result = library.zipped(*lists)
+        self._check(result, (CELL * length + sum(size for size, _ in measures), 1 + max(deep for _, deep in measures)))
+        return result
 
     def numbers(self, *bounds: Any) -> Any:
         """`range(...)`."""

@@ -22,6 +22,7 @@ from ss2sql.runtime.copied_databases import CopiedDatabase
 from ss2sql.runtime.file_locks import attach_file, close_file, detach_file, open_file
 from ss2sql.runtime.guard import UNREADABLE, refusal
 from ss2sql.runtime.remembered.store import Store
+from ss2sql.runtime.unreadable import text_of
 
 FILES = (".db", ".sqlite", ".sqlite3")  # a text that ends so is a path, any other is a value
 
@@ -97,6 +98,12 @@ class Known:
         asked = {one.name for one in self._asked(read)}
         typed = ((one.name, self.types[one.name][1] if one.name in asked else Type(STORED)) for one in self.columns)
         return replace(self.source, columns=tuple(typed))
+
+
+def _all_of(source: plan.TableSource, values: Sequence[str]) -> str:
+    """The statement that gives these for all rows of a table, in its order."""
+    order = f" ORDER BY {', '.join(quoted(key) for key in source.order)}" if source.order else ""
+    return f"SELECT {', '.join(values)} FROM {quoted(source.schema)}.{quoted(source.table)}{order}"
 
 
 class Tables:
@@ -237,9 +244,21 @@ class Tables:
 
     def rows(self, source: plan.TableSource) -> list[tuple[Any, ...]]:
         """All rows of a table in its order."""
-        columns = ", ".join(quoted(name) for name, _ in source.columns)
-        order = f" ORDER BY {', '.join(quoted(key) for key in source.order)}" if source.order else ""
-        return self._fetch(f"SELECT {columns} FROM {quoted(source.schema)}.{quoted(source.table)}{order}")
+        return self._fetch(_all_of(source, [quoted(name) for name, _ in source.columns]))
+
+    def readable_rows(self, source: plan.TableSource) -> list[tuple[Any, ...]]:
+        """The same where some texts are not UTF-8: an UnreadableText stands for each of these."""
+        names = [quoted(name) for name, _ in source.columns]
+        texts = [f"typeof({name}) = 'text'" for name in names]
+        # The bytes of a text are in the encoding of the file.
+        values = [f"iif({test}, CAST({name} AS BLOB), {name})" for name, test in zip(names, texts, strict=True)]
+        (encoding,) = self._fetch("PRAGMA encoding")[0]
+
+        def readable(row: tuple[Any, ...]) -> tuple[Any, ...]:
+            cells = zip(row[: len(names)], row[len(names) :], strict=True)
+            return tuple(text_of(value, encoding) if is_text else value for value, is_text in cells)
+
+        return list(map(readable, self._fetch(_all_of(source, [*values, *texts]))))
 
     def is_empty(self, source: plan.TableSource) -> bool:
         """Whether a table or view has no rows."""

@@ -9,6 +9,8 @@ from contextlib import AbstractContextManager
 from functools import wraps
 from typing import TYPE_CHECKING, Concatenate, ParamSpec, TypeVar
 
+import apsw
+
 from ss2sql.errors import SessionError
 from ss2sql.runtime.interrupts import under_way
 
@@ -26,12 +28,17 @@ class Turns:
     """
 
     def __init__(
-        self, release: Callable[[], None], using: Callable[[], AbstractContextManager[None]], in_file: bool
+        self,
+        release: Callable[[], None],
+        using: Callable[[], AbstractContextManager[None]],
+        forget_pages: Callable[[], object],
+        in_file: bool,
     ) -> None:
         self._lock = threading.RLock()
         self._depth = 0
         self._release = release
         self._using = using
+        self._forget_pages = forget_pages
         self._used: AbstractContextManager[None] | None = None
         self._closed = False
         self._process = os.getpid()
@@ -59,7 +66,9 @@ class Turns:
             self._used = used
         self._depth += 1
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, kind: object, error: BaseException | None, *_: object) -> None:
+        if is_damage(error) and not self._closed:
+            self._forget_pages()  # SQLite checks a page when it reads it, and takes it as checked while it is kept
         self._depth -= 1
         if not self._depth and self._used is not None:
             self._used.__exit__(None, None, None)
@@ -80,6 +89,17 @@ class Turns:
                     self._release()
             finally:
                 self._lock.release()
+
+
+def is_damage(error: BaseException | None) -> bool:
+    """Whether there is this error because a file is damaged."""
+    seen: set[int] = set()  # they may go in a circle
+    while error is not None and id(error) not in seen:
+        if isinstance(error, apsw.CorruptError):
+            return True
+        seen.add(id(error))
+        error = error.__cause__ or error.__context__
+    return False
 
 
 def in_turn(work: Callable[Concatenate[Session, P], T]) -> Callable[Concatenate[Session, P], T]:

@@ -17,6 +17,7 @@ from ss2sql.kinds import INT_MIN
 from ss2sql.kinds import Opaque as Opaque
 from ss2sql.runtime.border import SCALARS as SCALARS
 from ss2sql.runtime.border import normalise as normalise
+from ss2sql.runtime.checking import watched
 from ss2sql.runtime.messages import DEPTH_LIMIT
 from ss2sql.runtime.messages import check as check
 from ss2sql.runtime.messages import show as show
@@ -29,6 +30,9 @@ from ss2sql.runtime.ordering import le as le
 from ss2sql.runtime.ordering import lt as lt
 from ss2sql.runtime.ordering import places_in_order as places_in_order
 from ss2sql.runtime.ordering import sort_rows as sort_rows
+from ss2sql.runtime.unreadable import UnreadableText
+
+WRAPPED = frozenset({Opaque, UnreadableText})
 
 
 def truth(value: Any) -> bool:
@@ -53,7 +57,7 @@ def fresh(value: Any) -> Any:
             return loads(dumps(value, 2))
         except ValueError:  # there are objects inside
             return _unwrapped(value)
-    return value.object if kind is Opaque else value
+    return value.object if kind in WRAPPED else value
 
 
 def fresh_rows(rows: Sequence[Sequence[Any]]) -> list[tuple[Any, ...]]:
@@ -95,7 +99,7 @@ def _unwrapped(value: Any) -> Any:
         return list(map(_unwrapped, value))
     if kind is dict:
         return dict(zip(map(_unwrapped, value), map(_unwrapped, value.values()), strict=True))
-    return value.object if kind is Opaque else value
+    return value.object if kind in WRAPPED else value
 
 
 # --- equality as hash keys -----------------------------------------------------------------------------
@@ -173,7 +177,7 @@ def _one_form(value: Any) -> Any:
             else (int(part) if part.is_integer() and -TOO_LARGE <= part < TOO_LARGE else part)
             if type(part) is float
             else _one_form(part)
-            for part in value
+            for part in watched(value)
         ]
     if kind in SCALARS or kind is bytes:
         return value

@@ -7,6 +7,7 @@ world, on both engines, and over a plain copy of its tables: lists of dicts, whi
 from __future__ import annotations
 
 import random
+import warnings
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import dist, isclose
@@ -22,6 +23,7 @@ from ss2sql.vtables.questions import Copy, Questions
 from ss2sql.vtables.reading import Reading, own_key, where_of
 from ss2sql.vtables.schema import Schema, schema_of, tables_of
 
+MANY = 1000  # elements of a table
 Arguments = Mapping[str, Sequence[tuple[Any, ...]]]
 
 
@@ -54,7 +56,8 @@ def check_world(
     """Judges an adapter.
 
     Args:
-        world: a World, or an object that has an adapter. It should have some elements; up to 200 are enough.
+        world: a World, or an object that has an adapter. It should have some elements; up to 200 are enough. Random
+            queries join tables with each other, so many elements take long: a warning says so.
         seed: of the random choices.
         queries: how many random queries to run, on each engine.
         change: makes births, deaths and moves, now and then between two queries; it gets the source of random numbers.
@@ -69,6 +72,7 @@ def check_world(
     """
     judge = _Judge(world, random.Random(seed), arguments or {})
     judge.rules()
+    judge.warn_of_size()
     rounds = 4 if change is not None else 1
     for number in range(rounds):
         judge.questions((queries + number) // rounds)
@@ -108,6 +112,16 @@ class _Judge:
             if isinstance(table.table, TableFunction):
                 self._function_of_rows(table.table, table.schema)
         self._functions()
+
+    def warn_of_size(self) -> None:
+        """Warns of a table that is so large that the random queries may not end in anybody's time."""
+        name, most = max(self.report.elements.items(), key=lambda item: item[1], default=("", 0))
+        if most > MANY:
+            message = (
+                f"check_world: the table '{name}' has {most:,} elements, and random queries join tables with each "
+                "other: give it a world of at most 200 elements, which are enough, or queries=0 for the rules alone"
+            )
+            warnings.warn(message, stacklevel=3)
 
     def _table(self, table: Table, schema: Schema) -> None:
         keys = self._keys(table, Where())
@@ -193,13 +207,14 @@ class _Judge:
         where = where_of(demands, schema)
         found = self._keys(table, where)
         asked = ", ".join(f"{name} {operator} {value!r}" for (name, operator), value in demands)
+        given = set(found)
         for key, row in zip(keys, rows, strict=True):
-            if key not in found and all(one.allows(row[name]) for name, one in where.items()):
+            if key not in given and all(one.allows(row[name]) for name, one in where.items()):
                 detail = f"with {asked} the key {key!r} is missing, whose row is {row}"
                 raise BrokenRuleError("keys are never too few", table.name, detail)
-        if len(set(found)) < len(found):
+        if len(given) < len(found):
             raise BrokenRuleError("keys are unique", table.name, f"with {asked} one comes twice: {found}")
-        if found != [key for key in keys if key in set(found)]:
+        if found != [key for key in keys if key in given]:
             detail = f"with {asked} they come as {found}, without as {keys}"
             raise BrokenRuleError("keys keep one order", table.name, detail)
 

@@ -249,11 +249,11 @@ class _Host:
             run.callables[function.name] = known
         return known
 
-    def table_rows(self, source: plan.TableSource) -> list[tuple[Any, ...]]:
+    def table_rows(self, source: plan.TableSource, run: Run | None = None) -> list[tuple[Any, ...]]:
         return self.parcel.tables[source.id]
 
     def shape(self, query: plan.Query, rows: Rows, arguments: tuple[Any, ...], named: dict[str, Any], run: Run) -> Any:
-        return self.shapes.of_inner(query, with_stars(query, rows), arguments, named, run.sizes)
+        return self.shapes.of_inner(query, with_stars(query, rows, run.sizes.pause), arguments, named, run.sizes)
 
     def _never(self, *given: Any) -> Any:
         raise AssertionError("a search that keeps the written order does not go by levels")

@@ -32,7 +32,7 @@ def watched(run: Run, opened: Interruptible) -> Iterator[None]:
 
     def watch() -> None:
         while not over.wait(EVERY):
-            if run.interrupted or (run.deadline is not None and time.monotonic() >= run.deadline):
+            if run.interrupted or (run.bounds.deadline is not None and time.monotonic() >= run.bounds.deadline):
                 opened.interrupt()  # again and again: it may have come between two statements
 
     thread = threading.Thread(target=watch, daemon=True)

@@ -31,7 +31,7 @@ def rows_of_frame(source: Any, *names: str) -> list[tuple[Any, ...]]:
 
 
 def table_rows(run: Run, table: plan.TableSource) -> list[tuple[Any, ...]]:
-    return run.host.table_rows(table)
+    return run.host.table_rows(table, run)
 
 
 def in_parts(run: Run, items: list[Any]) -> Iterator[Any]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, TypeVar
 
 from ss2sql.plan import Fact
+from ss2sql.runtime.checking import Check, checked
 
 F = TypeVar("F", bound=Callable[..., Any])
 ASKS = "__ss2sql_asks__"
@@ -31,20 +32,22 @@ class Table:
     """Rows with names for their columns: `columns` a tuple of strings, `rows` a list of tuples.
 
     `hidden` are tuples, one for each row, of what a representation has asked for; without any where there is nothing.
-    `facts` says how the columns are calls, see `ss2sql.plan.Fact`.
+    `facts` says how the columns are calls, see `ss2sql.plan.Fact`. Who walks the table itself, not its `rows`, is ended
+    where the run has to end, which is what `check` says.
     """
 
     columns: tuple[str, ...]
     rows: list[tuple[Any, ...]]
     hidden: list[tuple[Any, ...]] = field(default_factory=list)
     facts: tuple[Fact, ...] = ()
+    check: Check | None = field(default=None, compare=False, repr=False)
 
     def __iter__(self) -> Iterator[tuple[Any, ...]]:
-        return iter(self.rows)
+        return iter(checked(self.rows, self.check))
 
     def __len__(self) -> int:
         return len(self.rows)
 
     def dicts(self) -> list[dict[str, Any]]:
         """The rows as dicts."""
-        return [dict(zip(self.columns, row, strict=True)) for row in self.rows]
+        return [dict(zip(self.columns, row, strict=True)) for row in self]

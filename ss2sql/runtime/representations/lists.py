@@ -9,4 +9,4 @@ from ss2sql.runtime.representations.base import Table
 
 
 def represent(table: Table) -> list[Any]:
-    return list(chain.from_iterable(table.rows))
+    return list(chain.from_iterable(table))

@@ -8,4 +8,4 @@ from ss2sql.runtime.representations.base import Table
 
 
 def represent(table: Table) -> list[tuple[Any, ...]]:
-    return list(table.rows)
+    return list(table)

@@ -13,7 +13,7 @@ from ss2sql.runtime.values import show
 def represent(table: Table) -> set[Any]:
     """The first of equal values stands for all of them. Raises RepresentationError for values without a hash."""
     found: set[Any] = set()
-    for value in chain.from_iterable(table.rows):
+    for value in chain.from_iterable(table):
         found.add(_hashable(value))
     return found
 
