@@ -346,3 +346,8 @@ def _columns_of_items(items: Sequence[Any], detail: int) -> tuple[tuple[str, Typ
 
 def _fields_of(kind: type) -> tuple[tuple[str, Type], ...]:
     return tuple((field.name, ANY) for field in fields(kind)) if is_dataclass(kind) else ()
+
+
+def is_flag(kind: Type) -> bool:
+    """Whether an expression of this type is a flag in SQL."""
+    return kind.kinds == Kind.BOOL

@@ -19,7 +19,8 @@ from random_values import TEXTS as ANY_TEXTS
 import ss2sql
 from ss2sql import plan
 from ss2sql.lowering.expressions import Env, Expressions
-from ss2sql.lowering.sql import SQLITE_FUNCTIONS, Node
+from ss2sql.lowering.names import SQLITE_FUNCTIONS
+from ss2sql.lowering.sql import Node
 
 INTS = [0, 1, -1, 2, -2, 3, 7, 10, -10, 2**31, -(2**31), 2**53 - 1, 2**53, 2**53 + 1, -(2**53) - 1, 2**61 - 1, -(2**61)]
 EXTREME_INTS = [*INTS, 2**62, -(2**62), 2**63 - 1, 1 - 2**63]

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ss2sql import plan
-from ss2sql.lowering.parameters import SqlQuery
+from ss2sql.lowering.sql_query import SqlQuery
 from ss2sql.runtime.sql_text import Sql, joined_sql
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from sqlglot import TokenType
 from ss2sql.explained.facts import PlanLine
 from ss2sql.explained.outline import OutlinedQuery
 from ss2sql.explained.words import cut, queue_words
-from ss2sql.lowering.parameters import SqlQuery
+from ss2sql.lowering.sql_query import SqlQuery
 from ss2sql.runtime.pool import Pool
 
 MOST_TEXT = 60  # characters of what is walked

@@ -29,7 +29,8 @@ from sqlglot import exp
 
 from ss2sql import plan
 from ss2sql.lowering import sql
-from ss2sql.lowering.sql import Node, free_name
+from ss2sql.lowering.names import free_name
+from ss2sql.lowering.sql import Node
 
 
 class Copies:

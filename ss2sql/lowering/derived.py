@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from sqlglot import exp
 
 from ss2sql.lowering import sql
+from ss2sql.lowering.names import free_name
 from ss2sql.lowering.sql import Node
 
 
@@ -40,7 +41,7 @@ class Table:
 
     def add(self, wanted: str, node: Node, position: int | None = None) -> str:
         """A new column of the table, the last one or one at a position; gives its name."""
-        name = sql.free_name(wanted, self.taken)
+        name = free_name(wanted, self.taken)
         columns = list(self.select.expressions)
         columns.insert(len(columns) if position is None else position, sql.named(node.copy(), name))
         self.select.set("expressions", columns)

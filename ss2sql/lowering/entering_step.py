@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING
 from sqlglot import exp
 
 from ss2sql import plan
-from ss2sql.kinds import Kind, Type
+from ss2sql.kinds import Kind, Type, is_flag
 from ss2sql.lowering import sql
-from ss2sql.lowering.expressions import Env, can_fail, is_flag
+from ss2sql.lowering.expressions import Env
 from ss2sql.lowering.lookup import without
 from ss2sql.lowering.sql import Node
-from ss2sql.walk import is_volatile, parts, walk
+from ss2sql.walk import can_fail, is_volatile, parts, walk
 
 if TYPE_CHECKING:
     from ss2sql.lowering.on_entering import OnEntering

@@ -18,23 +18,14 @@ from sqlglot import exp
 from ss2sql import plan
 from ss2sql.bounds import Fact, facts_of
 from ss2sql.errors import Source, Span
-from ss2sql.kinds import BOOL, Kind, Type
+from ss2sql.kinds import BOOL, Kind, Type, is_flag
 from ss2sql.lowering import sql
 from ss2sql.lowering.guarded import guarded
+from ss2sql.lowering.names import PREDICATES, builtin_name
 from ss2sql.lowering.operators import NATIVE
 from ss2sql.lowering.parameters import Needs
 from ss2sql.lowering.sql import Node
-from ss2sql.walk import can_fail as can_fail
-from ss2sql.walk import walk, walk_own
-
-# Built-in functions that always give a bool; in SQL they give a flag.
-PREDICATES = frozenset({"eq", "ne", "lt", "le", "gt", "ge", "in", "not_in"})
-
-
-def builtin_name(name: str) -> str:
-    """The name of a built-in function in SQL; a name of SQLite's own stays SQLite's, for views and aggregates."""
-    return f"{name}_of" if name in sql.SQLITE_FUNCTIONS else name
-
+from ss2sql.walk import can_fail, walk, walk_own
 
 Reader: TypeAlias = Callable[[plan.Element | plan.Column], Node]
 
@@ -71,11 +62,6 @@ class Env:
 
     def with_groups(self, groups: Mapping[tuple[int, int], Node]) -> Env:
         return replace(self, groups={**self.groups, **groups})
-
-
-def is_flag(kind: Type) -> bool:
-    """Whether an expression of this type is a flag in SQL."""
-    return kind.kinds == Kind.BOOL
 
 
 class Expressions:

@@ -20,6 +20,7 @@ from ss2sql import plan
 from ss2sql.kinds import Kind, Type
 from ss2sql.lowering import sql
 from ss2sql.lowering.classes import EXACT, MOST_FACTORS, WHOLE, class_of, may_repeat
+from ss2sql.lowering.names import SQLITE_FUNCTIONS
 from ss2sql.lowering.sql import Node
 from ss2sql.walk import is_volatile
 
@@ -171,7 +172,7 @@ def _modulo(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
 
 
 def _root(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
-    nodes = _operands(lowering, call, env) if "sqrt" in sql.SQLITE_FUNCTIONS else None
+    nodes = _operands(lowering, call, env) if "sqrt" in SQLITE_FUNCTIONS else None
     if nodes is None:
         return None
     known = sql.binary(exp.GTE, nodes[0], sql.number(0))

@@ -13,8 +13,7 @@ from dataclasses import dataclass, field
 
 from ss2sql import plan
 from ss2sql.kinds import Kind
-from ss2sql.lowering.expressions import can_fail
-from ss2sql.walk import sources_read, walk
+from ss2sql.walk import can_fail, sources_read, walk
 
 MOST_HOISTED = 24
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ss2sql import plan
-from ss2sql.lowering.expressions import can_fail
+from ss2sql.walk import can_fail
 
 
 def lookups(query: plan.Query) -> list[plan.Expr]:

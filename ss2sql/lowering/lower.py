@@ -8,15 +8,16 @@ from dataclasses import replace
 from sqlglot import exp
 
 from ss2sql import plan
-from ss2sql.kinds import Kind
+from ss2sql.kinds import Kind, is_flag
 from ss2sql.lowering import sql
 from ss2sql.lowering.copies import Copies
 from ss2sql.lowering.dialects import SQLITE, Dialect
-from ss2sql.lowering.expressions import Env, is_flag
+from ss2sql.lowering.expressions import Env
 from ss2sql.lowering.on_entering import OnEntering
-from ss2sql.lowering.parameters import Bookkeeping, Needs, Shown, SqlQuery
+from ss2sql.lowering.parameters import Needs
 from ss2sql.lowering.positions import by_position
 from ss2sql.lowering.select import Selects
+from ss2sql.lowering.sql_query import Bookkeeping, Shown, SqlQuery
 from ss2sql.lowering.unsupported import check
 from ss2sql.vtables.late import Late, late, late_columns
 from ss2sql.vtables.snapshots import NO_SNAPSHOT, snapshot_for

@@ -18,14 +18,16 @@ from dataclasses import replace
 from sqlglot import exp
 
 from ss2sql import plan
+from ss2sql.kinds import is_flag
 from ss2sql.lowering import sql
 from ss2sql.lowering.entering_step import EnteringStep, certain, fallible
-from ss2sql.lowering.expressions import Env, is_flag
+from ss2sql.lowering.expressions import Env
 from ss2sql.lowering.lookup import lookups, without
-from ss2sql.lowering.parameters import Bookkeeping, Counts
+from ss2sql.lowering.names import free_name
 from ss2sql.lowering.search import SearchLowering, element_reads
 from ss2sql.lowering.select import Selects
-from ss2sql.lowering.sql import Node, free_name
+from ss2sql.lowering.sql import Node
+from ss2sql.lowering.sql_query import Bookkeeping, Counts
 from ss2sql.walk import parts, set_at_once, states_read, walk
 
 MOST = 2**40  # costs up to here do not add up to 64 bits: 2^23 steps on one path would be needed

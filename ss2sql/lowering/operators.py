@@ -21,6 +21,7 @@ from ss2sql.lowering.classes import EXACT, REAL_NUMBER, is_number, same_class
 from ss2sql.lowering.packing import Alike
 from ss2sql.lowering.scalars import FUNCTIONS
 from ss2sql.lowering.sql import Node
+from ss2sql.walk import can_fail
 
 if TYPE_CHECKING:
     from ss2sql.lowering.expressions import Env, Expressions
@@ -43,7 +44,7 @@ def _has_one_form(kind: Type) -> bool:
 
 def _is_known(expr: plan.Expr) -> bool:
     """Whether the value is bound before the statement runs."""
-    from ss2sql.lowering.expressions import can_fail, is_fixed
+    from ss2sql.lowering.expressions import is_fixed
 
     return isinstance(expr, (plan.Constant, plan.Variable)) or (is_fixed(expr) and not can_fail(expr))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, TypeAlias
+from typing import Any
 
 from sqlglot import exp
 
@@ -12,49 +12,10 @@ from ss2sql import plan
 from ss2sql.errors import Span
 from ss2sql.errors.visible import visible
 from ss2sql.lowering import sql
+from ss2sql.lowering.names import free_name, module_of
 from ss2sql.lowering.packing import Packing
 from ss2sql.lowering.sql import Node
-from ss2sql.vtables.late import Late
-from ss2sql.vtables.snapshots import NO_SNAPSHOT, Snapshot
-
-Counts: TypeAlias = Literal["steps", "product", "entered"]
-
-
-@dataclass(frozen=True, slots=True)
-class Bookkeeping:
-    """How the steps of a search are kept and counted.
-
-    `counts` says how it is known how many were generated: one by one, as the product of the sources for each step
-    that went on, or as those that entered the queue and those that a guard kept out. `all_go_on` says that
-    whatever enters goes on, `all_results` that it also comes out as a result, `by_turns` that steps are evaluated
-    when they are taken from the queue. `trusts` says that rows may be compared as they are until the pool has met
-    values that have several forms. `sources` names the parameters that are walked as sources, `members` those that are
-    walked as lists right of IN, which make no steps; the value of one may be that of the other.
-    """
-
-    counts: Counts = "steps"
-    all_go_on: bool = False
-    all_results: bool = False
-    trusts: bool = False
-    sources: tuple[str, ...] = ()
-    members: frozenset[str] = frozenset()
-
-
-@dataclass(frozen=True, slots=True)
-class Parameter:
-    """A value that is bound as `:name`: the expression is evaluated once, before the statement runs.
-
-    With `flag` set the value is a bool that travels as 0 or 1, with `packing` it is put into another form.
-    """
-
-    name: str
-    expr: plan.Expr
-    flag: bool = False
-    packing: Packing | None = None
-
-    def bound(self, value: Any) -> Any:
-        """What is bound for a value of the expression."""
-        return value if self.packing is None else self.packing.pack(value)
+from ss2sql.lowering.sql_query import Parameter
 
 
 @dataclass(slots=True)
@@ -87,11 +48,11 @@ class Needs:
 
     def label(self, name: str) -> str:
         """A name for a source that no other source of the statement has; the user's own for the first."""
-        return sql.free_name(name, self.labels)
+        return free_name(name, self.labels)
 
     def table(self, name: str) -> str:
         """A name for a table of WITH that nothing else has; unlike a label it is seen in all of the statement."""
-        table = sql.free_name(name, self.labels | self.tables)
+        table = free_name(name, self.labels | self.tables)
         self.tables.add(table.lower())
         return table
 
@@ -151,44 +112,6 @@ class Needs:
 
     def elements(self, columns: tuple[str, ...]) -> str:
         """The name of the virtual table that walks a list whose elements have these columns."""
-        name = sql.module_of(columns)
+        name = module_of(columns)
         self.modules[name] = columns
         return name
-
-
-@dataclass(frozen=True, slots=True)
-class Shown:
-    """One output column of a statement: whether a bool travels as 0 or 1 in it."""
-
-    flag: bool
-
-
-@dataclass(frozen=True, slots=True)
-class SqlQuery:
-    """A lowered query.
-
-    The statement's columns are, in this order: for a search the step's and its parent's number; the
-    `outputs`; `keys` group values; `orders` sort keys that SQL does not sort by itself. `sorted` and `limited`
-    say what SQL has done of ORDER BY and LIMIT. `plain` are the parameters whose handles stand for all values
-    that equal theirs, as long as no other form of such a value turns up. `ahead` says that something may be
-    evaluated that the language would not evaluate, so that what fails may be no error; `plain_rows` that the
-    rows consist of numbers, strings and None. `snapshot` is that of worlds, `late` what makes the rows where the
-    statement gives keys of worlds alone. `applied` names the rewrites that lowering has applied.
-    """
-
-    query: plan.Query
-    text: str
-    parameters: tuple[Parameter, ...]
-    outputs: tuple[Shown, ...]
-    keys: tuple[Shown, ...]
-    orders: tuple[Shown, ...]
-    sorted: bool
-    limited: bool
-    calls: Mapping[str, tuple[Span, ...]]
-    modules: Mapping[str, tuple[str, ...]]
-    plain: frozenset[str] = frozenset()
-    plain_rows: bool = False
-    bookkeeping: Bookkeeping = Bookkeeping()
-    snapshot: Snapshot = NO_SNAPSHOT
-    late: Late | None = None
-    applied: tuple[str, ...] = ()

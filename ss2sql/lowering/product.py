@@ -25,11 +25,12 @@ from ss2sql.kinds import Kind
 from ss2sql.lowering import sql
 from ss2sql.lowering.copies import asked_equal, by_index, in_order, rows_in_order, without_affinity
 from ss2sql.lowering.derived import Table
-from ss2sql.lowering.expressions import Env, Reader, can_fail
+from ss2sql.lowering.expressions import Env, Reader
 from ss2sql.lowering.levels import Condition, Hoisted, Levels
-from ss2sql.lowering.sources import Opened, sql_names
+from ss2sql.lowering.names import sql_names
+from ss2sql.lowering.sources import Opened
 from ss2sql.lowering.sql import Node
-from ss2sql.walk import parts, sources_read, states_read
+from ss2sql.walk import can_fail, parts, sources_read, states_read
 
 if TYPE_CHECKING:
     from ss2sql.lowering.select import Selects

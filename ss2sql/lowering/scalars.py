@@ -15,6 +15,7 @@ from ss2sql import plan
 from ss2sql.kinds import Kind, union
 from ss2sql.lowering import sql
 from ss2sql.lowering.classes import MOST_FACTORS, WHOLE, class_of, is_number, may_repeat
+from ss2sql.lowering.names import SQLITE_FUNCTIONS
 from ss2sql.lowering.sql import Node
 from ss2sql.walk import choices
 
@@ -49,7 +50,7 @@ def absolute(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
 
 def square_root(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
     """IEEE 754 demands the nearest float of a root, so all roots are the same."""
-    node = _number(lowering, call, env) if "sqrt" in sql.SQLITE_FUNCTIONS else None
+    node = _number(lowering, call, env) if "sqrt" in SQLITE_FUNCTIONS else None
     return None if node is None else sql.call("sqrt", node)
 
 

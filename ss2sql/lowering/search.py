@@ -21,13 +21,15 @@ from collections.abc import Iterable, Iterator
 from sqlglot import exp
 
 from ss2sql import plan
+from ss2sql.kinds import is_flag
 from ss2sql.lowering import sql
 from ss2sql.lowering.copies import asked_equal, by_index, keep_columns, materialized, rows_in_order
-from ss2sql.lowering.expressions import Env, is_flag
-from ss2sql.lowering.parameters import Bookkeeping
+from ss2sql.lowering.expressions import Env
+from ss2sql.lowering.names import free_name, sql_names
 from ss2sql.lowering.select import Selects
-from ss2sql.lowering.sources import open_sources, sql_names
-from ss2sql.lowering.sql import Node, free_name
+from ss2sql.lowering.sources import open_sources
+from ss2sql.lowering.sql import Node
+from ss2sql.lowering.sql_query import Bookkeeping
 from ss2sql.lowering.strategies import guard_of, order_of
 from ss2sql.vtables.names import PLACE
 from ss2sql.walk import rebuild, sources_read, states_read, walk

@@ -8,14 +8,15 @@ from dataclasses import dataclass, replace
 from sqlglot import exp
 
 from ss2sql import plan
-from ss2sql.kinds import Kind, Type
+from ss2sql.kinds import Kind, Type, is_flag
 from ss2sql.lowering import sql
 from ss2sql.lowering.copies import Copies
-from ss2sql.lowering.expressions import Env, Expressions, is_flag
+from ss2sql.lowering.expressions import Env, Expressions
 from ss2sql.lowering.levels import Levels
+from ss2sql.lowering.names import sql_names
 from ss2sql.lowering.parameters import Needs
 from ss2sql.lowering.product import Product
-from ss2sql.lowering.sources import open_sources, sql_names
+from ss2sql.lowering.sources import open_sources
 from ss2sql.lowering.sql import Node
 from ss2sql.walk import conjuncts, sources_read, walk_own
 

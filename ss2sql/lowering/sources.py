@@ -14,12 +14,14 @@ from typing import TYPE_CHECKING, assert_never
 from sqlglot import exp
 
 from ss2sql import plan
+from ss2sql.kinds import is_flag
 from ss2sql.lowering import sql
 from ss2sql.lowering.copies import materialized
-from ss2sql.lowering.expressions import Env, Reader, can_fail, is_flag
+from ss2sql.lowering.expressions import Env, Reader
+from ss2sql.lowering.names import sql_names
 from ss2sql.lowering.sql import Node
 from ss2sql.vtables.names import PLACE
-from ss2sql.walk import moves, sources_inside, sources_read, states_read
+from ss2sql.walk import can_fail, moves, sources_inside, sources_read, states_read
 
 if TYPE_CHECKING:
     from ss2sql.lowering.select import Selects
@@ -38,15 +40,6 @@ class Opened:
     order: tuple[Node, ...]
     witness: Node
     conditions: tuple[Node, ...] = ()
-
-
-def sql_names(columns: tuple[str, ...]) -> dict[str, str]:
-    """Names of columns as SQL can tell them apart, for SQL does not see upper and lower case."""
-    # SQLite calls a column otherwise that is to be called true; one that is called rowid hides the real one.
-    taken, names = {"this", "true", "false", "rowid"}, {}
-    for name in columns:
-        names[name] = sql.free_name(sql.harmless(name), taken)
-    return names
 
 
 def open_sources(

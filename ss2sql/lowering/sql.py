@@ -10,19 +10,13 @@ import apsw
 from sqlglot import exp
 
 from ss2sql.errors.visible import OBEYED
+from ss2sql.lowering.names import SQLITE_FUNCTIONS, written
 
 Node: TypeAlias = exp.Expr
 
 MOST_IN_ROW = 250  # parts joined by AND or OR without parentheses
 _PLAIN_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
-_UNWRITTEN = re.compile("[\0\ud800-\udfff]")
-_SURROGATE = re.compile("[\ud800-\udfff]")
-_PLAIN_COLUMN = re.compile(r"(?:(?!\d+\Z)[^_A-Z]+|this_\d+)\Z")
-_MARKED = re.compile(f"[A-Z^,]|{OBEYED.pattern}")
 _WORDS = frozenset(apsw.keywords) | {"TRUE", "FALSE"}
-SQLITE_FUNCTIONS = frozenset(
-    str(name) for (name,) in apsw.Connection(":memory:").execute("SELECT lower(name) FROM pragma_function_list")
-)
 
 
 class Bare(exp.Unary):
@@ -35,31 +29,6 @@ def identifier(name: str) -> exp.Identifier:
     return exp.Identifier(this=written(name), quoted=not plain)
 
 
-def written(name: str) -> str:
-    """A name without what no text of SQL can hold: the character 0, and halves of surrogate pairs."""
-    return _UNWRITTEN.sub("\N{REPLACEMENT CHARACTER}", name)
-
-
-def harmless(name: str) -> str:
-    """A name of our own choice, without characters that a terminal would obey."""
-    return OBEYED.sub("\N{REPLACEMENT CHARACTER}", name)
-
-
-def can_be_text(value: str) -> bool:
-    """Whether SQL can hold the text as a literal."""
-    return not _SURROGATE.search(value)
-
-
-def module_of(columns: tuple[str, ...]) -> str:
-    """The name of the virtual table that walks lists with these columns; no other columns have it.
-
-    It stays apart where SQLite, which sees no case, would take two for one, as it would `a_b` and `a, b`.
-    """
-    if all(_PLAIN_COLUMN.match(name) and not OBEYED.search(name) for name in columns):
-        return "_".join(("elements", *columns))
-    return "elements " + ", ".join(_MARKED.sub(_marked, name) for name in columns)
-
-
 # Modules, the recursive table of a search, and copies of lists and tables.
 _OF_A_STATEMENT = re.compile(r"elements|search|.*_(once|in_order)(_\d+)?\Z", re.DOTALL)
 
@@ -67,21 +36,6 @@ _OF_A_STATEMENT = re.compile(r"elements|search|.*_(once|in_order)(_\d+)?\Z", re.
 def may_be_hidden(name: str) -> bool:
     """Whether a table may have the name of such a virtual table or of a copy: its schema has to be written, too."""
     return bool(_OF_A_STATEMENT.match(name.lower()))
-
-
-def free_name(name: str, taken: set[str]) -> str:
-    """The name, or with the first number that makes it one that is not `taken`; SQL does not see case. It is, then."""
-    candidate, count = name, 1
-    while candidate.lower() in taken:
-        count += 1
-        candidate = f"{name}_{count}"
-    taken.add(candidate.lower())
-    return candidate
-
-
-def _marked(found: re.Match[str]) -> str:
-    char = found.group()
-    return f"^{char.lower()}" if " " <= char <= "~" else f"^{{{ord(char):x}}}"
 
 
 def column(name: str, table: str | None = None) -> exp.Column:

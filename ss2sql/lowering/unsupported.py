@@ -14,8 +14,8 @@ from typing import Any
 from ss2sql import plan
 from ss2sql.errors import Error, Span, UnsupportedError
 from ss2sql.kinds import Kind
+from ss2sql.lowering.names import can_be_text
 from ss2sql.lowering.select import sortable, uniform
-from ss2sql.lowering.sql import can_be_text
 from ss2sql.lowering.strategies import GUARDS
 from ss2sql.walk import sources_read, states_read, walk, walk_own
 

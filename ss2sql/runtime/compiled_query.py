@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Callable, Mapping
 from functools import cache, cached_property, partial
@@ -12,16 +13,11 @@ import apsw
 from ss2sql import plan
 from ss2sql.errors import Error, ExecutionError, Stopped, UnsupportedError
 from ss2sql.kinds import Kind
-from ss2sql.lowering.lower import lower
-from ss2sql.lowering.parameters import Parameter, SqlQuery
 from ss2sql.lowering.rewrites import optimise
-from ss2sql.lowering.unsupported import refusal_of_too_much
+from ss2sql.lowering.sql_query import Parameter, SqlQuery
 from ss2sql.runtime.call_sites import takes_arrays
-from ss2sql.runtime.duck.narrowing import Handed, narrow
-from ss2sql.runtime.duck.query import DuckQuery, NotHereError
-from ss2sql.runtime.engines import Engine
+from ss2sql.runtime.engines import Engine, NotHereError
 from ss2sql.runtime.finishing import finished
-from ss2sql.runtime.levels.query import LevelQuery
 from ss2sql.runtime.native import NativeQuery, compile_statement
 from ss2sql.runtime.native.deep import with_room
 from ss2sql.runtime.native.options import least_of, whole
@@ -36,7 +32,10 @@ from ss2sql.vtables.snapshots import may_move
 from ss2sql.walk import walk
 
 if TYPE_CHECKING:
+    from ss2sql.runtime.duck.narrowing import Handed
+    from ss2sql.runtime.duck.query import DuckQuery
     from ss2sql.runtime.host import SessionHost
+    from ss2sql.runtime.levels.query import LevelQuery
 
 LIMITS = ("X010", "X014")  # of rows and of the size of values: no reason to begin again
 
@@ -69,27 +68,36 @@ class CompiledQuery:
         self.made = False  # until all is: Ctrl-C may come before that
         self.world = host.world(variable)
         query, self.rewrites = optimise(self.written, host.disabled, self.world)
-        self.query, self.handed = query, dict[str, Handed]()
+        self.query = query
+        self.handed: dict[str, Handed] = {}
         self.lowered: SqlQuery | None = None
         self.reason, self.cures = "engine='native' was asked for", tuple[str, ...]()
         self.refusal = None
         self.native: NativeQuery | LevelQuery | DuckQuery | None = None
+        self._levels: LevelQuery | None = None
+        self._duck: DuckQuery | None = None
         self.passed_on: str | None = None  # why the engine that was asked for does not run it
         tables = host.held.engine(self.wanted)
         levels = tables if query.search else None
         sources = None if tables is None or query.search else tables.sources
         if sources is not None:
+            from ss2sql.runtime.duck.query import DuckQuery
+
             try:
-                self.native = DuckQuery(query, sources, variable)
+                self.native = self._duck = DuckQuery(query, sources, variable)
                 self.reason = f"engine='{self.wanted}' was asked for"
             except UnsupportedError as error:
                 self.passed_on = f"not in {self.wanted}: {error.message}"
-        if self.native is None:
+        if self.native is None and "ss2sql.runtime.duck.tables" in sys.modules:  # else nobody has a table of DuckDB
+            from ss2sql.runtime.duck.narrowing import narrow
+
             query, self.handed = narrow(query, variable)
             self.query = query
         try:
             if levels is not None:
-                self.native = LevelQuery(query, levels)
+                from ss2sql.runtime.levels.query import LevelQuery
+
+                self.native = self._levels = LevelQuery(query, levels)
                 self.reason = f"engine='{self.wanted}' was asked for"
             elif self.wanted == "auto" and self._reads_values_alone(query):
                 self.reason = READS_VALUES
@@ -140,12 +148,12 @@ class CompiledQuery:
     @property
     def levels(self) -> LevelQuery | None:
         """The search as it goes by levels in another database."""
-        return self.native if isinstance(self.native, LevelQuery) else None
+        return self._levels if self.native is self._levels else None
 
     @property
     def duck(self) -> DuckQuery | None:
         """The query as DuckDB runs it, if it is no search."""
-        return self.native if isinstance(self.native, DuckQuery) else None
+        return self._duck if self.native is self._duck else None
 
     def value(self, run: Run) -> Any:
         """Runs the query; its answer becomes the run's last one, its value is one of the language."""
@@ -258,6 +266,8 @@ class CompiledQuery:
             raise
         except Exception as error:
             if self.demanded and _is_too_much(error):
+                from ss2sql.lowering.unsupported import refusal_of_too_much
+
                 raise refusal_of_too_much(self.query, error) from error
             if self.demanded or (isinstance(error, ExecutionError) and error.code in LIMITS):
                 raise
@@ -303,6 +313,8 @@ class CompiledQuery:
 
     def _lower(self, query: plan.Query, *off: str, cut: bool = False, by_value: bool = False) -> SqlQuery:
         """The statement of a query, without the rewrites that are `off`; some are needed while a script runs."""
+        from ss2sql.lowering.lower import lower  # which takes 60 ms to load; a native query does without
+
         names, disabled = self.host.sql_names, {*self.host.disabled, *off}
         return with_room(lambda: lower(query, names, cut=cut, by_value=by_value, disabled=disabled))
 

@@ -16,9 +16,9 @@ import apsw
 
 from ss2sql import plan
 from ss2sql.errors import Error, Span, Stopped
-from ss2sql.lowering.expressions import PREDICATES, builtin_name
+from ss2sql.lowering.names import PREDICATES, builtin_name
 from ss2sql.lowering.packing import Packed
-from ss2sql.lowering.parameters import Bookkeeping, Parameter, Shown, SqlQuery
+from ss2sql.lowering.sql_query import Bookkeeping, Parameter, Shown, SqlQuery
 from ss2sql.runtime.ahead import ROOM, Ahead
 from ss2sql.runtime.calls import CallsMade, Members, Parts, builtin_function, located_final, sql_function
 from ss2sql.runtime.decoding import decoder

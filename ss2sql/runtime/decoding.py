@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any
 
-from ss2sql.lowering.parameters import Shown
+from ss2sql.lowering.sql_query import Shown
 from ss2sql.runtime.pool import Pool
 
 Decoder = Callable[[Sequence[Any]], tuple[Any, ...]]

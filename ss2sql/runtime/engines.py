@@ -3,28 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, Literal, TypeAlias, get_args
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
 from ss2sql.errors import SessionError
-from ss2sql.lowering.dialects import DUCKDB, SPARK
 from ss2sql.results import package
-from ss2sql.runtime.levels.kinds import IN_QUERIES, KEEPING_BY_COST
-from ss2sql.runtime.levels.parcel import RULES
-from ss2sql.runtime.levels.query import Abilities, TableEngine
 from ss2sql.runtime.opening import check_known
 from ss2sql.runtime.run import Run
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.levels.query import Abilities, TableEngine
 
 Engine: TypeAlias = Literal["auto", "database", "native", "duckdb", "spark"]
 ENGINES: tuple[Engine, ...] = get_args(Engine)
 
 
-ABILITIES: dict[str, Abilities] = {
-    abilities.name: abilities
-    for abilities in (
-        Abilities("duckdb", DUCKDB),
-        Abilities("spark", SPARK, RULES, IN_QUERIES, KEEPING_BY_COST),
-    )
-}
+def abilities(name: str) -> Abilities | None:
+    """What a database can that searches by levels; None for others. Only who asks for one loads what it needs."""
+    from ss2sql.lowering.dialects import DUCKDB, SPARK
+    from ss2sql.runtime.levels.kinds import IN_QUERIES, KEEPING_BY_COST
+    from ss2sql.runtime.levels.parcel import RULES
+    from ss2sql.runtime.levels.query import Abilities
+
+    match name:
+        case "duckdb":
+            return Abilities("duckdb", DUCKDB)
+        case "spark":
+            return Abilities("spark", SPARK, RULES, IN_QUERIES, KEEPING_BY_COST)
+        case _:
+            return None
+
+
+class NotHereError(Exception):
+    """What only a run can tell: this time the query has to run elsewhere. Its text is the reason."""
 
 
 def check_engine(engine: Any) -> None:
@@ -48,13 +58,16 @@ def _duckdb(session: Any, begun: Sequence[Run]) -> TableEngine:
     package("pyarrow", "duckdb", "engine='duckdb'")
     from ss2sql.runtime.duck.tables import DuckSources
     from ss2sql.runtime.levels.duck import Duck
+    from ss2sql.runtime.levels.query import TableEngine
 
     if session is not None and not isinstance(session, duckdb.DuckDBPyConnection):
         message = f"the session of engine='duckdb' is a connection of DuckDB, not {type(session).__name__}"
         raise SessionError("S002", message, hints=("give duckdb.connect(), or nothing",))
     duck = Duck(session)
     sources = DuckSources(lambda: duck.session.cursor(), (duckdb.Error,), begun)
-    return TableEngine(ABILITIES["duckdb"], duck.open, duck.close, (duckdb.Error,), sources)
+    able = abilities("duckdb")
+    assert able is not None
+    return TableEngine(able, duck.open, duck.close, (duckdb.Error,), sources)
 
 
 def _spark(session: Any, begun: Sequence[Run]) -> TableEngine:
@@ -63,10 +76,13 @@ def _spark(session: Any, begun: Sequence[Run]) -> TableEngine:
     from py4j.protocol import Py4JError  # type: ignore[import-untyped]
     from pyspark.errors import PySparkException
 
+    from ss2sql.runtime.levels.query import TableEngine
     from ss2sql.runtime.levels.spark import Spark
 
     spark = Spark(session)
-    return TableEngine(ABILITIES["spark"], spark.open, spark.close, (PySparkException, Py4JError))
+    able = abilities("spark")
+    assert able is not None
+    return TableEngine(able, spark.open, spark.close, (PySparkException, Py4JError))
 
 
 _OPENERS: dict[str, Callable[[Any, Sequence[Run]], TableEngine]] = {"duckdb": _duckdb, "spark": _spark}

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from ss2sql.errors import ExecutionError
-from ss2sql.lowering.parameters import SqlQuery
+from ss2sql.lowering.sql_query import SqlQuery
 from ss2sql.runtime.paths import Paths
 from ss2sql.runtime.rows import Rows
 from ss2sql.runtime.values import freeze, sort_rows

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from ss2sql import plan
 from ss2sql.errors import UnsupportedError
 from ss2sql.runtime.compiled_query import CompiledQuery
-from ss2sql.runtime.levels.query import LevelQuery
 from ss2sql.runtime.result import Answer, column_names
 from ss2sql.runtime.rows import Rows
 from ss2sql.runtime.run import Run
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.levels.query import LevelQuery
 
 
 def framed_answer(expr: plan.Expr, queries: Sequence[CompiledQuery], run: Run) -> Answer:

@@ -21,7 +21,7 @@ from ss2sql.errors import SessionError
 from ss2sql.frontend.inline import Body, body_of
 from ss2sql.frontend.purity import arity, infer
 from ss2sql.frontend.text import RESERVED as RESERVED_WORDS
-from ss2sql.lowering.sql import SQLITE_FUNCTIONS
+from ss2sql.lowering.names import SQLITE_FUNCTIONS
 from ss2sql.runtime.builtins import BUILTINS
 from ss2sql.runtime.search_functions import FUNCTIONS as SEARCH_FUNCTIONS
 

@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.runtime.engines import table_engine
-from ss2sql.runtime.levels.query import TableEngine
 from ss2sql.runtime.run import Run
 from ss2sql.vtables.frames import Reader
 
 if TYPE_CHECKING:
+    from ss2sql.runtime.levels.query import TableEngine
     from ss2sql.runtime.workers.processes import Processes
 
 

@@ -19,7 +19,7 @@ from ss2sql.vtables.frames.frame import Frame
 from ss2sql.vtables.memories import Memories
 
 if TYPE_CHECKING:
-    from ss2sql.lowering.parameters import SqlQuery
+    from ss2sql.lowering.sql_query import SqlQuery
     from ss2sql.runtime.remembered.keeper import GraphKeeper
 
 P = ParamSpec("P")

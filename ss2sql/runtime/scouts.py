@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from ss2sql import plan
 from ss2sql.errors import Stopped, UnsupportedError
-from ss2sql.lowering.parameters import SqlQuery
+from ss2sql.lowering.sql_query import SqlQuery
 from ss2sql.runtime.ahead import Ahead, Rows
 from ss2sql.runtime.call_sites import Site, sites_of
 from ss2sql.runtime.native import NativeQuery, compile_statement

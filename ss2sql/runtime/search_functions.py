@@ -13,7 +13,7 @@ from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from math import prod
 from typing import Any, TypeAlias
 
-from ss2sql.lowering.parameters import Bookkeeping
+from ss2sql.lowering.sql_query import Bookkeeping
 from ss2sql.runtime.run import Stats
 
 Kept: TypeAlias = tuple[int, tuple[Any, ...]]

@@ -10,7 +10,7 @@ from ss2sql.lowering.dialects import SQLITE, Dialect
 from ss2sql.lowering.portable.flat import write_flat
 from ss2sql.runtime.compiled import CompiledStatement
 from ss2sql.runtime.compiled_query import CompiledQuery
-from ss2sql.runtime.engines import ABILITIES
+from ss2sql.runtime.engines import abilities
 from ss2sql.runtime.levels.query import in_tables
 from ss2sql.runtime.sql_text import Sql
 
@@ -32,8 +32,8 @@ def translated(statements: Sequence[CompiledStatement], dialect: Dialect) -> Sql
 def _text(query: CompiledQuery, dialect: Dialect) -> str:
     if query.query.search is None:
         return f"{dialect.print(write_flat(query.query, query.world.variable))};"
-    abilities = ABILITIES.get(dialect.name)
-    if abilities is None:
+    able = abilities(dialect.name)
+    if able is None:
         reason = f"a search needs many statements, and nothing runs them in {dialect.name}"
         raise UnsupportedError("U001", reason, query.query.span, ("--dialect duckdb and --dialect spark print them",))
-    return in_tables(query.query, abilities).sql
+    return in_tables(query.query, able).sql

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 import apsw
 
-from ss2sql.lowering.sources import sql_names
+from ss2sql.lowering.names import sql_names
 from ss2sql.runtime.pool import Pool
 from ss2sql.vtables.attached import AttachedTable
 from ss2sql.vtables.cursor import Cursor

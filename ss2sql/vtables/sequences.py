@@ -12,7 +12,7 @@ from typing import Any, TypeAlias, cast
 
 import apsw
 
-from ss2sql.lowering.sources import sql_names
+from ss2sql.lowering.names import sql_names
 from ss2sql.vtables.names import quoted
 
 SqlValue: TypeAlias = Any

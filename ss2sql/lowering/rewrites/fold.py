@@ -16,11 +16,10 @@ from typing import Any
 from ss2sql import plan
 from ss2sql.errors import Error
 from ss2sql.kinds import covers
-from ss2sql.lowering.expressions import can_fail
 from ss2sql.lowering.rewrites.nodes import as_bool, bottom_up, constant, is_true
 from ss2sql.lowering.rewrites.world import MOST_ELEMENTS, World, is_plain
 from ss2sql.runtime.builtins import BUILTINS
-from ss2sql.walk import walk_own
+from ss2sql.walk import can_fail, walk_own
 
 
 def rewrite(query: plan.Query, world: World) -> plan.Query:

@@ -17,11 +17,10 @@ from dataclasses import dataclass, replace
 
 from ss2sql import plan
 from ss2sql.kinds import Kind
-from ss2sql.lowering.expressions import can_fail
 from ss2sql.lowering.rewrites.nodes import bottom_up, call, constant
 from ss2sql.lowering.rewrites.world import World
 from ss2sql.runtime.builtins import BUILTINS
-from ss2sql.walk import conjuncts, sources_read, walk
+from ss2sql.walk import can_fail, conjuncts, sources_read, walk
 
 # So much wider is the box: more than what floats lose between the distance and the ends of the box. It can be a factor,
 # for where a float ends a range, rounding the end never leaves the float outside.

@@ -12,8 +12,7 @@ from typing import Any, TypeVar
 
 from ss2sql import plan
 from ss2sql.errors import Span
-from ss2sql.kinds import BOOL, Kind, type_of
-from ss2sql.lowering.expressions import is_flag
+from ss2sql.kinds import BOOL, Kind, is_flag, type_of
 from ss2sql.runtime.builtins import BUILTINS
 from ss2sql.runtime.values import truth
 from ss2sql.walk import rebuild

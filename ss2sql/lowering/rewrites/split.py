@@ -15,10 +15,9 @@ from typing import Any
 
 from ss2sql import plan
 from ss2sql.kinds import Kind, Type
-from ss2sql.lowering.expressions import can_fail
 from ss2sql.lowering.rewrites.nodes import COMPARISONS, all_of, any_of, as_bool, bottom_up, call, constant, negated
 from ss2sql.lowering.rewrites.world import World, is_plain
-from ss2sql.walk import conjuncts, is_volatile
+from ss2sql.walk import can_fail, conjuncts, is_volatile
 
 FEWEST = 3  # comparisons that are worth an IN
 

@@ -11,9 +11,8 @@ from typing import Any
 
 from ss2sql import plan
 from ss2sql.errors import Span
-from ss2sql.lowering.expressions import can_fail
 from ss2sql.lowering.rewrites.world import World
-from ss2sql.walk import rebuild, walk
+from ss2sql.walk import can_fail, rebuild, walk
 
 _OF_GROUPS = (plan.Aggregate, plan.GroupKey)
 

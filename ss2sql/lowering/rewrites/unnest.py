@@ -18,7 +18,6 @@ from typing import Any, TypeAlias
 from ss2sql import plan
 from ss2sql.errors import Span
 from ss2sql.kinds import Kind, union
-from ss2sql.lowering.expressions import can_fail
 from ss2sql.lowering.rewrites.fold import folded
 from ss2sql.lowering.rewrites.nodes import (
     COMPARISONS,
@@ -35,7 +34,7 @@ from ss2sql.lowering.rewrites.nodes import (
 from ss2sql.lowering.rewrites.texts import read
 from ss2sql.lowering.rewrites.unroll import Row, looked_for, rows_of
 from ss2sql.lowering.rewrites.world import World
-from ss2sql.walk import walk
+from ss2sql.walk import can_fail, walk
 
 MIRRORED = {"eq": "eq", "ne": "ne", "lt": "gt", "le": "ge", "gt": "lt", "ge": "le"}
 MOST_COUNTED = 50  # elements that are counted one by one

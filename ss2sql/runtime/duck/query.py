@@ -14,6 +14,7 @@ from ss2sql.lowering.portable.here import LIMIT, Loaded, Outside, WrittenHere, w
 from ss2sql.runtime.duck.exact import give
 from ss2sql.runtime.duck.loading import as_arrow, columns_of
 from ss2sql.runtime.duck.tables import DuckFrame, DuckSources, Reading
+from ss2sql.runtime.engines import NotHereError
 from ss2sql.runtime.levels.watch import watched
 from ss2sql.runtime.native.compiled import compile_statement
 from ss2sql.runtime.native.options import whole
@@ -24,10 +25,6 @@ from ss2sql.runtime.sql_text import Sql
 from ss2sql.walk import walk
 
 BLOCK = 10_000  # rows that are read at once
-
-
-class NotHereError(Exception):
-    """What only a run can tell: this time the query has to run elsewhere. Its text is the reason."""
 
 
 class DuckQuery:

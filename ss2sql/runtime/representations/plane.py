@@ -7,15 +7,16 @@ the edge of a cell in metres, and optionally the blur, in cells.
 from __future__ import annotations
 
 from math import ceil
-from typing import Any
-
-import numpy as np
+from typing import TYPE_CHECKING, Any
 
 from ss2sql.runtime.checking import Check
+from ss2sql.runtime.representations.arguments import check_cells, number, numbers, refuse
 from ss2sql.runtime.representations.base import Table, asks
-from ss2sql.runtime.representations.grid import Grid, check_cells, number, numbers, refuse
 from ss2sql.runtime.values import show
 from ss2sql.vtables.base import Element
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.representations.grid import Grid
 
 AXES = {"XY": (0, 1), "XZ": (0, 2), "YZ": (1, 2)}
 REACH = 3  # standard deviations at which the blur ends
@@ -35,6 +36,10 @@ def represent(table: Table, plane: Any, start: Any, size: Any, blur: Any = 0) ->
         blur: the standard deviation of a Gaussian, in cells, that values are spread with, at most 10,000. What is
             spread beyond the border is lost.
     """
+    import numpy as np  # takes 50 ms to load, which only who asks for a plane pays
+
+    from ss2sql.runtime.representations.grid import Grid
+
     axes = AXES.get(plane.upper()) if isinstance(plane, str) else None
     if axes is None:
         refuse("plane", f"needs a plane XY, XZ or YZ, not {show(plane)}")
@@ -69,6 +74,8 @@ def _count(cells: float, edge: float) -> int:
 
 def _points(table: Table, axes: tuple[int, int]) -> tuple[Any, Any]:
     """Where the rows are in the plane, and their values."""
+    import numpy as np
+
     points: list[tuple[float, float]] = []
     values: list[float] = []
     for index, row in enumerate(table.rows):
@@ -105,6 +112,8 @@ def blurred(cells: Any, spread: float, check: Check | None = None) -> Any:
     Row by row and then column by column, since a Gaussian is a product: 38 additions of the whole grid for a spread
     of 3 cells, which take 0.3 ms for 100 x 100 cells. `check` is asked after each of them.
     """
+    import numpy as np
+
     reach = ceil(REACH * spread)
     if reach == 0:
         return cells

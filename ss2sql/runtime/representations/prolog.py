@@ -12,8 +12,8 @@ from math import isfinite
 from typing import Any
 
 from ss2sql.plan import Fact
+from ss2sql.runtime.representations.arguments import refuse
 from ss2sql.runtime.representations.base import Table, asks
-from ss2sql.runtime.representations.grid import refuse
 from ss2sql.runtime.values import show
 from ss2sql.vtables.base import Element
 

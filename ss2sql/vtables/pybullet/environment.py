@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from math import dist
 from typing import Any, NoReturn
 
-from ss2sql.runtime.representations.grid import refuse
+from ss2sql.runtime.representations.arguments import refuse
 from ss2sql.scenes.scene import Scene, View
 from ss2sql.scenes.solids import Sphere, visual_shape
 from ss2sql.vtables.pybullet.bodies import FIXED, KINDS, box_of

@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 
 from ss2sql.runtime.representations import Table
-from ss2sql.runtime.representations.grid import Grid, number
+from ss2sql.runtime.representations.arguments import number
+from ss2sql.runtime.representations.grid import Grid
 from ss2sql.vtables.pybullet.bodies import KINDS, box_of
 from ss2sql.vtables.pybullet.parts import Stock
 from ss2sql.vtables.pybullet.poses import Box

@@ -1,0 +1,73 @@
+"""Names in SQL: those of columns, tables and functions, and the functions that SQLite has by itself."""
+
+from __future__ import annotations
+
+import re
+
+import apsw
+
+from ss2sql.errors.visible import OBEYED
+
+_UNWRITTEN = re.compile("[\0\ud800-\udfff]")
+_SURROGATE = re.compile("[\ud800-\udfff]")
+_PLAIN_COLUMN = re.compile(r"(?:(?!\d+\Z)[^_A-Z]+|this_\d+)\Z")
+_MARKED = re.compile(f"[A-Z^,]|{OBEYED.pattern}")
+SQLITE_FUNCTIONS = frozenset(
+    str(name) for (name,) in apsw.Connection(":memory:").execute("SELECT lower(name) FROM pragma_function_list")
+)
+# Built-in functions that always give a bool; in SQL they give a flag.
+PREDICATES = frozenset({"eq", "ne", "lt", "le", "gt", "ge", "in", "not_in"})
+
+
+def written(name: str) -> str:
+    """A name without what no text of SQL can hold: the character 0, and halves of surrogate pairs."""
+    return _UNWRITTEN.sub("\N{REPLACEMENT CHARACTER}", name)
+
+
+def harmless(name: str) -> str:
+    """A name of our own choice, without characters that a terminal would obey."""
+    return OBEYED.sub("\N{REPLACEMENT CHARACTER}", name)
+
+
+def can_be_text(value: str) -> bool:
+    """Whether SQL can hold the text as a literal."""
+    return not _SURROGATE.search(value)
+
+
+def module_of(columns: tuple[str, ...]) -> str:
+    """The name of the virtual table that walks lists with these columns; no other columns have it.
+
+    It stays apart where SQLite, which sees no case, would take two for one, as it would `a_b` and `a, b`.
+    """
+    if all(_PLAIN_COLUMN.match(name) and not OBEYED.search(name) for name in columns):
+        return "_".join(("elements", *columns))
+    return "elements " + ", ".join(_MARKED.sub(_marked, name) for name in columns)
+
+
+def free_name(name: str, taken: set[str]) -> str:
+    """The name, or with the first number that makes it one that is not `taken`; SQL does not see case. It is, then."""
+    candidate, count = name, 1
+    while candidate.lower() in taken:
+        count += 1
+        candidate = f"{name}_{count}"
+    taken.add(candidate.lower())
+    return candidate
+
+
+def builtin_name(name: str) -> str:
+    """The name of a built-in function in SQL; a name of SQLite's own stays SQLite's, for views and aggregates."""
+    return f"{name}_of" if name in SQLITE_FUNCTIONS else name
+
+
+def sql_names(columns: tuple[str, ...]) -> dict[str, str]:
+    """Names of columns as SQL can tell them apart, for SQL does not see upper and lower case."""
+    # SQLite calls a column otherwise that is to be called true; one that is called rowid hides the real one.
+    taken, names = {"this", "true", "false", "rowid"}, {}
+    for name in columns:
+        names[name] = free_name(harmless(name), taken)
+    return names
+
+
+def _marked(found: re.Match[str]) -> str:
+    char = found.group()
+    return f"^{char.lower()}" if " " <= char <= "~" else f"^{{{ord(char):x}}}"

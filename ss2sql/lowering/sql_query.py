@@ -1,0 +1,89 @@
+"""A lowered query: its text, the values to bind, the functions to have, and how the steps of a search are kept."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, TypeAlias
+
+from ss2sql import plan
+from ss2sql.errors import Span
+from ss2sql.lowering.packing import Packing
+from ss2sql.vtables.late import Late
+from ss2sql.vtables.snapshots import NO_SNAPSHOT, Snapshot
+
+Counts: TypeAlias = Literal["steps", "product", "entered"]
+
+
+@dataclass(frozen=True, slots=True)
+class Bookkeeping:
+    """How the steps of a search are kept and counted.
+
+    `counts` says how it is known how many were generated: one by one, as the product of the sources for each step
+    that went on, or as those that entered the queue and those that a guard kept out. `all_go_on` says that whatever
+    enters goes on, `all_results` that it also comes out as a result. `trusts` says that rows may be compared as they
+    are until the pool has met values that have several forms. `sources` names the parameters that are walked as
+    sources, `members` those that are walked as lists right of IN, which make no steps; the value of one may be that of
+    the other.
+    """
+
+    counts: Counts = "steps"
+    all_go_on: bool = False
+    all_results: bool = False
+    trusts: bool = False
+    sources: tuple[str, ...] = ()
+    members: frozenset[str] = frozenset()
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A value that is bound as `:name`: the expression is evaluated once, before the statement runs.
+
+    With `flag` set the value is a bool that travels as 0 or 1, with `packing` it is put into another form.
+    """
+
+    name: str
+    expr: plan.Expr
+    flag: bool = False
+    packing: Packing | None = None
+
+    def bound(self, value: Any) -> Any:
+        """What is bound for a value of the expression."""
+        return value if self.packing is None else self.packing.pack(value)
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """One output column of a statement: whether a bool travels as 0 or 1 in it."""
+
+    flag: bool
+
+
+@dataclass(frozen=True, slots=True)
+class SqlQuery:
+    """A lowered query.
+
+    The statement's columns are, in this order: for a search the step's and its parent's number; the
+    `outputs`; `keys` group values; `orders` sort keys that SQL does not sort by itself. `sorted` and `limited`
+    say what SQL has done of ORDER BY and LIMIT. `plain` are the parameters whose handles stand for all values
+    that equal theirs, as long as no other form of such a value turns up. `plain_rows` says that the rows consist of
+    numbers, strings and None. `snapshot` is that of worlds, `late` what makes the rows where the
+    statement gives keys of worlds alone. `applied` names the rewrites that lowering has applied.
+    """
+
+    query: plan.Query
+    text: str
+    parameters: tuple[Parameter, ...]
+    outputs: tuple[Shown, ...]
+    keys: tuple[Shown, ...]
+    orders: tuple[Shown, ...]
+    sorted: bool
+    limited: bool
+    calls: Mapping[str, tuple[Span, ...]]
+    modules: Mapping[str, tuple[str, ...]]
+    plain: frozenset[str] = frozenset()
+    plain_rows: bool = False
+    bookkeeping: Bookkeeping = Bookkeeping()
+    snapshot: Snapshot = NO_SNAPSHOT
+    late: Late | None = None
+    applied: tuple[str, ...] = ()
