@@ -53,10 +53,15 @@ def test_case(case: Case, request: pytest.FixtureRequest, monkeypatch: pytest.Mo
         other = golden.run(case, engine)
         assert other.usable
         if found.error is None and not isinstance(other.error, ss2sql.UnsupportedError):
-            assert other.error is not None if case.name in GIVE_UP else other.verdict == found.verdict, engine
+            assert other.error is not None if gives_up(case, engine) else other.verdict == found.verdict, engine
     if "value" in case.expected:
         assert_replays(case, found)
         assert_reference_agrees(case)
+
+
+def gives_up(case: Case, engine: str) -> bool:
+    """DuckDB leaves to Python what it cannot compute, as `auto` does; its own levels may fail."""
+    return case.name in GIVE_UP and engine == "database"
 
 
 def wrong_in(error: BaseException | None) -> Iterator[str]:
