@@ -144,7 +144,7 @@ START WITH n = 1, level = 1
 CONNECT BY NO CYCLE MAXIMUM 1000 n = hop(n, this), level = level + 1 STOP WITH level == 7;"""
 GRAPH = """SELECT hop(n, this) FROM [1, 2, 3, 4, 5] WHERE hop(n, this) % 5 == 0
 START WITH n = 1 CONNECT BY MEMORIZE {} MAXIMUM 1500 n = hop(n, this);"""
-HOP, SLOW = {"hop": (hop, "immutable")}, {"slow": (slow, "volatile")}
+HOP, SLOW = {"hop": (hop, "immutable")}, {"slow": (slow, "stable")}
 KINDS = {
     "sql": Kind("SELECT a.this, b.this FROM a = range(150), b = range(150) WHERE a.this * b.this % 7 == 3;"),
     "function": Kind("SELECT slow(this) FROM range(1500);", SLOW, {"engine": "database"}),

@@ -36,15 +36,15 @@ def mutated(known: list[str], omitted: re.Pattern[str], dice: Random) -> Iterato
 
 
 def engine_outcomes(
-    session: Callable[[], ss2sql.Session], script: str, engines: tuple[str, ...] = ("native", "database")
-) -> list[Outcome]:
+    session: Callable[[], ss2sql.Session], script: str, engines: tuple[str, ...] = ("native", "database", "auto")
+) -> dict[str, Outcome]:
     """What the engines that run a script make of it; nothing of one that does not compile."""
-    found = []
+    found: dict[str, Outcome | None] = {}
     for engine in engines:
         with session() as ss, contextlib.suppress(ss2sql.Error):
             ss.compile(script).statements()
-            found.append(outcome(ss, script, engine=engine, timeout=2.0, max_rows=3000)[0])
-    return [one for one in found if one is not None and one.error not in LIMITED]
+            found[engine] = outcome(ss, script, engine=engine, timeout=2.0, max_rows=3000)[0]
+    return {engine: one for engine, one in found.items() if one is not None and one.error not in LIMITED}
 
 
 class EnoughError(BaseException):

@@ -31,7 +31,7 @@ def test_a_list_is_read_when_the_script_runs_and_kept_until_it_ends(ss: ss2sql.S
     numbers.append(2)
     assert query.run(engine=engine).value == [1, 2, 3]
     assert ss.run("SELECT this FROM numbers AS list;", engine=engine).value == [3, 1, 2]
-    ss.function("log", lambda x: numbers.append(str(x)), volatility="volatile")
+    ss.function("log", lambda x: numbers.append(str(x)), volatility="stable")
     script = "SELECT log(this) FROM numbers; SELECT this + 1 FROM numbers AS list;"
     assert ss.run(script, engine=engine).value == [4, 2, 3]
     assert numbers == [3, 1, 2, "3", "1", "2"]

@@ -148,7 +148,7 @@ def test_a_query_is_compiled_again_when_what_it_calls_is_replaced(ss: ss2sql.Ses
     assert query.run(engine=engine).value == ("f",)
     ss.representation("Form")(lambda table: [row[0] for row in table.rows])
     assert query.run(engine=engine).value == [2, 3]
-    ss.function("f", lambda x: x * 10, volatility="volatile")
+    ss.function("f", lambda x: x * 10, volatility="stable")
     assert query.run(engine=engine).value == [10, 20]
     ss.function("f", lambda x, y: x + y)
     assert code_of(query.run, engine=engine) == "R005"

@@ -8,7 +8,6 @@ from typing import Any
 import pytest
 
 import ss2sql
-from ss2sql.runtime import compiled_query
 
 LISTS = ["range(40)", "many", "same", "[1, 2]", "range(20)", "[2, 1]"]
 VARIABLES = "many = range(40); same = [1, 2]; "
@@ -50,19 +49,3 @@ EDITS = """SELECT i, j, this FROM [[1, 1], [1, 0], [0, 1]]
     WHERE i + this[0] == len(a) AND j + this[1] == len(b) START WITH i = 0, j = 0
     CONNECT BY UNIQUE MAXIMUM 1 COST IF(this == [1, 1]; IF(a[i] == b[j]; 0; 1); 1) i = i + this[0], j = j + this[1]
     STOP WITH i + this[0] > len(a) OR j + this[1] > len(b)"""
-
-
-def test_a_failure_that_the_answer_does_not_need_lowers_a_query_once_more(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Beyond the end of a word there is no letter, and no step: SQLite asks for it all the same."""
-    lowered: list[object] = []
-    lower = compiled_query.lower
-    monkeypatch.setattr(compiled_query, "lower", lambda *given, **more: lowered.append(given) or lower(*given, **more))
-    with ss2sql.connect() as ss:
-        for first, second, steps in [("kitten", "sitting", 7), ("flaw", "lawn", 5), ("abcabc", "cabcab", 7)]:
-            lowered.clear()
-            query = ss.compile(f"a = '{first}'; b = '{second}'; {EDITS}")
-            for _ in range(4):
-                result = query.run()
-                assert result.engine == "database"
-                assert [len(path) for path in result.paths] == [steps]
-            assert len(lowered) == 2

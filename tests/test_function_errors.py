@@ -41,7 +41,7 @@ class Balls(Table):
 class BallWorld(World):
     tables = (Balls,)
 
-    @function("volatile")
+    @function("stable")
     def weigh(self, ball: Any) -> float:
         raise MishapError("no")
 
@@ -124,7 +124,7 @@ def test_an_exception_keeps_its_type_and_gets_one_note(ss: ss2sql.Session, engin
 
 
 def test_a_note_names_the_place_among_several(ss: ss2sql.Session, engine: Any) -> None:
-    ss.function("broken", lambda x: fail() if x == 2 else x, volatility="volatile")
+    ss.function("broken", lambda x: fail() if x == 2 else x, volatility="stable")
     script = "SELECT broken(this)\nFROM [1, 2] WHERE broken(1) AND\nbroken(this);"
     (note,), _ = caught(lambda: ss.run(script, engine=engine))
     assert note.startswith("raised by the function 'broken', called at ")
@@ -135,8 +135,8 @@ def test_a_note_names_the_place_among_several(ss: ss2sql.Session, engine: Any) -
 
 
 def test_an_exception_through_two_scripts_gets_one_note(ss: ss2sql.Session, engine: Any) -> None:
-    ss.function("fail", fail, volatility="volatile")
-    ss.function("outer", lambda x: ss.run("SELECT fail(this) FROM [7];", engine=engine), volatility="volatile")
+    ss.function("fail", fail, volatility="stable")
+    ss.function("outer", lambda x: ss.run("SELECT fail(this) FROM [7];", engine=engine), volatility="stable")
     (note,), _ = caught(lambda: ss.run("SELECT outer(this) FROM [1];", engine=engine))
     assert "'fail'" in note
     assert "FROM [7]" in note

@@ -114,7 +114,7 @@ def test_a_function_cannot_hold_the_run_up(ss: ss2sql.Session, engine: Any, answ
         went_on.append(x)
         return x
 
-    ss.function("stubborn", stubborn, volatility="volatile")
+    ss.function("stubborn", stubborn, volatility="stable")
     error = cancelled(ss, "SELECT stubborn(this) FROM range(5);", engine)
     assert isinstance(error.__cause__, ValueError) == (answer == "raise")
     assert went_on == ([0] if answer == "go on" else [])
@@ -145,7 +145,7 @@ def in_the_collector() -> None:
 @both
 @pytest.mark.parametrize("moment", [Pressing, in_the_collector])
 def test_where_python_forgets_errors_none_is_raised(ss: ss2sql.Session, engine: Any, moment: Any) -> None:
-    @ss.function(volatility="volatile")
+    @ss.function(volatility="stable")
     def step(x: int) -> int:
         if x == 3:
             moment()  # an error there would be printed and forgotten, which pytest counts as one of its own
@@ -158,14 +158,14 @@ def test_where_python_forgets_errors_none_is_raised(ss: ss2sql.Session, engine: 
 @both
 def test_runs_inside_of_runs_end_together(ss: ss2sql.Session, engine: Any) -> None:
     other = ss2sql.connect()
-    other.function("press", press)
+    other.function("press", press, volatility="stable")
     inner = []
 
     def call(x):
         inner.append(cancelled(other, "SELECT press(this) FROM [1];", engine).partial.status)
         return x
 
-    ss.function("call", call, volatility="volatile")
+    ss.function("call", call, volatility="stable")
     cancelled(ss, "SELECT call(this) FROM [1, 2];", engine)
     assert inner == ["cancelled"]
     check_session(ss)

@@ -1,4 +1,4 @@
-"""Scripts with parts of each other: on the database and natively they come to the same.
+"""Scripts with parts of each other: on the database and natively they come to the same values.
 
 Random programs are written clause by clause, so they lack what their writer did not think of. These are golden scripts
 of which parts were exchanged, nested and repeated, as `fuzz_mutations` does it for the compiler. Those that the
@@ -11,6 +11,7 @@ import re
 from random import Random
 
 import pytest
+from agreement import is_allowed
 from cases import needs
 from cases.data import TABLES, VALUES
 from cases.functions import FUNCTIONS
@@ -36,8 +37,10 @@ def test_engines_agree_on_scripts_with_parts_of_others(part: int) -> None:
     while compared < COUNT // 4:
         script = next(scripts)
         found = engine_outcomes(session, script)
-        assert found[1:] in ([], found[:1]), script
-        compared += len(found) == 2
+        if "native" in found:
+            wrong = {engine for engine, one in found.items() if not is_allowed(one, found["native"], engine)}
+            assert not wrong, (script, found)
+            compared += "database" in found
 
 
 def like_a_session() -> Limited:
@@ -55,9 +58,9 @@ def test_the_reference_agrees_on_scripts_with_parts_of_others(part: int) -> None
     compared = 0
     while compared < COUNT // 2:
         script = next(scripts)
-        found = engine_outcomes(session, script, ("native",))
-        if not found or (found[0].error or "").startswith("R"):
+        found = engine_outcomes(session, script, ("native",)).get("native")
+        if found is None or (found.error or "").startswith("R"):
             continue
         expected = reference_outcome(like_a_session(), script)
-        assert expected in (None, found[0]), script
+        assert expected is None or is_allowed(found, expected, "native"), script
         compared += expected is not None

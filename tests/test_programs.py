@@ -20,7 +20,7 @@ from programs.library import LIBRARY
 from programs.machines import MACHINES, Machine
 from programs.scripts import DECISIONS, program
 from reference import Failure, Reference
-from test_failing_programs import placed_outcome
+from test_failing_programs import limited_outcome
 
 Paths = list[tuple[Any, ...]]
 BYTES = st.binary(min_size=40, max_size=40)
@@ -79,11 +79,11 @@ def test_many_programs_run_in_the_database() -> None:
 def test_of_programs_that_may_fail_half_do_and_most_run_in_the_database() -> None:
     writer = FailingPrograms(Random("2015 failing"))
     cases = [writer.case() for _ in range(200)]
-    outcomes = [placed_outcome(case, "native") for case in cases]
-    legal = [n for n, found in enumerate(outcomes) if found is not None and not is_no_program(found[0])]
-    failing = [n for n in legal if outcomes[n][0].error is not None]
+    outcomes = [limited_outcome(case, "native") for case in cases]
+    legal = [n for n, found in enumerate(outcomes) if found is not None and not is_no_program(found)]
+    failing = [n for n in legal if outcomes[n].error is not None]
     assert len(legal) / 4 < len(failing) < 3 * len(legal) / 4
-    assert sum(placed_outcome(cases[n], "database") is not None for n in legal) > len(legal) / 2
+    assert sum(limited_outcome(cases[n], "database") is not None for n in legal) > len(legal) / 2
 
 
 @settings(max_examples=50, database=None, deadline=None)

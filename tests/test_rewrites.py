@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import pytest
-from agreement import EARLY, executor_outcome, reference_outcome
+from agreement import EARLY, executor_outcome, is_allowed, reference_outcome
 from hypothesis import given, seed
 from hypothesis import strategies as st
 from programs import ProgramCase, programs
@@ -215,15 +215,20 @@ class Asking:
 
 
 def agreed(case: ProgramCase | NotedCase, switch: str) -> None:
-    """Without a rewrite both engines come to what the reference evaluator does, by the same calls."""
+    """Without a rewrite the engines come to what the reference evaluator does.
+
+    Natively by the calls of the written order; SQL may make others, but none twice, and `auto` none twice either.
+    """
     expected = reference_outcome(case)  # type: ignore[arg-type]
     calls = case.different_calls if isinstance(case, NotedCase) else []
-    for engine in ENGINES:
+    for engine in (*ENGINES, "auto"):
         outcome = executor_outcome(case, engine, disable=[] if switch == "nothing" else [switch])  # type: ignore[arg-type]
-        if outcome is not None and outcome.error != EARLY:
-            assert outcome == expected, (engine, switch)
-            if isinstance(case, NotedCase):
-                assert case.different_calls == calls, (engine, switch)
+        assert is_allowed(outcome, expected, engine), (engine, switch)
+        if isinstance(case, NotedCase) and outcome is not None and outcome.error != EARLY:
+            if engine == "native":
+                assert case.different_calls == calls, switch
+            else:
+                assert switch == "memo" or len(case.calls) == len(set(case.calls)), (engine, switch)
 
 
 @pytest.mark.drawn
@@ -238,6 +243,6 @@ def test_random_programs_do_not_notice_a_rewrite(case: ProgramCase, switch: str)
 @seed(2)
 @drawn(PROGRAMS)
 @given(st.binary(min_size=DECISIONS, max_size=DECISIONS).map(noted_program), st.sampled_from(SWITCHES))
-def test_random_programs_call_their_functions_as_the_written_order_does(case: NotedCase, switch: str) -> None:
-    """Programs made for rewrites: the same answer or error, the same calls of functions, in the same order."""
+def test_random_programs_call_their_functions_as_they_may(case: NotedCase, switch: str) -> None:
+    """Programs made for rewrites: the same answer; natively the same calls of functions, in the same order."""
     agreed(case, switch)

@@ -80,8 +80,8 @@ def test_what_the_sql_asks(before: str, condition: str, where: str) -> None:
     "expression",
     [
         # of fold
-        *("1 / 0", "'a' + 1", "9223372036854775807 + 1", "[1][5]", "a.this / 0 AND False", "[1 / 0, 2][1]"),
-        *("len([1 / 0])", "IF(True; 1 / 0, 2; 3)"),
+        *("1 / 0", "'a' + 1", "9223372036854775807 + 1", "[1][5]", "[1 / 0, 2][1]"),
+        "len([1 / 0])",
         "NOT (a.this < 'x')",  # of split
         # of unnest
         "[] == (SELECT this FROM [a.this, 'x'] WHERE this < 2 AS list)",  # fails for the second element
@@ -109,11 +109,11 @@ def test_what_fails_fails_as_without_and_when_it_runs(engine: Any, expression: s
 
 def test_functions_are_not_run_before_the_run(ss: ss2sql.Session, capsys: pytest.CaptureFixture[str]) -> None:
     ss.function("shout", lambda x: print(x) or x, volatility="immutable")
-    query = ss.compile("SELECT shout('a') + print('b') FROM [1] AS list")
+    query = ss.compile("SELECT shout('a') FROM [1] AS list")
     assert "shout" in str(query.sql)
     assert capsys.readouterr().out == ""
-    assert query.run().value == ["ab"]
-    assert capsys.readouterr().out == "a\nb\n"
+    assert query.run().value == ["a"]
+    assert capsys.readouterr().out == "a\n"
 
 
 # --- lists in variables --------------------------------------------------------------------------------

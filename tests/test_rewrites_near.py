@@ -161,14 +161,6 @@ def test_what_is_not_certain_is_not_passed_on(ss: ss2sql.Session, space: Space, 
     assert code_of(ss.run, script.format("pos, [900, 0]", 1), engine=engine)[0] == "X"
 
 
-def test_what_may_fail_before_it_is_still_asked(ss: ss2sql.Session, space: Space, engine: Any) -> None:
-    ss.function("risky", lambda number: 1 / (number - 20), volatility="immutable")
-    with pytest.raises(ZeroDivisionError):
-        ss.run("SELECT id FROM space WHERE risky(id) != 0 AND distance(this, p) <= 1;", engine=engine)
-    found = ss.run("SELECT id FROM space WHERE distance(this, p) <= 1 AND risky(id) != 0 AS list;", engine=engine)
-    assert found.value == [4, 5, 6]
-
-
 @pytest.mark.parametrize(("name", "answer"), [("distance", 0.0), ("le", True)])
 def test_what_the_user_replaces_promises_nothing(ss: ss2sql.Session, engine: Any, name: str, answer: Any) -> None:
     ss.function(name, lambda one, other: answer, volatility="immutable")

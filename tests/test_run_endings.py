@@ -71,7 +71,7 @@ def test_the_partial_result_has_what_was_found(
     assert partial.paths[:3] == [[(1,)], [(1,), (1,)], [(1,), (1,), (1,)]]  # depth first, a result at every step
     assert partial.stats.generated > 100
     script = "SELECT slow(this) FROM range(100);"
-    ss.function("slow", lambda x: (time.sleep(0.01), x)[1], volatility="volatile")
+    ss.function("slow", lambda x: (time.sleep(0.01), x)[1], volatility="stable")
     _, error = elapsed(lambda: ss.run(script, engine=engine, timeout=0.5), ss2sql.Timeout)
     assert list(error.partial)[:2] == [(0,), (1,)]
     assert error.partial.stats.calls["slow"] >= len(error.partial)
@@ -116,7 +116,7 @@ def test_an_interrupt_that_a_function_raises_ends_a_run(ss: ss2sql.Session, engi
 
 @both
 def test_an_inner_run_ends_with_the_outer_one(ss: ss2sql.Session, engine: Any) -> None:
-    ss.function("inner", lambda x: ss.run(ENDLESS, engine=engine).value, volatility="volatile")
+    ss.function("inner", lambda x: ss.run(ENDLESS, engine=engine).value, volatility="stable")
     script = "SELECT inner(this) FROM [1, 2];"
     seconds, error = elapsed(lambda: ss.run(script, engine=engine, timeout=0.1), ss2sql.Timeout)
     assert seconds < 5

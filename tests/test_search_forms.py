@@ -89,7 +89,7 @@ def test_another_form_is_no_reason_to_call_again(form: str, engine: Any) -> None
 
 
 def test_what_is_no_value_is_given_once() -> None:
-    """The failed call may have been made too early; it is not made again to see whether it was."""
+    """The failed call may not have been needed; it is not made again to see whether it was."""
     seen: list[int] = []
 
     def bad(n: int) -> Any:
@@ -104,11 +104,11 @@ def test_what_is_no_value_is_given_once() -> None:
         session.function("bad", bad, volatility="immutable")
         # Depth first the first path with a goal is 0, 1; no step has 2 before.
         if option == "MAXIMUM 1":
-            result = session.run(script.format(option), engine="database")
+            result = session.run(script.format(option))
             assert result.paths == [[(0, 1), (1, 2)]]
         else:
             with pytest.raises(ss2sql.ExecutionError) as caught:
-                session.run(script.format(option), engine="database")
+                session.run(script.format(option))
             assert caught.value.code == "X004"
         assert len(seen) == len(set(seen)), option
 

@@ -285,8 +285,7 @@ def test_a_cell_that_is_far_away_comes_later() -> None:
     assert query.run().value == first
     session.host.connection.execute(f"INSERT INTO cells VALUES ({2**63 - 1}, 0, 'farther')")
     session.set("moves", [*MOVES, {"dx": 2**63 - 1, "dy": 0}])
-    with pytest.raises(ss2sql.ExecutionError) as caught:  # the next step from there adds 1
-        session.run(script)
-    assert caught.value.code == "X004"
-    with pytest.raises(ss2sql.UnsupportedError, match="integer overflow: 9223372036854775808"):
-        query.run()  # SQLite alone cannot say whether that comes first
+    for work in (query.run, lambda: session.run(script)):
+        with pytest.raises(ss2sql.ExecutionError) as caught:  # the next step from there adds 1
+            work()
+        assert caught.value.code == "X004"

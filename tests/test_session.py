@@ -99,7 +99,7 @@ def test_the_engine_can_be_chosen(ss: ss2sql.Session) -> None:
 @both
 @pytest.mark.parametrize("inner", ["database", "native"])
 def test_a_function_may_run_a_script_of_the_same_session(ss: ss2sql.Session, engine: Any, inner: Any) -> None:
-    @ss.function(volatility="volatile")
+    @ss.function(volatility="stable")
     def neighbours(node):
         return ss.run("SELECT b FROM edges WHERE a == node AS list;", engine=inner, node=node).value
 
@@ -111,7 +111,7 @@ def test_a_function_may_run_a_script_of_the_same_session(ss: ss2sql.Session, eng
 
 @both
 def test_an_error_of_an_inner_script_leaves_both_usable(ss: ss2sql.Session, engine: Any) -> None:
-    ss.function("inner", lambda x: ss.run("SELECT 1 / this FROM [x];", engine=engine, x=x).value, volatility="volatile")
+    ss.function("inner", lambda x: ss.run("SELECT 1 / this FROM [x];", engine=engine, x=x).value, volatility="stable")
     script = "SELECT inner(this) FROM [1, 0, 2] AS list;"
     with pytest.raises(ss2sql.ExecutionError) as caught:
         ss.run(script, engine=engine)

@@ -8,7 +8,6 @@ from typing import Any
 import apsw
 import pytest
 from listings import HANOI, MOVES, move
-from sessions import code_of
 
 import ss2sql
 from ss2sql.plan_tree import plan_tree
@@ -124,13 +123,6 @@ def test_names_that_sqlite_has_or_takes_for_the_same(ss: ss2sql.Session, script:
     ss.attach("order", [{"where": 1, "Group": 2, "group": 3}])
     ss.attach("rowids", [{"rowid": 5, "RowID": 6}, {"rowid": 3, "RowID": 4}])
     assert ss.run(script, engine="database").value == value
-
-
-def test_a_row_that_is_cut_off_may_fail_in_the_database(ss: ss2sql.Session) -> None:
-    """SQLite keeps the first rows while it sorts; what is shown of the others is asked all the same."""
-    script = "SELECT 10 / this FROM [5, {}, 1] ORDER BY this DESC LIMIT 1 AS list"
-    assert ss.run(script.format(2), engine="database").value == [2.0]
-    assert code_of(ss.run, script.format(0), engine="database") == "X002"
 
 
 def test_sqlite_tests_types_and_bounds_once_and_by_itself(ss: ss2sql.Session) -> None:

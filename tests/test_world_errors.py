@@ -120,6 +120,8 @@ def test_a_removed_body(client: Any, ss: ss2sql.Session, engine: Any, script: st
 def test_steps_within_a_query_are_not_seen_by_it(client: Any, ss: ss2sql.Session, engine: Any) -> None:
     """A query sees the world as it was when it began, whatever its functions do to it; the next one sees the steps."""
 
+    engine = "native" if engine == "native" else "auto"
+
     @ss.function
     def step() -> int:
         client.stepSimulation()
@@ -139,7 +141,7 @@ def test_steps_within_a_query_are_not_seen_by_it(client: Any, ss: ss2sql.Session
 
 
 def test_bodies_removed_within_a_query(client: Any, ss: ss2sql.Session, engine: Any) -> None:
-    @ss.function
+    @ss.function(volatility="stable")
     def remove(body: int) -> int:
         client.removeBody(body)
         return body

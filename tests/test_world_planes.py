@@ -174,7 +174,7 @@ def test_the_columns_that_a_representation_asks_for_stay_hidden(
         ss.attach("space", scene)
         result = ss.run("SELECT mass FROM space AS plane('XY', [0, 0], [4, 4, 1]);", engine=engine)
         assert (result.columns, list(result)) == (("mass",), [(7.0,)])
-        ss.function("leap", leaping(monkeypatch, 3000))
+        ss.function("leap", leaping(monkeypatch, 3000), volatility="stable")
         with pytest.raises(ss2sql.Timeout) as caught:
             ss.run(script, engine=engine, timeout=3600)
     assert caught.value.partial is not None

@@ -7,7 +7,7 @@ state is made once per step instead of once per child. Of the 3,462 steps of the
 Who looks at the order of evaluation could tell the difference where a search is cut off. Breadth first and by
 weight the language itself evaluates the children of a step together; there `go_on` ends the evaluation with the
 last result that is asked for, and a goal waits at the head of the queue, as a result only; if it goes on, the
-second recursive term lets it wait again at its own place. What else can be told apart is left to when_taken.py.
+second recursive term lets it wait again at its own place.
 """
 
 from __future__ import annotations

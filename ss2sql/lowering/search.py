@@ -4,9 +4,8 @@ SQLite takes the rows of the recursive table from a queue, in the order of the r
 hands each to the outer query and then runs the recursive term on it. So one statement is a best-first search:
 a row is a step, the queue's order is the strategy.
 
-A step is evaluated before it enters the queue wherever nobody can tell that from the order of the language
-(on_entering.py): what leads nowhere never waits, and a row carries what its children need. Else it is
-evaluated when it is taken, exactly in the order of the search (when_taken.py). What both share is here.
+A step is evaluated before it enters the queue (on_entering.py): what leads nowhere never waits, and a row carries what
+its children need.
 
 What SQL has no words for are functions of the run (runtime/search_functions.py): they number the steps, keep
 the rows of those that go on, so that a path can be walked back from its last step at a cost that does not

@@ -18,6 +18,7 @@ from marshal import dumps, loads
 from types import NoneType
 from typing import Any, TypeAlias
 
+from ss2sql.errors import Stopped
 from ss2sql.kinds import INT_MAX, INT_MIN
 from ss2sql.runtime.border import is_finite
 from ss2sql.runtime.functions import Refused, UserFunction, forget_half
@@ -121,7 +122,11 @@ class RememberedCalls:
         def missed_plain(found: bytes | None, arguments: tuple[Any, ...]) -> Result:
             if found is not None:
                 return again(arguments, found)
-            result = call(arguments)
+            try:
+                result = call(arguments)
+            except Exception as error:
+                refuse(arguments, error)
+                raise
             if len(memo) < limit:  # as `kept` does it, without a call
                 memo[arguments] = result[1] if type(result[1]) is bytes and result[0] else result
                 return result
@@ -150,7 +155,11 @@ class RememberedCalls:
             elif copied:
                 pairs = zip(keys, arguments, strict=True)
                 given = [value if type(value) in SCALARS else loads(known) for known, value in pairs]
-            result = call(given)
+            try:
+                result = call(given)
+            except Exception as error:
+                refuse(key, error)
+                raise
             if len(memo) < limit:  # as `kept` does it, without a call
                 memo[key] = result[1] if type(result[1]) is bytes and result[0] else result
                 return result
@@ -175,7 +184,11 @@ class RememberedCalls:
             key = (objects.encode(list(arguments)),)
             found = get(key)
             if found is None:
-                return kept(key, call(map(fresh, arguments)))
+                try:
+                    return kept(key, call(map(fresh, arguments)))
+                except Exception as error:
+                    refuse(key, error)
+                    raise
             if type(found) is not tuple:
                 return again(key, found)
             hit()
@@ -195,6 +208,11 @@ class RememberedCalls:
                 forget_half(memo)
             memo[key] = found[1] if type(found[1]) is bytes and found[0] else found
             return found
+
+        def refuse(key: Hashable, error: Exception) -> None:
+            """A call for a parameter of SQL may fail; where the query then begins again it is not made again."""
+            if len(memo) < limit and not isinstance(error, Stopped):
+                memo[key] = Refused(error)
 
         def adopt(arguments: tuple[Any, ...], answer: Any) -> None:
             self.foretold = True

@@ -1,0 +1,171 @@
+"""SQL may answer or give up; Python decides: what is so of the second run, and what it takes over from the first."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import pytest
+from sessions import code_of
+
+import ss2sql
+from ss2sql.runtime.compiled_query import CompiledQuery
+
+DROPPED = "SELECT a FROM t GROUP BY a HAVING count(*) == 1 ORDER BY sum(b) AS list;"
+BRANCH = "SELECT IF(count(*) == 1; sum(b); 0) FROM t GROUP BY a AS list;"
+UNREACHED = (
+    "SELECT n FROM [1, 2] START WITH n = 0 CONNECT BY DEPTH FIRST MAXIMUM 2 n = n + 1 / (2 - this) STOP WITH n > 1;"
+)
+
+
+@pytest.fixture
+def ss(ss: ss2sql.Session) -> ss2sql.Session:
+    """The sum of the first group leaves 64 bits."""
+    ss.host.connection.execute("CREATE TABLE t(a, b); INSERT INTO t VALUES (1, 1 << 62), (1, 1 << 62), (2, 5)")
+    return ss
+
+
+@pytest.mark.parametrize(
+    ("script", "value"),
+    [(DROPPED, [2]), (BRANCH, [0, 5]), (UNREACHED, [[{"n": 0}], [{"n": 0}, {"n": 1.0}]])],
+)  # fmt: skip
+def test_python_has_the_value_where_sql_fails(ss: ss2sql.Session, script: str, value: Any) -> None:
+    native, result = ss.run(script, engine="native"), ss.run(script)
+    assert result.value == native.value == value
+    assert result.engine == "native"
+    assert result.stats.generated == native.stats.generated  # of the run that answered
+    (note,) = result.notes
+    assert note.startswith("the query ran twice: SQL gave up (")
+    assert str(result.sql).startswith("-- no SQL: ")
+    assert str(result.sql).endswith(", so it runs natively")
+    assert code_of(ss.run, script, engine="database") in ("X002", "X004")
+
+
+def test_a_compiled_query_that_gave_up_stays_native(ss: ss2sql.Session) -> None:
+    query = ss.compile(DROPPED)
+    assert "SELECT" in str(query.sql)
+    assert [len(query.run().notes) for _ in range(3)] == [1, 0, 0]
+    assert "so it runs natively" in str(query.sql)
+    assert ss.run(DROPPED.replace("sum(b)", "a")).engine == "database"
+
+
+def test_one_that_had_no_value_is_asked_in_sql_again(ss: ss2sql.Session) -> None:
+    query = ss.compile("SELECT 1 / (b - n) FROM t AS list;")
+    assert code_of(query.run, n=5) == "X002"
+    assert query.run(n=6).engine == "database"
+
+
+VALUES = [1, 1.0, True, 0.0, -0.0, "x", None, [1], [1.0], [True], [[1], [1.0]], {"a": 1}, {"a": True}]
+
+
+@pytest.mark.parametrize("fails", [False, True])
+@pytest.mark.parametrize("vectorized", [False, True])
+def test_no_call_is_made_twice(ss: ss2sql.Session, vectorized: bool, fails: bool) -> None:
+    """By value and type at every depth; a call that failed, and that Python does not need, is remembered, too."""
+    seen: list[str] = []
+
+    def one(x: Any) -> Any:
+        seen.append(repr(x))
+        if fails and repr(x) == "[1.0]":
+            raise ValueError("no")
+        return x
+
+    def many(column: Any) -> Any:
+        return [one(x) for x in (column.tolist() if hasattr(column, "tolist") else column)]
+
+    ss.function("f", many if vectorized else one, volatility="immutable", vectorized=vectorized)
+    ss.attach("given", VALUES * 2)
+    script = "SELECT f(this), (SELECT IF(count(*) == 1; sum(b); 0) FROM t GROUP BY a AS list) FROM given AS rows;"
+    if fails:
+        counts = []
+        for engine in ("native", "auto"):
+            seen.clear()
+            with pytest.raises(ValueError, match="no"):
+                ss.run(script, engine=engine)
+            counts.append(len(seen))
+        # Of a block that failed the rows are asked in smaller ones.
+        assert counts[0] == counts[1] if vectorized else len(seen) == len(set(seen))
+    else:
+        result = ss.run(script)
+        assert repr(result.value) == repr([(value, [0, 5]) for value in VALUES * 2])
+        assert any("ran twice" in note for note in result.notes)
+        assert len(seen) == len(set(seen))
+
+
+@pytest.mark.parametrize("of", ["START WITH n = f(3)", "START WITH n = 0 + f(3)"])
+def test_a_call_for_a_parameter_is_not_made_again(ss: ss2sql.Session, of: str) -> None:
+    seen: list[Any] = []
+
+    def f(x: int) -> int:
+        seen.append(x)
+        raise ValueError("no")
+
+    ss.function("f", f, volatility="immutable")
+    with pytest.raises(ValueError, match="no"):
+        ss.run(f"SELECT n FROM [1, 2] {of} CONNECT BY NO CYCLE n = n + this STOP WITH n > 6;")
+    assert seen == [3]
+
+
+def test_a_failed_call_that_python_does_not_need(ss: ss2sql.Session) -> None:
+    seen: list[Any] = []
+
+    def f(x: Any) -> Any:
+        seen.append(x)
+        if x == [2]:
+            raise ValueError("no")
+        return x
+
+    ss.function("f", f, volatility="immutable")
+    ss.host.connection.execute("CREATE TABLE u(a); INSERT INTO u VALUES (1), (2)")
+    result = ss.run("SELECT a FROM u WHERE a > 0 OR f([a]) == [2] AS list;")
+    assert result.value == [1, 2]
+    assert len(seen) == len({repr(x) for x in seen})
+
+
+@pytest.mark.parametrize(("limit", "code"), [({"max_rows": 2}, "X010"), ({"max_size": 300_000}, "X014")], ids=str)
+def test_limits_do_not_begin_again(limit: dict[str, int], code: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    begun: list[Any] = []
+    monkeypatch.setattr(CompiledQuery, "_natively_after", lambda *given: begun.append(given))
+    with ss2sql.connect(max_size=limit.get("max_size", 10**9)) as ss:
+        ss.function("f", lambda x: [x] * 1_000_000 if "max_size" in limit else x, volatility="stable")
+        ss.host.connection.execute("CREATE TABLE u(a); INSERT INTO u VALUES (1), (2), (3), (4)")
+        assert code_of(ss.run, "SELECT f(a) FROM u AS list;", max_rows=limit.get("max_rows")) == code
+    assert begun == []
+
+
+@pytest.mark.parametrize("ending", ["timeout", "interrupt"])
+def test_what_is_stopped_does_not_begin_again(ss: ss2sql.Session, ending: str) -> None:
+    seen: list[int] = []
+
+    def f(x: int) -> int:
+        seen.append(x)
+        if x == 3:
+            time.sleep(0.2) if ending == "timeout" else ss.interrupt()
+        return x
+
+    ss.function("f", f, volatility="stable")
+    ss.host.connection.execute("CREATE TABLE u(a); INSERT INTO u VALUES (1), (2), (3), (4), (5)")
+    with pytest.raises((ss2sql.Timeout, ss2sql.Cancelled)) as caught:
+        ss.run("SELECT f(a) FROM u AS list;", timeout=0.1 if ending == "timeout" else None)
+    assert seen == [1, 2, 3]
+    assert not any("twice" in note for note in caught.value.partial.notes)
+
+
+def test_both_runs_have_one_deadline(ss: ss2sql.Session) -> None:
+    """The first takes most of the time and fails; the second calls what SQL has not come to."""
+    seen: list[int] = []
+
+    def slow(x: int) -> int:
+        seen.append(x)
+        time.sleep(0.3)
+        return x
+
+    ss.function("slow", slow, volatility="stable")
+    ss.host.connection.execute("INSERT INTO t VALUES (0, 0)")
+    script = "SELECT slow(a), IF(count(*) == 1; sum(b); 0) FROM t GROUP BY a ORDER BY a AS rows;"
+    began = time.monotonic()
+    with pytest.raises(ss2sql.Timeout) as caught:
+        ss.run(script, timeout=0.5)
+    assert time.monotonic() - began < 1.5
+    assert caught.value.partial.engine == "native"
+    assert len(seen) == len(set(seen)) == 2
