@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -76,11 +77,12 @@ def _stages(ss: ss2sql.Session, text: str) -> str:
         inside(script, 0, len(text))
         query = ss.compile(text)
         stage = "resolved"
-        made = query.statements("auto")
+        query.statements("auto")
         query.statements("native")
         stage = "compiled"
-        for statement in made:
-            for one in statement.queries:
+        with suppress(ss2sql.UnsupportedError):
+            made = query.statements("database")
+            for one in (one for statement in made for one in statement.queries):
                 if one.lowered is not None:
                     _prepare(ss, one.lowered)
         assert query.sql is not None

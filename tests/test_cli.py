@@ -388,7 +388,7 @@ def test_so_many_rows_are_shown(given: str, rows: int) -> None:
     lines = good("run", "-e", THIRTY, *(("--show", given) if given else ())).splitlines()
     assert "this ^ 2" in lines[1]
     assert len([line for line in lines if line.startswith("│")]) == rows
-    assert lines[-1] == ("30 rows, database" if rows == 30 else f"30 rows, the first {rows} shown, database")
+    assert lines[-1] == ("30 rows, native" if rows == 30 else f"30 rows, the first {rows} shown, native")
 
 
 @pytest.mark.parametrize(
@@ -508,7 +508,7 @@ def written(name: str, *more: str, script: str = TABLE) -> Path:
 def test_the_end_of_the_name_says_the_format() -> None:
     assert written("t.csv").read_bytes() == b"this,str\n0,0\n1,1\n2,2\n"
     assert json.loads(written("t.json").read_bytes())[0] == {"this": 0, "str": "0"}
-    assert written("t.TXT").read_text("utf-8").endswith("└──────┴─────┘\n3 rows, database\n")
+    assert written("t.TXT").read_text("utf-8").endswith("└──────┴─────┘\n3 rows, native\n")
     assert written("t.txt", script="1 + 1").read_text("utf-8") == "2\n"
     assert written("t.txt", "--format", "csv").read_text("utf-8").startswith("this,")
     assert written("t.data", "--format", "json").read_text("utf-8").startswith("[")

@@ -59,7 +59,8 @@ def test_json_has_what_the_text_has() -> None:
 def test_parameters_files_and_engines() -> None:
     Path("query.ss").write_text("SELECT this FROM numbers WHERE this > least;")
     given = ("query.ss", "-p", "numbers", "[1, 2]", "-p", "least", "1")
-    assert facts(*given)["statements"][0]["queries"][0]["engine"] == "database"
+    assert facts(*given)["statements"][0]["queries"][0]["engine"] == "native"
+    assert facts(*given, "--engine", "database")["statements"][0]["queries"][0]["engine"] == "database"
     (query,) = facts(*given, "--engine", "native")["statements"][0]["queries"]
     assert (query["engine"], query["sql"]) == ("native", None)
     assert [line["sqlite"] for line in query["plan"]] == [None]

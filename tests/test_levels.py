@@ -84,21 +84,6 @@ def test_rows_and_sources_that_fail(ss: ss2sql.Session, strategy: str, most: int
     both_end_alike(ss, f"SELECT {row} FROM x = roads[n] {search} AS list;")
 
 
-def test_a_function_that_fails_once_only(ss: ss2sql.Session) -> None:
-    calls = []
-
-    def moody(n: int) -> int:
-        calls.append(n)
-        if len(calls) == 1:
-            raise ValueError
-        return n
-
-    ss.function("moody", moody, volatility="immutable")
-    with pytest.raises(ss2sql.ExecutionError, match="did not fail again") as caught:
-        ss.run("SELECT moody(n + this) FROM [1] START WITH n = 0 CONNECT BY UNIQUE n = n + this;")
-    assert caught.value.code == "X009"
-
-
 DEPTH_FIRST = "DEPTH FIRST goes on from the last step"
 
 

@@ -120,7 +120,7 @@ def test_errors_have_no_traceback(python: str, cell: str, told: str, notebook: N
 
 
 def test_a_cell_shows_its_result_although_it_ends_with_a_semicolon(notebook: Notebook) -> None:
-    assert notebook.run("%%ss\nSELECT this FROM range(2);").splitlines()[-1] == "2 rows, database"
+    assert notebook.run("%%ss\nSELECT this FROM range(2);").splitlines()[-1] == "2 rows, native"
     assert "<table" in notebook.html()[0]
 
 
@@ -138,7 +138,7 @@ def test_results_in_variables(notebook: Notebook) -> None:
 
 def test_how_much_is_shown(notebook: Notebook) -> None:
     shown = notebook.run("%%ss --show 2\nSELECT this FROM range(100);")
-    assert shown.splitlines()[-1] == "100 rows, the first 2 shown, database"
+    assert shown.splitlines()[-1] == "100 rows, the first 2 shown, native"
     assert notebook.html()[0].count("<tr>") == 3
     assert notebook.run("%%ss --sql\nSELECT this FROM [1, 2] WHERE this > 1;").startswith("SELECT\n  this.this")
     explained = notebook.run("%%ss --explain --engine native\nSELECT this FROM [1, 2] WHERE this > 1;")

@@ -123,13 +123,6 @@ def test_notes_of_queries_in_other_places(session) -> None:
     assert query.run().notes == query.run().notes != ()
 
 
-def test_notes_of_a_query_that_runs_twice(session) -> None:
-    script = "IF(1 == 2; late = 1); SELECT this FROM [1, 2] WHERE this == 3 AND late > 1"
-    (note,) = session.run(script).notes
-    assert note.startswith("SQLite gave up: the variable 'late' has no value yet; SQLite asks for it")
-    assert session.run(script, engine="native").notes == ()
-
-
 def test_notes_in_explanations(session) -> None:
     unknown = walk("dst", "dst == goal")
     for script in (unknown, count()):

@@ -170,6 +170,6 @@ def test_errors_in_a_circle(engine: Any) -> None:
         raise error
 
     with ss2sql.connect() as ss:
-        ss.function("f", f)
+        ss.function("f", f, volatility="stable")
         with pytest.raises(ValueError, match="here"):
             ss.run("SELECT f(this) FROM [1, 2] AS list;", engine=engine)

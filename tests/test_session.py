@@ -77,7 +77,8 @@ def test_scripts_that_cannot_be_read(ss: ss2sql.Session, tmp_path: Path) -> None
 def test_the_engine_can_be_chosen(ss: ss2sql.Session) -> None:
     flat = "SELECT this FROM [1, 2];"
     memorize = "SELECT this FROM [1] START WITH n = 0 CONNECT BY MEMORIZE 2 n = n + 1;"
-    assert ss.run(flat).engine == "database"
+    assert ss.run(flat).engine == "native"
+    assert ss.run(flat, engine="database").engine == "database"
     assert ss.run(flat, engine="native").engine == "native"
     assert ss.run(memorize).engine == "native"
     with pytest.raises(ss2sql.UnsupportedError, match="MEMORIZE") as caught:

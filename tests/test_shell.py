@@ -93,7 +93,7 @@ def test_when_enter_runs_what_was_typed(typed: str, ready: bool) -> None:
 
 def test_results_are_tables_and_assignments_a_line_beside_them(shell: Shell, capsys) -> None:
     out, err = said(shell, "x = [3, 1];\nSELECT this FROM x; len(x); None; v{5} = 2;", capsys)
-    assert out.splitlines()[-2:] == ["2 rows, database", "2"]
+    assert out.splitlines()[-2:] == ["2 rows, native", "2"]
     assert "│    3 │" in out
     assert err.splitlines() == ["x = [3, 1]", "v = 2"]
     assert not shell.failed
@@ -179,7 +179,7 @@ def test_help_names_every_command_and_has_an_example(shell: Shell, capsys) -> No
     out, _ = said(shell, ".help", capsys)
     assert [line for line in COMMANDS if f"  {line} " not in out] == []
     example = next(line for line in out.splitlines() if "SELECT" in line)
-    assert "rows, database" in said(shell, example, capsys)[0]
+    assert "rows, native" in said(shell, example, capsys)[0]
     for name in COMMANDS:
         assert said(shell, f".help {name}", capsys)[0].startswith(name)
     assert said(shell, ".help connect by", capsys)[0].startswith("CONNECT BY: ")
@@ -249,7 +249,7 @@ def test_sql_and_explain_of_the_last_statement_or_of_a_script(shell: Shell, caps
     out, _ = said(shell, ".sql", capsys)
     assert "this.this > 1" in out
     assert "-- :p1 = [1, 2]" in out
-    assert "engine: database" in said(shell, ".explain", capsys)[0]
+    assert "engine: native" in said(shell, ".explain", capsys)[0]
     assert "this < 3" in said(shell, ".sql SELECT this FROM [7] WHERE this < 3;", capsys)[0]
     assert "SELECT a FROM b" in said(shell, ".explain SELECT a FROM b;", capsys)[0]
     said(shell, "1 + 1;", capsys)

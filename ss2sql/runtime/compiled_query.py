@@ -199,6 +199,8 @@ class CompiledQuery:
                     rows.check()
                 if run.borrows and self.lowered is None:
                     rows.keep()
+            if self.lowered is None:
+                run.bound[self] = {**self.host.names.values, **run.snapshots, **run.arguments}
         finally:
             run.handed = outer
         arguments = tuple([argument(run) for argument in self.arguments])  # a generator changes StopIteration
@@ -345,7 +347,7 @@ class CompiledQuery:
         """
         lowered = self.shown(run)
         if lowered is None and self.duck is None and self.levels is None:
-            return partial(self._not_run, self.query, {} if run is None else run.snapshots)
+            return partial(self._not_run, self.query, {} if run is None else run.bound.get(self, {}))
         if lowered is None:
             text = self.duck.sql(run) if self.duck is not None else Sql(self.levels.sql if self.levels else "")
             return lambda: text
@@ -354,13 +356,12 @@ class CompiledQuery:
             values.update(run.bound.get(self, ()))
         return partial(Sql, lowered.text, values, modules=lowered.modules)
 
-    def _not_run(self, query: plan.Query, values: Mapping[str, Any]) -> Sql:
+    def _not_run(self, query: plan.Query, known: Mapping[str, Any]) -> Sql:
         """What engine="database" would run, with the values of variables as far as they are known."""
         try:
             lowered = self._lower(query)
         except UnsupportedError as error:
             return Sql(f"-- no SQL: {error.message}")
-        known = {**self.host.names.values, **values}
         bound = {}
         for parameter in lowered.parameters:
             match parameter.expr:
@@ -381,7 +382,9 @@ def _is_cut_deep_down(query: plan.Query, cut: bool = False) -> bool:
     SQLite evaluates all steps from a state before it takes the first of them, so it would call them for the rest, too.
     """
     search = query.search
-    if search is None or search.order != "depth first" or not (cut or search.maximum or query.limit):
+    if search is None or search.order != "depth first" or search.repeats == "memorize":
+        return False
+    if not (cut or search.maximum or query.limit):
         return False
     return any(isinstance(node, plan.Call) and not node.function.builtin for node in walk(query))
 
