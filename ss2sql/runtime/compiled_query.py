@@ -48,8 +48,9 @@ PLAIN = Kind.NONE | Kind.NUMBER | Kind.STR
 class CompiledQuery:
     """One query that stands by itself in a statement, ready to run on its engine.
 
-    With the engine `auto` the database runs it unless lowering objects; `reason` is then the objection. What
-    it was made for may rely on values of variables, which `variable` foretells; it is made anew when they differ.
+    With the engine `auto` SQLite runs searches and what reads tables, worlds and frames, unless lowering objects;
+    `reason` says why it does not. What fails in SQL is run again natively. What it was made for may rely on values of
+    variables, which `variable` foretells; it is made anew when they differ.
     """
 
     def __init__(self, host: SessionHost, query: plan.Query, engine: Engine, variable: Callable[[str], Any]) -> None:

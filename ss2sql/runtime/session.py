@@ -316,8 +316,9 @@ class Session:
 
         Args:
             script: its text, the path of a file, or a text with the name that errors show.
-            engine: "auto" (the session's; if that is "auto", the database unless lowering objects), "database" (an
-                error instead), "native", "duckdb" for queries and searches by levels there, "spark" for such searches.
+            engine: "auto" (the session's; if that is "auto", SQLite for searches and for queries over tables, worlds
+                and frames, Python for the rest and for what fails in SQL), "database" (an error instead), "native",
+                "duckdb" for queries and searches by levels there, "spark" for such searches.
             timeout: seconds, in place of the session's.
             maximum: bounds the results of the last statement's search, like MAXIMUM.
             workers: processes for the calls of functions that a level of MEMORIZE needs. The result is the same, sooner
