@@ -293,6 +293,7 @@ def shown(cell: Any) -> list[str]:
     return found
 
 
+@pytest.mark.slow
 def test_the_tutorial_shows_what_its_cells_give(tmp_path: Path) -> None:
     nbclient = pytest.importorskip("nbclient")
     nbformat = pytest.importorskip("nbformat")

@@ -11,6 +11,7 @@ from agreement import differences, executor_outcome
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from programs import ProgramCase
+from programs.drawn import amount
 from random_values import FLOATS as ANY_FLOATS
 from random_values import INTEGERS as ANY_INTS
 from random_values import NUMBERS, SCALARS
@@ -150,7 +151,8 @@ KINDS = st.sampled_from(
 OTHER_KINDS = st.sampled_from([ANY_TEXTS, SCALARS, st.one_of(st.none(), ANY_INTS), st.one_of(st.none(), st.booleans())])
 
 
-@settings(max_examples=400, deadline=None)
+@pytest.mark.drawn
+@settings(max_examples=amount(2 / 5), deadline=None)
 @given(st.data())
 def test_whatever_the_types_say_all_agree(data: st.DataObject) -> None:
     kinds = st.one_of(KINDS, KINDS, OTHER_KINDS)
@@ -191,7 +193,8 @@ COLUMNS = st.sampled_from(
 )  # fmt: skip
 
 
-@settings(max_examples=500, deadline=None)
+@pytest.mark.drawn
+@settings(max_examples=amount(1 / 2), deadline=None)
 @given(st.data())
 def test_columns_of_tables(data: st.DataObject) -> None:
     kinds = [data.draw(COLUMNS) for _ in "ab"]

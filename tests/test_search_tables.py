@@ -94,7 +94,7 @@ def walked(rows: list[Row], start: Any, backwards: bool = False) -> list[list[Ro
 
 
 @pytest.mark.parametrize("table", list(TABLES))
-@pytest.mark.parametrize("mixed", [False, True])
+@pytest.mark.parametrize("mixed", [False, pytest.param(True, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("search", list(SEARCHES))
 def test_rows_come_in_the_order_of_the_table_whatever_its_indexes(table: str, search: str, mixed: bool) -> None:
     found = 0

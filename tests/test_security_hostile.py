@@ -143,7 +143,7 @@ def test_hostile_scripts_reach_nothing_and_change_nothing(
         reached.clear()
         for seed in range(first, min(first + AT_ONCE, COUNT)):
             script = Maker(seed).script()
-            for engine in ("auto", "native"):
+            for engine in ("database", "native"):
                 output = io.StringIO()
                 with contextlib.redirect_stdout(output), contextlib.suppress(Error):
                     ss.run(script, engine=engine, timeout=2.0, max_rows=10_000)  # type: ignore[arg-type]

@@ -281,11 +281,11 @@ def store(own: Any, case: ProgramCase, kept: str) -> None:
     [
         (TWINS, "variables", "duckdb", "engine: duckdb", 4),
         (TWINS, "tables", "duckdb", "engine: duckdb", 4),
-        (TWINS, "views", "duckdb", "engine: duckdb", 4),
+        pytest.param(TWINS, "views", "duckdb", "engine: duckdb", 4, marks=pytest.mark.slow),
         (TWINS, "tables", "database", "DuckDB hands over", 10),
-        (TWINS, "tables", "native", "DuckDB hands over", 10),
+        pytest.param(TWINS, "tables", "native", "DuckDB hands over", 10, marks=pytest.mark.slow),
         (joins(), "tables", "duckdb", "DuckDB hands over the rows of x, y", 5),
-        (joins(), "tables", "native", "DuckDB hands over the rows of x, y", 5),
+        pytest.param(joins(), "tables", "native", "DuckDB hands over the rows of x, y", 5, marks=pytest.mark.slow),
     ],
     ids=["variables", "tables", "views", "narrowed-database", "narrowed-native", "joined-duckdb", "joined-native"],
 )
