@@ -112,7 +112,9 @@ class Mutating:
         failed = (forked(lambda: failing(new, len(new)), math.inf) or "").splitlines() if new else []
         self.new = [item.nodeid for item in new if item.nodeid not in failed]
         places = functions()
-        self.caches = [one for one in gc.get_objects() if isinstance(one, _lru_cache_wrapper)]
+        # Those of others hold what a fork must not let go of, such as the threads of a database.
+        caches = [one for one in gc.get_objects() if isinstance(one, _lru_cache_wrapper)]
+        self.caches = [one for one in caches if str(one.__module__).startswith("ss2sql")]
         gc.freeze()
         strength: Counter[str] = Counter()
 
@@ -125,7 +127,7 @@ class Mutating:
             self.counts[verdict] += 1
             if verdict == LIVED:
                 self.lived.append(mutant)
-            if verdict != KILLED or self.given.verbose:
+            if verdict != KILLED or killer == "crash" or self.given.verbose:
                 place = f"ss2sql/{mutant.file}:{mutant.line}"
                 print(f"{verdict}: {mutant.name}  [{place}, {tests} tests] {killer}", file=self.out, flush=True)
         LIVED_BEFORE.write_text("".join(f"{mutant.name}\n" for mutant in self.lived), encoding="utf-8")

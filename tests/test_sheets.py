@@ -140,7 +140,7 @@ def test_sheet(sheet: Sheet) -> None:
                 found = given(session, row, engine)
                 if row.gives_up and engine == "database" and found is not None and found.startswith("error "):
                     found = given(session, row, "auto")
-                spared = engine != "native" and row.expected.startswith("error ") and found is not None
+                spared = row.expected.startswith("error ") and found is not None
                 if found not in (None, wanted(row)) and not spared:
                     wrong.append(f"{sheet.path.name}:{row.line}: {engine} without {disable}: {found}")
     if sheet.in_reference:

@@ -17,12 +17,10 @@ from ss2sql.walk import can_fail
 
 
 def lookups(query: plan.Query) -> list[plan.Expr]:
-    """The equalities of a search that every step must meet; none of them can fail, nor what is asked before them."""
+    """The equalities of a search that every step must meet; none of them can fail."""
     search = query.search
     if search is None or search.stop is None:
         return []
-    if search.repeats != "allowed" and any(can_fail(output.expr) for output in query.columns):
-        return []  # the row of a step that is never made would have failed
     wanted = None if query.where is None else _certain_parts(query.where, plan.And)
     found: list[plan.Expr] = []
     for part in _certain_parts(search.stop, plan.Or):
@@ -42,10 +40,8 @@ def without(stop: plan.Expr, known: list[plan.Expr]) -> plan.Expr | None:
 
 
 def _certain_parts(clause: plan.Expr, kind: type[plan.And] | type[plan.Or]) -> list[plan.Expr]:
-    """The parts of a clause that are asked before anything that can fail."""
-    parts = clause.parts if isinstance(clause, kind) else (clause,)
-    fails = next((index for index, part in enumerate(parts) if can_fail(part)), len(parts))
-    return list(parts[:fails])
+    """The parts of a clause that cannot fail: they may be asked before the others."""
+    return [part for part in (clause.parts if isinstance(clause, kind) else (clause,)) if not can_fail(part)]
 
 
 def _opposite(part: plan.Expr) -> plan.Expr | None:

@@ -19,7 +19,7 @@ from ss2sql.kinds import covers
 from ss2sql.lowering.rewrites.nodes import as_bool, bottom_up, constant, is_true
 from ss2sql.lowering.rewrites.world import MOST_ELEMENTS, World, is_plain
 from ss2sql.runtime.builtins import BUILTINS
-from ss2sql.walk import can_fail, walk_own
+from ss2sql.walk import is_volatile
 
 
 def rewrite(query: plan.Query, world: World) -> plan.Query:
@@ -39,8 +39,7 @@ def folded(node: Any) -> Any:
         case plan.Not(operand=plan.Constant() as known):
             return constant(not is_true(known), node.span)
         case plan.If(condition=plan.Constant() as known):
-            taken, other = (node.then, node.otherwise) if is_true(known) else (node.otherwise, node.then)
-            return node if _feeds_what_fails(other) else _branch(node, taken)
+            return _branch(node, node.then if is_true(known) else node.otherwise)
         case plan.MakeList(items=items) if all(isinstance(item, plan.Constant) for item in items):
             return _small([item.value for item in items if isinstance(item, plan.Constant)], node)
         case plan.Query():
@@ -57,8 +56,8 @@ def _call(call: plan.Call) -> plan.Expr:
     match call.function.name, call.arguments:
         case "item", (plan.MakeList(items=items), plan.Constant(value=int(index))) if -len(items) <= index < len(items):
             rest = (item for position, item in enumerate(items) if position != index % len(items))
-            return call if any(map(can_fail, rest)) else items[index]
-        case "len" | "count", (plan.MakeList(items=items),) if not any(map(can_fail, items)):
+            return call if any(map(is_volatile, rest)) else items[index]
+        case "len" | "count", (plan.MakeList(items=items),) if not any(map(is_volatile, items)):
             return constant(len(items), call.span)
     if all(isinstance(argument, plan.Constant) for argument in call.arguments):
         values = [argument.value for argument in call.arguments if isinstance(argument, plan.Constant)]
@@ -92,27 +91,19 @@ def _connected(node: plan.And | plan.Or) -> plan.Expr:
     deciding = isinstance(node, plan.Or)
     parts: list[plan.Expr] = []
     decided = False
-    for index, part in enumerate(node.parts):
+    for part in node.parts:
         if not isinstance(part, plan.Constant):
             parts.append(part)
         elif is_true(part) is deciding:
-            if _feeds_what_fails(node.parts[index + 1 :]):
-                return node
             decided = True
             break
     if decided or not parts:
         value = constant(deciding is decided, node.span)
-        kept = [part for part in parts if can_fail(part)] and parts
+        kept = parts if any(map(is_volatile, parts)) else []
         return replace(node, parts=(*kept, value)) if kept else value
     if len(parts) == 1:
         return as_bool(parts[0])
     return node if len(parts) == len(node.parts) else replace(node, parts=tuple(parts))
-
-
-def _feeds_what_fails(parts: tuple[plan.Expr, ...]) -> bool:
-    """Whether an aggregate in what is not evaluated is fed what can fail, before that is known."""
-    nodes = (node for part in parts for node in walk_own(part))
-    return any(isinstance(node, plan.Aggregate) and can_fail(node) for node in nodes)
 
 
 def _exclusive(node: plan.Xor, left: plan.Expr, right: plan.Expr) -> plan.Expr:
@@ -126,7 +117,7 @@ def _exclusive(node: plan.Xor, left: plan.Expr, right: plan.Expr) -> plan.Expr:
 
 def _branch(node: plan.If, branch: tuple[plan.Expr, ...]) -> plan.Expr:
     """The value of the branch that is always taken."""
-    return node if any(map(can_fail, branch[:-1])) else branch[-1]
+    return node if any(map(is_volatile, branch[:-1])) else branch[-1]
 
 
 def _clauses(query: plan.Query) -> plan.Query:

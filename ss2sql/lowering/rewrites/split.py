@@ -110,8 +110,8 @@ def _factored(parts: list[plan.Expr], common: int, node: plan.Or) -> plan.Expr:
     else:
         first.append(any_of(kept, node.span))
         return all_of(first, node.span)
-    if any(map(can_fail, kept)):
-        return node  # what may fail is asked before the branch that decides
+    if any(map(is_volatile, kept)):
+        return node
     return all_of(first, node.span)
 
 
