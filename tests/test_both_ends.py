@@ -36,11 +36,9 @@ class Maze:
 
 SHOWN = ["this, s", "go(this, s)", "s, go(this, s), this"]
 GOALS = [
-    "go(this, s) == goal",
-    "goal == go(this, s) AND this != 1",
-    "go(this, s) IN [1, 5, 7]",
+    "go(this, s) == goal", "goal == go(this, s) AND this != 1", "go(this, s) IN [1, 5, 7]",
     "go(this, s) == goal OR 3 == go(this, s)",
-]
+]  # fmt: skip
 STOPS = ["go(this, s) == None", "go(this, s) == None OR go(this, s) == goal", "go(this, s) IN [None, 2, 6] OR s == 4"]
 WEIGHTS = ["", "", "COST this + 1", "COST s / 2.0", "PROBABILITY 1.0 / (this + 2)"]
 

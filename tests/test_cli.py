@@ -47,16 +47,11 @@ class Group:
 """
 TOUCH = "from pathlib import Path\ndef touch(x):\n    Path('touched').touch()\n    return x\n"
 FILES = {
-    "functions.py": FUNCTIONS,
-    "query.ss": "numbers = [1, 2, 3];\nSELECT this FROM numbers\nWHERE this > 1 AS list;\n",
-    "wrong.ss": "SELECT this\nFROM nowhere;",
-    "syntax.py": "def f(:\n",
-    "fails.py": "x = 1\ny = x / 0\n",
-    "keywords.py": "def f(*, a): return a\n",
-    "touch.py": TOUCH,
-    "factory.py": FACTORY,
+    "functions.py": FUNCTIONS, "query.ss": "numbers = [1, 2, 3];\nSELECT this FROM numbers\nWHERE this > 1 AS list;\n",
+    "wrong.ss": "SELECT this\nFROM nowhere;", "syntax.py": "def f(:\n", "fails.py": "x = 1\ny = x / 0\n",
+    "keywords.py": "def f(*, a): return a\n", "touch.py": TOUCH, "factory.py": FACTORY,
     "scene.py": "bodies = [{'mass': 1}, {'mass': 5}]\nclass Space(list):\n  def __init__(self): self.append(7)\n",
-}
+}  # fmt: skip
 
 
 @pytest.fixture(autouse=True)
@@ -83,19 +78,13 @@ def test_wrong_usage(line: str) -> None:
 
 @pytest.mark.parametrize(
     ("line", "told"),
-    [
-        ("run -e x; -p x", "requires 2 arguments"),
-        ("rnu", "No such command 'rnu'. Did you mean 'run'?"),
-        ("xyzzy", "The commands are run, "),
-        ("run -e 1 --enginge native", "Did you mean --engine?"),
-        ("sql -e 1 --dialect mysql", "there is no dialect 'mysql'; SQL can be written in: sqlite"),
-        ("list strategies bredth first", "id you mean 'BREADTH FIRST'"),
-        ("run -e 1; --attach work.parquet", "--attach takes NAME=FILE, not work.parquet"),
-        ("run -e 1 -o t.xyz", ".csv"),
-        ("run -e 1 -o t.xyz", ".parquet"),
-        ("run -e 1 -o folder", "is a directory"),
-    ],
-)
+    [("run -e x; -p x", "requires 2 arguments"), ("rnu", "No such command 'rnu'. Did you mean 'run'?"),
+     ("xyzzy", "The commands are run, "), ("run -e 1 --enginge native", "Did you mean --engine?"),
+     ("sql -e 1 --dialect mysql", "there is no dialect 'mysql'; SQL can be written in: sqlite"),
+     ("list strategies bredth first", "id you mean 'BREADTH FIRST'"),
+     ("run -e 1; --attach work.parquet", "--attach takes NAME=FILE, not work.parquet"), ("run -e 1 -o t.xyz", ".csv"),
+     ("run -e 1 -o t.xyz", ".parquet"), ("run -e 1 -o folder", "is a directory")],
+)  # fmt: skip
 def test_wrong_usage_is_told(line: str, told: str) -> None:
     error = bad(2, *line.split())
     assert told in error or told in error.replace("'", "")  # older ones of click have no quotes there
@@ -423,13 +412,10 @@ def test_colors_are_for_terminals(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize(
     ("script", "form", "told"),
-    [
-        ("SELECT 'größe' FROM [1] AS list;", "table", "gr\\xf6\\xdfe"),
-        ("SELECT 'größe' FROM [1] AS list;", "json", None),
-        pytest.param("'größe'", "table", "gr\\xf6\\xdfe\n", marks=pytest.mark.slow),
-        pytest.param("größe", "table", "unknown name 'gr", marks=pytest.mark.slow),
-    ],
-)
+    [("SELECT 'größe' FROM [1] AS list;", "table", "gr\\xf6\\xdfe"), ("SELECT 'größe' FROM [1] AS list;", "json", None),
+     pytest.param("'größe'", "table", "gr\\xf6\\xdfe\n", marks=pytest.mark.slow),
+     pytest.param("größe", "table", "unknown name 'gr", marks=pytest.mark.slow)],
+)  # fmt: skip
 def test_text_that_the_terminal_has_no_characters_for(script: str, form: str, told: str | None) -> None:
     answer = process("run", "-e", script, "--format", form, PYTHONIOENCODING="ascii")
     stdout, stderr = answer.communicate(timeout=60)

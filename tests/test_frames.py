@@ -92,19 +92,15 @@ PANDAS = {"int": "Int64", "float": "Float64", "bool": "boolean", "str": "string"
 ARROW = {"int": pyarrow.int64(), "float": pyarrow.float64(), "bool": pyarrow.bool_(), "str": pyarrow.string()}
 POLARS = {"int": polars.Int64, "float": polars.Float64, "bool": polars.Boolean, "str": polars.String}
 QUERIES = (
-    "SELECT * FROM t;",
-    "SELECT a, this FROM t WHERE b == a OR a != None AS rows;",
-    "SELECT a + 1, b FROM t WHERE a != None AND b AS list;",
-    "SELECT a * a FROM t AS list;",
-    "SELECT a FROM t WHERE a > 0 AS list;",
-    "SELECT b, count(*), min(a) FROM t GROUP BY b;",
-    "SELECT a, b FROM t ORDER BY b DESC, a AS rows;",
-    "SELECT n.a, m.this FROM n = t, m = t WHERE n.a == m.b AS list;",
+    "SELECT * FROM t;", "SELECT a, this FROM t WHERE b == a OR a != None AS rows;",
+    "SELECT a + 1, b FROM t WHERE a != None AND b AS list;", "SELECT a * a FROM t AS list;",
+    "SELECT a FROM t WHERE a > 0 AS list;", "SELECT b, count(*), min(a) FROM t GROUP BY b;",
+    "SELECT a, b FROM t ORDER BY b DESC, a AS rows;", "SELECT n.a, m.this FROM n = t, m = t WHERE n.a == m.b AS list;",
     "SELECT b FROM t START WITH at = 1 CONNECT BY UNIQUE at = a STOP WITH a == None AS list;",
     "SELECT a, (SELECT b FROM m = t WHERE m.a == n.b AS list) FROM n = t AS rows;",
     "SELECT m.a FROM m = (SELECT a, b FROM t WHERE b == at) START WITH at = True CONNECT BY UNIQUE at = m.a AS list;",
     "SELECT a FROM t WHERE b == a START WITH at = 1 CONNECT BY NO CYCLE COST 4 at = a STOP WITH b == 1 AS list;",
-)
+)  # fmt: skip
 
 
 @st.composite

@@ -142,15 +142,10 @@ def test_boxes_hold_the_outermost_points_of_turned_shapes(ss: ss2sql.Session, en
 
 @pytest.mark.parametrize(
     ("condition", "names"),
-    [
-        ("isRobot", ["base", "arm"]),
-        ("isSensor(this)", ["arm"]),
-        ("hasBody(this)", ["ball", "crate", "arm", "lift"]),
-        ("NOT isEnabled", ["ghost"]),
-        ("isSphere OR isBox", ["ball", "crate"]),
-        ("below(this, [[-1, -1, 1], [1, 1, 2]])", ["world", "ball", "crate"]),
-    ],
-)
+    [("isRobot", ["base", "arm"]), ("isSensor(this)", ["arm"]), ("hasBody(this)", ["ball", "crate", "arm", "lift"]),
+     ("NOT isEnabled", ["ghost"]), ("isSphere OR isBox", ["ball", "crate"]),
+     ("below(this, [[-1, -1, 1], [1, 1, 2]])", ["world", "ball", "crate"])],
+)  # fmt: skip
 def test_who_is_what(ss: ss2sql.Session, engine: Any, condition: str, names: list[str]) -> None:
     assert answer(ss, f"SELECT name FROM space WHERE {condition} AS list;", engine) == names
 

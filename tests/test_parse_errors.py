@@ -293,14 +293,10 @@ def test_each_statement_has_its_error(source: str, found: str) -> None:
 
 @pytest.mark.parametrize(
     "source",
-    [
-        "IF(a b; c d; e f)",
-        "f(IF(a; b; c; d), IF(a; b; c; d))",
-        "SELECT a b c FROM d e WHERE f = g AND h = IF(i = j; k; l)",
-        "x = [1, 2 3, f(4 5; 6)]",
-        "SELECT a FROM b STOP WITH c START WITH d = 1 WHERE e",
-    ],
-)
+    ["IF(a b; c d; e f)", "f(IF(a; b; c; d), IF(a; b; c; d))",
+     "SELECT a b c FROM d e WHERE f = g AND h = IF(i = j; k; l)", "x = [1, 2 3, f(4 5; 6)]",
+     "SELECT a FROM b STOP WITH c START WITH d = 1 WHERE e"],
+)  # fmt: skip
 def test_errors_inside_a_statement_do_not_multiply(source: str) -> None:
     assert len(places(source)) == 1
     assert places(f"{source}; y = = 2") == [*places(source), ("P001", f"1:{len(source) + 7}")]

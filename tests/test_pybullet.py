@@ -32,14 +32,12 @@ def ss(ss: ss2sql.Session, client: Any) -> ss2sql.Session:
 
 @pytest.mark.parametrize(
     ("kind", "sizes", "name", "volume"),
-    [
-        (pybullet.GEOM_BOX, {"halfExtents": (0.5, 1, 1.5)}, "box", 6.0),
-        (pybullet.GEOM_CYLINDER, {"radius": 0.5, "height": 2}, "cylinder", pi / 2),
-        (pybullet.GEOM_CAPSULE, {"radius": 0.5, "height": 2}, "capsule", pi / 2 + pi / 6),
-        (pybullet.GEOM_PLANE, {"planeNormal": (0, 0, 1)}, "plane", None),
-        (pybullet.GEOM_MESH, {"vertices": [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]}, "mesh", None),
-    ],
-)
+    [(pybullet.GEOM_BOX, {"halfExtents": (0.5, 1, 1.5)}, "box", 6.0),
+     (pybullet.GEOM_CYLINDER, {"radius": 0.5, "height": 2}, "cylinder", pi / 2),
+     (pybullet.GEOM_CAPSULE, {"radius": 0.5, "height": 2}, "capsule", pi / 2 + pi / 6),
+     (pybullet.GEOM_PLANE, {"planeNormal": (0, 0, 1)}, "plane", None),
+     (pybullet.GEOM_MESH, {"vertices": [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]}, "mesh", None)],
+)  # fmt: skip
 def test_shapes_have_types_and_volumes(
     client: Any, ss: ss2sql.Session, kind: int, sizes: Any, name: str, volume: float | None
 ) -> None:

@@ -146,14 +146,11 @@ def test_counts_have_no_fractions_and_texts_at_one_place_are_one(ss: ss2sql.Sess
 
 @pytest.mark.parametrize(
     "script",
-    [
-        "SELECT to(this, {0}), 1 FROM [{0}] AS rows;",
-        "SELECT to(this, {0}), to(this, y) FROM [1, 2] AS rows;",
-        "SELECT to(this, {0}), [this, 1], {0} FROM [1, 2] AS rows;",
-        "SELECT this FROM [{0}] START WITH n = 0 CONNECT BY n = n + 1 STOP WITH n > 1;",
-        "SELECT to(this, {0}), to(this, y) FROM [1, 2] START WITH n = 0 CONNECT BY n = n + 1 STOP WITH n > 1;",
-    ],
-)
+    ["SELECT to(this, {0}), 1 FROM [{0}] AS rows;", "SELECT to(this, {0}), to(this, y) FROM [1, 2] AS rows;",
+     "SELECT to(this, {0}), [this, 1], {0} FROM [1, 2] AS rows;",
+     "SELECT this FROM [{0}] START WITH n = 0 CONNECT BY n = n + 1 STOP WITH n > 1;",
+     "SELECT to(this, {0}), to(this, y) FROM [1, 2] START WITH n = 0 CONNECT BY n = n + 1 STOP WITH n > 1;"],
+)  # fmt: skip
 @pytest.mark.parametrize("text", ["$x^{$", pytest.param("from $5 to $10", marks=pytest.mark.slow)])
 def test_dollars_are_no_formula(ss: ss2sql.Session, script: str, text: str) -> None:
     ax = ss.run(script.format(f'"{text}"')).plot()
@@ -220,15 +217,11 @@ def test_other_pictures_of_a_search(ss: ss2sql.Session) -> None:
 
 @pytest.mark.parametrize(
     ("query", "lines", "patches", "clouds", "images"),
-    [
-        ("SELECT this, len(this) FROM ['a', 'bcd', 'ef'];", 0, 3, 0, 0),
-        ("SELECT this, this * this FROM range(5);", 1, 0, 0, 0),
-        ("SELECT this FROM [3, 1, None];", 1, 0, 0, 0),
-        ("SELECT this[0], this[1] FROM [[2, 1], [1, 1]];", 0, 0, 1, 0),
-        ("SELECT this FROM [[2, 1], [1, 1]];", 0, 0, 1, 0),
-        ("SELECT [0.5, 0.5], this FROM [3] AS plane('XY', [0, 0], [2, 1, 1]);", 0, 0, 0, 1),
-    ],
-)
+    [("SELECT this, len(this) FROM ['a', 'bcd', 'ef'];", 0, 3, 0, 0),
+     ("SELECT this, this * this FROM range(5);", 1, 0, 0, 0), ("SELECT this FROM [3, 1, None];", 1, 0, 0, 0),
+     ("SELECT this[0], this[1] FROM [[2, 1], [1, 1]];", 0, 0, 1, 0), ("SELECT this FROM [[2, 1], [1, 1]];", 0, 0, 1, 0),
+     ("SELECT [0.5, 0.5], this FROM [3] AS plane('XY', [0, 0], [2, 1, 1]);", 0, 0, 0, 1)],
+)  # fmt: skip
 def test_pictures_of_flat_results(
     ss: ss2sql.Session, query: str, lines: int, patches: int, clouds: int, images: int
 ) -> None:

@@ -61,14 +61,11 @@ def said(shell: Shell, text: str, capsys: pytest.CaptureFixture[str]) -> tuple[s
 
 @pytest.mark.parametrize(
     ("typed", "expected"),
-    [
-        ("", []), ("  # nothing\n", []), (";;", []), ("1; 2;", ["1;", "2;"]), ("1; 2", ["1;", "2"]),
-        ("IF(a; b; c); 2;", ["IF(a; b; c);", "2;"]), ("'a;b'; \"c;\";", ["'a;b';", '"c;";']),
-        ("1 # a;\n + 2; /* ; */ 3;", ["1 # a;\n + 2;", "3;"]), (".tables\n1;", [".tables", "1;"]),
-        ("# first\n.sql SELECT 'it; # /* (\n.5 + 1;", [".sql SELECT 'it; # /* (", ".5 + 1;"]),
-        ("x\n.y;", ["x\n.y;"]), ("a); b;", ["a);", "b;"]), ("'open; 2;\n3;", ["'open; 2;", "3;"]),
-        ("1;\n  .help\n\n 2;", ["1;", ".help", "2;"]),
-    ],
+    [("", []), ("  # nothing\n", []), (";;", []), ("1; 2;", ["1;", "2;"]), ("1; 2", ["1;", "2"]),
+     ("IF(a; b; c); 2;", ["IF(a; b; c);", "2;"]), ("'a;b'; \"c;\";", ["'a;b';", '"c;";']),
+     ("1 # a;\n + 2; /* ; */ 3;", ["1 # a;\n + 2;", "3;"]), (".tables\n1;", [".tables", "1;"]),
+     ("# first\n.sql SELECT 'it; # /* (\n.5 + 1;", [".sql SELECT 'it; # /* (", ".5 + 1;"]), ("x\n.y;", ["x\n.y;"]),
+     ("a); b;", ["a);", "b;"]), ("'open; 2;\n3;", ["'open; 2;", "3;"]), ("1;\n  .help\n\n 2;", ["1;", ".help", "2;"])],
 )  # fmt: skip
 def test_typed_text_is_cut_into_statements_and_commands(typed: str, expected: list[str]) -> None:
     assert [piece.text for piece in pieces(typed)] == expected
@@ -80,12 +77,9 @@ def test_typed_text_is_cut_into_statements_and_commands(typed: str, expected: li
 
 @pytest.mark.parametrize(
     ("typed", "ready"),
-    [
-        ("", True), ("1;", True), ("1", False), ("1; 2", False), ("SELECT a\nFROM b;", True), ("(1;", False),
-        ("(1;\n", True), ("(1;\n2", False), ("1 /* ;", False), ("1; # more", True), (".help", True),
-        ("x = 'open", True), ("x = 'a\\", False), ("x = 'a\\\nb';", True), ("IF(a; b", False), ("1;\n.tables", True),
-        ("1\n\n", False),
-    ],
+    [("", True), ("1;", True), ("1", False), ("1; 2", False), ("SELECT a\nFROM b;", True), ("(1;", False),
+     ("(1;\n", True), ("(1;\n2", False), ("1 /* ;", False), ("1; # more", True), (".help", True), ("x = 'open", True),
+     ("x = 'a\\", False), ("x = 'a\\\nb';", True), ("IF(a; b", False), ("1;\n.tables", True), ("1\n\n", False)],
 )  # fmt: skip
 def test_when_enter_runs_what_was_typed(typed: str, ready: bool) -> None:
     assert is_ready(typed) is ready
@@ -189,15 +183,13 @@ def test_help_names_every_command_and_has_an_example(shell: Shell, capsys) -> No
 
 @pytest.mark.parametrize(
     ("line", "told"),
-    [
-        (".tabels", "did you mean '.tables'?"), (".maximum 0", "N or off, not 0"), (".timer perhaps", "on or off"),
-        (".engine oracle", "auto or database or native or duckdb or spark, not oracle"),
-        (".timeout -1", "SECONDS or off, not -1"), (".exit now", "takes nothing"), (".set x", ".set start"),
-        (".attach staff", ".attach staff staff.db"), (".attach staff nowhere.db", "no file nowhere.db"),
-        (".load nowhere.py", "no file nowhere.py"), (".read nowhere.ss", "nowhere.ss cannot be read"),
-        (".sql", "nothing has run yet"), (".plot", "no result"), (".tables nowhere", "nowhere"),
-        (".attach w nowhere:world", "nowhere"), (".load", ".load functions.py"),
-    ],
+    [(".tabels", "did you mean '.tables'?"), (".maximum 0", "N or off, not 0"), (".timer perhaps", "on or off"),
+     (".engine oracle", "auto or database or native or duckdb or spark, not oracle"),
+     (".timeout -1", "SECONDS or off, not -1"), (".exit now", "takes nothing"), (".set x", ".set start"),
+     (".attach staff", ".attach staff staff.db"), (".attach staff nowhere.db", "no file nowhere.db"),
+     (".load nowhere.py", "no file nowhere.py"), (".read nowhere.ss", "nowhere.ss cannot be read"),
+     (".sql", "nothing has run yet"), (".plot", "no result"), (".tables nowhere", "nowhere"),
+     (".attach w nowhere:world", "nowhere"), (".load", ".load functions.py")],
 )  # fmt: skip
 def test_what_does_not_exist(line: str, told: str, shell: Shell, capsys) -> None:
     out, err = said(shell, line, capsys)

@@ -51,19 +51,14 @@ def test_names_are_case_sensitive(ss: ss2sql.Session, file: Path) -> None:
 @both
 @pytest.mark.parametrize(
     ("script", "code", "hint"),
-    [
-        ("SELECT mas FROM t;", "R001", "did you mean 'mass'"),
-        ("SELECT t.sise FROM t;", "R001", "did you mean 'size'"),
-        ("SELECT Mass FROM t;", "R001", "did you mean 'mass'"),
-        ("SELECT 1 FROM other.v;", "R003", "R003"),
-        ("SELECT 1 FROM another.t;", "R003", "R003"),
-        ("SELECT 1 FROM main.u;", "R003", "R003"),
-        ("SELECT 1 FROM main['a b'];", "R003", "unknown source 'main.a b'"),
-        ("SELECT 1 FROM main;", "R003", "'main' is the session's own file: name one of its tables, FROM main.table"),
-        ("SELECT 1 FROM other;", "R003", "'other' is a file: name one of its tables, FROM other.table"),
-        ("SELECT * FROM elements;", "R003", "R003"),
-    ],
-)
+    [("SELECT mas FROM t;", "R001", "did you mean 'mass'"), ("SELECT t.sise FROM t;", "R001", "did you mean 'size'"),
+     ("SELECT Mass FROM t;", "R001", "did you mean 'mass'"), ("SELECT 1 FROM other.v;", "R003", "R003"),
+     ("SELECT 1 FROM another.t;", "R003", "R003"), ("SELECT 1 FROM main.u;", "R003", "R003"),
+     ("SELECT 1 FROM main['a b'];", "R003", "unknown source 'main.a b'"),
+     ("SELECT 1 FROM main;", "R003", "'main' is the session's own file: name one of its tables, FROM main.table"),
+     ("SELECT 1 FROM other;", "R003", "'other' is a file: name one of its tables, FROM other.table"),
+     ("SELECT * FROM elements;", "R003", "R003")],
+)  # fmt: skip
 def test_what_is_not_there(ss: ss2sql.Session, file: Path, engine: Any, script: str, code: str, hint: str) -> None:
     """Nor is what is SQLite's own."""
     write(file, "CREATE TABLE t(mass, size)")
@@ -185,22 +180,10 @@ def bounds(values: list[Any], more: str = "", source: str = "t") -> tuple[float 
 
 @pytest.mark.parametrize(
     ("values", "low", "high"),
-    [
-        ([1], 1, 1),
-        ([0, 1], 0, 1),
-        ([3, 100], 2, 128),
-        ([-5, None], -8, -4),
-        ([-1, 33], -1, 64),
-        ([0.25, 7.5], 0, 8),
-        ([-0.25, 2], -1, 2),
-        ([2**62], 2**62, 2**62),
-        ([-(2**63), 2**63 - 1], None, None),
-        ([1e308], 2**1023, None),
-        ([1, "one"], None, None),
-        ([None], None, None),
-        ([], None, None),
-    ],
-)
+    [([1], 1, 1), ([0, 1], 0, 1), ([3, 100], 2, 128), ([-5, None], -8, -4), ([-1, 33], -1, 64), ([0.25, 7.5], 0, 8),
+     ([-0.25, 2], -1, 2), ([2**62], 2**62, 2**62), ([-(2**63), 2**63 - 1], None, None), ([1e308], 2**1023, None),
+     ([1, "one"], None, None), ([None], None, None), ([], None, None)],
+)  # fmt: skip
 def test_bounds_are_powers_of_two(values: list[Any], low: float | None, high: float | None) -> None:
     assert bounds(values) == bounds(values, "CREATE INDEX i ON t(a)") == (low, high)
 
@@ -241,11 +224,9 @@ def test_bounds_are_never_stale(ss: ss2sql.Session, file: Path, tmp_path: Path, 
     ss.attach("other", tmp_path / "other.db")
     own = ss.host.connection
     changes: list[tuple[str, Callable[[str], Any]]] = [
-        ("t", lambda text: write(file, text)),
-        ("t", own.execute),
-        ("u", lambda text: write(tmp_path / "other.db", text)),
-        ("u", own.execute),
-    ]
+        ("t", lambda text: write(file, text)), ("t", own.execute),
+        ("u", lambda text: write(tmp_path / "other.db", text)), ("u", own.execute),
+    ]  # fmt: skip
     for table, change in changes:
         query = ss.compile(THIRDS.replace("FROM t", f"FROM {table}"))
         assert query.run(engine=engine).value == [2.0]
@@ -297,23 +278,18 @@ def test_a_text_that_is_not_utf_8(ss: ss2sql.Session, file: Path, engine: Any) -
 
 
 BESIDE_UNREADABLE: list[tuple[str, Any]] = [
-    ("SELECT i FROM t AS list", [1, 2, 3, 4]),
-    ("SELECT i FROM t WHERE i > 2 AS list", [3, 4]),
-    ("SELECT a FROM t WHERE i == 1 AS list", ["ann"]),
-    ("SELECT * FROM t WHERE i == 1", [{"i": 1, "a": "ann"}]),
-    ("SELECT i FROM t WHERE a == 'bob' AS list", [4]),
-    ("SELECT i FROM t WHERE a != 'bob' AS list", [1, 2, 3]),
+    ("SELECT i FROM t AS list", [1, 2, 3, 4]), ("SELECT i FROM t WHERE i > 2 AS list", [3, 4]),
+    ("SELECT a FROM t WHERE i == 1 AS list", ["ann"]), ("SELECT * FROM t WHERE i == 1", [{"i": 1, "a": "ann"}]),
+    ("SELECT i FROM t WHERE a == 'bob' AS list", [4]), ("SELECT i FROM t WHERE a != 'bob' AS list", [1, 2, 3]),
     ("SELECT i FROM t WHERE a IN ['ann', 'bob'] AS list", [1, 4]),
     ("SELECT x.i, y.i FROM x = t, y = t WHERE x.a == y.a AND x.i < y.i AS list", [2, 3]),
-    ("SELECT len(i) FROM t GROUP BY a AS list", None),
-    ("SELECT i FROM t WHERE a AS list", [1, 2, 3, 4]),
+    ("SELECT len(i) FROM t GROUP BY a AS list", None), ("SELECT i FROM t WHERE a AS list", [1, 2, 3, 4]),
     ("SELECT i FROM t WHERE same(i) == 3 AS list", [3]),
     ("SELECT i FROM t START WITH n = 0 CONNECT BY UNIQUE n = i STOP WITH i == 2 ORDER BY i AS list", None),
     ("SELECT i FROM t WHERE i == 4 START WITH n = 'ann' CONNECT BY UNIQUE n = a STOP WITH a != n AS list", None),
-    ("SELECT i FROM t LIMIT 2 AS list", [1, 2]),
-    ("SELECT a FROM t LIMIT 1 AS list", ["ann"]),
+    ("SELECT i FROM t LIMIT 2 AS list", [1, 2]), ("SELECT a FROM t LIMIT 1 AS list", ["ann"]),
     ("SELECT (SELECT a FROM t WHERE t.i == q.i AS value) FROM q = t WHERE q.i == 1 AS list", ["ann"]),
-]
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("query", [query for query, _ in BESIDE_UNREADABLE])

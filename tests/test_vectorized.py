@@ -108,10 +108,8 @@ def inverse(n: Any) -> Any:
 
 # Scripts, and how many blocks they need at most.
 PLACES = [
-    ("SELECT f(this) FROM [] AS list;", 0),
-    ("SELECT f(this) FROM numbers WHERE this > 200 AS list;", 0),
-    ("SELECT f(this), f(this + 0.5) FROM numbers AS list;", 2),
-    ("SELECT f(f(this)) FROM numbers AS list;", 2),
+    ("SELECT f(this) FROM [] AS list;", 0), ("SELECT f(this) FROM numbers WHERE this > 200 AS list;", 0),
+    ("SELECT f(this), f(this + 0.5) FROM numbers AS list;", 2), ("SELECT f(f(this)) FROM numbers AS list;", 2),
     ("SELECT this FROM numbers ORDER BY f(this) DESC AS list;", 1),
     ("SELECT this % 3, sum(f(this)) FROM numbers GROUP BY this % 3 AS rows;", 1),
     ("SELECT f(this % 3), count(*) FROM numbers GROUP BY f(this % 3) AS rows;", 1),
@@ -123,7 +121,7 @@ PLACES = [
     ("SELECT this FROM numbers WHERE this IN (SELECT f(this) FROM numbers AS list) AS list;", 1),
     ("SELECT IF(this > 50; f(this); 0) FROM numbers WHERE this < 5 OR f(this) > 90 AS list;", 1),
     ("SELECT this FROM numbers WHERE this > 3 AND (this < 9 OR f(this) > 90) AS list;", 1),
-]
+]  # fmt: skip
 FAILING = [
     "SELECT f(this) FROM numbers AS list;",
     "SELECT f(this) FROM numbers WHERE this != 0 AS list;",

@@ -453,13 +453,11 @@ def onward(state, element):
 
 @pytest.mark.parametrize(
     ("guard", "way", "made", "said"),
-    [
-        ('if __name__ == "__main__":', "file", 0, ""),
-        ("if True:", "file", 40, "it is defined in script.py, which does its work whenever it is imported; write `if"),
-        ('if __name__ == "__main__":', "module", 0, ""),
-        ('if __name__ == "__main__":', "text", 40, "it is defined in a notebook or a shell"),
-    ],
-)
+    [('if __name__ == "__main__":', "file", 0, ""),
+     ("if True:", "file", 40, "it is defined in script.py, which does its work whenever it is imported; write `if"),
+     ('if __name__ == "__main__":', "module", 0, ""),
+     ('if __name__ == "__main__":', "text", 40, "it is defined in a notebook or a shell")],
+)  # fmt: skip
 def test_functions_of_the_script_that_runs(tmp_path: Path, guard: str, way: str, made: int, said: str) -> None:
     (tmp_path / "script.py").write_text(EAGER + SCRIPT.format(guard=guard, script=graph()))
     text = (tmp_path / "script.py").read_text()

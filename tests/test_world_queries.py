@@ -184,17 +184,14 @@ def test_bodies_are_tried_out_and_moved(simulator: Any, room: Stage, ss: ss2sql.
 @with_a_room
 @pytest.mark.parametrize(
     ("script", "message"),
-    [
-        ("move('bal', [1, 2]);", "no body is called 'bal'"),
-        ("move('ball', [1]);", r"a place \[x, y\]"),
-        ("move('ball', [1, 2, 3, 0, 0, 0, 0]);", "a turn whose four numbers are not all 0"),
-        ("collision('ball', [1]);", r"a place \[x, y\]"),
-        ("SELECT linearVelocity(this, 3) FROM space;", "an axis 0, 1 or 2"),
-        ("SELECT name FROM space WHERE within(this, [1, 2]);", "a box"),
-        ("SELECT name FROM space WHERE distance(this, [1]) < 1;", "two or three numbers"),
-        ("SELECT distance FROM space.closest(1, 2);", "lacks distance"),
-    ],
-)
+    [("move('bal', [1, 2]);", "no body is called 'bal'"), ("move('ball', [1]);", r"a place \[x, y\]"),
+     ("move('ball', [1, 2, 3, 0, 0, 0, 0]);", "a turn whose four numbers are not all 0"),
+     ("collision('ball', [1]);", r"a place \[x, y\]"),
+     ("SELECT linearVelocity(this, 3) FROM space;", "an axis 0, 1 or 2"),
+     ("SELECT name FROM space WHERE within(this, [1, 2]);", "a box"),
+     ("SELECT name FROM space WHERE distance(this, [1]) < 1;", "two or three numbers"),
+     ("SELECT distance FROM space.closest(1, 2);", "lacks distance")],
+)  # fmt: skip
 def test_wrong_use_is_told(room: Stage, ss: ss2sql.Session, engine: Any, script: str, message: str) -> None:
     with pytest.raises(ss2sql.Error, match=message) as caught:
         ss.run(script, engine=engine)
