@@ -153,11 +153,14 @@ def test_tables_and_views(db: ss2sql.Session, engine: Any) -> None:
     assert code_of(db.describe, "broken") == "X009"
 
 
-def test_the_text_of_a_path_that_ends_like_one(ss: ss2sql.Session, file: Path) -> None:
+def test_the_text_of_a_path_and_a_file_that_may_only_be_read(ss: ss2sql.Session, file: Path) -> None:
     ss.attach("text", str(file))
     assert ss.eval("SELECT x FROM text.t AS list;") == [1, 2]
     ss.attach("word", "data")
     assert ss.eval("SELECT this FROM word AS list;") == ["data"]
+    file.chmod(0o444)
+    ss.attach("db", file)
+    assert ss.eval("SELECT x FROM db.t AS list;") == [1, 2]
 
 
 def test_a_file_that_cannot_be_attached_leaves_the_one_before(db: ss2sql.Session, tmp_path: Path) -> None:
@@ -201,12 +204,6 @@ def test_a_name_has_one_meaning(db: ss2sql.Session, file: Path, tmp_path: Path) 
         query.run()
     with pytest.raises(KeyError):
         db.detach("db")
-
-
-def test_a_file_that_may_only_be_read(ss: ss2sql.Session, file: Path) -> None:
-    file.chmod(0o444)
-    ss.attach("db", file)
-    assert ss.eval("SELECT x FROM db.t AS list;") == [1, 2]
 
 
 # --- what is no list of one ----------------------------------------------------------------------------

@@ -153,7 +153,7 @@ def test_the_way_back_keeps_to_max_rows(ss: ss2sql.Session) -> None:
 # --- what fails ----------------------------------------------------------------------------------------
 
 
-def test_what_fails_only_on_the_way_back_does_not_end_the_search(ss: ss2sql.Session) -> None:
+def test_only_what_fails_on_the_way_there_is_raised(ss: ss2sql.Session) -> None:
     def undo_all(this: list[int], tower: list[list[int]]) -> list[list[int]]:
         # [], where None is expected, is then taken for a state, of which the first index fails.
         return move([this[1], this[0]], tower) if tower[this[1]] else []
@@ -164,8 +164,6 @@ def test_what_fails_only_on_the_way_back_does_not_end_the_search(ss: ss2sql.Sess
     [note] = result.stats.notes
     assert note.startswith("searched from the start only: going back from the goal failed: IndexError")
 
-
-def test_what_fails_on_the_way_there_is_raised(ss: ss2sql.Session) -> None:
     def fragile(this: int, n: int) -> int:
         if n == 2:
             raise ZeroDivisionError("two")

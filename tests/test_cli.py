@@ -203,7 +203,7 @@ def test_a_scene() -> None:
     assert "did you mean 'chaos'?" in bad(1, "run", "-e", script, "--world", "space=ss2sql.scenes:chaso")
 
 
-def test_maximum_and_timeout() -> None:
+def test_maximum_timeout_and_too_little_memory() -> None:
     assert len(value("-e", ENDLESS, "--maximum", "3")) == 3
     started = time.monotonic()
     answer = call("run", "-e", ENDLESS, "--timeout", "0.1")
@@ -215,9 +215,6 @@ def test_maximum_and_timeout() -> None:
     assert found
     assert f"{found[1].replace(',', '')} paths, " in answer.stdout.splitlines()[-1]
     assert answer.stdout.endswith(", database, timeout\n")
-
-
-def test_too_little_memory() -> None:
     answer = call("run", "-e", ENDLESS, "--max-memory", "1000000", "--show", "1")
     assert answer.exit_code == 1
     assert answer.stdout.rstrip().endswith(", memory")  # what was found
@@ -387,20 +384,12 @@ def test_values_that_are_no_table(script: str, printed: str) -> None:
     assert good("run", "-e", script) == printed
 
 
-def test_color() -> None:
+def test_colors_are_for_terminals(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "\x1b" not in good("run", "-e", TABLE)  # no terminal
     assert "\x1b" in good("run", "-e", TABLE, "--color")
     assert "\x1b" not in good("run", "-e", TABLE, "--no-color")
     assert "\x1b" in bad(1, "run", "-e", "x", "--color")
     assert "\x1b" not in bad(1, "run", "-e", "x")
-
-
-class Terminal:
-    def isatty(self) -> bool:
-        return True
-
-
-def test_colors_are_for_terminals(monkeypatch: pytest.MonkeyPatch) -> None:
     stream: Any = Terminal()
     monkeypatch.delenv("NO_COLOR", raising=False)
     monkeypatch.setenv("TERM", "xterm")
@@ -408,6 +397,11 @@ def test_colors_are_for_terminals(monkeypatch: pytest.MonkeyPatch) -> None:
     for name, given, wanted in (("NO_COLOR", "1", False), ("NO_COLOR", "", True), ("TERM", "dumb", False)):
         monkeypatch.setenv(name, given)
         assert endings.wants_color(stream) is wanted
+
+
+class Terminal:
+    def isatty(self) -> bool:
+        return True
 
 
 @pytest.mark.parametrize(
@@ -567,14 +561,11 @@ def test_data_has_the_form_that_was_asked_for(form: str, first: list[Any], engin
     assert "broken off; " in error
 
 
-def test_no_more_data_than_can_be_written(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_more_data_than_can_be_written_or_was_found(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(running, "MOST_BROKEN_OFF", 6)
     found, error = broken_off("-e", f"{ENDLESS} AS list;")
     assert found == [[1], [1, 1], [1, 1, 1]]
     assert error.startswith("the first 3 of ")
-
-
-def test_a_run_that_found_nothing() -> None:
     answer = call("run", "-e", ENDLESS.replace("START", "WHERE n == -1 START"), "--timeout", "0.1", "--format", "csv")
     assert (answer.exit_code, answer.stdout) == (124, "path,step,this\n")
     assert answer.stderr.endswith("\nbroken off; nothing had been found\n")

@@ -80,7 +80,13 @@ def test_why_a_function_is_called(ss: ss2sql.Session) -> None:
     assert any(line.startswith("noisy is volatile: it calls random.random") for line in found)
 
 
-def test_what_is_switched_off_or_replaced(ss: ss2sql.Session) -> None:
+def test_what_is_limited_switched_off_or_replaced(ss: ss2sql.Session) -> None:
+    ss.function(inc)
+    ss.attach("wide", [1, 2**62])
+    assert "inc(n) is inlined: n + 1" in lines(ss.compile("SELECT inc(this) FROM wide;").explain())
+    ss.attach("wide", [1, 2**63 - 1])
+    limited = "inc(n) is inlined: n + 1; called for numbers beyond 1,000,000,000,000,000"
+    assert limited in lines(ss.compile("SELECT inc(this) FROM wide;").explain())
     script = "SELECT inc(this) FROM [1] AS list;"
     with ss2sql.connect(disable=["inline"]) as off:
         off.function(inc)
@@ -95,15 +101,6 @@ def test_a_result_tells_how_often_functions_were_called(ss: ss2sql.Session, engi
     ss.function(several)
     result = ss.run("SELECT several(this) FROM [1, 2, 1] AS list;", engine=engine)
     assert "several is called: it is more than one expression (2 calls, 1 remembered)" in lines(result.explain())
-
-
-def test_limits_are_told(ss: ss2sql.Session) -> None:
-    ss.function(inc)
-    ss.attach("wide", [1, 2**62])
-    assert "inc(n) is inlined: n + 1" in lines(ss.compile("SELECT inc(this) FROM wide;").explain())
-    ss.attach("wide", [1, 2**63 - 1])
-    limited = "inc(n) is inlined: n + 1; called for numbers beyond 1,000,000,000,000,000"
-    assert limited in lines(ss.compile("SELECT inc(this) FROM wide;").explain())
 
 
 def bound(text: str) -> list[str]:

@@ -263,21 +263,15 @@ def test_times_are_texts_that_sort_as_they_do(ss: ss2sql.Session, unit: Any) -> 
     ) == {"t": ["2024-02-01T12:30:00", None, "1960-01-01T00:00:00.250000"]}
 
 
-def test_times_with_a_zone_are_those_of_utc(ss: ss2sql.Session) -> None:
+def test_zones_dates_durations_and_nanoseconds(ss: ss2sql.Session) -> None:
     frame = pandas.DataFrame({"t": pandas.DatetimeIndex(["2024-07-01 12:00", None]).tz_localize("Europe/Berlin")})
     sources = (frame, frame.astype(object), polars.from_pandas(frame), pyarrow.Table.from_pandas(frame))
     assert values(ss, *sources) == {"t": ["2024-07-01T10:00:00+00:00", None]}
-
-
-def test_dates_times_of_the_day_and_durations(ss: ss2sql.Session) -> None:
     day, clock = datetime.date(2024, 2, 29), datetime.time(23, 5, 0, 500_000)
     given = {"day": [day, None], "clock": [clock, None], "took": [datetime.timedelta(seconds=90.5), None]}
     written = {"day": ["2024-02-29", None], "clock": ["23:05:00.500000", None], "took": [90.5, None]}
     frames = (pandas.DataFrame(given), pandas.DataFrame(given, dtype=object))
     assert values(ss, polars.DataFrame(given), pyarrow.table(given), *frames) == written
-
-
-def test_nanoseconds_are_kept(ss: ss2sql.Session) -> None:
     given = {"t": numpy.array(["2024-01-01T00:00:00.000000001"], "M8[ns]")}
     sources = (pandas.DataFrame(given), polars.DataFrame(given), pyarrow.table(given))
     assert values(ss, *sources) == {"t": ["2024-01-01T00:00:00.000000001"]}
@@ -304,19 +298,13 @@ def test_categories_decimals_lists_and_structs(ss: ss2sql.Session) -> None:
     assert values(ss, polars.DataFrame({**given, "kind": kinds})) == expected
 
 
-def test_what_stands_for_missing_is_none(ss: ss2sql.Session) -> None:
+def test_missing_values_small_numbers_and_plain_arrays(ss: ss2sql.Session) -> None:
     missing = [math.nan, pandas.NA, pandas.NaT, None, numpy.float32("nan"), numpy.datetime64("NaT")]
     assert values(ss, pandas.DataFrame({"x": pandas.Series(missing, dtype=object)})) == {"x": [None] * 6}
     assert values(ss, pandas.DataFrame({"x": numpy.array([1, math.nan], "f4")})) == {"x": [1.0, None]}
-
-
-def test_small_numbers_of_numpy(ss: ss2sql.Session) -> None:
     given = {kind: numpy.array([1, 2], kind) for kind in ("u1", "i2", "f2", "f4", "u8", "?")}
     found = values(ss, pandas.DataFrame(given))
     assert repr(found) == repr({kind: array.tolist() for kind, array in given.items()})
-
-
-def test_arrays_that_are_not_structured_are_lists(ss: ss2sql.Session) -> None:
     ss.attach("grid", numpy.array([[1, 2], [3, 4]]))
     assert ss.eval("SELECT this[1] FROM grid AS list;") == [2, 4]
 
@@ -353,15 +341,11 @@ def test_parts_of_frames_are_refused_with_the_cure(ss: ss2sql.Session, source: A
 
 
 @both
-def test_any_name_of_a_column_can_be_reached(ss: ss2sql.Session, engine: Any) -> None:
+def test_columns_may_have_any_name_even_rowid(ss: ss2sql.Session, engine: Any) -> None:
     names = ("odd name", "from", "X", "x", "this", "rowid", 7)
     ss.attach("t", pandas.DataFrame({name: [number] for number, name in enumerate(names)}))
     read = 'this["odd name"], this["from"], X, t.x, t.this["this"], rowid, this["7"]'
     assert ss.run(f"SELECT {read} FROM t AS list;", engine=engine).value == [0, 1, 2, 3, 4, 5, 6]
-
-
-@both
-def test_a_column_called_rowid_does_not_change_the_order(ss: ss2sql.Session, engine: Any) -> None:
     ss.attach("t", pandas.DataFrame({"rowid": [3, 1, 2], "k": ["b", "a", "b"]}))
     assert ss.run("SELECT k, sum(rowid) FROM t GROUP BY k AS rows;", engine=engine).value == [("b", 5), ("a", 1)]
     assert ss.run("SELECT rowid FROM t AS list;", engine=engine).value == [3, 1, 2]

@@ -75,7 +75,7 @@ def test_what_cannot_be_registered(ss: ss2sql.Session) -> None:
 # --- in place of built-in ones -------------------------------------------------------------------------
 
 
-def test_operators_can_be_replaced(ss: ss2sql.Session, engine: Any) -> None:
+def test_operators_and_functions_can_be_replaced(ss: ss2sql.Session, engine: Any) -> None:
     ss.function("add", lambda a, b: [x + y for x, y in zip(a, b, strict=True)] if isinstance(a, list) else a + b)
     ss.function("lt", lambda a, b: len(a) < len(b))
     ss.function("in", lambda a, b: a == b[-1])
@@ -83,9 +83,6 @@ def test_operators_can_be_replaced(ss: ss2sql.Session, engine: Any) -> None:
     script = "SELECT this + [10, 20], -this, this < [1, 2, 3], 5 IN this, 1 + 2 FROM [[1, 2], [3, 5]] AS rows;"
     rows = [([11, 22], [2, 1], True, False, 3), ([13, 25], [5, 3], True, True, 3)]
     assert ss.run(script, engine=engine).value == rows
-
-
-def test_built_in_functions_can_be_replaced(ss: ss2sql.Session, engine: Any) -> None:
     ss.function("max", lambda x: ["mine", x])
     ss.function("len", lambda x: -1)
     assert ss.run("SELECT max(this), len(this) FROM ['ab'] AS rows;", engine=engine).value == [(["mine", "ab"], -1)]

@@ -99,16 +99,13 @@ def test_velocities_are_those_of_mj_object_velocity(robot: tuple[Any, Any], ss: 
         assert np.allclose((*angular, *linear), MuJoCo().velocity(model, data, number), atol=1e-12)
 
 
-def test_volumes_of_shapes(ss: ss2sql.Session) -> None:
+def test_volumes_of_shapes_and_meshes(ss: ss2sql.Session) -> None:
     volumes = dict(answer(ss, "SELECT name, volume FROM space AS rows;"))
     ball, arm = 4 / 3 * pi * 0.3**3, 4 / 3 * pi * 0.05**3 + pi * 0.05**2 * 0.4 + 4 / 3 * pi * 0.1**3
     assert volumes["world"] is None  # a plane has no end
     assert [volumes[name] for name in ("ball", "crate", "arm", "base", "lift", "ghost")] == pytest.approx(
         [ball, 0.2 * 0.4 * 0.6, arm, pi * 0.1**2 * 0.4, 4 / 3 * pi * 0.1 * 0.2 * 0.3, 0.0]
     )
-
-
-def test_meshes_have_a_volume_and_count_once_where_another_shape_shows_them(ss: ss2sql.Session) -> None:
     _, data = MuJoCo().made(
         """<body name="solid"><geom type="mesh" mesh="corner"/></body>
            <body name="shown">
@@ -164,7 +161,13 @@ def test_forces_are_those_that_were_applied_and_the_clock_is_that_of_mujoco(
 # --- the other tables ----------------------------------------------------------------------------------
 
 
-def test_joints_and_how_they_move(robot: tuple[Any, Any], ss: ss2sql.Session, engine: Any) -> None:
+def test_sensors_geoms_and_joints(robot: tuple[Any, Any], ss: ss2sql.Session, engine: Any) -> None:
+    rows = answer(ss, "SELECT name, type, value, values FROM space.sensors AS rows;", engine)
+    felt = robot[1].sensor("felt").data.tolist()
+    assert rows == [["felt", "accelerometer", None, felt], ["turned", "jointpos", 0.0, [0.0]]]
+    rows = answer(ss, "SELECT name, type, body FROM space.geoms WHERE isSphere(this) AS rows;", engine)
+    assert rows == [["ball", "sphere", 1], ["", "sphere", 4]]
+    assert answer(ss, "SELECT pos FROM space.geoms WHERE id == 4 AS list;", engine) == [[3.5, 0, 1]]
     model, data = robot
     rows = answer(ss, "SELECT name, type, lower, upper FROM space.joints AS rows;", engine)
     assert rows == [
@@ -177,15 +180,6 @@ def test_joints_and_how_they_move(robot: tuple[Any, Any], ss: ss2sql.Session, en
     ]
     joined = "SELECT b.name FROM j = space.joints, b = space WHERE j.body == b.id AND j.name == 'rail' AS list;"
     assert answer(ss, joined, engine) == ["lift"]
-
-
-def test_sensors_and_geoms(robot: tuple[Any, Any], ss: ss2sql.Session, engine: Any) -> None:
-    rows = answer(ss, "SELECT name, type, value, values FROM space.sensors AS rows;", engine)
-    felt = robot[1].sensor("felt").data.tolist()
-    assert rows == [["felt", "accelerometer", None, felt], ["turned", "jointpos", 0.0, [0.0]]]
-    rows = answer(ss, "SELECT name, type, body FROM space.geoms WHERE isSphere(this) AS rows;", engine)
-    assert rows == [["ball", "sphere", 1], ["", "sphere", 4]]
-    assert answer(ss, "SELECT pos FROM space.geoms WHERE id == 4 AS list;", engine) == [[3.5, 0, 1]]
 
 
 def test_contacts_are_those_of_mujoco(robot: tuple[Any, Any], engine: Any, ss: ss2sql.Session) -> None:

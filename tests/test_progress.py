@@ -94,7 +94,7 @@ def query_of(script: str) -> plan.Query:
     return statement.expr.query
 
 
-def test_what_it_says() -> None:
+def test_what_it_says_also_of_a_native_search() -> None:
     run = run_of(generated=3000, levels=[Level(3, 4), Level(1, 5)])
     run.graph = Graph(run.check, None)
     for number in range(7):
@@ -106,9 +106,6 @@ def test_what_it_says() -> None:
     assert said(run, 2.0) == "2 s | 3,000 results, 1,500/s"
     run.sink = Sink(Rows(("n",), [(1,)]), "database")
     assert said(run, 2.0) == "2 s | 1 result, 0/s"
-
-
-def test_how_deep_a_native_search_is() -> None:
     run = run_of(generated=10)
     line, _, _ = line_of(run)
     line.reached = [(1,), (2,)]  # depth first: the rows on the path, behind which a step is looked at
@@ -122,7 +119,7 @@ def test_how_deep_a_native_search_is() -> None:
     assert "depth 100,001+" in line.text(1.0)
 
 
-def test_a_bar_where_the_total_is_known() -> None:
+def test_a_bar_where_the_total_is_known_and_for_the_first_list() -> None:
     run = run_of(generated=100)
     search = "SELECT this FROM [1, 2] START WITH n = 0 CONNECT BY {} n = n + 1"
     run.sink = Sink(Rows(("this",), None, [[]] * 4), "native", query_of(search.format("MAXIMUM 8") + ";"))
@@ -138,9 +135,6 @@ def test_a_bar_where_the_total_is_known() -> None:
     assert "[#.........] 10%" in said(run, 1.0)
     run.sink = Sink(Rows(("this",), [(1,)]), "native", query_of("SELECT this FROM [1, 2] ORDER BY this LIMIT 10;"))
     assert "[" not in said(run, 1.0)
-
-
-def test_a_bar_for_the_first_list() -> None:
     line, _, _ = line_of(run_of())
     outer, inner = [1] * 200, [1] * 3
     line.walk(outer, 30, 200)

@@ -15,7 +15,7 @@ from sessions import code_of, write
 import ss2sql
 
 
-def test_the_same_query_again(file: Path) -> None:
+def test_the_same_query_again_and_another_goal_ask_nothing(file: Path) -> None:
     with connect(file) as ss:
         first = run(ss)
         assert calls(first) > 0
@@ -29,9 +29,6 @@ def test_the_same_query_again(file: Path) -> None:
         later = run(ss)
         assert later.value == first.value
         assert calls(later) == 0
-
-
-def test_another_goal_asks_nothing(file: Path) -> None:
     with connect(file) as ss:
         run(ss, goal=6)
         for goal in (5, 7, 12, 0):

@@ -96,15 +96,12 @@ def test_methods_are_written_as_functions(ss: ss2sql.Session, script: str, hints
     assert list(error.hints) == hints
 
 
-def test_python_functions_that_hints_name_can_be_registered(ss: ss2sql.Session) -> None:
+def test_what_hints_name(ss: ss2sql.Session) -> None:
     names = {"str": str, "math": math, "random": random}
     for name, path in OF_PYTHON.items():
         owner, function = path.split(".")
         ss.function(name, getattr(names[owner], function))
     assert ss.eval("upper('a') + trim(' b ') + str(floor(1.5));") == "Ab1"
-
-
-def test_a_text_is_not_offered_where_a_name_is_nearly_right(ss: ss2sql.Session) -> None:
     assert "quotes" not in str(refused(ss, "word = 1; print(wrd);"))
 
 

@@ -51,7 +51,7 @@ def points(ax: Any) -> list[list[tuple[float, float]]]:
     return [[tuple(point) for point in line.get_xydata().tolist()] for _, line in named]
 
 
-def test_costs_add_up_along_a_path(ss: ss2sql.Session) -> None:
+def test_costs_add_up_along_a_path_and_probabilities_are_multiplied(ss: ss2sql.Session) -> None:
     result = ss.run(SEARCH.format("dst, length", "COST length"))
     ax = result.plot(kind="costs")
     totals = [list(accumulate((row[1] for row in path), initial=0)) for path in result.paths]
@@ -61,9 +61,6 @@ def test_costs_add_up_along_a_path(ss: ss2sql.Session) -> None:
     assert ax.get_title() == "3 paths, cost 320 to 475"
     named = ss.run(SEARCH.format("dst, to(length * 2, cost)", ""))  # a column named cost will do
     assert [line[-1][1] for line in points(named.plot(kind="costs"))] == [660, 640, 950]
-
-
-def test_probabilities_are_multiplied(ss: ss2sql.Session) -> None:
     result = ss.run(SEARCH.format("p, dst", "PROBABILITY p"))
     ax = result.plot(kind="costs", most=1)
     (line,) = points(ax)
@@ -194,7 +191,7 @@ def test_nodes_are_values(ss: ss2sql.Session, values: list[Any], nodes: list[Any
     assert [str(node) if "box" in repr(node) else node for node in graph] == nodes
 
 
-def test_paths_are_lines_of_a_plot(ss: ss2sql.Session) -> None:
+def test_pictures_of_a_search(ss: ss2sql.Session) -> None:
     result = ss.run(GRID)
     ax = result.plot()
     drawn = {tuple(map(tuple, line.get_xydata().tolist())) for line in ax.lines}
@@ -206,9 +203,6 @@ def test_paths_are_lines_of_a_plot(ss: ss2sql.Session) -> None:
     assert result.plot(own, title="mine") is own
     assert own.get_title() == "mine"
     assert len(ss.run(WALK.format("this, n", 3, 3)).plot().lines) == 8
-
-
-def test_other_pictures_of_a_search(ss: ss2sql.Session) -> None:
     puzzle = ss.run(WALK.format("str(this)", 2, 3))
     assert puzzle.plot().get_title() == f"2 rows on {len(puzzle.paths)} paths"
     bars = puzzle.plot(kind="lengths").patches

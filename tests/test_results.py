@@ -176,7 +176,7 @@ def test_both_engines_count_the_same_in_complete_searches(ss: ss2sql.Session, op
     assert one.stats.calls == other.stats.calls
 
 
-def test_sql_holds_the_parameters_of_the_run(ss: ss2sql.Session) -> None:
+def test_sql_holds_the_parameters_of_the_run_or_says_why_there_is_none(ss: ss2sql.Session) -> None:
     result = ss.run("x = 1; SELECT this FROM [1, 2] WHERE this == x AS list; x = 5;")
     assert [dict(text.parameters) for text in result.sql.statements] == [{}, {"p1": [1, 2], "x": 1}, {}]
     assert result.sql.parameters == {"p1": [1, 2], "x": 1}
@@ -184,6 +184,16 @@ def test_sql_holds_the_parameters_of_the_run(ss: ss2sql.Session) -> None:
     assert dict(query.sql.parameters) == {"p1": [1, 2]}
     assert query.run(y=2).sql.parameters == {"p1": [1, 2], "y": 2}
     assert query.sql == query.run(y=2.0).sql == str(query.sql)
+    result = ss.run("x = 1; SELECT this FROM [1]; SELECT eval(this) FROM ['1'];")
+    assert [str(text) for text in result.sql.statements[::2]] == [
+        "-- no query: x = 1",
+        "-- no SQL: eval reads its text when it runs, so it runs natively",
+    ]
+    in_sqlite, natively = (ss.run("SELECT this FROM [1];", engine=engine).sql for engine in ENGINES)
+    assert natively == in_sqlite  # which is what SQLite would run
+    several = ss.run("[SELECT this FROM [1] AS list, SELECT this FROM [2] AS list];").sql
+    assert len(several.statements) == 2
+    assert all(text.startswith("SELECT") for text in several.statements)
 
 
 def test_showing_the_sql_evaluates_nothing(ss: ss2sql.Session) -> None:
@@ -204,19 +214,6 @@ def test_showing_the_sql_evaluates_nothing(ss: ss2sql.Session) -> None:
     result = ss.run("IF(False; (SELECT this FROM [1] START WITH n = 1 / 0 CONNECT BY n = n)); 7;")
     assert result.value == 7
     assert "WITH RECURSIVE" in result.sql.statements[0]
-
-
-def test_sql_says_why_there_is_none(ss: ss2sql.Session) -> None:
-    result = ss.run("x = 1; SELECT this FROM [1]; SELECT eval(this) FROM ['1'];")
-    assert [str(text) for text in result.sql.statements[::2]] == [
-        "-- no query: x = 1",
-        "-- no SQL: eval reads its text when it runs, so it runs natively",
-    ]
-    in_sqlite, natively = (ss.run("SELECT this FROM [1];", engine=engine).sql for engine in ENGINES)
-    assert natively == in_sqlite  # which is what SQLite would run
-    several = ss.run("[SELECT this FROM [1] AS list, SELECT this FROM [2] AS list];").sql
-    assert len(several.statements) == 2
-    assert all(text.startswith("SELECT") for text in several.statements)
 
 
 def shown(result: ss2sql.Result, **options: Any) -> str:
@@ -319,7 +316,7 @@ def test_columns_without_room_are_left_out(ss: ss2sql.Session) -> None:
     assert f"{shown} of 40 columns shown" in repr(result)
 
 
-def test_paths_are_lines(ss: ss2sql.Session) -> None:
+def test_paths_are_lines_that_keep_their_ends(ss: ss2sql.Session) -> None:
     lines = data_lines(repr(ss.run(WALK.format("this", 3, 3))))
     assert [line.strip("│ ").split(" │ ")[1].strip() for line in lines[:2]] == ["1 → 1 → 1", "1 → 1 → 2"]
     assert len(lines) == 8
@@ -328,9 +325,6 @@ def test_paths_are_lines(ss: ss2sql.Session) -> None:
     result = ss.run(WALK.format("n, to(str('" + "x" * 50 + "'), s)", 3, 3), maximum=1)
     assert result.columns == ("path", "step", "n", "s")
     assert [line.split("│")[2].strip() for line in data_lines(repr(result))] == ["1", "2", "3"]
-
-
-def test_a_long_path_keeps_its_ends(ss: ss2sql.Session) -> None:
     result = ss.run("SELECT n FROM [1] WHERE n == 500 START WITH n = 1 CONNECT BY n = n + 1 STOP WITH n == 500;")
     (line,) = data_lines(repr(result))
     kept = re.fullmatch(r"│ +1 │ 1 → 2 → .* → … (\d+) more … → .* → 499 → 500 *│", line)

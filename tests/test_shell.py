@@ -98,7 +98,7 @@ def test_results_are_tables_and_assignments_a_line_beside_them(shell: Shell, cap
     assert "characters, the first" in out
 
 
-def test_an_error_shows_the_line_and_the_session_goes_on(shell: Shell, capsys) -> None:
+def test_an_error_or_exception_shows_the_line_and_the_session_goes_on(shell: Shell, capsys) -> None:
     out, err = said(shell, "x = 1;\n  y = zz; x = 2;", capsys)
     assert out == ""
     place = " --> <script>:2:7\n  |\n2 |   y = zz;\n  |       ^^\n"
@@ -107,9 +107,6 @@ def test_an_error_shows_the_line_and_the_session_goes_on(shell: Shell, capsys) -
     assert shell.failed
     assert "help: load it with .load FILE.py; .functions lists the known ones" in said(shell, "foo(1);", capsys)[1]
     assert said(shell, "x;", capsys) == ("1\n", "")  # what stood behind the error has not run
-
-
-def test_an_exception_of_the_users_function(shell: Shell, capsys) -> None:
     assert said(shell, ".load functions.py", capsys) == ("", "functions: twice, broken, begun\n")
     _, err = said(shell, "1;\n broken(2);", capsys)
     assert "TypeError" in err
@@ -267,20 +264,20 @@ def piped(text: str, *options: str) -> Result:
     return answer
 
 
-def test_statements_come_from_a_pipe() -> None:
+def test_statements_come_from_a_pipe_also_after_an_error() -> None:
     answer = piped("x = 1;\nSELECT this\n  FROM [x];\n.set y 2\nx + y", "--format", "json")
     assert answer.stdout == '[{"this": 1}]\n3\n'
     assert (answer.exit_code, answer.stderr) == (0, "x = 1\ny = 2\n")
     assert piped("").stdout == ""
     assert piped("1;\n.exit\n2;").stdout == "1\n"
-
-
-def test_a_pipe_goes_on_after_an_error_and_ends_with_code_1() -> None:
     answer = piped("a = 1;\nb = zz;\nc = 3; d = zz;\n\n 'open;\na + c;\n")
     assert answer.stdout == "4\n"
     assert [line for line in answer.stderr.splitlines() if "-->" in line] == [
         " --> <stdin>:2:5", " --> <stdin>:3:12", " --> <stdin>:5:2"]  # fmt: skip
     assert answer.exit_code == 1
+    answer = piped(b"1;\n\xff;\n")  # type: ignore[arg-type]
+    assert (answer.exit_code, answer.stdout) == (1, "1\n")
+    assert "line 2 of the standard input cannot be read" in answer.stderr
 
 
 def test_options_of_run_are_those_of_the_shell() -> None:
@@ -291,7 +288,7 @@ def test_options_of_run_are_those_of_the_shell() -> None:
     assert [line.split()[:2] for line in lines] == [["timeout:", "3"], ["maximum:", "4"]]
 
 
-def test_a_statement_runs_before_the_pipe_ends(shell: Shell, capsys) -> None:
+def test_a_pipe_is_read_line_by_line(shell: Shell, capsys, monkeypatch) -> None:
     seen: list[str] = []
 
     class Stream(io.RawIOBase):
@@ -303,20 +300,11 @@ def test_a_statement_runs_before_the_pipe_ends(shell: Shell, capsys) -> None:
 
     run_piped(shell, Stream())  # type: ignore[arg-type]
     assert seen == ["", "1\n", "", "2\n"]
-
-
-def test_a_long_statement_is_not_read_again_with_every_line(shell: Shell, capsys, monkeypatch) -> None:
     cuts = []
     monkeypatch.setattr("ss2sql.shell.piped.pieces", lambda text: cuts.append(text) or pieces(text))
     run_piped(shell, io.BytesIO(b"x = [\n" + b"1,\n" * 1000 + b"1];\n"))
     assert len(cuts) <= 2
     assert capsys.readouterr().err.startswith("x = [1, 1, 1")
-
-
-def test_text_that_is_no_text() -> None:
-    answer = piped(b"1;\n\xff;\n")  # type: ignore[arg-type]
-    assert (answer.exit_code, answer.stdout) == (1, "1\n")
-    assert "line 2 of the standard input cannot be read" in answer.stderr
 
 
 @pytest.mark.parametrize("missing", [(), ("prompt_toolkit",)], ids=str)

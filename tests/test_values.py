@@ -71,12 +71,10 @@ def test_parts_that_were_shared_are_copied_apart() -> None:
         assert second == [1]
 
 
-def test_what_is_nothing_zero_or_empty_is_false() -> None:
+def test_truth() -> None:
     assert not any(map(truth, [None, 0, 0.0, -0.0, False, "", [], {}, b""]))
     assert all(map(truth, [True, -1, 0.5, "0", [[]], [0], {"a": 0}, b"0"]))
 
-
-def test_truth_of_objects() -> None:
     class Empty(Unhashable):
         def __len__(self) -> int:
             return 0

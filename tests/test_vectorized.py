@@ -227,7 +227,7 @@ def test_values_are_those_of_calls_row_by_row(engine: Any, rows: Any, script: st
     assert outcome(engine, script, sources, f=f) == outcome(engine, script, sources, f=mixed)
 
 
-def test_as_a_decorator_and_without_a_word_on_volatility(ss: ss2sql.Session, engine: Any) -> None:
+def test_what_takes_arrays_is_stable_and_cannot_be_volatile(ss: ss2sql.Session, engine: Any) -> None:
     @ss.function(vectorized=True)
     def norm_of(x: Any, y: Any) -> Any:
         return np.hypot(x, y)
@@ -236,9 +236,6 @@ def test_as_a_decorator_and_without_a_word_on_volatility(ss: ss2sql.Session, eng
     assert result.value == [5.0, 4.0]
     assert result.stats.blocks == {"norm_of": 1}
     assert "norm_of is stable: takes arrays, which says that it is not volatile" in result.explain()
-
-
-def test_a_volatile_function_does_not_take_arrays(ss: ss2sql.Session) -> None:
     with pytest.raises(ss2sql.Error, match="takes arrays, so it cannot be volatile") as caught:
         ss.function("f", lambda x: x, volatility="volatile", vectorized=True)
     assert caught.value.code == "S002"
@@ -282,7 +279,7 @@ def test_a_block_of_another_length(ss: ss2sql.Session, engine: Any, returned: An
     assert ss.eval("SELECT this FROM [1] AS list;") == [1]
 
 
-def test_an_element_that_is_no_value_is_refused_where_its_row_comes(ss: ss2sql.Session, engine: Any) -> None:
+def test_elements_are_lists_or_are_refused_where_their_rows_come(ss: ss2sql.Session, engine: Any) -> None:
     ss.function("f", lambda x: np.where(x == 3, np.nan, x * 1.0), volatility="immutable", vectorized=True)
     assert ss.run("SELECT f(this) FROM [1, 2, 3] LIMIT 2 AS list;", engine=engine).value == [1.0, 2.0]
     assert ss.run("SELECT f(this) FROM [1, 3, 2] WHERE this != 3 AS list;", engine=engine).value == [1.0, 2.0]
@@ -290,6 +287,8 @@ def test_an_element_that_is_no_value_is_refused_where_its_row_comes(ss: ss2sql.S
         ss.run("SELECT f(this) FROM [1, 2, 3] AS list;", engine=engine)
     assert caught.value.code == "X004"
     assert caught.value.span.place == "<script>:1:8"
+    ss.function("f", lambda x: np.stack([x, 2 * x], axis=1), volatility="immutable", vectorized=True)
+    assert ss.run("SELECT f(this) FROM [1, 2] AS list;", engine=engine).value == [[1, 2], [2, 4]]
 
 
 @pytest.mark.parametrize("returned", [np.float32(2), np.int16(2), np.bool_(True), np.str_("a"), (1, 2), {3}, None])
@@ -298,8 +297,3 @@ def test_elements_pass_the_border(ss: ss2sql.Session, engine: Any, returned: Any
     ss.function("g", lambda x: returned, volatility="immutable")
     made = ss.run("SELECT f(this), g(this) FROM [1, 2] AS rows;", engine=engine).value
     assert exact(made) == exact([(b, b) for _, b in made])
-
-
-def test_rows_of_a_table_of_results_are_lists(ss: ss2sql.Session, engine: Any) -> None:
-    ss.function("f", lambda x: np.stack([x, 2 * x], axis=1), volatility="immutable", vectorized=True)
-    assert ss.run("SELECT f(this) FROM [1, 2] AS list;", engine=engine).value == [[1, 2], [2, 4]]

@@ -147,13 +147,10 @@ def test_the_sql_that_is_shown_asks_for_keys_as_the_one_that_runs(ss: ss2sql.Ses
     assert "SQLite finds keys of a world alone" in query.explain()
 
 
-def test_rows_of_two_sources_are_made_of_their_own_keys(ss: ss2sql.Session, engine: Any) -> None:
+def test_rows_are_made_of_their_own_keys_and_lists(ss: ss2sql.Session, engine: Any) -> None:
     script = "SELECT a.pos, b.this, a.this, b.id, b.pos FROM a = boats, b = boats WHERE b.id == a.id + 1 AND a.x > 33.5"
     ((place, after, before, number, other),) = ss.run(f"{script} AS rows;", engine=engine).value
     assert (place, number, other, before.id, after.id) == ([34, -68, 0], 69, [34.5, -69, 0], 68, 69)
-
-
-def test_each_result_has_lists_of_its_own(ss: ss2sql.Session) -> None:
     first, second = ss.run("SELECT a.pos, a.id FROM a = boats, b = range(2) WHERE a.id == 4 AS rows;").value
     first[0].append(9.0)
     assert second == ([2.0, -4.0, 0.0], 4)
