@@ -12,31 +12,11 @@ import pytest
 from fuzz_judge import nodes
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from trees import (
-    NOWHERE,
-    A,
-    B,
-    C,
-    D,
-    assign,
-    call,
-    code,
-    cut,
-    expr,
-    iff,
-    index,
-    items,
-    lit,
-    name,
-    op,
-    query,
-    same,
-    script,
-    select,
-    shape,
-    source,
-    this,
-)
+
+from trees import (  # isort: skip
+    NOWHERE, A, B, C, D, assign, call, code, cut, expr, iff, index, items, lit, name, op, query, same, script, select,
+    shape, source, this,
+)  # fmt: skip
 
 from ss2sql.errors import ParseError, Span
 from ss2sql.frontend import ast, text

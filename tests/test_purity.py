@@ -1,16 +1,28 @@
-"""Python functions whose source proves them immutable: `cases/purity/immutable.txt`, and what changes arguments."""
+"""Python functions whose source proves them immutable, and others, with the reason, both in `cases/purity`.
+
+Also places, functions without source, attempts to deceive, and proofs that would take too long.
+"""
 
 from __future__ import annotations
 
+import builtins
 import contextlib
 import copy
+import functools
+import linecache
+import math
+import operator
+import random
+import time
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
 from purity_samples import Load, load
 from sessions import samples
 
-from ss2sql.frontend.purity import infer
+from ss2sql.frontend.purity import Purity, infer
 
 __all__ = ["load"]  # the fixture
 
@@ -31,6 +43,26 @@ def test_immutable(load: Load, text: str) -> None:
         with contextlib.suppress(Exception):  # most functions do not take most of these
             function(*given)
         assert given == arguments
+
+
+OUTSIDE = "import datetime, os, time, uuid"
+LOOK_OUTSIDE = ["input", "open", "id", "hash", "eval", "getattr", "time.time", "os.getcwd", "uuid.uuid4",
+                "datetime.datetime.now"]  # fmt: skip
+VOLATILE = {f"calls {name}": f"{OUTSIDE}\ndef f(x): return {name}(x)\n=> calls {name}" for name in LOOK_OUTSIDE}
+VOLATILE["a very deep chain of helpers"] = (
+    "def f0(x): return x\n" + "".join(f"def f{n + 1}(x): return f{n}(x)\n" for n in range(60)) +
+    "f = f60\n=> more functions than are followed"
+)  # fmt: skip
+VOLATILE |= samples("volatile")
+
+
+@pytest.mark.parametrize("text", VOLATILE.values(), ids=VOLATILE.keys())
+def test_volatile(load: Load, text: str) -> None:
+    source, _, words = text.partition("=>")
+    purity = infer(load(source).f)
+    assert purity.volatility == "volatile"
+    for word in words.strip().split(" | "):
+        assert word in purity.reason
 
 
 def test_a_module_of_the_users_own_is_followed(load: Load) -> None:
@@ -58,3 +90,134 @@ def test_whether_a_function_may_change_its_arguments(load: Load, text: str) -> N
     found = infer(load(text).f)
     assert found.changes is (text in CHANGES)
     assert found.volatility == "immutable" or found.changes
+
+
+def test_the_line_is_that_of_the_culprit(load: Load) -> None:
+    module = load("""
+        import random
+        def loud(x):
+            y = x
+            print(y)  # loud
+        def caller(x):
+            for y in x:
+                z = [loud(w)  # caller
+                     for w in y]
+            return z
+        def keeps(x, seen=[]):  # keeps
+            return x
+        pure = lambda x: x; noisy = lambda x: random.random()  # noisy
+        @staticmethod
+        def several(x):
+            if x:
+                return [x,
+                    x.name,  # several
+                ]
+        """)
+    lines = linecache.getlines(str(module.__file__))
+    for name in ("loud", "caller", "keeps", "noisy", "several"):
+        function = getattr(module, name)
+        line = infer(getattr(function, "__func__", function)).line
+        assert line is not None
+        assert lines[line - 1].rstrip().endswith(f"# {name}")
+    assert infer(module.pure) == Purity("immutable", "has a source that uses only its arguments", None)
+
+
+def test_the_constants_that_are_read_are_named(load: Load) -> None:
+    module = load("import math\nSIZE, DEPTH = 8, 3\n"
+                  "def f(x): return g(x) * SIZE + math.pi * SIZE\ndef g(x): return x + DEPTH")  # fmt: skip
+    names = "'DEPTH', 'SIZE', 'math.pi'"
+    assert infer(module.f).reason == f"has a source that uses only its arguments and the constants {names}"
+
+
+KNOWN = [abs, len, min, max, sorted, round, int, float, str, list, dict, set, tuple, bool, math.sqrt, math.dist,
+         operator.add, operator.getitem, str.upper, list.append, dict.get]  # fmt: skip
+UNKNOWN = [
+    *((known, "has no Python source") for known in (print, time.time, random.random, id, [].append, "text".upper)),
+    (eval("lambda x: x"), "has no Python source"),
+    (random.choice, "is a method of an object"), (map, "calls its arguments|iterator"),
+    (functools.reduce, "calls its arguments"), (zip, "iterator"), (type, "function"), (bytearray, "is a class"),
+    (object(), "is an object with state"), (None, "is an object with state"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("function", KNOWN)
+def test_functions_without_source_that_are_known(function: Callable[..., object]) -> None:
+    assert infer(function) == Purity("immutable", "is known to be pure")
+
+
+@pytest.mark.parametrize(("function", "words"), UNKNOWN, ids=range(len(UNKNOWN)))
+def test_functions_without_source_that_are_not(function: Any, words: str) -> None:
+    purity = infer(function)
+    assert purity.volatility == "volatile"
+    assert any(word in purity.reason for word in words.split("|"))
+
+
+def test_cells_of_a_notebook(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Their lines are known, but none of them is the whole of a module."""
+    monkeypatch.setattr(linecache, "cache", dict(linecache.cache))
+    namespace: dict[str, Any] = {"__name__": "__main__"}
+    for number, text in enumerate((
+        "import math\nSIZE = 3\ndef helper(x): return math.sqrt(x)\n",
+        "def f(x): return helper(x)\ndef g(x): return x + SIZE\n",
+    )):  # fmt: skip
+        name = f"<cell {number}>"
+        linecache.cache[name] = (len(text), None, text.splitlines(True), name)
+        exec(compile(text, name, "exec"), namespace)
+    assert infer(namespace["f"]).volatility == "immutable"
+    # Another cell may assign it again, and nothing would show it.
+    assert "'SIZE', which may change" in infer(namespace["g"]).reason
+
+
+def test_a_file_that_changed_since_is_not_taken_for_the_source(load: Load) -> None:
+    module = load("def noisy(x):\n    print(x)\n    return x\ndef still(x): return x\n")
+    path = Path(str(module.__file__))
+    path.write_text(path.read_text(encoding="utf-8").replace("print(x)", "abs(x)  # quiet"), encoding="utf-8")
+    assert infer(module.noisy) == Purity("volatile", "is not in its source file as it runs")
+    assert infer(module.still).volatility == "immutable"
+    path.unlink()
+    assert infer(module.still) == Purity("volatile", "has no Python source")
+
+
+def test_every_lambda_of_a_line_is_told_from_the_others(load: Load) -> None:
+    module = load("fs = [lambda x: x + 1, lambda x: x.name, lambda x: print(x), (lambda x: lambda: x), lambda x: x]")
+    found = [infer(f).volatility for f in module.fs]
+    assert found == ["immutable", "volatile", "volatile", "volatile", "immutable"]
+    assert infer(module.fs[3](1)).volatility == "immutable"
+    assert infer(module.fs[3]([])).volatility == "volatile"
+
+
+logged: list[object] = []
+
+
+def logged_length(value: list[object]) -> int:
+    logged.append(value)
+    return value.__len__()
+
+
+def test_what_is_replaced_is_noticed(load: Load, monkeypatch: pytest.MonkeyPatch) -> None:
+    module = load("import math\ndef f(x): return len(x)\ndef g(x): return math.sqrt(x)")
+    assert infer(module.f).volatility == infer(module.g).volatility == "immutable"
+    with monkeypatch.context() as patch:
+        patch.setattr(math, "sqrt", logged_length)
+        assert "math.sqrt" in infer(module.g).reason
+        patch.setattr(builtins, "len", logged_length)
+        purity = infer(module.f)
+    assert "calls len, which reads the global name 'logged'" in purity.reason
+    module = load("import time\ndef helper(x): return x\n"
+                  "def other(x): return time.time()\ndef f(x): return helper(x)")  # fmt: skip
+    assert infer(module.f).volatility == "immutable"
+    module.helper = module.other
+    assert "calls helper, which calls time.time" in infer(module.f).reason
+    module.helper = time.time
+    assert "calls helper" in infer(module.f).reason
+    del module.helper
+    assert infer(module.f).volatility == "volatile"
+
+
+def test_proofs_of_large_sources_end(load: Load) -> None:
+    chain = "".join(f"    def g{i + 1}(): return g{i}() or g{i}()\n" for i in range(40))
+    module = load(f"def f(x):\n    def g0(): return set(x)\n{chain}    return list(g40())\n"
+                  f"def deep(x): return {' + '.join(['x'] * 800)}\n")  # fmt: skip
+    # Followed to its end, the first would take 2 ** 40 calls.
+    assert infer(module.f).reason == "is too long to be followed"
+    assert infer(module.deep).reason == "is nested too deeply to be followed"
