@@ -80,9 +80,7 @@ GRIDS = [
 
 @pytest.mark.parametrize("bound", [3, 8, 11])
 @pytest.mark.parametrize("grid", GRIDS)
-def test_sums_of_whole_numbers_can_be_undone(
-    ss: ss2sql.Session, grid: str, bound: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_whole_sums_can_be_undone(ss: ss2sql.Session, grid: str, bound: int, monkeypatch: pytest.MonkeyPatch) -> None:
     shown = "p, this" if "p =" in grid else "x, y, this" if "y =" in grid else "x, this"
     text = f"SELECT {shown} FROM [[-1, 0], [0, -1], [0, 1], [1, 0], [1, 1]] {grid.format(bound)} AS list"
     ss.function("wall", lambda x, y: x == 3 and y != 2, volatility="immutable")

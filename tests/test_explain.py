@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from sessions import leaping, write
+from sessions import write
 
 import ss2sql
 from ss2sql.explained.endless import ADVICE
@@ -178,17 +178,6 @@ def test_times_of_stages(ss: ss2sql.Session) -> None:
     assert set(result.stats.seconds) == set(STAGES)
     query = ss.compile(script)
     assert [set(query.run().stats.seconds) for _ in range(2)] == [{"lower", "compile", "run"}, {"run"}]
-
-
-def test_the_result_of_a_broken_off_run_is_explained(ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch) -> None:
-    ss.function("leap", leaping(monkeypatch, 3), volatility="immutable")
-    with pytest.raises(ss2sql.Timeout) as caught:
-        ss.run("SELECT n FROM [1] START WITH n = 0 CONNECT BY n = leap(n);", timeout=3600)
-    partial = caught.value.partial
-    assert partial is not None
-    found = partial.explain()
-    assert found.as_dict()["run"]["status"] == "timeout"
-    assert "takes the steps that wait in a queue one by one, the deepest first" in lines(found)
 
 
 # --- SQLite's plan in words ----------------------------------------------------------------------------

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime
 import math
+import re
 from decimal import Decimal
 from types import SimpleNamespace
 from typing import Any
@@ -175,9 +176,7 @@ def fill(source: Any, name: str, values: list[int]) -> None:
 
 @both
 @pytest.mark.parametrize("library", ["pandas", "NumPy", "Polars"])
-def test_every_run_sees_the_frame_as_it_is_and_keeps_what_it_has_read(
-    ss: ss2sql.Session, library: str, engine: Any
-) -> None:
+def test_each_run_sees_the_frame_as_it_is_and_keeps_what_it_read(ss: ss2sql.Session, library: str, engine: Any) -> None:
     source: Any = MAKERS[library]()
     ss.attach("t", source)
     ss.function("spoil", lambda x: fill(source, "x", [0, 0, 0]) or x, volatility="stable")
@@ -220,9 +219,7 @@ def made(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
 
 @both
 @every
-def test_columns_that_are_read_are_converted_once_per_run(
-    ss: ss2sql.Session, make: Any, engine: Any, made: SimpleNamespace
-) -> None:
+def test_columns_are_converted_once_per_run(ss: ss2sql.Session, make: Any, engine: Any, made: SimpleNamespace) -> None:
     source = make()
     ss.attach("t", source)
     query = ss.compile("SELECT n.x, m.x, n.ok FROM n = t, m = t WHERE n.x == m.x AND n.ok;", engine=engine)
@@ -318,11 +315,8 @@ def test_missing_values_small_numbers_and_plain_arrays(ss: ss2sql.Session) -> No
 def test_numbers_that_are_no_values(ss: ss2sql.Session, column: Any, words: str, engine: Any) -> None:
     """Whether they are read or not, as in a list of dicts."""
     ss.attach("t", pandas.DataFrame({"x": column, "y": 1}))
-    with pytest.raises(ss2sql.ExecutionError) as caught:
+    with pytest.raises(ss2sql.ExecutionError, match=f"X004.*the column 'x' of 't' holds.*{re.escape(words)}"):
         ss.run("SELECT y FROM t;", engine=engine)
-    assert caught.value.code == "X004"
-    assert "the column 'x' of 't' holds" in str(caught.value)
-    assert words in str(caught.value)
 
 
 @pytest.mark.parametrize(
@@ -331,10 +325,8 @@ def test_numbers_that_are_no_values(ss: ss2sql.Session, column: Any, words: str,
      (polars.Series([1]), "to_frame()"), (pyarrow.chunked_array([[1]]), "to_pylist()")],
 )  # fmt: skip
 def test_parts_of_frames_are_refused_with_the_cure(ss: ss2sql.Session, source: Any, cure: str) -> None:
-    with pytest.raises(ss2sql.Error) as caught:
+    with pytest.raises(ss2sql.Error, match=rf"S002[\s\S]*{re.escape(cure)}"):
         ss.attach("t", source)
-    assert caught.value.code == "S002"
-    assert cure in str(caught.value)
 
 
 # --- what columns are called ---------------------------------------------------------------------------

@@ -53,9 +53,8 @@ def test_the_number_of_arguments_is_that_of_the_signature(ss: ss2sql.Session) ->
         ("two()", "takes 1 to 2 arguments, not 0"), ("two(1, 2, 3)", "1 to 2 arguments, not 3"),
         ("many()", "takes 1 or more arguments, not 0"),
     ):  # fmt: skip
-        with pytest.raises(ss2sql.ResolveError, match=words) as caught:
+        with pytest.raises(ss2sql.ResolveError, match=rf"R005.*{words}") as caught:
             ss.run(f"SELECT {call} FROM [1];")
-        assert caught.value.code == "R005"
         assert caught.value.span is not None
         assert caught.value.span.text == call
 

@@ -147,9 +147,7 @@ def test_who_is_what(ss: ss2sql.Session, engine: Any, condition: str, names: lis
     assert answer(ss, f"SELECT name FROM space WHERE {condition} AS list;", engine) == names
 
 
-def test_forces_are_those_that_were_applied_and_the_clock_is_that_of_mujoco(
-    robot: tuple[Any, Any], ss: ss2sql.Session
-) -> None:
+def test_forces_are_those_applied_and_the_clock_is_that_of_mujoco(robot: tuple[Any, Any], ss: ss2sql.Session) -> None:
     robot[1].body("ball").xfrc_applied[:] = [1, 2, 3, 4, 5, 6]
     assert answer(ss, "SELECT force, torque FROM space WHERE name == 'ball';") == [
         {"force": [1, 2, 3], "torque": [4, 5, 6]}
@@ -238,9 +236,7 @@ def test_a_scan_fetches_arrays_a_constant_number_of_times(ss: ss2sql.Session, co
     assert counts["xpos"] <= 6
 
 
-def test_what_is_no_data_or_was_not_computed_is_refused(
-    robot: tuple[Any, Any], ss: ss2sql.Session, engine: Any
-) -> None:
+def test_what_is_no_data_or_not_computed_is_refused(robot: tuple[Any, Any], ss: ss2sql.Session, engine: Any) -> None:
     with pytest.raises(ss2sql.Error, match="a int is no data of MuJoCo"):
         MuJoCoWorld(3)
     data = mujoco.MjData(robot[0])

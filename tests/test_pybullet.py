@@ -38,9 +38,7 @@ def ss(ss: ss2sql.Session, client: Any) -> ss2sql.Session:
      (pybullet.GEOM_PLANE, {"planeNormal": (0, 0, 1)}, "plane", None),
      (pybullet.GEOM_MESH, {"vertices": [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]}, "mesh", None)],
 )  # fmt: skip
-def test_shapes_have_types_and_volumes(
-    client: Any, ss: ss2sql.Session, kind: int, sizes: Any, name: str, volume: float | None
-) -> None:
+def test_shape_types(client: Any, ss: ss2sql.Session, kind: int, sizes: Any, name: str, volume: float | None) -> None:
     client.createMultiBody(0, client.createCollisionShape(kind, **sizes))
     columns = f"type, volume, is{name.capitalize()}, isSphere, isRobot, isEnabled, hasBody"
     ((its, found, yes, *others),) = values(ss, f"SELECT {columns} FROM space AS rows")

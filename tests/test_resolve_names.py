@@ -63,9 +63,7 @@ PAIRS = "x = [a.this, 1]; "
 
 
 @pytest.mark.parametrize(("code", "words", "marked"), [*wrong_scripts("names")])
-def test_an_error_has_a_code_a_place_a_reason_and_a_cure(
-    more: ss2sql.Session, marked: str, code: str, words: list[str]
-) -> None:
+def test_errors_have_code_place_reason_and_cure(more: ss2sql.Session, marked: str, code: str, words: list[str]) -> None:
     """The places of the errors stand between « and »."""
     error = refused(more, re.sub("[«»]", "", marked))
     places = [(one.code, one.span.text) for one in error.errors if one.span]

@@ -77,9 +77,8 @@ def test_costs_add_up_along_a_path_and_probabilities_are_multiplied(ss: ss2sql.S
 )  # fmt: skip
 def test_costs_that_nobody_selected(ss: ss2sql.Session, columns: str, options: str, hint: str) -> None:
     result = ss.run(SEARCH.format(columns, options))
-    with pytest.raises(ss2sql.RepresentationError, match=hint) as caught:
+    with pytest.raises(ss2sql.RepresentationError, match=rf"V001[\s\S]*{hint}"):
         result.plot(kind="costs")
-    assert caught.value.code == "V001"
 
 
 def test_paths_share_their_beginnings_in_a_tree(ss: ss2sql.Session) -> None:
@@ -216,9 +215,7 @@ def test_pictures_of_a_search(ss: ss2sql.Session) -> None:
      ("SELECT this[0], this[1] FROM [[2, 1], [1, 1]];", 0, 0, 1, 0), ("SELECT this FROM [[2, 1], [1, 1]];", 0, 0, 1, 0),
      ("SELECT [0.5, 0.5], this FROM [3] AS plane('XY', [0, 0], [2, 1, 1]);", 0, 0, 0, 1)],
 )  # fmt: skip
-def test_pictures_of_flat_results(
-    ss: ss2sql.Session, query: str, lines: int, patches: int, clouds: int, images: int
-) -> None:
+def test_flat_pictures(ss: ss2sql.Session, query: str, lines: int, patches: int, clouds: int, images: int) -> None:
     ax = ss.run(query).plot()
     assert (len(ax.lines), len(ax.patches), len(ax.collections), len(ax.images)) == (lines, patches, clouds, images)
     assert ax.get_title()

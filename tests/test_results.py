@@ -15,7 +15,7 @@ from programs.drawn import FEWEST, drawn
 from random_values import VALUES
 from rich.cells import cell_len
 from rich.console import Console
-from sessions import ENGINES, both, leaping
+from sessions import ENGINES, both
 
 import ss2sql
 from ss2sql.runtime.paths import Paths
@@ -40,9 +40,8 @@ def test_representations_of_the_user(ss: ss2sql.Session, engine: Any) -> None:
     assert ss.run(f"{TREE} AS grid(1);", engine=engine).value == [(1, ("this",), [1]), (1, ("this",), [2])]
     for script, code in (("AS grid;", "V001"), ("AS grid(1, 2, 3);", "V001"), ("AS grid(1, of = 3);", "V001"),
                          ("AS gird(1);", "R006"), ("AS list(1);", "V001")):  # fmt: skip
-        with pytest.raises(ss2sql.Error) as caught:
+        with pytest.raises(ss2sql.Error, match=code) as caught:
             ss.run(f"SELECT this FROM [1] {script}", engine=engine)
-        assert caught.value.code == code
         assert caught.value.span is not None
 
 
@@ -264,25 +263,12 @@ def test_values_are_shown_as_they_are_written(ss: ss2sql.Session, capsys: pytest
     assert result.value[5]["na[b]me"] == "x" * 5000
 
 
-def test_the_partial_result_of_a_timeout_is_shown_like_any_other(
-    ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    ss.function("leap", leaping(monkeypatch, 50), volatility="immutable")
-    with pytest.raises(ss2sql.Timeout) as caught:
-        ss.run("SELECT this FROM [1] START WITH n = 0 CONNECT BY n = leap(n);", timeout=3600, engine="database")
-    partial = caught.value.partial
-    assert len(data_lines(repr(partial))) == 20
-    assert repr(partial).endswith("the first 20 paths shown, database, timeout")
-
-
 @pytest.mark.parametrize("tail", ["", "WHERE this > 1 ", "WHERE n + this == 5 "])
 @pytest.mark.parametrize(
     "options", ["", "BREADTH FIRST ", "UNIQUE ", "NO CYCLE ", "COST this ", "COST this UNIQUE ", "MAXIMUM 3 "]
 )
 @pytest.mark.parametrize("end", ["", " ORDER BY this LIMIT 4", " GROUP BY this"])
-def test_rows_are_counted_without_walking_the_paths(
-    monkeypatch: pytest.MonkeyPatch, tail: str, options: str, end: str
-) -> None:
+def test_rows_are_counted_without_the_paths(monkeypatch: pytest.MonkeyPatch, tail: str, options: str, end: str) -> None:
     search = f"START WITH n = 0 CONNECT BY {options}n = n + this STOP WITH n + this > 4"
     script = f"SELECT this, n FROM [1, 2, 3] {tail}{search}{end};"
     with ss2sql.connect() as ss:

@@ -275,9 +275,8 @@ def test_without_pybullet_the_error_names_the_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "pybullet", None)
     bullet.pybullet.cache_clear()
     bullet._client_type.cache_clear()
-    with pytest.raises(ss2sql.SessionError, match="pip install pybullet") as caught:
+    with pytest.raises(ss2sql.SessionError, match=r"S003[\s\S]*pip install pybullet"):
         scenes.hall()
-    assert caught.value.code == "S003"
 
 
 def test_scenes_are_imported_when_they_are_asked_for_and_print_nothing():

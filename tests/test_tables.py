@@ -52,12 +52,12 @@ def test_names_are_case_sensitive(ss: ss2sql.Session, file: Path) -> None:
 @pytest.mark.parametrize(
     ("script", "code", "hint"),
     [("SELECT mas FROM t;", "R001", "did you mean 'mass'"), ("SELECT t.sise FROM t;", "R001", "did you mean 'size'"),
-     ("SELECT Mass FROM t;", "R001", "did you mean 'mass'"), ("SELECT 1 FROM other.v;", "R003", "R003"),
-     ("SELECT 1 FROM another.t;", "R003", "R003"), ("SELECT 1 FROM main.u;", "R003", "R003"),
+     ("SELECT Mass FROM t;", "R001", "did you mean 'mass'"), ("SELECT 1 FROM other.v;", "R003", ""),
+     ("SELECT 1 FROM another.t;", "R003", ""), ("SELECT 1 FROM main.u;", "R003", ""),
      ("SELECT 1 FROM main['a b'];", "R003", "unknown source 'main.a b'"),
      ("SELECT 1 FROM main;", "R003", "'main' is the session's own file: name one of its tables, FROM main.table"),
      ("SELECT 1 FROM other;", "R003", "'other' is a file: name one of its tables, FROM other.table"),
-     ("SELECT * FROM elements;", "R003", "R003")],
+     ("SELECT * FROM elements;", "R003", "")],
 )  # fmt: skip
 def test_what_is_not_there(ss: ss2sql.Session, file: Path, engine: Any, script: str, code: str, hint: str) -> None:
     """Nor is what is SQLite's own."""
@@ -65,9 +65,8 @@ def test_what_is_not_there(ss: ss2sql.Session, file: Path, engine: Any, script: 
     write(file.with_name("other.db"), "CREATE TABLE t(a); CREATE TABLE u(b)")
     ss.attach("other", file.with_name("other.db"))
     ss.run("SELECT this FROM [1];", engine="database")
-    with pytest.raises(ss2sql.ResolveError, match=hint) as caught:
+    with pytest.raises(ss2sql.ResolveError, match=rf"{code}[\s\S]*{hint}"):
         ss.run(script, engine=engine)
-    assert caught.value.code == code
 
 
 @both
@@ -91,9 +90,7 @@ def test_the_same_name_in_two_files(ss: ss2sql.Session, file: Path, engine: Any)
 
 
 @both
-def test_rows_of_a_table_without_numbers_come_in_the_order_of_its_key(
-    ss: ss2sql.Session, file: Path, engine: Any
-) -> None:
+def test_rows_of_a_table_without_numbers_come_by_its_key(ss: ss2sql.Session, file: Path, engine: Any) -> None:
     """Rising, also where the key is declared to fall."""
     write(file, "CREATE TABLE w(a, b, PRIMARY KEY (b DESC, a)) WITHOUT ROWID")
     write(file, "INSERT INTO w VALUES (1, 1), (2, 1), (1, 2)")
@@ -108,9 +105,8 @@ def test_a_view_that_cannot_be_read(ss: ss2sql.Session, file: Path) -> None:
     query = ss.compile("SELECT a FROM v;")
     write(file, "DROP TABLE gone")
     for call in (query.run, lambda: ss.run("SELECT a FROM v;")):
-        with pytest.raises(ss2sql.ExecutionError, match="the view 'v' cannot be read: no such table") as caught:
+        with pytest.raises(ss2sql.ExecutionError, match=r"X009.*the view 'v' cannot be read: no such table") as caught:
             call()
-        assert caught.value.code == "X009"
         assert caught.value.span is not None
         assert caught.value.span.text == "v"
     assert ss.eval("1 + 1;") == 2
@@ -125,28 +121,17 @@ def test_a_file_that_somebody_writes(ss: ss2sql.Session, file: Path, engine: Any
     writer = apsw.Connection(str(file))
     writer.execute("BEGIN EXCLUSIVE; UPDATE t SET a = 2")
     for call in (lambda: query.run(engine=engine), lambda: ss.run("SELECT a FROM t;", engine=engine)):
-        with pytest.raises(ss2sql.ExecutionError, match="database is locked") as caught:
+        with pytest.raises(ss2sql.ExecutionError, match=r"X009.*database is locked"):
             call()
-        assert caught.value.code == "X009"
     writer.execute("COMMIT")
     writer.close()
     assert query.run(engine=engine).value == [2]
 
 
 @both
-def test_an_infinity_is_no_number_of_the_language(ss: ss2sql.Session, file: Path, engine: Any) -> None:
-    write(file, "CREATE TABLE t(a REAL); INSERT INTO t VALUES (1.5), (9e999)")
-    assert ss.run("SELECT a FROM t WHERE a < 2 AS list;", engine=engine).value == [1.5]
-    for column in ("a + 1", "a * 0", "abs(a)"):
-        assert code_of(ss.run, f"SELECT {column} FROM t;", engine=engine) == "X004"
-
-
-@both
 @pytest.mark.parametrize("source", ["t", "mixed", "v"])
 @pytest.mark.parametrize("infinity", ["9e999", "-9e999"])
-def test_an_infinity_never_becomes_a_value(
-    ss: ss2sql.Session, file: Path, engine: Any, source: str, infinity: str
-) -> None:
+def test_an_infinity_becomes_no_value(ss: ss2sql.Session, file: Path, engine: Any, source: str, infinity: str) -> None:
     write(file, f"CREATE TABLE t(a REAL); INSERT INTO t VALUES (1.5), ({infinity}), (NULL);"
                 "CREATE TABLE mixed AS SELECT a FROM t UNION ALL SELECT 'x';"
                 f"CREATE VIEW v AS SELECT 1.5 AS a UNION ALL SELECT {infinity}")  # fmt: skip
@@ -156,12 +141,13 @@ def test_an_infinity_never_becomes_a_value(
         "SELECT a FROM {} START WITH n = 0 CONNECT BY n = n + 1 STOP WITH n == 2;",
         "SELECT (SELECT a FROM {} AS list) FROM [1] AS list;",
         "SELECT x.this FROM x = (SELECT a FROM {} AS list) AS list;",
-        "len(SELECT a FROM {} AS list);",
+        "len(SELECT a FROM {} AS list);", "SELECT a + 1 FROM {};", "SELECT a * 0 FROM t;", "SELECT abs(a) FROM {};",
     ):  # fmt: skip
         assert code_of(ss.run, script.format(source), engine=engine) == "X004", script
     with pytest.raises(ss2sql.ExecutionError, match=r"the column 'a' holds -?inf at \[1\]"):
         ss.run(f"SELECT a FROM {source};", engine=engine)
-    assert ss.run(f"SELECT a FROM {source} LIMIT 1 AS list;", engine=engine).value == [1.5]
+    for end in ("LIMIT 1", "WHERE a == 1.5"):
+        assert ss.run(f"SELECT a FROM {source} {end} AS list;", engine=engine).value == [1.5]
 
 
 # --- bounds of the numbers in columns: what they are, and that they are never stale --------------------------
@@ -270,9 +256,8 @@ def test_sqlite_computes_with_small_numbers_by_itself(ss: ss2sql.Session, file: 
 def test_a_text_that_is_not_utf_8(ss: ss2sql.Session, file: Path, engine: Any) -> None:
     write(file, "CREATE TABLE t(a TEXT, b); INSERT INTO t VALUES (CAST(x'4dfc6c' AS TEXT), 1);"
                 "CREATE VIEW v AS SELECT CAST(a AS BLOB) AS a FROM t")  # fmt: skip
-    with pytest.raises(ss2sql.ExecutionError, match="SQLite: a text is not UTF-8") as caught:
+    with pytest.raises(ss2sql.ExecutionError, match=r"X009.*SQLite: a text is not UTF-8") as caught:
         ss.run("SELECT a FROM t;", engine=engine)
-    assert caught.value.code == "X009"
     assert "CAST(column AS BLOB)" in caught.value.hints[0]
     assert ss.run("SELECT a FROM v AS list;", engine=engine).value == [b"M\xfcl"]
 
@@ -321,9 +306,8 @@ def test_what_needs_a_text_that_is_not_utf_8(ss: ss2sql.Session, file: Path, que
     ss.function("f", lambda value: value.upper())
     ss.function("g", lambda value: [value])
     for engine in ("native", "database", "auto"):
-        with pytest.raises(ss2sql.ExecutionError, match=r"a text is not UTF-8: b'M.xfcl") as caught:
+        with pytest.raises(ss2sql.ExecutionError, match=r"X009.*a text is not UTF-8: b'M.xfcl"):
             ss.run(f"SELECT {query} FROM t;", engine=engine)  # type: ignore[arg-type]
-        assert caught.value.code == "X009"
     with pytest.raises(ss2sql.ExecutionError, match="a text is not UTF-8"):
         ss.run("x = (SELECT a FROM t AS list); x;", engine="native")
 

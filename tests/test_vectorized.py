@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import math
+import re
 from collections.abc import Callable
 from typing import Any, cast
 
@@ -236,9 +237,8 @@ def test_what_takes_arrays_is_stable_and_cannot_be_volatile(ss: ss2sql.Session, 
     assert result.value == [5.0, 4.0]
     assert result.stats.blocks == {"norm_of": 1}
     assert "norm_of is stable: takes arrays, which says that it is not volatile" in result.explain()
-    with pytest.raises(ss2sql.Error, match="takes arrays, so it cannot be volatile") as caught:
+    with pytest.raises(ss2sql.Error, match=r"S002.*takes arrays, so it cannot be volatile") as caught:
         ss.function("f", lambda x: x, volatility="volatile", vectorized=True)
-    assert caught.value.code == "S002"
     assert caught.value.hints
 
 
@@ -270,12 +270,9 @@ def test_a_run_that_must_end_ends_between_blocks(ss: ss2sql.Session, engine: Any
 )  # fmt: skip
 def test_a_block_of_another_length(ss: ss2sql.Session, engine: Any, returned: Any, got: str) -> None:
     ss.function("f", lambda x: returned, volatility="immutable", vectorized=True)
-    with pytest.raises(ss2sql.ExecutionError) as caught:
+    said = re.escape(f"error[X012]: the function 'f' takes arrays; for 3 rows it returned {got}\n --> <script>:2:3\n")
+    with pytest.raises(ss2sql.ExecutionError, match=said):
         ss.run("SELECT this,\n  f(this) FROM [1, 2, 3];", engine=engine)
-    assert caught.value.code == "X012"
-    assert caught.value.message == f"the function 'f' takes arrays; for 3 rows it returned {got}"
-    assert caught.value.span is not None
-    assert caught.value.span.place == "<script>:2:3"
     assert ss.eval("SELECT this FROM [1] AS list;") == [1]
 
 
@@ -283,10 +280,8 @@ def test_elements_are_lists_or_are_refused_where_their_rows_come(ss: ss2sql.Sess
     ss.function("f", lambda x: np.where(x == 3, np.nan, x * 1.0), volatility="immutable", vectorized=True)
     assert ss.run("SELECT f(this) FROM [1, 2, 3] LIMIT 2 AS list;", engine=engine).value == [1.0, 2.0]
     assert ss.run("SELECT f(this) FROM [1, 3, 2] WHERE this != 3 AS list;", engine=engine).value == [1.0, 2.0]
-    with pytest.raises(ss2sql.ExecutionError, match="the function 'f' returned NaN") as caught:
+    with pytest.raises(ss2sql.ExecutionError, match=r"X004.*the function 'f' returned NaN\n.*<script>:1:8"):
         ss.run("SELECT f(this) FROM [1, 2, 3] AS list;", engine=engine)
-    assert caught.value.code == "X004"
-    assert caught.value.span.place == "<script>:1:8"
     ss.function("f", lambda x: np.stack([x, 2 * x], axis=1), volatility="immutable", vectorized=True)
     assert ss.run("SELECT f(this) FROM [1, 2] AS list;", engine=engine).value == [[1, 2], [2, 4]]
 

@@ -202,9 +202,8 @@ ENDINGS = {"deadly": "was killed by signal 9", "leaving": "has ended with exit c
 def test_a_process_that_dies_is_an_error(ss: ss2sql.Session, name: str, ending: str) -> None:
     declare(ss, onward=getattr(worker_functions, name))
     expected = ss.run(graph()).value
-    with pytest.raises(ss2sql.ExecutionError, match=f"a worker {ending} while it called 'onward'") as caught:
+    with pytest.raises(ss2sql.ExecutionError, match=f"X013.*a worker {ending} while it called 'onward'") as caught:
         ss.run(graph(), workers=2)
-    assert caught.value.code == "X013"
     assert caught.value.span is not None
     assert caught.value.hints
     assert ss.run(graph()).value == expected

@@ -174,9 +174,7 @@ def test_bodies_removed_within_a_query(client: Any, ss: ss2sql.Session, engine: 
      ("SELECT id FROM space.near('body_9', 1);", "X011", "'body_9'", "'body_3'", "space.near('body_9', 1)"),
      ("mass(1);", "X007", "needs an element of a world", "`this`", "mass(1)")],
 )  # fmt: skip
-def test_a_wrong_name_or_argument(
-    ss: ss2sql.Session, engine: Any, script: str, code: str, says: str, cure: str, where: str
-) -> None:
+def test_wrong_names(ss: ss2sql.Session, engine: Any, script: str, code: str, says: str, cure: str, where: str) -> None:
     error = refused(ss, script, engine)
     assert (error.code, place(error)) == (code, where)
     assert says in error.message
@@ -190,9 +188,8 @@ def test_a_wrong_name_or_argument(
 @pytest.mark.parametrize("path", ["not there/a.png", "", "a file/a.png", "a\0.png"])
 def test_a_picture_that_cannot_be_written(client: Any, ss: ss2sql.Session, tmp_path: Path, path: str) -> None:
     (tmp_path / "a file").write_text("")
-    with pytest.raises(ss2sql.SessionError, match="cannot be written: ") as caught:
+    with pytest.raises(ss2sql.SessionError, match=r"S002.*cannot be written: ") as caught:
         scenes.render(client, tmp_path / path, size=(16, 12))
-    assert caught.value.code == "S002"
     assert caught.value.hints == ("name a file in a folder that exists and may be written to",)
     assert [file.name for file in tmp_path.iterdir()] == ["a file"]
     assert answers(ss, "SELECT id FROM space AS list;") == [0, 1, 2, 3]

@@ -102,9 +102,7 @@ def test_blocks_grow_as_long_as_all_is_read(ss: ss2sql.Session, world: Harbour, 
          [k for k in range(3, COUNT) if k % 3 == 1 and k != 7], COUNT),
     ],
 )  # fmt: skip
-def test_no_more_is_read_than_needed(
-    ss: ss2sql.Session, world: Harbour, engine: Any, script: str, found: Any, asked: int
-) -> None:
+def test_little_is_read(ss: ss2sql.Session, world: Harbour, engine: Any, script: str, found: Any, asked: int) -> None:
     assert ss.run(script, engine=engine).value == found
     assert sum(map(len, world.asked)) == asked
     assert len({key for keys in world.asked for key in keys}) == asked
@@ -196,6 +194,5 @@ def test_values_fit_their_declaration(declared: Any, given: Any, value: Any, eng
      ((float, float), 1.0), (int | None, "1"), (int | str, 1.5)],
 )  # fmt: skip
 def test_values_that_do_not_fit_are_refused_by_name(declared: Any, given: Any, engine: Any) -> None:
-    with pytest.raises(ss2sql.ExecutionError, match="the column 'value' of things holds") as caught:
+    with pytest.raises(ss2sql.ExecutionError, match=r"X004.*the column 'value' of things holds"):
         one_value(declared, given, engine)
-    assert caught.value.code == "X004"

@@ -112,9 +112,7 @@ PAGES = {"Ode": "ode.md", "OpenRave": "openrave.md"}
 
 
 @pytest.mark.parametrize("simulator", PAGES, indirect=True)
-def test_the_page_of_a_simulator_shows_what_its_code_gives(
-    simulator: Any, capsys: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_pages_of_simulators_show_what_code_gives(simulator: Any, capsys: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     page = PAGES[type(simulator).__name__]
     monkeypatch.setattr(fake.Environment, "Load", lambda self, file: simulator.load(self), raising=False)
     text = (Path(__file__).parent.parent / "docs" / page).read_text("utf-8")

@@ -160,9 +160,7 @@ def test_births_within_a_query_are_not_seen_by_it(ss: ss2sql.Session, box: Box, 
         ("SELECT a.id FROM a = space, n = space.near(a.x, a.y, a.z)", {"keys": 1, "given": 5, "place": 5, "near": 5}),
     ],
 )  # fmt: skip
-def test_only_what_is_read_is_asked_for(
-    ss: ss2sql.Session, box: Box, engine: Any, script: str, calls: dict[str, int]
-) -> None:
+def test_what_a_query_asks_for(ss: ss2sql.Session, box: Box, engine: Any, script: str, calls: dict[str, int]) -> None:
     found = ss.run(f"{script} AS rows;", engine=engine).value
     assert box.calls == calls
     ss.attach("space", [{**vars(ball), "heavy": ball.mass > 50} for ball in box.balls.values()])
@@ -258,9 +256,7 @@ def world(ss: ss2sql.Session) -> Attentive:
          [(1.0, 2.0), (2.0, 2.0), (3.0, 2.0), (4.0, 2.0)], 1),
     ],
 )  # fmt: skip
-def test_a_query_looks_once(
-    ss: ss2sql.Session, world: Attentive, engine: Any, script: str, value: Any, looks: int
-) -> None:
+def test_looking_once(ss: ss2sql.Session, world: Attentive, engine: Any, script: str, value: Any, looks: int) -> None:
     room = Attentive(Box.row(2))
     ss.attach("room", room)
     ss.attach("space", world)
@@ -289,9 +285,7 @@ def test_a_query_that_fails_leaves_nothing_behind(ss: ss2sql.Session, world: Att
     assert ss.run("SELECT place(this) FROM space AS list;", engine=engine).value == [1.0, 2.0, 5.0, 4.0]
 
 
-def test_a_query_inside_of_a_function_has_a_memory_of_its_own(
-    ss: ss2sql.Session, world: Attentive, engine: Any
-) -> None:
+def test_a_query_inside_a_function_has_a_memory_of_its_own(ss: ss2sql.Session, world: Attentive, engine: Any) -> None:
     inner = "SELECT push(this, 10.0) FROM space WHERE id == 1 AS value; SELECT place(this) FROM space AS list;"
     seen: list[list[float]] = []
 
