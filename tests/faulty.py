@@ -226,8 +226,7 @@ class Patient:
             assert error.span is not None or error.code == "T002"
             assert error.code in self.codes or not self.codes, error
             if kind in RAISED or kind == "Gone":
-                assert error.code == "X011"
-                assert type(error.__cause__).__name__ == kind
+                assert (error.code, type(error.__cause__).__name__) == ("X011", kind)
 
 
 def check_idle(session: ss2sql.Session) -> None:

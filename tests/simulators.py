@@ -100,9 +100,6 @@ def agree(ss: ss2sql.Session, bodies: list[Plain], engine: Any) -> None:
         assert ss.run(SCRIPTS[name], engine=engine).value == value, (name, engine)
 
 
-# --- PyBullet ------------------------------------------------------------------------------------------
-
-
 class PyBullet:
     """Chaos, in which bodies are born and explode."""
 
@@ -157,9 +154,6 @@ class Things(PyBullet):
         self.client.resetSimulation()
         furnish(self.client, Random(seed), count)
         return Stage(self.client, lambda: self.look({}), lambda dice: stir(self.client, dice))
-
-
-# --- MuJoCo --------------------------------------------------------------------------------------------
 
 
 class MuJoCo:

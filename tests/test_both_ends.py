@@ -183,8 +183,7 @@ def test_a_goal_that_fails_is_raised_only_where_it_is_asked(ss: ss2sql.Session) 
     ss.function("lost", lost, volatility="immutable")
     ss.function("go", lambda e, s: s + e, volatility="immutable", inverse=lambda e, s: s - e)
     result = ss.run(text, elements=[])
-    assert result.value == []
-    assert result.stats.generated == 0
+    assert (result.value, result.stats.generated) == ([], 0)
     assert result.stats.notes == [f"searched from the start only: {reason}"]
     with pytest.raises(ZeroDivisionError, match="no goal"):
         ss.run(text, elements=[1])

@@ -97,9 +97,6 @@ def _kinds(ss: ss2sql.Session, table: str) -> Kind:
     return source.columns[0][1].kinds
 
 
-# --- limits --------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("call", ["run", "compile", "describe"])
 def test_a_look_ends_with_the_timeout_and_when_interrupted(file: Path, call: str) -> None:
     write(file, f"CREATE TABLE big AS {BIG}")

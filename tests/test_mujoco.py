@@ -14,7 +14,6 @@ import ss2sql
 from ss2sql.vtables.mujoco import MuJoCoWorld
 
 mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed: pip install mujoco")
-
 ROBOT = """
     <geom name="floor" type="plane" size="5 5 .1"/>
     <body name="ball" pos="0 0 0.3"><freejoint/><geom name="ball" type="sphere" size=".3" mass="60"/></body>
@@ -62,8 +61,7 @@ def test_check_world_passes_for_the_robot(robot: tuple[Any, Any]) -> None:
     report = ss2sql.check_world(
         MuJoCoWorld(model, data), queries=40, arguments=ARGUMENTS, change=lambda random: mujoco.mj_step(model, data)
     )
-    assert report.elements == {"bodies": 7, "geoms": 7, "joints": 4, "sensors": 2}
-    assert report.skipped == []
+    assert (report.elements, report.skipped) == ({"bodies": 7, "geoms": 7, "joints": 4, "sensors": 2}, [])
 
 
 # --- columns of bodies ---------------------------------------------------------------------------------

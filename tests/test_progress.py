@@ -159,8 +159,7 @@ KEPT = [(1, 0), (2, 0), (3, 1), (4, 1), (5, 2), (6, 3)]  # steps, each with the 
 def test_how_deep_a_search_of_the_database_is(steps: list[tuple[int, int]], depth: int) -> None:
     """By the last result, or by the steps that are kept."""
     paths = Paths(None, tuple, [(number, parent, "row") for number, parent in steps])
-    assert paths.depth(100) == (depth, True)
-    assert paths.depth(0) == (0, not steps)
+    assert (paths.depth(100), paths.depth(0)) == ((depth, True), (0, not steps))
     assert depth_of({number: (parent, ()) for number, parent in steps}) == (depth, True)
     assert depth_of([(max(number - 1, 0), ()) for number in range(DEEPEST + 5)]) == (DEEPEST, False)
 

@@ -25,7 +25,6 @@ from sessions import samples
 from ss2sql.frontend.purity import Purity, infer
 
 __all__ = ["load"]  # the fixture
-
 IMMUTABLE = samples("immutable")
 TRIED: list[tuple[Any, ...]] = [
     ([0, 1], [[3, 2, 1], [], []]), ([2, 1], [1, 2]), (5, 3), ("ab", 2), ({"a": [1]}, [{"a": 1}]), ([3, 1, 2],),

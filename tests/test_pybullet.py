@@ -56,8 +56,7 @@ def test_what_cannot_be_touched_is_a_ghost_and_height_fields_are_terrain(client:
     )  # fmt: skip
     client.createMultiBody(0, field)
     found = values(ss, "SELECT type, isEnabled, volume, colour FROM space AS rows")
-    assert found[0] == ("ghost", False, 0.0, [1.0, 0.0, 0.0, 1.0])
-    assert found[1][:3] == ("terrain", True, None)
+    assert (found[0], found[1][:3]) == (("ghost", False, 0.0, [1.0, 0.0, 0.0, 1.0]), ("terrain", True, None))
     assert values(ss, "SELECT id FROM space WHERE x == 0 AND z >= 5 AS list") == [0]  # no box leads to it
 
 
@@ -189,9 +188,6 @@ def test_a_disconnected_client_says_so_even_if_its_number_lives_on() -> None:
         assert "disconnected" in message(session, "SELECT id FROM space.links")
     finally:
         follower.disconnect()
-
-
-# --- scenes --------------------------------------------------------------------------------------------
 
 
 def test_a_scene_brings_forces_and_cameras(client: Any) -> None:

@@ -131,8 +131,6 @@ def answer(options: str, *paths: str, cut: bool = False, bound: int | None = Non
 
 
 ALL = answer("DEPTH FIRST", "aba", "ab", "b", "bc")
-
-
 EVERY = answer("DEPTH FIRST", "ab", "b", "abc", "bc")
 ONE = answer("UNIQUE", "b", "bc")
 THREE = answer("DEPTH FIRST MAXIMUM 3", "aba", "ab", "b", cut=True)
@@ -345,8 +343,7 @@ def rows(text: str) -> list[list[str]]:
 
 def test_times_in_the_table() -> None:
     answer = bench("roads.ss", "--repeat", "2", "--timeout", "60")
-    assert answer.exit_code == 0
-    assert answer.stderr == ""
+    assert (answer.exit_code, answer.stderr) == (0, "")
     told = " ".join(answer.stdout.split())
     assert "Not run: MEMORIZE 5 in database: MEMORIZE builds a graph in memory, so it runs natively." in told
     for _, _, *cells in rows(answer.stdout):

@@ -303,8 +303,6 @@ def test_a_world_says_what_it_is(file: Path) -> None:
         assert note == "graph: not remembered: Silent cannot be compared: it never stays the same"
 
 
-# --- functions that keep something -----------------------------------------------------------------------
-
 MEMORY: dict[int, int] = {}
 
 

@@ -74,26 +74,6 @@ def test_errors_have_code_place_reason_and_cure(more: ss2sql.Session, marked: st
         assert part in str(error)
 
 
-@pytest.mark.parametrize(
-    ("script", "hints"),
-    [
-        ("SELECT t.len() FROM t;", ["write len(t)"]),
-        ("SELECT t.max(3) FROM t;", ["write max(t, ...)"]),
-        ("SELECT t.nothing() FROM t;", ["write nothing(t), with a function that is registered"]),
-        ("SELECT t.nothing(3) FROM t;", ["write nothing(t, ...), with a function that is registered"]),
-        ("x = [1]; x.append(2);", ["a list is not changed, a new one is made: x + [2]"]),
-        ("SELECT a.upper() FROM t;", ["write upper(a), with a function that is registered",
-                                      "session.function('upper', str.upper) registers Python's"]),
-        ("math.sqrt(4);", ["'sqrt' is a function by itself: write sqrt(...)"]),
-        ("math.sin(4);", ["session.function('sin', math.sin) registers Python's"]),
-    ],
-)  # fmt: skip
-def test_methods_are_written_as_functions(ss: ss2sql.Session, script: str, hints: list[str]) -> None:
-    error = refused(ss, script)
-    assert error.code == "R002"
-    assert list(error.hints) == hints
-
-
 def test_what_hints_name(ss: ss2sql.Session) -> None:
     names = {"str": str, "math": math, "random": random}
     for name, path in OF_PYTHON.items():

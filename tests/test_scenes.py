@@ -50,8 +50,7 @@ def test_chaos_has_what_it_promises(client):
     assert isinstance(client, BulletClient)
     assert len(scene.names) == client.getNumBodies() == 150 + 6
     kinds = Counter(name.rpartition("_")[0] for name in scene.names.values())
-    assert kinds.pop("wall") == 6
-    assert set(kinds) == {"sphere", "box", "capsule", "cylinder"}
+    assert (kinds.pop("wall"), set(kinds)) == (6, {"sphere", "box", "capsule", "cylinder"})
     assert min(kinds.values()) > 15
     assert all(re.fullmatch(r"(sphere|box|capsule|cylinder)_\d+", scene.names[body]) for body in moving(scene))
     assert [scene.body(name) for name in scene.names.values()] == list(scene.names)
@@ -116,8 +115,7 @@ def test_hall_has_what_it_promises(client):
     scene = scenes.hall(client=client)
     assert len(scene.names) == client.getNumBodies() == 55
     assert scene.body("YouBot") == scene.robot
-    assert client.getBodyInfo(scene.robot)[1] == b"YouBot"
-    assert client.getNumJoints(scene.robot) == 10 - 1
+    assert (client.getBodyInfo(scene.robot)[1], client.getNumJoints(scene.robot)) == (b"YouBot", 10 - 1)
     position, _ = client.getBasePositionAndOrientation(scene.robot)
     assert position[:2] == scene.places["start"]
     assert client.getBasePositionAndOrientation(scene.body("target"))[0][:2] == scene.places["target"] == (10.0, 9.0)

@@ -218,8 +218,7 @@ def test_the_history_is_for_its_owner_alone(folder: Path, monkeypatch) -> None:
     finally:
         os.umask(before)
     assert path == folder / "state" / "ss2sql" / "history"
-    assert stat.S_IMODE(path.stat().st_mode) == 0o600
-    assert stat.S_IMODE(path.parent.stat().st_mode) == 0o700
+    assert (stat.S_IMODE(path.stat().st_mode), stat.S_IMODE(path.parent.stat().st_mode)) == (0o600, 0o700)
     assert list(_Remembered(str(path.parent)).load_history_strings()) == []  # nothing where it cannot be read
     path.chmod(0o644)
     assert stat.S_IMODE(history.history_file().stat().st_mode) == 0o600

@@ -75,8 +75,7 @@ def test_a_flat_query_calls_once_for_a_block(engine: Any) -> None:
     assert f.sizes == [BLOCK, BLOCK, len(wanted) - 2 * BLOCK]
     assert f.seen == [(row["x"], row["y"]) for row in wanted]  # no row that WHERE drops, each once
     assert result.stats.calls == {"f": len(wanted), "g": len(points)}
-    assert result.stats.blocks == {"f": 3, "g": 3}
-    assert result.engine == engine
+    assert (result.stats.blocks, result.engine) == ({"f": 3, "g": 3}, engine)
 
 
 def test_a_condition_that_drops_nearly_all_rows_keeps_in_step(engine: Any) -> None:
@@ -234,8 +233,7 @@ def test_what_takes_arrays_is_stable_and_cannot_be_volatile(ss: ss2sql.Session, 
         return np.hypot(x, y)
 
     result = ss.run("SELECT norm_of(this, 4) FROM [3.0, 0.0] AS list;", engine=engine)
-    assert result.value == [5.0, 4.0]
-    assert result.stats.blocks == {"norm_of": 1}
+    assert (result.value, result.stats.blocks) == ([5.0, 4.0], {"norm_of": 1})
     assert "norm_of is stable: takes arrays, which says that it is not volatile" in result.explain()
     with pytest.raises(ss2sql.Error, match=r"S002.*takes arrays, so it cannot be volatile") as caught:
         ss.function("f", lambda x: x, volatility="volatile", vectorized=True)

@@ -334,10 +334,8 @@ def test_functions_that_other_processes_cannot_have(ss: ss2sql.Session, reason: 
     said = f"^workers: 'onward' is called in this process only: it {reason}"
     with pytest.warns(ss2sql.WorkersWarning, match=said) as caught:
         found = ss.run(script, workers=2)
-    assert len(caught) == 1
-    assert caught[0].filename == __file__
-    assert found.value == expected.value
-    assert found.stats.calls == expected.stats.calls
+    assert (len(caught), caught[0].filename) == (1, __file__)
+    assert (found.value, found.stats.calls) == (expected.value, expected.stats.calls)
     assert found.stats.remembered == expected.stats.remembered or "vectorized" in how
     assert found.stats.notes == [str(caught[0].message)]
     assert found.stats.notes[0] in found.explain()
@@ -350,9 +348,7 @@ def test_from_both_ends(ss: ss2sql.Session) -> None:
     assert ss.run(script).stats.backward
     one, two = ss.run(script), ss.run(script, workers=2)
     assert one.value
-    assert two.value == one.value
-    assert two.stats.calls == one.stats.calls
-    assert two.stats.notes == []
+    assert (two.value, two.stats.calls, two.stats.notes) == (one.value, one.stats.calls, [])
 
 
 def test_a_remembered_graph(eager: None, tmp_path: Path) -> None:

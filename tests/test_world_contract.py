@@ -23,9 +23,7 @@ def test_a_good_adapter_passes() -> None:
     arguments = {"gaps": [(min(box.balls),)], "near": [(0.0, 0.0, 0.0), (1, 1, 0, 4.0)]}
     for given in (None, arguments):
         report = ss2sql.check_world(BallWorld(box), seed=1, queries=QUERIES, change=box.change, arguments=given)
-        assert report.queries == QUERIES
-        assert report.elements == {"balls": 25}
-        assert report.skipped == []
+        assert (report.queries, report.elements, report.skipped) == (QUERIES, {"balls": 25}, [])
     assert ss2sql.check_world(BallWorld(Box()), queries=10).elements == {"balls": 0}
 
 

@@ -153,9 +153,6 @@ def test_bodies_removed_within_a_query(client: Any, ss: ss2sql.Session, engine: 
     assert answers(ss, "SELECT id FROM space AS list;") == []
 
 
-# --- names and arguments that are wrong ----------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("script", "code", "says", "cure", "where"),
     [("SELECT id FROM space.near;", "R005", "lacks point and radius", "space.near(point, radius)", "space.near"),

@@ -37,8 +37,7 @@ def test_a_plane_adds_up_what_lies_in_each_cell(ss: ss2sql.Session, engine: Any)
     wanted[1, 9] = 5.0  # rows are the second axis; what lies at x = 7 is outside
     assert isinstance(grid, Grid)
     assert np.array_equal(grid, wanted)
-    assert grid.origin == (0.0, 0.0)
-    assert grid.cell == 0.1
+    assert (grid.origin, grid.cell) == ((0.0, 0.0), 0.1)
     assert grid.extent == pytest.approx((0.0, 1.0, 0.0, 0.4))
     assert grid.index(0.95, 0.15) == (1, 9)
     assert grid.index(7.0, 0.0) is None

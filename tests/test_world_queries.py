@@ -26,7 +26,6 @@ QUERIES = int(os.environ.get("SS2SQL_WORLD_QUERIES") or amount(0.3))
 SCENES = int(os.environ.get("SS2SQL_SCENES") or amount(0.2) // 4)
 EACH = 100  # queries of one scene
 BODIES = 12
-
 every = pytest.mark.parametrize("simulator", SIMULATORS, indirect=True)
 with_a_room = pytest.mark.parametrize("simulator", sorted(set(SIMULATORS) - {"Things"}), indirect=True)
 

@@ -273,8 +273,7 @@ def test_outside_of_queries_nothing_is_remembered(ss: ss2sql.Session, world: Att
     assert world.source.calls["looks"] == 2
     assert world.place(1) == 1.0
     world.source.balls[1].x = 7.0
-    assert world.place(1) == 7.0
-    assert world.memory == {}
+    assert (world.place(1), world.memory) == (7.0, {})
 
 
 def test_a_query_that_fails_leaves_nothing_behind(ss: ss2sql.Session, world: Attentive, engine: Any) -> None:
