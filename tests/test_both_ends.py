@@ -105,7 +105,7 @@ def undo(this: list[int], tower: list[list[int]]) -> list[list[int]] | None:
     return move([this[1], this[0]], tower) or None
 
 
-def test_each_side_goes_half_as_deep(ss: ss2sql.Session) -> None:
+def test_each_side_goes_half_as_deep_and_each_search_has_its_levels(ss: ss2sql.Session) -> None:
     ss.function("move", move)
     one = ss.run(hanoi(4, 18))
     ss.function("move", move, inverse=undo)
@@ -124,9 +124,6 @@ def test_each_side_goes_half_as_deep(ss: ss2sql.Session) -> None:
     assert both.stats.calls["inverse of move"] < one.stats.calls["move"] / 2
     line = f"searched from both ends: {levels} levels back from the goal by the inverse of move"
     assert line in map(str.strip, both.explain().splitlines())
-
-
-def test_searches_after_each_other_have_levels_of_their_own(ss: ss2sql.Session) -> None:
     ss.function("move", move, inverse=undo)
     search = hanoi(3, 8)
     alone = ss.run(search)

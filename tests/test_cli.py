@@ -295,7 +295,7 @@ def listed(*arguments: str) -> list[dict[str, Any]]:
     return found
 
 
-def test_lists_are_complete() -> None:
+def test_lists_are_complete_and_show_one() -> None:
     strategies = {order.keyword for order in ORDERS.values()} | {guard.keyword for guard in GUARDS.values()}
     known = {"functions": BUILTINS, "representations": ALL, "strategies": strategies - {""} | {"(none)"},
              "worlds": known_types(), "errors": CODES, "rewrites": SWITCHES}  # fmt: skip
@@ -304,6 +304,11 @@ def test_lists_are_complete() -> None:
         assert {entry["name"] for entry in listed(topic)} == set(names)
     # They are written down once more, so that completion need not import the package.
     assert (ENGINES_OF_OPTION, KINDS_OF_OPTION) == (ENGINES, KINDS)
+    assert listed("errors", "x001") == [
+        {"name": "X001", "title": CODES["X001"].title, "text": CODES["X001"].explanation}
+    ]
+    assert good("list", "functions", "len").splitlines()[:3] == ["name: len", "arguments: 1", "volatility: immutable"]
+    assert listed("strategies", "no", "cycle")[0]["decides"] == "repeats"
 
 
 @pytest.mark.parametrize("topic", TOPICS)
@@ -315,14 +320,6 @@ def test_every_entry_is_told_in_a_line(topic: str) -> None:
     for entry, line in zip(entries, lines[1:], strict=True):
         assert entry["text"]
         assert all(text in line for text in entry.values())
-
-
-def test_one_of_a_list() -> None:
-    assert listed("errors", "x001") == [
-        {"name": "X001", "title": CODES["X001"].title, "text": CODES["X001"].explanation}
-    ]
-    assert good("list", "functions", "len").splitlines()[:3] == ["name: len", "arguments: 1", "volatility: immutable"]
-    assert listed("strategies", "no", "cycle")[0]["decides"] == "repeats"
 
 
 def test_functions_and_worlds_of_the_user() -> None:
@@ -492,9 +489,6 @@ def test_the_end_of_the_name_says_the_format() -> None:
     assert written("t.txt", script="1 + 1").read_text("utf-8") == "2\n"
     assert written("t.txt", "--format", "csv").read_text("utf-8").startswith("this,")
     assert written("t.data", "--format", "json").read_text("utf-8").startswith("[")
-
-
-def test_files_of_arrow() -> None:
     pyarrow = pytest.importorskip("pyarrow")
     parquet = pytest.importorskip("pyarrow.parquet")
     expected = {"this": [0, 1, 2], "str": ["0", "1", "2"]}
@@ -587,7 +581,7 @@ def errors(code: int, *arguments: str) -> list[dict[str, Any]]:
     return [json.loads(line) for line in answer.stderr.splitlines()]
 
 
-def test_errors_are_objects_one_on_each_line(folder: Path) -> None:
+def test_errors_and_endings_are_objects(folder: Path) -> None:
     (folder / "wrong.ss").write_text("SELECT a,\n       this + b\nFROM [1];\n")
     first, second = errors(1, "run", "wrong.ss")
     assert first["code"] == second["code"] == "R001"
@@ -598,9 +592,6 @@ def test_errors_are_objects_one_on_each_line(folder: Path) -> None:
     (parse,) = errors(1, "sql", "-e", "max(SELECT this FROM [1]")
     assert parse["code"].startswith("P")
     assert parse["file"] == "<script>"
-
-
-def test_all_endings_are_objects() -> None:
     (usage,) = errors(2, "run", "--enginge", "x")
     assert usage["title"] == "wrong usage"
     assert "Did you mean --engine?" in usage["message"].replace("'", "")

@@ -52,7 +52,7 @@ def line_of(run: Run, width: int = 80) -> tuple[Progress, Clock, Terminal]:
     return Progress(run, terminal, clock, lambda: width), clock, terminal
 
 
-def test_it_appears_after_a_second_and_is_written_ten_times_a_second() -> None:
+def test_it_appears_is_written_ten_times_a_second_and_goes_away() -> None:
     run = run_of(generated=1200)
     line, clock, terminal = line_of(run)
     written = []
@@ -63,9 +63,6 @@ def test_it_appears_after_a_second_and_is_written_ten_times_a_second() -> None:
     assert written[:20] == [0] * 20
     assert written[20] == 1
     assert written[-1] in (10, 11)  # by the rounding of floats
-
-
-def test_it_is_shorter_than_the_terminal_and_goes_away() -> None:
     run = run_of(generated=123456789)
     line, clock, terminal = line_of(run, 30)
     line.end()

@@ -64,10 +64,14 @@ def test_volatile(load: Load, text: str) -> None:
         assert word in purity.reason
 
 
-def test_a_module_of_the_users_own_is_followed(load: Load) -> None:
+def test_modules_of_the_users_own_are_followed_and_constants_named(load: Load) -> None:
     load("SIZE = 3\ndef double(x): return 2 * x")
     module = load("import purity_sample_0 as constants\ndef f(x): return constants.double(x) + constants.SIZE")
     assert infer(module.f).volatility == "immutable"
+    module = load("import math\nSIZE, DEPTH = 8, 3\n"
+                  "def f(x): return g(x) * SIZE + math.pi * SIZE\ndef g(x): return x + DEPTH")  # fmt: skip
+    names = "'DEPTH', 'SIZE', 'math.pi'"
+    assert infer(module.f).reason == f"has a source that uses only its arguments and the constants {names}"
 
 
 CHANGES = [
@@ -119,13 +123,6 @@ def test_the_line_is_that_of_the_culprit(load: Load) -> None:
         assert line is not None
         assert lines[line - 1].rstrip().endswith(f"# {name}")
     assert infer(module.pure) == Purity("immutable", "has a source that uses only its arguments", None)
-
-
-def test_the_constants_that_are_read_are_named(load: Load) -> None:
-    module = load("import math\nSIZE, DEPTH = 8, 3\n"
-                  "def f(x): return g(x) * SIZE + math.pi * SIZE\ndef g(x): return x + DEPTH")  # fmt: skip
-    names = "'DEPTH', 'SIZE', 'math.pi'"
-    assert infer(module.f).reason == f"has a source that uses only its arguments and the constants {names}"
 
 
 KNOWN = [abs, len, min, max, sorted, round, int, float, str, list, dict, set, tuple, bool, math.sqrt, math.dist,

@@ -81,7 +81,7 @@ def test_costs_that_nobody_selected(ss: ss2sql.Session, columns: str, options: s
         result.plot(kind="costs")
 
 
-def test_paths_share_their_beginnings_in_a_tree(ss: ss2sql.Session) -> None:
+def test_paths_share_their_beginnings_in_a_tree_of_which_no_branches_cross(ss: ss2sql.Session) -> None:
     result = ss.run(BINARY.format(3))
     made, drawn = tree(networkx, result.paths, None)
     assert drawn == 8
@@ -97,9 +97,6 @@ def test_paths_share_their_beginnings_in_a_tree(ss: ss2sql.Session) -> None:
     result = ss.run("SELECT this FROM [0] START WITH n = 1 CONNECT BY n = n + 1 STOP WITH n == 4;")
     made, drawn = tree(networkx, result.paths, None)
     assert (len(made), drawn, [goal for _, goal in made.nodes(data="goal")]) == (4, 3, [False, True, True, True])
-
-
-def test_branches_do_not_cross(ss: ss2sql.Session) -> None:
     result = ss.run(BINARY.format(4))
     ax = result.plot(kind="tree")
     places = ax.collections[0].get_offsets().tolist()

@@ -269,15 +269,12 @@ def test_wrong_use_has_clear_errors(client):
     assert scene.time == 3 / 240
 
 
-def test_without_pybullet_the_error_names_the_extra(monkeypatch):
+def test_scenes_are_imported_when_they_are_asked_for(monkeypatch):
     monkeypatch.setitem(sys.modules, "pybullet", None)
     bullet.pybullet.cache_clear()
     bullet._client_type.cache_clear()
     with pytest.raises(ss2sql.SessionError, match=r"S003[\s\S]*pip install pybullet"):
         scenes.hall()
-
-
-def test_scenes_are_imported_when_they_are_asked_for_and_print_nothing():
     code = (
         "import sys, ss2sql; assert 'ss2sql.scenes' not in sys.modules; ss2sql.scenes.chaos;"
         "assert 'pybullet' not in sys.modules; ss2sql.scenes.chaos(bodies=1).step()"

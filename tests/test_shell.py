@@ -195,19 +195,7 @@ def test_what_does_not_exist(line: str, told: str, shell: Shell, capsys) -> None
     assert told in err
 
 
-def test_tables_of_a_file_and_objects_of_modules(shell: Shell, folder: Path, staff: Path, capsys) -> None:
-    assert said(shell, ".tables", capsys)[0].startswith("there are no tables")
-    assert said(shell, ".attach work data.db", capsys) == ("", "tables: work.chiefs, work.staff\n")
-    assert said(shell, ".tables", capsys)[0].split() == ["work.chiefs", "name", "work.staff", "id,", "boss,", "name"]
-    assert said(shell, ".tables work.staff", capsys)[0].splitlines()[0] == "FROM work.staff"
-    assert "│ Ada  │" in said(shell, "SELECT name FROM work.staff;", capsys)[0]
-    (folder / "somewhere.py").write_text("people = [{'name': 'Ada'}]\n")
-    for line in (".attach people somewhere:people", ".attach people=somewhere:people"):
-        assert said(shell, line, capsys)[1].startswith("people: list")
-    assert "│ Ada  │" in said(shell, "SELECT name FROM people;", capsys)[0]
-
-
-def test_variables_and_functions(shell: Shell, capsys) -> None:
+def test_variables_functions_tables_and_objects(shell: Shell, capsys, folder: Path, staff: Path) -> None:
     assert said(shell, ".variables", capsys)[0].startswith("there are no variables")
     said(shell, ".set start [[2, 1], [], []]\n.set name Ada", capsys)
     assert shell.session.variables() == {"name": "Ada", "start": [[2, 1], [], []]}
@@ -219,6 +207,15 @@ def test_variables_and_functions(shell: Shell, capsys) -> None:
     for start in ("len(value)", "plane("):
         assert any(line.startswith(start) for line in lines)
     assert said(shell, ".functions twice", capsys)[0].split() == ["twice(x)", "Twice", "the", "value."]
+    assert said(shell, ".tables", capsys)[0].startswith("there are no tables")
+    assert said(shell, ".attach work data.db", capsys) == ("", "tables: work.chiefs, work.staff\n")
+    assert said(shell, ".tables", capsys)[0].split() == ["work.chiefs", "name", "work.staff", "id,", "boss,", "name"]
+    assert said(shell, ".tables work.staff", capsys)[0].splitlines()[0] == "FROM work.staff"
+    assert "│ Ada  │" in said(shell, "SELECT name FROM work.staff;", capsys)[0]
+    (folder / "somewhere.py").write_text("people = [{'name': 'Ada'}]\n")
+    for line in (".attach people somewhere:people", ".attach people=somewhere:people"):
+        assert said(shell, line, capsys)[1].startswith("people: list")
+    assert "│ Ada  │" in said(shell, "SELECT name FROM people;", capsys)[0]
 
 
 def test_a_file_is_read_up_to_its_first_error(shell: Shell, folder: Path, capsys) -> None:

@@ -78,7 +78,7 @@ def test_a_flat_query_calls_once_for_a_block(engine: Any) -> None:
     assert (result.stats.blocks, result.engine) == ({"f": 3, "g": 3}, engine)
 
 
-def test_a_condition_that_drops_nearly_all_rows_keeps_in_step(engine: Any) -> None:
+def test_blocks_keep_in_step_and_are_small_with_a_limit(engine: Any) -> None:
     """The memory of g must not overflow while the scout of f looks for its next rows."""
     numbers = list(range(ROOM + ROOM // 2))
     f, g = Blocks(lambda n: n + 1), Blocks(lambda n: n % 50)
@@ -87,9 +87,6 @@ def test_a_condition_that_drops_nearly_all_rows_keeps_in_step(engine: Any) -> No
     assert g.seen == [(n,) for n in numbers]
     assert len(g.sizes) == math.ceil(len(numbers) / BLOCK)
     assert len(f.sizes) < 10
-
-
-def test_a_limit_keeps_blocks_small(engine: Any) -> None:
     f = Blocks(lambda n: n + 1)
     result = run(engine, "SELECT f(this) FROM numbers LIMIT 3 AS list;", {"numbers": list(range(1000))}, f=f)
     assert result.value == [1, 2, 3]
