@@ -41,12 +41,10 @@ def prepare(file: Path) -> None:
 
 # What is done with such a file; of those that only read, what they have to give.
 READS: dict[str, Callable[[ss2sql.Session], Any]] = {
-    "walk": lambda ss: ss.eval(WALK),
-    "walk natively": lambda ss: ss.run(WALK, engine="native").value,
-    "lookup": lambda ss: ss.eval(LOOKUP),
-    "history": lambda ss: ss.eval(HISTORY),
+    "walk": lambda ss: ss.eval(WALK), "walk natively": lambda ss: ss.run(WALK, engine="native").value,
+    "lookup": lambda ss: ss.eval(LOOKUP), "history": lambda ss: ss.eval(HISTORY),
     "search": lambda ss: run(ss, goal=6, bound=5, limit=400).value,
-}
+}  # fmt: skip
 
 
 def right() -> dict[str, Any]:
@@ -59,17 +57,13 @@ def right() -> dict[str, Any]:
 
 
 LOOKS: dict[str, Callable[[ss2sql.Session], Any]] = {
-    "graphs": lambda ss: repr(ss.graphs()),
-    "tables": lambda ss: ss.tables(),
-    "describe": lambda ss: ss.describe("t"),
-}
+    "graphs": lambda ss: repr(ss.graphs()), "tables": lambda ss: ss.tables(), "describe": lambda ss: ss.describe("t"),
+}  # fmt: skip
 WRITES: dict[str, Callable[[ss2sql.Session], Any]] = {
-    "store": lambda ss: ss.run("v{1000.0} = 7;"),
-    "long": lambda ss: ss.run("w{1000.0} = text;", text="x" * 60_000),
-    "farther": lambda ss: run(ss, goal=7, bound=6, limit=500),
-    "drop": lambda ss: ss.graphs().drop(),
+    "store": lambda ss: ss.run("v{1000.0} = 7;"), "long": lambda ss: ss.run("w{1000.0} = text;", text="x" * 60_000),
+    "farther": lambda ss: run(ss, goal=7, bound=6, limit=500), "drop": lambda ss: ss.graphs().drop(),
     "forget": lambda ss: ss.set("v", 3),
-}
+}  # fmt: skip
 
 
 # --- a VFS that fails ----------------------------------------------------------------------------------
@@ -139,12 +133,10 @@ def failing() -> Iterator[Failing]:
 FAULTS: dict[str, tuple[frozenset[str], type[apsw.Error]]] = {
     "full": (frozenset({"write"}), apsw.FullError),
     "no space for a write": (frozenset({"write", "truncate"}), apsw.IOError),
-    "sync": (frozenset({"sync"}), apsw.IOError),
-    "read": (frozenset({"read", "size"}), apsw.IOError),
-    "lock": (frozenset({"lock"}), apsw.IOError),
-    "open": (frozenset({"open"}), apsw.CantOpenError),
+    "sync": (frozenset({"sync"}), apsw.IOError), "read": (frozenset({"read", "size"}), apsw.IOError),
+    "lock": (frozenset({"lock"}), apsw.IOError), "open": (frozenset({"open"}), apsw.CantOpenError),
     "delete": (frozenset({"delete"}), apsw.IOError),
-}
+}  # fmt: skip
 
 
 # --- damage --------------------------------------------------------------------------------------------

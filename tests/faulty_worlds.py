@@ -182,14 +182,11 @@ class Inhabitant(Patient):
 
     AGAIN, codes = AGAIN, ("X001", "X004", "X007", "X011", "T002")
     FAULTS = {
-        **COMMON,
-        **{name: making(make) for name, make in KEYS.items()},
-        "endless": endless,
-        "Gone": raising(Gone),
+        **COMMON, **{name: making(make) for name, make in KEYS.items()}, "endless": endless, "Gone": raising(Gone),
         **{name: raising(kind) for name, kind in EXITS.items()},
         **{name: lambda patient, value, act=act: (act(patient.source), value)[1] for name, act in MOVED.items()},
         **{name: doing(act) for name, act in AGAIN.items()},
-    }
+    }  # fmt: skip
 
     def __init__(self, site: str, script: str, engine: Any) -> None:
         self.world, self.own = Mishaps(Lives(site)), site in ("weight", "push")

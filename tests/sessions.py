@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -27,6 +28,24 @@ def code_of(call: Any, *arguments: Any, **named: Any) -> str:
     with pytest.raises(ss2sql.Error) as caught:
         call(*arguments, **named)
     return caught.value.code
+
+
+def wrong_scripts(name: str) -> Iterator[tuple[str, list[str], str]]:
+    """The scripts of `cases/errors/NAME.errors`, each behind the code of its error and words that the error shows."""
+    text = (Path(__file__).parent / "cases" / "errors" / f"{name}.errors").read_text("utf-8")
+    code, words = "", [""]
+    for line in text.splitlines()[1:]:
+        if line.startswith("    "):
+            yield code, words, line.strip()
+        elif line and not line.startswith("# "):
+            code, _, told = line.partition(" ")
+            words = told.split(" | ")
+
+
+def samples(name: str) -> dict[str, str]:
+    """The Python texts of `cases/purity/NAME.txt` by their titles, which stand behind # and a blank."""
+    text = (Path(__file__).parent / "cases" / "purity" / f"{name}.txt").read_text("utf-8")
+    return dict(re.findall(r"^# (.*)\n((?:(?!# ).*\n)+)", text, re.MULTILINE))
 
 
 class Clock:

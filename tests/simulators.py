@@ -22,12 +22,10 @@ DEBIAN = Path("/usr/lib/python3/dist-packages")
 ODE_MISSING = "ODE is not installed for this Python: apt-get install python3-pyode"
 # What tables with parameters are called with by `check_world`.
 ARGUMENTS = {
-    "closest": [(None, None, 1.0), (2, None, 3.0)],
-    "near": [([0, 0, 0], 4.0), ([0, 0], 3.0)],
-    "overlaps": [([[-3, -3, -3], [2, 2, 2]],)],
-    "contacts": [(), (2,)],
+    "closest": [(None, None, 1.0), (2, None, 3.0)], "near": [([0, 0, 0], 4.0), ([0, 0], 3.0)],
+    "overlaps": [([[-3, -3, -3], [2, 2, 2]],)], "contacts": [(), (2,)],
     "rays": [([0.0, 0.0, 9.0], [0.0, 0.0, -9.0]), ([[3.0, 0.0, 1.0]], [[-3.0, 0.0, 1.0]])],
-}
+}  # fmt: skip
 REACH = 1.25  # half the edge of a box of conditions
 
 
@@ -91,20 +89,15 @@ def agree(ss: ss2sql.Session, bodies: list[Plain], engine: Any) -> None:
         "heaviest": [body.name for body in spheres if body.mass == most],
         "all": [(body.id, body.name, body.type, *body.pos, body.mass) for body in bodies],
         "moving": [body.name for body in bodies if body.free],
-        "rising": pytest.approx([body.rise for body in bodies], rel=1e-12, abs=1e-12),
-        "pairs": pairs,
-        "neighbours": pairs,
-        "near": [body.id for body in bodies if dist(body.pos, middle.pos) <= 2],
+        "rising": pytest.approx([body.rise for body in bodies], rel=1e-12, abs=1e-12), "pairs": pairs,
+        "neighbours": pairs, "near": [body.id for body in bodies if dist(body.pos, middle.pos) <= 2],
         "corner": [body.id for body in bodies if all(low[k] <= body.pos[k] <= high[k] for k in (0, 1))],
         "one": [middle.name],
-    }
+    }  # fmt: skip
     if bodies[0].free is None:
         del wanted["moving"]
     for name, value in wanted.items():
         assert ss.run(SCRIPTS[name], engine=engine).value == value, (name, engine)
-
-
-# --- PyBullet ------------------------------------------------------------------------------------------
 
 
 class PyBullet:
@@ -161,9 +154,6 @@ class Things(PyBullet):
         self.client.resetSimulation()
         furnish(self.client, Random(seed), count)
         return Stage(self.client, lambda: self.look({}), lambda dice: stir(self.client, dice))
-
-
-# --- MuJoCo --------------------------------------------------------------------------------------------
 
 
 class MuJoCo:

@@ -45,9 +45,7 @@ def test_a_list_is_read_when_the_script_runs_and_kept_until_it_ends(ss: ss2sql.S
 )
 @pytest.mark.parametrize("given", [False, True], ids=["attached", "given to the run"])
 @pytest.mark.parametrize("thing", [2.5, object()], ids=["a number", "an object"])
-def test_a_variable_stays_as_it_was_assigned(
-    ss: ss2sql.Session, engine: Any, script: str, given: bool, thing: Any
-) -> None:
+def test_a_variable_stays_as_assigned(ss: ss2sql.Session, engine: Any, script: str, given: bool, thing: Any) -> None:
     """Whatever becomes of the list that it was read from; an object in it is the same one."""
     numbers: list[Any] = [[1], [2, thing]]
     if given:
@@ -147,17 +145,17 @@ def test_tables_and_views(db: ss2sql.Session, engine: Any) -> None:
     assert {script: db.run(script, engine=engine).value for script in ROWS} == ROWS
     with pytest.raises(ss2sql.ResolveError, match=r"unknown source 'db\.nothing'"):
         db.run('SELECT this FROM db["nothing"];', engine=engine)
-    with pytest.raises(ss2sql.ExecutionError, match="the view 'broken' cannot be read"):
-        db.run("SELECT nope FROM db.broken;", engine=engine)
-    assert db.tables()["broken"] == ()
     assert code_of(db.describe, "broken") == "X009"
 
 
-def test_the_text_of_a_path_that_ends_like_one(ss: ss2sql.Session, file: Path) -> None:
+def test_the_text_of_a_path_and_a_file_that_may_only_be_read(ss: ss2sql.Session, file: Path) -> None:
     ss.attach("text", str(file))
     assert ss.eval("SELECT x FROM text.t AS list;") == [1, 2]
     ss.attach("word", "data")
     assert ss.eval("SELECT this FROM word AS list;") == ["data"]
+    file.chmod(0o444)
+    ss.attach("db", file)
+    assert ss.eval("SELECT x FROM db.t AS list;") == [1, 2]
 
 
 def test_a_file_that_cannot_be_attached_leaves_the_one_before(db: ss2sql.Session, tmp_path: Path) -> None:
@@ -169,18 +167,16 @@ def test_a_file_that_cannot_be_attached_leaves_the_one_before(db: ss2sql.Session
         (tmp_path, "is a folder"),
         (text, "is not a SQLite file"),
     ):
-        with pytest.raises(ss2sql.Error, match=words) as caught:
+        with pytest.raises(ss2sql.Error, match=f"S002.*{words}"):
             db.attach("db", source)
-        assert caught.value.code == "S002"
     assert not (tmp_path / "missing.db").exists()
     assert db.eval("SELECT x FROM db.t AS list;") == [1, 2]
 
 
 @pytest.mark.parametrize("name", ["main", "Temp"])
 def test_names_of_the_session(ss: ss2sql.Session, file: Path, name: str) -> None:
-    with pytest.raises(ss2sql.Error, match="own database") as caught:
+    with pytest.raises(ss2sql.Error, match=r"S002.*own database"):
         ss.attach(name, file)
-    assert caught.value.code == "S002"
 
 
 def test_a_name_has_one_meaning(db: ss2sql.Session, file: Path, tmp_path: Path) -> None:
@@ -201,12 +197,6 @@ def test_a_name_has_one_meaning(db: ss2sql.Session, file: Path, tmp_path: Path) 
         query.run()
     with pytest.raises(KeyError):
         db.detach("db")
-
-
-def test_a_file_that_may_only_be_read(ss: ss2sql.Session, file: Path) -> None:
-    file.chmod(0o444)
-    ss.attach("db", file)
-    assert ss.eval("SELECT x FROM db.t AS list;") == [1, 2]
 
 
 # --- what is no list of one ----------------------------------------------------------------------------

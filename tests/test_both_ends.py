@@ -36,11 +36,9 @@ class Maze:
 
 SHOWN = ["this, s", "go(this, s)", "s, go(this, s), this"]
 GOALS = [
-    "go(this, s) == goal",
-    "goal == go(this, s) AND this != 1",
-    "go(this, s) IN [1, 5, 7]",
+    "go(this, s) == goal", "goal == go(this, s) AND this != 1", "go(this, s) IN [1, 5, 7]",
     "go(this, s) == goal OR 3 == go(this, s)",
-]
+]  # fmt: skip
 STOPS = ["go(this, s) == None", "go(this, s) == None OR go(this, s) == goal", "go(this, s) IN [None, 2, 6] OR s == 4"]
 WEIGHTS = ["", "", "COST this + 1", "COST s / 2.0", "PROBABILITY 1.0 / (this + 2)"]
 
@@ -82,9 +80,7 @@ GRIDS = [
 
 @pytest.mark.parametrize("bound", [3, 8, 11])
 @pytest.mark.parametrize("grid", GRIDS)
-def test_sums_of_whole_numbers_can_be_undone(
-    ss: ss2sql.Session, grid: str, bound: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_whole_sums_can_be_undone(ss: ss2sql.Session, grid: str, bound: int, monkeypatch: pytest.MonkeyPatch) -> None:
     shown = "p, this" if "p =" in grid else "x, y, this" if "y =" in grid else "x, this"
     text = f"SELECT {shown} FROM [[-1, 0], [0, -1], [0, 1], [1, 0], [1, 1]] {grid.format(bound)} AS list"
     ss.function("wall", lambda x, y: x == 3 and y != 2, volatility="immutable")
@@ -109,7 +105,7 @@ def undo(this: list[int], tower: list[list[int]]) -> list[list[int]] | None:
     return move([this[1], this[0]], tower) or None
 
 
-def test_each_side_goes_half_as_deep(ss: ss2sql.Session) -> None:
+def test_each_side_goes_half_as_deep_and_each_search_has_its_levels(ss: ss2sql.Session) -> None:
     ss.function("move", move)
     one = ss.run(hanoi(4, 18))
     ss.function("move", move, inverse=undo)
@@ -128,9 +124,6 @@ def test_each_side_goes_half_as_deep(ss: ss2sql.Session) -> None:
     assert both.stats.calls["inverse of move"] < one.stats.calls["move"] / 2
     line = f"searched from both ends: {levels} levels back from the goal by the inverse of move"
     assert line in map(str.strip, both.explain().splitlines())
-
-
-def test_searches_after_each_other_have_levels_of_their_own(ss: ss2sql.Session) -> None:
     ss.function("move", move, inverse=undo)
     search = hanoi(3, 8)
     alone = ss.run(search)
@@ -155,7 +148,7 @@ def test_the_way_back_keeps_to_max_rows(ss: ss2sql.Session) -> None:
 # --- what fails ----------------------------------------------------------------------------------------
 
 
-def test_what_fails_only_on_the_way_back_does_not_end_the_search(ss: ss2sql.Session) -> None:
+def test_only_what_fails_on_the_way_there_is_raised(ss: ss2sql.Session) -> None:
     def undo_all(this: list[int], tower: list[list[int]]) -> list[list[int]]:
         # [], where None is expected, is then taken for a state, of which the first index fails.
         return move([this[1], this[0]], tower) if tower[this[1]] else []
@@ -166,8 +159,6 @@ def test_what_fails_only_on_the_way_back_does_not_end_the_search(ss: ss2sql.Sess
     [note] = result.stats.notes
     assert note.startswith("searched from the start only: going back from the goal failed: IndexError")
 
-
-def test_what_fails_on_the_way_there_is_raised(ss: ss2sql.Session) -> None:
     def fragile(this: int, n: int) -> int:
         if n == 2:
             raise ZeroDivisionError("two")
@@ -189,8 +180,7 @@ def test_a_goal_that_fails_is_raised_only_where_it_is_asked(ss: ss2sql.Session) 
     ss.function("lost", lost, volatility="immutable")
     ss.function("go", lambda e, s: s + e, volatility="immutable", inverse=lambda e, s: s - e)
     result = ss.run(text, elements=[])
-    assert result.value == []
-    assert result.stats.generated == 0
+    assert (result.value, result.stats.generated) == ([], 0)
     assert result.stats.notes == [f"searched from the start only: {reason}"]
     with pytest.raises(ZeroDivisionError, match="no goal"):
         ss.run(text, elements=[1])

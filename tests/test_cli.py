@@ -47,16 +47,11 @@ class Group:
 """
 TOUCH = "from pathlib import Path\ndef touch(x):\n    Path('touched').touch()\n    return x\n"
 FILES = {
-    "functions.py": FUNCTIONS,
-    "query.ss": "numbers = [1, 2, 3];\nSELECT this FROM numbers\nWHERE this > 1 AS list;\n",
-    "wrong.ss": "SELECT this\nFROM nowhere;",
-    "syntax.py": "def f(:\n",
-    "fails.py": "x = 1\ny = x / 0\n",
-    "keywords.py": "def f(*, a): return a\n",
-    "touch.py": TOUCH,
-    "factory.py": FACTORY,
+    "functions.py": FUNCTIONS, "query.ss": "numbers = [1, 2, 3];\nSELECT this FROM numbers\nWHERE this > 1 AS list;\n",
+    "wrong.ss": "SELECT this\nFROM nowhere;", "syntax.py": "def f(:\n", "fails.py": "x = 1\ny = x / 0\n",
+    "keywords.py": "def f(*, a): return a\n", "touch.py": TOUCH, "factory.py": FACTORY,
     "scene.py": "bodies = [{'mass': 1}, {'mass': 5}]\nclass Space(list):\n  def __init__(self): self.append(7)\n",
-}
+}  # fmt: skip
 
 
 @pytest.fixture(autouse=True)
@@ -83,19 +78,13 @@ def test_wrong_usage(line: str) -> None:
 
 @pytest.mark.parametrize(
     ("line", "told"),
-    [
-        ("run -e x; -p x", "requires 2 arguments"),
-        ("rnu", "No such command 'rnu'. Did you mean 'run'?"),
-        ("xyzzy", "The commands are run, "),
-        ("run -e 1 --enginge native", "Did you mean --engine?"),
-        ("sql -e 1 --dialect mysql", "there is no dialect 'mysql'; SQL can be written in: sqlite"),
-        ("list strategies bredth first", "id you mean 'BREADTH FIRST'"),
-        ("run -e 1; --attach work.parquet", "--attach takes NAME=FILE, not work.parquet"),
-        ("run -e 1 -o t.xyz", ".csv"),
-        ("run -e 1 -o t.xyz", ".parquet"),
-        ("run -e 1 -o folder", "is a directory"),
-    ],
-)
+    [("run -e x; -p x", "requires 2 arguments"), ("rnu", "No such command 'rnu'. Did you mean 'run'?"),
+     ("xyzzy", "The commands are run, "), ("run -e 1 --enginge native", "Did you mean --engine?"),
+     ("sql -e 1 --dialect mysql", "there is no dialect 'mysql'; SQL can be written in: sqlite"),
+     ("list strategies bredth first", "id you mean 'BREADTH FIRST'"),
+     ("run -e 1; --attach work.parquet", "--attach takes NAME=FILE, not work.parquet"), ("run -e 1 -o t.xyz", ".csv"),
+     ("run -e 1 -o t.xyz", ".parquet"), ("run -e 1 -o folder", "is a directory")],
+)  # fmt: skip
 def test_wrong_usage_is_told(line: str, told: str) -> None:
     error = bad(2, *line.split())
     assert told in error or told in error.replace("'", "")  # older ones of click have no quotes there
@@ -214,7 +203,7 @@ def test_a_scene() -> None:
     assert "did you mean 'chaos'?" in bad(1, "run", "-e", script, "--world", "space=ss2sql.scenes:chaso")
 
 
-def test_maximum_and_timeout() -> None:
+def test_maximum_timeout_and_too_little_memory() -> None:
     assert len(value("-e", ENDLESS, "--maximum", "3")) == 3
     started = time.monotonic()
     answer = call("run", "-e", ENDLESS, "--timeout", "0.1")
@@ -226,9 +215,6 @@ def test_maximum_and_timeout() -> None:
     assert found
     assert f"{found[1].replace(',', '')} paths, " in answer.stdout.splitlines()[-1]
     assert answer.stdout.endswith(", database, timeout\n")
-
-
-def test_too_little_memory() -> None:
     answer = call("run", "-e", ENDLESS, "--max-memory", "1000000", "--show", "1")
     assert answer.exit_code == 1
     assert answer.stdout.rstrip().endswith(", memory")  # what was found
@@ -309,7 +295,7 @@ def listed(*arguments: str) -> list[dict[str, Any]]:
     return found
 
 
-def test_lists_are_complete() -> None:
+def test_lists_are_complete_and_show_one() -> None:
     strategies = {order.keyword for order in ORDERS.values()} | {guard.keyword for guard in GUARDS.values()}
     known = {"functions": BUILTINS, "representations": ALL, "strategies": strategies - {""} | {"(none)"},
              "worlds": known_types(), "errors": CODES, "rewrites": SWITCHES}  # fmt: skip
@@ -318,6 +304,11 @@ def test_lists_are_complete() -> None:
         assert {entry["name"] for entry in listed(topic)} == set(names)
     # They are written down once more, so that completion need not import the package.
     assert (ENGINES_OF_OPTION, KINDS_OF_OPTION) == (ENGINES, KINDS)
+    assert listed("errors", "x001") == [
+        {"name": "X001", "title": CODES["X001"].title, "text": CODES["X001"].explanation}
+    ]
+    assert good("list", "functions", "len").splitlines()[:3] == ["name: len", "arguments: 1", "volatility: immutable"]
+    assert listed("strategies", "no", "cycle")[0]["decides"] == "repeats"
 
 
 @pytest.mark.parametrize("topic", TOPICS)
@@ -329,14 +320,6 @@ def test_every_entry_is_told_in_a_line(topic: str) -> None:
     for entry, line in zip(entries, lines[1:], strict=True):
         assert entry["text"]
         assert all(text in line for text in entry.values())
-
-
-def test_one_of_a_list() -> None:
-    assert listed("errors", "x001") == [
-        {"name": "X001", "title": CODES["X001"].title, "text": CODES["X001"].explanation}
-    ]
-    assert good("list", "functions", "len").splitlines()[:3] == ["name: len", "arguments: 1", "volatility: immutable"]
-    assert listed("strategies", "no", "cycle")[0]["decides"] == "repeats"
 
 
 def test_functions_and_worlds_of_the_user() -> None:
@@ -398,20 +381,12 @@ def test_values_that_are_no_table(script: str, printed: str) -> None:
     assert good("run", "-e", script) == printed
 
 
-def test_color() -> None:
+def test_colors_are_for_terminals(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "\x1b" not in good("run", "-e", TABLE)  # no terminal
     assert "\x1b" in good("run", "-e", TABLE, "--color")
     assert "\x1b" not in good("run", "-e", TABLE, "--no-color")
     assert "\x1b" in bad(1, "run", "-e", "x", "--color")
     assert "\x1b" not in bad(1, "run", "-e", "x")
-
-
-class Terminal:
-    def isatty(self) -> bool:
-        return True
-
-
-def test_colors_are_for_terminals(monkeypatch: pytest.MonkeyPatch) -> None:
     stream: Any = Terminal()
     monkeypatch.delenv("NO_COLOR", raising=False)
     monkeypatch.setenv("TERM", "xterm")
@@ -421,15 +396,17 @@ def test_colors_are_for_terminals(monkeypatch: pytest.MonkeyPatch) -> None:
         assert endings.wants_color(stream) is wanted
 
 
+class Terminal:
+    def isatty(self) -> bool:
+        return True
+
+
 @pytest.mark.parametrize(
     ("script", "form", "told"),
-    [
-        ("SELECT 'größe' FROM [1] AS list;", "table", "gr\\xf6\\xdfe"),
-        ("SELECT 'größe' FROM [1] AS list;", "json", None),
-        pytest.param("'größe'", "table", "gr\\xf6\\xdfe\n", marks=pytest.mark.slow),
-        pytest.param("größe", "table", "unknown name 'gr", marks=pytest.mark.slow),
-    ],
-)
+    [("SELECT 'größe' FROM [1] AS list;", "table", "gr\\xf6\\xdfe"), ("SELECT 'größe' FROM [1] AS list;", "json", None),
+     pytest.param("'größe'", "table", "gr\\xf6\\xdfe\n", marks=pytest.mark.slow),
+     pytest.param("größe", "table", "unknown name 'gr", marks=pytest.mark.slow)],
+)  # fmt: skip
 def test_text_that_the_terminal_has_no_characters_for(script: str, form: str, told: str | None) -> None:
     answer = process("run", "-e", script, "--format", form, PYTHONIOENCODING="ascii")
     stdout, stderr = answer.communicate(timeout=60)
@@ -512,9 +489,6 @@ def test_the_end_of_the_name_says_the_format() -> None:
     assert written("t.txt", script="1 + 1").read_text("utf-8") == "2\n"
     assert written("t.txt", "--format", "csv").read_text("utf-8").startswith("this,")
     assert written("t.data", "--format", "json").read_text("utf-8").startswith("[")
-
-
-def test_files_of_arrow() -> None:
     pyarrow = pytest.importorskip("pyarrow")
     parquet = pytest.importorskip("pyarrow.parquet")
     expected = {"this": [0, 1, 2], "str": ["0", "1", "2"]}
@@ -581,14 +555,11 @@ def test_data_has_the_form_that_was_asked_for(form: str, first: list[Any], engin
     assert "broken off; " in error
 
 
-def test_no_more_data_than_can_be_written(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_more_data_than_can_be_written_or_was_found(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(running, "MOST_BROKEN_OFF", 6)
     found, error = broken_off("-e", f"{ENDLESS} AS list;")
     assert found == [[1], [1, 1], [1, 1, 1]]
     assert error.startswith("the first 3 of ")
-
-
-def test_a_run_that_found_nothing() -> None:
     answer = call("run", "-e", ENDLESS.replace("START", "WHERE n == -1 START"), "--timeout", "0.1", "--format", "csv")
     assert (answer.exit_code, answer.stdout) == (124, "path,step,this\n")
     assert answer.stderr.endswith("\nbroken off; nothing had been found\n")
@@ -610,7 +581,7 @@ def errors(code: int, *arguments: str) -> list[dict[str, Any]]:
     return [json.loads(line) for line in answer.stderr.splitlines()]
 
 
-def test_errors_are_objects_one_on_each_line(folder: Path) -> None:
+def test_errors_and_endings_are_objects(folder: Path) -> None:
     (folder / "wrong.ss").write_text("SELECT a,\n       this + b\nFROM [1];\n")
     first, second = errors(1, "run", "wrong.ss")
     assert first["code"] == second["code"] == "R001"
@@ -621,9 +592,6 @@ def test_errors_are_objects_one_on_each_line(folder: Path) -> None:
     (parse,) = errors(1, "sql", "-e", "max(SELECT this FROM [1]")
     assert parse["code"].startswith("P")
     assert parse["file"] == "<script>"
-
-
-def test_all_endings_are_objects() -> None:
     (usage,) = errors(2, "run", "--enginge", "x")
     assert usage["title"] == "wrong usage"
     assert "Did you mean --engine?" in usage["message"].replace("'", "")

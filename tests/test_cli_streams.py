@@ -70,12 +70,9 @@ def test_streams_that_are_closed_full_or_endless(tmp_path: Path, line: str, code
     assert all(extra.startswith("  = help: ") for extra in help_lines)
 
 
-def test_results_where_another_stream_is_closed(tmp_path: Path) -> None:
+def test_another_stream_that_is_closed_and_a_full_disk_as_json(tmp_path: Path) -> None:
     for line in ("ss2sql run -e 1+1 <&-", "ss2sql run -e 1+1 2>&-", "ss2sql run -e 1+1 <&- 2>&-"):
         assert shell(line, tmp_path) == (0, "2\n", "")
-
-
-def test_a_full_disk_as_json(tmp_path: Path) -> None:
     code, _, messages = shell("ss2sql run -e 1+1 --error-format json >/dev/full", tmp_path)
     assert code == 1
     assert f'"message": "{FULL}"' in messages

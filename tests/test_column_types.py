@@ -53,16 +53,11 @@ def steps_of(ss: ss2sql.Session, work: Callable[[], object]) -> int:
 @pytest.mark.timeout(60)
 @pytest.mark.parametrize(
     "view",
-    [
-        ENDLESS,
-        f"SELECT n FROM ({ENDLESS}) ORDER BY n",
-        f"SELECT count(*) AS n FROM ({ENDLESS})",
-        f"SELECT DISTINCT n % 3 AS n FROM ({ENDLESS})",
-        f"SELECT a.n FROM ({ENDLESS}) AS a, ({ENDLESS}) AS b WHERE a.n < 0",
-        f"WITH c AS MATERIALIZED ({ENDLESS}) SELECT n FROM c",
-        f"SELECT n FROM t, ({ENDLESS}) WHERE t.a = n",
-    ],
-)
+    [ENDLESS, f"SELECT n FROM ({ENDLESS}) ORDER BY n", f"SELECT count(*) AS n FROM ({ENDLESS})",
+     f"SELECT DISTINCT n % 3 AS n FROM ({ENDLESS})",
+     f"SELECT a.n FROM ({ENDLESS}) AS a, ({ENDLESS}) AS b WHERE a.n < 0",
+     f"WITH c AS MATERIALIZED ({ENDLESS}) SELECT n FROM c", f"SELECT n FROM t, ({ENDLESS}) WHERE t.a = n"],
+)  # fmt: skip
 def test_a_view_without_an_end(ss: ss2sql.Session, file: Path, view: str) -> None:
     write(file, f"CREATE TABLE t(a); INSERT INTO t VALUES (1); CREATE VIEW v AS {view}")
     assert ss.tables() == {"t": ("a",), "v": ("n",)}
@@ -100,9 +95,6 @@ def _kinds(ss: ss2sql.Session, table: str) -> Kind:
     source = ss.host.tables.find(None, table)
     assert source is not None
     return source.columns[0][1].kinds
-
-
-# --- limits --------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("call", ["run", "compile", "describe"])
@@ -208,15 +200,10 @@ def test_a_row_that_breaks_what_is_known_is_found(ss: ss2sql.Session) -> None:
 
 @pytest.mark.parametrize(
     ("script", "read"),
-    [
-        ("SELECT a, t.b + 1 FROM t WHERE f(c) ORDER BY d;", {"a", "b", "c", "d", "t"}),
-        ("SELECT * FROM t;", None),
-        ("SELECT t.this FROM t;", None),
-        ("SELECT a FROM t WHERE this IN [1];", None),
-        ("SELECT eval('a') FROM t;", None),
-        ("SELECT count(*) FROM t GROUP BY 1;", {"t"}),
-    ],
-)
+    [("SELECT a, t.b + 1 FROM t WHERE f(c) ORDER BY d;", {"a", "b", "c", "d", "t"}), ("SELECT * FROM t;", None),
+     ("SELECT t.this FROM t;", None), ("SELECT a FROM t WHERE this IN [1];", None), ("SELECT eval('a') FROM t;", None),
+     ("SELECT count(*) FROM t GROUP BY 1;", {"t"})],
+)  # fmt: skip
 def test_names_that_may_be_columns(script: str, read: set[str] | None) -> None:
     assert names_read(parse(Source(script))) == read
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from sessions import leaping, write
+from sessions import write
 
 import ss2sql
 from ss2sql.explained.endless import ADVICE
@@ -80,7 +80,13 @@ def test_why_a_function_is_called(ss: ss2sql.Session) -> None:
     assert any(line.startswith("noisy is volatile: it calls random.random") for line in found)
 
 
-def test_what_is_switched_off_or_replaced(ss: ss2sql.Session) -> None:
+def test_what_is_limited_switched_off_or_replaced(ss: ss2sql.Session) -> None:
+    ss.function(inc)
+    ss.attach("wide", [1, 2**62])
+    assert "inc(n) is inlined: n + 1" in lines(ss.compile("SELECT inc(this) FROM wide;").explain())
+    ss.attach("wide", [1, 2**63 - 1])
+    limited = "inc(n) is inlined: n + 1; called for numbers beyond 1,000,000,000,000,000"
+    assert limited in lines(ss.compile("SELECT inc(this) FROM wide;").explain())
     script = "SELECT inc(this) FROM [1] AS list;"
     with ss2sql.connect(disable=["inline"]) as off:
         off.function(inc)
@@ -95,15 +101,6 @@ def test_a_result_tells_how_often_functions_were_called(ss: ss2sql.Session, engi
     ss.function(several)
     result = ss.run("SELECT several(this) FROM [1, 2, 1] AS list;", engine=engine)
     assert "several is called: it is more than one expression (2 calls, 1 remembered)" in lines(result.explain())
-
-
-def test_limits_are_told(ss: ss2sql.Session) -> None:
-    ss.function(inc)
-    ss.attach("wide", [1, 2**62])
-    assert "inc(n) is inlined: n + 1" in lines(ss.compile("SELECT inc(this) FROM wide;").explain())
-    ss.attach("wide", [1, 2**63 - 1])
-    limited = "inc(n) is inlined: n + 1; called for numbers beyond 1,000,000,000,000,000"
-    assert limited in lines(ss.compile("SELECT inc(this) FROM wide;").explain())
 
 
 def bound(text: str) -> list[str]:
@@ -181,17 +178,6 @@ def test_times_of_stages(ss: ss2sql.Session) -> None:
     assert set(result.stats.seconds) == set(STAGES)
     query = ss.compile(script)
     assert [set(query.run().stats.seconds) for _ in range(2)] == [{"lower", "compile", "run"}, {"run"}]
-
-
-def test_the_result_of_a_broken_off_run_is_explained(ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch) -> None:
-    ss.function("leap", leaping(monkeypatch, 3), volatility="immutable")
-    with pytest.raises(ss2sql.Timeout) as caught:
-        ss.run("SELECT n FROM [1] START WITH n = 0 CONNECT BY n = leap(n);", timeout=3600)
-    partial = caught.value.partial
-    assert partial is not None
-    found = partial.explain()
-    assert found.as_dict()["run"]["status"] == "timeout"
-    assert "takes the steps that wait in a queue one by one, the deepest first" in lines(found)
 
 
 # --- SQLite's plan in words ----------------------------------------------------------------------------

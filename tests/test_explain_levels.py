@@ -61,16 +61,13 @@ def calls(ss: ss2sql.Session) -> list[int]:
     return made
 
 
-def test_without_being_asked_nothing_runs_again(ss: ss2sql.Session, calls: list[int]) -> None:
+def test_nothing_runs_again_unasked_or_where_it_cannot_be_done_twice(ss: ss2sql.Session, calls: list[int]) -> None:
     result = ss.run("SELECT go(n) FROM [1] START WITH n = 0 CONNECT BY n = go(n) STOP WITH n == 3;", engine="native")
     before = len(calls)
     result.explain()
     assert len(calls) == before
     result.explain(levels=True)
     assert len(calls) == 2 * before
-
-
-def test_what_cannot_be_done_twice_is_not(ss: ss2sql.Session, calls: list[int]) -> None:
     result = ss.run("SELECT this FROM [1] START WITH n = 0 CONNECT BY n = went(n) STOP WITH n == 3;")
     before = len(calls)
     found = result.explain(levels=True)

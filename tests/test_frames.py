@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime
 import math
+import re
 from decimal import Decimal
 from types import SimpleNamespace
 from typing import Any
@@ -92,19 +93,15 @@ PANDAS = {"int": "Int64", "float": "Float64", "bool": "boolean", "str": "string"
 ARROW = {"int": pyarrow.int64(), "float": pyarrow.float64(), "bool": pyarrow.bool_(), "str": pyarrow.string()}
 POLARS = {"int": polars.Int64, "float": polars.Float64, "bool": polars.Boolean, "str": polars.String}
 QUERIES = (
-    "SELECT * FROM t;",
-    "SELECT a, this FROM t WHERE b == a OR a != None AS rows;",
-    "SELECT a + 1, b FROM t WHERE a != None AND b AS list;",
-    "SELECT a * a FROM t AS list;",
-    "SELECT a FROM t WHERE a > 0 AS list;",
-    "SELECT b, count(*), min(a) FROM t GROUP BY b;",
-    "SELECT a, b FROM t ORDER BY b DESC, a AS rows;",
-    "SELECT n.a, m.this FROM n = t, m = t WHERE n.a == m.b AS list;",
+    "SELECT * FROM t;", "SELECT a, this FROM t WHERE b == a OR a != None AS rows;",
+    "SELECT a + 1, b FROM t WHERE a != None AND b AS list;", "SELECT a * a FROM t AS list;",
+    "SELECT a FROM t WHERE a > 0 AS list;", "SELECT b, count(*), min(a) FROM t GROUP BY b;",
+    "SELECT a, b FROM t ORDER BY b DESC, a AS rows;", "SELECT n.a, m.this FROM n = t, m = t WHERE n.a == m.b AS list;",
     "SELECT b FROM t START WITH at = 1 CONNECT BY UNIQUE at = a STOP WITH a == None AS list;",
     "SELECT a, (SELECT b FROM m = t WHERE m.a == n.b AS list) FROM n = t AS rows;",
     "SELECT m.a FROM m = (SELECT a, b FROM t WHERE b == at) START WITH at = True CONNECT BY UNIQUE at = m.a AS list;",
     "SELECT a FROM t WHERE b == a START WITH at = 1 CONNECT BY NO CYCLE COST 4 at = a STOP WITH b == 1 AS list;",
-)
+)  # fmt: skip
 
 
 @st.composite
@@ -156,11 +153,19 @@ def test_an_empty_frame_has_columns_and_no_rows(ss: ss2sql.Session, make: Any, e
 
 
 @both
-def test_a_frame_without_columns(ss: ss2sql.Session, engine: Any) -> None:
+def test_a_frame_without_columns_and_with_new_ones(ss: ss2sql.Session, engine: Any) -> None:
     ss.attach("nothing", pandas.DataFrame())
     ss.attach("rows", pandas.DataFrame(index=range(2)))
     assert ss.run("SELECT this FROM nothing AS list;", engine=engine).value == []
     assert ss.run("SELECT this FROM rows AS list;", engine=engine).value == [{}, {}]
+    frame = pandas.DataFrame({"x": [1]})
+    ss.attach("t", frame)
+    query = ss.compile("SELECT * FROM t;", engine=engine)
+    assert query.run().value == [{"x": 1}]
+    frame["y"] = ["a"]
+    assert query.run().value == [{"x": 1, "y": "a"}]
+    frame["x"] = ["b"]
+    assert query.run().value == [{"x": "b", "y": "a"}]
 
 
 # --- when a frame is read ------------------------------------------------------------------------------
@@ -179,9 +184,7 @@ def fill(source: Any, name: str, values: list[int]) -> None:
 
 @both
 @pytest.mark.parametrize("library", ["pandas", "NumPy", "Polars"])
-def test_every_run_sees_the_frame_as_it_is_and_keeps_what_it_has_read(
-    ss: ss2sql.Session, library: str, engine: Any
-) -> None:
+def test_each_run_sees_the_frame_as_it_is_and_keeps_what_it_read(ss: ss2sql.Session, library: str, engine: Any) -> None:
     source: Any = MAKERS[library]()
     ss.attach("t", source)
     ss.function("spoil", lambda x: fill(source, "x", [0, 0, 0]) or x, volatility="stable")
@@ -191,18 +194,6 @@ def test_every_run_sees_the_frame_as_it_is_and_keeps_what_it_has_read(
     assert query.run().value == [2**30 + 1, -4, 8]
     assert ss.run("SELECT spoil(x) FROM t AS list;", engine=engine).value == [2**30, -5, 7]
     assert query.run().value == [1, 1, 1]
-
-
-@both
-def test_new_columns_are_seen(ss: ss2sql.Session, engine: Any) -> None:
-    frame = pandas.DataFrame({"x": [1]})
-    ss.attach("t", frame)
-    query = ss.compile("SELECT * FROM t;", engine=engine)
-    assert query.run().value == [{"x": 1}]
-    frame["y"] = ["a"]
-    assert query.run().value == [{"x": 1, "y": "a"}]
-    frame["x"] = ["b"]
-    assert query.run().value == [{"x": "b", "y": "a"}]
 
 
 @pytest.fixture
@@ -224,9 +215,7 @@ def made(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
 
 @both
 @every
-def test_columns_that_are_read_are_converted_once_per_run(
-    ss: ss2sql.Session, make: Any, engine: Any, made: SimpleNamespace
-) -> None:
+def test_columns_are_converted_once_per_run(ss: ss2sql.Session, make: Any, engine: Any, made: SimpleNamespace) -> None:
     source = make()
     ss.attach("t", source)
     query = ss.compile("SELECT n.x, m.x, n.ok FROM n = t, m = t WHERE n.x == m.x AND n.ok;", engine=engine)
@@ -267,21 +256,15 @@ def test_times_are_texts_that_sort_as_they_do(ss: ss2sql.Session, unit: Any) -> 
     ) == {"t": ["2024-02-01T12:30:00", None, "1960-01-01T00:00:00.250000"]}
 
 
-def test_times_with_a_zone_are_those_of_utc(ss: ss2sql.Session) -> None:
+def test_zones_dates_durations_and_nanoseconds(ss: ss2sql.Session) -> None:
     frame = pandas.DataFrame({"t": pandas.DatetimeIndex(["2024-07-01 12:00", None]).tz_localize("Europe/Berlin")})
     sources = (frame, frame.astype(object), polars.from_pandas(frame), pyarrow.Table.from_pandas(frame))
     assert values(ss, *sources) == {"t": ["2024-07-01T10:00:00+00:00", None]}
-
-
-def test_dates_times_of_the_day_and_durations(ss: ss2sql.Session) -> None:
     day, clock = datetime.date(2024, 2, 29), datetime.time(23, 5, 0, 500_000)
     given = {"day": [day, None], "clock": [clock, None], "took": [datetime.timedelta(seconds=90.5), None]}
     written = {"day": ["2024-02-29", None], "clock": ["23:05:00.500000", None], "took": [90.5, None]}
     frames = (pandas.DataFrame(given), pandas.DataFrame(given, dtype=object))
     assert values(ss, polars.DataFrame(given), pyarrow.table(given), *frames) == written
-
-
-def test_nanoseconds_are_kept(ss: ss2sql.Session) -> None:
     given = {"t": numpy.array(["2024-01-01T00:00:00.000000001"], "M8[ns]")}
     sources = (pandas.DataFrame(given), polars.DataFrame(given), pyarrow.table(given))
     assert values(ss, *sources) == {"t": ["2024-01-01T00:00:00.000000001"]}
@@ -308,19 +291,13 @@ def test_categories_decimals_lists_and_structs(ss: ss2sql.Session) -> None:
     assert values(ss, polars.DataFrame({**given, "kind": kinds})) == expected
 
 
-def test_what_stands_for_missing_is_none(ss: ss2sql.Session) -> None:
+def test_missing_values_small_numbers_and_plain_arrays(ss: ss2sql.Session) -> None:
     missing = [math.nan, pandas.NA, pandas.NaT, None, numpy.float32("nan"), numpy.datetime64("NaT")]
     assert values(ss, pandas.DataFrame({"x": pandas.Series(missing, dtype=object)})) == {"x": [None] * 6}
     assert values(ss, pandas.DataFrame({"x": numpy.array([1, math.nan], "f4")})) == {"x": [1.0, None]}
-
-
-def test_small_numbers_of_numpy(ss: ss2sql.Session) -> None:
     given = {kind: numpy.array([1, 2], kind) for kind in ("u1", "i2", "f2", "f4", "u8", "?")}
     found = values(ss, pandas.DataFrame(given))
     assert repr(found) == repr({kind: array.tolist() for kind, array in given.items()})
-
-
-def test_arrays_that_are_not_structured_are_lists(ss: ss2sql.Session) -> None:
     ss.attach("grid", numpy.array([[1, 2], [3, 4]]))
     assert ss.eval("SELECT this[1] FROM grid AS list;") == [2, 4]
 
@@ -334,11 +311,8 @@ def test_arrays_that_are_not_structured_are_lists(ss: ss2sql.Session) -> None:
 def test_numbers_that_are_no_values(ss: ss2sql.Session, column: Any, words: str, engine: Any) -> None:
     """Whether they are read or not, as in a list of dicts."""
     ss.attach("t", pandas.DataFrame({"x": column, "y": 1}))
-    with pytest.raises(ss2sql.ExecutionError) as caught:
+    with pytest.raises(ss2sql.ExecutionError, match=f"X004.*the column 'x' of 't' holds.*{re.escape(words)}"):
         ss.run("SELECT y FROM t;", engine=engine)
-    assert caught.value.code == "X004"
-    assert "the column 'x' of 't' holds" in str(caught.value)
-    assert words in str(caught.value)
 
 
 @pytest.mark.parametrize(
@@ -347,25 +321,19 @@ def test_numbers_that_are_no_values(ss: ss2sql.Session, column: Any, words: str,
      (polars.Series([1]), "to_frame()"), (pyarrow.chunked_array([[1]]), "to_pylist()")],
 )  # fmt: skip
 def test_parts_of_frames_are_refused_with_the_cure(ss: ss2sql.Session, source: Any, cure: str) -> None:
-    with pytest.raises(ss2sql.Error) as caught:
+    with pytest.raises(ss2sql.Error, match=rf"S002[\s\S]*{re.escape(cure)}"):
         ss.attach("t", source)
-    assert caught.value.code == "S002"
-    assert cure in str(caught.value)
 
 
 # --- what columns are called ---------------------------------------------------------------------------
 
 
 @both
-def test_any_name_of_a_column_can_be_reached(ss: ss2sql.Session, engine: Any) -> None:
+def test_columns_may_have_any_name_even_rowid(ss: ss2sql.Session, engine: Any) -> None:
     names = ("odd name", "from", "X", "x", "this", "rowid", 7)
     ss.attach("t", pandas.DataFrame({name: [number] for number, name in enumerate(names)}))
     read = 'this["odd name"], this["from"], X, t.x, t.this["this"], rowid, this["7"]'
     assert ss.run(f"SELECT {read} FROM t AS list;", engine=engine).value == [0, 1, 2, 3, 4, 5, 6]
-
-
-@both
-def test_a_column_called_rowid_does_not_change_the_order(ss: ss2sql.Session, engine: Any) -> None:
     ss.attach("t", pandas.DataFrame({"rowid": [3, 1, 2], "k": ["b", "a", "b"]}))
     assert ss.run("SELECT k, sum(rowid) FROM t GROUP BY k AS rows;", engine=engine).value == [("b", 5), ("a", 1)]
     assert ss.run("SELECT rowid FROM t AS list;", engine=engine).value == [3, 1, 2]

@@ -123,7 +123,7 @@ def test_an_exception_keeps_its_type_and_gets_one_note(ss: ss2sql.Session, engin
     assert name == "broken"
 
 
-def test_a_note_names_the_place_among_several(ss: ss2sql.Session, engine: Any) -> None:
+def test_one_note_for_several_places_two_scripts_and_a_text(ss: ss2sql.Session, engine: Any) -> None:
     ss.function("broken", lambda x: fail() if x == 2 else x, volatility="stable")
     script = "SELECT broken(this)\nFROM [1, 2] WHERE broken(1) AND\nbroken(this);"
     (note,), _ = caught(lambda: ss.run(script, engine=engine))
@@ -132,17 +132,11 @@ def test_a_note_names_the_place_among_several(ss: ss2sql.Session, engine: Any) -
     assert "3 | broken(this);" in note
     if engine == "database":  # SQLite does not say which of the calls it was; all are named, in the order of the text
         assert "<script>:1:8, <script>:2:19, <script>:3:1" in note
-
-
-def test_an_exception_through_two_scripts_gets_one_note(ss: ss2sql.Session, engine: Any) -> None:
     ss.function("fail", fail, volatility="stable")
     ss.function("outer", lambda x: ss.run("SELECT fail(this) FROM [7];", engine=engine), volatility="stable")
     (note,), _ = caught(lambda: ss.run("SELECT outer(this) FROM [1];", engine=engine))
     assert "'fail'" in note
     assert "FROM [7]" in note
-
-
-def test_the_text_of_an_eval(ss: ss2sql.Session, engine: Any) -> None:
     ss.function("fail", fail)
     notes, _ = caught(lambda: ss.run("x = 'fail(5)';\neval(x);", engine=engine))
     assert notes == [

@@ -60,7 +60,7 @@ def test_what_a_function_does_to_its_arguments_is_seen_by_nobody(ss: ss2sql.Sess
     assert items == [[1], {"a": [2]}, [thing]]
 
 
-def test_a_value_that_was_not_copied_is_safe_from_others(ss: ss2sql.Session, engine: Any) -> None:
+def test_a_function_that_changes_nothing_gets_the_value_itself(ss: ss2sql.Session, engine: Any) -> None:
     """`same` is proven to change nothing, so it gets the value itself and gives it back."""
 
     @ss.function
@@ -76,8 +76,6 @@ def test_a_value_that_was_not_copied_is_safe_from_others(ss: ss2sql.Session, eng
     result = ss.run("SELECT grow(same(this)), same(this), this FROM [[[]], [[2]]] AS rows;", engine=engine)
     assert result.value == [([[1]], [[]], [[]]), ([[2, 1]], [[2]], [[2]])]
 
-
-def test_objects_are_unwrapped_for_a_function_that_changes_nothing(ss: ss2sql.Session, engine: Any) -> None:
     class Sized(Unhashable):
         def __len__(self) -> int:
             return 3

@@ -53,9 +53,8 @@ def test_the_number_of_arguments_is_that_of_the_signature(ss: ss2sql.Session) ->
         ("two()", "takes 1 to 2 arguments, not 0"), ("two(1, 2, 3)", "1 to 2 arguments, not 3"),
         ("many()", "takes 1 or more arguments, not 0"),
     ):  # fmt: skip
-        with pytest.raises(ss2sql.ResolveError, match=words) as caught:
+        with pytest.raises(ss2sql.ResolveError, match=rf"R005.*{words}") as caught:
             ss.run(f"SELECT {call} FROM [1];")
-        assert caught.value.code == "R005"
         assert caught.value.span is not None
         assert caught.value.span.text == call
 
@@ -75,7 +74,7 @@ def test_what_cannot_be_registered(ss: ss2sql.Session) -> None:
 # --- in place of built-in ones -------------------------------------------------------------------------
 
 
-def test_operators_can_be_replaced(ss: ss2sql.Session, engine: Any) -> None:
+def test_operators_and_functions_can_be_replaced(ss: ss2sql.Session, engine: Any) -> None:
     ss.function("add", lambda a, b: [x + y for x, y in zip(a, b, strict=True)] if isinstance(a, list) else a + b)
     ss.function("lt", lambda a, b: len(a) < len(b))
     ss.function("in", lambda a, b: a == b[-1])
@@ -83,9 +82,6 @@ def test_operators_can_be_replaced(ss: ss2sql.Session, engine: Any) -> None:
     script = "SELECT this + [10, 20], -this, this < [1, 2, 3], 5 IN this, 1 + 2 FROM [[1, 2], [3, 5]] AS rows;"
     rows = [([11, 22], [2, 1], True, False, 3), ([13, 25], [5, 3], True, True, 3)]
     assert ss.run(script, engine=engine).value == rows
-
-
-def test_built_in_functions_can_be_replaced(ss: ss2sql.Session, engine: Any) -> None:
     ss.function("max", lambda x: ["mine", x])
     ss.function("len", lambda x: -1)
     assert ss.run("SELECT max(this), len(this) FROM ['ab'] AS rows;", engine=engine).value == [(["mine", "ab"], -1)]

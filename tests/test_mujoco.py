@@ -14,7 +14,6 @@ import ss2sql
 from ss2sql.vtables.mujoco import MuJoCoWorld
 
 mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed: pip install mujoco")
-
 ROBOT = """
     <geom name="floor" type="plane" size="5 5 .1"/>
     <body name="ball" pos="0 0 0.3"><freejoint/><geom name="ball" type="sphere" size=".3" mass="60"/></body>
@@ -62,8 +61,7 @@ def test_check_world_passes_for_the_robot(robot: tuple[Any, Any]) -> None:
     report = ss2sql.check_world(
         MuJoCoWorld(model, data), queries=40, arguments=ARGUMENTS, change=lambda random: mujoco.mj_step(model, data)
     )
-    assert report.elements == {"bodies": 7, "geoms": 7, "joints": 4, "sensors": 2}
-    assert report.skipped == []
+    assert (report.elements, report.skipped) == ({"bodies": 7, "geoms": 7, "joints": 4, "sensors": 2}, [])
 
 
 # --- columns of bodies ---------------------------------------------------------------------------------
@@ -99,16 +97,13 @@ def test_velocities_are_those_of_mj_object_velocity(robot: tuple[Any, Any], ss: 
         assert np.allclose((*angular, *linear), MuJoCo().velocity(model, data, number), atol=1e-12)
 
 
-def test_volumes_of_shapes(ss: ss2sql.Session) -> None:
+def test_volumes_of_shapes_and_meshes(ss: ss2sql.Session) -> None:
     volumes = dict(answer(ss, "SELECT name, volume FROM space AS rows;"))
     ball, arm = 4 / 3 * pi * 0.3**3, 4 / 3 * pi * 0.05**3 + pi * 0.05**2 * 0.4 + 4 / 3 * pi * 0.1**3
     assert volumes["world"] is None  # a plane has no end
     assert [volumes[name] for name in ("ball", "crate", "arm", "base", "lift", "ghost")] == pytest.approx(
         [ball, 0.2 * 0.4 * 0.6, arm, pi * 0.1**2 * 0.4, 4 / 3 * pi * 0.1 * 0.2 * 0.3, 0.0]
     )
-
-
-def test_meshes_have_a_volume_and_count_once_where_another_shape_shows_them(ss: ss2sql.Session) -> None:
     _, data = MuJoCo().made(
         """<body name="solid"><geom type="mesh" mesh="corner"/></body>
            <body name="shown">
@@ -142,22 +137,15 @@ def test_boxes_hold_the_outermost_points_of_turned_shapes(ss: ss2sql.Session, en
 
 @pytest.mark.parametrize(
     ("condition", "names"),
-    [
-        ("isRobot", ["base", "arm"]),
-        ("isSensor(this)", ["arm"]),
-        ("hasBody(this)", ["ball", "crate", "arm", "lift"]),
-        ("NOT isEnabled", ["ghost"]),
-        ("isSphere OR isBox", ["ball", "crate"]),
-        ("below(this, [[-1, -1, 1], [1, 1, 2]])", ["world", "ball", "crate"]),
-    ],
-)
+    [("isRobot", ["base", "arm"]), ("isSensor(this)", ["arm"]), ("hasBody(this)", ["ball", "crate", "arm", "lift"]),
+     ("NOT isEnabled", ["ghost"]), ("isSphere OR isBox", ["ball", "crate"]),
+     ("below(this, [[-1, -1, 1], [1, 1, 2]])", ["world", "ball", "crate"])],
+)  # fmt: skip
 def test_who_is_what(ss: ss2sql.Session, engine: Any, condition: str, names: list[str]) -> None:
     assert answer(ss, f"SELECT name FROM space WHERE {condition} AS list;", engine) == names
 
 
-def test_forces_are_those_that_were_applied_and_the_clock_is_that_of_mujoco(
-    robot: tuple[Any, Any], ss: ss2sql.Session
-) -> None:
+def test_forces_are_those_applied_and_the_clock_is_that_of_mujoco(robot: tuple[Any, Any], ss: ss2sql.Session) -> None:
     robot[1].body("ball").xfrc_applied[:] = [1, 2, 3, 4, 5, 6]
     assert answer(ss, "SELECT force, torque FROM space WHERE name == 'ball';") == [
         {"force": [1, 2, 3], "torque": [4, 5, 6]}
@@ -169,7 +157,13 @@ def test_forces_are_those_that_were_applied_and_the_clock_is_that_of_mujoco(
 # --- the other tables ----------------------------------------------------------------------------------
 
 
-def test_joints_and_how_they_move(robot: tuple[Any, Any], ss: ss2sql.Session, engine: Any) -> None:
+def test_sensors_geoms_and_joints(robot: tuple[Any, Any], ss: ss2sql.Session, engine: Any) -> None:
+    rows = answer(ss, "SELECT name, type, value, values FROM space.sensors AS rows;", engine)
+    felt = robot[1].sensor("felt").data.tolist()
+    assert rows == [["felt", "accelerometer", None, felt], ["turned", "jointpos", 0.0, [0.0]]]
+    rows = answer(ss, "SELECT name, type, body FROM space.geoms WHERE isSphere(this) AS rows;", engine)
+    assert rows == [["ball", "sphere", 1], ["", "sphere", 4]]
+    assert answer(ss, "SELECT pos FROM space.geoms WHERE id == 4 AS list;", engine) == [[3.5, 0, 1]]
     model, data = robot
     rows = answer(ss, "SELECT name, type, lower, upper FROM space.joints AS rows;", engine)
     assert rows == [
@@ -182,15 +176,6 @@ def test_joints_and_how_they_move(robot: tuple[Any, Any], ss: ss2sql.Session, en
     ]
     joined = "SELECT b.name FROM j = space.joints, b = space WHERE j.body == b.id AND j.name == 'rail' AS list;"
     assert answer(ss, joined, engine) == ["lift"]
-
-
-def test_sensors_and_geoms(robot: tuple[Any, Any], ss: ss2sql.Session, engine: Any) -> None:
-    rows = answer(ss, "SELECT name, type, value, values FROM space.sensors AS rows;", engine)
-    felt = robot[1].sensor("felt").data.tolist()
-    assert rows == [["felt", "accelerometer", None, felt], ["turned", "jointpos", 0.0, [0.0]]]
-    rows = answer(ss, "SELECT name, type, body FROM space.geoms WHERE isSphere(this) AS rows;", engine)
-    assert rows == [["ball", "sphere", 1], ["", "sphere", 4]]
-    assert answer(ss, "SELECT pos FROM space.geoms WHERE id == 4 AS list;", engine) == [[3.5, 0, 1]]
 
 
 def test_contacts_are_those_of_mujoco(robot: tuple[Any, Any], engine: Any, ss: ss2sql.Session) -> None:
@@ -249,9 +234,7 @@ def test_a_scan_fetches_arrays_a_constant_number_of_times(ss: ss2sql.Session, co
     assert counts["xpos"] <= 6
 
 
-def test_what_is_no_data_or_was_not_computed_is_refused(
-    robot: tuple[Any, Any], ss: ss2sql.Session, engine: Any
-) -> None:
+def test_what_is_no_data_or_not_computed_is_refused(robot: tuple[Any, Any], ss: ss2sql.Session, engine: Any) -> None:
     with pytest.raises(ss2sql.Error, match="a int is no data of MuJoCo"):
         MuJoCoWorld(3)
     data = mujoco.MjData(robot[0])

@@ -63,9 +63,7 @@ COUNTS = {  # scripts and the number of rows, of which there would be fewer or m
 
 
 @pytest.mark.parametrize("expression", FALSE)
-def test_an_object_equals_no_number_and_no_string(
-    ss: ss2sql.Session, pair: tuple[Any, Any], engine: Any, expression: str
-) -> None:
+def test_objects_equal_no_plain_values(ss: ss2sql.Session, pair: tuple[Any, Any], engine: Any, expression: str) -> None:
     assert ss.run(f"{expression};", engine=engine).value is False
     assert ss.run(f"SELECT {expression} FROM [1] AS list", engine=engine).value == [False]
 

@@ -12,31 +12,11 @@ import pytest
 from fuzz_judge import nodes
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from trees import (
-    NOWHERE,
-    A,
-    B,
-    C,
-    D,
-    assign,
-    call,
-    code,
-    cut,
-    expr,
-    iff,
-    index,
-    items,
-    lit,
-    name,
-    op,
-    query,
-    same,
-    script,
-    select,
-    shape,
-    source,
-    this,
-)
+
+from trees import (  # isort: skip
+    NOWHERE, A, B, C, D, assign, call, code, cut, expr, iff, index, items, lit, name, op, query, same, script, select,
+    shape, source, this,
+)  # fmt: skip
 
 from ss2sql.errors import ParseError, Span
 from ss2sql.frontend import ast, text
@@ -119,11 +99,9 @@ def test_operators_bind_as_their_levels_say() -> None:
 
 @pytest.mark.parametrize(
     ("short", "long"),
-    [
-        ("a = b OR c", "a = (b OR c)"), ("a AND b == c OR d", "(a AND (b == c)) OR d"), ("- -a", "-(-a)"),
-        ("2 ^ -a ^ b", "2 ^ (-(a ^ b))"), ("a ^ b[0]", "a ^ (b[0])"), ("-a[0]", "-(a[0])"), ("-f(a)", "-(f(a))"),
-        ("-n.a", "-(n.a)"), ("-2 ^ 2", "-(2 ^ 2)"),
-    ],
+    [("a = b OR c", "a = (b OR c)"), ("a AND b == c OR d", "(a AND (b == c)) OR d"), ("- -a", "-(-a)"),
+     ("2 ^ -a ^ b", "2 ^ (-(a ^ b))"), ("a ^ b[0]", "a ^ (b[0])"), ("-a[0]", "-(a[0])"), ("-f(a)", "-(f(a))"),
+     ("-n.a", "-(n.a)"), ("-2 ^ 2", "-(2 ^ 2)")],
 )  # fmt: skip
 def test_what_else_binds(short: str, long: str) -> None:
     same(expr(short), expr(long))
@@ -241,14 +219,12 @@ def test_open_queries(written: str) -> None:
 
 
 SPANNED = [
-    "  a  + b*(c - 1) ;",
-    "x = [1, 'zwei', [], -3][0]; # comment\n y{5.0} = f(a, n = n + 1)",
-    "IF(a == b AND NOT c; d; e, (f))",
-    "a OR (b XOR c) OR v{-2.0}[1:]",
+    "  a  + b*(c - 1) ;", "x = [1, 'zwei', [], -3][0]; # comment\n y{5.0} = f(a, n = n + 1)",
+    "IF(a == b AND NOT c; d; e, (f))", "a OR (b XOR c) OR v{-2.0}[1:]",
     "spheres = SELECT obj, n.this, n.mass FROM n = space, f(a) WHERE isSphere(this) AND 1 NOT IN x AS list;",
     "SELECT count(*) FROM (SELECT b FROM c) GROUP BY a HAVING d ORDER BY e DESC, f LIMIT 3",
     "SELECT a FROM b START WITH t = [1] CONNECT BY COST f(t) NO  CYCLE MAXIMUM (5) t = g(t) STOP WITH []==t AS l(x=1)",
-]
+]  # fmt: skip
 PARTS = (ast.Script, ast.From, ast.Option, ast.OrderKey, ast.Representation, ast.Star)  # which cannot stand alone
 
 

@@ -52,7 +52,7 @@ def line_of(run: Run, width: int = 80) -> tuple[Progress, Clock, Terminal]:
     return Progress(run, terminal, clock, lambda: width), clock, terminal
 
 
-def test_it_appears_after_a_second_and_is_written_ten_times_a_second() -> None:
+def test_it_appears_is_written_ten_times_a_second_and_goes_away() -> None:
     run = run_of(generated=1200)
     line, clock, terminal = line_of(run)
     written = []
@@ -63,9 +63,6 @@ def test_it_appears_after_a_second_and_is_written_ten_times_a_second() -> None:
     assert written[:20] == [0] * 20
     assert written[20] == 1
     assert written[-1] in (10, 11)  # by the rounding of floats
-
-
-def test_it_is_shorter_than_the_terminal_and_goes_away() -> None:
     run = run_of(generated=123456789)
     line, clock, terminal = line_of(run, 30)
     line.end()
@@ -94,7 +91,7 @@ def query_of(script: str) -> plan.Query:
     return statement.expr.query
 
 
-def test_what_it_says() -> None:
+def test_what_it_says_also_of_a_native_search() -> None:
     run = run_of(generated=3000, levels=[Level(3, 4), Level(1, 5)])
     run.graph = Graph(run.check, None)
     for number in range(7):
@@ -106,9 +103,6 @@ def test_what_it_says() -> None:
     assert said(run, 2.0) == "2 s | 3,000 results, 1,500/s"
     run.sink = Sink(Rows(("n",), [(1,)]), "database")
     assert said(run, 2.0) == "2 s | 1 result, 0/s"
-
-
-def test_how_deep_a_native_search_is() -> None:
     run = run_of(generated=10)
     line, _, _ = line_of(run)
     line.reached = [(1,), (2,)]  # depth first: the rows on the path, behind which a step is looked at
@@ -122,7 +116,7 @@ def test_how_deep_a_native_search_is() -> None:
     assert "depth 100,001+" in line.text(1.0)
 
 
-def test_a_bar_where_the_total_is_known() -> None:
+def test_a_bar_where_the_total_is_known_and_for_the_first_list() -> None:
     run = run_of(generated=100)
     search = "SELECT this FROM [1, 2] START WITH n = 0 CONNECT BY {} n = n + 1"
     run.sink = Sink(Rows(("this",), None, [[]] * 4), "native", query_of(search.format("MAXIMUM 8") + ";"))
@@ -138,9 +132,6 @@ def test_a_bar_where_the_total_is_known() -> None:
     assert "[#.........] 10%" in said(run, 1.0)
     run.sink = Sink(Rows(("this",), [(1,)]), "native", query_of("SELECT this FROM [1, 2] ORDER BY this LIMIT 10;"))
     assert "[" not in said(run, 1.0)
-
-
-def test_a_bar_for_the_first_list() -> None:
     line, _, _ = line_of(run_of())
     outer, inner = [1] * 200, [1] * 3
     line.walk(outer, 30, 200)
@@ -165,8 +156,7 @@ KEPT = [(1, 0), (2, 0), (3, 1), (4, 1), (5, 2), (6, 3)]  # steps, each with the 
 def test_how_deep_a_search_of_the_database_is(steps: list[tuple[int, int]], depth: int) -> None:
     """By the last result, or by the steps that are kept."""
     paths = Paths(None, tuple, [(number, parent, "row") for number, parent in steps])
-    assert paths.depth(100) == (depth, True)
-    assert paths.depth(0) == (0, not steps)
+    assert (paths.depth(100), paths.depth(0)) == ((depth, True), (0, not steps))
     assert depth_of({number: (parent, ()) for number, parent in steps}) == (depth, True)
     assert depth_of([(max(number - 1, 0), ()) for number in range(DEEPEST + 5)]) == (DEEPEST, False)
 

@@ -32,17 +32,13 @@ def ss(ss: ss2sql.Session, client: Any) -> ss2sql.Session:
 
 @pytest.mark.parametrize(
     ("kind", "sizes", "name", "volume"),
-    [
-        (pybullet.GEOM_BOX, {"halfExtents": (0.5, 1, 1.5)}, "box", 6.0),
-        (pybullet.GEOM_CYLINDER, {"radius": 0.5, "height": 2}, "cylinder", pi / 2),
-        (pybullet.GEOM_CAPSULE, {"radius": 0.5, "height": 2}, "capsule", pi / 2 + pi / 6),
-        (pybullet.GEOM_PLANE, {"planeNormal": (0, 0, 1)}, "plane", None),
-        (pybullet.GEOM_MESH, {"vertices": [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]}, "mesh", None),
-    ],
-)
-def test_shapes_have_types_and_volumes(
-    client: Any, ss: ss2sql.Session, kind: int, sizes: Any, name: str, volume: float | None
-) -> None:
+    [(pybullet.GEOM_BOX, {"halfExtents": (0.5, 1, 1.5)}, "box", 6.0),
+     (pybullet.GEOM_CYLINDER, {"radius": 0.5, "height": 2}, "cylinder", pi / 2),
+     (pybullet.GEOM_CAPSULE, {"radius": 0.5, "height": 2}, "capsule", pi / 2 + pi / 6),
+     (pybullet.GEOM_PLANE, {"planeNormal": (0, 0, 1)}, "plane", None),
+     (pybullet.GEOM_MESH, {"vertices": [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]}, "mesh", None)],
+)  # fmt: skip
+def test_shape_types(client: Any, ss: ss2sql.Session, kind: int, sizes: Any, name: str, volume: float | None) -> None:
     client.createMultiBody(0, client.createCollisionShape(kind, **sizes))
     columns = f"type, volume, is{name.capitalize()}, isSphere, isRobot, isEnabled, hasBody"
     ((its, found, yes, *others),) = values(ss, f"SELECT {columns} FROM space AS rows")
@@ -60,8 +56,7 @@ def test_what_cannot_be_touched_is_a_ghost_and_height_fields_are_terrain(client:
     )  # fmt: skip
     client.createMultiBody(0, field)
     found = values(ss, "SELECT type, isEnabled, volume, colour FROM space AS rows")
-    assert found[0] == ("ghost", False, 0.0, [1.0, 0.0, 0.0, 1.0])
-    assert found[1][:3] == ("terrain", True, None)
+    assert (found[0], found[1][:3]) == (("ghost", False, 0.0, [1.0, 0.0, 0.0, 1.0]), ("terrain", True, None))
     assert values(ss, "SELECT id FROM space WHERE x == 0 AND z >= 5 AS list") == [0]  # no box leads to it
 
 
@@ -193,9 +188,6 @@ def test_a_disconnected_client_says_so_even_if_its_number_lives_on() -> None:
         assert "disconnected" in message(session, "SELECT id FROM space.links")
     finally:
         follower.disconnect()
-
-
-# --- scenes --------------------------------------------------------------------------------------------
 
 
 def test_a_scene_brings_forces_and_cameras(client: Any) -> None:

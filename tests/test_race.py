@@ -131,8 +131,6 @@ def answer(options: str, *paths: str, cut: bool = False, bound: int | None = Non
 
 
 ALL = answer("DEPTH FIRST", "aba", "ab", "b", "bc")
-
-
 EVERY = answer("DEPTH FIRST", "ab", "b", "abc", "bc")
 ONE = answer("UNIQUE", "b", "bc")
 THREE = answer("DEPTH FIRST MAXIMUM 3", "aba", "ab", "b", cut=True)
@@ -212,12 +210,10 @@ def raced(ss: ss2sql.Session, script: str, rules: Rules = QUICK) -> list[Heat]:
 
 @pytest.mark.parametrize(
     ("given", "answer", "forbidden"),
-    [
-        ({"native": 1}, "same", False),
-        *(({"native": other}, "not what database gives", True) for other in (1.0, True, 2)),
-        ({}, "it fails in native and not so in database", True),
-    ],
-)
+    [({"native": 1}, "same", False),
+     *(({"native": other}, "not what database gives", True) for other in (1.0, True, 2)),
+     ({}, "it fails in native and not so in database", True)],
+)  # fmt: skip
 def test_two_engines_have_to_agree_to_the_last_bit(given: dict[str, Any], answer: str, forbidden: bool) -> None:
     """And none must fail alone; here a function answers otherwise in each."""
     now = [""]
@@ -347,8 +343,7 @@ def rows(text: str) -> list[list[str]]:
 
 def test_times_in_the_table() -> None:
     answer = bench("roads.ss", "--repeat", "2", "--timeout", "60")
-    assert answer.exit_code == 0
-    assert answer.stderr == ""
+    assert (answer.exit_code, answer.stderr) == (0, "")
     told = " ".join(answer.stdout.split())
     assert "Not run: MEMORIZE 5 in database: MEMORIZE builds a graph in memory, so it runs natively." in told
     for _, _, *cells in rows(answer.stdout):
@@ -394,11 +389,9 @@ def test_an_answer_that_the_language_forbids_is_loud(monkeypatch: pytest.MonkeyP
 
 @pytest.mark.parametrize(
     ("arguments", "code", "told"),
-    [
-        ("-e '1 + 1;'", 1, "the script has no query"), ("-e 'SELECT this FROM nowhere;'", 1, "error[R003]"),
-        ("-e 'SELECT 1 / this FROM [0];'", 1, "error[X002]"), ("roads.ss --strategy NO", 2, "Usage:"),
-        ("roads.ss --repeat 0", 2, "Usage:"), ("-e 'SELECT bad(this) FROM [0];' --functions bad.py", 1, "TypeError"),
-    ],
+    [("-e '1 + 1;'", 1, "the script has no query"), ("-e 'SELECT this FROM nowhere;'", 1, "error[R003]"),
+     ("-e 'SELECT 1 / this FROM [0];'", 1, "error[X002]"), ("roads.ss --strategy NO", 2, "Usage:"),
+     ("roads.ss --repeat 0", 2, "Usage:"), ("-e 'SELECT bad(this) FROM [0];' --functions bad.py", 1, "TypeError")],
 )  # fmt: skip
 def test_how_it_ends_otherwise(arguments: str, code: int, told: str, folder: Path) -> None:
     (folder / "bad.py").write_text("def bad(x):\n    return x[0]\n")

@@ -15,23 +15,18 @@ from sessions import code_of, write
 import ss2sql
 
 
-def test_the_same_query_again(file: Path) -> None:
+def test_the_same_query_again_and_another_goal_ask_nothing(file: Path) -> None:
     with connect(file) as ss:
         first = run(ss)
         assert calls(first) > 0
         assert first.value == fresh()
         again = run(ss)
-        assert again.value == first.value
-        assert calls(again) == 0
+        assert (again.value, calls(again)) == (first.value, 0)
         assert again.stats.generated == again.stats.remembered_steps == first.stats.generated
         assert again.stats.levels == first.stats.levels
     with connect(file) as ss:
         later = run(ss)
-        assert later.value == first.value
-        assert calls(later) == 0
-
-
-def test_another_goal_asks_nothing(file: Path) -> None:
+        assert (later.value, calls(later)) == (first.value, 0)
     with connect(file) as ss:
         run(ss, goal=6)
         for goal in (5, 7, 12, 0):
@@ -118,9 +113,7 @@ def test_switched_off_or_without_a_file(file: Path, has_file: bool) -> None:
         first, again = run(ss), run(ss)
         assert calls(first) == calls(again) > 0
         assert first.stats.notes == []
-        assert len(ss.graphs()) == 0
-        assert repr(ss.graphs()) == "no remembered graphs"
-        assert ss.tables() == {}
+        assert (len(ss.graphs()), repr(ss.graphs()), ss.tables()) == (0, "no remembered graphs", {})
 
 
 def test_read_only_sessions_read(file: Path) -> None:
@@ -283,8 +276,6 @@ EXACT = [
 INEXACT: list[Any] = [
     *(object(), [b"bytes"], {1: 2}, {(1, 2): 3}, {"a": {None: 1}}, "half \ud83d of a smile", "\ud83d\ude00"),
 ]
-
-
 SCRIPT = """SELECT n, value(n), v FROM [0] START WITH n = 0, v = [] CONNECT BY MEMORIZE v = value(n), n = n + 1
 STOP WITH n == number AS rows"""
 

@@ -100,26 +100,18 @@ def of_other_text() -> Any:
 
 @pytest.mark.parametrize(
     ("one", "other", "differs"),
-    [
-        (of_body, of_other_text(), False),
-        (of_body, lambda n: n + 2, True),
-        (of_body, lambda n: n * 2, True),
-        (of_default, FunctionType(of_default.__code__, globals(), "of_default", (2,)), True),
-        (of_closure(1), of_closure(1), False),
-        (of_closure(1), of_closure(2), True),
-        (of_closure(2), of_closure(2.0), True),
-        (of_closure([1]), of_closure([2]), True),
-        (lambda n: n in {"a", "b"}, lambda n: n in {"b", "a"}, False),
-        (lambda n: n in {"a", "b"}, lambda n: n in {"a", "c"}, True),
-        (functools.partial(of_default, step=3), functools.partial(of_default, step=3), False),
-        (functools.partial(of_default, step=3), functools.partial(of_default, step=4), True),
-        (functools.cache(of_body), functools.cache(of_body), False),
-        (of_body, functools.cache(of_body), True),
-        (math.sqrt, math.floor, True),
-        (of_itself, of_helper, True),
-    ],
+    [(of_body, of_other_text(), False), (of_body, lambda n: n + 2, True), (of_body, lambda n: n * 2, True),
+     (of_default, FunctionType(of_default.__code__, globals(), "of_default", (2,)), True),
+     (of_closure(1), of_closure(1), False), (of_closure(1), of_closure(2), True),
+     (of_closure(2), of_closure(2.0), True), (of_closure([1]), of_closure([2]), True),
+     (lambda n: n in {"a", "b"}, lambda n: n in {"b", "a"}, False),
+     (lambda n: n in {"a", "b"}, lambda n: n in {"a", "c"}, True),
+     (functools.partial(of_default, step=3), functools.partial(of_default, step=3), False),
+     (functools.partial(of_default, step=3), functools.partial(of_default, step=4), True),
+     (functools.cache(of_body), functools.cache(of_body), False), (of_body, functools.cache(of_body), True),
+     (math.sqrt, math.floor, True), (of_itself, of_helper, True)],
     ids=range(16),
-)
+)  # fmt: skip
 def test_another_function(file: Path, one: Any, other: Any, differs: bool) -> None:
     assert is_new(file, one)
     assert is_new(file, other) == differs
@@ -310,8 +302,6 @@ def test_a_world_says_what_it_is(file: Path) -> None:
         (note,) = ss.run(WALK).stats.notes
         assert note == "graph: not remembered: Silent cannot be compared: it never stays the same"
 
-
-# --- functions that keep something -----------------------------------------------------------------------
 
 MEMORY: dict[int, int] = {}
 

@@ -1,6 +1,6 @@
 """What the resolver says of names, options and groups that mean nothing: code, place, reason, cure; and what it knows.
 
-What names mean is told by `cases/queries/*.sheet`.
+What names mean is told by `cases/queries/*.sheet`; most of the scripts here are in `cases/errors/names.errors`.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 from listings import MOVES
-from sessions import both
+from sessions import both, wrong_scripts
 
 import ss2sql
 from ss2sql import plan
@@ -59,142 +59,27 @@ def errors(ss: ss2sql.Session, script: str) -> list[tuple[str, str]]:
     return [(error.code, error.span.text) for error in refused(ss, script).errors if error.span]
 
 
-SEARCH = "SELECT 1 FROM t START WITH n = 1 CONNECT BY "
-PATHS = "(SELECT a FROM t START WITH k = 1 CONNECT BY NO CYCLE k = k AS {})"
 PAIRS = "x = [a.this, 1]; "
-LATE_ALONE = "the list stands here"
-QUOTES = "a text stands in quotes: "
-# Code, words that the error shows, and scripts that give it; its places stand between « and ».
-ERRORS: list[tuple[str, ...]] = [
-    # names of columns and variables
-    ("R001", "", "SELECT 1 FROM t GROUP BY «z»;", "SELECT «mass» + 1 FROM t;", "SELECT to(a, «b» + 'x') FROM t;",
-     "SELECT a FROM t AS list(«a»);", "SELECT a FROM t LIMIT «a»;", "«kept{}»;",
-     "SELECT a, n FROM t CONNECT BY «n» = n + 1 STOP WITH n == 3;"),
-    ("R001", "known here: a, b", "SELECT «t.zzz» FROM t;"),
-    ("R001", "known here: a, b, moves, t, u", "SELECT «zzz» FROM t;"),
-    ("R001", "its elements have no columns; write x.this", "SELECT «x.z» FROM x = [1];"),
-    ("R001", "", *(f"{form}" for shape in ("list", "rows") for form in (
-        f"SELECT «p.a» FROM p = {PATHS.format(shape)};", f"y = {PATHS.format(shape)}; SELECT «p.a» FROM p = y;"))),
-    ("R001", "'mass' is a function: write mass(this)", "SELECT a FROM t WHERE «mass»;"),
-    ("R001", "'x' is a source: write x.this", "SELECT «x» FROM x = t;"),
-    ("R001", f"{QUOTES}'Ann'", "SELECT a FROM t WHERE a == «Ann»;", "SELECT a FROM t WHERE «Ann» IN [a];"),
-    ("R003", "'a' is a column: write a[\"key\"] to read a key of it", "SELECT «a.first» FROM t;"),
-    ("R001", "store a value with kept{5.0} = ...", "«kept{3}»;"),
-    ("R001", "", f"{SEARCH}n = n LIMIT «n»;", f"{SEARCH}n = n AS list(«n»);", f"{SEARCH}MAXIMUM («n») n = n;",
-     f"{SEARCH}MEMORIZE («n») n = n;", f"{SEARCH}«m» = n;",
-     "SELECT 1 FROM t START WITH n = «m», m = 1 CONNECT BY n = n;"),
-    ("R004", "write t.b or u.b", "SELECT «b» FROM t, u;"),
-    ("R004", "", "SELECT x.a FROM x = t, y = t WHERE «b» == 2;", "SELECT (SELECT «b» FROM [1] AS value) FROM t, u;",
-     "SELECT this FROM t, u ORDER BY «b»;", "SELECT «len», v.len FROM v, w;"),
-    ("R004", "write x.z or y.z", "SELECT «z» FROM x = late(), y = late();"),
-    # sources
-    ("R003", "", "SELECT b FROM «b», t;", "SELECT «z.this» FROM t;", "SELECT «z.a» FROM t;", "«x.this»;",
-     "SELECT 1 FROM a = [«b.this»], b = [1];", "SELECT 1 FROM «t.a»;", "SELECT 1 FROM «mass»;"),
-    ("R001", "a source in quotes is a text; write FROM people", "SELECT «a» FROM 'people';"),
-    ("R003", "read it in Python: attach(\"data\", pandas.read_csv(\"people.csv\"))", "SELECT a FROM «'people.csv'»;"),
-    ("R003", "write SELECT a FROM x AS list", "x = [1]; «x.a»;"),
-    ("R003", "'x' is a source without tables of its own: write FROM x", "x = [1]; SELECT a FROM «x.csv»;"),
-    ("R013", "", "SELECT 1 FROM x = t, «x = u»;", "SELECT 1 FROM x = [1], «x = [2]»;",
-     "SELECT 1 FROM x = t, «x = (SELECT a FROM t)»;", "SELECT 1 FROM t START WITH n = 1, «n» = 2 CONNECT BY n = n;"),
-    # a list that mentions sources
-    ("R011", LATE_ALONE, f"{PAIRS}«x»;", f"{PAIRS}len(«x»);", f"{PAIRS}SELECT this FROM «x»;",
-     f"{PAIRS}SELECT «x» FROM a = [1];", f"{PAIRS}SELECT (SELECT this FROM «x» AS list) FROM b = [1];"),
-    ("R003", "", "x = [«a.this»] + [1];", "SELECT (x = [«a.this»]) FROM t;"),
-    # functions
-    ("R002", "", "«fun»(1);", "SELECT item(this, 0) FROM [[1]] AS list; «slyce»(1);"),
-    ("R002", "did you mean 'len' or", "«lenn»('a');"),
-    ("R002", "did you mean 'count'?", "SELECT «COUNT»(a) FROM t;"),
-    ("R002", "write average([1])", "«avg»([1]);"),
-    ("R002", "write IF(... != None; ...; ...)", "SELECT «coalesce»() FROM t;"),
-    ("R002", "write [] != (SELECT * FROM u)", "SELECT «EXISTS» (SELECT * FROM u) FROM t;"),
-    ("R002", "a part of a string is a[from:to], counted from 0", "SELECT «substr»(a, 1, 2) FROM t;"),
-    ("R002", "strings are joined with +: a + b", "SELECT «concat»(a, b) FROM t;"),
-    ("R002", "'x' is a variable: write it without parentheses", "x = [1]; «x»();"),
-    ("R005", "'round' takes 1 to 2 arguments, not 3", "«round(1, 2, 3)»;"),
-    ("R005", "'print' takes 1 or more arguments, not 0", "«print()»;"),
-    ("R005", "'len' takes 1 argument, not 2", "«len(1, 2)»;", "SELECT 1 FROM t LIMIT «len(1, 2)»;"),
-    ("R005", "", "«eval('1', 2)»;", "«eval()»;"),
-    ("R005", "'f' gets the argument 'first' twice|keep one of them: argument 1 is 'first'",
-     "SELECT this FROM f(1, «first» = 2);"),
-    ("R005", "= help: did you mean 'second'?", "SELECT this FROM f(1, «secnd» = 2);"),
-    ("R005", "= help: known here: first, second", "SELECT this FROM f(1, «depth» = 2);"),
-    ("R005", "= help: help('g') shows how it is called", "SELECT this FROM g(«depth» = 2);"),
-    ("R006", "", "SELECT a FROM t «AS lists»;"),
-    ("R006", "to name a source write FROM p = ...", "SELECT a FROM t «AS p»;"),
-    # searches
-    ("R007", "", "SELECT 1 FROM t WHERE («n» = 1) == 1 START WITH n = 1 CONNECT BY n = n;",
-     f"{SEARCH}n = n STOP WITH IF(True; «n» = 2);",
-     "SELECT (SELECT («n» = 2) FROM [1] AS value) FROM t START WITH n = 1 CONNECT BY n = n;"),
-    ("R010", "", f"{SEARCH}DEPTH FIRST «COST 1» «BREADTH FIRST» n = n;"),
-    ("R010", "the other one", f"{SEARCH}MEMORIZE 3 «DEPTH FIRST» n = n;"),
-    ("R012", "", "SELECT 1 FROM t START WITH «n = 1»;", "SELECT 1 FROM t STOP WITH «a == 1»;",
-     "SELECT 1 FROM t START WITH «n = 1» STOP WITH «a == 1»;"),
-    ("R014", "", "«this»;", "SELECT «to(a, b)» + 1 FROM t;", "SELECT a FROM t WHERE «to(a, b)»;"),
-    ("R014", "LIMIT is read once, before there is an element", "SELECT a FROM t LIMIT «this»;"),
-    ("R014", "the name of a column is read once, before there is an element", "SELECT to(a, «this») FROM t;"),
-    ("R014", "MAXIMUM is read once", f"{SEARCH}MAXIMUM («this») n = 2;"),
-    # groups
-    ("R008", "", "SELECT «a», sum(b) FROM t GROUP BY b;", "SELECT «a + sum(b)» FROM t GROUP BY b;",
-     "SELECT sum(b), «a» FROM t GROUP BY b;",
-     "SELECT sum(b) FROM t GROUP BY b HAVING «a > 1»;", "SELECT a FROM t GROUP BY b HAVING «a > 1»;",
-     "SELECT sum(b) FROM t GROUP BY b ORDER BY «a»;",
-     "SELECT («SELECT sum(x.a + t.b) FROM x = t GROUP BY 1 AS value»), count(*) FROM t GROUP BY 1;",
-     "SELECT «n», count(*) FROM t START WITH n = 1 CONNECT BY UNIQUE n = n GROUP BY n;"),
-    ("R008", "", "SELECT «len(SELECT t.a FROM t WHERE t.a > k.this AS list)», count(*) FROM k = [0, 5, 0]"
-     " GROUP BY len(SELECT t.a FROM t WHERE t.a >= k.this AS list) AS rows"),
-    ("R008", "", "SELECT «len(SELECT k.this FROM t)», count(*) FROM k = [0, 5, 0]"  # has as many numbers inside
-     " GROUP BY len(SELECT t.a FROM t WHERE t.a > k.this AS list) AS rows"),
-    ("R008", "add GROUP BY, or count the rows of a query", "SELECT «count(*)» FROM t;", "«count(*)»;"),
-    ("R008", "write count(*), or name what sum is to take", "SELECT «sum(*)» FROM t GROUP BY a;"),
-    ("R008", "give arguments to mine, which is a function of yours", "SELECT «mine(*)» FROM t GROUP BY a;"),
-    ("R005", "or count(*) for the rows of a group", "SELECT «count()» FROM t GROUP BY a;"),
-    ("R008", "max(SELECT a FROM t AS list)", "SELECT «max(a)» FROM t;"),
-    ("R008", "max(SELECT ... AS list)", "«max(1)»;"),
-]  # fmt: skip
 
 
-@pytest.mark.parametrize(("marked", "code", "words"), [(text, *row[:2]) for row in ERRORS for text in row[2:]])
-def test_an_error_has_a_code_a_place_a_reason_and_a_cure(
-    more: ss2sql.Session, marked: str, code: str, words: str
-) -> None:
+@pytest.mark.parametrize(("code", "words", "marked"), [*wrong_scripts("names")])
+def test_errors_have_code_place_reason_and_cure(more: ss2sql.Session, marked: str, code: str, words: list[str]) -> None:
+    """The places of the errors stand between « and »."""
     error = refused(more, re.sub("[«»]", "", marked))
     places = [(one.code, one.span.text) for one in error.errors if one.span]
     assert places == [(code, place) for place in re.findall("«(.*?)»", marked)]
     assert error.errors[0].span is not None
     assert error.errors[0].span.start == marked.index("«")
-    for part in words.split("|"):
+    for part in words:
         assert part in str(error)
 
 
-@pytest.mark.parametrize(
-    ("script", "hints"),
-    [
-        ("SELECT t.len() FROM t;", ["write len(t)"]),
-        ("SELECT t.max(3) FROM t;", ["write max(t, ...)"]),
-        ("SELECT t.nothing() FROM t;", ["write nothing(t), with a function that is registered"]),
-        ("SELECT t.nothing(3) FROM t;", ["write nothing(t, ...), with a function that is registered"]),
-        ("x = [1]; x.append(2);", ["a list is not changed, a new one is made: x + [2]"]),
-        ("SELECT a.upper() FROM t;", ["write upper(a), with a function that is registered",
-                                      "session.function('upper', str.upper) registers Python's"]),
-        ("math.sqrt(4);", ["'sqrt' is a function by itself: write sqrt(...)"]),
-        ("math.sin(4);", ["session.function('sin', math.sin) registers Python's"]),
-    ],
-)  # fmt: skip
-def test_methods_are_written_as_functions(ss: ss2sql.Session, script: str, hints: list[str]) -> None:
-    error = refused(ss, script)
-    assert error.code == "R002"
-    assert list(error.hints) == hints
-
-
-def test_python_functions_that_hints_name_can_be_registered(ss: ss2sql.Session) -> None:
+def test_what_hints_name(ss: ss2sql.Session) -> None:
     names = {"str": str, "math": math, "random": random}
     for name, path in OF_PYTHON.items():
         owner, function = path.split(".")
         ss.function(name, getattr(names[owner], function))
     assert ss.eval("upper('a') + trim(' b ') + str(floor(1.5));") == "Ab1"
-
-
-def test_a_text_is_not_offered_where_a_name_is_nearly_right(ss: ss2sql.Session) -> None:
     assert "quotes" not in str(refused(ss, "word = 1; print(wrd);"))
 
 

@@ -110,12 +110,9 @@ def test_whatever_pandas_gets_is_equal(ss: ss2sql.Session, values: list[Any]) ->
     ],
     ids=repr,
 )  # fmt: skip
-def test_types_of_columns(
-    ss: ss2sql.Session, values: list[Any], dtype: Any, kind: Any, arrow: Any, engine: Any
-) -> None:
+def test_column_types(ss: ss2sql.Session, values: list[Any], dtype: Any, kind: Any, arrow: Any, engine: Any) -> None:
     result = result_of(ss, values, engine)
-    assert result.df()["v"].dtype == dtype
-    assert result.pl()["v"].dtype == kind
+    assert (result.df()["v"].dtype, result.pl()["v"].dtype) == (dtype, kind)
     assert result.arrow().schema.field("v").type == arrow
 
 
@@ -151,9 +148,8 @@ def test_objects(ss: ss2sql.Session) -> None:
     thing, day = object(), datetime.date(2024, 5, 1)
     result = result_of(ss, [thing, None])
     assert result.df()["v"].tolist() == result.pl()["v"].to_list() == [thing, None]
-    with pytest.raises(ss2sql.RepresentationError, match="Arrow has no type for <object") as caught:
+    with pytest.raises(ss2sql.RepresentationError, match=r"V001.*Arrow has no type for <object") as caught:
         result.arrow()
-    assert caught.value.code == "V001"
     assert "column 'v'" in str(caught.value)
     dates = result_of(ss, [day, None])
     assert dates.arrow()["v"].to_pylist() == dates.pl()["v"].to_list() == dates.df()["v"].tolist() == [day, None]
@@ -199,9 +195,7 @@ def test_csv_and_json(ss: ss2sql.Session, tmp_path: Path) -> None:
     [("pandas", "df", "df"), ("polars", "pl", "df"), ("pyarrow", "arrow", "df"), ("matplotlib.pyplot", "plot", "plot"),
      ("networkx", "graph", "plot")],
 )  # fmt: skip
-def test_a_missing_package_is_named(
-    ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch, package: str, use: str, extra: str
-) -> None:
+def test_missing_extra(ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch, package: str, use: str, extra: str) -> None:
     monkeypatch.setitem(sys.modules, package, None)
     result = ss.run("SELECT this FROM [1] START WITH n = 1 CONNECT BY n = n STOP WITH True;")
     with pytest.raises(ss2sql.SessionError) as caught:

@@ -51,7 +51,7 @@ def points(ax: Any) -> list[list[tuple[float, float]]]:
     return [[tuple(point) for point in line.get_xydata().tolist()] for _, line in named]
 
 
-def test_costs_add_up_along_a_path(ss: ss2sql.Session) -> None:
+def test_costs_add_up_along_a_path_and_probabilities_are_multiplied(ss: ss2sql.Session) -> None:
     result = ss.run(SEARCH.format("dst, length", "COST length"))
     ax = result.plot(kind="costs")
     totals = [list(accumulate((row[1] for row in path), initial=0)) for path in result.paths]
@@ -61,9 +61,6 @@ def test_costs_add_up_along_a_path(ss: ss2sql.Session) -> None:
     assert ax.get_title() == "3 paths, cost 320 to 475"
     named = ss.run(SEARCH.format("dst, to(length * 2, cost)", ""))  # a column named cost will do
     assert [line[-1][1] for line in points(named.plot(kind="costs"))] == [660, 640, 950]
-
-
-def test_probabilities_are_multiplied(ss: ss2sql.Session) -> None:
     result = ss.run(SEARCH.format("p, dst", "PROBABILITY p"))
     ax = result.plot(kind="costs", most=1)
     (line,) = points(ax)
@@ -80,12 +77,11 @@ def test_probabilities_are_multiplied(ss: ss2sql.Session) -> None:
 )  # fmt: skip
 def test_costs_that_nobody_selected(ss: ss2sql.Session, columns: str, options: str, hint: str) -> None:
     result = ss.run(SEARCH.format(columns, options))
-    with pytest.raises(ss2sql.RepresentationError, match=hint) as caught:
+    with pytest.raises(ss2sql.RepresentationError, match=rf"V001[\s\S]*{hint}"):
         result.plot(kind="costs")
-    assert caught.value.code == "V001"
 
 
-def test_paths_share_their_beginnings_in_a_tree(ss: ss2sql.Session) -> None:
+def test_paths_share_their_beginnings_in_a_tree_of_which_no_branches_cross(ss: ss2sql.Session) -> None:
     result = ss.run(BINARY.format(3))
     made, drawn = tree(networkx, result.paths, None)
     assert drawn == 8
@@ -101,9 +97,6 @@ def test_paths_share_their_beginnings_in_a_tree(ss: ss2sql.Session) -> None:
     result = ss.run("SELECT this FROM [0] START WITH n = 1 CONNECT BY n = n + 1 STOP WITH n == 4;")
     made, drawn = tree(networkx, result.paths, None)
     assert (len(made), drawn, [goal for _, goal in made.nodes(data="goal")]) == (4, 3, [False, True, True, True])
-
-
-def test_branches_do_not_cross(ss: ss2sql.Session) -> None:
     result = ss.run(BINARY.format(4))
     ax = result.plot(kind="tree")
     places = ax.collections[0].get_offsets().tolist()
@@ -146,14 +139,11 @@ def test_counts_have_no_fractions_and_texts_at_one_place_are_one(ss: ss2sql.Sess
 
 @pytest.mark.parametrize(
     "script",
-    [
-        "SELECT to(this, {0}), 1 FROM [{0}] AS rows;",
-        "SELECT to(this, {0}), to(this, y) FROM [1, 2] AS rows;",
-        "SELECT to(this, {0}), [this, 1], {0} FROM [1, 2] AS rows;",
-        "SELECT this FROM [{0}] START WITH n = 0 CONNECT BY n = n + 1 STOP WITH n > 1;",
-        "SELECT to(this, {0}), to(this, y) FROM [1, 2] START WITH n = 0 CONNECT BY n = n + 1 STOP WITH n > 1;",
-    ],
-)
+    ["SELECT to(this, {0}), 1 FROM [{0}] AS rows;", "SELECT to(this, {0}), to(this, y) FROM [1, 2] AS rows;",
+     "SELECT to(this, {0}), [this, 1], {0} FROM [1, 2] AS rows;",
+     "SELECT this FROM [{0}] START WITH n = 0 CONNECT BY n = n + 1 STOP WITH n > 1;",
+     "SELECT to(this, {0}), to(this, y) FROM [1, 2] START WITH n = 0 CONNECT BY n = n + 1 STOP WITH n > 1;"],
+)  # fmt: skip
 @pytest.mark.parametrize("text", ["$x^{$", pytest.param("from $5 to $10", marks=pytest.mark.slow)])
 def test_dollars_are_no_formula(ss: ss2sql.Session, script: str, text: str) -> None:
     ax = ss.run(script.format(f'"{text}"')).plot()
@@ -197,7 +187,7 @@ def test_nodes_are_values(ss: ss2sql.Session, values: list[Any], nodes: list[Any
     assert [str(node) if "box" in repr(node) else node for node in graph] == nodes
 
 
-def test_paths_are_lines_of_a_plot(ss: ss2sql.Session) -> None:
+def test_pictures_of_a_search(ss: ss2sql.Session) -> None:
     result = ss.run(GRID)
     ax = result.plot()
     drawn = {tuple(map(tuple, line.get_xydata().tolist())) for line in ax.lines}
@@ -209,9 +199,6 @@ def test_paths_are_lines_of_a_plot(ss: ss2sql.Session) -> None:
     assert result.plot(own, title="mine") is own
     assert own.get_title() == "mine"
     assert len(ss.run(WALK.format("this, n", 3, 3)).plot().lines) == 8
-
-
-def test_other_pictures_of_a_search(ss: ss2sql.Session) -> None:
     puzzle = ss.run(WALK.format("str(this)", 2, 3))
     assert puzzle.plot().get_title() == f"2 rows on {len(puzzle.paths)} paths"
     bars = puzzle.plot(kind="lengths").patches
@@ -220,18 +207,12 @@ def test_other_pictures_of_a_search(ss: ss2sql.Session) -> None:
 
 @pytest.mark.parametrize(
     ("query", "lines", "patches", "clouds", "images"),
-    [
-        ("SELECT this, len(this) FROM ['a', 'bcd', 'ef'];", 0, 3, 0, 0),
-        ("SELECT this, this * this FROM range(5);", 1, 0, 0, 0),
-        ("SELECT this FROM [3, 1, None];", 1, 0, 0, 0),
-        ("SELECT this[0], this[1] FROM [[2, 1], [1, 1]];", 0, 0, 1, 0),
-        ("SELECT this FROM [[2, 1], [1, 1]];", 0, 0, 1, 0),
-        ("SELECT [0.5, 0.5], this FROM [3] AS plane('XY', [0, 0], [2, 1, 1]);", 0, 0, 0, 1),
-    ],
-)
-def test_pictures_of_flat_results(
-    ss: ss2sql.Session, query: str, lines: int, patches: int, clouds: int, images: int
-) -> None:
+    [("SELECT this, len(this) FROM ['a', 'bcd', 'ef'];", 0, 3, 0, 0),
+     ("SELECT this, this * this FROM range(5);", 1, 0, 0, 0), ("SELECT this FROM [3, 1, None];", 1, 0, 0, 0),
+     ("SELECT this[0], this[1] FROM [[2, 1], [1, 1]];", 0, 0, 1, 0), ("SELECT this FROM [[2, 1], [1, 1]];", 0, 0, 1, 0),
+     ("SELECT [0.5, 0.5], this FROM [3] AS plane('XY', [0, 0], [2, 1, 1]);", 0, 0, 0, 1)],
+)  # fmt: skip
+def test_flat_pictures(ss: ss2sql.Session, query: str, lines: int, patches: int, clouds: int, images: int) -> None:
     ax = ss.run(query).plot()
     assert (len(ax.lines), len(ax.patches), len(ax.collections), len(ax.images)) == (lines, patches, clouds, images)
     assert ax.get_title()

@@ -61,14 +61,11 @@ def said(shell: Shell, text: str, capsys: pytest.CaptureFixture[str]) -> tuple[s
 
 @pytest.mark.parametrize(
     ("typed", "expected"),
-    [
-        ("", []), ("  # nothing\n", []), (";;", []), ("1; 2;", ["1;", "2;"]), ("1; 2", ["1;", "2"]),
-        ("IF(a; b; c); 2;", ["IF(a; b; c);", "2;"]), ("'a;b'; \"c;\";", ["'a;b';", '"c;";']),
-        ("1 # a;\n + 2; /* ; */ 3;", ["1 # a;\n + 2;", "3;"]), (".tables\n1;", [".tables", "1;"]),
-        ("# first\n.sql SELECT 'it; # /* (\n.5 + 1;", [".sql SELECT 'it; # /* (", ".5 + 1;"]),
-        ("x\n.y;", ["x\n.y;"]), ("a); b;", ["a);", "b;"]), ("'open; 2;\n3;", ["'open; 2;", "3;"]),
-        ("1;\n  .help\n\n 2;", ["1;", ".help", "2;"]),
-    ],
+    [("", []), ("  # nothing\n", []), (";;", []), ("1; 2;", ["1;", "2;"]), ("1; 2", ["1;", "2"]),
+     ("IF(a; b; c); 2;", ["IF(a; b; c);", "2;"]), ("'a;b'; \"c;\";", ["'a;b';", '"c;";']),
+     ("1 # a;\n + 2; /* ; */ 3;", ["1 # a;\n + 2;", "3;"]), (".tables\n1;", [".tables", "1;"]),
+     ("# first\n.sql SELECT 'it; # /* (\n.5 + 1;", [".sql SELECT 'it; # /* (", ".5 + 1;"]), ("x\n.y;", ["x\n.y;"]),
+     ("a); b;", ["a);", "b;"]), ("'open; 2;\n3;", ["'open; 2;", "3;"]), ("1;\n  .help\n\n 2;", ["1;", ".help", "2;"])],
 )  # fmt: skip
 def test_typed_text_is_cut_into_statements_and_commands(typed: str, expected: list[str]) -> None:
     assert [piece.text for piece in pieces(typed)] == expected
@@ -80,12 +77,9 @@ def test_typed_text_is_cut_into_statements_and_commands(typed: str, expected: li
 
 @pytest.mark.parametrize(
     ("typed", "ready"),
-    [
-        ("", True), ("1;", True), ("1", False), ("1; 2", False), ("SELECT a\nFROM b;", True), ("(1;", False),
-        ("(1;\n", True), ("(1;\n2", False), ("1 /* ;", False), ("1; # more", True), (".help", True),
-        ("x = 'open", True), ("x = 'a\\", False), ("x = 'a\\\nb';", True), ("IF(a; b", False), ("1;\n.tables", True),
-        ("1\n\n", False),
-    ],
+    [("", True), ("1;", True), ("1", False), ("1; 2", False), ("SELECT a\nFROM b;", True), ("(1;", False),
+     ("(1;\n", True), ("(1;\n2", False), ("1 /* ;", False), ("1; # more", True), (".help", True), ("x = 'open", True),
+     ("x = 'a\\", False), ("x = 'a\\\nb';", True), ("IF(a; b", False), ("1;\n.tables", True), ("1\n\n", False)],
 )  # fmt: skip
 def test_when_enter_runs_what_was_typed(typed: str, ready: bool) -> None:
     assert is_ready(typed) is ready
@@ -104,7 +98,7 @@ def test_results_are_tables_and_assignments_a_line_beside_them(shell: Shell, cap
     assert "characters, the first" in out
 
 
-def test_an_error_shows_the_line_and_the_session_goes_on(shell: Shell, capsys) -> None:
+def test_an_error_or_exception_shows_the_line_and_the_session_goes_on(shell: Shell, capsys) -> None:
     out, err = said(shell, "x = 1;\n  y = zz; x = 2;", capsys)
     assert out == ""
     place = " --> <script>:2:7\n  |\n2 |   y = zz;\n  |       ^^\n"
@@ -113,9 +107,6 @@ def test_an_error_shows_the_line_and_the_session_goes_on(shell: Shell, capsys) -
     assert shell.failed
     assert "help: load it with .load FILE.py; .functions lists the known ones" in said(shell, "foo(1);", capsys)[1]
     assert said(shell, "x;", capsys) == ("1\n", "")  # what stood behind the error has not run
-
-
-def test_an_exception_of_the_users_function(shell: Shell, capsys) -> None:
     assert said(shell, ".load functions.py", capsys) == ("", "functions: twice, broken, begun\n")
     _, err = said(shell, "1;\n broken(2);", capsys)
     assert "TypeError" in err
@@ -189,15 +180,13 @@ def test_help_names_every_command_and_has_an_example(shell: Shell, capsys) -> No
 
 @pytest.mark.parametrize(
     ("line", "told"),
-    [
-        (".tabels", "did you mean '.tables'?"), (".maximum 0", "N or off, not 0"), (".timer perhaps", "on or off"),
-        (".engine oracle", "auto or database or native or duckdb or spark, not oracle"),
-        (".timeout -1", "SECONDS or off, not -1"), (".exit now", "takes nothing"), (".set x", ".set start"),
-        (".attach staff", ".attach staff staff.db"), (".attach staff nowhere.db", "no file nowhere.db"),
-        (".load nowhere.py", "no file nowhere.py"), (".read nowhere.ss", "nowhere.ss cannot be read"),
-        (".sql", "nothing has run yet"), (".plot", "no result"), (".tables nowhere", "nowhere"),
-        (".attach w nowhere:world", "nowhere"), (".load", ".load functions.py"),
-    ],
+    [(".tabels", "did you mean '.tables'?"), (".maximum 0", "N or off, not 0"), (".timer perhaps", "on or off"),
+     (".engine oracle", "auto or database or native or duckdb or spark, not oracle"),
+     (".timeout -1", "SECONDS or off, not -1"), (".exit now", "takes nothing"), (".set x", ".set start"),
+     (".attach staff", ".attach staff staff.db"), (".attach staff nowhere.db", "no file nowhere.db"),
+     (".load nowhere.py", "no file nowhere.py"), (".read nowhere.ss", "nowhere.ss cannot be read"),
+     (".sql", "nothing has run yet"), (".plot", "no result"), (".tables nowhere", "nowhere"),
+     (".attach w nowhere:world", "nowhere"), (".load", ".load functions.py")],
 )  # fmt: skip
 def test_what_does_not_exist(line: str, told: str, shell: Shell, capsys) -> None:
     out, err = said(shell, line, capsys)
@@ -206,19 +195,7 @@ def test_what_does_not_exist(line: str, told: str, shell: Shell, capsys) -> None
     assert told in err
 
 
-def test_tables_of_a_file_and_objects_of_modules(shell: Shell, folder: Path, staff: Path, capsys) -> None:
-    assert said(shell, ".tables", capsys)[0].startswith("there are no tables")
-    assert said(shell, ".attach work data.db", capsys) == ("", "tables: work.chiefs, work.staff\n")
-    assert said(shell, ".tables", capsys)[0].split() == ["work.chiefs", "name", "work.staff", "id,", "boss,", "name"]
-    assert said(shell, ".tables work.staff", capsys)[0].splitlines()[0] == "FROM work.staff"
-    assert "│ Ada  │" in said(shell, "SELECT name FROM work.staff;", capsys)[0]
-    (folder / "somewhere.py").write_text("people = [{'name': 'Ada'}]\n")
-    for line in (".attach people somewhere:people", ".attach people=somewhere:people"):
-        assert said(shell, line, capsys)[1].startswith("people: list")
-    assert "│ Ada  │" in said(shell, "SELECT name FROM people;", capsys)[0]
-
-
-def test_variables_and_functions(shell: Shell, capsys) -> None:
+def test_variables_functions_tables_and_objects(shell: Shell, capsys, folder: Path, staff: Path) -> None:
     assert said(shell, ".variables", capsys)[0].startswith("there are no variables")
     said(shell, ".set start [[2, 1], [], []]\n.set name Ada", capsys)
     assert shell.session.variables() == {"name": "Ada", "start": [[2, 1], [], []]}
@@ -230,6 +207,15 @@ def test_variables_and_functions(shell: Shell, capsys) -> None:
     for start in ("len(value)", "plane("):
         assert any(line.startswith(start) for line in lines)
     assert said(shell, ".functions twice", capsys)[0].split() == ["twice(x)", "Twice", "the", "value."]
+    assert said(shell, ".tables", capsys)[0].startswith("there are no tables")
+    assert said(shell, ".attach work data.db", capsys) == ("", "tables: work.chiefs, work.staff\n")
+    assert said(shell, ".tables", capsys)[0].split() == ["work.chiefs", "name", "work.staff", "id,", "boss,", "name"]
+    assert said(shell, ".tables work.staff", capsys)[0].splitlines()[0] == "FROM work.staff"
+    assert "│ Ada  │" in said(shell, "SELECT name FROM work.staff;", capsys)[0]
+    (folder / "somewhere.py").write_text("people = [{'name': 'Ada'}]\n")
+    for line in (".attach people somewhere:people", ".attach people=somewhere:people"):
+        assert said(shell, line, capsys)[1].startswith("people: list")
+    assert "│ Ada  │" in said(shell, "SELECT name FROM people;", capsys)[0]
 
 
 def test_a_file_is_read_up_to_its_first_error(shell: Shell, folder: Path, capsys) -> None:
@@ -275,20 +261,20 @@ def piped(text: str, *options: str) -> Result:
     return answer
 
 
-def test_statements_come_from_a_pipe() -> None:
+def test_statements_come_from_a_pipe_also_after_an_error() -> None:
     answer = piped("x = 1;\nSELECT this\n  FROM [x];\n.set y 2\nx + y", "--format", "json")
     assert answer.stdout == '[{"this": 1}]\n3\n'
     assert (answer.exit_code, answer.stderr) == (0, "x = 1\ny = 2\n")
     assert piped("").stdout == ""
     assert piped("1;\n.exit\n2;").stdout == "1\n"
-
-
-def test_a_pipe_goes_on_after_an_error_and_ends_with_code_1() -> None:
     answer = piped("a = 1;\nb = zz;\nc = 3; d = zz;\n\n 'open;\na + c;\n")
     assert answer.stdout == "4\n"
     assert [line for line in answer.stderr.splitlines() if "-->" in line] == [
         " --> <stdin>:2:5", " --> <stdin>:3:12", " --> <stdin>:5:2"]  # fmt: skip
     assert answer.exit_code == 1
+    answer = piped(b"1;\n\xff;\n")  # type: ignore[arg-type]
+    assert (answer.exit_code, answer.stdout) == (1, "1\n")
+    assert "line 2 of the standard input cannot be read" in answer.stderr
 
 
 def test_options_of_run_are_those_of_the_shell() -> None:
@@ -299,7 +285,7 @@ def test_options_of_run_are_those_of_the_shell() -> None:
     assert [line.split()[:2] for line in lines] == [["timeout:", "3"], ["maximum:", "4"]]
 
 
-def test_a_statement_runs_before_the_pipe_ends(shell: Shell, capsys) -> None:
+def test_a_pipe_is_read_line_by_line(shell: Shell, capsys, monkeypatch) -> None:
     seen: list[str] = []
 
     class Stream(io.RawIOBase):
@@ -311,20 +297,11 @@ def test_a_statement_runs_before_the_pipe_ends(shell: Shell, capsys) -> None:
 
     run_piped(shell, Stream())  # type: ignore[arg-type]
     assert seen == ["", "1\n", "", "2\n"]
-
-
-def test_a_long_statement_is_not_read_again_with_every_line(shell: Shell, capsys, monkeypatch) -> None:
     cuts = []
     monkeypatch.setattr("ss2sql.shell.piped.pieces", lambda text: cuts.append(text) or pieces(text))
     run_piped(shell, io.BytesIO(b"x = [\n" + b"1,\n" * 1000 + b"1];\n"))
     assert len(cuts) <= 2
     assert capsys.readouterr().err.startswith("x = [1, 1, 1")
-
-
-def test_text_that_is_no_text() -> None:
-    answer = piped(b"1;\n\xff;\n")  # type: ignore[arg-type]
-    assert (answer.exit_code, answer.stdout) == (1, "1\n")
-    assert "line 2 of the standard input cannot be read" in answer.stderr
 
 
 @pytest.mark.parametrize("missing", [(), ("prompt_toolkit",)], ids=str)

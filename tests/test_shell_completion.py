@@ -66,11 +66,9 @@ def test_clauses_stand_in_their_order_and_once(marked: str, expected: set[str], 
 
 @pytest.mark.parametrize(
     ("written", "gone"),
-    [
-        ("", ""), ("NO CYCLE", "NO CYCLE UNIQUE MEMORIZE"), ("UNIQUE", "NO CYCLE UNIQUE MEMORIZE"),
-        ("BREADTH FIRST", "DEPTH FIRST BREADTH FIRST COST PROBABILITY"), ("MAXIMUM 3", "MAXIMUM"),
-        ("COST 1 HEURISTIC 2", "DEPTH FIRST BREADTH FIRST COST PROBABILITY HEURISTIC"),
-    ],
+    [("", ""), ("NO CYCLE", "NO CYCLE UNIQUE MEMORIZE"), ("UNIQUE", "NO CYCLE UNIQUE MEMORIZE"),
+     ("BREADTH FIRST", "DEPTH FIRST BREADTH FIRST COST PROBABILITY"), ("MAXIMUM 3", "MAXIMUM"),
+     ("COST 1 HEURISTIC 2", "DEPTH FIRST BREADTH FIRST COST PROBABILITY HEURISTIC")],
 )  # fmt: skip
 def test_options_that_contradict_each_other_are_not_offered(written: str, gone: str, known: Known) -> None:
     options = {keyword.text for keyword in keywords().values() if keyword.sort == "option"}
@@ -187,14 +185,11 @@ def test_any_cut_of_a_script_can_be_completed(known: Known) -> None:
 
 @pytest.mark.parametrize(
     ("marked", "expected"),
-    [
-        ("move(|", ("move(step, tower, quick=False)", 0)),
-        ("move(1, |)", ("move(step, tower, quick=False)", 1)),
-        ("move([1, 2], f(3, 4), |", ("move(step, tower, quick=False)", 2)),
-        ("move(1, (2 + |", ("move(step, tower, quick=False)", 1)),
-        ("SELECT a FROM b AS plane(0, |", ("plane(plane, start, size, blur=0)", 1)),
-        ("move(len(|", ("len(value)", 0)), ("move(1, 2)|", None), ("(|", None), ("unknown(|", None),
-    ],
+    [("move(|", ("move(step, tower, quick=False)", 0)), ("move(1, |)", ("move(step, tower, quick=False)", 1)),
+     ("move([1, 2], f(3, 4), |", ("move(step, tower, quick=False)", 2)),
+     ("move(1, (2 + |", ("move(step, tower, quick=False)", 1)),
+     ("SELECT a FROM b AS plane(0, |", ("plane(plane, start, size, blur=0)", 1)), ("move(len(|", ("len(value)", 0)),
+     ("move(1, 2)|", None), ("(|", None), ("unknown(|", None)],
 )  # fmt: skip
 def test_the_call_around_the_cursor(marked: str, expected: tuple[str, int] | None, known: Known) -> None:
     cursor = marked.index("|")

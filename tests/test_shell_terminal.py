@@ -150,10 +150,8 @@ def test_suggestions_while_typing_need_the_beginning_of_a_word(terminal: Termina
 
 @pytest.mark.parametrize(
     ("typed", "shown"),
-    [
-        ("", "Ctrl-D leaves"), ("round(1, ", "round(value, digits=None)  the nearest"), ("1 /* a\n", "/* is open"),
-        ("1 +\n", "a statement ends with ;"), ("f(1 +\n", "( is open; Ctrl-C"), ("f(1;\n", "( is open; Enter runs"),
-    ],
+    [("", "Ctrl-D leaves"), ("round(1, ", "round(value, digits=None)  the nearest"), ("1 /* a\n", "/* is open"),
+     ("1 +\n", "a statement ends with ;"), ("f(1 +\n", "( is open; Ctrl-C"), ("f(1;\n", "( is open; Enter runs")],
 )  # fmt: skip
 def test_the_line_at_the_bottom(typed: str, shown: str, terminal: Terminal) -> None:
     assert shown in fragment_list_to_text(terminal.toolbar(Document(typed)))
@@ -220,8 +218,7 @@ def test_the_history_is_for_its_owner_alone(folder: Path, monkeypatch) -> None:
     finally:
         os.umask(before)
     assert path == folder / "state" / "ss2sql" / "history"
-    assert stat.S_IMODE(path.stat().st_mode) == 0o600
-    assert stat.S_IMODE(path.parent.stat().st_mode) == 0o700
+    assert (stat.S_IMODE(path.stat().st_mode), stat.S_IMODE(path.parent.stat().st_mode)) == (0o600, 0o700)
     assert list(_Remembered(str(path.parent)).load_history_strings()) == []  # nothing where it cannot be read
     path.chmod(0o644)
     assert stat.S_IMODE(history.history_file().stat().st_mode) == 0o600

@@ -51,28 +51,22 @@ def test_names_are_case_sensitive(ss: ss2sql.Session, file: Path) -> None:
 @both
 @pytest.mark.parametrize(
     ("script", "code", "hint"),
-    [
-        ("SELECT mas FROM t;", "R001", "did you mean 'mass'"),
-        ("SELECT t.sise FROM t;", "R001", "did you mean 'size'"),
-        ("SELECT Mass FROM t;", "R001", "did you mean 'mass'"),
-        ("SELECT 1 FROM other.v;", "R003", "R003"),
-        ("SELECT 1 FROM another.t;", "R003", "R003"),
-        ("SELECT 1 FROM main.u;", "R003", "R003"),
-        ("SELECT 1 FROM main['a b'];", "R003", "unknown source 'main.a b'"),
-        ("SELECT 1 FROM main;", "R003", "'main' is the session's own file: name one of its tables, FROM main.table"),
-        ("SELECT 1 FROM other;", "R003", "'other' is a file: name one of its tables, FROM other.table"),
-        ("SELECT * FROM elements;", "R003", "R003"),
-    ],
-)
+    [("SELECT mas FROM t;", "R001", "did you mean 'mass'"), ("SELECT t.sise FROM t;", "R001", "did you mean 'size'"),
+     ("SELECT Mass FROM t;", "R001", "did you mean 'mass'"), ("SELECT 1 FROM other.v;", "R003", ""),
+     ("SELECT 1 FROM another.t;", "R003", ""), ("SELECT 1 FROM main.u;", "R003", ""),
+     ("SELECT 1 FROM main['a b'];", "R003", "unknown source 'main.a b'"),
+     ("SELECT 1 FROM main;", "R003", "'main' is the session's own file: name one of its tables, FROM main.table"),
+     ("SELECT 1 FROM other;", "R003", "'other' is a file: name one of its tables, FROM other.table"),
+     ("SELECT * FROM elements;", "R003", "")],
+)  # fmt: skip
 def test_what_is_not_there(ss: ss2sql.Session, file: Path, engine: Any, script: str, code: str, hint: str) -> None:
     """Nor is what is SQLite's own."""
     write(file, "CREATE TABLE t(mass, size)")
     write(file.with_name("other.db"), "CREATE TABLE t(a); CREATE TABLE u(b)")
     ss.attach("other", file.with_name("other.db"))
     ss.run("SELECT this FROM [1];", engine="database")
-    with pytest.raises(ss2sql.ResolveError, match=hint) as caught:
+    with pytest.raises(ss2sql.ResolveError, match=rf"{code}[\s\S]*{hint}"):
         ss.run(script, engine=engine)
-    assert caught.value.code == code
 
 
 @both
@@ -96,9 +90,7 @@ def test_the_same_name_in_two_files(ss: ss2sql.Session, file: Path, engine: Any)
 
 
 @both
-def test_rows_of_a_table_without_numbers_come_in_the_order_of_its_key(
-    ss: ss2sql.Session, file: Path, engine: Any
-) -> None:
+def test_rows_of_a_table_without_numbers_come_by_its_key(ss: ss2sql.Session, file: Path, engine: Any) -> None:
     """Rising, also where the key is declared to fall."""
     write(file, "CREATE TABLE w(a, b, PRIMARY KEY (b DESC, a)) WITHOUT ROWID")
     write(file, "INSERT INTO w VALUES (1, 1), (2, 1), (1, 2)")
@@ -113,9 +105,8 @@ def test_a_view_that_cannot_be_read(ss: ss2sql.Session, file: Path) -> None:
     query = ss.compile("SELECT a FROM v;")
     write(file, "DROP TABLE gone")
     for call in (query.run, lambda: ss.run("SELECT a FROM v;")):
-        with pytest.raises(ss2sql.ExecutionError, match="the view 'v' cannot be read: no such table") as caught:
+        with pytest.raises(ss2sql.ExecutionError, match=r"X009.*the view 'v' cannot be read: no such table") as caught:
             call()
-        assert caught.value.code == "X009"
         assert caught.value.span is not None
         assert caught.value.span.text == "v"
     assert ss.eval("1 + 1;") == 2
@@ -130,28 +121,17 @@ def test_a_file_that_somebody_writes(ss: ss2sql.Session, file: Path, engine: Any
     writer = apsw.Connection(str(file))
     writer.execute("BEGIN EXCLUSIVE; UPDATE t SET a = 2")
     for call in (lambda: query.run(engine=engine), lambda: ss.run("SELECT a FROM t;", engine=engine)):
-        with pytest.raises(ss2sql.ExecutionError, match="database is locked") as caught:
+        with pytest.raises(ss2sql.ExecutionError, match=r"X009.*database is locked"):
             call()
-        assert caught.value.code == "X009"
     writer.execute("COMMIT")
     writer.close()
     assert query.run(engine=engine).value == [2]
 
 
 @both
-def test_an_infinity_is_no_number_of_the_language(ss: ss2sql.Session, file: Path, engine: Any) -> None:
-    write(file, "CREATE TABLE t(a REAL); INSERT INTO t VALUES (1.5), (9e999)")
-    assert ss.run("SELECT a FROM t WHERE a < 2 AS list;", engine=engine).value == [1.5]
-    for column in ("a + 1", "a * 0", "abs(a)"):
-        assert code_of(ss.run, f"SELECT {column} FROM t;", engine=engine) == "X004"
-
-
-@both
 @pytest.mark.parametrize("source", ["t", "mixed", "v"])
 @pytest.mark.parametrize("infinity", ["9e999", "-9e999"])
-def test_an_infinity_never_becomes_a_value(
-    ss: ss2sql.Session, file: Path, engine: Any, source: str, infinity: str
-) -> None:
+def test_an_infinity_becomes_no_value(ss: ss2sql.Session, file: Path, engine: Any, source: str, infinity: str) -> None:
     write(file, f"CREATE TABLE t(a REAL); INSERT INTO t VALUES (1.5), ({infinity}), (NULL);"
                 "CREATE TABLE mixed AS SELECT a FROM t UNION ALL SELECT 'x';"
                 f"CREATE VIEW v AS SELECT 1.5 AS a UNION ALL SELECT {infinity}")  # fmt: skip
@@ -161,12 +141,13 @@ def test_an_infinity_never_becomes_a_value(
         "SELECT a FROM {} START WITH n = 0 CONNECT BY n = n + 1 STOP WITH n == 2;",
         "SELECT (SELECT a FROM {} AS list) FROM [1] AS list;",
         "SELECT x.this FROM x = (SELECT a FROM {} AS list) AS list;",
-        "len(SELECT a FROM {} AS list);",
+        "len(SELECT a FROM {} AS list);", "SELECT a + 1 FROM {};", "SELECT a * 0 FROM t;", "SELECT abs(a) FROM {};",
     ):  # fmt: skip
         assert code_of(ss.run, script.format(source), engine=engine) == "X004", script
     with pytest.raises(ss2sql.ExecutionError, match=r"the column 'a' holds -?inf at \[1\]"):
         ss.run(f"SELECT a FROM {source};", engine=engine)
-    assert ss.run(f"SELECT a FROM {source} LIMIT 1 AS list;", engine=engine).value == [1.5]
+    for end in ("LIMIT 1", "WHERE a == 1.5"):
+        assert ss.run(f"SELECT a FROM {source} {end} AS list;", engine=engine).value == [1.5]
 
 
 # --- bounds of the numbers in columns: what they are, and that they are never stale --------------------------
@@ -185,22 +166,10 @@ def bounds(values: list[Any], more: str = "", source: str = "t") -> tuple[float 
 
 @pytest.mark.parametrize(
     ("values", "low", "high"),
-    [
-        ([1], 1, 1),
-        ([0, 1], 0, 1),
-        ([3, 100], 2, 128),
-        ([-5, None], -8, -4),
-        ([-1, 33], -1, 64),
-        ([0.25, 7.5], 0, 8),
-        ([-0.25, 2], -1, 2),
-        ([2**62], 2**62, 2**62),
-        ([-(2**63), 2**63 - 1], None, None),
-        ([1e308], 2**1023, None),
-        ([1, "one"], None, None),
-        ([None], None, None),
-        ([], None, None),
-    ],
-)
+    [([1], 1, 1), ([0, 1], 0, 1), ([3, 100], 2, 128), ([-5, None], -8, -4), ([-1, 33], -1, 64), ([0.25, 7.5], 0, 8),
+     ([-0.25, 2], -1, 2), ([2**62], 2**62, 2**62), ([-(2**63), 2**63 - 1], None, None), ([1e308], 2**1023, None),
+     ([1, "one"], None, None), ([None], None, None), ([], None, None)],
+)  # fmt: skip
 def test_bounds_are_powers_of_two(values: list[Any], low: float | None, high: float | None) -> None:
     assert bounds(values) == bounds(values, "CREATE INDEX i ON t(a)") == (low, high)
 
@@ -241,11 +210,9 @@ def test_bounds_are_never_stale(ss: ss2sql.Session, file: Path, tmp_path: Path, 
     ss.attach("other", tmp_path / "other.db")
     own = ss.host.connection
     changes: list[tuple[str, Callable[[str], Any]]] = [
-        ("t", lambda text: write(file, text)),
-        ("t", own.execute),
-        ("u", lambda text: write(tmp_path / "other.db", text)),
-        ("u", own.execute),
-    ]
+        ("t", lambda text: write(file, text)), ("t", own.execute),
+        ("u", lambda text: write(tmp_path / "other.db", text)), ("u", own.execute),
+    ]  # fmt: skip
     for table, change in changes:
         query = ss.compile(THIRDS.replace("FROM t", f"FROM {table}"))
         assert query.run(engine=engine).value == [2.0]
@@ -289,31 +256,25 @@ def test_sqlite_computes_with_small_numbers_by_itself(ss: ss2sql.Session, file: 
 def test_a_text_that_is_not_utf_8(ss: ss2sql.Session, file: Path, engine: Any) -> None:
     write(file, "CREATE TABLE t(a TEXT, b); INSERT INTO t VALUES (CAST(x'4dfc6c' AS TEXT), 1);"
                 "CREATE VIEW v AS SELECT CAST(a AS BLOB) AS a FROM t")  # fmt: skip
-    with pytest.raises(ss2sql.ExecutionError, match="SQLite: a text is not UTF-8") as caught:
+    with pytest.raises(ss2sql.ExecutionError, match=r"X009.*SQLite: a text is not UTF-8") as caught:
         ss.run("SELECT a FROM t;", engine=engine)
-    assert caught.value.code == "X009"
     assert "CAST(column AS BLOB)" in caught.value.hints[0]
     assert ss.run("SELECT a FROM v AS list;", engine=engine).value == [b"M\xfcl"]
 
 
 BESIDE_UNREADABLE: list[tuple[str, Any]] = [
-    ("SELECT i FROM t AS list", [1, 2, 3, 4]),
-    ("SELECT i FROM t WHERE i > 2 AS list", [3, 4]),
-    ("SELECT a FROM t WHERE i == 1 AS list", ["ann"]),
-    ("SELECT * FROM t WHERE i == 1", [{"i": 1, "a": "ann"}]),
-    ("SELECT i FROM t WHERE a == 'bob' AS list", [4]),
-    ("SELECT i FROM t WHERE a != 'bob' AS list", [1, 2, 3]),
+    ("SELECT i FROM t AS list", [1, 2, 3, 4]), ("SELECT i FROM t WHERE i > 2 AS list", [3, 4]),
+    ("SELECT a FROM t WHERE i == 1 AS list", ["ann"]), ("SELECT * FROM t WHERE i == 1", [{"i": 1, "a": "ann"}]),
+    ("SELECT i FROM t WHERE a == 'bob' AS list", [4]), ("SELECT i FROM t WHERE a != 'bob' AS list", [1, 2, 3]),
     ("SELECT i FROM t WHERE a IN ['ann', 'bob'] AS list", [1, 4]),
     ("SELECT x.i, y.i FROM x = t, y = t WHERE x.a == y.a AND x.i < y.i AS list", [2, 3]),
-    ("SELECT len(i) FROM t GROUP BY a AS list", None),
-    ("SELECT i FROM t WHERE a AS list", [1, 2, 3, 4]),
+    ("SELECT len(i) FROM t GROUP BY a AS list", None), ("SELECT i FROM t WHERE a AS list", [1, 2, 3, 4]),
     ("SELECT i FROM t WHERE same(i) == 3 AS list", [3]),
     ("SELECT i FROM t START WITH n = 0 CONNECT BY UNIQUE n = i STOP WITH i == 2 ORDER BY i AS list", None),
     ("SELECT i FROM t WHERE i == 4 START WITH n = 'ann' CONNECT BY UNIQUE n = a STOP WITH a != n AS list", None),
-    ("SELECT i FROM t LIMIT 2 AS list", [1, 2]),
-    ("SELECT a FROM t LIMIT 1 AS list", ["ann"]),
+    ("SELECT i FROM t LIMIT 2 AS list", [1, 2]), ("SELECT a FROM t LIMIT 1 AS list", ["ann"]),
     ("SELECT (SELECT a FROM t WHERE t.i == q.i AS value) FROM q = t WHERE q.i == 1 AS list", ["ann"]),
-]
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("query", [query for query, _ in BESIDE_UNREADABLE])
@@ -345,9 +306,8 @@ def test_what_needs_a_text_that_is_not_utf_8(ss: ss2sql.Session, file: Path, que
     ss.function("f", lambda value: value.upper())
     ss.function("g", lambda value: [value])
     for engine in ("native", "database", "auto"):
-        with pytest.raises(ss2sql.ExecutionError, match=r"a text is not UTF-8: b'M.xfcl") as caught:
+        with pytest.raises(ss2sql.ExecutionError, match=r"X009.*a text is not UTF-8: b'M.xfcl"):
             ss.run(f"SELECT {query} FROM t;", engine=engine)  # type: ignore[arg-type]
-        assert caught.value.code == "X009"
     with pytest.raises(ss2sql.ExecutionError, match="a text is not UTF-8"):
         ss.run("x = (SELECT a FROM t AS list); x;", engine="native")
 

@@ -23,9 +23,7 @@ def test_a_good_adapter_passes() -> None:
     arguments = {"gaps": [(min(box.balls),)], "near": [(0.0, 0.0, 0.0), (1, 1, 0, 4.0)]}
     for given in (None, arguments):
         report = ss2sql.check_world(BallWorld(box), seed=1, queries=QUERIES, change=box.change, arguments=given)
-        assert report.queries == QUERIES
-        assert report.elements == {"balls": 25}
-        assert report.skipped == []
+        assert (report.queries, report.elements, report.skipped) == (QUERIES, {"balls": 25}, [])
     assert ss2sql.check_world(BallWorld(Box()), queries=10).elements == {"balls": 0}
 
 
@@ -96,20 +94,17 @@ def test_a_broken_world_is_named(make: Callable[[], Any], rule: str) -> None:
 
 @pytest.mark.parametrize(
     ("changes", "text"),
-    [
-        ({"columns": (Column("id", int), Column("id", int))}, "two columns are called 'id'"),
-        ({"columns": (Column("id", int), Column("no name", int))}, "no name"),
-        ({"columns": (Column("id", int), Column("x", complex))}, "is no type of a column"),
-        ({"columns": (Column("id", int, filter="=="),)}, "cannot be filtered by '=='"),
-        ({"key": "number"}, "its key 'number' is no column"),
-        ({"groups": {"x": "y"}}, "has no method of this name"),
-        ({"blocks": {"place": "pos(x y) name"}}, "'pos' is no list of 2 plain values"),
-        ({"blocks": {"place": "pos(x=name y z)"}}, "x and name are the same value, and of different types"),
-        ({"blocks": {"place": "pos(x y z=y)"}}, "the column 'y' is given twice"),
-        ({"blocks": {"place": "pos(x y z"}}, "does not name columns"),
-        ({"blocks": {"place": "pos(x(y) z)"}}, "does not name columns"),
-    ],
-)
+    [({"columns": (Column("id", int), Column("id", int))}, "two columns are called 'id'"),
+     ({"columns": (Column("id", int), Column("no name", int))}, "no name"),
+     ({"columns": (Column("id", int), Column("x", complex))}, "is no type of a column"),
+     ({"columns": (Column("id", int, filter="=="),)}, "cannot be filtered by '=='"),
+     ({"key": "number"}, "its key 'number' is no column"), ({"groups": {"x": "y"}}, "has no method of this name"),
+     ({"blocks": {"place": "pos(x y) name"}}, "'pos' is no list of 2 plain values"),
+     ({"blocks": {"place": "pos(x=name y z)"}}, "x and name are the same value, and of different types"),
+     ({"blocks": {"place": "pos(x y z=y)"}}, "the column 'y' is given twice"),
+     ({"blocks": {"place": "pos(x y z"}}, "does not name columns"),
+     ({"blocks": {"place": "pos(x(y) z)"}}, "does not name columns")],
+)  # fmt: skip
 def test_declarations_that_cannot_be_are_refused_when_attached(changes: dict[str, Any], text: str) -> None:
     columns = Column("name", str), Column("pos", (float, float, float)), *(Column(axis, float) for axis in "xyz")
     plain = {"name": "things", "key": "id", "columns": (Column("id", int),), "keys": lambda self, where: [1]}

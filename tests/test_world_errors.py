@@ -153,32 +153,25 @@ def test_bodies_removed_within_a_query(client: Any, ss: ss2sql.Session, engine: 
     assert answers(ss, "SELECT id FROM space AS list;") == []
 
 
-# --- names and arguments that are wrong ----------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("script", "code", "says", "cure", "where"),
-    [
-        ("SELECT id FROM space.near;", "R005", "lacks point and radius", "space.near(point, radius)", "space.near"),
-        ("SELECT id FROM space.near([0, 0], radus=2);", "R005", "no argument 'radus'", "'radius'", "radus"),
-        ("SELECT n.id FROM a = space, n = space.near(a.pos);", "R005", "lacks radius", "radius)", "space.near(a.pos)"),
-        ("SELECT mas FROM space;", "R001", "unknown name 'mas'", "'mass'", "mas"),
-        ("SELECT space.mas FROM space;", "R001", "no column 'mas'", "'mass'", "space.mas"),
-        ("SELECT this.mas FROM space;", "R001", "no column 'mas'", "'mass'", "this.mas"),
-        ("SELECT n.idd FROM n = space.near([0, 0], 9);", "R001", "no column 'idd'", "'id'", "n.idd"),
-        ("SELECT id FROM space WHERE isSfere(this);", "R002", "function 'isSfere'", "'isSphere'", "isSfere"),
-        ("SELECT space.isSfere(this) FROM space;", "R002", "function 'isSfere'", "'isSphere'", "space.isSfere"),
-        ("SELECT id FROM spce;", "R003", "'spce'", "'space'", "spce"),
-        ("SELECT space.near(x, 1) FROM space;", "R002", "no function 'near'", "FROM space.near(", "space.near"),
-        ("SELECT id FROM space.link;", "R003", "no table 'link'", "'links'", "space.link"),
-        ("SELECT id FROM space AS plain;", "R006", "'plain'", "'plane'", "AS plain"),
-        ("SELECT id FROM space.near('body_9', 1);", "X011", "'body_9'", "'body_3'", "space.near('body_9', 1)"),
-        ("mass(1);", "X007", "needs an element of a world", "`this`", "mass(1)"),
-    ],
-)
-def test_a_wrong_name_or_argument(
-    ss: ss2sql.Session, engine: Any, script: str, code: str, says: str, cure: str, where: str
-) -> None:
+    [("SELECT id FROM space.near;", "R005", "lacks point and radius", "space.near(point, radius)", "space.near"),
+     ("SELECT id FROM space.near([0, 0], radus=2);", "R005", "no argument 'radus'", "'radius'", "radus"),
+     ("SELECT n.id FROM a = space, n = space.near(a.pos);", "R005", "lacks radius", "radius)", "space.near(a.pos)"),
+     ("SELECT mas FROM space;", "R001", "unknown name 'mas'", "'mass'", "mas"),
+     ("SELECT space.mas FROM space;", "R001", "no column 'mas'", "'mass'", "space.mas"),
+     ("SELECT this.mas FROM space;", "R001", "no column 'mas'", "'mass'", "this.mas"),
+     ("SELECT n.idd FROM n = space.near([0, 0], 9);", "R001", "no column 'idd'", "'id'", "n.idd"),
+     ("SELECT id FROM space WHERE isSfere(this);", "R002", "function 'isSfere'", "'isSphere'", "isSfere"),
+     ("SELECT space.isSfere(this) FROM space;", "R002", "function 'isSfere'", "'isSphere'", "space.isSfere"),
+     ("SELECT id FROM spce;", "R003", "'spce'", "'space'", "spce"),
+     ("SELECT space.near(x, 1) FROM space;", "R002", "no function 'near'", "FROM space.near(", "space.near"),
+     ("SELECT id FROM space.link;", "R003", "no table 'link'", "'links'", "space.link"),
+     ("SELECT id FROM space AS plain;", "R006", "'plain'", "'plane'", "AS plain"),
+     ("SELECT id FROM space.near('body_9', 1);", "X011", "'body_9'", "'body_3'", "space.near('body_9', 1)"),
+     ("mass(1);", "X007", "needs an element of a world", "`this`", "mass(1)")],
+)  # fmt: skip
+def test_wrong_names(ss: ss2sql.Session, engine: Any, script: str, code: str, says: str, cure: str, where: str) -> None:
     error = refused(ss, script, engine)
     assert (error.code, place(error)) == (code, where)
     assert says in error.message
@@ -192,9 +185,8 @@ def test_a_wrong_name_or_argument(
 @pytest.mark.parametrize("path", ["not there/a.png", "", "a file/a.png", "a\0.png"])
 def test_a_picture_that_cannot_be_written(client: Any, ss: ss2sql.Session, tmp_path: Path, path: str) -> None:
     (tmp_path / "a file").write_text("")
-    with pytest.raises(ss2sql.SessionError, match="cannot be written: ") as caught:
+    with pytest.raises(ss2sql.SessionError, match=r"S002.*cannot be written: ") as caught:
         scenes.render(client, tmp_path / path, size=(16, 12))
-    assert caught.value.code == "S002"
     assert caught.value.hints == ("name a file in a folder that exists and may be written to",)
     assert [file.name for file in tmp_path.iterdir()] == ["a file"]
     assert answers(ss, "SELECT id FROM space AS list;") == [0, 1, 2, 3]
@@ -202,14 +194,11 @@ def test_a_picture_that_cannot_be_written(client: Any, ss: ss2sql.Session, tmp_p
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_a_scene_that_does_not_exist() -> None:
+def test_a_scene_that_does_not_exist_or_was_closed(ss: ss2sql.Session, engine: Any) -> None:
     for name, cure in (("hal", "did you mean 'hall'?"), ("sea", "known here: chaos, hall")):
         with pytest.raises(ss2sql.SessionError, match=f"there is no scene '{name}'") as caught:
             getattr(scenes, name)
         assert (caught.value.code, caught.value.hints) == ("S002", (cure,))
-
-
-def test_a_scene_that_was_closed(ss: ss2sql.Session, engine: Any) -> None:
     scene = scenes.chaos(seed=1, bodies=1)
     ss.attach("space", scene)
     scene.close()

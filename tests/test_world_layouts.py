@@ -102,9 +102,7 @@ def test_blocks_grow_as_long_as_all_is_read(ss: ss2sql.Session, world: Harbour, 
          [k for k in range(3, COUNT) if k % 3 == 1 and k != 7], COUNT),
     ],
 )  # fmt: skip
-def test_no_more_is_read_than_needed(
-    ss: ss2sql.Session, world: Harbour, engine: Any, script: str, found: Any, asked: int
-) -> None:
+def test_little_is_read(ss: ss2sql.Session, world: Harbour, engine: Any, script: str, found: Any, asked: int) -> None:
     assert ss.run(script, engine=engine).value == found
     assert sum(map(len, world.asked)) == asked
     assert len({key for keys in world.asked for key in keys}) == asked
@@ -147,13 +145,10 @@ def test_the_sql_that_is_shown_asks_for_keys_as_the_one_that_runs(ss: ss2sql.Ses
     assert "SQLite finds keys of a world alone" in query.explain()
 
 
-def test_rows_of_two_sources_are_made_of_their_own_keys(ss: ss2sql.Session, engine: Any) -> None:
+def test_rows_are_made_of_their_own_keys_and_lists(ss: ss2sql.Session, engine: Any) -> None:
     script = "SELECT a.pos, b.this, a.this, b.id, b.pos FROM a = boats, b = boats WHERE b.id == a.id + 1 AND a.x > 33.5"
     ((place, after, before, number, other),) = ss.run(f"{script} AS rows;", engine=engine).value
     assert (place, number, other, before.id, after.id) == ([34, -68, 0], 69, [34.5, -69, 0], 68, 69)
-
-
-def test_each_result_has_lists_of_its_own(ss: ss2sql.Session) -> None:
     first, second = ss.run("SELECT a.pos, a.id FROM a = boats, b = range(2) WHERE a.id == 4 AS rows;").value
     first[0].append(9.0)
     assert second == ([2.0, -4.0, 0.0], 4)
@@ -199,6 +194,5 @@ def test_values_fit_their_declaration(declared: Any, given: Any, value: Any, eng
      ((float, float), 1.0), (int | None, "1"), (int | str, 1.5)],
 )  # fmt: skip
 def test_values_that_do_not_fit_are_refused_by_name(declared: Any, given: Any, engine: Any) -> None:
-    with pytest.raises(ss2sql.ExecutionError, match="the column 'value' of things holds") as caught:
+    with pytest.raises(ss2sql.ExecutionError, match=r"X004.*the column 'value' of things holds"):
         one_value(declared, given, engine)
-    assert caught.value.code == "X004"

@@ -26,7 +26,6 @@ QUERIES = int(os.environ.get("SS2SQL_WORLD_QUERIES") or amount(0.3))
 SCENES = int(os.environ.get("SS2SQL_SCENES") or amount(0.2) // 4)
 EACH = 100  # queries of one scene
 BODIES = 12
-
 every = pytest.mark.parametrize("simulator", SIMULATORS, indirect=True)
 with_a_room = pytest.mark.parametrize("simulator", sorted(set(SIMULATORS) - {"Things"}), indirect=True)
 
@@ -112,9 +111,7 @@ PAGES = {"Ode": "ode.md", "OpenRave": "openrave.md"}
 
 
 @pytest.mark.parametrize("simulator", PAGES, indirect=True)
-def test_the_page_of_a_simulator_shows_what_its_code_gives(
-    simulator: Any, capsys: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_pages_of_simulators_show_what_code_gives(simulator: Any, capsys: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     page = PAGES[type(simulator).__name__]
     monkeypatch.setattr(fake.Environment, "Load", lambda self, file: simulator.load(self), raising=False)
     text = (Path(__file__).parent.parent / "docs" / page).read_text("utf-8")
@@ -184,17 +181,14 @@ def test_bodies_are_tried_out_and_moved(simulator: Any, room: Stage, ss: ss2sql.
 @with_a_room
 @pytest.mark.parametrize(
     ("script", "message"),
-    [
-        ("move('bal', [1, 2]);", "no body is called 'bal'"),
-        ("move('ball', [1]);", r"a place \[x, y\]"),
-        ("move('ball', [1, 2, 3, 0, 0, 0, 0]);", "a turn whose four numbers are not all 0"),
-        ("collision('ball', [1]);", r"a place \[x, y\]"),
-        ("SELECT linearVelocity(this, 3) FROM space;", "an axis 0, 1 or 2"),
-        ("SELECT name FROM space WHERE within(this, [1, 2]);", "a box"),
-        ("SELECT name FROM space WHERE distance(this, [1]) < 1;", "two or three numbers"),
-        ("SELECT distance FROM space.closest(1, 2);", "lacks distance"),
-    ],
-)
+    [("move('bal', [1, 2]);", "no body is called 'bal'"), ("move('ball', [1]);", r"a place \[x, y\]"),
+     ("move('ball', [1, 2, 3, 0, 0, 0, 0]);", "a turn whose four numbers are not all 0"),
+     ("collision('ball', [1]);", r"a place \[x, y\]"),
+     ("SELECT linearVelocity(this, 3) FROM space;", "an axis 0, 1 or 2"),
+     ("SELECT name FROM space WHERE within(this, [1, 2]);", "a box"),
+     ("SELECT name FROM space WHERE distance(this, [1]) < 1;", "two or three numbers"),
+     ("SELECT distance FROM space.closest(1, 2);", "lacks distance")],
+)  # fmt: skip
 def test_wrong_use_is_told(room: Stage, ss: ss2sql.Session, engine: Any, script: str, message: str) -> None:
     with pytest.raises(ss2sql.Error, match=message) as caught:
         ss.run(script, engine=engine)
