@@ -12,23 +12,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 from ss2sql import plan
-from ss2sql.kinds import Kind
 from ss2sql.walk import can_fail, sources_read, walk
 
 MOST_HOISTED = 24
-
-
-def has_elements(source: plan.Source) -> bool:
-    """Whether a source is known to have elements."""
-    match source:
-        case plan.ValueSource(value=plan.Constant(value=value)):
-            return bool(value != [])
-        case plan.ValueSource(value=plan.MakeList(items=items)):
-            return bool(items)
-        case plan.ValueSource(value=value):
-            return not value.type.may(Kind.LIST | Kind.DICT | Kind.OBJECT)
-        case _:
-            return False
 
 
 @dataclass(frozen=True, slots=True)
