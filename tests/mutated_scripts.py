@@ -43,7 +43,7 @@ def engine_outcomes(
     for engine in engines:
         with session() as ss, contextlib.suppress(ss2sql.Error):
             ss.compile(script).statements()
-            found[engine] = outcome(ss, script, engine=engine, timeout=2.0, max_rows=3000)[0]
+            found[engine] = outcome(ss, script, engine=engine, timeout=0.5, max_rows=3000)[0]
     return {engine: one for engine, one in found.items() if one is not None and one.error not in LIMITED}
 
 

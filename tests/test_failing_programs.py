@@ -19,7 +19,7 @@ PARTS = 4
 def limited_outcome(case: ProgramCase, engine: Any) -> Outcome | None:
     """What an engine makes of it; None where it refuses it, or takes too long."""
     with session_for(case) as session:
-        found = outcome(session, case.script, engine=engine, timeout=2.0, max_rows=3000)[0]
+        found = outcome(session, case.script, engine=engine, timeout=0.5, max_rows=3000)[0]
     return None if found is None or found.error in LIMITED else found
 
 

@@ -217,7 +217,7 @@ class Asking:
 def agreed(case: ProgramCase | NotedCase, switch: str) -> None:
     """Without a rewrite the engines come to what the reference evaluator does.
 
-    Natively by the calls of the written order; SQL may make others, but none twice, and `auto` none twice either.
+    Natively by calls of the written order, in this order; SQL may make others. None is made twice.
     """
     expected = reference_outcome(case)  # type: ignore[arg-type]
     calls = case.different_calls if isinstance(case, NotedCase) else []
@@ -226,7 +226,8 @@ def agreed(case: ProgramCase | NotedCase, switch: str) -> None:
         assert is_allowed(outcome, expected, engine), (engine, switch)
         if isinstance(case, NotedCase) and outcome is not None and outcome.error != EARLY:
             if engine == "native":
-                assert case.different_calls == calls, switch
+                written = iter(calls)
+                assert all(call in written for call in case.different_calls), switch
             else:
                 assert switch == "memo" or len(case.calls) == len(set(case.calls)), (engine, switch)
 
@@ -244,5 +245,5 @@ def test_random_programs_do_not_notice_a_rewrite(case: ProgramCase, switch: str)
 @drawn(PROGRAMS)
 @given(st.binary(min_size=DECISIONS, max_size=DECISIONS).map(noted_program), st.sampled_from(SWITCHES))
 def test_random_programs_call_their_functions_as_they_may(case: NotedCase, switch: str) -> None:
-    """Programs made for rewrites: the same answer; natively the same calls of functions, in the same order."""
+    """Programs made for rewrites: the same answer; natively by the calls of the written order that it needs."""
     agreed(case, switch)
