@@ -13,6 +13,31 @@ from sessions import ENGINES, STAFF, write
 
 import ss2sql
 
+# Of these tests, which take long, `make test` runs the first of so many cases, and `make test-slow` the others.
+SAMPLED = {
+    "test_engines_agree_on_scripts_with_parts_of_others": 4,
+    "test_the_reference_agrees_on_scripts_with_parts_of_others": 2,
+    "test_a_built_in_function_asks_every_few_thousand_values": 4,
+    "test_a_timeout_ends_a_built_in_function": 3,
+    "test_types_keep_their_promise": 4,
+    "test_the_paths_are_those_of_brute_force_whenever_care_begins": 4,
+    "test_rows_come_in_the_order_of_the_table_whatever_its_indexes": 3,
+    "test_random_queries": 2,
+    "test_a_function_that_fails_is_called_once_and_fails_no_search_that_has_a_value": 2,
+    "test_shows_its_scripts_with_sql_and_rows": 3,
+    "test_a_query_inside_means_the_same_in_every_clause": 3,
+    "test_streams_that_are_closed_full_or_endless": 3,
+    "test_errors_have_no_traceback": 3,
+    "test_a_timeout_ends_the_building_of_a_value": 3,
+    "test_a_timeout_ends_every_kind_of_run": 3,
+    "test_a_view_without_an_end": 3,
+    "test_columns_of_tables_are_left_to_python_where_it_matters": 3,
+    "test_ties_totals_bounds_and_failing_steps": 3,
+    "test_random_searches": 2,
+    "test_programs_with_parts_of_others": 2,
+    "test_it_ends_when_it_has_to": 2,
+}
+
 
 @pytest.fixture
 def ss() -> Iterator[ss2sql.Session]:
@@ -90,9 +115,19 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--golden", action="store_true", help="write the expectations of tests/cases instead of comparing")
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """With `--golden` nothing runs but the test that writes."""
+    """With `--golden` nothing runs but the test that writes; what `SAMPLED` leaves out is slow."""
     if config.getoption("--golden"):
         others = [item for item in items if getattr(item, "originalname", "") != "test_case"]
         config.hook.pytest_deselected(items=others)
         items[:] = [item for item in items if item not in others]
+    cases: dict[tuple[Path, str], list[pytest.Item]] = {}
+    for item in items:
+        name = item.name.partition("[")[0]
+        if name in SAMPLED and item.get_closest_marker("slow") is None:
+            cases.setdefault((item.path, name), []).append(item)
+    for (_, name), several in cases.items():
+        for number, item in enumerate(sorted(several, key=lambda item: item.nodeid)):  # the same in every order
+            if number % SAMPLED[name]:
+                item.add_marker(pytest.mark.slow)
