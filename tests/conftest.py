@@ -43,6 +43,13 @@ SAMPLED = {
     "test_inlined_or_called_a_script_comes_to_the_same": 2,
     "test_the_wheel_without_extras": 3,
     "test_a_goal_is_found_in_any_form": 3,
+    "test_a_stop_is_found_in_any_form": 3,
+    "test_rows_are_the_same_in_any_form": 3,
+    "test_two_numbers": 3,
+    "test_paths_may_be_read_in_any_way": 2,
+    "test_steps_are_bounded": 2,
+    "test_random_queries_give_what_copies_give": 3,
+    "test_three_evaluators_agree_on_searches_over_edges": 3,
 }
 
 
