@@ -233,12 +233,6 @@ class Expressions:
         return sql.case([(self.condition(expr.condition, env), branches[0])], branches[1])
 
     def aggregate(self, expr: plan.Aggregate, env: Env) -> Node:
-        if expr.function == "sum" and expr.argument is not None:
-            return sql.call("group_sum", self.value(expr.argument, env), self.place(expr.span))
-        return self.collected(expr, env)
-
-    def collected(self, expr: plan.Aggregate, env: Env) -> Node:
-        """What SQLite makes of the rows of a group: the aggregate itself, but of a sum what `in_range` is asked of."""
         if expr.argument is None:
             return exp.Count(this=exp.Star())
         kind = expr.argument.type
@@ -251,6 +245,8 @@ class Expressions:
                 return exp.Min(this=argument)
             case "max" if plain:
                 return exp.Max(this=argument)
+            case "sum":
+                return sql.call("group_sum", argument, self.place(expr.span))
         return self.unboxed(sql.call(f"group_{expr.function}", argument, self.place(expr.span)), expr.type)
 
 

@@ -202,19 +202,16 @@ class OnEntering(SearchLowering):
         return sql.select(outputs, items + sources, sql.conjunction(where))
 
     def _in_turn(self, node: Node, witnesses: list[Node]) -> Node:
-        """A condition on entering that SQLite must not ask before the sources are read, of which these are columns.
+        """A condition on entering, evaluated for every step where it may change from step to step.
 
-        SQLite asks a condition as soon as all columns are known that it mentions. Its answer may change from step to
-        step; a source that fails would not be read behind a condition that does not hold; and where the order of
-        evaluation shows, nothing is asked for the sake of elements that a later source turns out not to have.
+        SQLite evaluates a condition as soon as all columns are known that it mentions; `witnesses` are a column of each
+        source.
         """
-        sources = self.query.sources
-        last = len(sources)
-        known = {_table_of(witness) for witness in witnesses[last - 1 :]}
+        last = witnesses[-1]
         changing = any(call.name in _CHANGING for call in node.find_all(exp.Anonymous))
-        if not changing or any(column.table in known for column in node.find_all(exp.Column)):
+        if not changing or any(column.table == _table_of(last) for column in node.find_all(exp.Column)):
             return node
-        return sql.call("in_turn", witnesses[last - 1].copy(), node)
+        return sql.call("in_turn", last.copy(), node)
 
     def parent_goes_on(self) -> list[Node]:
         """What is asked of the step that was taken, before its children are made."""

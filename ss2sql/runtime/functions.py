@@ -30,7 +30,7 @@ MEMO_LIMIT = 100_000
 # Names that the SQL made by lowering uses for itself; a user's function of such a name gets another one in SQL.
 RESERVED = SQLITE_FUNCTIONS | {
     *("collect", "collect_nothing", "collect_records", "collect_rows", "collect_set", "collect_value"),
-    *("group_average", "group_count", "group_max", "group_min", "group_sum", "group_total", "in_range"),
+    *("group_average", "group_count", "group_max", "group_min", "group_sum"),
     *("list", "record", "field"),
     *("truth", "in_turn", "elements", "search", "step_cost", "step_heuristic", "step_probability"),
     *("next_number", *SEARCH_FUNCTIONS),
