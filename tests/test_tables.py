@@ -141,7 +141,7 @@ def test_an_infinity_becomes_no_value(ss: ss2sql.Session, file: Path, engine: An
         "SELECT a FROM {} START WITH n = 0 CONNECT BY n = n + 1 STOP WITH n == 2;",
         "SELECT (SELECT a FROM {} AS list) FROM [1] AS list;",
         "SELECT x.this FROM x = (SELECT a FROM {} AS list) AS list;",
-        "len(SELECT a FROM {} AS list);", "SELECT a + 1 FROM {};", "SELECT a * 0 FROM t;", "SELECT abs(a) FROM {};",
+        "len(SELECT a FROM {} AS list);", "SELECT a + 1 FROM {};", "SELECT a * 0 FROM {};", "SELECT abs(a) FROM {};",
     ):  # fmt: skip
         assert code_of(ss.run, script.format(source), engine=engine) == "X004", script
     with pytest.raises(ss2sql.ExecutionError, match=r"the column 'a' holds -?inf at \[1\]"):

@@ -85,7 +85,10 @@ def types_of_table(
 def types_of_view(
     connection: apsw.Connection, view: str, columns: Sequence[Column], known: Mapping[str, Type]
 ) -> dict[str, Type]:
-    """The same of a view, without bounds: what it computes may change with every look at it, as random() does."""
+    """The same of a view, without bounds: what it computes may change with every look at it, as random() does.
+
+    Infinities are looked for all the same: `a * 0` is None in SQLite where `a` is infinite, and NaN in Python.
+    """
     try:
         with _steps_bounded(connection):
             hold = bool(known) and _hold(connection, view, columns, known)
@@ -93,6 +96,7 @@ def types_of_view(
             return {column.name: known[column.name] for column in columns}
         with _steps_bounded(connection):
             kinds = _kinds(connection, view, columns)
+            kinds |= {name: known.kinds for name, known in _bounded(connection, view, columns, kinds).items()}
     except _TooManyStepsError:
         kinds = dict.fromkeys((column.name for column in columns), STORED)
     return {name: Type(found) for name, found in kinds.items()}
