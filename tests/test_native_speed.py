@@ -9,6 +9,9 @@ from typing import Any
 import pytest
 
 import ss2sql
+from ss2sql.runtime.functions import UserFunction
+from ss2sql.runtime.native.calls import RememberedCalls
+from ss2sql.runtime.run import Run
 
 
 def test_equal_arguments_of_other_kinds_are_other_arguments(ss: ss2sql.Session, engine: Any) -> None:
@@ -102,12 +105,29 @@ def test_a_function_that_is_called_elsewhere_too(more: str) -> None:
 SEARCH = script("UNIQUE")
 
 
+@pytest.fixture
+def forgotten(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
+    """How many calls of each function are made without a memory."""
+    counts: Counter[str] = Counter()
+    made = RememberedCalls.__init__
+
+    def noting(self: RememberedCalls, function: UserFunction, run: Run, limit: int) -> None:
+        made(self, function, run, limit)
+
+        def noted(call: Callable[..., Any]) -> Callable[..., Any]:
+            return lambda *given: counts.update([function.name]) or call(*given)
+
+        self.once, self.once_of_plain = noted(self.once), noted(self.once_of_plain)
+
+    monkeypatch.setattr(RememberedCalls, "__init__", noting)
+    return counts
+
+
 @pytest.mark.parametrize(
     "query",
     [
         f"SELECT a.this FROM a = [1, 2, 3] WHERE a.this < 3 AND [] != ({SEARCH}) AS list",
         f"late = [({SEARCH}), ({SEARCH})]; SELECT this FROM late AS list; SELECT this FROM late AS list",
-        script("MEMORIZE 9"),
         script("UNIQUE", shown="this, go(this, n)"),  # two rows, one state
         script("UNIQUE", shown="this"),
         script("UNIQUE", shown="go(this, n), 0").replace(" STOP", ", n = 0 STOP"),  # one state, many rows
@@ -117,8 +137,15 @@ SEARCH = script("UNIQUE")
         SEARCH.replace("FROM [1, 2, 7]", "FROM a = [1, 2], b = [3]").replace("this", "a.this"),
     ],
 )
-def test_searches_whose_calls_are_not_all_new_ones(query: str) -> None:
+def test_searches_whose_calls_are_not_all_new_ones(query: str, forgotten: Counter[str]) -> None:
     Steps().run(query)
+    assert not forgotten
+
+
+@pytest.mark.parametrize("options", OPTIONS)
+def test_searches_whose_calls_are_all_new_ones(options: str, forgotten: Counter[str]) -> None:
+    Steps().run(script(options))
+    assert forgotten["go"] == 3 * (STATES - 1)  # the start may be a row, too
 
 
 @pytest.mark.parametrize("options", OPTIONS)
