@@ -46,11 +46,14 @@ class Copies:
         self.tables[name] = select
         return sql.table(name, item.alias_or_name)
 
-    def looked_up(self, item: exp.Table, name: str, columns: tuple[str, ...]) -> exp.Table:
-        """A copy of a list or table that SQLite can index, `rowid` first."""
-        walked = item.copy()
-        walked.set("alias", None)
-        self.tables[name] = sql.select([sql.column(column) for column in columns], [walked])
+    def looked_up(
+        self, item: exp.Table, name: str, columns: tuple[str, ...], computed: Sequence[Node] = ()
+    ) -> exp.Table:
+        """A copy of a list or table that SQLite can index, `rowid` first; what is `computed` reads the item's label."""
+        walked, label = item.copy(), item.alias_or_name if computed else None
+        if not computed:
+            walked.set("alias", None)
+        self.tables[name] = sql.select([*(sql.column(column, label) for column in columns), *computed], [walked])
         return sql.table(name, item.alias_or_name)
 
     def tables_of(self, select: exp.Select) -> list[exp.CTE]:

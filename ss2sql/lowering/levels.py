@@ -12,6 +12,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 from ss2sql import plan
+from ss2sql.lowering.keys import Key, key_of
 from ss2sql.walk import can_fail, sources_read, walk
 
 MOST_HOISTED = 24
@@ -19,11 +20,12 @@ MOST_HOISTED = 24
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """A part of WHERE with its level. A `free` one may be asked at any time from then on."""
+    """A part of WHERE with its level. A `free` one may be asked at any time from then on; one with a `key` is."""
 
     expr: plan.Expr
     level: int
     free: bool
+    key: Key | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +43,7 @@ class Levels:
     query: plan.Query
     early: bool
     hoist: bool
+    looks_up: bool
     number: dict[int, int] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -55,16 +58,24 @@ class Levels:
     def conditions(self) -> list[Condition]:
         """The parts of WHERE in written order. One that may fail is not asked before those that guard it."""
         last = len(self.query.sources)
-        parts = () if self.query.where is None else _conjuncts(self.query.where)
+        parts = () if self.query.where is None else tuple(_conjuncts(self.query.where))
         placed: list[Condition] = []
         reached = 1
         for part in parts:
             level, fails = self.of(part), can_fail(part)
+            key = self._key(part, level, [condition.expr for condition in placed])
+            if key is not None:
+                fails = False
             if fails:
                 level = max(level, reached) if self.early else last
             reached = max(reached, level)
-            placed.append(Condition(part, level, not fails))
+            placed.append(Condition(part, level, not fails, key))
         return placed
+
+    def _key(self, part: plan.Expr, level: int, before: Sequence[plan.Expr]) -> Key | None:
+        if not self.looks_up or level == 0:
+            return None
+        return key_of(self.query, self.query.sources[level - 1], part, before)
 
     def hoisted(self, conditions: Sequence[Condition], outputs: Sequence[plan.Expr]) -> list[Hoisted]:
         """The values to compute early: those of costly expressions in WHERE, then in `outputs`, innermost first."""

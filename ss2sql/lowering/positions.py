@@ -3,7 +3,8 @@
     SELECT this[1] FROM edges WHERE this[0] == 3        as if it were        SELECT dst FROM edges WHERE src == 3
 
 So `this[0]` costs no call of a function (0.2 us), and SQLite can look rows up by it. It is done where the lists are
-known to have one length, for sources of searches and for those that stand alone.
+known to have one length, for sources of searches, for those that stand alone, and in a join for those whose `this[0]`
+has to equal something: other lists are walked again and again, and a copy of the lists alone is the quickest to walk.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from typing import Any
 
 from ss2sql import plan
 from ss2sql.kinds import Kind
-from ss2sql.walk import rebuild, walk
+from ss2sql.walk import conjuncts, rebuild, sources_read, walk
 
 _Listed = plan.ValueSource | plan.QuerySource
 
@@ -27,9 +28,10 @@ def by_position(query: plan.Query) -> tuple[plan.Query, Callable[[plan.Expr], pl
     sources = {
         source.id: source
         for node in walk(query)
-        if isinstance(node, plan.Query) and (node.search is not None or len(node.sources) == 1)
+        if isinstance(node, plan.Query)
         for source in node.sources
         if isinstance(source, _Listed) and source.element.kinds == Kind.LIST and source.columns == ()
+        if node.search is not None or len(node.sources) == 1 or _is_key(node, source.id)
     }
     used: dict[int, dict[int, plan.Call]] = {}
     for node in walk(query):
@@ -61,6 +63,18 @@ def by_position(query: plan.Query) -> tuple[plan.Query, Callable[[plan.Expr], pl
 
 def column_name(position: int) -> str:
     return f"this_{position}"
+
+
+def _is_key(query: plan.Query, source: int) -> bool:
+    """Whether an element of the lists of a source has to equal what other sources give."""
+    for part in conjuncts(query.where):
+        match part:
+            case plan.Call(function=plan.Function(name="eq", builtin=True), arguments=(left, right)):
+                for key, other in ((left, right), (right, left)):
+                    item = isinstance(key, plan.Call) and key.function.name == "item" and key.function.builtin
+                    if item and sources_read(key) == {source} and source not in sources_read(other):
+                        return True
+    return False
 
 
 def _place(node: Any, sources: dict[int, _Listed]) -> tuple[int, int] | None:

@@ -26,8 +26,9 @@ from ss2sql.lowering import sql
 from ss2sql.lowering.copies import asked_equal, by_index, in_order, rows_in_order, without_affinity
 from ss2sql.lowering.derived import Table
 from ss2sql.lowering.expressions import Env, Reader
+from ss2sql.lowering.keys import FEW, Key
 from ss2sql.lowering.levels import Condition, Hoisted, Levels
-from ss2sql.lowering.names import sql_names
+from ss2sql.lowering.names import free_name, sql_names
 from ss2sql.lowering.sources import Opened
 from ss2sql.lowering.sql import Node
 from ss2sql.walk import can_fail, parts, sources_read, states_read
@@ -36,7 +37,6 @@ if TYPE_CHECKING:
     from ss2sql.lowering.select import Selects
 
 MOST_TERMS = 14
-FEW = 16  # elements of a list that is no longer than this are tried one by one
 
 
 class Product:
@@ -49,6 +49,7 @@ class Product:
         self.levels = levels
         self.tables: list[Table] = []
         self.env = replace(env, sources={**env.sources, **self._readers(env)})
+        self.keys: dict[int, dict[Key, str]] = {}  # by source: columns of its copy that are computed
         self.items: list[Node] = []
         self.terms: list[Node] = []
         self.keeps = self.sorts = False
@@ -146,6 +147,9 @@ class Product:
     def _bind(self, bound: int, level: int, conditions: list[Condition]) -> None:
         """Joins the sources after `bound` up to `level`, and asks what can be asked by then."""
         first = 0 if bound == 0 else bound + 1
+        for condition in conditions:
+            if condition.key is not None and first <= condition.level <= level:
+                self._add_key(self.query.sources[condition.level - 1], condition.key)
         terms = [(c.level, self._free(c)) for c in conditions if c.free and first <= c.level <= level]
         for position in range(bound, level):
             part = self.opened[position]
@@ -165,7 +169,37 @@ class Product:
                 free = [c.expr for c in conditions if c.free and c.level == step]
                 self.terms.append(self._in_order(group, step, free))
 
+    def _add_key(self, source: plan.Source, key: Key) -> None:
+        """Plans a column of the source's copy, under a name that no other column of the source has."""
+        known = self.keys.setdefault(source.id, {})
+        if key not in known:
+            columns = source.columns if isinstance(source, plan.ValueSource) else ()
+            taken = {"this", "rowid", *sql_names(tuple(name for name, _ in columns or ())).values()}
+            known[key] = free_name(key.name, taken | {name.lower() for name in known.values()})
+
+    def _equal_key(self, label: str, key: Key, name: str) -> Node:
+        """The equality with a column of the copy."""
+        lower = self.selects.expressions
+        if key.plain:
+            sides = sql.column(name, label), lower.lower(key.other, self.env)
+        else:
+            sides = sql.column(name, label), sql.call("as_key", lower.value(key.other, self.env))
+        none = not key.plain or any(side.type.may(Kind.NONE) for side in (key.expr, key.other))
+        return sql.binary(exp.NullSafeEQ if none else exp.EQ, *sides)
+
+    def _key_column(self, key: Key, name: str) -> Node:
+        """The column of the copy."""
+        lower = self.selects.expressions
+        node = lower.lower(key.expr, self.env) if key.plain else sql.call("as_key", lower.value(key.expr, self.env))
+        if key.guards:
+            node = sql.case([(lower.all_of(key.guards, self.env), node)], sql.null())
+        return sql.alias(node, name)
+
     def _free(self, condition: Condition) -> Node:
+        if condition.key is not None:
+            part = self.opened[condition.level - 1]
+            source = self.query.sources[condition.level - 1].id
+            return self._equal_key(part.items[0].alias_or_name, condition.key, self.keys[source][condition.key])
         node = self.selects.expressions.condition(condition.expr, self.env)
         return self._not_before(condition.level, self.levels.of(condition.expr), node)
 
@@ -246,6 +280,7 @@ class Product:
         keys = {column for table, column, others in asked_equal(asked) if table == label and others}
         if not keys:
             return None
+        computed: list[Node] = []
         match source:
             case plan.TableSource() if not all(isinstance(one, plan.TableSource) for one in self.query.sources):
                 # Beside lists it is walked in its order.
@@ -260,10 +295,11 @@ class Product:
                 name = f"{label}_once"
                 columns = ("this", *sql_names(tuple(name for name, _ in source.columns or ())).values())
                 without_affinity(asked, label, self.selects.tables)
+                computed = [self._key_column(key, name) for key, name in self.keys.get(source.id, {}).items()]
             case _:
                 return None
         self.terms.append(in_order(label))
-        return copies.looked_up(item, needs.table(name), ("rowid", *columns))
+        return copies.looked_up(item, needs.table(name), ("rowid", *columns), computed)
 
 
 def _is_fixed(value: plan.Expr) -> bool:

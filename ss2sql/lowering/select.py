@@ -60,7 +60,8 @@ class Selects:
         opened, inner = open_sources(self, query.sources, env)
         tables = any(isinstance(source, plan.TableSource) for source in _all_sources(query))
         disabled = self.needs.disabled
-        levels = Levels(query, "early" not in disabled, "hoist" not in disabled and not tables)
+        looks_up = self.copies is not None and "lookup" not in disabled
+        levels = Levels(query, "early" not in disabled, "hoist" not in disabled and not tables, looks_up)
         return Product(self, query, opened, inner, levels)
 
     def order(self, query: plan.Query, flat: Product) -> list[tuple[Node, bool]] | None:

@@ -37,11 +37,17 @@ def in_turn(pool: Pool, *values: Any) -> Any:
     return values[-1]
 
 
+def key_of(pool: Pool, value: Any) -> Any:
+    """`as_key(a)`: the same SQL value for all values that equal a, for SQLite's own equality."""
+    return pool.key(value)
+
+
 SCALAR_FUNCTIONS: dict[str, Callable[..., Any]] = {
     "list": make_list,
     "record": record,
     "truth": truth_of,
     "in_turn": in_turn,
+    "as_key": key_of,
 }
 
 

@@ -12,7 +12,7 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
 from ss2sql import plan
-from ss2sql.lowering.rewrites import fold, inline, near, split, unnest
+from ss2sql.lowering.rewrites import columns, fold, inline, near, split, unnest
 from ss2sql.lowering.rewrites.world import World
 
 
@@ -35,6 +35,11 @@ REWRITES: dict[str, Rewrite] = {
         "puts the expression that a function returns in the place of its call",
         "calls of Python functions became the expressions that they compute",
         inline.rewrite,
+    ),
+    "columns": Rewrite(
+        'reads this["a"] of rows that have it as the column a',
+        "keys of rows are read as columns",
+        columns.rewrite,
     ),
     "fold": Rewrite(
         "computes what is made of constants before the query runs",

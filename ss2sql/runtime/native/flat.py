@@ -83,8 +83,9 @@ def placed_conditions(
         level = max((number[source] for source in facts.sources if source in number), default=0)
         if certain and any(map(loops.look_up, lookups(part, builder.unit.analysis))):
             reached = max(reached, level)
-            continue
-        if certain:
+            if facts.total:
+                continue
+        elif certain:
             loops.pass_on(part)
         level = max(level, loops.silent_from)
         if not (certain and facts.total):

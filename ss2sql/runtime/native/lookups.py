@@ -1,20 +1,22 @@
 """Looking up the elements that an equality asks for, instead of walking over all of them.
 
-A condition `column == other`, where the source of the column is read once and `other` is known before its
-loop, needs no loop over all elements: an index gives those whose column equals the value. It is built when
-it is first needed, for several columns of a source together. Conditions that may raise are not looked up, for
-they would no longer be asked of every element.
+A condition `key == other`, where the key is a column or is computed of one source that is read once, and `other` is
+known before the loop of that source, needs no loop over all elements: an index gives those whose key equals the value.
+It is built when it is first needed, for several keys of a source together. Where a key or what it must equal may raise,
+the condition is tested all the same, of the elements that are found; where it does raise, that is of all elements, so
+that it raises again if the script comes there.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Hashable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass
 from operator import itemgetter
 from typing import Any
 
 from ss2sql import plan
+from ss2sql.errors import Stopped
 from ss2sql.runtime.native.facts import Analysis
 from ss2sql.runtime.sources import column_of
 from ss2sql.runtime.values import freeze
@@ -22,24 +24,34 @@ from ss2sql.runtime.values import freeze
 
 @dataclass(frozen=True, slots=True)
 class Lookup:
-    """`column == other`: a column or the element of a source, and what it must equal."""
+    """`key == other`: what is read of the `source`, and what it must equal; where it is `sure`, neither raises."""
 
-    column: plan.Column | plan.Element
+    source: int
+    key: plan.Expr
     other: plan.Expr
+    sure: bool
+
+    @property
+    def plain(self) -> bool:
+        """Whether an index without a fallback can be used: the key is a column or the element itself."""
+        return self.sure and isinstance(self.key, (plan.Column, plan.Element))
 
 
 def lookups(part: plan.Expr, analysis: Analysis, operator: str = "eq") -> list[Lookup]:
-    """The condition as lookups: one for each side that is a column or an element, compared with the other one."""
+    """The condition as lookups: one for each side that reads one source, and nothing else that changes in a run."""
     match part:
         case plan.Call(function=plan.Function(name=name, builtin=True), arguments=(left, right)) if name == operator:
             facts = analysis.of(part)
-            if not facts.steady or not facts.total:
+            if not facts.steady:
                 return []
-            return [
-                Lookup(column, other)
-                for column, other in ((left, right), (right, left))
-                if isinstance(column, (plan.Column, plan.Element)) and column.source not in analysis.of(other).sources
-            ]
+            found: list[Lookup] = []
+            for key, other in ((left, right), (right, left)):
+                read = analysis.of(key)
+                if len(read.sources) == 1 and not (read.states or read.groups):
+                    (source,) = read.sources
+                    if source not in analysis.of(other).sources:
+                        found.append(Lookup(source, key, other, facts.total))
+            return found
     return []
 
 
@@ -82,6 +94,28 @@ def index_of_columns(items: list[Any], *names: str) -> dict[Hashable, list[Any]]
 
 def _key(values: Sequence[Any]) -> Hashable:
     return freeze(values[0]) if len(values) == 1 else tuple(map(freeze, values))
+
+
+@dataclass(frozen=True, slots=True)
+class KeyIndex:
+    """The `rows` of a source by keys that are computed of them; without an index where one cannot be computed."""
+
+    rows: list[Any]
+    index: dict[Hashable, list[Any]] | None
+
+    def found(self, *values: Any) -> Sequence[Any]:
+        """The rows whose keys equal the values, in their order."""
+        return self.rows if self.index is None else self.index.get(_key(values), ())
+
+
+def index_of_keys(rows: list[Any], key_of: Callable[[Any], list[Any]]) -> KeyIndex:
+    """The rows by their keys. What is raised for one of them is raised again where its condition is tested."""
+    try:
+        return KeyIndex(rows, _index(map(_key, map(key_of, rows)), rows))
+    except Stopped:
+        raise
+    except Exception:
+        return KeyIndex(rows, None)
 
 
 def index_of_elements(items: list[Any]) -> dict[Hashable, list[Any]]:

@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from itertools import chain
 from typing import TYPE_CHECKING, assert_never
 
 from ss2sql import plan
+from ss2sql.errors import Stopped
 from ss2sql.kinds import Kind
 from ss2sql.runtime.native.calls import exact_key
 from ss2sql.runtime.native.expressions import PLAIN, expression
@@ -24,6 +26,7 @@ from ss2sql.runtime.native.lookups import (
     found_in_several,
     index_of_columns,
     index_of_elements,
+    index_of_keys,
     index_of_plain,
     index_of_tuples,
     index_of_values,
@@ -140,31 +143,33 @@ class Loops:
         may notice. A loop that runs only once is as quick without an index.
         """
         number = {source.id: index for index, source in enumerate(self.sources)}
-        if condition.column.source not in number:
+        if condition.source not in number or self._shows_calls(condition.key):
             return False
-        source, other = condition.column.source, self.builder.unit.analysis.of(condition.other)
+        source, other = condition.source, self.builder.unit.analysis.of(condition.other)
         index = number[source]
         facts = self.facts[index]
         if source in self.frozen or self.lateral[index] or not facts.steady:
-            return False
-        together = [*self.lookups.get(source, ()), condition]
-        of_element = any(isinstance(one.column, plan.Element) for one in together)
-        if of_element and (len(together) > 1 or source in self.builder.unit.tuples):
             return False
         if index + 1 < self.silent_from or any(number.get(known, -1) > index for known in other.sources):
             return False
         correlated = bool(other.sources or other.states) and self.owner.home(facts)[0] is not self.owner
         if index == 0 and self.query.search is None and not correlated:
             return False
-        self.lookups[source] = together
+        self.lookups.setdefault(source, []).append(condition)
         return True
+
+    def _shows_calls(self, key: plan.Expr) -> bool:
+        """Whether a key calls functions of the user for rows that LIMIT cuts off."""
+        query = self.query
+        cut = query.limit is not None and query.search is None and not query.order and not query.group
+        return cut and self.builder.unit.analysis.of(key).calls
 
     def finds_rows(self, source: plan.Source) -> bool:
         """Whether the source's loop looks up rows by columns of numbers and text."""
         known = self.lookups.get(source.id)
         if known is None or source.id not in self.builder.unit.tuples:
             return False
-        return all(isinstance(one.column, plan.Column) and one.column.type.only(PLAIN) for one in known)
+        return all(one.plain and isinstance(one.key, plan.Column) and one.key.type.only(PLAIN) for one in known)
 
     def pass_on(self, condition: plan.Expr) -> None:
         """Tells a world of a condition, where what its column is compared with is known before the world is asked.
@@ -337,10 +342,14 @@ class Loops:
     def _looked_up(self, source: plan.Source, items: ast.expr, body: Body) -> ast.expr:
         """The elements that the source's lookup finds; its index lives as long as the elements do."""
         unit, conditions = self.builder.unit, self.lookups[source.id]
-        pen = unit.pen_at(conditions[0].column.span)
+        pen = unit.pen_at(conditions[0].key.span)
         columns = unit.tuples.get(source.id)
-        names = [one.column.name for one in conditions if isinstance(one.column, plan.Column)]
-        if not names:
+        names = [one.key.name for one in conditions if isinstance(one.key, plan.Column)]
+        of_element = not names and len(conditions) == 1 and columns is None
+        facts = self.builder.source_facts(source)
+        if not all(one.plain for one in conditions) or (len(names) < len(conditions) and not of_element):
+            return self._found_by_keys(source, body.kept(facts, self._index_of_keys(source, items), pen, "index"), body)
+        if of_element:
             index = pen.call(unit.helper(index_of_elements), items)
         elif columns is not None and self.finds_rows(source):
             index = self._index_of_rows(items, names, columns, self.wanted.get(source.id), pen)
@@ -349,7 +358,6 @@ class Loops:
         else:
             places = (pen.constant(columns.index(name)) for name in names)
             index = pen.call(unit.helper(index_of_tuples), items, *places)
-        facts = self.builder.source_facts(source)
         kept = body.kept(facts, index, pen, "index")
         pen = unit.pen_at(conditions[0].other.span)
         values = [expression(self.builder, one.other, body) for one in conditions]
@@ -357,6 +365,39 @@ class Loops:
             key = values[0] if len(values) == 1 else pen.pack(*values)
             return pen.call(pen.part(kept, "get"), key, pen.pack())
         return pen.call(unit.helper(found_in if len(conditions) == 1 else found_in_several), kept, *values)
+
+    def _index_of_keys(self, source: plan.Source, items: ast.expr) -> ast.expr:
+        """The index by keys that a function of its own computes."""
+        unit, conditions = self.builder.unit, self.lookups[source.id]
+        pen = unit.pen_at(conditions[0].key.span)
+        name, before = unit.local(source.name), unit.names.get(source.id)
+        key_of = Body(unit, unit.local("key_of"), [name], unit.root)
+        key_of.levels[source.id] = 0
+        keys = [one.key for one in conditions]
+        key_of.count(keys)
+        unit.names[source.id] = name
+        key_of.add(pen.back(pen.array(*(expression(self.builder, key, key_of) for key in keys))))
+        key_of.define()
+        if before is not None:
+            unit.names[source.id] = before
+        return pen.call(unit.helper(index_of_keys), items, pen.name(key_of.name))
+
+    def _found_by_keys(self, source: plan.Source, index: ast.expr, body: Body) -> ast.expr:
+        """What the index finds, or all rows where what the keys must equal cannot be computed."""
+        unit, conditions = self.builder.unit, self.lookups[source.id]
+        pen = unit.pen_at(conditions[0].other.span)
+        sure = all(one.sure for one in conditions)
+        with nullcontext() if sure else body.unsure():
+            values = [expression(self.builder, one.other, body) for one in conditions]
+        if sure:
+            return pen.call(pen.part(index, "found"), *values)
+        index = body.variable(index, pen, "index")
+        found = unit.local("found")
+        body.locals.append(found)
+        unit.helper(Stopped)
+        attempt = pen.assign(found, pen.call(pen.part(index, "found"), *values))
+        body.add(pen.unless_stopped(attempt, pen.assign(found, pen.part(index, "rows"))))
+        return pen.name(found)
 
     def _index_of_rows(
         self, items: ast.expr, names: list[str], columns: tuple[str, ...], wanted: str | None, pen: Pen

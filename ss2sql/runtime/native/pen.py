@@ -123,6 +123,12 @@ class Pen:
         handler = ast.ExceptHandler(self.name(error), None, [otherwise or ast.Pass(**self.at)], **self.at)
         return ast.Try([attempt], [handler], [], [], **self.at)
 
+    def unless_stopped(self, attempt: ast.stmt, otherwise: ast.stmt) -> ast.stmt:
+        """The statement, and the other one where it raises anything but the end of the run."""
+        ends = ast.ExceptHandler(self.name("Stopped"), None, [ast.Raise(**self.at)], **self.at)
+        fails = ast.ExceptHandler(self.name("Exception"), None, [otherwise], **self.at)
+        return ast.Try([attempt], [ends, fails], [], [], **self.at)
+
     def shared(self, names: list[str]) -> ast.stmt:
         """`nonlocal a, b`."""
         return ast.Nonlocal(names, **self.at)

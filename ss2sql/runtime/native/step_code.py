@@ -129,7 +129,7 @@ class StepCode:
                 return
 
     def _is_same(self, one: Lookup, other: Lookup) -> bool:
-        pairs = ((one.column, other.column), (one.other, other.other))
+        pairs = ((one.key, other.key), (one.other, other.other))
         keys = [(self.unit.analysis.of(a).key, self.unit.analysis.of(b).key) for a, b in pairs]
         return all(a is not None and a == b for a, b in keys)
 

@@ -1,0 +1,48 @@
+"""`columns`: what is read of the row by its name is read as the column that it is.
+
+    SELECT e.this["b"] FROM e = es WHERE e.this["a"] == 3      becomes      SELECT e.b FROM e = es WHERE e.a == 3
+
+so that its type is known, and rows can be looked up by it. The elements must be dicts, of which none lacks the key:
+the column of one that does is None, and to read its key is an error. A column that may be None stays as it is written,
+except that of a table, whose rows have all columns.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ss2sql import plan
+from ss2sql.kinds import Kind, Type
+from ss2sql.lowering.rewrites.nodes import bottom_up
+from ss2sql.lowering.rewrites.world import World
+from ss2sql.walk import walk
+
+
+def rewrite(query: plan.Query, world: World) -> plan.Query:
+    """The query with keys of elements as columns."""
+    columns = {
+        source.id: known
+        for source in walk(query)
+        if isinstance(source, (plan.TableSource, plan.ValueSource, plan.QuerySource)) and (known := _columns(source))
+    }
+
+    def change(node: Any) -> Any:
+        match node:
+            case plan.Call(
+                function=plan.Function(name="item", builtin=True),
+                arguments=(plan.Element(source=source), plan.Constant(value=str(name))),
+            ) if name in columns.get(source, ()):
+                return plan.Column(source, name, columns[source][name], span=node.span)
+            case _:
+                return node
+
+    return bottom_up(query, change) if columns else query
+
+
+def _columns(source: plan.TableSource | plan.ValueSource | plan.QuerySource) -> dict[str, Type]:
+    """The columns that every element of a source has."""
+    if isinstance(source, plan.TableSource):
+        return dict(source.columns)
+    if not source.element.only(Kind.DICT) or source.columns is None:
+        return {}
+    return {name: kind for name, kind in source.columns if not kind.may(Kind.NONE)}

@@ -1,0 +1,158 @@
+"""What grows with the square of a list where nobody would expect it to: joins, inner queries and searches by equality.
+
+The work of a run is counted, not timed: steps of SQLite's virtual machine, and lines of Python.
+"""
+
+from __future__ import annotations
+
+import sys
+from types import FrameType
+from typing import Any, Literal
+
+import pytest
+from agreement import executor_outcome, is_allowed, reference_outcome
+from programs import ProgramCase
+
+import ss2sql
+from ss2sql.runtime import database
+
+Engine = Literal["database", "native"]
+
+SMALL, LARGE = 150, 600
+MOST_GROWTH = 1.3  # as a power of the size; sorting for an index is a little more than linear
+
+JOINS = {
+    "inner query by a key of the rows":
+        'SELECT n.this, (SELECT this FROM es WHERE this["a"] == n.this AS list) FROM n = ns AS list;',
+    "lists that equal in an element":
+        "SELECT n.this, e.this[1] FROM n = ns, e = pairs WHERE e.this[0] == n.this AS list;",
+    "computed key": "SELECT n.this, e.this FROM n = ns, e = es WHERE abs(e.x) == n.this AS list;",
+    "key that is read deep inside": "SELECT n.this, e.a FROM n = ns, e = es WHERE e.p['q'] == n.this AS list;",
+    "keys of several kinds": "SELECT n.this, m.this FROM n = ns, m = mixed WHERE m.this == n.this AS list;",
+    "keys that are lists": "SELECT n.a, e.a FROM n = es, e = es WHERE e.p == n.p AND [e.a] == [n.a] AS list;",
+    "two keys": "SELECT n.this, e.a FROM n = ns, e = es WHERE e.a == n.this AND abs(e.x) == n.this AS list;",
+    "steps by an element":
+        "SELECT this FROM tree START WITH here = 0 CONNECT BY UNIQUE here = this[1] STOP WITH this[0] != here AS list;",
+    "steps by an element, with a goal":
+        "SELECT this FROM tree WHERE this[0] == here AND this[1] % 50 == 0 START WITH here = 0"
+        " CONNECT BY UNIQUE here = this[1] STOP WITH this[0] != here AS list;",
+}  # fmt: skip
+
+
+def data(size: int) -> dict[str, Any]:
+    return {
+        "ns": [n * 7 % size for n in range(size)],
+        "es": [{"a": n, "x": -n, "p": {"q": n}} for n in range(size)],
+        "pairs": [[n, n + 1] for n in range(size)],
+        "mixed": [n if n % 3 else str(n) for n in range(size)],
+        "tree": [[(n - 1) // 2, n] for n in range(1, size)],
+    }
+
+
+def work(script: str, size: int, engine: Engine, monkeypatch: pytest.MonkeyPatch) -> int:
+    """What one run does, in steps of SQLite and lines of Python."""
+    counted = 0
+
+    def step(self: database.Database) -> bool:
+        nonlocal counted
+        counted += 10
+        return False
+
+    def line(frame: FrameType, event: str, argument: Any) -> Any:
+        nonlocal counted
+        counted += event == "line"
+        return line
+
+    monkeypatch.setattr(database, "CHECK_EVERY", 10)
+    monkeypatch.setattr(database.Database, "_progress", step)
+    with ss2sql.connect(engine=engine) as ss:
+        for name, value in data(size).items():
+            ss.set(name, value)
+        query = ss.compile(script)
+        query.run()  # what is done but once
+        counted, before = 0, sys.gettrace()
+        sys.settrace(line)
+        try:
+            query.run()
+        finally:
+            sys.settrace(before)
+    return counted
+
+
+@pytest.mark.parametrize("engine", ["database", "native"])
+@pytest.mark.parametrize("script", JOINS.values(), ids=JOINS)
+def test_the_work_grows_with_the_size(script: str, engine: Engine, monkeypatch: pytest.MonkeyPatch) -> None:
+    small, large = (work(script, size, engine, monkeypatch) for size in (SMALL, LARGE))
+    assert large < small * (LARGE / SMALL) ** MOST_GROWTH, (small, large)
+
+
+@pytest.mark.parametrize("script", JOINS.values(), ids=JOINS)
+@pytest.mark.parametrize("engine", ["database", "native"])
+def test_the_values_are_those_of_trying_all(script: str, engine: Engine) -> None:
+    case = ProgramCase(script, data(40))
+    assert executor_outcome(case, engine) == reference_outcome(case)
+
+
+EQUAL = {
+    "n": [None, True, 1, 1.0, 0, "1", [1], [1.0], [True, []], {"a": 1}, {"a": 1.0}, [{"a": True}], [[]], [], "", None],
+    "rows": [
+        *({"v": v, "i": i} for i, v in enumerate([1.0, [1], None, {"a": True}, [[]], "1", False, [1.0, []])),
+        {"v": [{"a": 1}], "i": 8},
+        *({"v": v, "i": 9} for v in (True, [True], 2**53, 2.0**53, 2**53 + 1, "")),
+    ],
+    "nested": [[["k", 1]], [["k", 1.0]], [[None]], [[]], [["k", None]], [[[1], 2]]],
+    "few": [{"v": 1}, {"v": [1.0]}],
+}  # fmt: skip
+HARD = [
+    "SELECT i, n.this FROM n, e = rows WHERE e.v == n.this AS rows;",
+    "SELECT n.this, (SELECT i FROM rows WHERE v == n.this AS list) FROM n AS rows;",
+    "SELECT n.this, (SELECT i FROM rows WHERE [v] == [n.this] AS list) FROM n AS rows;",
+    "SELECT a.i, b.i FROM a = rows, b = rows WHERE [b.v, 1] == [a.v, True] AS rows;",
+    # What can be asked of some elements alone.
+    "SELECT n.this, e.this FROM n, e = nested WHERE len(e.this[0]) > 1 AND e.this[0][1] == n.this AS rows;",
+    "SELECT n.this, e.this FROM n, e = nested WHERE n.this == 1 AND len(e.this[0]) > 1 AND e.this[0][1] == n.this"
+    " AS rows;",
+    "SELECT n.this, e.this FROM n, e = nested WHERE e.this[0][1] == n.this AS rows;",
+    "SELECT n.this, e.i FROM n = nested, e = rows WHERE len(n.this[0]) > 1 AND [e.v] == [n.this[0][1]] AS rows;",
+    "SELECT n.this, e.i FROM n = nested, e = rows WHERE e.i > 7 AND len(n.this[0]) > 1 AND [e.v] == [n.this[0][1]]"
+    " AS rows;",
+    "SELECT n.this, e.i FROM n = nested, e = rows WHERE [e.v] == [n.this[0][1]] AS rows;",
+    "SELECT a.this FROM a = [], e = nested WHERE e.this[0][1] == a.this AS rows;",
+    "SELECT a.this, e.this FROM a = [1, 2], e = few WHERE e.v == a.this AS rows;",
+    "SELECT a.this, b.i, c.i FROM a = n, b = rows, c = rows WHERE [b.v] == [a.this] AND [c.v] == [b.v] AND c.i < 9"
+    " AS rows;",
+    "SELECT b.i, count(*) FROM a = n, b = rows WHERE [b.v] == [a.this] GROUP BY b.i AS rows;",
+    "SELECT a.this, b.i FROM a = n, b = rows WHERE [b.v] == [a.this] ORDER BY b.i DESC LIMIT 5 AS rows;",
+    "SELECT n.this, e.this FROM n, e = nested WHERE len(e.this[0]) > 0 AND 1 / (len(n.this) - 1) > 0"
+    " AND e.this[0] == n.this LIMIT 2 AS rows;",
+]
+
+
+@pytest.mark.parametrize("script", HARD)
+@pytest.mark.parametrize("disable", [[], ["lookup"], ["early"], ["columns"]])
+def test_equal_values_in_any_form_find_each_other(script: str, disable: list[str]) -> None:
+    case = ProgramCase(script, EQUAL)
+    expected = reference_outcome(case)
+    for engine in ("native", "database", "auto"):
+        assert is_allowed(executor_outcome(case, engine, disable=disable), expected, engine), engine
+
+
+def test_a_key_calls_a_function_for_no_row_behind_the_last_one_shown(engine: Any) -> None:
+    called: list[int] = []
+    with ss2sql.connect(engine=engine) as ss:
+
+        @ss.function(volatility="immutable")
+        def half(number: int) -> int:
+            called.append(number)
+            return number // 2
+
+        ss.set("ns", list(range(50)))
+        script = "SELECT n.this, e.this FROM n = ns, e = ns WHERE half(e.this) == n.this"
+        assert ss.eval(f"{script} LIMIT 3 AS rows;") == [(0, 0), (0, 1), (1, 2)]
+        assert sorted(called) == list(range(50))  # the first rows ask for all of them
+        called.clear()
+        assert ss.eval("SELECT e.this FROM n = [0], e = ns WHERE half(e.this) == n.this LIMIT 2 AS list;") == [0, 1]
+        assert called == [0, 1]
+        called.clear()
+        assert len(ss.eval(f"{script} AS rows;")) == 50
+        assert sorted(called) == list(range(50))  # once each
