@@ -96,7 +96,7 @@ def test_the_values_are_those_of_trying_all(script: str, engine: Engine) -> None
 EQUAL = {
     "n": [None, True, 1, 1.0, 0, "1", [1], [1.0], [True, []], {"a": 1}, {"a": 1.0}, [{"a": True}], [[]], [], "", None],
     "rows": [
-        *({"v": v, "i": i} for i, v in enumerate([1.0, [1], None, {"a": True}, [[]], "1", False, [1.0, []])),
+        *({"v": v, "i": i} for i, v in enumerate([1.0, [1], None, {"a": True}, [[]], "1", False, [1.0, []]])),
         {"v": [{"a": 1}], "i": 8},
         *({"v": v, "i": 9} for v in (True, [True], 2**53, 2.0**53, 2**53 + 1, "")),
     ],
