@@ -36,6 +36,15 @@ JOINS = {
     "steps by an element, with a goal":
         "SELECT this FROM tree WHERE this[0] == here AND this[1] % 50 == 0 START WITH here = 0"
         " CONNECT BY UNIQUE here = this[1] STOP WITH this[0] != here AS list;",
+    "steps of a list that a query gives":
+        "SELECT this FROM (SELECT this FROM tree WHERE this[0] == here AS list)"
+        " START WITH here = 0 CONNECT BY UNIQUE here = this[1] AS list;",
+    "steps from a root that has no parent, in a query":
+        "SELECT name FROM (SELECT * FROM staff WHERE (b == None AND boss == None) OR boss == b)"
+        " START WITH b = None CONNECT BY UNIQUE b = name AS list;",
+    "steps from a root that has no parent":
+        "SELECT name FROM staff WHERE (b == None AND boss == None) OR boss == b START WITH b = None"
+        " CONNECT BY UNIQUE b = name STOP WITH NOT ((b == None AND boss == None) OR boss == b) AS list;",
 }  # fmt: skip
 
 
@@ -45,6 +54,7 @@ def data(size: int) -> dict[str, Any]:
         "es": [{"a": n, "x": -n, "p": {"q": n}} for n in range(size)],
         "pairs": [[n, n + 1] for n in range(size)],
         "mixed": [n if n % 3 else str(n) for n in range(size)],
+        "staff": [{"name": n, "boss": (n - 1) // 2 if n else None} for n in range(size)],
         "tree": [[(n - 1) // 2, n] for n in range(1, size)],
     }
 

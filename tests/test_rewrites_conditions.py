@@ -55,6 +55,9 @@ ALIKE = "SELECT this FROM {} WHERE this[0] == this[1] AS list"
         ("", "(a.this == 1 AND b.this == 1) OR (a.this == 1 AND b.this == 3)",
          "a.this = 1 AND (b.this = 1 OR b.this = 3)"),
         ("", "(a.this == 1 OR a.this == 2) OR 3 == a.this OR b.this == 1", "(a.this IN (1, 2, 3) OR b.this = 1)"),
+        ("", "NOT ((a.this == 2 AND b.this == 2) OR b.this == a.this)", "b.this <> a.this"),
+        ("", "NOT ((a.this == 2 AND b.this == 1) OR b.this == a.this)",
+         "(a.this <> 2 OR b.this <> 1) AND b.this <> a.this"),
         # The forms of the map.
         ("", "a.this != b.this AND a.this != c.this", BORDERS),
         ("", f"[] == ({ALIKE.format(PAIRS)})", BORDERS),

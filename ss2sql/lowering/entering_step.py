@@ -16,7 +16,6 @@ from ss2sql import plan
 from ss2sql.kinds import Kind, Type, is_flag
 from ss2sql.lowering import sql
 from ss2sql.lowering.expressions import Env
-from ss2sql.lowering.lookup import without
 from ss2sql.lowering.sql import Node
 from ss2sql.walk import can_fail, is_volatile, parts, walk
 
@@ -95,7 +94,7 @@ class EnteringStep:
         """Whether the step goes on or is a goal."""
         where, stop = self.query.where, self.search.stop
         if stop is not None:
-            stop = without(stop, self.of.looked_up) if where is None else _unless(stop, where)
+            stop = stop if where is None else _unless(stop, where)
         if stop is None:
             return []
         goes_on = _not(self.expressions.condition(stop, self.env))

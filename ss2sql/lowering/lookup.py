@@ -10,9 +10,11 @@ an index: a hierarchy of a million rows then costs its size, not its square.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 from ss2sql import plan
+from ss2sql.lowering.rewrites.nodes import all_of, any_of
 from ss2sql.walk import can_fail
 
 
@@ -30,13 +32,27 @@ def lookups(query: plan.Query) -> list[plan.Expr]:
     return found
 
 
-def without(stop: plan.Expr, known: list[plan.Expr]) -> plan.Expr | None:
-    """STOP WITH of a step that meets these equalities; None where nothing is left of it."""
-    parts = stop.parts if isinstance(stop, plan.Or) else (stop,)
-    left = tuple(part for part in parts if not any(_opposite(part) == equality for equality in known))
+def met(query: plan.Query, known: list[plan.Expr]) -> plan.Query:
+    """The query for steps that meet these equalities: WHERE and STOP WITH without what is known of such a step."""
+    search = query.search
+    if search is None or search.stop is None or not known:
+        return query
+    stop = _without(search.stop, plan.Or, lambda part: _opposite(part) in known)
+    where = None if query.where is None else _without(query.where, plan.And, known.__contains__)
+    if where is None and stop is not None:
+        where = query.where  # without it a step that stops would be no goal
+    return replace(query, where=where, search=replace(search, stop=stop))
+
+
+def _without(
+    clause: plan.Expr, kind: type[plan.And] | type[plan.Or], is_known: Callable[[plan.Expr], bool]
+) -> plan.Expr | None:
+    """A clause without the parts that are known; None where nothing is left of it."""
+    parts = clause.parts if isinstance(clause, kind) else (clause,)
+    left = [part for part in parts if not is_known(part)]
     if len(left) == len(parts):
-        return stop
-    return plan.Or(left, span=stop.span) if len(left) > 1 else left[0] if left else None
+        return clause
+    return all_of(left, clause.span) if kind is plan.And and left else any_of(left, clause.span) if left else None
 
 
 def _certain_parts(clause: plan.Expr, kind: type[plan.And] | type[plan.Or]) -> list[plan.Expr]:

@@ -22,7 +22,7 @@ from ss2sql.kinds import is_flag
 from ss2sql.lowering import sql
 from ss2sql.lowering.entering_step import EnteringStep, certain, fallible
 from ss2sql.lowering.expressions import Env
-from ss2sql.lowering.lookup import lookups, without
+from ss2sql.lowering.lookup import lookups, met
 from ss2sql.lowering.names import free_name
 from ss2sql.lowering.search import SearchLowering, element_reads
 from ss2sql.lowering.select import Selects
@@ -42,9 +42,10 @@ class OnEntering(SearchLowering):
     """
 
     def __init__(self, selects: Selects, query: plan.Query, cut: bool) -> None:
+        self.looked_up = [] if "lookup" in selects.needs.disabled else lookups(query)
+        query = met(query, self.looked_up)
         super().__init__(selects, query, cut)
         search = self.search
-        self.looked_up = [] if "lookup" in selects.needs.disabled else lookups(query)
         if self.looked_up:
             selects.needs.applied["lookup"] = None
         # Then no goal is ever expanded, for the first one that comes out is the last step that is taken.
@@ -103,9 +104,7 @@ class OnEntering(SearchLowering):
         query = self.query
         if all(map(self.is_constant, query.sources)) and not any(isinstance(n, plan.Subquery) for n in walk(query)):
             return "product"
-        stop = self.search.stop
-        undropped = stop is None or (query.where is None and without(stop, self.looked_up) is None)
-        return "entered" if undropped and self.order.total is None else "steps"
+        return "entered" if self.search.stop is None and self.order.total is None else "steps"
 
     # --- what is known of a step when it is taken ------------------------------------------------------
 

@@ -12,7 +12,7 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
 from ss2sql import plan
-from ss2sql.lowering.rewrites import columns, fold, inline, near, split, unnest
+from ss2sql.lowering.rewrites import columns, fold, inline, near, rows, split, unnest
 from ss2sql.lowering.rewrites.world import World
 
 
@@ -55,6 +55,11 @@ REWRITES: dict[str, Rewrite] = {
         "flattens AND and OR, moves NOT inwards, drops repeated parts, makes IN of several ==",
         "conditions were taken apart, so that each is asked as early as possible",
         split.rewrite,
+    ),
+    "rows": Rewrite(
+        "reads a query in FROM that gives a list of one column as rows",
+        "rows of a query in FROM are joined, not collected in a list",
+        rows.rewrite,
     ),
     "near": Rewrite(
         "asks a world only for the box around a point where distance(this, point) <= 1",

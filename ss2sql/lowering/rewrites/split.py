@@ -6,17 +6,22 @@ so that later stages see parts: each is asked as soon as its sources are bound, 
 part of another clause. Parts keep their order. A part that stands there a second time goes, for it was true
 (in a conjunction) or false when it was asked first; so does a part that every branch of OR begins with, of
 which only the first is kept. Comparisons of one value with several constants become IN.
+
+    (boss == None AND parent == None) OR parent == boss    becomes    parent == boss
+
+for two values that equal one constant equal each other: what is left is an equality, by which rows are looked up.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeGuard
 
 from ss2sql import plan
 from ss2sql.kinds import Kind, Type
 from ss2sql.lowering.rewrites.nodes import COMPARISONS, all_of, any_of, as_bool, bottom_up, call, constant, negated
 from ss2sql.lowering.rewrites.world import World, is_plain
+from ss2sql.runtime.values import SCALARS
 from ss2sql.walk import can_fail, conjuncts, is_volatile
 
 FEWEST = 3  # comparisons that are worth an IN
@@ -76,7 +81,7 @@ def _connected(node: Any) -> Any:
     assert isinstance(node, (plan.And, plan.Or))
     steady = not is_volatile(node)  # else a part may be another one when it is asked again
     flat = [one for part in map(_bare, node.parts) for one in (part.parts if type(part) is type(node) else (part,))]
-    parts = list(dict.fromkeys(flat)) if steady else flat
+    parts = _absorbed(list(dict.fromkeys(flat)), isinstance(node, plan.Or)) if steady else flat
     parts = _memberships(parts, isinstance(node, plan.Or))
     if len(parts) == 1:
         return as_bool(parts[0])
@@ -86,6 +91,31 @@ def _connected(node: Any) -> Any:
             return _factored(parts, common, node)
     same = len(parts) == len(node.parts) and all(a is b for a, b in zip(parts, node.parts, strict=True))
     return node if same else replace(node, parts=tuple(parts))
+
+
+def _absorbed(parts: list[plan.Expr], is_or: bool) -> list[plan.Expr]:
+    """The parts of OR without those that imply another one, `a == b`: both equal one constant. Of AND the opposite."""
+    operator, inner = ("eq", plan.And) if is_or else ("ne", plan.Or)
+    pairs = [frozenset(part.arguments) for part in parts if _is_call(part, operator)]
+    if not pairs:
+        return parts
+
+    def is_implied(part: plan.Expr) -> bool:
+        if not isinstance(part, inner) or can_fail(part):
+            return False
+        same: dict[plan.Constant, set[plan.Expr]] = {}
+        for one in part.parts:
+            if _is_call(one, operator):
+                for constant, other in (one.arguments, one.arguments[::-1]):
+                    if isinstance(constant, plan.Constant) and type(constant.value) in SCALARS:
+                        same.setdefault(constant, {constant}).add(other)
+        return any(pair <= equal for equal in same.values() for pair in pairs)
+
+    return [part for part in parts if not is_implied(part)]
+
+
+def _is_call(expr: plan.Expr, name: str) -> TypeGuard[plan.Call]:
+    return isinstance(expr, plan.Call) and expr.function.builtin and expr.function.name == name
 
 
 def _common(parts: list[plan.Expr]) -> int:
