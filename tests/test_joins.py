@@ -54,7 +54,7 @@ def test_random_queries(case: ProgramCase, way: tuple[str, tuple[str, ...], bool
     # SQLite keeps no zero below zero.
     stored = {name: [{**row, "w": row["w"] + 0.0} for row in case.tables[name]] for name in tables}
     as_lists = ProgramCase(case.script, {**case.variables, **case.tables, **stored}, case.uses)
-    assert found == reference_outcome(as_lists), case
+    assert is_allowed(found, reference_outcome(as_lists), engine), case
 
 
 SALES = [{"id": n, "kind": n * 7 % 5, "code": str(n)} for n in range(60)]
