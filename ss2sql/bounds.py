@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 
 from ss2sql import plan
 from ss2sql.kinds import NOTHING, Kind, Type
+from ss2sql.language.operations import OPERATIONS
 from ss2sql.walk import is_volatile
 
-_OPPOSITE = {"lt": "ge", "le": "gt", "gt": "le", "ge": "lt"}
-_MIRRORED = {"lt": "gt", "le": "ge", "gt": "lt", "ge": "le"}
+_ORDERS = {row.name: row for row in OPERATIONS.values() if row.mirrored and row.mirrored != row.name}
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,11 +34,11 @@ def facts_of(condition: plan.Expr, truth: bool) -> Iterator[Fact]:
         case plan.And(parts=parts) if truth:
             for part in parts:
                 yield from facts_of(part, True)
-        case plan.Call(function=plan.Function(name=name, builtin=True), arguments=(left, right)) if name in _OPPOSITE:
+        case plan.Call(function=plan.Function(name=name, builtin=True), arguments=(left, right)) if name in _ORDERS:
             if not is_volatile(condition):
-                sign = name if truth else _OPPOSITE[name]
+                sign = name if truth else _ORDERS[name].negated
                 yield Fact(sign, left, right)
-                yield Fact(_MIRRORED[sign], right, left)
+                yield Fact(_ORDERS[sign].mirrored, right, left)
 
 
 def narrowed(expr: plan.Expr, facts: Iterable[Fact]) -> Type:

@@ -13,7 +13,7 @@ from random_values import FLOATS, INTEGERS, NUMBERS, PLAIN_VALUES, SCALARS, TEXT
 
 from ss2sql.errors import ExecutionError
 from ss2sql.kinds import ANY, INT, INT_MIN, Kind, Type, covers, list_of, type_of, union
-from ss2sql.runtime.builtins import BUILTINS
+from ss2sql.language.operations import OPERATIONS
 from ss2sql.runtime.values import check, normalise
 
 OPERATORS = ["add", "sub", "mul", "div", "mod", "pow", "neg", "lt", "le", "eq", "ne", "ge", "gt", "in", "not_in"]
@@ -23,7 +23,7 @@ OF_SESSION = ["print", "help", "var", "clear", "getTime", "eval", "to"]
 
 
 def call(name: str, *arguments: Any) -> Any:
-    python = BUILTINS[name].python
+    python = OPERATIONS[name].value
     assert python is not None
     return python(*arguments)
 
@@ -144,7 +144,7 @@ def test_bounds_are_computed() -> None:
         ("range", (bounded(7, 9), bounded(1, 3), INT), Type(Kind.LIST, item=bounded(2, 9), columns=())),
     ]  # fmt: skip
     for name, types, expected in cases:
-        assert BUILTINS[name].result(types) == expected, name
+        assert OPERATIONS[name].result(types) == expected, name
 
 
 def test_what_cannot_fail_and_what_can() -> None:
@@ -161,15 +161,15 @@ def test_what_cannot_fail_and_what_can() -> None:
         ("pow", (bounded(0, 10), bounded(0, 18))), ("round", (floats, bounded(0, 3))),
         ("item", (POINT, bounded(-2, 1))), ("item", (POINT, bounded(0, 1, Kind.BOOL))), ("min", (POINT,)),
         ("max", (list_of([text, text]),)), ("max", (list_of([Type(Kind.NONE)]),)), ("sum", (POINT,)),
-        ("norm", (POINT,)), ("distance", (POINT, POINT)),
+        ("norm", (POINT,)), ("distance", (POINT, POINT)), ("min", (numbers,)), ("average", (numbers,)),
     ]  # fmt: skip
     unsafe = [
         ("lt", (INT, Type(Kind.INT | Kind.NONE))), ("add", (INT, bounded(0, 1))), ("add", (floats, floats)),
         ("sub", (bounded(INT_MIN, 0), bounded(1, 1))), ("mul", (bounded(0, 2**32), bounded(0, 2**31))),
         ("mul", (floats, floats)), ("div", (INT, bounded(-1, 1))), ("div", (floats, bounded(0.5, 1, Kind.FLOAT))),
         ("mod", (INT, INT)), ("neg", (INT,)), ("abs", (bounded(INT_MIN, 0),)), ("item", (numbers, bounded(0, 0))),
-        ("sorted", (Type(Kind.LIST, item=Type(Kind.INT | Kind.NONE)),)), ("min", (numbers,)), ("sum", (numbers,)),
-        ("average", (numbers,)), ("range", (bounded(0, 5), bounded(0, 5), bounded(0, 1))), ("sqrt", (bounded(-1, 5),)),
+        ("sorted", (Type(Kind.LIST, item=Type(Kind.INT | Kind.NONE)),)), ("sum", (numbers,)),
+        ("range", (bounded(0, 5), bounded(0, 5), bounded(0, 1))), ("sqrt", (bounded(-1, 5),)),
         ("round", (INT, bounded(-1, 1))), ("int", (floats,)), ("distance", (floats, floats)),
         ("pow", (bounded(0, 10), bounded(0, 19))), ("pow", (bounded(0, 10), bounded(-1, 2))),
         ("pow", (floats, bounded(0, 2))), ("item", (POINT, bounded(0, 2))), ("item", (POINT, bounded(-3, 0))),
@@ -179,7 +179,7 @@ def test_what_cannot_fail_and_what_can() -> None:
     ]  # fmt: skip
     for raises, calls in ((False, safe), (True, unsafe)):
         for name, types in calls:
-            assert BUILTINS[name].raises(types) is raises, (name, types)
+            assert OPERATIONS[name].can_fail(types) is raises, (name, types)
 
 
 @st.composite
@@ -212,30 +212,30 @@ def keeps_promise(name: str, operands: list[tuple[Any, Type]]) -> None:
     arguments, types = [value for value, _ in operands], tuple(kind for _, kind in operands)
     for value, kind in operands:
         assert covers(kind, type_of(value))
-    entry = BUILTINS[name]
+    entry = OPERATIONS[name]
     result, error = attempt(name, *arguments)
     if error is not None:
         assert error.code in ("X001", "X002", "X003", "X004", "X007")
-        assert entry.raises(types), (name, arguments, types, error.message)
+        assert entry.can_fail(types), (name, arguments, types, error.message)
         return
     assert same(normalise(result, "the test"), result)
     assert covers(entry.result(types), type_of(result)), (name, arguments, types, result, entry.result(types))
 
 
-@pytest.mark.parametrize("name", sorted(name for name, entry in BUILTINS.items() if entry.python is not None))
+@pytest.mark.parametrize("name", sorted(name for name, entry in OPERATIONS.items() if entry.value is not None))
 @settings(max_examples=200, suppress_health_check=[HealthCheck.too_slow])
 @given(data=st.data())
 def test_types_keep_their_promise(name: str, data: st.DataObject) -> None:
-    entry = BUILTINS[name]
-    most = 3 if entry.maximum is None else entry.maximum
+    entry = OPERATIONS[name]
+    most = 3 if entry.arity[1] is None else entry.arity[1]
     for operands in (OPERANDS, NUMERIC) if name in ARITHMETIC else (OPERANDS,):
-        least = 2 if operands is NUMERIC and name in ("min", "max") else entry.minimum
+        least = 2 if operands is NUMERIC and name in ("min", "max") else entry.arity[0]
         count = data.draw(st.integers(least, most))
         keeps_promise(name, data.draw(st.lists(operands, min_size=count, max_size=count)))
 
 
 def test_rounding_is_part_of_the_bounds() -> None:
-    high = BUILTINS["add"].result((bounded(0, 2**53 + 3), bounded(0, 0, Kind.FLOAT))).high
+    high = OPERATIONS["add"].result((bounded(0, 2**53 + 3), bounded(0, 0, Kind.FLOAT))).high
     assert high is not None
     assert 2**53 + 3 + 0.0 == 2**53 + 4 <= high < math.inf
 
@@ -243,4 +243,4 @@ def test_rounding_is_part_of_the_bounds() -> None:
 def test_text_made_of_surrogates_is_not_promised_to_fit_into_sqlite() -> None:
     for name, *others in (("add", "a"), ("item", 0), ("slice", 0, 1), ("min", "\udfff"), ("str",)):
         keeps_promise(name, [(value, type_of(value)) for value in ("\ud800", *others)])
-        assert BUILTINS[name].result([Type(Kind.STR), *map(type_of, others)]).may(Kind.STR)
+        assert OPERATIONS[name].result([Type(Kind.STR), *map(type_of, others)]).may(Kind.STR)

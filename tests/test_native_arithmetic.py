@@ -13,7 +13,7 @@ from native_host import FakeHost
 from ss2sql import plan
 from ss2sql.errors import Error, Source, Span
 from ss2sql.kinds import ANY, INT, INT_MAX, INT_MIN, Kind, Type, type_of, union
-from ss2sql.runtime.builtins import BUILTINS
+from ss2sql.language.operations import OPERATIONS
 from ss2sql.runtime.native import compile_statement
 
 WHOLE = [0, 1, -1, 3, 7, -8, 2**30 - 1, 2**30, 3037000499, 3037000500, -(2**53) - 1, INT_MAX, INT_MIN]
@@ -40,9 +40,9 @@ def statement(name: str, types: tuple[Type, ...], constants: tuple[tuple[int, st
     arguments: list[plan.Expr] = [plan.Variable(f"v{at}", kind, span=HERE) for at, kind in enumerate(types)]
     for at, _, value in constants:
         arguments[at] = plan.Constant(value, type_of(value), span=HERE)
-    known = BUILTINS[name]
+    known = OPERATIONS[name]
     seen = [argument.type for argument in arguments]
-    function = plan.Function(name, known.minimum, known.maximum, known.volatility, raises=known.raises(seen))
+    function = plan.Function(name, *known.arity, known.volatility, raises=known.can_fail(seen))
     return compile_statement(plan.Call(function, tuple(arguments), known.result(seen), span=HERE, place=HERE))
 
 
@@ -56,7 +56,7 @@ def outcome(work: Any) -> tuple[Any, ...]:
 
 def compare(name: str, values: list[Any], constants: tuple[int, ...] = ()) -> None:
     """Runs the call with the values as variables, or as constants at some places, for all that may be known of them."""
-    python = BUILTINS[name].python
+    python = OPERATIONS[name].value
     assert python is not None
     expected = outcome(lambda: python(*values))
     host = FakeHost(**{f"v{at}": value for at, value in enumerate(values)})

@@ -174,7 +174,7 @@ def test_help_names_every_command_and_has_an_example(shell: Shell, capsys) -> No
     for name in COMMANDS:
         assert said(shell, f".help {name}", capsys)[0].startswith(name)
     assert said(shell, ".help connect by", capsys)[0].startswith("CONNECT BY: ")
-    assert said(shell, ".help len", capsys)[0].startswith("len(value)")
+    assert said(shell, ".help len", capsys)[0].startswith("len(x)")
     assert "did you mean 'len'?" in said(shell, ".help lenn", capsys)[1]
 
 
@@ -204,7 +204,7 @@ def test_variables_functions_tables_and_objects(shell: Shell, capsys, folder: Pa
     out, _ = said(shell, ".functions", capsys)
     lines = [line.strip() for line in out.splitlines()]
     assert lines[:3] == ["begun()", "broken(x)", "twice(x)   Twice the value."]  # the user's own come first
-    for start in ("len(value)", "plane("):
+    for start in ("len(x)", "plane("):
         assert any(line.startswith(start) for line in lines)
     assert said(shell, ".functions twice", capsys)[0].split() == ["twice(x)", "Twice", "the", "value."]
     assert said(shell, ".tables", capsys)[0].startswith("there are no tables")

@@ -188,7 +188,7 @@ def test_any_cut_of_a_script_can_be_completed(known: Known) -> None:
     [("move(|", ("move(step, tower, quick=False)", 0)), ("move(1, |)", ("move(step, tower, quick=False)", 1)),
      ("move([1, 2], f(3, 4), |", ("move(step, tower, quick=False)", 2)),
      ("move(1, (2 + |", ("move(step, tower, quick=False)", 1)),
-     ("SELECT a FROM b AS plane(0, |", ("plane(plane, start, size, blur=0)", 1)), ("move(len(|", ("len(value)", 0)),
+     ("SELECT a FROM b AS plane(0, |", ("plane(plane, start, size, blur=0)", 1)), ("move(len(|", ("len(x)", 0)),
      ("move(1, 2)|", None), ("(|", None), ("unknown(|", None)],
 )  # fmt: skip
 def test_the_call_around_the_cursor(marked: str, expected: tuple[str, int] | None, known: Known) -> None:

@@ -23,9 +23,11 @@ from hypothesis import strategies as st
 from random_values import ALIKE, NUMBERS, REFUSED, VALUES, Thing, Unhashable, label, lists, python_values, same, values
 
 from ss2sql.errors import ExecutionError
+from ss2sql.language.operations import OPERATIONS
 from ss2sql.runtime.pool import Pool
-from ss2sql.runtime.values import Opaque, compare, freeze, fresh, ge, gt, le, lt, normalise, show, sort_rows, truth
+from ss2sql.runtime.values import Opaque, compare, freeze, fresh, normalise, show, sort_rows, truth
 
+lt, le, gt, ge = (OPERATIONS[name].value for name in ("lt", "le", "gt", "ge"))
 GIVER = "the function 'f'"
 
 

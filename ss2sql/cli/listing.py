@@ -18,7 +18,7 @@ from ss2sql.cli.output import console, echo
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
 
-    from ss2sql.runtime.builtins import Builtin
+    from ss2sql.language.operations import Operation
     from ss2sql.runtime.functions import UserFunction
     from ss2sql.runtime.session import Session
 
@@ -29,17 +29,17 @@ Entry: TypeAlias = dict[str, str]  # the first key is the name; the last is text
 
 
 def _functions(session: Session) -> Iterable[Entry]:
-    from ss2sql.runtime.builtins import BUILTINS
+    from ss2sql.language.operations import OPERATIONS
 
     own = {**session.host.world_functions, **session.host.functions}
     yield from (_registered(entry) for entry in own.values())
-    yield from (_built_in(entry) for name, entry in BUILTINS.items() if name not in own)
+    yield from (_built_in(entry) for name, entry in OPERATIONS.items() if name not in own)
 
 
-def _built_in(entry: Builtin) -> Entry:
-    least, most = entry.minimum, entry.maximum
+def _built_in(row: Operation) -> Entry:
+    least, most = row.arity
     arguments = f"{least}" if least == most else f"{least} or more" if most is None else f"{least} to {most}"
-    return {"name": entry.name, "arguments": arguments, "volatility": entry.volatility, "text": entry.text}
+    return {"name": row.name, "arguments": arguments, "volatility": row.volatility, "text": row.about}
 
 
 def _registered(entry: UserFunction) -> Entry:

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 from ss2sql import plan
 from ss2sql.errors import ResolveError, Span
 from ss2sql.frontend.alike import alike
-from ss2sql.kinds import ANY, FLOAT, INT, NONE, Kind, Type, list_of, union
-from ss2sql.runtime.builtins import AGGREGATES
+from ss2sql.kinds import Kind, Type, list_of, union
+from ss2sql.language.operations import GROUPS
 from ss2sql.walk import is_volatile, parts, rebuild, sources_read, states_read, walk_own
 
 if TYPE_CHECKING:
@@ -99,10 +99,10 @@ def _lifted(resolver: Resolver, expr: plan.Expr, query: plan.Query, inside: bool
             return plan.GroupKey(query.id, index, key.type, span=expr.span)
     match expr:
         case plan.Call(function=plan.Function(name=name, builtin=True), arguments=(argument,)) if (
-            name in AGGREGATES and not inside
+            name in GROUPS and not inside
         ):
             _refuse_star_within(resolver, expr)
-            kind = _aggregate_type(name, argument.type)
+            kind = GROUPS[name].type_of_group(argument.type)
             return plan.Aggregate(name, argument, kind, span=expr.span)
     inside = inside or isinstance(expr, plan.Query)
     lifted = rebuild(expr, lambda part: _lifted(resolver, part, query, inside))
@@ -138,25 +138,6 @@ def _sees_rows(node: object, query: plan.Query, inside: bool = False) -> bool:
         case _:
             inside = inside or isinstance(node, plan.Query)
             return any(_sees_rows(part, query, inside) for part in parts(node))
-
-
-def _aggregate_type(name: str, kind: Type) -> Type:
-    """The type of an aggregate. A group has a row, so only what may be None has no least value and no average."""
-    match name:
-        case "count":
-            return Type(Kind.INT, 0, 2**53)
-        case "min" | "max":
-            return kind
-        case "sum" | "average" if not kind.only(Kind.NUMBER | Kind.NONE):
-            return ANY
-        case "average":
-            return union((FLOAT, NONE)) if kind.may(Kind.NONE) else FLOAT
-        case "sum" if kind.kinds == Kind.FLOAT:
-            return FLOAT
-        case "sum":
-            return Type(Kind.INT | Kind.FLOAT) if kind.may(Kind.FLOAT) else INT
-        case _:
-            raise AssertionError(f"nothing says what type the aggregate {name} has")
 
 
 def _refuse(resolver: Resolver, query: plan.Query, reason: str) -> None:

@@ -24,7 +24,7 @@ from ss2sql.errors import Source, Span
 from ss2sql.frontend.purity.names import UNKNOWN, Findings, Frame, Unproven
 from ss2sql.frontend.purity.source import FunctionNode, locate
 from ss2sql.kinds import INT_MAX, INT_MIN, Kind, type_of
-from ss2sql.runtime.builtins import BUILTINS
+from ss2sql.language.operations import OPERATIONS
 from ss2sql.walk import functions
 
 NOWHERE = Span(Source(""), 0, 0)
@@ -99,8 +99,7 @@ def body_of(function: Callable[..., Any]) -> Body | str:
 
 def builtin(name: str) -> plan.Function:
     """A built-in function as the plan knows it."""
-    entry = BUILTINS[name]
-    return plan.Function(name, entry.minimum, entry.maximum, entry.volatility, reason="built in")
+    return OPERATIONS[name].function()
 
 
 def _read(function: Any, around: tuple[FunctionType, ...]) -> Body:

@@ -15,16 +15,16 @@ from typing import Any
 
 from ss2sql import plan
 from ss2sql.errors import Span
-from ss2sql.frontend.inline import NOWHERE, Body, builtin
+from ss2sql.frontend.inline import NOWHERE, Body
 from ss2sql.kinds import Kind, Type, list_of, type_of, union
+from ss2sql.language.operations import OPERATIONS
 from ss2sql.plan_tree import type_text
-from ss2sql.runtime.builtins import BUILTINS
 from ss2sql.walk import can_fail, is_volatile, parts, walk
 
 MOST_NODES = 300
 NUMBER = Kind.INT | Kind.FLOAT
 # What may be evaluated twice: it is no more than a few machine instructions, in SQL too.
-_CHEAP = frozenset({"add", "sub", "mul", "div", "mod", "neg", "lt", "le", "eq", "ne", "ge", "gt", "item"})
+_CHEAP = frozenset(name for name, row in OPERATIONS.items() if row.cheap)
 
 Env = Mapping[str, plan.Expr]
 Reader = Callable[[plan.Element, str], plan.Column | None]
@@ -166,20 +166,21 @@ class Instance:
         types = tuple(map(self.type, arguments))
         if name in ("eq", "ne", "in", "not_in") and not _compares_plainly(name, arguments, types):
             raise Refused(f"it compares {' and '.join(map(type_text, types))}, where objects may be inside")
-        entry = BUILTINS[name]
+        row = OPERATIONS[name]
         if name == "distance" and not all(kind.only(Kind.LIST) for kind in types):
             raise Refused("it measures the distance of what may be no lists")
-        if entry.raises(types):
+        if row.can_fail(types):
             raise Refused(f"'{name}' can fail on {' and '.join(map(type_text, types))}", fallible=True)
         if all(isinstance(argument, plan.Constant) for argument in arguments):
-            assert entry.python is not None
+            assert row.value is not None
             values = (argument.value for argument in arguments if isinstance(argument, plan.Constant))
-            return self._constant(entry.python(*values))
+            return self._constant(row.value(*values))
         if name == "pow" and _is_square(arguments[1], types[0]) and _is_cheap(arguments[0]):
             # The same for integers, and SQLite can do it.
             name, arguments = "mul", (arguments[0], arguments[0])
-        function = replace(builtin(name), raises=False)
-        return self._made(plan.Call(function, arguments, entry.result(types), span=self.span, place=self.place))
+            row, types = OPERATIONS[name], (types[0], types[0])
+        made = plan.Call(row.function(types), arguments, row.result(types), span=self.span, place=self.place)
+        return self._made(made)
 
     def _picked(self, container: plan.Expr, index: plan.Expr) -> plan.Expr | None:
         """An element that is known by its place: of a list literal, or a column of a row."""

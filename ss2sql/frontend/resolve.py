@@ -31,7 +31,7 @@ from ss2sql.frontend.scope import (
 from ss2sql.frontend.suggestions import Place, over_all_rows, unknown_function, unknown_method, unknown_name
 from ss2sql.frontend.worlds import keys_of, world_call
 from ss2sql.kinds import ANY, NONE, Kind, Type, list_of, type_of, union
-from ss2sql.runtime.builtins import AGGREGATES, BUILTINS, usage
+from ss2sql.language.operations import GROUPS, OPERATIONS
 
 AGGREGATE_HINT = "it works on a list: {query}, or on the groups of a GROUP BY"
 
@@ -333,11 +333,7 @@ class Resolver:
         kind = ANY
         if function.builtin:
             types = tuple(argument.type for argument in arguments)
-            kind = BUILTINS[name].result(types)
-            if not BUILTINS[name].raises(types):
-                function = plan.Function(
-                    name, function.minimum, function.maximum, function.volatility, raises=False, reason=function.reason
-                )
+            kind, function = OPERATIONS[name].result(types), OPERATIONS[name].function(types)
         return plan.Call(function, arguments, kind, span=span, place=place)
 
     def check_arity(self, function: plan.Function, given: int, span: Span) -> None:
@@ -351,7 +347,7 @@ class Resolver:
         hint = (f"help('{function.name}') shows how it is called",)
         if function.builtin:
             rows = ", or count(*) for the rows of a group" if function.name == "count" else ""
-            hint = (f"it is called as {usage(function.name)}{rows}",)
+            hint = (f"it is called as {OPERATIONS[function.name].call}{rows}",)
         raise ResolveError("R005", f"'{function.name}' takes {wanted}, not {given}", span, hint)
 
     def eval(self, text: plan.Expr, scope: Scope | None, span: Span) -> plan.Expr:
@@ -366,7 +362,7 @@ class Resolver:
 
 def is_aggregate(function: plan.Function) -> bool:
     """Whether the function aggregates when it is called on the rows of a group."""
-    return function.builtin and function.name in AGGREGATES
+    return function.builtin and function.name in GROUPS
 
 
 def _assignments(tree: Any) -> list[ast.Assign]:

@@ -5,7 +5,7 @@
 - `lower.py`: one query of the plan becomes one `SqlQuery`
 - `select.py`: flat queries; `sources.py`: FROM; `search.py`: WITH RECURSIVE, with `on_entering.py`;
   `strategies/`: searches as data
-- `expressions.py` and `operators.py`: expressions, by their types
+- `expressions.py`, `forms.py` and `operators.py`: expressions, by their types
 - `parameters.py`: what a statement needs beside its text; `sql.py`: constructors for sqlglot trees
 - `dialects.py`: how the tree is printed
 """

@@ -19,10 +19,10 @@ from ss2sql import plan
 from ss2sql.bounds import Fact, facts_of
 from ss2sql.errors import Source, Span
 from ss2sql.kinds import BOOL, Kind, Type, is_flag
-from ss2sql.lowering import sql
-from ss2sql.lowering.guarded import guarded
-from ss2sql.lowering.names import PREDICATES, builtin_name
-from ss2sql.lowering.operators import NATIVE
+from ss2sql.language.operations import PREDICATES
+from ss2sql.lowering import forms, sql
+from ss2sql.lowering.names import builtin_name
+from ss2sql.lowering.operators import BY_HAND
 from ss2sql.lowering.parameters import Needs
 from ss2sql.lowering.sql import Node
 from ss2sql.walk import can_fail, walk, walk_own
@@ -182,13 +182,13 @@ class Expressions:
         if not function.builtin:
             name = self.needs.function(function.name, expr.place)
             return self.unboxed(sql.call(name, *(self.value(a, env) for a in expr.arguments)), expr.type)
-        native = NATIVE.get(function.name)
-        node = native(self, expr, env) if native else None
+        by_hand = BY_HAND.get(function.name, forms.certain)
+        node = by_hand(self, expr, env)
         if node is not None:
             return node
         if not can_fail(expr) and is_fixed(expr):
             return self.needs.bind(expr, None, is_flag(expr.type))
-        node = guarded(self, expr, env)
+        node = forms.checked(self, expr, env)
         if node is not None:
             return node
         return self.python(expr, [self.value(argument, env) for argument in expr.arguments])
@@ -235,18 +235,10 @@ class Expressions:
     def aggregate(self, expr: plan.Aggregate, env: Env) -> Node:
         if expr.argument is None:
             return exp.Count(this=exp.Star())
-        kind = expr.argument.type
         argument = self.value(expr.argument, env)
-        plain = any(kind.only(one | Kind.NONE) for one in (Kind.INT, Kind.FLOAT, Kind.STR))
-        match expr.function:
-            case "count":
-                return exp.Count(this=argument)
-            case "min" if plain:
-                return exp.Min(this=argument)
-            case "max" if plain:
-                return exp.Max(this=argument)
-            case "sum":
-                return sql.call("group_sum", argument, self.place(expr.span))
+        node = forms.aggregated(expr, argument)
+        if node is not None:
+            return node
         return self.unboxed(sql.call(f"group_{expr.function}", argument, self.place(expr.span)), expr.type)
 
 

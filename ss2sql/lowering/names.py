@@ -15,8 +15,6 @@ _MARKED = re.compile(f"[A-Z^,]|{OBEYED.pattern}")
 SQLITE_FUNCTIONS = frozenset(
     str(name) for (name,) in apsw.Connection(":memory:").execute("SELECT lower(name) FROM pragma_function_list")
 )
-# Built-in functions that always give a bool; in SQL they give a flag.
-PREDICATES = frozenset({"eq", "ne", "lt", "le", "gt", "ge", "in", "not_in"})
 
 
 def written(name: str) -> str:

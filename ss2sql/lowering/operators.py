@@ -1,4 +1,4 @@
-"""Operators that SQLite computes itself, each under the types for which its result is that of the language.
+"""Equality, membership and elements: operators that forms.py has no texts for.
 
 Every entry takes the lowering, the call and the environment, and gives the SQL or None where the types do
 not promise enough. Numbers compare exactly across int and float in SQLite, text compares by code point as
@@ -15,11 +15,11 @@ from sqlglot import exp
 
 from ss2sql import plan
 from ss2sql.kinds import Kind, Type
+from ss2sql.language.operations import OPERATIONS
 from ss2sql.lowering import sql
 from ss2sql.lowering.cells import element, membership
-from ss2sql.lowering.classes import EXACT, REAL_NUMBER, is_number, same_class
+from ss2sql.lowering.classes import REAL_NUMBER, same_class
 from ss2sql.lowering.packing import Alike
-from ss2sql.lowering.scalars import FUNCTIONS
 from ss2sql.lowering.sql import Node
 from ss2sql.walk import can_fail
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 MOST_MEMBERS = 30  # of a list that is written into the text
 
-Native: TypeAlias = "Callable[[Expressions, plan.Call, Env], Node | None]"
+Lowered: TypeAlias = "Callable[[Expressions, plan.Call, Env], Node | None]"
 
 
 def _operands(lowering: Expressions, call: plan.Call, env: Env) -> list[Node]:
@@ -102,42 +102,6 @@ def _equality(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
     return sql.binary(exp.EQ if equal else exp.NEQ, a, b)
 
 
-def _comparison(kind: type[exp.Binary]) -> Native:
-    def lower(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
-        left, right = (argument.type for argument in call.arguments)
-        if not same_class(left, right):
-            return None
-        return sql.binary(kind, *_operands(lowering, call, env))
-
-    return lower
-
-
-def _arithmetic(kind: type[exp.Binary]) -> Native:
-    def lower(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
-        if call.function.raises or not all(is_number(argument.type) for argument in call.arguments):
-            return None
-        return sql.binary(kind, *_operands(lowering, call, env))
-
-    return lower
-
-
-def _add(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
-    if all(argument.type.kinds == Kind.STR for argument in call.arguments):
-        return sql.binary(exp.DPipe, *_operands(lowering, call, env))
-    return _arithmetic(exp.Add)(lowering, call, env)
-
-
-def _division(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
-    """True division; the operands must be exact as floats, else SQLite would round twice."""
-    kinds = [argument.type for argument in call.arguments]
-    if call.function.raises or not all(is_number(kind) for kind in kinds):
-        return None
-    if any(kind.may(Kind.INT) and not kind.bounded(EXACT) for kind in kinds):
-        return None
-    left, right = _operands(lowering, call, env)
-    return sql.quotient(left, right)
-
-
 def _membership(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
     """`x IN [1, 2, 3]`, a list of the class of x: written out where it is short, else walked once by SQLite."""
     item, items = call.arguments
@@ -160,19 +124,12 @@ def _membership(lowering: Expressions, call: plan.Call, env: Env) -> Node | None
     return test if call.function.name == "in" else exp.Not(this=exp.Paren(this=test))
 
 
-NATIVE: dict[str, Native] = {
+BY_HAND: dict[str, Lowered] = {
     "eq": _equality,
     "ne": _equality,
-    "lt": _comparison(exp.LT),
-    "le": _comparison(exp.LTE),
-    "gt": _comparison(exp.GT),
-    "ge": _comparison(exp.GTE),
-    "add": _add,
-    "sub": _arithmetic(exp.Sub),
-    "mul": _arithmetic(exp.Mul),
-    "div": _division,
     "item": element,
     "in": _membership,
     "not_in": _membership,
-    **FUNCTIONS,
 }
+
+assert BY_HAND.keys() == {name for name, row in OPERATIONS.items() if "sqlite" in row.by_hand}

@@ -14,6 +14,7 @@ from typing import Any
 from ss2sql import plan
 from ss2sql.errors import Error, Span, UnsupportedError
 from ss2sql.kinds import Kind
+from ss2sql.language.operations import GROUPS
 from ss2sql.lowering.names import can_be_text
 from ss2sql.lowering.select import sortable, uniform
 from ss2sql.lowering.strategies import GUARDS
@@ -123,12 +124,8 @@ def _group_values(query: plan.Query, nested: bool) -> Span | None:
         if not sortable(key_.expr.type):
             return key_.expr.span
     for node in _own_nodes(query):
-        if isinstance(node, plan.Aggregate) and node.argument is not None:
-            kind = node.argument.type
-            if node.function in ("min", "max") and not uniform(kind):
-                return node.span
-            if node.function in ("sum", "average") and not kind.only(Kind.NUMBER | Kind.NONE):
-                return node.span
+        if isinstance(node, plan.Aggregate) and node.argument and not GROUPS[node.function].in_sql(node.argument.type):
+            return node.span
     return None
 
 

@@ -11,9 +11,9 @@ from marshal import dumps, loads
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors import Error, note_place
+from ss2sql.language.operations import OPERATIONS
 from ss2sql.runtime.functions import Memo, Refused, UserFunction
 from ss2sql.runtime.pool import OtherFormError, Pool
-from ss2sql.runtime.sizes import MAKERS
 
 if TYPE_CHECKING:
     from ss2sql.runtime.database import Execution
@@ -140,7 +140,7 @@ def builtin_function(
 ) -> Callable[..., Any]:
     """A built-in function on values of the language; its last SQL argument is the place of the call."""
 
-    makes = name in MAKERS
+    makes = name in OPERATIONS and OPERATIONS[name].grows
 
     def function(*arguments: Any) -> Any:
         execution = stack[-1]

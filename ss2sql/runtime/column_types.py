@@ -20,7 +20,7 @@ from typing import Any
 import apsw
 
 from ss2sql.kinds import INT_MAX, INT_MIN, Kind, Type
-from ss2sql.runtime.operator_types import MAX
+from ss2sql.language.operations.intervals import MAX
 
 _KINDS = {
     "null": Kind.NONE,

@@ -16,7 +16,8 @@ import apsw
 
 from ss2sql import plan
 from ss2sql.errors import Error, Span, Stopped
-from ss2sql.lowering.names import PREDICATES, builtin_name
+from ss2sql.language.operations import PREDICATES
+from ss2sql.lowering.names import builtin_name
 from ss2sql.lowering.packing import Packed
 from ss2sql.lowering.sql_query import Bookkeeping, Parameter, Shown, SqlQuery
 from ss2sql.runtime.ahead import ROOM, Ahead

@@ -21,8 +21,8 @@ from ss2sql.errors import SessionError
 from ss2sql.frontend.inline import Body, body_of
 from ss2sql.frontend.purity import arity, infer
 from ss2sql.frontend.text import RESERVED as RESERVED_WORDS
+from ss2sql.language.operations import OPERATIONS
 from ss2sql.lowering.names import SQLITE_FUNCTIONS
-from ss2sql.runtime.builtins import BUILTINS
 from ss2sql.runtime.search_functions import FUNCTIONS as SEARCH_FUNCTIONS
 
 MEMO_LIMIT = 100_000
@@ -94,7 +94,7 @@ def user_function(
 
     Raises SessionError S002 for a name or a signature that scripts could not use.
     """
-    if not isinstance(name, str) or name not in BUILTINS:  # `in` is the name of an operator
+    if not isinstance(name, str) or name not in OPERATIONS:  # `in` is the name of an operator
         check_name(name)
     if not callable(function):
         hint = f"give the function without calling it; a value is given by session.set('{name}', value)"
@@ -131,7 +131,7 @@ def _body(
     """What queries may compute in place of a call, or the reason why they must call."""
     if volatility != "immutable":
         return f"is {volatility}"
-    if name in BUILTINS:
+    if name in OPERATIONS:
         return "stands in for a built-in function"
     if has_inverse or vectorized:
         return "has an inverse" if has_inverse else "takes arrays"
@@ -158,10 +158,7 @@ def check_name(name: str) -> None:
 
 def builtin_functions() -> dict[str, plan.Function]:
     """The built-in functions and operators as the plan knows them."""
-    return {
-        name: plan.Function(name, entry.minimum, entry.maximum, entry.volatility, reason="built in")
-        for name, entry in BUILTINS.items()
-    }
+    return {name: row.function() for name, row in OPERATIONS.items()}
 
 
 def sql_names(functions: Mapping[str, Any]) -> dict[str, str]:
@@ -169,11 +166,11 @@ def sql_names(functions: Mapping[str, Any]) -> dict[str, str]:
 
     The order of registration does not matter.
     """
-    taken, names = {word.lower() for word in RESERVED} | {name.lower() for name in BUILTINS}, {}
+    taken, names = {word.lower() for word in RESERVED} | {name.lower() for name in OPERATIONS}, {}
     for name in sorted(functions, key=lambda word: (word.lower(), word)):
         candidate = stem = _cut(name)
         count = 1
-        while candidate.lower() in taken and (name not in BUILTINS or name in RESERVED):
+        while candidate.lower() in taken and (name not in OPERATIONS or name in RESERVED):
             count += 1
             candidate = f"{stem}_{count}"
         taken.add(candidate.lower())

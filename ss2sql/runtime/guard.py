@@ -14,13 +14,12 @@ from typing import Any
 import apsw
 
 from ss2sql.errors import Error, ExecutionError
+from ss2sql.lowering.forms import functions_in_forms
 from ss2sql.runtime.run import Run, no_memory
 from ss2sql.runtime.unreadable import not_utf8
 
 # Functions of SQLite itself that lowering writes.
-OWN = frozenset(
-    {"abs", "char", "coalesce", "count", "instr", "length", "max", "min", "row_number", "sqrt", "substr", "typeof"}
-)
+OWN = functions_in_forms() | {"char", "coalesce", "count", "instr", "row_number", "substr", "typeof"}
 
 
 # What reading a file may raise: a text in it may be no UTF-8.

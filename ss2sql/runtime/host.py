@@ -19,9 +19,9 @@ from ss2sql.frontend.names_read import names_read
 from ss2sql.frontend.parser import parse
 from ss2sql.frontend.resolve import resolve, resolve_text
 from ss2sql.kinds import Type, type_of
+from ss2sql.language.operations import OPERATIONS
 from ss2sql.lowering.rewrites.world import World
 from ss2sql.runtime import representations
-from ss2sql.runtime.builtins import BUILTINS
 from ss2sql.runtime.column_types import STORED
 from ss2sql.runtime.database import Database
 from ss2sql.runtime.file_locks import close_file, using
@@ -118,9 +118,9 @@ class SessionHost:
         self.names = Variables(temporals, None if read_only else file)
         self.names.let_go = self._detached
         self.own = SessionFunctions(self.names, self.functions, self.world_functions, limits, self.begun)
-        for name, builtin in BUILTINS.items():
+        for name, row in OPERATIONS.items():
             if name not in ("eq", "ne"):  # of these the database has its own
-                self.database.register_builtin(name, builtin.python or self.own.function(name))
+                self.database.register_builtin(name, row.value or self.own.function(name))
 
     def _entry(self, name: str) -> UserFunction:
         """A function by the name that plans use. Raises ExecutionError X011 where it has gone with its world."""
@@ -331,7 +331,7 @@ class SessionHost:
 
     def call(self, function: plan.Function, run: Run) -> Callable[..., Any]:
         if function.builtin:
-            python = BUILTINS[function.name].python or self.own.function(function.name)
+            python = OPERATIONS[function.name].value or self.own.function(function.name)
             return run.sizes.maker(function.name, python)
         known = run.callables.get(function.name)
         if known is None:

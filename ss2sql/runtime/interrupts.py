@@ -36,8 +36,9 @@ _OWN = "ss2sql."
 _PURE = tuple(_OWN + name for name in ("frontend.", "lowering.", "results.", "runtime.finishing", "runtime.shaping",
                                        "runtime.representations."))  # fmt: skip
 # What others call for a moment: whether it may be broken off depends on who calls it.
-_HELPERS = tuple(_OWN + name for name in ("errors", "kinds", "plan", "walk", "runtime.messages", "runtime.ordering",
-                                          "runtime.paths", "runtime.rows", "runtime.values"))  # fmt: skip
+_HELPERS = tuple(_OWN + name for name in ("errors", "kinds", "language", "plan", "walk", "runtime.messages",
+                                          "runtime.ordering", "runtime.paths", "runtime.rows",
+                                          "runtime.values"))  # fmt: skip
 _LIBRARIES = sys.stdlib_module_names | {"sqlglot"}
 
 

@@ -16,30 +16,6 @@ NUMBERS = frozenset({int, float, bool})
 _Row = TypeVar("_Row")
 
 
-def lt(left: Any, right: Any) -> bool:
-    """`left < right`; X001 where the values have no order."""
-    left, right = _decisive(left, right, "<")
-    return left < right  # type: ignore[no-any-return]
-
-
-def le(left: Any, right: Any) -> bool:
-    """`left <= right`; X001 where the values have no order."""
-    left, right = _decisive(left, right, "<=")
-    return left <= right  # type: ignore[no-any-return]
-
-
-def gt(left: Any, right: Any) -> bool:
-    """`left > right`; X001 where the values have no order."""
-    left, right = _decisive(left, right, ">")
-    return left > right  # type: ignore[no-any-return]
-
-
-def ge(left: Any, right: Any) -> bool:
-    """`left >= right`; X001 where the values have no order."""
-    left, right = _decisive(left, right, ">=")
-    return left >= right  # type: ignore[no-any-return]
-
-
 def compare(left: Any, right: Any, symbol: str = "and") -> int:
     """-1, 0 or 1 as `left` stands before, with or after `right`.
 
@@ -49,11 +25,11 @@ def compare(left: Any, right: Any, symbol: str = "and") -> int:
     Raises:
         ExecutionError: X001 where the values have no order.
     """
-    left, right = _decisive(left, right, symbol)
+    left, right = decisive(left, right, symbol)
     return int(left > right) - int(left < right)
 
 
-def _decisive(left: Any, right: Any, symbol: str) -> tuple[Any, Any]:
+def decisive(left: Any, right: Any, symbol: str) -> tuple[Any, Any]:
     """Two numbers or two strings that are ordered as the values are: of lists, the first elements that differ."""
     first, second = left, right
     while True:

@@ -16,7 +16,9 @@ from itertools import chain
 from typing import Any
 
 from ss2sql.errors import ExecutionError
-from ss2sql.runtime import library, operators
+from ss2sql.language.operations import OPERATIONS
+from ss2sql.language.operations.arithmetic import add
+from ss2sql.language.operations.lists import RANGE_LIMIT, numbers_from, zipped
 from ss2sql.runtime.checking import AT_ONCE
 from ss2sql.runtime.messages import DEPTH_LIMIT, too_deep
 from ss2sql.runtime.rows import too_many
@@ -27,8 +29,8 @@ CELL = 8  # bytes of a value inside of a list
 FEW = 16  # values in a list
 LARGE = 1024  # lists of this size are measured once
 HUGE = 2**20  # to make a value of this size takes as long as a few thousand steps
-# Built-in functions that may give more than they take, and the methods that stand in for them.
-MAKERS = {"add": "added", "zip": "zipped", "range": "numbers", "str": "text"}
+# Methods that stand in for built-in functions, since they know the size of the value before it is made.
+MAKERS = {"add": "added", "zip": "zipped", "range": "numbers"}
 
 Measure = tuple[int, int]  # size and depth
 _NESTING = frozenset({list, dict})
@@ -73,33 +75,31 @@ class Sizes:
                 self._check(result, (size + more, max(depth, other)))
                 return result
             return result if _NESTING.isdisjoint(map(type, result)) else self.checked(result)
-        return self.checked(operators.add(left, right))
+        return self.checked(add(left, right))
 
     def zipped(self, *lists: Any) -> Any:
         """`zip(a, b)`."""
         if not all(type(items) is list for items in lists):
-            return library.zipped(*lists)  # which refuses it
+            return zipped(*lists)  # which refuses it
         length = min(map(len, lists))
         self.room(CELL * (len(lists) + 1) * length)
         measures = [self._measure([items if len(items) == length else items[:length]]) for items in lists]
-        result = library.zipped(*lists)
+        result = zipped(*lists)
         self._check(result, (CELL * length + sum(size for size, _ in measures), 1 + max(deep for _, deep in measures)))
         return result
 
     def numbers(self, *bounds: Any) -> Any:
         """`range(...)`."""
         if set(map(type, bounds)) <= {int, bool} and all(bounds[2:]):
-            self.room(CELL * len(range(*bounds)[: library.RANGE_LIMIT]))
-        return library.numbers_from(*bounds)
-
-    def text(self, value: Any) -> Any:
-        """`str(x)`."""
-        return self.checked(library.text(value))
+            self.room(CELL * len(range(*bounds)[:RANGE_LIMIT]))
+        return numbers_from(*bounds)
 
     def maker(self, name: str, python: Callable[..., Any]) -> Callable[..., Any]:
         """A built-in function, whose results are measured where they may be larger than what it is given."""
-        own: Callable[..., Any] = getattr(self, MAKERS[name]) if name in MAKERS else python
-        return own
+        if name in MAKERS:
+            own: Callable[..., Any] = getattr(self, MAKERS[name])
+            return own
+        return (lambda *arguments: self.checked(python(*arguments))) if OPERATIONS[name].grows else python
 
     # --- measuring -----------------------------------------------------------------------------------------
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from ss2sql.kinds import Kind
-from ss2sql.runtime.builtins import AGGREGATES
+from ss2sql.language.operations import GROUPS
 from ss2sql.runtime.pool import Pool
 from ss2sql.runtime.representations import Table, sets
 from ss2sql.runtime.sources import column_of, elements
@@ -181,7 +181,7 @@ def _aggregate(name: str) -> Callable[[Pool], Collect]:
             self.values.append(self.pool.decode(value))
 
         def value(self) -> Any:
-            return self.pool.encode(AGGREGATES[name](self.values))
+            return self.pool.encode(GROUPS[name].of_group(self.values))
 
     return Aggregate
 
@@ -193,5 +193,5 @@ AGGREGATE_FUNCTIONS: dict[str, Callable[[Pool], Collect]] = {
     "collect_set": CollectSet,
     "collect_nothing": CollectNothing,
     "collect_value": CollectValue,
-    **{f"group_{name}": _aggregate(name) for name in AGGREGATES},
+    **{f"group_{name}": _aggregate(name) for name in GROUPS},
 }

@@ -24,10 +24,6 @@ from ss2sql.runtime.messages import show as show
 from ss2sql.runtime.messages import too_deep as too_deep
 from ss2sql.runtime.ordering import NUMBERS as NUMBERS
 from ss2sql.runtime.ordering import compare as compare
-from ss2sql.runtime.ordering import ge as ge
-from ss2sql.runtime.ordering import gt as gt
-from ss2sql.runtime.ordering import le as le
-from ss2sql.runtime.ordering import lt as lt
 from ss2sql.runtime.ordering import places_in_order as places_in_order
 from ss2sql.runtime.ordering import sort_rows as sort_rows
 from ss2sql.runtime.unreadable import UnreadableText
@@ -100,6 +96,18 @@ def _unwrapped(value: Any) -> Any:
     if kind is dict:
         return dict(zip(map(_unwrapped, value), map(_unwrapped, value.values()), strict=True))
     return value.object if kind in WRAPPED else value
+
+
+def as_key(value: Any) -> Any:
+    """A value as a key of a dict, where a list is a tuple."""
+    return tuple(map(as_key, value)) if type(value) is list else value
+
+
+def is_key(container: dict[Any, Any], key: Any) -> bool:
+    try:
+        return key in container
+    except TypeError:  # a dict is no key
+        return False
 
 
 # --- equality as hash keys -----------------------------------------------------------------------------

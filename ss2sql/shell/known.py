@@ -13,9 +13,9 @@ import apsw
 
 from ss2sql.errors import Error
 from ss2sql.kinds import Type, type_of
+from ss2sql.language.operations import OF_OPERATORS, OPERATIONS, Operation
 from ss2sql.plan_tree import type_text
-from ss2sql.runtime import operators, ordering, representations
-from ss2sql.runtime.builtins import BUILTINS, Builtin
+from ss2sql.runtime import representations
 from ss2sql.runtime.messages import show as written
 from ss2sql.runtime.values import normalise
 from ss2sql.vtables.describe import called, column_rows
@@ -56,9 +56,9 @@ class Known:
         """Functions by name, the user's own first; those that stand for operators are left out."""
         own = {**self.host.functions, **self.host.world_functions}
         found = {name: _of_user(name, entry.function) for name, entry in sorted(own.items())}
-        for name, entry in sorted(BUILTINS.items()):
-            if name not in found and getattr(entry.python, "__module__", "") not in _OPERATORS:
-                found[name] = _built_in(entry, self.host.own.function)
+        for name, row in sorted(OPERATIONS.items()):
+            if name not in found and name not in OF_OPERATORS:
+                found[name] = _built_in(row)
         return found
 
     @cached_property
@@ -155,9 +155,6 @@ class Known:
             return []
 
 
-_OPERATORS = (operators.__name__, ordering.__name__)
-
-
 def _kinds_text(kind: Type) -> str:
     """A type without bounds of numbers, which those that were looked at do not give."""
     return type_text(Type(kind.kinds, item=None if kind.item is None else Type(kind.item.kinds)))
@@ -167,17 +164,10 @@ def _of_user(name: str, function: Callable[..., Any]) -> Function:
     return Function(name, _parameters(function, 0), _first_line(function.__doc__), built_in=False)
 
 
-def _built_in(entry: Builtin, own: Callable[[str], Callable[..., Any]]) -> Function:
-    written_out = _WRITTEN.get(entry.name)
-    parameters = _parameters(entry.python or own(entry.name), 0) if written_out is None else written_out
-    return Function(entry.name, parameters, entry.text)
-
-
-# The parameters of functions whose Python form does not name them.
-_WRITTEN = {
-    "eval": ("text",), "to": ("expr", "name"), "range": ("[start,] stop[, step]",),
-    "count": ("list",), "sum": ("list",), "average": ("list",), "min": ("list or values",), "max": ("list or values",),
-}  # fmt: skip
+def _built_in(row: Operation) -> Function:
+    """A row of the table, with the parameters of its longest call."""
+    inside = row.call.rpartition("(")[2].rstrip(")")
+    return Function(row.name, tuple(inside.split(", ")) if inside else (), row.about)
 
 
 def _representation(name: str, make: Callable[..., Any]) -> Function:

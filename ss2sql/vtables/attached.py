@@ -8,7 +8,7 @@ from typing import Any
 
 from ss2sql.errors import Error, ExecutionError, SessionError
 from ss2sql.kinds import Kind, Type
-from ss2sql.runtime.builtins import BUILTINS
+from ss2sql.language.operations import OPERATIONS
 from ss2sql.runtime.functions import UserFunction, check_name
 from ss2sql.vtables.base import Element, Table, TableFunction, Volatility, World, WorldFunction
 from ss2sql.vtables.memories import Memories, Remembering
@@ -124,7 +124,7 @@ class WorldFunctions:
         stable: Volatility = "stable"
         weakest = max((volatility for _, volatility in methods), key=_WEAKNESS.index, default=stable)
         owners = [world.name for world in worlds if name in world.offered()]
-        planned = f"world_{name}" if name in BUILTINS else name
+        planned = f"world_{name}" if name in OPERATIONS else name
         if len(worlds) < len(self.worlds):
             planned = f"{owners[0]}.{name}"
         reason = f"of the world {', '.join(owners)}"
@@ -180,7 +180,7 @@ class WorldFunctions:
         if element is not None:
             own = (w for w in having if w.world is element.world or w.world.source is element.world.source)
             return next(own, None)
-        if name in BUILTINS and str not in map(type, arguments):  # the name of an element is enough
+        if name in OPERATIONS and str not in map(type, arguments):  # the name of an element is enough
             return None
         if len(having) > 1:
             hints = (f"give an element of one, or write {having[0].name}.{name}(...)",)
@@ -190,9 +190,9 @@ class WorldFunctions:
 
     @staticmethod
     def _without_world(name: str, arguments: tuple[Any, ...], element: Element | None) -> Any:
-        builtin = BUILTINS.get(name)
-        if builtin is not None and builtin.python is not None:
-            return builtin.python(*arguments)
+        row = OPERATIONS.get(name)
+        if row is not None and row.value is not None:
+            return row.value(*arguments)
         if element is not None:
             hints = (f"{element.table.name} have {', '.join(schema_of(element.table).kinds)}",)
             raise ExecutionError("X008", f"{element!r} has no '{name}'", hints=hints)

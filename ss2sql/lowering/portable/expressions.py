@@ -15,8 +15,10 @@ from sqlglot import exp
 from ss2sql import plan
 from ss2sql.errors import Error, Span
 from ss2sql.kinds import Kind, Type
+from ss2sql.language.operations import OPERATIONS
 from ss2sql.lowering import sql
-from ss2sql.lowering.portable.functions import FUNCTIONS
+from ss2sql.lowering.portable import forms
+from ss2sql.lowering.portable.functions import BY_HAND
 from ss2sql.lowering.portable.types import cast, column_type, is_nullable, refused, typed
 from ss2sql.walk import can_fail
 
@@ -78,10 +80,12 @@ class Portable:
                 return self._conditional(expr, sight)
             case plan.MakeList(items=items):
                 return exp.Array(expressions=[self.value(item, sight) for item in items])
-            case plan.Call(function=function) if function.builtin and function.name in FUNCTIONS:
+            case plan.Call(function=function) if function.builtin and (
+                function.name in BY_HAND or OPERATIONS[function.name].portable
+            ):
                 if can_fail(replace(expr, arguments=())):
                     raise refused("this may fail, which is not the same everywhere", expr.place)
-                node = FUNCTIONS[function.name](self, expr, sight)
+                node = BY_HAND.get(function.name, forms.written)(self, expr, sight)
                 if node is None:
                     raise refused(f"{function.name} of such values is not the same everywhere", expr.place)
                 return node
@@ -138,6 +142,10 @@ class Portable:
             raise refused("what stands before the last value of a branch may fail", expr.span)
         values = [self.value(branch, sight) for branch in branches]
         return sql.case([(self.condition(expr.condition, sight), values[0])], values[1])
+
+
+def _is_known(name: str) -> bool:
+    return name in BY_HAND or bool(OPERATIONS[name].portable)
 
 
 def constant(value: Any, kind: Type, expr: plan.Expr) -> Node:

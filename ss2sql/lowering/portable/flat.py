@@ -16,6 +16,7 @@ from sqlglot import exp
 from ss2sql import plan
 from ss2sql.kinds import Kind
 from ss2sql.lowering import sql
+from ss2sql.lowering.portable import forms
 from ss2sql.lowering.portable.expressions import Node, Portable, Sight
 from ss2sql.lowering.portable.names import Names
 from ss2sql.lowering.portable.sources import NUMBER, Elsewhere, Opened, Opener, named
@@ -44,16 +45,9 @@ class Grouping(Portable):
     def _aggregate(self, expr: plan.Aggregate, sight: Sight) -> Node:
         if expr.argument is None:
             return exp.Count(this=exp.Star())
-        kind = expr.argument.type.kinds & ~Kind.NONE
-        argument = self.value(expr.argument, sight)
-        match expr.function:
-            case "count":
-                return exp.Count(this=argument)
-            case "min" | "max" if kind in (Kind.INT, Kind.STR):
-                return (exp.Min if expr.function == "min" else exp.Max)(this=argument)
-            case "sum" if kind == Kind.INT and expr.argument.type.bounded(2**31):
-                total = cast(exp.Sum(this=argument), "BIGINT")
-                return exp.Coalesce(this=total, expressions=[sql.number(0)])
+        node = forms.aggregated(expr, self.value(expr.argument, sight))
+        if node is not None:
+            return node
         raise refused(f"{expr.function} of such values is not the same everywhere", expr.span)
 
 

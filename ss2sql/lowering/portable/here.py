@@ -15,22 +15,23 @@ from sqlglot import exp
 
 from ss2sql import plan
 from ss2sql.kinds import Kind, Type
+from ss2sql.language.operations import GROUPS
+from ss2sql.language.operations.row import without_none
 from ss2sql.lowering import sql
 from ss2sql.lowering.portable.expressions import Node, Portable, Sight
 from ss2sql.lowering.portable.flat import FlatWriter, Grouping
 from ss2sql.lowering.portable.names import Names, plain
 from ss2sql.lowering.portable.sources import NUMBER, Opened, Opener, columns_of, listed, written_out
-from ss2sql.lowering.portable.types import cast, column_type, is_nullable, refused
+from ss2sql.lowering.portable.types import cast, column_type, is_nullable, is_real, refused
 from ss2sql.runtime.rows import free_name
 from ss2sql.walk import can_fail
 
 # Begins the names of all that the database is given: nothing that a view of the user's reads is called so.
 PREFIX = "ss2sql_"
 # Functions that the database is given, for the aggregates of floats: they take all values of a group as a list.
-EXACT = {"sum": f"{PREFIX}sum", "average": f"{PREFIX}average"}
+EXACT = {name: f"{PREFIX}{name}" for name, row in GROUPS.items() if row.of_floats is not None}
 LIMIT = "most_rows"  # the parameter that has the value of LIMIT
 WRITTEN_OUT = 100  # elements of a list that the script spells out
-AVERAGED = 2**21  # of integers up to here 2^32 add up to one that a float holds
 
 
 @dataclass(frozen=True, slots=True)
@@ -220,19 +221,19 @@ class _Exact(Grouping):
         argument = expr.argument
         if argument is None:
             return super()._aggregate(expr, sight)
-        if expr.function == "average" and _is_small(argument.type):
-            node = self.value(argument, sight)
-            total = cast(exp.Sum(this=node), "DOUBLE")
-            return exp.Div(this=total, expression=exp.Count(this=node.copy()), typed=True)
-        if argument.type.kinds & ~Kind.NONE != Kind.FLOAT:
-            return super()._aggregate(expr, sight)
-        if expr.function in EXACT:
+        kind = without_none(argument.type)
+        floats = kind.kinds == Kind.FLOAT
+        if expr.function in EXACT and (floats or _gives_floats(expr, kind)):
             return self._exactly(EXACT[expr.function], argument, sight)
-        return super()._aggregate(expr, sight) if expr.function == "count" else self._extreme(expr, argument, sight)
+        if expr.function in ("min", "max") and floats:
+            return self._extreme(expr, argument, sight)
+        return super()._aggregate(expr, sight)
 
     def _exactly(self, function: str, argument: plan.Expr, sight: Sight) -> Node:
         self.functions[function] = None
         node = self.value(argument, sight)
+        if not argument.type.may(Kind.FLOAT):
+            node = cast(node, "DOUBLE")
         values: Node = exp.Anonymous(this="LIST", expressions=[node])
         if is_nullable(argument.type):
             present = exp.Not(this=exp.Is(this=sql.operand(node.copy()), expression=exp.Null()))
@@ -256,8 +257,11 @@ class _Exact(Grouping):
         return exp.ArgMin(this=node, expression=_in_order(self.places))
 
 
-def _is_small(kind: Type) -> bool:
-    return kind.kinds & ~Kind.NONE == Kind.INT and kind.bounded(AVERAGED)
+def _gives_floats(expr: plan.Aggregate, kind: Type) -> bool:
+    """Whether integers, which are floats as well, make a float for which there is no form."""
+    row = GROUPS[expr.function]
+    known = any(form.when([kind]) for form in row.portable)
+    return not known and is_real(kind) and not row.result(kind).may(Kind.INT)
 
 
 class _Writer(FlatWriter):

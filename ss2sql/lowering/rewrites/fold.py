@@ -16,9 +16,9 @@ from typing import Any
 from ss2sql import plan
 from ss2sql.errors import Error
 from ss2sql.kinds import covers
+from ss2sql.language.operations import OPERATIONS
 from ss2sql.lowering.rewrites.nodes import as_bool, bottom_up, constant, is_true
 from ss2sql.lowering.rewrites.world import MOST_ELEMENTS, World, is_plain
-from ss2sql.runtime.builtins import BUILTINS
 from ss2sql.walk import is_volatile
 
 
@@ -50,8 +50,8 @@ def folded(node: Any) -> Any:
 
 def _call(call: plan.Call) -> plan.Expr:
     """The call's value, or the call with the types of its present arguments."""
-    entry = BUILTINS[call.function.name]
-    if entry.python is None or entry.volatility != "immutable":
+    row = OPERATIONS[call.function.name]
+    if row.value is None or row.volatility != "immutable":
         return call
     match call.function.name, call.arguments:
         case "item", (plan.MakeList(items=items), plan.Constant(value=int(index))) if -len(items) <= index < len(items):
@@ -63,12 +63,12 @@ def _call(call: plan.Call) -> plan.Expr:
         values = [argument.value for argument in call.arguments if isinstance(argument, plan.Constant)]
         if call.function.name != "range" or _is_short_range(values):
             try:
-                return _small(entry.python(*values), call)
+                return _small(row.value(*values), call)
             except Error:
                 return call
     types = tuple(argument.type for argument in call.arguments)
     # What cannot fail where it stands, behind a condition perhaps, never can.
-    kind, raises = entry.result(types), call.function.raises and entry.raises(types)
+    kind, raises = row.result(types), call.function.raises and row.can_fail(types)
     if raises == call.function.raises and covers(kind, call.type):
         return call
     return replace(call, type=kind, function=replace(call.function, raises=raises))

@@ -17,9 +17,9 @@ from dataclasses import dataclass, replace
 
 from ss2sql import plan
 from ss2sql.kinds import Kind
+from ss2sql.language.operations import OPERATIONS
 from ss2sql.lowering.rewrites.nodes import bottom_up, call, constant
 from ss2sql.lowering.rewrites.world import World
-from ss2sql.runtime.builtins import BUILTINS
 from ss2sql.walk import can_fail, conjuncts, sources_read, walk
 
 # So much wider is the box: more than what floats lose between the distance and the ends of the box. It can be a factor,
@@ -100,7 +100,7 @@ def _places(away: plan.Call, sources: Sources) -> tuple[Place, Place] | None:
         return (one, other) if function.of_world and owned else None
     if not (function.of_world or function.builtin) or world:
         return None
-    if BUILTINS["distance"].raises(tuple(argument.type for argument in away.arguments)):
+    if OPERATIONS["distance"].can_fail(tuple(argument.type for argument in away.arguments)):
         return None
     return one, other
 

@@ -13,13 +13,13 @@ from typing import Any, TypeVar
 from ss2sql import plan
 from ss2sql.errors import Span
 from ss2sql.kinds import BOOL, Kind, is_flag, type_of
-from ss2sql.runtime.builtins import BUILTINS
+from ss2sql.language.operations import OPERATIONS
 from ss2sql.runtime.values import truth
 from ss2sql.walk import rebuild
 
 Node = TypeVar("Node")
 
-OPPOSITE = {"eq": "ne", "ne": "eq", "in": "not_in", "not_in": "in", "lt": "ge", "ge": "lt", "gt": "le", "le": "gt"}
+OPPOSITE = {name: row.negated for name, row in OPERATIONS.items() if row.negated}
 COMPARISONS = frozenset(OPPOSITE)
 
 
@@ -76,12 +76,8 @@ def any_of(parts: list[plan.Expr], span: Span) -> plan.Expr:
 
 def call(name: str, *arguments: plan.Expr, span: Span) -> plan.Call:
     """A call of a built-in function."""
-    entry = BUILTINS[name]
-    types = tuple(argument.type for argument in arguments)
-    function = plan.Function(
-        name, entry.minimum, entry.maximum, entry.volatility, raises=entry.raises(types), reason="built in"
-    )
-    return plan.Call(function, arguments, entry.result(types), span=span, place=span)
+    row, types = OPERATIONS[name], tuple(argument.type for argument in arguments)
+    return plan.Call(row.function(types), arguments, row.result(types), span=span, place=span)
 
 
 def negated(expr: plan.Expr) -> plan.Expr:

@@ -18,6 +18,7 @@ from typing import Any, TypeAlias
 from ss2sql import plan
 from ss2sql.errors import Span
 from ss2sql.kinds import Kind, union
+from ss2sql.language.operations import OPERATIONS
 from ss2sql.lowering.rewrites.fold import folded
 from ss2sql.lowering.rewrites.nodes import (
     COMPARISONS,
@@ -36,7 +37,7 @@ from ss2sql.lowering.rewrites.unroll import Row, looked_for, rows_of
 from ss2sql.lowering.rewrites.world import World
 from ss2sql.walk import can_fail, walk
 
-MIRRORED = {"eq": "eq", "ne": "ne", "lt": "gt", "le": "ge", "gt": "lt", "ge": "le"}
+MIRRORED = {name: row.mirrored for name, row in OPERATIONS.items() if row.mirrored}
 MOST_COUNTED = 50  # elements that are counted one by one
 Test: TypeAlias = Callable[[plan.Expr], plan.Expr]
 

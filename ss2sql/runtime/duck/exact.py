@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Iterator
 from itertools import chain, pairwise
 from typing import TYPE_CHECKING, Any
 
+from ss2sql.errors import ExecutionError
+from ss2sql.language.operations import GROUPS
 from ss2sql.lowering.portable.here import EXACT
 
 if TYPE_CHECKING:
@@ -15,14 +16,7 @@ if TYPE_CHECKING:
 AT_ONCE = 65_536  # values that become floats of Python, where a group has more
 
 
-def _average(values: Any) -> float:
-    return math.fsum(_floats(values)) / len(values)
-
-
-_FUNCTIONS: dict[str, Callable[[Any], float]] = {
-    EXACT["sum"]: lambda values: math.fsum(_floats(values)),
-    EXACT["average"]: _average,
-}
+_FUNCTIONS = {function: GROUPS[name].of_floats for name, function in EXACT.items()}
 
 
 def _floats(values: Any) -> Iterator[float]:
@@ -46,6 +40,7 @@ def give(cursor: duckdb.DuckDBPyConnection, names: Iterable[str]) -> list[str]:
 def _of_lists(name: str, failed: list[str]) -> Callable[[Any], Any]:
     """The function for an array of lists; None stands for an empty one."""
     function = _FUNCTIONS[name]
+    assert function is not None
 
     def compute(given: Any) -> Any:
         import pyarrow as pa  # type: ignore[import-untyped]
@@ -57,8 +52,8 @@ def _of_lists(name: str, failed: list[str]) -> Callable[[Any], Any]:
         found: list[float | None] = []
         for known, (start, end) in zip(lists.is_valid().to_pylist(), pairwise(ends), strict=True):
             try:
-                found.append(function(values[start:end]) if known else None)
-            except OverflowError:
+                found.append(function(_floats(values[start:end]), end - start) if known else None)
+            except (OverflowError, ExecutionError):
                 failed.append("a sum of floats becomes too large on its way")
                 found.append(None)
         return pa.array(found, pa.float64())

@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING, Any
 from ss2sql import plan
 from ss2sql.errors import Error, ExecutionError, UnsupportedError
 from ss2sql.kinds import ANY, Type
+from ss2sql.language.operations import OPERATIONS
 from ss2sql.lowering.unsupported import Rule
-from ss2sql.runtime.builtins import BUILTINS
 from ss2sql.runtime.functions import UserFunction
 from ss2sql.runtime.levels.trial import Trial, encoded
 from ss2sql.runtime.memorize.hunt import Hunt
@@ -236,7 +236,7 @@ class _Host:
 
     def call(self, function: plan.Function, run: Run) -> Callable[..., Any]:
         if function.builtin:
-            python = BUILTINS[function.name].python
+            python = OPERATIONS[function.name].value
             assert python is not None  # those of the session are volatile
             return run.sizes.maker(function.name, python)
         known = run.callables.get(function.name)

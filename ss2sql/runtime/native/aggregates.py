@@ -7,8 +7,7 @@ from typing import Any
 
 from ss2sql import plan
 from ss2sql.kinds import Kind
-from ss2sql.runtime.builtins import AGGREGATES
-from ss2sql.runtime.library import total_of_floats, total_of_integers
+from ss2sql.language.operations import GROUPS
 from ss2sql.walk import walk_own
 
 
@@ -33,17 +32,8 @@ def aggregate_of(node: plan.Aggregate) -> Callable[[list[Any]], Any]:
     if counts_rows(node):
         return len
     assert node.argument is not None
-    known = node.argument.type
+    known, row = node.argument.type, GROUPS[node.function]
     if known.may(Kind.NONE):
-        return AGGREGATES[node.function]
-    match node.function:
-        case "min" if known.only(Kind.NUMBER) or known.only(Kind.STR):
-            return min
-        case "max" if known.only(Kind.NUMBER) or known.only(Kind.STR):
-            return max
-        case "sum" if known.only(Kind.FLOAT):
-            return total_of_floats
-        case "sum" if known.only(Kind.INT | Kind.BOOL):
-            return total_of_integers
-        case _:
-            return AGGREGATES[node.function]
+        return row.of_group
+    form = next((form for form in row.python if form.when([known])), None)
+    return row.value if form is None or isinstance(form.text, str) else form.text

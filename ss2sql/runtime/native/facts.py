@@ -8,6 +8,7 @@ from typing import Any
 
 from ss2sql import plan
 from ss2sql.kinds import Kind
+from ss2sql.language.operations import GROUPS
 from ss2sql.walk import parts
 
 
@@ -124,8 +125,9 @@ class Analysis:
                 total = total and _has_plain_truth(tested)
             case plan.GroupKey(query=query):
                 groups = frozenset({query})
-            case plan.Aggregate(function=name):
-                groups, total = frozenset({OWN_GROUP}), name == "count"
+            case plan.Aggregate(function=name, argument=argument):
+                fails = argument is not None and GROUPS[name].can_fail(argument.type)
+                groups, total = frozenset({OWN_GROUP}), not fails
             case plan.Query(id=query):
                 groups -= {query, OWN_GROUP}
             case plan.Subquery():

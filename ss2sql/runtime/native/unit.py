@@ -20,14 +20,13 @@ from typing import Any
 from ss2sql import plan
 from ss2sql.errors import Error, Span
 from ss2sql.kinds import Type
-from ss2sql.runtime.builtins import BUILTINS
+from ss2sql.language.operations import OPERATIONS
 from ss2sql.runtime.memorize.hunt import Find
 from ss2sql.runtime.native.facts import Analysis, Facts
 from ss2sql.runtime.native.locate import PAGE, Page
 from ss2sql.runtime.native.pace import meter_of, pace_of
 from ss2sql.runtime.native.pen import Pen
 from ss2sql.runtime.run import Run
-from ss2sql.runtime.sizes import MAKERS
 from ss2sql.walk import parts
 
 UNSET = object()
@@ -313,8 +312,8 @@ class Unit:
         """A name for the callable behind a function of the plan."""
         key = (function.name, function.builtin)
         if key not in self._bound:
-            python = BUILTINS[function.name].python if function.builtin else None
-            if python is not None and function.name not in MAKERS:
+            python = OPERATIONS[function.name].value if function.builtin else None
+            if python is not None and not OPERATIONS[function.name].grows:
                 self._bound[key] = self.constant(python, function.name)
             else:
                 constant = pen.name(self.constant(function, "function"))

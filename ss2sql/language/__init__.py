@@ -1,0 +1,1 @@
+"""What everybody else speaks: the operations of the language."""

@@ -1,0 +1,58 @@
+"""What values of operations share: tests of their arguments, with the language's errors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from ss2sql.errors import ExecutionError
+from ss2sql.runtime.messages import show
+from ss2sql.runtime.ordering import NUMBERS
+
+INTEGERS = frozenset({int, bool})
+_MISFITS = {
+    type(None): "leave None out with WHERE",
+    str: "int(...) and float(...) make numbers of text",
+    dict: "the rows of a query are dicts; SELECT one column, and end the query with AS list",
+    list: "give the numbers themselves, as one flat list",
+}
+
+
+def wrong(message: str, hint: str) -> ExecutionError:
+    return ExecutionError("X007", message, hints=(hint,))
+
+
+def as_list(function: str, value: Any) -> list[Any]:
+    """The argument, if it is a list."""
+    if type(value) is list:
+        return value
+    hint = f"collect the values in a list first: {function}(SELECT ... AS list)"
+    raise wrong(f"{function} works on a list, not on {show(value)}", hint)
+
+
+def kinds_of_numbers(function: str, values: Sequence[Any]) -> set[type]:
+    """The types of the values, which have to be numbers."""
+    kinds = set(map(type, values))
+    if kinds <= NUMBERS:
+        return kinds
+    misfit = next(value for value in values if type(value) not in NUMBERS)
+    hint = _MISFITS.get(type(misfit), f"{function} works on numbers alone")
+    raise wrong(f"{function} works on numbers, not on {show(misfit)}", hint)
+
+
+def number(function: str, value: Any) -> Any:
+    kinds_of_numbers(function, (value,))
+    return value
+
+
+def integer(function: str, value: Any) -> int:
+    """The argument, if it is an integer; True counts as 1."""
+    if type(value) in INTEGERS:
+        return int(value)
+    raise wrong(f"{function} works on integers, not on {show(value)}", "int(...) makes an integer")
+
+
+def string(function: str, value: Any) -> str:
+    if type(value) is str:
+        return value
+    raise wrong(f"{function} works on strings, not on {show(value)}", "str(...) makes a string")

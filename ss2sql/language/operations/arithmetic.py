@@ -1,0 +1,431 @@
+"""`+ - * / % ^` and unary minus, of numbers; `+` joins strings and lists, too."""
+
+from __future__ import annotations
+
+import operator
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+from ss2sql.errors import ExecutionError
+from ss2sql.kinds import INT_MAX, INT_MIN, NOTHING, Kind, Type, union
+from ss2sql.language.operations import intervals
+from ss2sql.language.operations.arguments import INTEGERS
+from ss2sql.language.operations.intervals import (
+    INTEGER,
+    as_list,
+    as_text,
+    fits,
+    floats,
+    integers,
+    is_nonnegative,
+    numbers,
+    results,
+)
+from ss2sql.language.operations.row import (
+    Check,
+    Form,
+    Operation,
+    Types,
+    When,
+    each,
+    exactly,
+    operation,
+    sql_integers,
+    sql_numbers,
+)
+from ss2sql.runtime.messages import check, complex_result, float_overflow, show
+from ss2sql.runtime.ordering import NUMBERS
+
+EXACT = 2**53  # integers up to here are exact as floats
+MOST_FACTORS = 4  # of a product that stands for a power in SQL
+MOST_OF_PYTHON = 8
+SMALL = 2**30 - 1  # Python compares integers up to here in half the time
+FINITE = f"-{sys.float_info.max!r} <= {{value}} <= {sys.float_info.max!r}"
+
+
+def misfit(left: Any, symbol: str, right: Any) -> ExecutionError:
+    """The error for operands that `symbol` does not work on."""
+    message = f"cannot compute {show(left)} {symbol} {show(right)}"
+    if left is None or right is None:
+        hint = "None is not a number: test for it first, for example IF(x == None; ...; ...)"
+    elif symbol == "+" and (type(left) is list or type(right) is list):
+        hint = "+ joins lists with lists: write [x] for a list of one"
+    elif symbol == "+" and (type(left) is str or type(right) is str):
+        hint = "+ joins strings with str(...), or adds numbers made with int(...) or float(...)"
+    else:
+        hint = f"{symbol} works on numbers"
+    return ExecutionError("X001", message, hints=(hint,))
+
+
+def _by_zero(left: Any, symbol: str, right: Any) -> ExecutionError:
+    hint = "test the divisor first, for example IF(x != 0; ...; ...)"
+    return ExecutionError("X002", f"division by zero: {show(left)} {symbol} {show(right)}", hints=(hint,))
+
+
+def _binary(name: str, symbol: str, compute: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+    """The value of an operator on two numbers."""
+
+    def value(left: Any, right: Any) -> Any:
+        if type(left) in NUMBERS and type(right) in NUMBERS:
+            try:
+                return check(compute(left, right))
+            except ZeroDivisionError:
+                raise _by_zero(left, symbol, right) from None
+        raise misfit(left, symbol, right)
+
+    value.__name__ = name  # in tracebacks and in generated code
+    return value
+
+
+def integers_of_sql(types: Types) -> bool:
+    """Integers within 64 bits: BIGINT."""
+    return all(kind.kinds == Kind.INT and kind.bounded(2**63 - 1) for kind in types)
+
+
+def reals(types: Types) -> bool:
+    """Numbers that are the same as floats, whichever of both they are: DOUBLE."""
+    return all(kind.kinds == Kind.FLOAT or (kind.kinds == Kind.INT and kind.bounded(EXACT)) for kind in types)
+
+
+def integers_or_reals(types: Types) -> bool:
+    return integers_of_sql(types) or reals(types)
+
+
+def some_numbers(types: Types) -> bool:
+    return all(kind.may(Kind.INT | Kind.FLOAT) for kind in types)
+
+
+def _are_numbers(types: Types) -> bool:
+    return each(Kind.NUMBER)(types)
+
+
+# --- sums and products ---------------------------------------------------------------------------------
+
+
+def _of_numbers(name: str, symbol: str, compute: intervals.Operation, about: str, example: str) -> Operation:
+    """The row of an operator that takes its extremes over two intervals at their ends."""
+
+    def result(types: Types) -> Type:
+        return union(numbers(kind, corners) for kind, corners in results(compute, types))
+
+    def can_fail(types: Types) -> bool:
+        return not _are_numbers(types) or not all(fits(kind, corners) for kind, corners in results(compute, types))
+
+    text = f"{{0}} {symbol} {{1}}"
+    return operation(
+        name, 2, _binary(name, symbol, compute), result, can_fail,
+        symbol=symbol, call=f"a {symbol} b", about=about, example=example, cheap=True,
+        sqlite=(Form(text, sql_numbers, Check.SIZE),),
+        python=(Form(text, _are_numbers, Check.SIZE), Form(text, some_numbers, Check.NUMBERS)),
+        portable=(Form(text, integers_or_reals),),
+    )  # fmt: skip
+
+
+def add(left: Any, right: Any) -> Any:
+    """The sum of numbers; strings or lists one behind the other."""
+    kind, other = type(left), type(right)
+    if kind in NUMBERS and other in NUMBERS:
+        return check(left + right)
+    if kind is other and (kind is str or kind is list):
+        return left + right
+    raise misfit(left, "+", right)
+
+
+def _add() -> Operation:
+    row = _of_numbers("add", "+", operator.add, "a + b: the sum; joins strings and lists",
+                      "[2 + 3, 'ab' + 'c', [1] + [2]]")  # fmt: skip
+    strings, lists = exactly(Kind.STR), exactly(Kind.LIST)
+
+    def result(types: Types) -> Type:
+        a, b = types
+        joined = union((as_list(a), as_list(b))) if a.may(Kind.LIST) and b.may(Kind.LIST) else NOTHING
+        return union((row.result(types), as_text(types), joined))
+
+    def can_fail(types: Types) -> bool:
+        return not any(each(kind)(types) for kind in (Kind.STR, Kind.LIST)) and row.can_fail(types)
+
+    text = "{0} + {1}"
+    return replace(
+        row, value=add, result=result, can_fail=can_fail, grows=True,
+        sqlite=(Form("{0} || {1}", strings), *row.sqlite),
+        python=(Form(text, strings, Check.ROOM), Form(text, lists, Check.ROOM), *row.python),
+        portable=(Form("{0} || {1}", strings), Form("list_concat({0}, {1})", lists), *row.portable),
+    )  # fmt: skip
+
+
+def _neg(value: Any) -> Any:
+    if type(value) in NUMBERS:
+        return check(-value)
+    raise ExecutionError("X001", f"cannot compute -{show(value)}", hints=("- works on numbers",))
+
+
+def _negated(types: Types) -> Type:
+    return union(numbers(kind, (-low, -high)) for kind, low, high in parts(types[0]))
+
+
+def sign_can_fail(types: Types) -> bool:
+    """Whether unary minus or `abs` can fail: there is one integer more below zero than above."""
+    return not _are_numbers(types) or any(kind is Kind.INT and low == INT_MIN for kind, low, _ in parts(types[0]))
+
+
+def parts(t: Type) -> list[tuple[Kind, float, float]]:
+    """The integers and the floats among the values with their bounds; bools count as integers."""
+    found: list[tuple[Kind, float, float]] = []
+    if bounds := integers(t):
+        found.append((Kind.INT, *bounds))
+    if t.may(Kind.FLOAT):
+        found.append((Kind.FLOAT, *floats(t)))
+    return found
+
+
+# --- quotients -----------------------------------------------------------------------------------------
+
+
+def _quotients(types: Types) -> list[float] | None:
+    """The corners of `/`; None if the divisor may be zero."""
+    a, b = types
+    corners: list[float] = []
+    if (first := integers(a)) and (second := integers(b)):
+        if second[0] <= 0 <= second[1]:
+            return None
+        corners += [x / y for x in first for y in second]
+    if a.may(Kind.FLOAT) or b.may(Kind.FLOAT):
+        low, high = floats(b)
+        if low <= 0 <= high:
+            return None
+        corners += [x / y for x in floats(a) for y in (low, high)]
+    return corners
+
+
+def _quotient(types: Types) -> Type:
+    if not all(t.may(Kind.NUMBER) for t in types):
+        return NOTHING
+    corners = _quotients(types)
+    return numbers(Kind.FLOAT, corners) if corners else Type(Kind.FLOAT, 0 if all(map(is_nonnegative, types)) else None)
+
+
+def _quotient_can_fail(types: Types) -> bool:
+    corners = _quotients(types) if _are_numbers(types) else None
+    return not corners or not fits(Kind.FLOAT, corners)
+
+
+def _remainder(types: Types) -> Type:
+    a, b = types
+    found = []
+    if (first := integers(a)) and (second := integers(b)):
+        found.append(numbers(Kind.INT, _remainders(first, second, 1)))
+    if a.may(Kind.NUMBER) and b.may(Kind.NUMBER) and (a.may(Kind.FLOAT) or b.may(Kind.FLOAT)):
+        found.append(numbers(Kind.FLOAT, _remainders(floats(a), floats(b), 0)))
+    return union(found)
+
+
+def _remainders(a: tuple[float, float], b: tuple[float, float], gap: int) -> tuple[float, float]:
+    """The bounds of `a % b`: the remainder stays `gap` away from the divisor and has its sign."""
+    low = min(0, b[0] + gap) if b[0] < 0 else 0
+    high = max(0, b[1] - gap) if b[1] > 0 else 0
+    if a[0] >= 0 and b[0] >= 0:
+        high = min(high, a[1])
+    if a[1] <= 0 and b[1] <= 0:
+        low = max(low, a[0])
+    return low, high
+
+
+def _remainder_can_fail(types: Types) -> bool:
+    return not _are_numbers(types) or _quotients(types) is None
+
+
+def _is_exact(kind: Type) -> bool:
+    return kind.bounded(EXACT) or not kind.may(Kind.INT)
+
+
+def _divided(*exact: bool, whole_divisor: bool = False) -> When:
+    """Numbers of which these are exact as floats, the others perhaps not, else SQLite would round twice."""
+
+    def when(types: Types) -> bool:
+        whole = types[1].only(INTEGER | Kind.NONE)
+        fit = all(_is_exact(kind) for kind, needed in zip(types, exact, strict=True) if needed)
+        return sql_numbers(types) and fit and whole >= whole_divisor
+
+    return when
+
+
+def _between(what: str, limit: float) -> str:
+    return f"{what} BETWEEN {-limit!r} AND {limit!r}"
+
+
+def _nonnegative(types: Types) -> bool:
+    return sql_integers(types) and types[0].at_least(0) and types[1].at_least(1)
+
+
+_INSIDE = _between("{value}", 1e308)
+
+# --- powers --------------------------------------------------------------------------------------------
+
+
+def _power(base: Any, exponent: Any) -> Any:
+    """An integer where both are and the exponent is not negative, else a float."""
+    if type(base) not in NUMBERS or type(exponent) not in NUMBERS:
+        raise misfit(base, "^", exponent)
+    if type(base) in INTEGERS and type(exponent) in INTEGERS and exponent > 63 and not -1 <= base <= 1:
+        # Too large whatever it is, and Python would take its time to find out.
+        message = f"integer overflow: {base} ^ {exponent} does not fit into 64 bits"
+        raise ExecutionError("X004", message, hints=("make the base a float, for example with float(...)",))
+    try:
+        result = base**exponent
+    except ZeroDivisionError:
+        raise _by_zero(base, "^", exponent) from None
+    except OverflowError:
+        raise float_overflow() from None
+    if type(result) is complex:
+        raise complex_result(f"{show(base)} ^ {show(exponent)}")
+    return check(result)
+
+
+def _power_type(types: Types) -> Type:
+    base, exponent = types
+    found = []
+    least: float | None = 0 if is_nonnegative(base) or _is_even(exponent) else None
+    if integers(base) and (times := integers(exponent)):
+        if times[1] >= 0:
+            corners = _powers(types)
+            found.append(numbers(Kind.INT, corners) if corners else Type(Kind.INT, least))
+        if times[0] < 0:
+            found.append(Type(Kind.FLOAT, -1 if least is None else 0, 1))
+    if all(t.may(Kind.NUMBER) for t in types) and any(t.may(Kind.FLOAT) for t in types):
+        bounds = _float_powers(types)
+        found.append(numbers(Kind.FLOAT, bounds) if bounds else Type(Kind.FLOAT, least))
+    return union(found)
+
+
+def _is_even(exponent: Type) -> bool:
+    """Whether the exponent is one even integer."""
+    times = integers(exponent)
+    return exponent.only(INTEGER) and times is not None and times[0] == times[1] and times[0] % 2 == 0
+
+
+def _powers(types: Types) -> list[int] | None:
+    """Bounds of integers raised to exponents that are not negative; None if they are beyond all values."""
+    base, exponent = integers(types[0]), integers(types[1])
+    if base is None or exponent is None or exponent[1] > 63:
+        return None
+    size, highest = max(abs(base[0]), abs(base[1])), exponent[1]
+    if base[0] < 0 and exponent[0] == highest:
+        middle = [0] if base[0] <= 0 <= base[1] and highest else []
+        return [base[0] ** highest, base[1] ** highest, *middle]
+    if base[0] < 0:
+        return [-(size**highest), size**highest, -1, 1]
+    return [base[0] ** max(exponent[0], 0), base[0] ** highest, base[1] ** highest, 1]
+
+
+def _float_powers(types: Types) -> list[float] | None:
+    """Bounds of floats raised to a known power: a whole one, or a root of what is not negative; else None.
+
+    Python leaves powers to the C library, which rounds them nearly, not exactly.
+    """
+    base, exponent = types
+    if not _are_numbers(types) or exponent.low is None or exponent.low != exponent.high:
+        return None
+    times, (low, high) = exponent.low, floats(base)
+    is_whole = exponent.only(INTEGER) and times >= 0
+    if not is_whole and not (low >= 0 and 0 <= times <= 1):
+        return None
+    try:
+        size = max(abs(low), abs(high), 1.0) ** times * (1 + 2**-40)
+    except OverflowError:
+        return None
+    return [0 if low >= 0 or _is_even(exponent) else -size, size]
+
+
+def _power_can_fail(types: Types) -> bool:
+    if not _are_numbers(types):
+        return True
+    if all(t.may(INTEGER) for t in types):
+        corners = _powers(types) if is_nonnegative(types[1]) else None
+        if not corners or not fits(Kind.INT, corners):
+            return True
+    if any(t.may(Kind.FLOAT) for t in types):
+        bounds = _float_powers(types)
+        return not bounds or not fits(Kind.FLOAT, bounds)
+    return False
+
+
+def _times(count: int, base: When) -> When:
+    """The exponent is this integer, and the base is one of these."""
+    known = Type(Kind.INT, count, count)
+    return lambda types: types[1] == known and base(types[:1])
+
+
+_WHOLE = each(INTEGER)
+# 3037000499 ^ 2 is the greatest square within 64 bits. The text of a limit of floats makes a float of the power.
+_LIMITS = {count: min(int(INT_MAX ** (1 / count)) - 1, SMALL) for count in range(2, MOST_OF_PYTHON + 1)}
+
+
+def _product(count: int) -> str:
+    return " * ".join(["{0}"] * count)
+
+
+OPERATIONS = (
+    _add(),
+    _of_numbers("sub", "-", operator.sub, "a - b: the difference", "5 - 7"),
+    _of_numbers("mul", "*", operator.mul, "a * b: the product", "1.5 * 4"),
+    operation(
+        "div", 2, _binary("div", "/", operator.truediv), _quotient, _quotient_can_fail,
+        symbol="/", call="a / b", about="a / b: the quotient, a float", example="7 / 2", cheap=True,
+        sqlite=(
+            Form("cast({0} AS REAL) / {1}", _divided(True, True, whole_divisor=True), Check.NOT_NULL),  # 1 or more
+            Form("cast({0} AS REAL) / {1}", _divided(True, True), _INSIDE),
+            *(Form("cast({0} AS REAL) / {1}", _divided(*exact),
+                   only=" AND ".join([_INSIDE, *(_between(f"{{{n}}}", EXACT) for n in (0, 1) if not exact[n])]))
+              for exact in ((True, False), (False, True), (False, False))),
+        ),
+        python=(
+            Form("{0} / {1}", _WHOLE, "{1}"),  # a quotient of integers is finite
+            Form("{0} / {1}", _are_numbers, f"{{1}} and {FINITE}"),
+        ),
+        portable=(Form("cast({0} AS DOUBLE) / {1}", reals),),
+    ),
+    operation(
+        "mod", 2, _binary("mod", "%", operator.mod), _remainder, _remainder_can_fail,
+        symbol="%", call="a % b", about="a % b: the remainder, with the sign of b", example="[-7 % 3, 7 % -3]",
+        cheap=True,
+        sqlite=(
+            # SQL's remainder has the sign of the dividend.
+            Form("{0} % {1}", _nonnegative),
+            Form("({0} % {1} + {1}) % {1}", lambda types: sql_integers(types) and types[1].bounded(2**62)),
+            Form("({0} % {1} + {1}) % {1}", sql_integers,
+                 only="{1} BETWEEN 1 AND 4611686018427387904 AND {0} IS NOT NULL"),
+        ),
+        python=(Form("{0} % {1}", _are_numbers, "{1}"),),
+        portable=(
+            Form("{0} % {1}", lambda types: integers_of_sql(types) and _nonnegative(types)),
+            Form("({0} % {1} + {1}) % {1}", lambda types: integers_of_sql(types) and types[1].bounded(2**61)),
+        ),
+    ),
+    operation(
+        "pow", 2, _power, _power_type, _power_can_fail,
+        symbol="^", call="a ^ b", about="a ^ b: a to the power of b", example="[2 ^ 10, 2 ^ -1]",
+        sqlite=tuple(Form(_product(n), _times(n, sql_integers), Check.SIZE) for n in range(1, MOST_FACTORS + 1)),
+        python=(
+            Form("{0} * {0}", _times(2, _WHOLE), f"{-_LIMITS[2]} < {{0}} < {_LIMITS[2]}"),  # a third of the time
+            *(Form("{0} ** {1}", _times(n, each(Kind.FLOAT)), f"{-limit:.1f} < {{0}} < {limit:.1f}")
+              for n, limit in _LIMITS.items()),
+            *(Form("{0} ** {1}", _times(n, _are_numbers), f"{-limit} < {{0}} < {limit}")
+              for n, limit in _LIMITS.items()),
+            Form("{0} ** {1}", _are_numbers),
+        ),
+        portable=tuple(Form(_product(n), _times(n, integers_of_sql)) for n in range(1, MOST_FACTORS + 1)),
+    ),
+    operation(
+        "neg", 1, _neg, _negated, sign_can_fail,
+        call="neg(a)", about="-a: the number with the other sign", example="-(3)", cheap=True,
+        # Subtracting from 0 gives 0.0 for 0.0 in place of -0.0; a product has the right sign.
+        sqlite=(
+            Form("-{0}", lambda types: sql_integers(types) and not types[0].may(Kind.NONE)),
+            Form("{0} * -1", sql_numbers, Check.SIZE),
+        ),
+        python=(Form("-{0}", _are_numbers, Check.SIZE),),
+        portable=(Form("-{0}", integers_of_sql), Form("{0} * cast(-1 AS DOUBLE)", exactly(Kind.FLOAT))),
+    ),
+)  # fmt: skip

@@ -1,0 +1,105 @@
+"""Bounds of numbers, by interval arithmetic.
+
+They are computed separately for integers, which are exact, and for floats, which are rounded: rounding never swaps two
+numbers, so the same float operation on the bounds of the operands gives the bounds of the result.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Callable, Sequence
+from typing import TypeAlias
+
+from ss2sql.kinds import INT_MAX, INT_MIN, NOTHING, Kind, Type
+
+Types: TypeAlias = Sequence[Type]
+Operation: TypeAlias = Callable[[float, float], float]
+
+INTEGER = Kind.BOOL | Kind.INT
+MAX = sys.float_info.max
+
+
+def integers(t: Type) -> tuple[int, int] | None:
+    """The least and the greatest integer that may be among the values; None if there can be none."""
+    if not t.may(INTEGER):
+        return None
+    low, high = (INT_MIN, INT_MAX) if t.may(Kind.INT) else (0, 1)
+    if t.low is not None:
+        low = max(low, math.ceil(t.low))
+    if t.high is not None:
+        high = min(high, math.floor(t.high))
+    return (low, high) if low <= high else None
+
+
+def floats(t: Type) -> tuple[float, float]:
+    """The bounds of the numbers, each turned into a float as float arithmetic does it; there must be numbers."""
+    if t.only(INTEGER):
+        low, high = integers(t) or (0, 0)
+        return float(low), float(high)
+    return -MAX if t.low is None else float(t.low), MAX if t.high is None else float(t.high)
+
+
+def numbers(kinds: Kind, corners: Sequence[float]) -> Type:
+    """The type of numbers between the least and the greatest corner; a bound beyond all values says nothing."""
+    low, high = min(corners), max(corners)
+    least, greatest = (-MAX, MAX) if kinds & Kind.FLOAT else (INT_MIN, INT_MAX)
+    return Type(kinds, low if least < low <= greatest else None, high if least <= high < greatest else None)
+
+
+def fits(kinds: Kind, corners: Sequence[float]) -> bool:
+    """Whether all numbers between the corners are values."""
+    least, greatest = (-MAX, MAX) if kinds & Kind.FLOAT else (INT_MIN, INT_MAX)
+    return all(least <= corner <= greatest for corner in corners)
+
+
+def is_nonnegative(t: Type) -> bool:
+    """Whether no number among the values is negative."""
+    return t.only(Kind.BOOL) if t.low is None else t.low >= 0
+
+
+def as_list(t: Type) -> Type:
+    """The lists among the values."""
+    return Type(Kind.LIST, item=t.item, columns=t.columns) if t.may(Kind.LIST) else NOTHING
+
+
+def as_text(types: Types) -> Type:
+    """The type of text made of parts of the strings among the values."""
+    if not all(t.may(Kind.STR) for t in types):
+        return NOTHING
+    odd = any(t.may(Kind.OBJECT) for t in types)
+    return Type(Kind.STR | Kind.OBJECT if odd else Kind.STR)
+
+
+def comparable(a: Type, b: Type) -> bool:
+    """Whether all values of both types have an order among each other."""
+    if any(a.only(kinds) and b.only(kinds) for kinds in (Kind.NUMBER, Kind.STR)):
+        return True
+    if not (a.only(Kind.LIST) and b.only(Kind.LIST)) or a.item is None or b.item is None:
+        return False
+    return comparable(a.item, b.item)
+
+
+def results(operation: Operation, types: Types) -> list[tuple[Kind, list[float]]]:
+    """The kinds of numbers that the operation gives with their corners: of two integers, and where a float is in it.
+
+    The operation must take its extremes over two intervals at their ends.
+    """
+    a, b = types
+    found: list[tuple[Kind, list[float]]] = []
+    if (first := integers(a)) and (second := integers(b)):
+        found.append((Kind.INT, [operation(x, y) for x in first for y in second]))
+    if a.may(Kind.NUMBER) and b.may(Kind.NUMBER) and (a.may(Kind.FLOAT) or b.may(Kind.FLOAT)):
+        found.append((Kind.FLOAT, [operation(x, y) for x in floats(a) for y in floats(b)]))
+    return found
+
+
+def whole(t: Type, operation: Callable[[float], int]) -> list[tuple[int, int]]:
+    """The bounds of the integers, and of the floats made integers by `operation`, which keeps their order."""
+    parts = []
+    if known := integers(t):
+        parts.append(known)
+    if t.may(Kind.FLOAT):
+        low, high = floats(t)
+        parts.append((operation(low), operation(high)))
+    return parts

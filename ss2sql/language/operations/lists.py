@@ -1,0 +1,387 @@
+"""Functions of lists, and elements of lists, strings and dicts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from ss2sql.errors import ExecutionError, did_you_mean
+from ss2sql.kinds import ANY, NONE, NOTHING, Kind, Type, list_of, union
+from ss2sql.language.operations import intervals
+from ss2sql.language.operations.arguments import INTEGERS, as_list, integer, wrong
+from ss2sql.language.operations.arithmetic import integers_of_sql
+from ss2sql.language.operations.intervals import INTEGER, as_text, comparable, integers, numbers
+from ss2sql.language.operations.row import (
+    Form,
+    Group,
+    Operation,
+    Types,
+    When,
+    alike,
+    each,
+    element,
+    exactly,
+    operation,
+    sql_class,
+)
+from ss2sql.runtime.checking import AT_ONCE, watched
+from ss2sql.runtime.messages import show
+from ss2sql.runtime.ordering import NUMBERS, compare, sorted_values
+from ss2sql.runtime.values import as_key, freeze, is_key, truth
+
+LENGTH = 2**53  # no list and no string is longer: no machine's memory would hold it
+RANGE_LIMIT = 10_000_000
+
+
+def are_not_lists(types: Types) -> bool:
+    """Whether a function that works on all lists can fail."""
+    return not each(Kind.LIST)(types)
+
+
+def same_list(types: Types) -> Type:
+    """A list with elements of the first argument."""
+    return intervals.as_list(types[0])
+
+
+# --- elements ------------------------------------------------------------------------------------------
+
+
+def _item(container: Any, index: Any) -> Any:
+    """An element of a list or string, negative from the end, or the value of a dict's key."""
+    kind = type(container)
+    if kind is list or kind is str:
+        if type(index) not in INTEGERS:
+            hint = "elements are counted from 0, from the end with -1, -2, ...; int(...) makes an integer"
+            raise ExecutionError("X001", f"cannot use {show(index)} as an index of {show(container)}", hints=(hint,))
+        try:
+            return container[index]
+        except IndexError:
+            raise _out_of_range(container, index) from None
+    if kind is dict:
+        key = as_key(index)
+        if is_key(container, key):
+            return container[key]
+        hints = did_you_mean(str(index), map(str, container)) if container else ("the dict is empty",)
+        raise ExecutionError("X003", f"{show(container)} has no key {show(index)}", hints=hints)
+    hint = "lists, strings and dicts have elements"
+    raise ExecutionError("X001", f"cannot take an element of {show(container)}", hints=(hint,))
+
+
+def _out_of_range(container: Any, index: int) -> ExecutionError:
+    length = len(container)
+    elements = "character" if type(container) is str else "element"
+    message = f"index {index} is out of range: {show(container)} has {length} {elements}{'' if length == 1 else 's'}"
+    hint = f"indexes go from 0 to {length - 1}, or from -1 back to {-length}" if length else "test len(...) first"
+    return ExecutionError("X003", message, hints=(hint,))
+
+
+def _item_type(types: Types) -> Type:
+    container, index = types
+    parts = []
+    if container.may(Kind.LIST) and index.may(INTEGER):
+        parts.append(_elements_at(container, index))
+    if index.may(INTEGER):
+        parts.append(as_text([container]))
+    if container.may(Kind.DICT):
+        parts.append(ANY)
+    return union(parts)
+
+
+def _elements_at(container: Type, index: Type) -> Type:
+    """The elements of the lists among the values that an index may mean."""
+    places = integers(index)
+    if container.positions is None or places is None:
+        return ANY if container.item is None else container.item
+    length = len(container.positions)
+    inside = range(max(places[0], -length), min(places[1], length - 1) + 1)
+    return union(container.positions[place] for place in inside)
+
+
+def _item_can_fail(types: Types) -> bool:
+    container, index = types
+    places = integers(index)
+    if not container.only(Kind.LIST) or container.size is None or not index.only(INTEGER) or places is None:
+        return True
+    return places[0] < -container.size or places[1] >= container.size
+
+
+def _found_in(kind: Kind, index: When, inside: str) -> tuple[Form, ...]:
+    """Forms of `container[index]` with such indexes, where the container is of this kind, and where it may be."""
+    name = "dict" if kind is Kind.DICT else "list"
+    return (
+        Form("{0}[{1}]", lambda types: types[0].only(kind) and index(types[1:]), inside),
+        Form(
+            "{0}[{1}]",
+            lambda types: types[0].may(kind) and index(types[1:]),
+            f"type({{0}}) is {name} and {inside}",
+        ),
+    )
+
+
+def _from_start(types: Types) -> bool:
+    return types[0].kinds == Kind.INT and types[0].at_least(0)
+
+
+def _from_end(types: Types) -> bool:
+    return types[0].kinds == Kind.INT and types[0].high is not None and types[0].high < 0
+
+
+def _index(types: Types) -> bool:
+    """Places in a list or string that are counted from its start."""
+    return integers_of_sql(types) and all(kind.at_least(0) for kind in types)
+
+
+def _slice(container: Any, start: Any, stop: Any) -> Any:
+    """A part of a list or string; None stands for a bound that is left out."""
+    if type(container) is not list and type(container) is not str:
+        hint = "lists and strings have slices"
+        raise ExecutionError("X001", f"cannot take a slice of {show(container)}", hints=(hint,))
+    for bound in (start, stop):
+        if bound is not None and type(bound) not in INTEGERS:
+            hint = "the bounds of a slice are integers, or left out"
+            raise ExecutionError("X001", f"cannot use {show(bound)} as the bound of a slice", hints=(hint,))
+    return container[start:stop]
+
+
+def _slice_can_fail(types: Types) -> bool:
+    container, *bounds = types
+    return not container.only(Kind.LIST | Kind.STR) or not each(INTEGER | Kind.NONE)(bounds)
+
+
+# --- lengths -------------------------------------------------------------------------------------------
+
+
+def _length(value: Any) -> int:
+    """The number of elements of a list, keys of a dict, characters of a string."""
+    if type(value) in (list, dict, str):
+        return len(value)
+    raise wrong(f"{show(value)} has no length", "len works on lists, dicts and strings")
+
+
+def length_type(types: Types) -> Type:
+    known = types[0].size if types[0].only(Kind.LIST) else None
+    return Type(Kind.INT, 0, LENGTH) if known is None else Type(Kind.INT, known, known)
+
+
+# --- the least and the greatest ------------------------------------------------------------------------
+
+
+def of_one_kind(kind: Type) -> bool:
+    """Whether equal values are the same value: not 1 beside 1.0 and True."""
+    return kind.kinds == Kind.BOOL or any(kind.only(one | Kind.NONE) for one in (Kind.INT, Kind.FLOAT, Kind.STR))
+
+
+def _extreme(name: str, pick: Callable[[Any], Any], sign: int, keeps: str, last: str, **others: str) -> Operation:
+    """The row of `min` or `max`. Of equal ones the first is taken: so does SQLite's max, its min takes the last."""
+
+    def value(first: Any, *others: Any) -> Any:
+        values = (first, *others) if others else as_list(name, first)
+        return of_values(values) if values else None
+
+    def of_values(values: Any) -> Any:
+        kinds = set(map(type, values))
+        if kinds <= NUMBERS or kinds == {str}:
+            return pick(values)
+        best = values[0]
+        for one in watched(values[1:]):
+            if compare(one, best) == sign:
+                best = one
+        return best
+
+    def result(types: Types) -> Type:
+        if len(types) == 1 and types[0].positions is None:
+            return union((element(types[0]), NONE))
+        chosen = _chosen(types)
+        if len(chosen) == 1:
+            return chosen[0]
+        lists = union(map(intervals.as_list, chosen)) if all(kind.may(Kind.LIST) for kind in chosen) else NOTHING
+        return union((_bounds(chosen, smallest=sign < 0), as_text(chosen), lists))
+
+    def can_fail(types: Types) -> bool:
+        if len(types) == 1 and not types[0].only(Kind.LIST):
+            return True
+        if len(types) == 1 and types[0].positions is None:
+            return not comparable(element(types[0]), element(types[0]))
+        chosen = _chosen(types)
+        return len(chosen) > 1 and not comparable(union(chosen), union(chosen))
+
+    value.__name__ = name
+    return operation(
+        name, (1, None), value, result, can_fail, call=f"{name}(list) or {name}(a, b, ...)", **others,
+        sqlite=(
+            Form(f"{name}({{*}})", lambda types: _in_sql(types) and not union(types).may(Kind.FLOAT), spread=True),
+            Form(f"{name}({last})", _in_sql, spread=True),
+        ),
+        python=(
+            Form("{0}", _alike(1, 1), spread=True),
+            Form(f"{{0}} if {{0}} {keeps} {{1}} else {{1}}", _alike(2, 2), spread=True),
+            Form(f"{name}({{*}})", _alike(3, 10**6), spread=True),
+            Form(f"{name}({{0}}) if {{0}} else None", _list_of_alike),
+        ),
+        portable=(Form(f"{'least' if sign < 0 else 'greatest'}({{*}})", _same_everywhere, spread=True),),
+        group=Group(
+            of_values, None, result=lambda kind: kind, can_fail=lambda kind: not comparable(kind, kind),
+            in_sql=of_one_kind,
+            sqlite=(Form(f"{name}({{0}})", lambda types: types[0].kinds != Kind.BOOL and of_one_kind(types[0])),),
+            python=(Form(pick, alike),),
+            portable=(Form(f"{name}({{0}})", _same_everywhere),),
+        ),
+    )  # fmt: skip
+
+
+def _chosen(types: Types) -> Types:
+    """What is chosen from: several arguments, or the elements of a list, known one by one."""
+    return types if len(types) > 1 else types[0].positions or types
+
+
+def _in_sql(types: Types) -> bool:
+    """A bool beside a number could be the value: SQL has a flag for the one, and a handle for one of both."""
+    return sql_class(union(types)) is not None
+
+
+def _alike(least: int, most: int) -> When:
+    return lambda types: least <= len(types) <= most and alike(types)
+
+
+def _list_of_alike(types: Types) -> bool:
+    return len(types) == 1 and types[0].only(Kind.LIST) and types[0].item is not None and alike([types[0].item])
+
+
+def _same_everywhere(types: Types) -> bool:
+    """Of 0.0 and -0.0 it would matter which is the first."""
+    return union(types).kinds & ~Kind.NONE in (Kind.INT, Kind.STR)
+
+
+def _bounds(types: Types, smallest: bool) -> Type:
+    """The numbers among the values. The least of several is not above any one of their upper bounds."""
+    if not all(kind.may(Kind.NUMBER) for kind in types):
+        return NOTHING
+    kinds = union(types).kinds & Kind.NUMBER
+    low, high = [kind.low for kind in types], [kind.high for kind in types]
+    near, far, pick = (high, low, min) if smallest else (low, high, max)
+    known = [bound for bound in near if bound is not None]
+    inner = pick(known) if known else None
+    outer = None if None in far else pick(bound for bound in far if bound is not None)
+    return Type(kinds, outer, inner) if smallest else Type(kinds, inner, outer)
+
+
+# --- other lists ---------------------------------------------------------------------------------------
+
+
+def _unique(values: Any) -> list[Any]:
+    """The first of equal elements, in their order."""
+    found: dict[Any, Any] = {}
+    for value in watched(as_list("uniq", values)):
+        found.setdefault(freeze(value), value)
+    return list(found.values())
+
+
+def _sorted(values: Any, descending: Any = False) -> list[Any]:
+    """The elements in their order, equal ones as they came."""
+    return sorted_values(as_list("sorted", values), truth(descending))
+
+
+def _sorting_can_fail(types: Types) -> bool:
+    return not types[0].only(Kind.LIST) or not comparable(element(types[0]), element(types[0]))
+
+
+def zipped(*lists: Any) -> list[list[Any]]:
+    """Lists of the first elements, of the second ones, and so on, as far as the shortest list goes."""
+    rows = zip(*(as_list("zip", values) for values in lists), strict=False)
+    return list(map(list, rows if len(lists[0]) <= AT_ONCE else watched(rows)))
+
+
+def numbers_from(*bounds: Any) -> list[int]:
+    """The integers from 0 up to, not including, a stop; from a start to a stop; the same in steps."""
+    limits = [integer("range", bound) for bound in bounds]
+    if len(limits) == 3 and limits[2] == 0:
+        raise wrong("the step of range is 0", "give a positive or a negative step")
+    found = range(*limits)
+    if found[RANGE_LIMIT:]:
+        message = f"range({', '.join(map(str, limits))}) has too many elements"
+        raise wrong(message, f"a list made by range has at most {RANGE_LIMIT} elements")
+    return list(found)
+
+
+def _range_type(types: Types) -> Type:
+    limits = [integers(t) for t in types]
+    first, last = limits[0], limits[1] if len(limits) > 1 else limits[0]
+    if first is None or last is None:
+        return NOTHING
+    if len(limits) == 1:
+        bounds = (0, max(last[1] - 1, 0))
+    elif len(limits) == 2:
+        bounds = (first[0], max(last[1] - 1, first[0]))
+    else:  # upwards or downwards
+        bounds = (min(first[0], last[0] + 1), max(first[1], last[1] - 1))
+    return Type(Kind.LIST, item=numbers(Kind.INT, bounds), columns=())
+
+
+def _range_can_fail(types: Types) -> bool:
+    limits = [integers(t) for t in types]
+    if not each(INTEGER)(types) or None in limits:
+        return True
+    (low, high), *others = [limit for limit in limits if limit is not None]
+    if not others:
+        return high > RANGE_LIMIT
+    step = others[1] if len(others) > 1 else (1, 1)
+    return others[0][1] - low > RANGE_LIMIT or high - others[0][0] > RANGE_LIMIT or step[0] <= 0 <= step[1]
+
+
+OPERATIONS = (
+    operation(
+        "item", 2, _item, _item_type, _item_can_fail, call="a[i]", cheap=True,
+        about="a[i]: of a list, a string or a dict", example="[[4, 5][-1], 'abc'[0]]",
+        python=(
+            Form("{0}[{1}]", lambda types: types[0].only(Kind.LIST) and types[1].kinds == Kind.INT),
+            *_found_in(Kind.DICT, exactly(Kind.STR), "{1} in {0}"),
+            *_found_in(Kind.LIST, _from_start, "len({0}) > {1}"),
+            *_found_in(Kind.LIST, _from_end, "len({0}) >= -{1}"),
+            *_found_in(Kind.LIST, exactly(Kind.INT), "len({0}) > {1} > -1"),  # one from the end is left to the value
+        ),
+        portable=(
+            Form("list_extract({0}, {1} + 1)", lambda types: types[0].kinds == Kind.LIST and _index(types[1:])),
+        ),
+        by_hand=frozenset({"sqlite"}),  # lists that stay the same are packed
+    ),
+    operation(
+        "slice", 3, _slice, lambda types: union((same_list(types), as_text(types[:1]))), _slice_can_fail,
+        call="a[i:j]", about="a[i:j]: of a list or a string", example="[[1, 2, 3][1:], 'abcd'[:2]]",
+        portable=(
+            Form("substring({0}, {1} + 1, greatest({2} - {1}, 0))",
+                 lambda types: types[0].kinds == Kind.STR and _index(types[1:])),
+        ),
+    ),
+    operation(
+        "len", 1, _length, length_type, lambda types: not types[0].only(Kind.STR | Kind.LIST | Kind.DICT),
+        call="len(x)", about="the length of a list, a dict or a string", example="[len([4, 5]), len('abc')]",
+        # SQLite counts characters up to the first NUL only.
+        sqlite=(Form("length({0})", exactly(Kind.STR), only="instr({0}, char(0)) = 0"),),
+        python=(Form("len({0})", each(Kind.STR | Kind.LIST | Kind.DICT)),),
+        portable=(
+            Form("cast(length({0}) AS BIGINT)", exactly(Kind.STR)),
+            Form("cast(len({0}) AS BIGINT)", exactly(Kind.LIST)),
+        ),
+    ),
+    _extreme("min", min, -1, "<=", "{reversed}", about="the least of a list, or of the arguments",
+             example="[min([3, 1, 2]), min(3, 1)]"),
+    _extreme("max", max, 1, ">=", "{*}", about="the greatest of a list or the arguments", example="max(['a', 'b'])"),
+    operation(
+        "uniq", 1, _unique, same_list, are_not_lists,
+        call="uniq(list)", about="the different elements of a list", example="uniq([2, 1, 2, 1.0])",
+    ),
+    operation(
+        "sorted", (1, 2), _sorted, same_list, _sorting_can_fail, call="sorted(list) or sorted(list, True)",
+        about="a list in order; sorted(x, True) falls", example="[sorted([2, 3, 1]), sorted([2, 3, 1], True)]",
+    ),
+    operation(
+        "zip", (1, None), zipped, lambda types: Type(Kind.LIST, item=list_of([element(t) for t in types]), columns=()),
+        are_not_lists, call="zip(list, list, ...)", about="the first elements of lists, the second, ...",
+        example="zip([1, 2], ['a', 'b'])", grows=True,
+    ),
+    operation(
+        "range", (1, 3), numbers_from, _range_type, _range_can_fail, grows=True,
+        call="range(stop), range(start, stop) or range(start, stop, step)", about="range([start,] stop[, step])",
+        example="[range(3), range(1, 3), range(6, 0, -2)]",
+    ),
+)  # fmt: skip

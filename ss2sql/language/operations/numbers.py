@@ -1,0 +1,264 @@
+"""Functions of numbers and points."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import chain
+from typing import Any
+
+from ss2sql.errors import ExecutionError
+from ss2sql.kinds import NOTHING, Kind, Type, union
+from ss2sql.language.operations.arguments import INTEGERS, kinds_of_numbers, number, wrong
+from ss2sql.language.operations.arithmetic import FINITE, integers_or_reals, parts, reals, sign_can_fail
+from ss2sql.language.operations.intervals import INTEGER, fits, floats, integers, is_nonnegative, numbers, whole
+from ss2sql.language.operations.row import (
+    Check,
+    Form,
+    Types,
+    each,
+    exactly,
+    operation,
+    sql_class,
+    sql_integers,
+    sql_numbers,
+)
+from ss2sql.runtime.messages import CURES, check, float_overflow, show
+from ss2sql.runtime.ordering import NUMBERS
+
+HALF = 8e307  # the difference of two such numbers is finite
+SMALL = 1e306  # of 16 such numbers even the sum is finite
+SAFE = 2**62
+
+
+def not_numbers(types: Types) -> bool:
+    return not each(Kind.NUMBER)(types)
+
+
+def _absolute(value: Any) -> Any:
+    return check(abs(number("abs", value)), CURES["abs"])
+
+
+def _absolute_type(types: Types) -> Type:
+    return union(numbers(kind, _sizes(low, high)) for kind, low, high in parts(types[0]))
+
+
+def _sizes(low: float, high: float) -> tuple[float, ...]:
+    return (abs(low), abs(high)) if low > 0 or high < 0 else (0, abs(low), abs(high))
+
+
+# --- rounding ------------------------------------------------------------------------------------------
+
+
+def _rounded(value: Any, digits: Any = None) -> Any:
+    """The nearest integer, or the nearest number with so many decimal places; halves go to the even neighbour."""
+    number("round", value)
+    try:
+        if digits is None:
+            return check(round(value))
+        if type(digits) not in INTEGERS:
+            message = f"round takes a whole number of decimal places, not {show(digits)}"
+            raise wrong(message, "round(x, 2) keeps two of them")
+        places = int(digits)
+        if type(value) is float:
+            return check(round(value, places))
+    except OverflowError:
+        raise float_overflow() from None
+    # Beyond 20 digits before the point nothing is left of 64 bits; Python would compute the power of 10.
+    return check(round(int(value), places)) if places >= -20 else 0
+
+
+def _rounded_type(types: Types) -> Type:
+    value, *digits = types
+    found = []
+    if not digits or digits[0].may(Kind.NONE):
+        found += [numbers(Kind.INT, bounds) for bounds in whole(value, round)]
+    if digits and digits[0].may(INTEGER):
+        if bounds := integers(value):
+            found.append(numbers(Kind.INT, bounds) if is_nonnegative(digits[0]) else Type(Kind.INT))
+        found.append(Type(value.kinds & Kind.FLOAT))
+    return union(found)
+
+
+def _rounding_can_fail(types: Types) -> bool:
+    value, *digits = types
+    if not value.only(Kind.NUMBER):
+        return True
+    if digits:
+        return not digits[0].only(INTEGER) or not is_nonnegative(digits[0])
+    return not all(fits(Kind.INT, bounds) for bounds in whole(value, round))
+
+
+# --- roots, points -------------------------------------------------------------------------------------
+
+
+def _root(value: Any) -> float:
+    if number("sqrt", value) < 0:
+        raise wrong(f"sqrt of the negative number {show(value)}", "sqrt(abs(x)) takes the number without its sign")
+    return math.sqrt(value)
+
+
+def _root_type(types: Types) -> Type:
+    low, high = floats(types[0])
+    if not types[0].may(Kind.NUMBER) or high < 0:
+        return NOTHING
+    return Type(Kind.FLOAT, math.sqrt(max(low, 0)), math.sqrt(high))
+
+
+def _distance(left: Any, right: Any) -> float:
+    """The Euclidean distance of two numbers, or of two equally long lists of numbers."""
+    if type(left) is not list and type(right) is not list:
+        kinds_of_numbers("distance", (left, right))
+        return float(check(float(abs(left - right))))
+    for point in (left, right):
+        if type(point) is not list:
+            raise wrong(f"distance of {show(left)} and {show(right)}", "give two numbers, or two lists of numbers")
+        kinds_of_numbers("distance", point)
+    if len(left) != len(right):
+        message = f"distance of lists of {len(left)} and {len(right)} numbers"
+        raise wrong(message, "both points need the same number of coordinates")
+    return float(check(math.dist(left, right)))
+
+
+def _norm(value: Any) -> float:
+    """The Euclidean length of a list of numbers; of a number its size."""
+    coordinates = value if type(value) is list else [value]
+    kinds_of_numbers("norm", coordinates)
+    return float(check(math.hypot(*coordinates)))
+
+
+def _size(types: Types) -> Type:
+    return Type(Kind.FLOAT, 0) if all(kind.may(Kind.NUMBER | Kind.LIST) for kind in types) else NOTHING
+
+
+def _size_can_fail(types: Types) -> bool:
+    if all(kind.only(Kind.LIST) and kind.positions is not None for kind in types):
+        return _too_long([kind.positions or () for kind in types])
+    if not_numbers(types):
+        return True
+    return len(types) > 1 and not all(-HALF <= bound <= HALF for kind in types for bound in floats(kind))
+
+
+def _too_long(vectors: Sequence[tuple[Type, ...]]) -> bool:
+    coordinates = list(chain.from_iterable(vectors))
+    if not_numbers(coordinates) or len(set(map(len, vectors))) > 1:
+        return True
+    return not all(-SMALL <= bound <= SMALL for part in coordinates for bound in floats(part))
+
+
+def _exact_difference(types: Types) -> bool:
+    """SQLite subtracts integers exactly, within 64 bits."""
+    return sql_numbers(types) and all(not kind.may(Kind.INT) or kind.bounded(2**61) for kind in types)
+
+
+def _points(types: Types) -> bool:
+    vectors = [kind.positions or () for kind in types if kind.only(Kind.LIST)]
+    if len(vectors) < len(types) or len(set(map(len, vectors))) != 1:
+        return False
+    return bool(vectors[0]) and not not_numbers(list(chain.from_iterable(vectors)))
+
+
+# --- conversions ---------------------------------------------------------------------------------------
+
+
+def _to_integer(value: Any) -> int:
+    """The integer that a string stands for; of a number, its whole part."""
+    if type(value) in NUMBERS:
+        return int(check(int(value), CURES["int"]))
+    try:
+        return int(check(int(_string("int", value)), CURES["int"]))
+    except ValueError:
+        hint = "int reads digits; int(float(...)) also reads fractions"
+        raise wrong(f"int cannot read {show(value)}", hint) from None
+
+
+def _to_float(value: Any) -> float:
+    """The float that a string stands for, or that is nearest to a number."""
+    if type(value) in NUMBERS:
+        return float(value)
+    try:
+        found = float(_string("float", value))
+    except ValueError:
+        hint = "float reads numbers with a point, such as '1.5' or '2e3'"
+        raise wrong(f"float cannot read {show(value)}", hint) from None
+    if not math.isfinite(found):
+        message = f"{show(value)} is not a finite number"
+        raise ExecutionError("X004", message, hints=("floats have to be finite; None can say that there is no value",))
+    return found
+
+
+def _string(function: str, value: Any) -> str:
+    if type(value) is str:
+        return value
+    hint = (
+        "leave None out, or write IF(x == None; ...; ...)"
+        if value is None
+        else "the elements of a list are converted one by one"
+    )
+    raise wrong(f"{function} works on numbers and strings, not on {show(value)}", hint)
+
+
+def _integer_type(types: Types) -> Type:
+    found = [numbers(Kind.INT, bounds) for bounds in whole(types[0], int)]
+    return union((*found, Type(Kind.INT) if types[0].may(Kind.STR) else NOTHING))
+
+
+def _integer_can_fail(types: Types) -> bool:
+    return not_numbers(types) or not all(fits(Kind.INT, bounds) for bounds in whole(types[0], int))
+
+
+def _float_type(types: Types) -> Type:
+    found = numbers(Kind.FLOAT, floats(types[0])) if types[0].may(Kind.NUMBER) else NOTHING
+    return union((found, Type(Kind.FLOAT) if types[0].may(Kind.STR) else NOTHING))
+
+
+_NUMBERS = each(Kind.NUMBER)
+
+OPERATIONS = (
+    operation(
+        "abs", 1, _absolute, _absolute_type, sign_can_fail,
+        call="abs(x)", about="the number without its sign", example="abs(-3)",
+        # SQLite's abs(-0.0) is -0.0; adding 0 makes it 0.0 and changes nothing else.
+        sqlite=(
+            Form("abs({0})", lambda types: sql_class(types[0]) is not None and sql_integers(types)),
+            Form("abs({0}) + 0", sql_numbers, "{0} >= -9223372036854775807"),
+        ),
+        python=(Form("abs({0})", _NUMBERS, Check.SIZE),),
+        portable=(Form("abs({0})", lambda types: integers_or_reals(types) or exactly(Kind.FLOAT)(types)),),
+    ),
+    operation(  # no form in SQL: databases round the last place by other rules
+        "round", (1, 2), _rounded, _rounded_type, _rounding_can_fail, call="round(x) or round(x, digits)",
+        about="the nearest number of so many digits", example="[round(2.567), round(2.567, 1)]",
+    ),
+    operation(  # IEEE 754 demands the nearest float of a root, so all roots are the same
+        "sqrt", 1, _root, _root_type, lambda types: not_numbers(types) or floats(types[0])[0] < 0,
+        call="sqrt(x)", about="the square root", example="sqrt(2.25)",
+        sqlite=(Form("sqrt({0})", sql_numbers, "{0} >= 0"),), python=(Form(math.sqrt, _NUMBERS, "{0} >= 0"),),
+        portable=(Form("sqrt({0})", reals),),
+    ),
+    operation(
+        "int", 1, _to_integer, _integer_type, _integer_can_fail,
+        call="int(x)", about="text or a number as an integer", example="[int('12'), int(3.9)]",
+        sqlite=(
+            Form("{0}", lambda types: sql_class(types[0]) is not None and sql_integers(types)),
+            Form("cast({0} AS INTEGER)", sql_numbers, f"{{0}} BETWEEN {-SAFE} AND {SAFE}"),
+        ),
+        python=(Form("int({0})", _NUMBERS, Check.SIZE),),
+    ),
+    operation(
+        "float", 1, _to_float, _float_type, not_numbers,
+        call="float(x)", about="text or a number as a float", example="[float('1e3'), float(2)]",
+        sqlite=(Form("{0}", exactly(Kind.FLOAT)), Form("cast({0} AS REAL)", sql_numbers)),
+        python=(Form("float({0})", _NUMBERS),),
+    ),
+    operation(
+        "distance", 2, _distance, _size, _size_can_fail, call="distance(a, b)",
+        about="the distance of two numbers or points", example="[distance([0, 0], [3, 4]), distance(1, 5)]",
+        sqlite=(Form("abs({0} - {1}) + 0.0", _exact_difference),),  # + 0.0 makes a float of an integer
+        python=(Form(math.dist, _points, FINITE.partition(" <= ")[2]),),
+    ),
+    operation(
+        "norm", 1, _norm, _size, _size_can_fail,
+        call="norm(list)", about="the length of a list of numbers", example="norm([3, 4])",
+    ),
+)  # fmt: skip
