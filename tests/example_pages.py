@@ -1,4 +1,7 @@
-"""Runs the examples for the tests: each once, in an empty folder, when it is first asked for."""
+"""Runs the examples for the tests: each once, in an empty folder, when it is first asked for.
+
+`tests/mutants.py` forgets them, so that an example may run again.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,7 @@ from contextlib import chdir, redirect_stdout
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from tempfile import TemporaryDirectory, mkdtemp
 from typing import Any
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
@@ -48,8 +51,7 @@ class Played:
 def play(name: str) -> Played:
     """Runs an example."""
     printed, started = io.StringIO(), time.process_time()
-    path, folder = sys.path[:], Path(FOLDER.name) / name
-    folder.mkdir()
+    path, folder = sys.path[:], Path(mkdtemp(dir=FOLDER.name))
     with chdir(folder), redirect_stdout(printed):
         module = runpy.run_path(str(EXAMPLES / name / "run.py"))
         page = module["main"]()

@@ -20,6 +20,7 @@ from ss2sql import Error, Session
 from ss2sql.scenes.bullet import package
 
 ENDLESS = "SELECT n FROM [1] WHERE n % 1000 == 0 START WITH n = 1 CONNECT BY n = n + 1"
+LATE = 0.3  # seconds: a run of what is compiled has begun by then, on a machine with much to do as well
 GROWING = "SELECT n FROM [1, 2] WHERE n < 0 START WITH n = 1 CONNECT BY BREADTH FIRST n = n + this"
 TALKING = "SELECT this FROM range(1000) WHERE print('looking at', this) > 5"
 
@@ -90,8 +91,8 @@ FROM_PYTHON: dict[str, Callable[[Session], object]] = {
     "T003": lambda session: ss2sql.connect(max_memory=20 * 2**20).run(GROWING),
     "X012": lambda session: wrong_block(session),
     "X013": worker_that_dies,
-    "T001": lambda session: session.run(ENDLESS, timeout=0.05),
-    "T002": lambda session: session.run(interrupting(session)),
+    "T001": lambda session: session.compile(ENDLESS).run(timeout=LATE),
+    "T002": lambda session: interrupted(session),
     "S001": lambda session: closed().run("1;"),
     "S002": lambda session: session.function("two words", len),
     "S003": lambda session: package("a_package_that_is_missing"),
@@ -100,10 +101,11 @@ FROM_PYTHON: dict[str, Callable[[Session], object]] = {
 }
 
 
-def interrupting(session: Session) -> str:
-    """A script without end, which is interrupted from another thread."""
-    threading.Timer(0.05, session.interrupt).start()
-    return ENDLESS
+def interrupted(session: Session) -> None:
+    """A run without end, which is interrupted from another thread."""
+    query = session.compile(ENDLESS)
+    threading.Timer(LATE, session.interrupt).start()
+    query.run()
 
 
 @pytest.mark.parametrize("code", FROM_PYTHON)
