@@ -93,6 +93,18 @@ def conjuncts(condition: plan.Expr | None) -> tuple[plan.Expr, ...]:
     return condition.parts if isinstance(condition, plan.And) else () if condition is None else (condition,)
 
 
+def asks_for_rows(query: plan.Query) -> bool:
+    """Whether a query only says if there is a row: True, or None without one, see lowering/rewrites/exists.py."""
+    constants = [output.expr for output in query.columns] + [query.limit]
+    known = [constant.value for constant in constants if isinstance(constant, plan.Constant)]
+    return query.representation.name == "value" and known == [True, 1] and not (query.search or query.order)
+
+
+def cuts_off(query: plan.Query) -> bool:
+    """Whether LIMIT ends a flat query before its rows are used up, so that it shows which rows call functions."""
+    return query.limit is not None and not (query.search or query.order or query.group or asks_for_rows(query))
+
+
 def sources_read(node: Node) -> frozenset[int]:
     """The numbers of all sources whose element or columns the node reads, its own nested ones included."""
     found: set[int] = set()

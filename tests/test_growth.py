@@ -31,6 +31,12 @@ JOINS = {
     "keys of several kinds": "SELECT n.this, m.this FROM n = ns, m = mixed WHERE m.this == n.this AS list;",
     "keys that are lists": "SELECT n.a, e.a FROM n = es, e = es WHERE e.p == n.p AND [e.a] == [n.a] AS list;",
     "two keys": "SELECT n.this, e.a FROM n = ns, e = es WHERE e.a == n.this AND abs(e.x) == n.this AS list;",
+    "membership in what a query finds for a row":
+        "SELECT k, x FROM n = groups WHERE x IN (SELECT e.x FROM e = groups WHERE e.k == n.k AS list) AS rows;",
+    "no membership in it":
+        "SELECT k, x FROM n = groups WHERE x + 1 NOT IN (SELECT e.x FROM e = groups WHERE e.k == n.k AS list) AS rows;",
+    "membership in what a query finds once":
+        "SELECT this IN (SELECT this FROM things AS list) FROM things AS list;",
     "steps by an element":
         "SELECT this FROM tree START WITH here = 0 CONNECT BY UNIQUE here = this[1] STOP WITH this[0] != here AS list;",
     "steps by an element, with a goal":
@@ -48,6 +54,19 @@ JOINS = {
 }  # fmt: skip
 
 
+class Thing:
+    """An object that says how often it is compared."""
+
+    def __init__(self, number: int) -> None:
+        self.number = number
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Thing) and self.number == other.number
+
+    def __hash__(self) -> int:
+        return hash(self.number)
+
+
 def data(size: int) -> dict[str, Any]:
     return {
         "ns": [n * 7 % size for n in range(size)],
@@ -55,6 +74,8 @@ def data(size: int) -> dict[str, Any]:
         "pairs": [[n, n + 1] for n in range(size)],
         "mixed": [n if n % 3 else str(n) for n in range(size)],
         "staff": [{"name": n, "boss": (n - 1) // 2 if n else None} for n in range(size)],
+        "groups": [{"k": n % 5, "x": n * 7 % size} for n in range(size)],
+        "things": list(map(Thing, range(size))),
         "tree": [[(n - 1) // 2, n] for n in range(1, size)],
     }
 
@@ -131,6 +152,14 @@ HARD = [
     "SELECT a.this, e.this FROM a = [1, 2], e = few WHERE e.v == a.this AS rows;",
     "SELECT a.this, b.i, c.i FROM a = n, b = rows, c = rows WHERE [b.v] == [a.this] AND [c.v] == [b.v] AND c.i < 9"
     " AS rows;",
+    "SELECT n.this, n.this IN (SELECT v FROM rows WHERE i < len(str(n.this)) AS list) FROM n AS rows;",
+    "SELECT n.this, n.this NOT IN (SELECT v FROM rows WHERE [v] == [n.this] AS list) FROM n AS rows;",
+    "SELECT n.this, n.this IN (SELECT v FROM rows AS list), [n.this] IN (SELECT [v] FROM rows AS list) FROM n AS rows;",
+    "SELECT n.this FROM n WHERE n.this IN (SELECT e.this[0][1] FROM e = nested WHERE n.this == 1 AND len(e.this[0]) > 1"
+    " AS list) AS rows;",
+    "SELECT n.this FROM n WHERE n.this IN (SELECT e.this[0][1] FROM e = nested WHERE n.this == 1 AS list) AS rows;",
+    "SELECT this FROM n WHERE this IN (SELECT max(v) FROM few WHERE v == n.this GROUP BY v AS list) AS rows;",
+    "SELECT this FROM n WHERE this IN (SELECT v FROM few WHERE v != n.this LIMIT 1 AS list) AS rows;",
     "SELECT b.i, count(*) FROM a = n, b = rows WHERE [b.v] == [a.this] GROUP BY b.i AS rows;",
     "SELECT a.this, b.i FROM a = n, b = rows WHERE [b.v] == [a.this] ORDER BY b.i DESC LIMIT 5 AS rows;",
     "SELECT n.this, e.this FROM n, e = nested WHERE len(e.this[0]) > 0 AND 1 / (len(n.this) - 1) > 0"
@@ -139,7 +168,7 @@ HARD = [
 
 
 @pytest.mark.parametrize("script", HARD)
-@pytest.mark.parametrize("disable", [[], ["lookup"], ["early"], ["columns"]])
+@pytest.mark.parametrize("disable", [[], ["lookup"], ["early"], ["columns"], ["exists"]])
 def test_equal_values_in_any_form_find_each_other(script: str, disable: list[str]) -> None:
     case = ProgramCase(script, EQUAL)
     expected = reference_outcome(case)

@@ -67,9 +67,12 @@ class Env:
 class Expressions:
     """Lowers the expressions of one statement; `needs` collects what they ask for."""
 
-    def __init__(self, needs: Needs, subquery: Callable[[plan.Query, Env], Node]) -> None:
+    def __init__(
+        self, needs: Needs, subquery: Callable[[plan.Query, Env], Node], existence: Callable[[plan.Query, Env], Node]
+    ) -> None:
         self.needs = needs
         self.subquery = subquery
+        self.existence = existence
         self._lowered: dict[tuple[int, int], tuple[plan.Expr, Env, Node]] | None = None
 
     def value(self, expr: plan.Expr, env: Env) -> Node:
@@ -155,11 +158,18 @@ class Expressions:
                 return self.aggregate(expr, env)
             case _:
                 assert isinstance(expr, plan.Subquery), "all others are declared in unsupported.py"
-                outer, self._lowered = self._lowered, None  # the parts of a query change after they are lowered
-                try:
-                    return self.unboxed(self.subquery(expr.query, env.of_a_query()), expr.type)
-                finally:
-                    self._lowered = outer
+                return self.unboxed(self._query(self.subquery, expr, env), expr.type)
+
+    def exists(self, expr: plan.Subquery, env: Env) -> Node:
+        """Whether a query that only says so has a row, as a flag."""
+        return self._query(self.existence, expr, env)
+
+    def _query(self, lower: Callable[[plan.Query, Env], Node], expr: plan.Subquery, env: Env) -> Node:
+        outer, self._lowered = self._lowered, None  # the parts of a query change after they are lowered
+        try:
+            return lower(expr.query, env.of_a_query())
+        finally:
+            self._lowered = outer
 
     def constant(self, expr: plan.Constant) -> Node:
         value = expr.value

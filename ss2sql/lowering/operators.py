@@ -21,7 +21,7 @@ from ss2sql.lowering.cells import element, membership
 from ss2sql.lowering.classes import REAL_NUMBER, same_class
 from ss2sql.lowering.packing import Alike
 from ss2sql.lowering.sql import Node
-from ss2sql.walk import can_fail
+from ss2sql.walk import asks_for_rows, can_fail
 
 if TYPE_CHECKING:
     from ss2sql.lowering.expressions import Env, Expressions
@@ -91,6 +91,10 @@ def _equality(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
     for index, argument in enumerate(call.arguments):
         if isinstance(argument, plan.Constant) and argument.value is None:
             # None equals nothing but None, whatever the other side is.
+            question = call.arguments[1 - index]
+            if isinstance(question, plan.Subquery) and asks_for_rows(question.query):
+                found = lowering.exists(question, env)
+                return exp.Not(this=found) if equal else found
             other = sql.operand(lowering.value(call.arguments[1 - index], env))
             none = sql.null()
             return exp.Is(this=other, expression=none if equal else exp.Not(this=none))

@@ -52,6 +52,7 @@ class Product:
         self.keys: dict[int, dict[Key, str]] = {}  # by source: columns of its copy that are computed
         self.items: list[Node] = []
         self.terms: list[Node] = []
+        self.ordering: list[Node] = []  # terms that are there for the order of rows alone
         self.keeps = self.sorts = False
         conditions = levels.conditions()
         if self._must_sort(conditions):
@@ -298,7 +299,8 @@ class Product:
                 computed = [self._key_column(key, name) for key, name in self.keys.get(source.id, {}).items()]
             case _:
                 return None
-        self.terms.append(in_order(label))
+        self.ordering.append(in_order(label))
+        self.terms += self.ordering[-1:]
         return copies.looked_up(item, needs.table(name), ("rowid", *columns), computed)
 
 

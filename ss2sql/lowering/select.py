@@ -45,7 +45,7 @@ class Selects:
 
     def __init__(self, needs: Needs) -> None:
         self.needs = needs
-        self.expressions = Expressions(needs, self.subquery)
+        self.expressions = Expressions(needs, self.subquery, self.existence)
         self.tables: dict[str, plan.TableSource] = {}
         self.copies: Copies | None = None  # where the statement can have some
 
@@ -193,6 +193,12 @@ class Selects:
             columns.append(self.expressions.boxed(node) if is_flag(output.expr.type) else node)
         return sql.scalar(sql.select([self._collected(query, columns)], [sql.derived(select, label)]))
 
+    def existence(self, query: plan.Query, env: Env) -> Node:
+        """`EXISTS (SELECT 1 ...)` for a query that only asks for rows."""
+        flat = self.flat(replace(query, limit=None), env)
+        where = sql.conjunction([term for term in flat.terms if term not in flat.ordering])
+        return exp.Exists(this=sql.select([sql.number(1)], flat.items, where))
+
     def _collected(self, query: plan.Query, values: list[Node]) -> Node:
         if query.representation.name != "dict":
             return sql.call(COLLECTORS[query.representation.name], *values)
@@ -233,7 +239,7 @@ class _Numbered(Selects):
 
 class _Arguments(Expressions):
     def __init__(self, selects: Selects, arguments: Sequence[plan.Expr], columns: Sequence[Node]) -> None:
-        super().__init__(selects.needs, selects.subquery)
+        super().__init__(selects.needs, selects.subquery, selects.existence)
         self.known = list(zip(arguments, columns, strict=True))
 
     def value(self, expr: plan.Expr, env: Env) -> Node:

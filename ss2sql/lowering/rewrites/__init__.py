@@ -12,7 +12,7 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
 from ss2sql import plan
-from ss2sql.lowering.rewrites import columns, fold, inline, near, rows, split, unnest
+from ss2sql.lowering.rewrites import columns, exists, fold, inline, near, rows, split, unnest
 from ss2sql.lowering.rewrites.world import World
 
 
@@ -50,6 +50,11 @@ REWRITES: dict[str, Rewrite] = {
         "makes conditions of a nested query over a known list, and reads constant texts for eval",
         "a nested query over a list that is known became plain conditions",
         unnest.rewrite,
+    ),
+    "exists": Rewrite(
+        "asks of x IN (SELECT ...) whether a row equals x, where the query reads the row around it",
+        "membership in what a query finds for a row is looked up",
+        exists.rewrite,
     ),
     "split": Rewrite(
         "flattens AND and OR, moves NOT inwards, drops repeated parts, makes IN of several ==",

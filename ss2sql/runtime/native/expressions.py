@@ -223,10 +223,12 @@ def _members(builder: Builder, node: plan.Call, arguments: list[ast.expr], body:
         return None
     item, container = node.arguments
     facts = builder.unit.analysis.of(container)
-    if not container.type.only(Kind.LIST) or not facts.steady or facts.sources or facts.states or facts.groups:
+    moves = any(map(body.sees, facts.sources)) or any(map(body.sees_state, facts.states)) or facts.groups
+    if not container.type.only(Kind.LIST) or not facts.steady or moves:
         return None
     short = isinstance(container, plan.Constant) and len(container.value) <= 8
-    if short or isinstance(container, plan.MakeList) or facts.key is None:
+    known = facts.key is not None or isinstance(container, plan.Subquery)
+    if short or isinstance(container, plan.MakeList) or not known:
         return None
     unit, pen = builder.unit, builder.unit.pen_at(container.span)
     if has_tuple(item.type) and container.type.item is not None and has_tuple(container.type.item):
@@ -236,7 +238,8 @@ def _members(builder: Builder, node: plan.Call, arguments: list[ast.expr], body:
         if not item.type.only(PLAIN):
             sought = pen.call(unit.helper(freeze), sought)
     members = pen.call(unit.helper(function), arguments[1])
-    kept = body.kept(replace(facts, key=-1 - facts.key), members, pen, "members")
+    key = None if facts.key is None else -1 - facts.key
+    kept = body.kept(replace(facts, key=key), members, pen, "members")
     return pen.compare(sought, _MEMBERSHIP[node.function.name](), kept)
 
 

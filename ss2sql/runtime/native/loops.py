@@ -36,7 +36,7 @@ from ss2sql.runtime.native.unit import MOST_LOOPS, Body
 from ss2sql.runtime.native.worlds import Demand, demand_of, world_items
 from ss2sql.runtime.sources import elements
 from ss2sql.runtime.values import freeze
-from ss2sql.walk import walk
+from ss2sql.walk import cuts_off, walk
 
 if TYPE_CHECKING:
     from ss2sql.runtime.native.builder import Builder
@@ -160,9 +160,7 @@ class Loops:
 
     def _shows_calls(self, key: plan.Expr) -> bool:
         """Whether a key calls functions of the user for rows that LIMIT cuts off."""
-        query = self.query
-        cut = query.limit is not None and query.search is None and not query.order and not query.group
-        return cut and self.builder.unit.analysis.of(key).calls
+        return cuts_off(self.query) and self.builder.unit.analysis.of(key).calls
 
     def finds_rows(self, source: plan.Source) -> bool:
         """Whether the source's loop looks up rows by columns of numbers and text."""
