@@ -64,7 +64,8 @@ class EnteringStep:
             new, weighed = weighed, []
         # What SQLite answers by itself is asked before what calls Python.
         fails = self.search.weight is not None and can_fail(self.search.weight)
-        new_first = self._asks_python(alive) and not (weighs and fails)
+        asks = self._asks_python(alive) or bool(self.of.shared)
+        new_first = asks and not (weighs and fails)
         conditions = [*enough, *(new + alive if new_first else alive + new), *weighed]
         if (enough or (fails and alive)) and len(conditions) > 1:
             # Steps are counted, and STOP WITH guards the weight; parts of AND SQLite asks as early as it can.

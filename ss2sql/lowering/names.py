@@ -10,8 +10,9 @@ from ss2sql.errors.visible import OBEYED
 
 _UNWRITTEN = re.compile("[\0\ud800-\udfff]")
 _SURROGATE = re.compile("[\ud800-\udfff]")
-_PLAIN_COLUMN = re.compile(r"(?:(?!\d+\Z)[^_A-Z]+|this_\d+)\Z")
-_MARKED = re.compile(f"[A-Z^,]|{OBEYED.pattern}")
+_PLAIN_COLUMN = re.compile(r"(?:(?!\d+\Z|with\Z)[^_A-Z]+|this_\d+)\Z")
+_PLAIN_CALL = re.compile(r"[^A-Z]+\Z")
+_MARKED = re.compile(f"[A-Z^,;]|{OBEYED.pattern}")
 SQLITE_FUNCTIONS = frozenset(
     str(name) for (name,) in apsw.Connection(":memory:").execute("SELECT lower(name) FROM pragma_function_list")
 )
@@ -32,14 +33,19 @@ def can_be_text(value: str) -> bool:
     return not _SURROGATE.search(value)
 
 
-def module_of(columns: tuple[str, ...]) -> str:
-    """The name of the virtual table that walks lists with these columns; no other columns have it.
+def module_of(columns: tuple[str, ...], calls: tuple[str, ...] = ()) -> str:
+    """The name of the virtual table that walks lists with these columns, and calls; no others have it.
+
+        >>> module_of(("x", "y")), module_of((), ("move",))
+        ('elements_x_y', 'elements_with_move')
 
     It stays apart where SQLite, which sees no case, would take two for one, as it would `a_b` and `a, b`.
     """
-    if all(_PLAIN_COLUMN.match(name) and not OBEYED.search(name) for name in columns):
-        return "_".join(("elements", *columns))
-    return "elements " + ", ".join(_MARKED.sub(_marked, name) for name in columns)
+    plain = all(_PLAIN_COLUMN.match(name) and not OBEYED.search(name) for name in columns)
+    if plain and len(calls) <= 1 and all(map(_PLAIN_CALL.match, calls)):
+        return "_".join(("elements", *columns, *(("with", *calls) if calls else ())))
+    of_list, of_calls = (", ".join(_MARKED.sub(_marked, name) for name in names) for names in (columns, calls))
+    return "elements " + of_list + (f"; {of_calls}" if calls else "")
 
 
 def free_name(name: str, taken: set[str]) -> str:

@@ -21,6 +21,7 @@ from ss2sql import plan
 from ss2sql.kinds import is_flag
 from ss2sql.lowering import sql
 from ss2sql.lowering.entering_step import EnteringStep, certain, fallible
+from ss2sql.lowering.element_calls import element_calls, with_calls
 from ss2sql.lowering.expressions import Env
 from ss2sql.lowering.lookup import lookups, met
 from ss2sql.lowering.names import free_name
@@ -52,8 +53,8 @@ class OnEntering(SearchLowering):
         self.one_result = isinstance(search.maximum, plan.Constant) and search.maximum.value == 1
         # A goal that comes out before its turn to be expanded waits as a result first.
         self.ahead = (search.order == "breadth first" and cut) or search.heuristic is not None
-        ends_early = search.order == "breadth first" and cut and bool(_user_calls(query))
-        self.counted = ends_early or self.counts == "steps"
+        self.shared = element_calls(query) if "calls" not in selects.needs.disabled else ()
+        self.counted = self.counts == "steps" and not self.shared  # the table of a list with calls counts by itself
         self.depth = self._named("depth") if search.order == "depth first" else None
         self.states = {name: self._named(name) for name in self.variables}
         self.at_once = set_at_once(query)
@@ -104,7 +105,9 @@ class OnEntering(SearchLowering):
         query = self.query
         if all(map(self.is_constant, query.sources)) and not any(isinstance(n, plan.Subquery) for n in walk(query)):
             return "product"
-        return "entered" if self.search.stop is None and self.order.total is None else "steps"
+        stop = self.search.stop
+        undropped = stop is None or (query.where is None and without(stop, self.looked_up) is None)
+        return "entered" if undropped and self.search.order != "probability" else "steps"
 
     # --- what is known of a step when it is taken ------------------------------------------------------
 
@@ -191,6 +194,8 @@ class OnEntering(SearchLowering):
     def steps(self, env: Env, first: bool) -> exp.Select:
         """The steps from the START WITH state, or those from a step that goes on."""
         sources, conditions, env, witnesses = self.open(env)
+        if self.shared:
+            sources[-1], env = with_calls(self.selects, self.query, self.shared, sources[-1], env)
         items: list[Node] = [] if first else [sql.table(self.table, self.table)]
         step = EnteringStep(self, env, first)
         conditions += step.lookups()

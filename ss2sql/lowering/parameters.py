@@ -15,7 +15,7 @@ from ss2sql.lowering import sql
 from ss2sql.lowering.names import free_name, module_of
 from ss2sql.lowering.packing import Packing
 from ss2sql.lowering.sql import Node
-from ss2sql.lowering.sql_query import Parameter
+from ss2sql.lowering.sql_query import ListTable, Parameter
 
 
 @dataclass(slots=True)
@@ -33,7 +33,7 @@ class Needs:
     function_names: Mapping[str, str]
     parameters: dict[str, Parameter] = field(default_factory=dict)
     calls: dict[str, list[Span]] = field(default_factory=dict)
-    modules: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    modules: dict[str, ListTable] = field(default_factory=dict)
     worlds: dict[str, Any] = field(default_factory=dict)
     collected: dict[int, exp.CTE] = field(default_factory=dict)
     labels: set[str] = field(default_factory=set)
@@ -112,6 +112,9 @@ class Needs:
 
     def elements(self, columns: tuple[str, ...]) -> str:
         """The name of the virtual table that walks a list whose elements have these columns."""
-        name = module_of(columns)
-        self.modules[name] = columns
-        return name
+        return self.list_table(ListTable(columns)) or ""
+
+    def list_table(self, table: ListTable) -> str | None:
+        """The name of a virtual table that walks lists; None where another one of the statement has it."""
+        name = module_of(table.columns, tuple(call.name for call in table.calls))
+        return name if self.modules.setdefault(name, table) == table else None

@@ -207,7 +207,8 @@ class SearchLowering(ABC):
         if item.alias_or_name in needs.worlds:
             return self._copied_once(item, (name for name, _ in needs.worlds[item.alias_or_name].columns), PLACE)
         if isinstance(item.this, exp.Anonymous):
-            return self._copied_once(item, needs.modules[item.this.name], "rowid")
+            walked = needs.modules[item.this.name]
+            return item if walked.calls else self._copied_once(item, walked.columns, "rowid")
         if any(item.name == table.alias for table in needs.collected.values()):
             return item
         source = self.selects.tables[item.alias_or_name]

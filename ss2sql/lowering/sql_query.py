@@ -16,6 +16,32 @@ Counts: TypeAlias = Literal["steps", "product", "entered"]
 
 
 @dataclass(frozen=True, slots=True)
+class ElementCall:
+    """A call of the user's `function` with each element of a list, whose value stands in the column `name`.
+
+    `arguments` are columns of the list by name, `this` among them, and further arguments of the table by number.
+    """
+
+    name: str
+    function: str
+    arguments: tuple[str | int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ListTable:
+    """A virtual table that walks a list: the columns of its elements, after `this`, and then those of calls."""
+
+    columns: tuple[str, ...]
+    calls: tuple[ElementCall, ...] = ()
+
+    @property
+    def arguments(self) -> int:
+        """The number of arguments beside the list."""
+        numbers = [part for call in self.calls for part in call.arguments if isinstance(part, int)]
+        return max(numbers, default=0)
+
+
+@dataclass(frozen=True, slots=True)
 class Bookkeeping:
     """How the steps of a search are kept and counted.
 
@@ -80,7 +106,7 @@ class SqlQuery:
     sorted: bool
     limited: bool
     calls: Mapping[str, tuple[Span, ...]]
-    modules: Mapping[str, tuple[str, ...]]
+    modules: Mapping[str, ListTable]
     plain: frozenset[str] = frozenset()
     plain_rows: bool = False
     bookkeeping: Bookkeeping = Bookkeeping()

@@ -6,17 +6,19 @@ What happens per call decides the speed of a search, so the way of a remembered 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from itertools import starmap
 from marshal import dumps, loads
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
-from ss2sql.errors import Error, note_place
+from ss2sql.errors import Error, Stopped, note_place
 from ss2sql.language.operations import OPERATIONS
 from ss2sql.runtime.functions import Memo, Refused, UserFunction
 from ss2sql.runtime.pool import OtherFormError, Pool
 
 if TYPE_CHECKING:
     from ss2sql.runtime.database import Execution
+    from ss2sql.runtime.element_calls import ElementCalls
 
 
 _MISSING = object()
@@ -27,96 +29,131 @@ class HeldError(Exception):
     """A StopIteration of a function on its way through SQLite: by itself it would only end the walk over the rows."""
 
 
-def sql_function(function: UserFunction, memo: Memo, stack: list[Execution]) -> Callable[..., Any]:
-    """What SQLite calls. The memo is that of the innermost execution, whoever puts it there."""
-    name, body = function.name, function.function
-    giver = f"the function '{name}'"
-    remember = function.volatility != "volatile"
-    changes = function.changes
+class Caller:
+    """What calls a function of the user for SQL. The memo is that of the innermost execution, whoever puts it there."""
 
-    def passed_on(execution: Execution, arguments: tuple[Any, ...], error: Exception) -> Exception:
-        """What goes through SQLite for an exception of the user's: noted, and remembered where calls are."""
-        execution.failed = True
-        note_place(error, name, execution.calls.get(name, ()))
-        passing = HeldError(error) if isinstance(error, StopIteration) else error
-        if remember:
-            memo.failures[dumps(arguments, 2)] = passing
-        return passing
+    def __init__(self, function: UserFunction, memo: Memo, stack: list[Execution]) -> None:
+        self.function = function
+        self.memo = memo
+        self.stack = stack
+        self.remembers = function.volatility != "volatile"
+        self.giver = f"the function '{function.name}'"
 
-    def call(*arguments: Any) -> Any:
-        """A real call; what it costs beside the function itself is 1 us."""
-        execution = stack[-1]
+    def make(self, execution: Execution, arguments: tuple[Any, ...]) -> Any:
+        """A real call; what it costs beside the function itself is 0.7 us."""
         pool, run = execution.pool, execution.run
-        bytes_of = pool.marshalled
-        whole = True
-        try:
-            if changes:
-                values = [loads(bytes_of[value]) if type(value) is bytes else value for value in arguments]
-            else:
-                values = [pool.plain(value) if type(value) is bytes else value for value in arguments]
-        except KeyError:  # there are objects inside
-            whole = all(type(value) is not bytes or value in bytes_of for value in arguments)
-            values = list(map(pool.fresh, arguments))
+        if self.function.changes:
+            values = [pool.fresh(value) if type(value) is bytes else value for value in arguments]
+        else:
+            values = [pool.unchanged(value) if type(value) is bytes else value for value in arguments]
         if run.interrupted or run.bounds.deadline is not None:
             run.check()  # a slow function must not keep a timeout waiting
-        memo.calls += 1
+        self.memo.calls += 1
+        result = _MISSING
         try:
-            result = body(*values)
+            result = self.function.function(*values)
+            return pool.encode_foreign(result, self.giver)
         except Exception as error:
-            if (passing := passed_on(execution, arguments, error)) is not error:
-                raise passing from None
-            raise
-        other: OtherFormError | None = None
-        try:
-            try:
-                encoded = pool.encode_foreign(result, giver)
-            except OtherFormError as error:  # the statement is run again, but this call is not made again
-                other, pool.watched = error, frozenset()
-                encoded = pool.encode_foreign(result, giver)
-        except Error as error:
-            execution.failed = True
-            spans = execution.calls.get(name, ())
-            located = error.located(spans[0] if spans else None)
-            if remember:
-                memo.failures[dumps(arguments, 2)] = located
-            raise located from None
-        except Exception as error:  # the result is an object that fails when it is looked at, such as a generator
-            if (passing := passed_on(execution, arguments, error)) is not error:
-                raise passing from None
-            raise
-        # What was proved of plain data says nothing of other objects.
-        if remember and (whole or not function.inferred):
-            memo.keep(arguments, encoded)
-        if other is not None:
-            raise other
-        return encoded
+            self._refuse(execution, arguments, error, result)
 
-    def call_of_memo(*arguments: Any) -> Any:
-        result = memo.plain.get(arguments)
-        if result is not None:
-            memo.hits += 1
-            return result
-        if memo.exact or memo.failures:
-            key = dumps(arguments, 2)
-            result = memo.exact.get(key, _MISSING)
-            if result is not _MISSING:
+    def _refuse(self, execution: Execution, arguments: tuple[Any, ...], error: Exception, result: Any) -> NoReturn:
+        """Raises what goes through SQLite for an exception of a call, and has it remembered where calls are."""
+        if type(error) is OtherFormError:  # the statement is run again, but this call is not made again
+            execution.pool.watched = frozenset()
+            if self.remembers:
+                self.memo.keep(arguments, execution.pool.encode_foreign(result, self.giver))
+            raise error
+        execution.failed = True
+        name, passing = self.function.name, error
+        spans = execution.calls.get(name, ())
+        if isinstance(error, Error) and result is not _MISSING:  # the value is refused
+            passing = error.located(spans[0] if spans else None)
+        else:  # a function raised it, or an object that fails when it is looked at, such as a generator
+            note_place(error, name, spans)
+            if isinstance(error, StopIteration):
+                passing = HeldError(error)
+        if self.remembers:
+            self.memo.failures[dumps(arguments, 2)] = passing
+        if passing is error:
+            raise error
+        raise passing from None
+
+    def may_keep(self, pool: Pool, arguments: Iterable[Any]) -> bool:
+        """Whether calls with these are remembered: what was proved of plain data says nothing of other objects."""
+        if not self.function.inferred:
+            return True
+        return all(type(value) is not bytes or value in pool.marshalled for value in arguments)
+
+    def sql_function(self) -> Callable[..., Any]:
+        """What SQLite calls."""
+        memo, stack, make = self.memo, self.stack, self.make
+
+        def call(*arguments: Any) -> Any:
+            return make(stack[-1], arguments)
+
+        def call_of_memo(*arguments: Any) -> Any:
+            result = memo.plain.get(arguments)
+            if result is not None:
                 memo.hits += 1
                 return result
-            error = memo.failures.get(key)
-            if error is not None:
-                stack[-1].failed = True
-                raise error
-        return call(*arguments)
+            if memo.exact or memo.failures:
+                key = dumps(arguments, 2)
+                result = memo.exact.get(key, _MISSING)
+                if result is not _MISSING:
+                    memo.hits += 1
+                    return result
+                error = memo.failures.get(key)
+                if error is not None:
+                    stack[-1].failed = True
+                    raise error
+            execution = stack[-1]
+            encoded = make(execution, arguments)
+            if self.may_keep(execution.pool, arguments):
+                memo.keep(arguments, encoded)
+            return encoded
 
-    return call_of_memo if remember else call
+        return call_of_memo if self.remembers else call
+
+    def block(
+        self,
+        execution: Execution,
+        values: Iterable[tuple[Any, ...]],
+        given: Callable[[], Iterable[tuple[Any, ...]]],
+    ) -> list[Any]:
+        """The values of several calls, which whoever asks remembers; 0.5 us each.
+
+        `values` are the arguments for Python code, `given` gives them as SQL values.
+        """
+        memo, made = self.memo, list[Any]()
+        if memo.plain or memo.exact or memo.failures:  # of an attempt before, or of calls elsewhere
+            return list(starmap(self.sql_function(), given()))
+        body, giver, run, encode = self.function.function, self.giver, execution.run, execution.pool.encode_foreign
+        result = _MISSING
+        try:
+            for arguments in values:
+                if run.interrupted or run.bounds.deadline is not None:
+                    run.check()
+                result = _MISSING
+                memo.calls += 1
+                result = body(*arguments)
+                made.append(encode(result, giver))
+        except Stopped:
+            raise
+        except Exception as error:
+            rows = list(given())
+            for arguments, encoded in zip(rows, made, strict=False):
+                memo.keep(arguments, encoded)
+            self._refuse(execution, rows[len(made)], error, result)
+        return made
 
 
 class CallsMade:
     """The calls that a statement has made before it ended, as values of the language, by the names of functions."""
 
-    def __init__(self, pool: Pool, memos: Mapping[str, Memo]) -> None:
+    def __init__(self, pool: Pool, memos: Mapping[str, Memo], element_calls: Iterable[ElementCalls] = ()) -> None:
         self._pool = pool
         self._known = {name: (memo.plain, memo.exact, memo.failures) for name, memo in memos.items()}
+        self._element_calls = list(element_calls)
 
     def __iter__(self) -> Iterator[tuple[str, tuple[Any, ...], Any]]:
         """Each call: the function's name, the arguments, and the value or what the call was Refused with."""
@@ -126,6 +163,9 @@ class CallsMade:
                 for key, answer in memory.items():
                     arguments = loads(key) if type(key) is bytes else key
                     yield name, tuple(map(decode, arguments)), self._as_value(answer)
+        for calls in self._element_calls:
+            for name, arguments, answer in calls:
+                yield name, tuple(map(decode, arguments)), self._as_value(answer)
 
     def _as_value(self, answer: Any) -> Any:
         if type(answer) is HeldError:

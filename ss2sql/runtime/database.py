@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 from itertools import islice
 from typing import Any
 
@@ -19,10 +20,11 @@ from ss2sql.errors import Error, Span, Stopped
 from ss2sql.language.operations import PREDICATES
 from ss2sql.lowering.names import builtin_name
 from ss2sql.lowering.packing import Packed
-from ss2sql.lowering.sql_query import Bookkeeping, Parameter, Shown, SqlQuery
+from ss2sql.lowering.sql_query import Bookkeeping, ListTable, Parameter, Shown, SqlQuery
 from ss2sql.runtime.ahead import ROOM, Ahead
-from ss2sql.runtime.calls import CallsMade, Members, Parts, builtin_function, located_final, sql_function
+from ss2sql.runtime.calls import Caller, CallsMade, Members, Parts, builtin_function, located_final
 from ss2sql.runtime.decoding import decoder
+from ss2sql.runtime.element_calls import ElementCalls
 from ss2sql.runtime.functions import Memo, UserFunction
 from ss2sql.runtime.guard import UNREADABLE, Guard, own_error
 from ss2sql.runtime.native.options import cost, heuristic, probability
@@ -60,6 +62,8 @@ class Execution:
         self.run = run
         self.query = query
         self.calls = calls
+        self.modules: dict[str, ListTable] = {}  # the lists that its statements walk
+        self.element_calls: dict[str, ElementCalls] = {}  # by the names of modules
         self.pool = Pool(run.sizes)
         self.parts = Parts(self.pool)
         self.members = Members(self.pool)
@@ -94,11 +98,12 @@ class Database:
         self.guard = guard = Guard(connection)
         self.begun = begun  # the runs of the session, the innermost last
         self.stack: list[Execution] = []
-        self.lists = ListModules(connection, self._walk)
+        self.lists = ListModules(connection, self._walk, self._call)
         self.worlds = WorldModules(connection, lambda: self.current)
         self.search = SearchState()
         self.memos: dict[str, Memo] = {}  # of each function of the user, for the execution that runs
         self.memo_limit = memo_limit
+        self.callers: dict[str, Caller] = {}  # of each function of the user
         for name, scalar in SCALAR_FUNCTIONS.items():
             guard.scalar(name, self._bound(scalar))
         for name, factory in AGGREGATE_FUNCTIONS.items():
@@ -167,26 +172,49 @@ class Database:
         """A function of the user; see calls.py."""
         memo = self.memos.setdefault(function.name, Memo(self.memo_limit))
         memo.limit = max(self.memo_limit, ROOM) if function.vectorized else self.memo_limit
-        called = (SqlCaller if function.vectorized else sql_function)(function, memo, self.stack)
-        self.guard.scalar(sql_name, called)
+        if function.vectorized:
+            self.guard.scalar(sql_name, SqlCaller(function, memo, self.stack))
+            return
+        caller = self.callers[function.name] = Caller(function, memo, self.stack)
+        self.guard.scalar(sql_name, caller.sql_function())
 
-    def _walk(self, value: Any, columns: tuple[str, ...], cursor: Any) -> Walked:
-        """The elements of a value as columns of SQL values; kept, for inner loops ask again and again."""
+    def _walk(self, name: str, arguments: tuple[Any, ...], cursor: Any) -> Walked:
+        """What the table of this name gives for its arguments."""
         execution = self.current
         execution.outermost = execution.outermost or cursor
-        key = (value, type(value), columns)
+        table = execution.modules[name]
+        walked = self._elements(execution, arguments[0], table)
+        if execution.book.counts == "product":
+            self.search.walks.append((arguments[0], walked.length))
+        return walked
+
+    def _call(self, name: str, arguments: tuple[Any, ...], cursor: Any) -> Sequence[Sequence[Any]]:
+        """The columns of a table that calls functions with the elements of a list."""
+        execution = self.current
+        execution.outermost = execution.outermost or cursor
+        calls = execution.element_calls.get(name)
+        if calls is None:
+            table = execution.modules[name]
+            walk = partial(self._elements, execution, table=table)
+            calls = ElementCalls(table, self.callers, self.memo_limit, execution, walk)
+            execution.element_calls[name] = calls
+        columns = calls.columns(arguments)
+        self.search.generated += len(columns[0])
+        return columns
+
+    def _elements(self, execution: Execution, value: Any, table: ListTable) -> Walked:
+        """The elements of a value as columns of SQL values; kept, for inner loops ask again and again."""
+        key = (value, type(value), table.columns)
         found = execution.elements.get(key)
         if found is None:
             try:
-                found = element_columns(execution.pool, value, columns)
+                found = element_columns(execution.pool, value, table.columns)
             except Error as error:
                 execution.failed = True
                 raise error.located(execution.value_source()) from None
             if len(execution.elements) >= 10_000:
                 execution.elements.clear()
             execution.elements[key] = found
-        if execution.book.counts == "product":
-            self.search.walks.append((value, found.length))
         return found
 
     def _progress(self) -> bool:
@@ -250,6 +278,8 @@ class Database:
     def _values(self, lowered: SqlQuery, pool: Pool, evaluate: Callable[[Parameter], Any]) -> dict[str, Any]:
         """The values to be bound, when the statement's virtual tables are there."""
         self.lists.make(lowered.modules)
+        if self.stack:
+            self.current.modules.update(lowered.modules)
         return {parameter.name: _encoded(pool, parameter, evaluate) for parameter in lowered.parameters}
 
     @contextmanager
@@ -265,7 +295,7 @@ class Database:
         except Stopped as stopped:
             raise stopped.located(execution.query.span if execution.query else None) from None
         except Exception as error:
-            run.calls_made = CallsMade(execution.pool, memos)
+            run.calls_made = CallsMade(execution.pool, memos, execution.element_calls.values())
             if not isinstance(error, UNREADABLE) or (execution.failed and isinstance(error, UnicodeDecodeError)):
                 raise  # it comes from a function of the user
             raise own_error(error, run).located(execution.query.span if execution.query else None) from error
@@ -333,6 +363,7 @@ class Database:
         self.lists.make(sql.modules)
         execution = Execution(run, calls=dict.fromkeys(self.memos, ()))
         with self._running(execution):
+            execution.modules.update(sql.modules)
             values = {name: _as_bound(execution.pool, value) for name, value in sql.parameters.items()}
             return [tuple(map(execution.pool.decode, row)) for row in self._begin(sql, sql.modules, values)]
 

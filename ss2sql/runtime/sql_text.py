@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from ss2sql.lowering.sql_query import ListTable
+
 
 class Sql(str):
     """SQL text with what it needs beside it.
@@ -15,14 +17,14 @@ class Sql(str):
 
     parameters: Mapping[str, Any]
     statements: tuple[Sql, ...]
-    modules: Mapping[str, tuple[str, ...]]
+    modules: Mapping[str, ListTable]
 
     def __new__(
         cls,
         text: str,
         parameters: Mapping[str, Any] | None = None,
         statements: tuple[Sql, ...] = (),
-        modules: Mapping[str, tuple[str, ...]] | None = None,
+        modules: Mapping[str, ListTable] | None = None,
     ) -> Sql:
         self = super().__new__(cls, text)
         self.parameters = dict(parameters or {})

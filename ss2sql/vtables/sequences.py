@@ -1,8 +1,9 @@
 """The elements of a value as a virtual table.
 
 `elements(value)` has one row per element, in order; its column `this` is the element. For lists whose
-elements have columns there is one module per set of columns, with these columns after `this`. The argument
-is a hidden column, so it may come from a table to the left: that is what makes a source lateral.
+elements have columns there is one module per set of columns, with these columns after `this`, and then those of calls
+that are made with each element. The arguments are hidden columns, so they may come from a table to the left: that is
+what makes a source lateral.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from typing import Any, TypeAlias, cast
 import apsw
 
 from ss2sql.lowering.names import sql_names
+from ss2sql.lowering.sql_query import ListTable
 from ss2sql.vtables.names import quoted
 
 SqlValue: TypeAlias = Any
@@ -43,8 +45,10 @@ class Walked(dict[int, Sequence[SqlValue]]):
         return column
 
 
-# Walks a value for a module with these columns, and for the cursor that asks.
-Walk: TypeAlias = Callable[[SqlValue, tuple[str, ...], Any], Walked]
+# Walks a value for the module of this name, given its arguments and the cursor that asks.
+Walk: TypeAlias = Callable[[str, tuple[SqlValue, ...], Any], Walked]
+# Gives the columns of a table with calls: those of the list's elements first, `this` before all others.
+Call: TypeAlias = Callable[[str, tuple[SqlValue, ...], Any], Sequence[Sequence[SqlValue]]]
 NOTHING = Walked(None, 0, 0, lambda number: ())
 
 # Elements, as SQLite is told when it plans, without the value. Below 25 it makes no index for a join that is sorted.
@@ -53,18 +57,22 @@ ARGUMENT = "source value"  # the hidden column; the blank keeps it apart from th
 
 
 class Elements:
-    """The module for one set of columns. `names` are their names in SQL, `columns` those in the elements."""
+    """The module of this name for one set of columns; `names` are the columns' own in SQL."""
 
-    def __init__(self, walk: Walk, columns: tuple[str, ...], names: tuple[str, ...]) -> None:
+    def __init__(self, walk: Walk, call: Call, name: str, table: ListTable) -> None:
         self.walk = walk
-        self.columns = columns
-        self.names = names
+        self.call = call
+        self.cursor = _CallingCursor if table.calls else _Cursor
+        self.name = name
+        self.names = (*sql_names(table.columns).values(), *(call.name for call in table.calls))
+        self.arguments = table.arguments
 
     def Connect(  # noqa: N802 - the name is SQLite's
         self, connection: apsw.Connection, module: str, database: str, table: str, *arguments: str
     ) -> tuple[str, _Table]:
         shown = quoted(("this", *self.names))
-        return f'CREATE TABLE elements({shown}, "{ARGUMENT}" HIDDEN)', _Table(self)
+        hidden = "".join(f', "{ARGUMENT} {number}" HIDDEN' for number in range(self.arguments + 1))
+        return f"CREATE TABLE elements({shown}{hidden})", _Table(self)
 
     Create = Connect
 
@@ -72,17 +80,21 @@ class Elements:
 class ListModules:
     """The modules of a connection, one for each set of columns; `walk` walks a value for them."""
 
-    def __init__(self, connection: apsw.Connection, walk: Walk) -> None:
+    def __init__(self, connection: apsw.Connection, walk: Walk, call: Call) -> None:
         self.connection = connection
         self.walk = walk
+        self.call = call
         self._made: set[str] = set()
         self._first: set[str] = set()  # those that hide a table of the database
 
-    def make(self, wanted: Mapping[str, tuple[str, ...]]) -> None:
-        """Registers the modules with these names, for lists whose elements have these columns, where there are none."""
-        for name, columns in wanted.items():
+    def make(self, wanted: Mapping[str, ListTable]) -> None:
+        """Registers the modules with these names where there are none.
+
+        Tables of one name have the same columns; they may call a function with its arguments in another order.
+        """
+        for name, table in wanted.items():
             if name not in self._made:
-                module = cast(Any, Elements(self.walk, columns, tuple(sql_names(columns).values())))
+                module = cast(Any, Elements(self.walk, self.call, name, table))
                 self.connection.create_module(
                     name, module, use_bestindex_object=True, eponymous=True, eponymous_only=False, read_only=True
                 )
@@ -110,25 +122,27 @@ class _Table:
         self.module = module
 
     def BestIndexObject(self, index: Any) -> bool:  # noqa: N802
-        """Demands the argument; everything else SQLite checks by itself."""
-        argument = len(self.module.names) + 1
+        """Demands the arguments; everything else SQLite checks by itself."""
+        first = len(self.module.names) + 1
+        found = 0
         for number in range(index.nConstraint):
-            if index.get_aConstraint_iColumn(number) != argument:
-                continue
-            if index.get_aConstraint_op(number) != apsw.SQLITE_INDEX_CONSTRAINT_EQ:
+            argument = index.get_aConstraint_iColumn(number) - first
+            if argument < 0 or index.get_aConstraint_op(number) != apsw.SQLITE_INDEX_CONSTRAINT_EQ:
                 continue
             if not index.get_aConstraint_usable(number):
                 return False  # the table that the argument comes from stands further to the right in this plan
-            index.set_aConstraintUsage_argvIndex(number, 1)
+            index.set_aConstraintUsage_argvIndex(number, argument + 1)
             index.set_aConstraintUsage_omit(number, True)  # SQLite ignores this behind sixteen other conditions
-            index.estimatedCost = LENGTH
-            index.estimatedRows = LENGTH
-            index.idxStr = "each element"
-            return True
-        raise apsw.SQLError("elements(value) needs its value")
+            found += 1
+        if found <= self.module.arguments:
+            raise apsw.SQLError(f"{self.module.name} needs all of its arguments")
+        index.estimatedCost = LENGTH
+        index.estimatedRows = LENGTH
+        index.idxStr = "each element"
+        return True
 
     def Open(self) -> _Cursor:  # noqa: N802
-        return _Cursor(self.module)
+        return self.module.cursor(self.module)
 
     def Disconnect(self) -> None:  # noqa: N802
         return
@@ -141,12 +155,12 @@ class _Cursor:
 
     def __init__(self, module: Elements) -> None:
         self.module = module
-        self.columns = NOTHING
+        self.columns: Any = NOTHING
         self.position = 0
         self.length = 0
 
-    def Filter(self, number: int, name: str, arguments: Sequence[SqlValue]) -> None:  # noqa: N802
-        self.columns = self.module.walk(arguments[0], self.module.columns, self)
+    def Filter(self, number: int, name: str, arguments: tuple[SqlValue, ...]) -> None:  # noqa: N802
+        self.columns = self.module.walk(self.module.name, arguments, self)
         self.length = self.columns.length
         self.position = 0
 
@@ -164,3 +178,12 @@ class _Cursor:
 
     def Close(self) -> None:  # noqa: N802
         self.columns = NOTHING
+
+
+class _CallingCursor(_Cursor):
+    """Walks the elements and the values of calls with them, which are made for all elements together."""
+
+    def Filter(self, number: int, name: str, arguments: tuple[SqlValue, ...]) -> None:  # noqa: N802
+        self.columns = self.module.call(self.module.name, arguments, self)
+        self.length = len(self.columns[0])
+        self.position = 0

@@ -79,6 +79,10 @@ REWRITES: dict[str, Rewrite] = {
         "computes a call or nested query once for the sources that it depends on",
         "calls that depend on the first sources alone are made once for each of their rows",
     ),
+    "calls": Rewrite(
+        "calls a function that several clauses of a search share once for each step",
+        "a call that every step makes is a column of the list that the step comes from",
+    ),
     "lookup": Rewrite(
         "looks up the rows of a list that must equal something, and those that a step of a search can go to",
         "what rows must equal is looked up, not found by trying all",
