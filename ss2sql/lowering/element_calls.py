@@ -93,7 +93,8 @@ def with_calls(
 ) -> tuple[Node, Env]:
     """The item of FROM for the last source with columns for these calls, and the sight in which they are known."""
     source = query.sources[-1]
-    assert isinstance(source, plan.ValueSource) and isinstance(item, exp.Table)
+    assert isinstance(source, plan.ValueSource)
+    assert isinstance(item, exp.Table)
     columns = tuple(name for name, _ in source.columns or ())
     taken = {"this", *(name.lower() for name in sql_names(columns).values())}
     given: list[plan.Expr] = []

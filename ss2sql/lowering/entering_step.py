@@ -56,7 +56,6 @@ class EnteringStep:
 
     def enters(self) -> list[Node]:
         """The conditions on entering."""
-        enough = [sql.call("go_on")] if self.of.counted else []
         new, alive = self._is_new(), self._is_alive()
         weighed = [] if self.of.total is None else self._weighed()
         weighs = self.best and not new
@@ -66,9 +65,9 @@ class EnteringStep:
         fails = self.search.weight is not None and can_fail(self.search.weight)
         asks = self._asks_python(alive) or bool(self.of.shared)
         new_first = asks and not (weighs and fails)
-        conditions = [*enough, *(new + alive if new_first else alive + new), *weighed]
-        if (enough or (fails and alive)) and len(conditions) > 1:
-            # Steps are counted, and STOP WITH guards the weight; parts of AND SQLite asks as early as it can.
+        conditions = [*(new + alive if new_first else alive + new), *weighed]
+        if fails and alive and len(conditions) > 1:
+            # STOP WITH guards the weight; parts of AND SQLite asks as early as it can.
             return [sql.case([(_not(one), sql.number(0)) for one in conditions[:-1]], conditions[-1])]
         return conditions
 
@@ -93,9 +92,7 @@ class EnteringStep:
 
     def _is_alive(self) -> list[Node]:
         """Whether the step goes on or is a goal."""
-        where, stop = self.query.where, self.search.stop
-        if stop is not None:
-            stop = stop if where is None else _unless(stop, where)
+        where, stop = self.query.where, dropping_stop(self.query)
         if stop is None:
             return []
         goes_on = _not(self.expressions.condition(stop, self.env))
@@ -167,11 +164,8 @@ class EnteringStep:
         return sql.call("in_turn", *positions, entered) if positions else entered
 
     def _waits(self) -> Node:
-        """0 for a goal; `note_result` counts it too, and ends the evaluation with the last one that is asked for."""
-        if self.of.total is not None:
-            return sql.number(0) if self.query.where is None else _not(self.goal())
-        noted = sql.call("note_result")
-        return noted if self.query.where is None else sql.case([(self.goal(), noted)], sql.number(1))
+        """0 for a goal."""
+        return sql.number(0) if self.query.where is None else _not(self.goal())
 
     def _after(self) -> list[Node]:
         return [self.next[(self.query.id, name)].copy() for name in self.of.variables]
@@ -208,6 +202,12 @@ class EnteringStep:
             return self.weight()
         kind = exp.Mul if self.search.order == "probability" else exp.Add
         return sql.binary(kind, of.column(of.total), self.weight())
+
+
+def dropping_stop(query: plan.Query) -> plan.Expr | None:
+    """What drops a step that is no goal; None where each step enters."""
+    stop = None if query.search is None else query.search.stop
+    return stop if stop is None or query.where is None else _unless(stop, query.where)
 
 
 def _unless(stop: plan.Expr, goal: plan.Expr) -> plan.Expr | None:

@@ -4,10 +4,9 @@ The recursive term evaluates a step while it is made: the guard, STOP WITH and W
 whether the step enters at all, and what enters carries the state after it. So most steps never wait, and the
 state is made once per step instead of once per child. Of the 3,462 steps of the paper's Towers of Hanoi 577 enter.
 
-Who looks at the order of evaluation could tell the difference where a search is cut off. Breadth first and by
-weight the language itself evaluates the children of a step together; there `go_on` ends the evaluation with the
-last result that is asked for, and a goal waits at the head of the queue, as a result only; if it goes on, the
-second recursive term lets it wait again at its own place.
+All steps from a state are evaluated when it is expanded. Where MAXIMUM or LIMIT ends a search, breadth first and by
+weight, a goal waits at the head of the queue, as a result only; if it goes on, the second recursive term lets it wait
+again at its own place.
 """
 
 from __future__ import annotations
@@ -20,8 +19,8 @@ from sqlglot import exp
 from ss2sql import plan
 from ss2sql.kinds import is_flag
 from ss2sql.lowering import sql
-from ss2sql.lowering.entering_step import EnteringStep, certain, fallible
 from ss2sql.lowering.element_calls import element_calls, with_calls
+from ss2sql.lowering.entering_step import EnteringStep, certain, dropping_stop, fallible
 from ss2sql.lowering.expressions import Env
 from ss2sql.lowering.lookup import lookups, met
 from ss2sql.lowering.names import free_name
@@ -103,11 +102,12 @@ class OnEntering(SearchLowering):
     def counts(self) -> Counts:
         """How it is known how many steps were generated: see `SearchState.count`."""
         query = self.query
+        if self.shared:
+            return "steps"
         if all(map(self.is_constant, query.sources)) and not any(isinstance(n, plan.Subquery) for n in walk(query)):
             return "product"
-        stop = self.search.stop
-        undropped = stop is None or (query.where is None and without(stop, self.looked_up) is None)
-        return "entered" if undropped and self.search.order != "probability" else "steps"
+        drops = dropping_stop(query) is not None or self.search.order == "probability"
+        return "steps" if drops else "entered"
 
     # --- what is known of a step when it is taken ------------------------------------------------------
 
@@ -201,6 +201,8 @@ class OnEntering(SearchLowering):
         conditions += step.lookups()
         sources = self.arranged(sources, conditions)
         entering = [self._in_turn(node, witnesses) for node in step.enters()]
+        if self.counted:
+            entering.insert(0, sql.call("count_step", witnesses[-1].copy()))
         where = [*([] if first else self.parent_goes_on()), *conditions, *entering]
         outputs = step.outputs(self.positions_of(sources, conditions))
         return sql.select(outputs, items + sources, sql.conjunction(where))
@@ -213,7 +215,9 @@ class OnEntering(SearchLowering):
         """
         last = witnesses[-1]
         changing = any(call.name in _CHANGING for call in node.find_all(exp.Anonymous))
-        if not changing or any(column.table == _table_of(last) for column in node.find_all(exp.Column)):
+        if not (changing or self.counted) or any(
+            column.table == _table_of(last) for column in node.find_all(exp.Column)
+        ):
             return node
         return sql.call("in_turn", last.copy(), node)
 
@@ -297,7 +301,7 @@ def _table_of(witness: Node) -> str:
     return witness.find(exp.Column).table  # type: ignore[union-attr]
 
 
-_CHANGING = frozenset({"go_on", "reached", "improves"})
+_CHANGING = frozenset({"reached", "improves"})
 
 
 def _without(place: object, known: list[plan.Expr]) -> list[object]:

@@ -6,7 +6,7 @@ What happens per call decides the speed of a search, so the way of a remembered 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import starmap
 from marshal import dumps, loads
 from typing import TYPE_CHECKING, Any, NoReturn

@@ -287,7 +287,7 @@ class Database:
         """Makes the execution the innermost one, with empty memos, and adds up at its end what it has done."""
         run, memos = execution.run, {name: self.memos[name] for name in execution.calls}
         outer = {name: memo.begin() for name, memo in memos.items()}
-        search = self.search.begin(execution.pool.frozen, None, False)
+        search = self.search.begin(execution.pool.frozen, False)
         self.stack.append(execution)
         try:
             with run.sizes.refusing():
@@ -319,7 +319,7 @@ class Database:
     ) -> list[tuple[Row, Row]]:
         pool = execution.pool
         execution.book = lowered.bookkeeping
-        self.search.begin(pool.frozen, most, lowered.plain_rows)
+        self.search.begin(pool.frozen, lowered.plain_rows)
         if lowered.bookkeeping.trusts and pool.pure:
             self.search.trust()
         pool.mixed = self.search.mixed

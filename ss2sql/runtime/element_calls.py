@@ -8,7 +8,7 @@ from marshal import dumps, loads
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from ss2sql.lowering.sql_query import ElementCall, ListTable
-from ss2sql.runtime.functions import forget_half
+from ss2sql.runtime.functions import ONE_KIND, forget_half
 from ss2sql.vtables.sequences import Walked
 
 if TYPE_CHECKING:
@@ -48,7 +48,8 @@ class ElementCalls:
     def __iter__(self) -> Iterator[tuple[str, tuple[Any, ...], Any]]:
         """The calls that were made: the function's name, the arguments, the value, as SQL values."""
         for call in self.calls:
-            for arguments, results in call.made.items():
+            for key, results in call.made.items():
+                arguments = loads(key) if type(key) is bytes else key
                 for row, result in zip(call.rows(self.lists[arguments[0]], arguments), results, strict=True):
                     yield call.name, row, result
 
@@ -69,7 +70,7 @@ class _Call:
         self.key = [0, *sorted({at for of_list, at in self.places if not of_list})]
         self.limit = limit
         self.execution = execution
-        self.made: dict[Arguments, Sequence[Any]] = {}
+        self.made: dict[Arguments | bytes, Sequence[Any]] = {}
         self.scalars: dict[int, bool] = {}  # whether a column holds no lists or dicts, by its identity
         self.repeats: dict[Any, bool] = {}  # whether a list gives the same arguments twice
 
@@ -78,7 +79,9 @@ class _Call:
         made, caller = self.made, self.caller
         if len(self.key) < len(arguments):
             arguments = tuple([arguments[at] if at in self.key else None for at in range(len(arguments))])
-        known = made.get(arguments)
+        # 1 and 1.0 are one key, but two arguments.
+        key = arguments if ONE_KIND.issuperset(map(type, arguments)) else dumps(arguments, 2)
+        known = made.get(key)
         if known is not None:
             caller.memo.hits += len(known)
             return known
@@ -90,7 +93,7 @@ class _Call:
         if self.limit and plain:
             if len(made) * (len(results) + 1) >= self.limit:
                 forget_half(made)
-            made[arguments] = tuple(results)  # which the collector of cycles soon leaves alone
+            made[key] = tuple(results)  # which the collector of cycles soon leaves alone
         return results
 
     def rows(self, columns: Columns, arguments: Arguments) -> Iterable[tuple[Any, ...]]:

@@ -240,10 +240,10 @@ class Memo:
             if not self.limit:
                 return
             forget_half(plain if len(plain) > len(exact) else exact)
-        if result is not None and _HAVE_ONE_KIND.issuperset(map(type, arguments)):
+        if result is not None and ONE_KIND.issuperset(map(type, arguments)):
             plain[arguments] = result
         else:
             exact[marshal.dumps(arguments, 2)] = result
 
 
-_HAVE_ONE_KIND = frozenset({bytes, str, NoneType})  # of SQL values that equal only what they are
+ONE_KIND = frozenset({bytes, str, NoneType})  # of SQL values that equal only what they are

@@ -20,8 +20,7 @@ Kept: TypeAlias = tuple[int, tuple[Any, ...]]
 
 # The SQL functions with the number of their arguments, -1 for any.
 FUNCTIONS = {
-    **dict.fromkeys(("go_on", "note_result"), 0),
-    **dict.fromkeys(("expand", "arrive"), 1),
+    **dict.fromkeys(("count_step", "expand", "arrive"), 1),
     **dict.fromkeys(("still_best", "give_once"), 2),
     **dict.fromkeys(("enter", "enter_first", "enter_best", "on_path", "reached", "closed", "improves"), -1),
 }
@@ -80,20 +79,19 @@ class SearchState:
             "key",
         ),
         *("last_dropped", "late", "members", "met", "plain", "pruned", "rows", "shared", "taken", "walks"),
-        *("wanted", "way"),
+        "way",
     )
 
     def __init__(self) -> None:
-        self._reset(lambda value: value, None, True)
+        self._reset(lambda value: value, True)
 
-    def begin(self, key: Callable[[Any], Hashable], most: int | None, plain: bool) -> dict[str, Any]:
+    def begin(self, key: Callable[[Any], Hashable], plain: bool) -> dict[str, Any]:
         """Starts afresh and gives what has to be handed to `end`.
 
-        `key` gives equal SQL values one hashable value; rows that are `plain` need none, see also `trust`. `most`
-        is the number of results after which the search ends.
+        `key` gives equal SQL values one hashable value; rows that are `plain` need none, see also `trust`.
         """
         outer = {name: getattr(self, name) for name in self.__slots__}
-        self._reset(key, most, plain)
+        self._reset(key, plain)
         return outer
 
     def trust(self) -> None:
@@ -104,7 +102,7 @@ class SearchState:
         for name, value in outer.items():
             setattr(self, name, value)
 
-    def _reset(self, key: Callable[[Any], Hashable], most: int | None, plain: bool) -> None:
+    def _reset(self, key: Callable[[Any], Hashable], plain: bool) -> None:
         self.key = key
         self.always_plain = self.plain = plain
         self.asked: tuple[Any, ...] = ()  # the row that a guard was asked about, and let pass
@@ -113,7 +111,6 @@ class SearchState:
         self.expanded = 0
         self.pruned = 0
         self.late = 0  # of these, the steps that had entered
-        self.wanted = float("inf") if most is None else most
         self.rows: list[Kept] = [(0, ())]  # of the steps that entered, by number
         self.met: dict[Any, Any] = {}  # row -> the step that reached it, or its best rank
         self.taken: dict[Any, Any] = {}  # row -> the rank at which it was taken
@@ -189,17 +186,10 @@ class SearchState:
 
     # --- steps that are evaluated on entering ----------------------------------------------------------
 
-    def go_on(self) -> int:
-        """Counts a step; false when the search has its results."""
-        if self.wanted <= 0:
-            return 0
+    def count_step(self, element: Any) -> int:
+        """Counts a step with an element; always true."""
         self.generated += 1
         return 1
-
-    def note_result(self) -> int:
-        """Counts a result; gives 0, the place of a goal in the queue."""
-        self.wanted -= 1
-        return 0
 
     def expand(self, step: int) -> int:
         """Counts a step that goes on; always true."""

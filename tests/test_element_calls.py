@@ -1,0 +1,155 @@
+"""A function that every step of a search calls is called by the table of the list, once for each step."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any
+
+import pytest
+from sessions import ENGINES
+
+import ss2sql
+
+SEARCH = """SELECT next(this, n) FROM moves WHERE next(this, n) == 5
+    START WITH n = 0 CONNECT BY {} n = next(this, n) STOP WITH next(this, n) > 6 AS list;"""
+
+
+class Calls:
+    """`next(move, n)`, which notes its calls."""
+
+    def __init__(self, gives: Any = None) -> None:
+        self.seen: list[tuple[Any, ...]] = []
+        self.gives = gives
+
+    def next(self, move: Any, n: Any) -> Any:
+        self.seen.append((move, n))
+        return n + move if self.gives is None else self.gives(move, n)
+
+
+def session(calls: Calls, moves: list[Any], **options: Any) -> ss2sql.Session:
+    ss = ss2sql.connect(**options)
+    ss.function("next", calls.next, volatility="immutable")
+    ss.set("moves", moves)
+    return ss
+
+
+@pytest.mark.parametrize("option", ["", "NO CYCLE", "UNIQUE", "BREADTH FIRST", "COST 1"])
+@pytest.mark.parametrize("moves", [[1, 2], [2, 1, 2], [1, 1.0, True], [], [3]], ids=str)
+def test_each_call_is_made_once_and_stands_once_in_the_text(option: str, moves: list[Any]) -> None:
+    found = []
+    for engine in ENGINES:
+        calls = Calls()
+        with session(calls, moves) as ss:
+            result = ss.run(SEARCH.format(option), engine=engine)
+        assert len(calls.seen) == len(set(map(repr, calls.seen)))
+        found.append((repr(result.value), Counter(map(repr, calls.seen)), result.stats.generated))
+    assert found[0] == found[1]
+
+
+def test_the_text_calls_the_function_nowhere_else() -> None:
+    with session(Calls(), [1, 2]) as ss:
+        text = ss.compile(SEARCH.format("UNIQUE")).sql
+        assert "elements_with_next(:moves, search.n) AS moves" in text
+        assert "next(moves.this" not in text
+    with session(Calls(), [1, 2], disable=["calls"]) as ss:
+        text = ss.compile(SEARCH.format("UNIQUE")).sql
+        assert "elements_with_next" not in text
+        assert "next(moves.this, search.n)" in text
+
+
+@pytest.mark.parametrize(
+    "script",
+    [
+        # Asked of some steps only, or with other arguments elsewhere, which one memory serves.
+        "SELECT 1 FROM moves WHERE n > 1 AND next(this, n) == 5 START WITH n = 0 CONNECT BY n = n + 1 STOP WITH n > 2;",
+        "SELECT next(this, n) FROM moves START WITH n = 0 CONNECT BY n = next(1, n) STOP WITH n == 3;",
+        "SELECT next(this + 1, n) FROM moves START WITH n = 0 CONNECT BY n = n + 1 STOP WITH n == 3;",
+    ],
+)
+def test_other_calls_stay_where_they_are(script: str) -> None:
+    with session(Calls(), [1, 2]) as ss:
+        assert "_with_next" not in ss.compile(script).sql
+        assert ss.run(script, engine="database").paths == ss.run(script, engine="native").paths
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_call_that_fails_in_the_middle_is_not_made_again(engine: Any) -> None:
+    """The calls before it are handed over where Python begins anew."""
+
+    def gives(move: int, n: int) -> int:
+        if n == 2 and move == 2:
+            raise ValueError("no way")
+        return n + move
+
+    calls = Calls(gives)
+    with session(calls, [1, 2, 3]) as ss, pytest.raises(ValueError, match="no way") as caught:
+        ss.run(SEARCH.format("UNIQUE"), engine="auto" if engine == "database" else engine)
+    assert "next" in caught.value.__notes__[0]
+    assert len(calls.seen) == len(set(calls.seen))
+
+
+def test_values_of_all_kinds_come_back_as_they_were() -> None:
+    """Two lists that are equal in another form, an object, a dict, None, a list in a list, a long string."""
+    thing = object()
+    given = {0: [[1, 2]], 1: [[1.0, 2]], 2: thing, 3: {"a": [1]}, 4: None, 5: [[[]]], 6: "x" * 3000, 7: (1, 2), 8: True}
+    paths = []
+    for engine in ENGINES:
+        calls = Calls(lambda move, n: given[n + move])
+        with session(calls, list(given)) as ss:
+            script = "SELECT next(this, n) FROM moves START WITH n = 0 CONNECT BY BREADTH FIRST MAXIMUM 9 n = n;"
+            paths.append([list(path) for path in ss.run(script, engine=engine).paths])
+    assert repr(paths[0]) == repr(paths[1])
+    assert len(paths[0]) == len(given)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_what_a_call_may_not_give_is_refused_with_its_name(engine: Any) -> None:
+    calls = Calls(lambda move, n: float("nan"))
+    with session(calls, [1]) as ss, pytest.raises(ss2sql.ExecutionError, match=r"X004.*'next' returned NaN"):
+        ss.run(SEARCH.format("UNIQUE"), engine=engine)
+
+
+def test_functions_that_change_their_argument_get_fresh_ones() -> None:
+    def take(step: int, tower: list[int]) -> list[int]:
+        tower.append(step)
+        return tower if len(tower) < 4 else []
+
+    script = """SELECT take(this, tower) FROM steps START WITH tower = [] CONNECT BY UNIQUE tower = take(this, tower)
+        STOP WITH [] == take(this, tower) AS list;"""
+    found = []
+    for engine in ENGINES:
+        with ss2sql.connect() as ss:
+            ss.function(take)
+            ss.set("steps", [1, 2])
+            found.append(ss.eval(script) if engine == "auto" else ss.run(script, engine=engine).value)
+    assert found[0] == found[1]
+    assert [1, 2, 1] in found[0][-1] or any([1, 2, 1] in path for path in found[0])
+
+
+def test_a_table_of_the_same_name_and_columns_called_otherwise() -> None:
+    """The columns of the one are a key of its dicts, those of the other a call; or the arguments are exchanged."""
+    with ss2sql.connect() as ss:
+        ss.function("move", lambda a, b: a * 2 + b, volatility="immutable")
+        ss.set("moves", [1, 2])
+        ss.set("dicts", [{"with": 1, "move": 2}])
+        for call in ("move(this, n)", "move(n, this)"):
+            script = f"SELECT {call} FROM moves START WITH n = 1 CONNECT BY n = {call} STOP WITH n > 3 AS list;"
+            assert ss.run(script, engine="database").value == ss.run(script, engine="native").value
+        assert ss.run("SELECT d.move, d.with FROM d = dicts AS rows;", engine="database").value == [(2, 1)]
+
+
+def test_a_function_may_run_a_search_that_calls_it_in_turn() -> None:
+    with ss2sql.connect() as ss:
+        depth = 0
+
+        def grow(this: int, n: int) -> int:
+            nonlocal depth
+            depth += 1
+            if depth == 1:
+                assert len(ss.run(script, engine="database").paths) == 2
+            depth -= 1
+            return n + this
+
+        ss.function("grow", grow, volatility="immutable")
+        script = "SELECT grow(this, n) FROM [1, 2] START WITH n = 0 CONNECT BY n = grow(this, n) STOP WITH n > 0;"
+        assert len(ss.run(script, engine="database").paths) == 2
