@@ -49,7 +49,7 @@ class ElementCalls:
         """The calls that were made: the function's name, the arguments, the value, as SQL values."""
         for call in self.calls:
             for key, results in call.made.items():
-                arguments = loads(key) if type(key) is bytes else key
+                arguments = key if isinstance(key, tuple) else loads(key)
                 for row, result in zip(call.rows(self.lists[arguments[0]], arguments), results, strict=True):
                     yield call.name, row, result
 
