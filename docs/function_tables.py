@@ -15,7 +15,7 @@ GROUPS = {
     "operators": [row for name, row in OPERATIONS.items() if name in OF_OPERATORS],
     "lists": [row for row in (*lists.OPERATIONS, *aggregates.OPERATIONS) if row.name not in OF_OPERATORS],
     "numbers": numbers.OPERATIONS,
-    "text": strings.OPERATIONS,
+    "text": [row for row in strings.OPERATIONS if row.name not in OF_OPERATORS],
     "session": session.OPERATIONS,
 }
 

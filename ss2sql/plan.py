@@ -222,14 +222,16 @@ class GroupKey:
 
 @dataclass(frozen=True, slots=True)
 class Aggregate:
-    """`count sum min max average` over the rows of a group; `count(*)` has no argument.
+    """`count count_distinct sum min max average` over the rows of a group; `count(*)` has no argument.
 
-    A sum that may overflow is `spared` where it may be that nobody asks for it, as that of a group that HAVING drops.
+    The group `may_be_empty` where there is no GROUP BY. A sum that may overflow is `spared` where it may be that nobody
+    asks for it, as that of a group that HAVING drops.
     """
 
     function: str
     argument: Expr | None
     type: Type = ANY
+    may_be_empty: bool = False
     span: Span = _span()
 
 
@@ -308,14 +310,16 @@ class Query:
     """A query.
 
     Without GROUP BY: the product of `sources` (the last varies fastest), filtered by `where`, gives one row
-    of `columns` each, sorted by `order`, cut to `limit`. With `search` the results are paths, see Search;
-    `where` is then the goal (None: every step that does not stop), and `group`, `order` and `limit` act on
-    paths and see their last step.
+    of `columns` each, sorted by `order`, cut to `limit` behind the first `offset`. With `search` the results are
+    paths, see Search; `where` is then the goal (None: every step that does not stop), and `group`, `order` and
+    `limit` act on paths and see their last step.
 
     With `group` and `aggregated`: one row per group; `columns`, `having` and `order` contain GroupKey and
-    Aggregate and no Element or Column of this query outside an Aggregate. With `group` alone: a dict from
+    Aggregate and no Element or Column of this query outside an Aggregate. With `aggregated` alone all rows are one
+    group, even if there are none. With `group` alone: a dict from
     group value to the partition; `columns` and `order` see elements, `having` groups. Of a search with
-    `aggregated` columns that compares the rows of its paths, `rows` are what these consist of.
+    `aggregated` columns that compares the rows of its paths, `rows` are what these consist of. Of a search that is
+    `distinct` the first of equal paths counts, before `order` and `limit`; a flat query is then one of groups.
     """
 
     id: int
@@ -328,9 +332,16 @@ class Query:
     aggregated: bool = False
     order: tuple[OrderKey, ...] = ()
     limit: Expr | None = None
+    offset: Expr | None = None
     representation: Representation = Representation("dict")
     rows: tuple[Expr, ...] = ()
+    distinct: bool = False
     span: Span = _span()
+
+    @property
+    def grouped(self) -> bool:
+        """Whether its results are groups, or parts of them."""
+        return bool(self.group) or self.aggregated
 
 
 Expr: TypeAlias = (

@@ -50,7 +50,10 @@ class ValueSource:
 
 @dataclass(frozen=True, slots=True)
 class QuerySource:
-    """A query in FROM: its elements are those of the query's value. `lateral` see ValueSource."""
+    """A query in FROM: its elements are those of the query's value. `lateral` see ValueSource.
+
+    Where it is `optional` and the query has none, there is one element, None, and so is every column.
+    """
 
     id: int
     name: str
@@ -58,6 +61,7 @@ class QuerySource:
     element: Type
     columns: tuple[tuple[str, Type], ...] | None
     lateral: bool = False
+    optional: bool = False
     span: Span = field(compare=False, repr=False, kw_only=True)
 
 

@@ -56,7 +56,7 @@ def texts(marked: str, known: Known, kind: str = "") -> list[str]:
         ("SELECT a FROM b LIMIT 3 ORDER BY c |", {"GROUP BY", "AS"}),
         ("[(SELECT a FROM b WHERE c), (SELECT d FROM e |", {"WHERE", "START WITH", "CONNECT BY", "GROUP BY", "ORDER BY",
                                                            "LIMIT", "AS"}),
-        ("SELECT a |", {"FROM"}), ("|", {"SELECT"}), ("1; |", {"SELECT"}),
+        ("SELECT a |", {"FROM", "AS"}), ("|", {"SELECT"}), ("1; |", {"SELECT"}),
     ],
 )  # fmt: skip
 def test_clauses_stand_in_their_order_and_once(marked: str, expected: set[str], known: Known) -> None:

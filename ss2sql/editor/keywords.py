@@ -9,7 +9,7 @@ from typing import Literal, TypeAlias
 from ss2sql.frontend.options import ORDERS, REPEATS
 from ss2sql.frontend.table import load
 from ss2sql.frontend.text import RESERVED
-from ss2sql.frontend.trouble import CLAUSES, OPTIONS, PAIRS, VALUES
+from ss2sql.frontend.trouble import ALONE, CLAUSES, OPTIONS, PAIRS, VALUES
 
 Sort: TypeAlias = Literal["clause", "option", "operator", "constant", "other"]
 
@@ -37,12 +37,26 @@ TEXTS = {
     "MEMORIZE": "every path without a repeated row, from a graph that is built once; a number bounds the steps",
     "ASC": "rising",
     "DESC": "falling",
+    "DISTINCT": "each row once, or each value in count(DISTINCT x)",
+    "JOIN": "FROM a JOIN b ON condition: the pairs that meet it",
+    "LEFT JOIN": "FROM a LEFT JOIN b ON condition: all of a; what b has none of is None",
+    "ON": "which pairs JOIN gives",
+    "OFFSET": "LIMIT n OFFSET m: n behind the first m",
     "IF": "IF(condition; then; else)",
     "AND": "both; the right side is asked only if the left one is true",
     "OR": "one or both; the right side is asked only if the left one is false",
     "XOR": "one of both",
     "NOT": "the other truth",
     "IN": "whether a list, a dict or a string has it",
+    "IS": "x IS NULL, x IS NOT NULL: whether it is None",
+    "NULL": "None, behind IS",
+    "BETWEEN": "x BETWEEN a AND b: a <= x AND x <= b",
+    "LIKE": "x LIKE 'a%': % is any text, _ any character, and case counts",
+    "CASE WHEN": "CASE WHEN condition THEN value ... ELSE value END",
+    "WHEN": "another condition of CASE",
+    "THEN": "the value where the condition is true",
+    "ELSE": "the value where none is; without it None",
+    "END": "ends CASE",
     "this": "the element of the first source",
     "True": "the truth",
     "False": "its opposite",
@@ -73,7 +87,7 @@ def words() -> frozenset[str]:
 @cache
 def keywords() -> dict[str, Keyword]:
     """The keywords by their first word, in capitals, in alphabetical order."""
-    seconds = set(PAIRS.values())
+    seconds = set(PAIRS.values()) - ALONE
     return {word: _keyword(word) for word in sorted(words() - seconds)}
 
 
@@ -89,4 +103,4 @@ def _sort(word: str) -> Sort:
         return "option"
     if word in CONSTANTS:
         return "constant"
-    return "operator" if word in RESERVED and word != "IF" else "other"
+    return "operator" if word in (RESERVED | {"IS", "BETWEEN", "LIKE"}) - {"IF"} else "other"

@@ -72,7 +72,7 @@ def _between(text: str, start: int, end: int) -> Iterator[tuple[int, Type, str]]
     for begin, stop in comments(text, start, end):
         if begin > start:
             yield start, Whitespace, text[start:begin]
-        yield begin, Comment.Single if text[begin] == "#" else Comment.Multiline, text[begin:stop]
+        yield begin, Comment.Single if text[begin] in "#-" else Comment.Multiline, text[begin:stop]
         start = stop
     if end > start:
         yield start, Text if text[start] == "\ufeff" else Whitespace, text[start:end]

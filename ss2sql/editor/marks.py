@@ -16,10 +16,10 @@ from ss2sql.frontend.parser import read, resume
 from ss2sql.frontend.query_builder import Builder
 from ss2sql.frontend.table import END, load
 from ss2sql.frontend.text import Token
-from ss2sql.frontend.trouble import PAIRS
+from ss2sql.frontend.trouble import ALONE, PAIRS
 
-_COMMENT = re.compile(r"#[^\r\n]*|/\*[\s\S]*?\*/")
-_SECONDS = {word: tuple(first for first in PAIRS if PAIRS[first] == word) for word in PAIRS.values()}
+_COMMENT = re.compile(text.COMMENT)
+_SECONDS = {word: tuple(first for first in PAIRS if PAIRS[first] == word) for word in set(PAIRS.values()) - ALONE}
 
 
 def marked(script: str) -> list[Token]:

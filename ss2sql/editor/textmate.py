@@ -44,6 +44,7 @@ def _scope(name: str) -> str:
 def _comments() -> list[dict[str, Any]]:
     return [
         {"name": _scope("comment.line.number-sign"), "match": "#.*$"},
+        {"name": _scope("comment.line.double-dash"), "match": r"--(?:\s.*)?$"},
         {"name": _scope("comment.block"), "begin": r"/\*", "end": r"\*/"},
     ]
 

@@ -103,6 +103,6 @@ def _is_still(source: plan.Source, search: int) -> bool:
     """Whether a source has the same elements for every state, or a part of what a still table has."""
     if isinstance(source, plan.QuerySource):
         inner = source.query
-        plain = inner.search is None and not inner.group
+        plain = inner.search is None and not inner.grouped
         return plain and all(_is_of_sources(output.expr, inner, search) for output in inner.columns)
     return not any(isinstance(node, plan.State) and node.query == search for node in walk(source))

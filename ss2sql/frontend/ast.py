@@ -57,13 +57,17 @@ class ListLiteral:
 
 @dataclass(frozen=True, slots=True)
 class Call:
-    """`name(arguments)`. An argument `name = expr` is an `Assign`; `count(*)` has `star` set, `world.f()` an owner."""
+    """`name(arguments)`. An argument `name = expr` is an `Assign`; `count(*)` has `star` set, `world.f()` an owner.
+
+    `count(DISTINCT x)` is `distinct`.
+    """
 
     function: str
     arguments: tuple[Expr, ...]
     span: Span = _span()
     star: bool = False
     owner: str | None = None
+    distinct: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,13 +91,24 @@ class Slice:
 
 @dataclass(frozen=True, slots=True)
 class Operator:
-    """An operator by its function name: `add sub mul div mod pow neg lt le eq ne ge gt in not_in`.
+    """An operator by its function name: `add sub mul div mod pow neg lt le eq ne ge gt in not_in like`.
 
     `span` covers the whole expression, `place` the operator sign alone.
     """
 
     function: str
     operands: tuple[Expr, ...]
+    span: Span = _span()
+    place: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class Between:
+    """`value BETWEEN low AND high`; `place` see Operator."""
+
+    value: Expr
+    low: Expr
+    high: Expr
     span: Span = _span()
     place: Span = _span()
 
@@ -174,12 +189,26 @@ class Star:
 
 
 @dataclass(frozen=True, slots=True)
+class Named:
+    """`expr AS name`, a column of SELECT."""
+
+    expr: Expr
+    name: str
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
 class From:
-    """One source of FROM, `name = expr`; without a written name the name is None."""
+    """One source of FROM, `name = expr`; without a written name the name is None.
+
+    Behind JOIN it has a condition `on`, which sees the sources up to it; behind LEFT JOIN it is `optional`.
+    """
 
     name: str | None
     expr: Expr
     span: Span = _span()
+    on: Expr | None = None
+    optional: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,7 +245,7 @@ class Representation:
 class Query:
     """A query; clauses that are not written are None or empty tuples."""
 
-    columns: tuple[Expr | Star, ...]
+    columns: tuple[Expr | Named | Star, ...]
     sources: tuple[From, ...]
     where: Expr | None = None
     start: tuple[Assign, ...] = ()
@@ -227,13 +256,15 @@ class Query:
     having: Expr | None = None
     order: tuple[OrderKey, ...] = ()
     limit: Expr | None = None
+    offset: Expr | None = None
+    distinct: bool = False
     representation: Representation | None = None
     span: Span = _span()
 
 
 Expr: TypeAlias = (
-    Literal | Name | This | Attribute | ListLiteral | Call | Index | Slice | Operator | And | Or | Xor | Not | If
-    | Assign | TemporalAssign | Temporal | Query
+    Literal | Name | This | Attribute | ListLiteral | Call | Index | Slice | Operator | Between | And | Or | Xor | Not
+    | If | Assign | TemporalAssign | Temporal | Query
 )  # fmt: skip
 
 

@@ -21,9 +21,9 @@ OPERATORS = {
     "+": "add", "-": "sub", "*": "mul", "/": "div", "%": "mod", "^": "pow", "==": "eq", "!=": "ne", "<>": "ne",
     "<": "lt", "<=": "le", ">": "gt", ">=": "ge", "IN": "in",
 }  # fmt: skip
-COMPARISONS = frozenset(("==", "!=", "<>", "<", "<=", ">", ">=", "IN", "NOT IN"))
+COMPARISONS = frozenset(("==", "!=", "<>", "<", "<=", ">", ">=", "IN", "NOT IN", "IS", "BETWEEN", "LIKE"))
 LOGIC = frozenset(("AND", "OR", "XOR"))
-COMMENT = "write # before a comment, or /* */ around it"
+COMMENT = "write a blank behind it, or # before a comment"
 CHAIN = "write a < b AND b < c"
 ENDINGS = ("end it with AS, for instance AS list, or put it in parentheses",)
 
@@ -115,6 +115,31 @@ class ExpressionBuilder:
         node = ast.Operator("not_in", self._operands((left, right), "NOT IN", place), span=span, place=place)
         return self._part(node, left, right, query=right.query)
 
+    def is_none(self, span: Span, value: Expr, *words: Token) -> Expr:
+        place = Span(self.script_source, words[0].start, words[-1].end)
+        none = ast.Literal(None, span=self._span(words[-1]))
+        function = "eq" if len(words) == 2 else "ne"
+        (operand, _) = self._operands((value, Part(none)), "IS", place)
+        return self._part(ast.Operator(function, (operand, none), span=span, place=place), value)
+
+    def between(self, span: Span, value: Expr, *parts: Expr | Token) -> Expr:
+        operands = [value, *(part for part in parts if isinstance(part, Part))]
+        words = [part for part in parts if isinstance(part, Token)]
+        place = Span(self.script_source, words[0].start, words[-2].end)
+        tested, low, high = self._operands(operands, "BETWEEN", place)
+        node = ast.Between(tested, low, high, span=span, place=place)
+        return self._unless(len(words) == 3, self._part(node, *operands, query=operands[-1].query))
+
+    def like(self, span: Span, value: Expr, *parts: Expr | Token) -> Expr:
+        words, (pattern,) = [part for part in parts if isinstance(part, Token)], parts[-1:]
+        assert isinstance(pattern, Part)
+        place = Span(self.script_source, words[0].start, words[-1].end)
+        node = ast.Operator("like", self._operands((value, pattern), "LIKE", place), span=span, place=place)
+        return self._unless(len(words) == 2, self._part(node, value, pattern, query=pattern.query))
+
+    def _unless(self, negated: bool, test: Expr) -> Expr:
+        return self._part(ast.Not(test.node, span=test.node.span), test, query=test.query) if negated else test
+
     def minus(self, span: Span, sign: Token, operand: Expr) -> Expr:
         node = operand.node
         if operand is self._number and isinstance(node, ast.Literal) and isinstance(node.value, int | float):
@@ -191,6 +216,21 @@ class ExpressionBuilder:
 
     def call_star(self, span: Span, function: Token) -> Expr:
         return Part(ast.Call(function.text, (), span=span, star=True))
+
+    def call_distinct(self, span: Span, function: Token, argument: Expr) -> Expr:
+        return self._part(ast.Call(function.text, (argument.node,), span=span, distinct=True), argument)
+
+    def when(self, span: Span, condition: Expr, value: Expr) -> tuple[Expr, Expr]:
+        return condition, value
+
+    def case(self, span: Span, *parts: Any) -> Expr:
+        """CASE as IF within IF."""
+        branches = [part for part in parts if isinstance(part, tuple)]
+        whole: Expr = parts[-1] if len(parts) > len(branches) else Part(ast.Literal(None, span=span))
+        for condition, value in reversed(branches):
+            node = ast.If(self._condition(condition, "CASE WHEN"), (value.node,), (whole.node,), span=span)
+            whole = self._part(node, condition, value, whole)
+        return whole
 
     def if_(self, span: Span, condition: Expr, *branches: Sequence[Expr]) -> Expr:
         then, otherwise = (*branches, (), ())[:2]

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any
 
 from ss2sql import plan
 from ss2sql.errors import ResolveError, Span
+from ss2sql.frontend import ast
 from ss2sql.frontend.alike import alike
-from ss2sql.kinds import Kind, Type, list_of, union
+from ss2sql.kinds import Kind, Type, list_of, type_of, union
 from ss2sql.language.operations import GROUPS
 from ss2sql.walk import is_volatile, parts, rebuild, sources_read, states_read, walk_own
 
@@ -45,9 +46,31 @@ def with_groups(resolver: Resolver, query: plan.Query) -> plan.Query:
         if _sees_rows(key.expr, query):
             message = "ORDER BY sorts groups here, so it sees group values and aggregates only"
             hint = f"add it to GROUP BY, or aggregate it: max({key.expr.span.text})"
+            if query.distinct:
+                message = "ORDER BY sorts what SELECT DISTINCT leaves, so it sees the columns of SELECT only"
+                hint = f"add {key.expr.span.text} to SELECT, or leave DISTINCT out"
             resolver.errors.append(ResolveError("R008", message, key.expr.span, (hint,)))
     rows = tuple(output.expr for output in query.columns) if compares else ()
-    return _with_spared(replace(query, columns=columns, order=order, aggregated=True, rows=rows))
+    return _with_spared(replace(query, columns=columns, order=order, aggregated=True, rows=rows, distinct=False))
+
+
+COUNTED = Type(Kind.INT, 0, 2**53)
+
+
+def counts_all(columns: tuple[ast.Expr | ast.Named | ast.Star, ...]) -> bool:
+    """Whether SELECT without GROUP BY counts all rows, by `count(*)` or `count(DISTINCT x)`, queries inside apart."""
+    waiting: list[Any] = list(columns)
+    while waiting:
+        match waiting.pop():
+            case ast.Call(function="count", owner=None) as call if call.star or call.distinct:
+                return True
+            case ast.Query():
+                pass
+            case tuple() as several:
+                waiting.extend(several)
+            case node if type(node).__module__ == ast.__name__:
+                waiting.extend(getattr(node, field.name) for field in fields(node))
+    return False
 
 
 def with_star(function: plan.Function, grouped: bool, span: Span) -> plan.Aggregate:
@@ -57,10 +80,24 @@ def with_star(function: plan.Function, grouped: bool, span: Span) -> plan.Aggreg
     elif function.name != "count":
         hint = f"write count(*), or name what {function.name} is to take"
     elif not grouped:
-        hint = "add GROUP BY, or count the rows of a query: len(SELECT ... FROM ...)"
+        hint = "count the rows of a query: (SELECT count(*) FROM ... AS value)"
     else:
-        return plan.Aggregate("count", None, Type(Kind.INT, 0, 2**53), span=span)
+        return plan.Aggregate("count", None, COUNTED, span=span)
     raise ResolveError("R008", "count(*) alone takes a star, and counts the rows of a group", span, (hint,))
+
+
+def with_distinct(function: plan.Function, grouped: bool, argument: plan.Expr, span: Span) -> plan.Aggregate:
+    """`count(DISTINCT x)` of a group. Raises ResolveError R008 as `with_star` does."""
+    name, text = function.name, argument.span.text
+    if function.builtin and name == "count" and grouped:
+        return plan.Aggregate("count_distinct", argument, COUNTED, True, span=span)
+    if function.builtin and name in GROUPS and name != "count":
+        hint = f"write {name}(uniq(SELECT {text} FROM ... AS list))"
+    elif function.builtin and name == "count":
+        hint = f"count what differs in a list: len(uniq({text}))"
+    else:
+        hint = f"write {name}({text})"
+    raise ResolveError("R008", "count alone takes DISTINCT, and counts the different values of a group", span, (hint,))
 
 
 def _with_spared(query: plan.Query) -> plan.Query:
@@ -103,7 +140,9 @@ def _lifted(resolver: Resolver, expr: plan.Expr, query: plan.Query, inside: bool
         ):
             _refuse_star_within(resolver, expr)
             kind = GROUPS[name].type_of_group(argument.type)
-            return plan.Aggregate(name, argument, kind, span=expr.span)
+            if not query.group:  # there may be no row
+                kind = union((kind, type_of(GROUPS[name].nothing)))
+            return plan.Aggregate(name, argument, kind, not query.group, span=expr.span)
     inside = inside or isinstance(expr, plan.Query)
     lifted = rebuild(expr, lambda part: _lifted(resolver, part, query, inside))
     return lifted if lifted is expr else _typed(resolver, lifted)
@@ -167,5 +206,6 @@ def _refuse_mixture(resolver: Resolver, query: plan.Query, columns: tuple[plan.O
     """An aggregate beside a value of single rows: name both."""
     single = next(output for output in columns if _sees_rows(output.expr, query))
     message = f"'{single.name}' belongs to a row, not to a group, so it cannot stand beside an aggregate"
-    hint = f"add it to GROUP BY, or aggregate it: max({single.expr.span.text})"
-    resolver.errors.append(ResolveError("R008", message, single.expr.span, (hint,)))
+    text = single.expr.span.text
+    by = "add it to GROUP BY" if query.group else f"write GROUP BY {text}"
+    resolver.errors.append(ResolveError("R008", message, single.expr.span, (f"{by}, or aggregate it: max({text})",)))

@@ -19,7 +19,7 @@ from ss2sql.walk import walk
 if TYPE_CHECKING:
     from ss2sql.frontend.resolve import Resolver
 
-_SIGNS = {*OPERATORS.values(), "neg", "not_in", "item", "slice"}  # calls that are not written as such
+_SIGNS = {*OPERATORS.values(), "neg", "not_in", "item", "slice", "like"}  # calls that are not written as such
 
 
 def with_hidden_columns(resolver: Resolver, query: plan.Query) -> plan.Query:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from ss2sql import plan
 from ss2sql.errors import ResolveError, Span, did_you_mean, similar
 from ss2sql.frontend import ast
-from ss2sql.frontend.groups import with_groups
+from ss2sql.frontend.groups import counts_all, with_groups
 from ss2sql.frontend.hidden import with_hidden_columns
 from ss2sql.frontend.options import outside, search_options
 from ss2sql.frontend.scope import Scope, column_of, element_of, is_settled
@@ -17,6 +17,7 @@ from ss2sql.frontend.states import settle_states
 from ss2sql.frontend.worlds import is_function_of_this
 from ss2sql.kinds import ANY, NONE, Kind, Type, list_of, shallow, union
 from ss2sql.runtime.rows import free_name
+from ss2sql.walk import conjuncts
 
 if TYPE_CHECKING:
     from ss2sql.frontend.resolve import Resolver
@@ -27,14 +28,19 @@ SYNONYMS = {"val": "value"}
 def resolve_query(resolver: Resolver, tree: ast.Query, outer: Scope | None) -> plan.Subquery:
     """The plan of a query; errors of its clauses are kept, so that all of them are found."""
     scope = Scope(outer, resolver.number())
-    search = _search(resolver, tree, scope, outer)
+    search, joins = _search(resolver, tree, scope, outer)
     sources = tuple(scope.sources)
-    where = _optional(resolver, tree.where, scope)
+    where = _with_joins(joins, _optional(resolver, tree.where, scope))
     group = tuple(_key(resolver, key, scope) for key in tree.group)
-    scope.grouped = bool(group)
+    whole = not group and counts_all(tree.columns)
+    scope.grouped = bool(group) or whole
     columns = _columns(resolver, tree, scope)
     order = tuple(plan.OrderKey(_order_key(resolver, tree, key.expr, scope), key.descending) for key in tree.order)
     having = None if tree.having is None else resolver.guarded(resolver.expression, tree.having, scope)
+    if tree.distinct:
+        _check_distinct(resolver, tree)
+        if not tree.group and not whole and search is None:
+            group = tuple(output.expr for output in columns)
     query = plan.Query(
         scope.query,
         sources,
@@ -43,16 +49,26 @@ def resolve_query(resolver: Resolver, tree: ast.Query, outer: Scope | None) -> p
         search,
         group,
         having,
-        False,
+        whole,
         order,
         None if tree.limit is None else outside(resolver, tree.limit, outer, "LIMIT"),
+        None if tree.offset is None else outside(resolver, tree.offset, outer, "OFFSET"),
         _representation(resolver, tree.representation, outer),
+        distinct=tree.distinct and not whole,
         span=tree.span,
     )
-    if group:
+    if query.grouped:
         query = with_groups(resolver, query)
     query = with_hidden_columns(resolver, query)
     return plan.Subquery(query, _value_type(query), span=tree.span)
+
+
+def _check_distinct(resolver: Resolver, tree: ast.Query) -> None:
+    """Refuses DISTINCT beside GROUP BY."""
+    if tree.group:
+        message = "DISTINCT and GROUP BY do not go together"
+        hint = "leave DISTINCT out, or put the query with GROUP BY into FROM: SELECT DISTINCT * FROM (SELECT ...)"
+        resolver.errors.append(ResolveError("R014", message, tree.group[0].span, (hint,)))
 
 
 def _optional(resolver: Resolver, tree: ast.Expr | None, scope: Scope | None) -> plan.Expr | None:
@@ -62,8 +78,19 @@ def _optional(resolver: Resolver, tree: ast.Expr | None, scope: Scope | None) ->
 # --- the search ----------------------------------------------------------------------------------------
 
 
-def _search(resolver: Resolver, tree: ast.Query, scope: Scope, outer: Scope | None) -> plan.Search | None:
-    """Opens the sources and, where there is CONNECT BY, resolves the hierarchical clauses."""
+def _with_joins(joins: tuple[plan.Expr, ...], where: plan.Expr | None) -> plan.Expr | None:
+    """The conditions of JOIN, then WHERE."""
+    parts = (*joins, *conjuncts(where))
+    return where if not joins else parts[0] if len(parts) == 1 else plan.And(parts, span=parts[-1].span)
+
+
+def _search(
+    resolver: Resolver, tree: ast.Query, scope: Scope, outer: Scope | None
+) -> tuple[plan.Search | None, tuple[plan.Expr, ...]]:
+    """Opens the sources and, where there is CONNECT BY, resolves the hierarchical clauses.
+
+    Gives the conditions of JOIN, too.
+    """
     if not tree.connect:
         for clause, part in (("START WITH", tree.start), ("STOP WITH", tree.stop)):
             if part:
@@ -71,17 +98,15 @@ def _search(resolver: Resolver, tree: ast.Query, scope: Scope, outer: Scope | No
                 resolver.errors.append(
                     ResolveError("R012", f"{clause} needs CONNECT BY", place, ("add CONNECT BY name = expr",))
                 )
-        open_sources(resolver, tree, scope)
-        return None
+        return None, open_sources(resolver, tree, scope)
     start = _start(resolver, tree, scope)
     _check_assigned(resolver, tree, scope)
     settle_states(resolver, tree, scope, dict(start))
-    open_sources(resolver, tree, scope)
+    joins = open_sources(resolver, tree, scope)
     connect = tuple((a.name, resolver.guarded(resolver.expression, a.value, scope)) for a in tree.connect)
     stop = _optional(resolver, tree.stop, scope)
-    return search_options(
-        resolver, tree, scope, outer, plan.Search(start, connect, stop, states=tuple(scope.states.items()))
-    )
+    search = plan.Search(start, connect, stop, states=tuple(scope.states.items()))
+    return search_options(resolver, tree, scope, outer, search), joins
 
 
 def _start(resolver: Resolver, tree: ast.Query, scope: Scope) -> tuple[tuple[str, plan.Expr], ...]:
@@ -117,6 +142,8 @@ def _columns(resolver: Resolver, tree: ast.Query, scope: Scope) -> tuple[plan.Ou
                 outputs.extend(_star(resolver, scope, column.span))
             case ast.Call(function="to", arguments=(value, label)) if resolver.catalog.functions["to"].builtin:
                 outputs.append(_labelled(resolver, value, label, scope))
+            case ast.Named(expr=value, name=name):
+                outputs.append(plan.Output(name, _key(resolver, value, scope)))
             case _:
                 outputs.append(plan.Output(_column_name(column), _key(resolver, column, scope)))
     if any(output.label for output in outputs):
@@ -193,10 +220,10 @@ def _order_key(resolver: Resolver, tree: ast.Query, key: ast.Expr, scope: Scope)
     return _key(resolver, key, scope)
 
 
-def _shown(column: ast.Expr | ast.Star) -> str:
-    """What a column of SELECT shows, without the name that `to` gives to it."""
+def _shown(column: ast.Expr | ast.Named | ast.Star) -> str:
+    """What a column of SELECT shows, without the name that `to` or AS gives to it."""
     match column:
-        case ast.Call(function="to", arguments=(value, *_)):
+        case ast.Call(function="to", arguments=(value, *_)) | ast.Named(expr=value):
             return value.span.text
         case _:
             return column.span.text

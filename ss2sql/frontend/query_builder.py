@@ -7,7 +7,7 @@ here, where the error can name both clauses.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from ss2sql.errors import Span
@@ -33,8 +33,12 @@ class Clause:
 class Builder(ExpressionBuilder):
     """Makes the tree of one script."""
 
-    def query(self, span: Span, columns: Clause, sources: Clause, *clauses: Clause) -> Expr:
-        fields = columns.fields | sources.fields
+    def query(self, span: Span, *parts: Clause) -> Expr:
+        head = 2 if parts[0].keyword == "SELECT" else 3
+        fields: dict[str, Any] = {}
+        for part in parts[:head]:
+            fields |= part.fields
+        clauses = parts[head:]
         seen: dict[str, Clause] = {}
         ordered = True
         for clause in clauses:
@@ -42,7 +46,7 @@ class Builder(ExpressionBuilder):
             seen.setdefault(clause.keyword, clause)
             fields |= clause.fields
         node = ast.Query(**fields, span=span)
-        return self._part(node, columns, sources, *clauses, query=node)
+        return self._part(node, *parts, query=node)
 
     def _check_order(self, clause: Clause, seen: dict[str, Clause]) -> bool:
         """Refuses a clause that stands twice, or behind one that it must precede; False if it does."""
@@ -60,11 +64,18 @@ class Builder(ExpressionBuilder):
             error.related = ((seen[wrong].span, "this comes later"),)
         return keyword not in seen and wrong is None
 
+    def distinct(self, span: Span) -> Clause:
+        return Clause("DISTINCT", {"distinct": True}, 1, span)
+
     def star(self, span: Span) -> Clause:
         return Clause("SELECT", {"columns": (ast.Star(span=span),)}, 1, span)
 
     def columns(self, span: Span, *columns: Expr) -> Clause:
         return self._clause("SELECT", span, columns, columns=self._nodes(columns))
+
+    def named(self, span: Span, column: Expr, name: Token) -> Part[ast.Named]:
+        (expr,) = self._nodes((column,))
+        return self._part(ast.Named(expr, name.text, span=span), column)
 
     def sources(self, span: Span, *sources: Part[ast.From]) -> Clause:
         return self._clause("FROM", span, sources, sources=tuple(source.node for source in sources))
@@ -73,6 +84,14 @@ class Builder(ExpressionBuilder):
         name = parts[0].text if len(parts) == 2 else None
         (expr,) = self._nodes(parts[-1:])
         return self._part(ast.From(name, expr, span=span), parts[-1])
+
+    def joined(self, span: Span, source: Part[ast.From], condition: Expr, optional: bool = False) -> Part[ast.From]:
+        self._nodes((condition,))
+        on = self._condition(condition, "ON")
+        return self._part(replace(source.node, on=on, optional=optional), source, condition)
+
+    def left_joined(self, span: Span, source: Part[ast.From], condition: Expr) -> Part[ast.From]:
+        return self.joined(span, source, condition, True)
 
     def where(self, span: Span, condition: Expr) -> Clause:
         self._nodes((condition,))
@@ -114,9 +133,9 @@ class Builder(ExpressionBuilder):
         (node,) = self._nodes((expr,))
         return self._part(ast.OrderKey(node, direction is not None and direction.kind == "DESC", span=span), expr)
 
-    def limit(self, span: Span, number: Expr) -> Clause:
-        (node,) = self._nodes((number,))
-        return self._clause("LIMIT", span, (number,), limit=node)
+    def limit(self, span: Span, number: Expr, *offset: Expr) -> Clause:
+        limit, *first = self._nodes((number, *offset))
+        return self._clause("LIMIT", span, (number, *offset), limit=limit, offset=first[0] if first else None)
 
     def representation(self, span: Span, name: Token, *arguments: Expr) -> Clause:
         named = tuple(part.node for part in arguments if isinstance(part.node, ast.Assign))

@@ -15,7 +15,7 @@ from ss2sql import plan
 from ss2sql.errors import ResolveError, Span, did_you_mean, several
 from ss2sql.frontend import ast
 from ss2sql.frontend.catalog import Catalog
-from ss2sql.frontend.groups import with_star
+from ss2sql.frontend.groups import with_distinct, with_star
 from ss2sql.frontend.inliner import Inliner
 from ss2sql.frontend.scope import (
     Scope,
@@ -30,8 +30,9 @@ from ss2sql.frontend.scope import (
 )
 from ss2sql.frontend.suggestions import Place, over_all_rows, unknown_function, unknown_method, unknown_name
 from ss2sql.frontend.worlds import keys_of, world_call
-from ss2sql.kinds import ANY, NONE, Kind, Type, list_of, type_of, union
+from ss2sql.kinds import ANY, BOOL, NONE, Kind, Type, list_of, type_of, union
 from ss2sql.language.operations import GROUPS, OPERATIONS
+from ss2sql.walk import is_volatile, walk
 
 AGGREGATE_HINT = "it works on a list: {query}, or on the groups of a GROUP BY"
 
@@ -141,6 +142,8 @@ class Resolver:
                 arguments = self.operands(operands, scope)
                 compared = function in ("eq", "ne") and self.catalog.functions[function].builtin
                 return self.call(function, keys_of(arguments, scope) if compared else arguments, span, place)
+            case ast.Between():
+                return self.between(tree, scope)
             case ast.And(parts=parts):
                 return plan.And(self.all(parts, scope), span=span)
             case ast.Or(parts=parts):
@@ -249,6 +252,25 @@ class Resolver:
             return plan.Constant(value, type_of(value), span=tree.span)
         return plan.MakeList(items, list_of([item.type for item in items]), span=tree.span)
 
+    def between(self, tree: ast.Between, scope: Scope | None) -> plan.Expr:
+        """`low <= value AND value <= high`; of a value that is not to be read twice, in a query over this one alone."""
+        value, low, high = self.operands((tree.value, tree.low, tree.high), scope)
+        if not is_volatile(value) and not any(isinstance(node, plan.Query) for node in walk(value)):
+            return self._within(value, low, high, tree)
+        source, span = self.number(), tree.value.span
+        items = plan.MakeList((value,), list_of([value.type]), span=span)
+        one = plan.ValueSource(source, "value", items, value.type, (), span=span)
+        column = plan.Output("value", self._within(plan.Element(source, value.type, span=span), low, high, tree))
+        form = plan.Representation("value")
+        return plan.Subquery(
+            plan.Query(self.number(), (one,), (column,), representation=form, span=span), BOOL, span=span
+        )
+
+    def _within(self, value: plan.Expr, low: plan.Expr, high: plan.Expr, tree: ast.Between) -> plan.Expr:
+        ends = ("ge", low), ("le", high)
+        parts = tuple(self.call(name, (value, end), tree.span, tree.place) for name, end in ends)
+        return plan.And(parts, span=tree.span)
+
     def conditional(self, tree: ast.If, scope: Scope | None) -> plan.Expr:
         condition = self.guarded(self.expression, tree.condition, scope)
         default = {True: tree.then, False: tree.otherwise}
@@ -300,6 +322,8 @@ class Resolver:
         if tree.star:
             return with_star(function, grouped, span)
         arguments = self.operands(tree.arguments, scope) if known is None else known
+        if tree.distinct:
+            return with_distinct(function, grouped, arguments[0], span)
         if function.builtin and name == "eval":
             self.check_arity(function, len(arguments), span)
             return self.eval(arguments[0], scope, span)

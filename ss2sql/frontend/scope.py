@@ -74,8 +74,9 @@ def source_named(scope: Scope | None, name: str, span: Span) -> plan.Source:
 
 def column_of(source: plan.Source, name: str, span: Span) -> plan.Column:
     """`source.name`."""
-    if source.columns is None:
-        return plan.Column(source.id, name, declared=False, span=span)
+    if source.columns is None:  # of a row that is missing it is None, as is a column that a row lacks
+        missing = isinstance(source, plan.QuerySource) and source.optional
+        return plan.Column(source.id, name, declared=missing, span=span)
     for column, kind in source.columns:
         if column == name:
             return plan.Column(source.id, name, kind, span=span)

@@ -8,18 +8,22 @@ from typing import TYPE_CHECKING
 from ss2sql import plan
 from ss2sql.errors import Error, ResolveError, Span, did_you_mean
 from ss2sql.frontend import ast
-from ss2sql.frontend.scope import Scope
+from ss2sql.frontend.scope import Scope, element_of
 from ss2sql.frontend.worlds import function_source, table_of_world, world_named, world_source
-from ss2sql.kinds import ANY, Kind, Type
+from ss2sql.kinds import ANY, NONE, Kind, Type, union
 from ss2sql.vtables.files import cure_for, ending_of
-from ss2sql.walk import moves
+from ss2sql.walk import conjuncts, moves
 
 if TYPE_CHECKING:
     from ss2sql.frontend.resolve import Resolver
 
 
-def open_sources(resolver: Resolver, tree: ast.Query, scope: Scope) -> None:
-    """Brings the sources into sight, one after the other."""
+def open_sources(resolver: Resolver, tree: ast.Query, scope: Scope) -> tuple[plan.Expr, ...]:
+    """Brings the sources into sight, one after the other.
+
+    Gives the conditions of JOIN that are parts of WHERE, which in a search asks for goals only.
+    """
+    conditions: list[plan.Expr] = []
     for part in tree.sources:
         try:
             source = _source(resolver, part, scope)
@@ -36,6 +40,27 @@ def open_sources(resolver: Resolver, tree: ast.Query, scope: Scope) -> None:
             name = part.name or _name_of(part.expr)
             source = plan.ValueSource(resolver.number(), name, nothing, ANY, None, span=part.span)
         scope.sources.append(_placed(source, scope))
+        if part.on is not None:
+            on = resolver.guarded(resolver.expression, part.on, scope)
+            if part.optional or tree.connect:
+                joined = _joined(resolver, scope.sources.pop(), on, part)
+                scope.sources.append(_placed(joined, scope))
+            else:
+                conditions.extend(conjuncts(on))
+    return tuple(conditions)
+
+
+def _joined(resolver: Resolver, source: plan.Source, on: plan.Expr, part: ast.From) -> plan.QuerySource:
+    """The elements of a source that meet a condition."""
+    element = element_of(source, part.span)
+    form, column = plan.Representation("list"), plan.Output("this", element)
+    query = plan.Query(resolver.number(), (source,), (column,), on, representation=form, span=part.span)
+    kind, columns = element.type, source.columns
+    if part.optional:
+        kind = union((kind, NONE))
+        columns = columns and tuple((name, union((of, NONE))) for name, of in columns)
+    number = resolver.number()
+    return plan.QuerySource(number, source.name, query, kind, columns, optional=part.optional, span=part.span)
 
 
 def _placed(source: plan.Source, scope: Scope) -> plan.Source:

@@ -6,22 +6,20 @@ from collections.abc import Callable
 
 from ss2sql.errors import ParseError
 from ss2sql.frontend.builder import COMMENT
-from ss2sql.frontend.table import END
 from ss2sql.frontend.text import CLOSING, OPENING, Token
 from ss2sql.frontend.trouble import OPTIONS, VALUES, Trouble, named
 
-_JOIN = "write the sources with commas and the condition in WHERE: FROM a, b WHERE a.id == b.id"
-_LIKE = "test for a part of a string by 'part' IN {x}, or register a Python function"
+_JOIN = "write FROM a JOIN b ON a.id == b.id, or FROM a LEFT JOIN b ON a.id == b.id"
+_LIKE = "write {x} LIKE ..., where % is any text, _ any character, and case counts; or register a Python function"
 _UNION = "join lists with +: (SELECT ... AS list) + (SELECT ... AS list)"
 _IF = "write IF(condition; then; else)"
 
 # Words behind a complete expression, which is {x}, and what to write instead.
 _BEHIND = {
-    "IS": "write {x} == None", "ISNULL": "write {x} == None", "NOTNULL": "write {x} != None",
-    "BETWEEN": "write low <= {x} AND {x} <= high", "LIKE": _LIKE, "ILIKE": _LIKE, "GLOB": _LIKE, "REGEXP": _LIKE,
-    "MATCH": _LIKE, "JOIN": _JOIN, "INNER": _JOIN, "LEFT": _JOIN, "RIGHT": _JOIN, "FULL": _JOIN, "OUTER": _JOIN,
+    "ISNULL": "write {x} IS NULL", "NOTNULL": "write {x} IS NOT NULL", "ILIKE": _LIKE, "GLOB": _LIKE, "REGEXP": _LIKE,
+    "MATCH": _LIKE, "INNER": _JOIN, "RIGHT": _JOIN, "FULL": _JOIN, "OUTER": _JOIN,
     "CROSS": _JOIN, "NATURAL": _JOIN, "ON": _JOIN, "USING": _JOIN, "UNION": _UNION, "EXCEPT": _UNION,
-    "INTERSECT": _UNION, "OFFSET": "take a part of the result: (SELECT ... AS list)[offset:]",
+    "INTERSECT": _UNION, "OFFSET": "write LIMIT n OFFSET m",
     "FETCH": "write LIMIT n", "COLLATE": "sort by the value of a function that you register",
     "OVER": "use GROUP BY, or a function of the whole list", "WHEN": _IF, "THEN": _IF, "ELSE": _IF,
     "TOP": "write LIMIT n behind the other clauses", "CONTAINS": "write 'part' IN {x}",
@@ -31,7 +29,7 @@ _BEHIND = {
 }  # fmt: skip
 # Words that were read as a name, with something behind them that does not fit.
 _AHEAD = {
-    "DISTINCT": "write uniq({query})", "ALL": "leave it out: a query gives all rows",
+    "ALL": "leave it out: a query gives all rows",
     "TOP": "write LIMIT n behind the other clauses", "CASE": _IF,
     "PRIOR": "START WITH variables hold what the step before has set: CONNECT BY node = this",
     "EXISTS": "write [] != (SELECT ... AS list)", "EXPLAIN": "call explain() on the compiled script",
@@ -90,10 +88,10 @@ def _assignment(t: Trouble) -> ParseError | None:
         return None
     left, right = t.operand(), _value_behind(t)
     compare = f"write {left} == {right} to compare"
-    if t.clause in ("WHERE", "HAVING", "STOP WITH", "IF("):
+    if t.clause in ("WHERE", "HAVING", "STOP WITH", "IF(", "ON", "WHEN"):
         return t.error("P006", f"= assigns, but {t.clause.rstrip('(')} needs a condition", compare)
     if t.clause == "SELECT":
-        return t.error("P006", "a column is not assigned", f"write to({right}, {left}) to name a column", compare)
+        return t.error("P006", "a column is not assigned", f"write {right} AS {left} to name a column", compare)
     if t.clause in OPTIONS:
         return t.error(
             "P001", f"{t.clause} needs a value in front of the assignments", f"write {t.clause} 1 {left} = ..."
@@ -116,15 +114,12 @@ def _value_behind(t: Trouble) -> str:
 
 
 def _column_name(t: Trouble) -> ParseError | None:
-    """`SELECT expr AS name, ...` and `SELECT expr name FROM ...`."""
+    """`SELECT expr name FROM ...`."""
     if t.clause != "SELECT" or "FROM" not in t.expected or "," not in t.expected:
         return None
-    if t.found.kind == "AS":
-        name = t.next.text if t.next.kind == "NAME" else "name"
-        return t.error("P006", "AS does not name a column", f"write to({t.column()}, {name})")
     if t.found.kind == "NAME" and not t.found.keyword and t.next.kind in (",", "FROM"):
         return t.error("P006", f"expected ',' or FROM between {named(t.before())} and {named(t.found)}",
-                       f"write to({t.column()}, {t.found.text}) to name a column")  # fmt: skip
+                       f"write {t.column()} AS {t.found.text} to name a column")  # fmt: skip
     return None
 
 
@@ -165,54 +160,17 @@ def _modifier(t: Trouble) -> ParseError | None:
     upper = word.text.upper()
     if word.kind != "NAME" or upper not in _AHEAD or t.values[-1:] != [word]:
         return None
-    hint = _AHEAD[upper].format(query=_distinct(t))
-    if upper == "DISTINCT" and t.clause == "f(":
-        hint = f"write len(uniq(SELECT {t.found.text} FROM ... AS list)) to count different values"
-    return t.error("P006", f"there is no {upper} in SelectScript", hint, at=word)
-
-
-def _distinct(t: Trouble) -> str:
-    """The query behind DISTINCT without it, so far as it has one column and is short."""
-    depth, commas, index, end = 0, 0, t.index, t.index
-    while (token := t.tokens[index]).kind not in (";", "AS", END):
-        depth += (token.kind in OPENING) - (token.kind in CLOSING)
-        if depth < 0:
-            break
-        index += 1
-        commas += depth == 0 and token.kind == ","
-        end = token.end
-    text = " ".join(t.source.text[t.found.start : end].split())
-    whole = " FROM " in text.upper() and len(text) <= 60
-    return f"SELECT {text if whole else '...'} AS {'rows' if whole and commas else 'list'}"
-
-
-def _like(t: Trouble, x: str) -> str:
-    """What stands for LIKE with the pattern that follows it."""
-    pattern = t.next.text[1:-1] if t.next.kind == "STRING" else ""
-    part = pattern.strip("%")
-    if not part or "%" in part or "_" in part or "\\" in part:
-        return _LIKE.format(x=x)
-    quoted = f"{t.next.text[0]}{part}{t.next.text[0]}"
-    if pattern == part:
-        return f"write {x} == {quoted}"
-    if pattern == f"{part}%":
-        return f"write {x}[:{len(part)}] == {quoted}"
-    return f"write {quoted} IN {x}" if pattern == f"%{part}%" else f"write {x}[-{len(part)}:] == {quoted}"
+    return t.error("P006", f"there is no {upper} in SelectScript", _AHEAD[upper], at=word)
 
 
 def _word(t: Trouble) -> ParseError | None:
     """Words behind an expression: operators, joins, set operations."""
     upper = t.found.text.upper()
-    if t.found.kind != "NAME" or upper not in _BEHIND or t.wants_operand or t.expected == {"="}:
+    if t.found.kind not in ("NAME", upper) or upper not in _BEHIND or t.wants_operand or t.expected == {"="}:
         return None
     spelling, hint, x = upper, _BEHIND[upper], t.operand()
-    if upper == "LIKE" and t.before().kind != "NOT":
-        return t.error("P006", "there is no LIKE in SelectScript", _like(t, x))
     if t.before().kind == "NOT":
-        spelling, x = f"NOT {upper}", t.back().operand()
-        hint = f"write NOT ({hint[6:]})" if upper == "BETWEEN" else hint.replace(" IN ", " NOT IN ")
-    elif upper == "IS" and t.next.kind == "NOT":
-        spelling, hint = "IS NOT", "write {x} != None"
+        spelling, x, hint = f"NOT {upper}", t.back().operand(), hint.replace(" LIKE ", " NOT LIKE ")
     return t.error("P006", f"there is no {spelling} in SelectScript", hint.format(x=x))
 
 
@@ -241,7 +199,8 @@ def _list(t: Trouble) -> ParseError | None:
     if t.found.kind == "," and t.clause in ("(", "") and not t.wants_operand:
         return t.error("P006", "a list stands in square brackets", f"write [{_items(t)}]", *_decimal_comma(t))
     if t.found.kind == "," and t.clause == "LIMIT":
-        return t.error("P006", "LIMIT has one number", _BEHIND["OFFSET"])
+        number = t.text(t.next.start, t.next.end)
+        return t.error("P006", "LIMIT has one number", f"write LIMIT {number} OFFSET {t.operand()}")
     if t.found.kind == "{" and t.wants_operand:
         return t.error("P001", "a dict cannot be written in a script", "give it to the session from Python")
     if t.found.kind == ":" and t.wants_operand and t.clause != "x[":

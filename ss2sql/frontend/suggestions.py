@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from ss2sql.frontend.catalog import Catalog
     from ss2sql.frontend.scope import Scope
 
-_HIDDEN = frozenset({"item", "slice"})  # functions that are written as operators
+_HIDDEN = frozenset({"item", "slice", "like"})  # functions that are written as operators
 _MEAN = "did you mean '{0}'?"
 
 # Functions that other languages have, and what is written here; {0} and {1} are the arguments of the call.

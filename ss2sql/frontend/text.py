@@ -11,6 +11,7 @@ import re
 import unicodedata
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import BinaryIO
 
 from ss2sql.errors import ParseError, Source, Span
@@ -22,6 +23,7 @@ RESERVED = frozenset(("SELECT", "FROM", "AS", "IF", "AND", "OR", "XOR", "NOT", "
 CONTEXTUAL = frozenset((
     "WHERE", "START", "WITH", "CONNECT", "BY", "STOP", "GROUP", "HAVING", "ORDER", "ASC", "DESC", "LIMIT", "DEPTH",
     "BREADTH", "FIRST", "NO", "CYCLE", "UNIQUE", "COST", "HEURISTIC", "PROBABILITY", "MAXIMUM", "MEMORIZE",
+    "IS", "NULL", "BETWEEN", "LIKE", "CASE", "WHEN", "THEN", "ELSE", "END", "DISTINCT", "LEFT", "JOIN", "ON", "OFFSET",
 ))  # fmt: skip
 OPENING = {"(": ")", "[": "]", "{": "}"}
 CLOSING = {")": "(", "]": "[", "}": "{"}
@@ -42,8 +44,10 @@ class Token:
     keyword: str | None = None
 
 
+COMMENT = r"\#[^\r\n]*|--(?:[^\S\r\n][^\r\n]*)?(?![^\r\n])|/\*[\s\S]*?\*/"  # 5--3 is 8
 _TOKEN = re.compile(
-    r"""(?P<SKIP>\s+|\#[^\r\n]*|/\*[\s\S]*?\*/)
+    rf"(?P<SKIP>\s+|{COMMENT})"
+    r"""
     |(?P<WORD>[^\x00-@\[-^`{-\x7f\s][^\x00-/:-@\[-^`{-\x7f\s]*)
     |(?P<FLOAT>(?:[0-9]+\.[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|[0-9]+[eE][+-]?[0-9]+)
     |(?P<INTEGER>[0-9]+)
@@ -83,6 +87,7 @@ def tokens(source: Source) -> list[Token]:
     found = list(cut(source.text))
     end = found[-1].end if found else 0
     found.append(Token(END, "", end, end))
+    _settle(found)
     _check_nesting(source, found)
     return found
 
@@ -139,6 +144,18 @@ def cut(text: str, start: int = 0) -> Iterator[Token]:
         else:
             last = Token(kind, found, begin, end)
         yield last
+
+
+# Words that stand where a name could stand, too, and what has to follow for them to be keywords.
+_OPERANDS = frozenset(("NAME", "INTEGER", "FLOAT", "STRING", "THIS", "TRUE", "FALSE", "NONE", "SELECT", "NOT", "IF"))
+_FOLLOWED = {"CASE": frozenset(("WHEN",)), "DISTINCT": _OPERANDS | {"(", "[", "*"}}
+
+
+def _settle(found: list[Token]) -> None:
+    """Makes names of words that nothing follows for which they could be keywords."""
+    for token, following in pairwise(found):
+        if token.keyword in _FOLLOWED and not _FOLLOWED[token.keyword] & {following.kind, following.keyword}:
+            token.keyword = None
 
 
 def _words(text: str, start: int) -> Iterator[Token]:
@@ -202,7 +219,7 @@ _POWER_PARTS = _OPERAND_ENDS | {"(", "[", "{", "."}
 def _check_nesting(source: Source, found: list[Token]) -> None:
     """Refuses what would nest deeper than `MAX_NESTING`: brackets, bare queries, prefix operators, powers."""
     opened = [0]  # per open bracket: the bare queries, beyond the first, that nothing has ended yet
-    selects = [0]
+    selects: list[list[bool]] = [[]]  # per open bracket: the bare queries, and whether they have come to FROM
     prefixes = powers = 0
     before = ""
     for token in found:
@@ -213,20 +230,22 @@ def _check_nesting(source: Source, found: list[Token]) -> None:
             prefixes = 0
             if kind in OPENING:
                 opened.append(opened[-1])
-                selects.append(0)
+                selects.append([])
             elif kind in CLOSING:
                 if len(opened) > 1:
                     opened.pop()
                     selects.pop()
             elif kind == "SELECT":
-                selects[-1] += 1
-                opened[-1] += selects[-1] > 1
-            elif kind == "AS":
-                opened[-1] -= selects[-1] > 1
-                selects[-1] -= selects[-1] > 0
+                selects[-1].append(False)
+                opened[-1] += len(selects[-1]) > 1
+            elif kind == "FROM" and selects[-1]:
+                selects[-1][-1] = True
+            elif kind == "AS" and selects[-1] and selects[-1][-1]:  # before FROM it names a column
+                opened[-1] -= len(selects[-1]) > 1
+                selects[-1].pop()
             elif kind == ";":
-                opened[-1] -= max(0, selects[-1] - 1)
-                selects[-1] = 0
+                opened[-1] -= max(0, len(selects[-1]) - 1)
+                selects[-1].clear()
             if kind == "^":
                 powers += 1
             elif kind not in _POWER_PARTS:

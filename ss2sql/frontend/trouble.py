@@ -14,8 +14,9 @@ from ss2sql.frontend.text import CLOSING, OPENING, Token
 
 PAIRS = {
     "START": "WITH", "STOP": "WITH", "CONNECT": "BY", "GROUP": "BY", "ORDER": "BY", "DEPTH": "FIRST",
-    "BREADTH": "FIRST", "NO": "CYCLE",
+    "BREADTH": "FIRST", "NO": "CYCLE", "LEFT": "JOIN", "CASE": "WHEN",
 }  # fmt: skip
+ALONE = frozenset(("JOIN", "WHEN"))  # second words that also stand without the first
 CLAUSES = ("SELECT", "FROM", "WHERE", "START", "CONNECT", "STOP", "GROUP", "HAVING", "ORDER", "LIMIT", "AS")
 OPTIONS = ("DEPTH", "BREADTH", "COST", "HEURISTIC", "PROBABILITY", "NO", "UNIQUE", "MAXIMUM", "MEMORIZE")
 VALUES = frozenset(("NAME", "INTEGER", "FLOAT", "STRING", "THIS", "TRUE", "FALSE", "NONE"))
@@ -112,10 +113,13 @@ class Trouble:
     def clause(self) -> str:
         """What is being read: a clause or option by its keyword, else the innermost bracket with its owner.
 
-        `WHERE`, `START WITH`, `COST`; `IF(`, `f(` for a call, `(`, `[`, `x[` for an index, `v{`; or nothing.
+        `WHERE`, `START WITH`, `COST`, `ON`, `WHEN`; `IF(`, `f(` for a call, `(`, `[`, `x[` for an index, `v{`; or
+        nothing.
         """
         for position in self._open:
             kind = self._kind(position)
+            if kind in ("ON", "WHEN"):
+                return kind
             if kind in CLAUSES or kind in OPTIONS:
                 return f"{kind} {PAIRS[kind]}" if kind in PAIRS and kind in CLAUSES else kind
             if kind in OPENING:

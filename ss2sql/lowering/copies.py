@@ -84,12 +84,12 @@ def rows_in_order(items: Sequence[Node], conditions: Sequence[Node], tables: Ite
         if of_query is None or not any(table == label and others.isdisjoint(later) for table, _, others in asked):
             continue
         if not isinstance(of_query.this.expressions[0].unalias(), exp.Window):
-            of_query.set("this", _numbered(of_query.this, label))
+            of_query.set("this", numbered(of_query.this, label))
         found.append(in_order(label, of_query.this.expressions[0].alias))
     return found
 
 
-def _numbered(select: exp.Select, label: str) -> exp.Select:
+def numbered(select: exp.Select, label: str) -> exp.Select:
     """The same rows, and before their columns their numbers."""
     names = [column.alias_or_name for column in select.expressions]
     position = free_name("position", {name.lower() for name in names})

@@ -95,6 +95,8 @@ def _filled(node: Node, known: Mapping[str, Node], operands: Sequence[Node]) -> 
             return _called(node, known, operands)
         case exp.AggFunc():
             return type(node)(this=inner(node.this))
+        case exp.Distinct():
+            return exp.Distinct(expressions=[inner(part) for part in node.expressions])
         case exp.Chr():
             return sql.call("char", *map(inner, node.expressions))
         case exp.Literal() | exp.Null():

@@ -68,7 +68,7 @@ def lower(
         keys, orders = query.group, query.order
     elif query.aggregated:
         is_sorted, is_limited = True, _cut_by_sql(query)
-        select = selects.rows(query if is_limited else replace(query, limit=None), Env(), _names(query))
+        select = selects.rows(query if is_limited else replace(query, limit=None, offset=None), Env(), _names(query))
         keys, orders = (), ()
     else:
         flat = selects.flat(query, Env())
@@ -79,8 +79,8 @@ def lower(
         outputs += [selects.expressions.lower(key, flat.env) for key in keys]
         outputs += [selects.expressions.lower(key.expr, flat.env) for key in orders]
         is_sorted, is_limited = order is not None, order is not None and _cut_by_sql(query)
-        limit = needs.count(query.limit, "limit") if is_limited and query.limit is not None else None
-        select = sql.select(outputs, flat.items, sql.conjunction(flat.terms), order or (), limit)
+        limits = needs.limits(query) if is_limited else (None, None)
+        select = sql.select(outputs, flat.items, sql.conjunction(flat.terms), order or (), *limits)
         if "late" not in disabled and not keys and not orders:
             shown_late = {key: selects.expressions.lower(key, flat.env) for key in late_columns(query)}
     read_late: Late | None = None

@@ -18,7 +18,7 @@ from ss2sql.kinds import Kind, Type
 from ss2sql.language.operations import OPERATIONS
 from ss2sql.lowering import sql
 from ss2sql.lowering.cells import element, membership
-from ss2sql.lowering.classes import REAL_NUMBER, same_class
+from ss2sql.lowering.classes import REAL_NUMBER, may_repeat, same_class
 from ss2sql.lowering.packing import Alike
 from ss2sql.lowering.sql import Node
 from ss2sql.walk import asks_for_rows, can_fail
@@ -128,12 +128,38 @@ def _membership(lowering: Expressions, call: plan.Call, env: Env) -> Node | None
     return test if call.function.name == "in" else exp.Not(this=exp.Paren(this=test))
 
 
+def _likeness(lowering: Expressions, call: plan.Call, env: Env) -> Node | None:
+    """A pattern that is written out. SQLite's GLOB ends at a NUL, so some texts with one in them are left to Python."""
+    value, pattern = call.arguments
+    if call.function.raises or not isinstance(pattern, plan.Constant) or pattern.value.count("%") > 2:
+        return None  # SQLite's GLOB tries every place of each *
+    text, node, negated = pattern.value, lowering.lower(value, env), call.function.name == "not_like"
+    part = text.strip("%")
+    plain = "_" not in part and "%" not in part
+    if plain and text == part:
+        return sql.binary(exp.NEQ if negated else exp.EQ, node, lowering.constant(pattern))
+    if plain and part and text == f"%{part}%":
+        found = sql.call("instr", node, sql.string(part))
+        return sql.binary(exp.EQ if negated else exp.GT, found, sql.number(0))
+    glob = "".join({"%": "*", "_": "?"}.get(char) or (f"[{char}]" if char in "*?[" else char) for char in text)
+    test: Node = exp.Glob(this=sql.operand(node), expression=sql.string(glob))
+    test = exp.Not(this=sql.operand(test)) if negated else test
+    if plain and text == f"{part}%":
+        return test
+    if not may_repeat(node):
+        return None
+    nul = sql.call("instr", node.copy(), sql.call("char", sql.number(0)))
+    return sql.case([(nul, lowering.python(call, [node.copy(), lowering.constant(pattern)]))], test)
+
+
 BY_HAND: dict[str, Lowered] = {
     "eq": _equality,
     "ne": _equality,
     "item": element,
     "in": _membership,
     "not_in": _membership,
+    "like": _likeness,
+    "not_like": _likeness,
 }
 
 assert BY_HAND.keys() == {name for name, row in OPERATIONS.items() if "sqlite" in row.by_hand}

@@ -84,6 +84,11 @@ class Needs:
         self.plain.add(node.name)
         return node
 
+    def limits(self, query: plan.Query) -> tuple[Node | None, Node | None]:
+        """LIMIT and OFFSET."""
+        limit = None if query.limit is None else self.count(query.limit, "limit")
+        return limit, None if query.offset is None else self.count(query.offset, "offset")
+
     def count(self, expr: plan.Expr, name: str) -> Node:
         """A LIMIT: a whole number as it is written, anything else bound."""
         if isinstance(expr, plan.Constant) and type(expr.value) is int:

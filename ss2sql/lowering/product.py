@@ -53,6 +53,7 @@ class Product:
         self.items: list[Node] = []
         self.terms: list[Node] = []
         self.ordering: list[Node] = []  # terms that are there for the order of rows alone
+        self.optional: set[str] = set()  # what is joined with LEFT JOIN
         self.keeps = self.sorts = False
         conditions = levels.conditions()
         if self._must_sort(conditions):
@@ -110,7 +111,7 @@ class Product:
     def _must_sort(self, conditions: list[Condition]) -> bool:
         """Whether SQLite might evaluate rows that LIMIT cuts off: it may find rows by an index, not in order."""
         query, tables = self.query, [one for one in self.query.sources if isinstance(one, plan.TableSource)]
-        if query.limit is None or query.order or query.group or not all(part.order for part in self.opened):
+        if query.limit is None or query.order or query.grouped or not all(part.order for part in self.opened):
             return False
         asked = [condition.expr for condition in conditions if condition.free]
         late = [condition.expr for condition in conditions if not condition.free]
@@ -154,13 +155,15 @@ class Product:
         terms = [(c.level, self._free(c)) for c in conditions if c.free and first <= c.level <= level]
         for position in range(bound, level):
             part = self.opened[position]
+            if part.on is not None:
+                self._left_join(self.query.sources[position], part)
+                continue
             asked = [node for step, node in terms if step == position + 1]
             for item in map(self.outward, part.items):
-                found = self._looked_up(position, item, asked)
-                if found is not None:
-                    self.selects.needs.applied["lookup"] = None
-                elif self.copies:
-                    found = self._copied(self.query.sources[position], item)
+                source = self.query.sources[position]
+                found = self._looked_up(source, item, asked, self.terms)
+                if found is None and self.copies:
+                    found = self._copied(source, item)
                 self.items.append(found or item)
             self.terms += [self.outward(condition) for condition in part.conditions]
         self.terms += [node for _, node in terms]
@@ -195,6 +198,14 @@ class Product:
         if key.guards:
             node = sql.case([(lower.all_of(key.guards, self.env), node)], sql.null())
         return sql.alias(node, name)
+
+    def _left_join(self, source: plan.Source, part: Opened) -> None:
+        """Joins a source that may have no row."""
+        assert isinstance(source, plan.QuerySource)
+        (item,), on = map(self.outward, part.items), [self.outward(condition) for condition in part.on or ()]
+        found = self._looked_up(source.query.sources[0], item, on, on)
+        self.items.append(sql.left_joined(found or item, on))
+        self.optional.add(item.alias_or_name)
 
     def _free(self, condition: Condition) -> Node:
         if condition.key is not None:
@@ -250,6 +261,9 @@ class Product:
         terms += rows_in_order(self.items, terms, self.selects.needs.collected.values())
         if not all(isinstance(term, (exp.Binary, exp.Not, exp.In, exp.Paren)) for term in terms):
             terms = [_as_is(term) if isinstance(term, exp.EQ) else term for term in terms]
+        if self.optional:
+            # Else SQLite sees where None cannot meet a term, makes a plain join of it, and changes the order of rows.
+            terms = [_as_one(t) if any(c.table in self.optional for c in t.find_all(exp.Column)) else t for t in terms]
         if self.selects.needs.worlds:
             terms = [_as_one(term) if isinstance(term.unnest(), exp.Or) else term for term in terms]
         if len(terms) > MOST_TERMS and any(map(_may_be_none, self.query.sources)):
@@ -272,9 +286,12 @@ class Product:
         name = f"{value.name if isinstance(value, plan.Variable) else source.name}_once"
         return copies.walked(item, lambda: self.selects.needs.table(name))
 
-    def _looked_up(self, position: int, item: Node, asked: list[Node]) -> Node | None:
-        """A source that SQLite can look rows up in, where these must equal something that is known before."""
-        source, copies, needs = self.query.sources[position], self.selects.copies, self.selects.needs
+    def _looked_up(self, source: plan.Source, item: Node, asked: list[Node], terms: list[Node]) -> Node | None:
+        """A source that SQLite can look rows up in, where these must equal something that is known before.
+
+        What keeps its rows in order is added to `terms`.
+        """
+        copies, needs = self.selects.copies, self.selects.needs
         if copies is None or "lookup" in needs.disabled or not isinstance(item, exp.Table):
             return None
         label = item.alias_or_name
@@ -286,6 +303,7 @@ class Product:
             case plan.TableSource() if not all(isinstance(one, plan.TableSource) for one in self.query.sources):
                 # Beside lists it is walked in its order.
                 if by_index(item, source, keys):
+                    needs.applied["lookup"] = None
                     return item
                 if source.order != ("rowid",):
                     return None
@@ -300,7 +318,8 @@ class Product:
             case _:
                 return None
         self.ordering.append(in_order(label))
-        self.terms += self.ordering[-1:]
+        terms += self.ordering[-1:]
+        needs.applied["lookup"] = None
         return copies.looked_up(item, needs.table(name), ("rowid", *columns), computed)
 
 

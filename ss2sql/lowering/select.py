@@ -85,7 +85,8 @@ class Selects:
         """
         copies = {*(self.copies.tables if self.copies else ()), *self.needs.modules_of_worlds}
         copies |= {table.alias for table in self.needs.collected.values()}
-        for item in flat.items:
+        for joined in flat.items:
+            item = joined.this if isinstance(joined, exp.Join) else joined
             if not isinstance(item, exp.Table) or isinstance(item.this, exp.Anonymous) or item.name in copies:
                 continue
             if not item.args.get("indexed"):  # an index that is named keeps the order
@@ -98,9 +99,10 @@ class Selects:
         flat = self.flat(query, env)
         where = sql.conjunction(flat.terms)
         first = flat.natural
-        if first is not None and len(first) == 1 and not _needs_numbers(query):
+        if (not query.group or (first is not None and len(first) == 1)) and not _needs_numbers(query):
             keys = [self.expressions.lower(key, flat.env) for key in query.group]
-            return self._group(query, _Rows(flat.env, flat.items, where, keys, first[0]), names)
+            number = first[0] if query.group and first else sql.null()
+            return self._group(query, _Rows(flat.env, flat.items, where, keys, number), names)
         return self._group_numbered(query, flat, where, names)
 
     def _group_numbered(
@@ -136,6 +138,8 @@ class Selects:
         if query.having is not None:
             having = self.expressions.condition(query.having, env)
             select.set("having", exp.Having(this=having))
+        if not query.group:
+            return select
         order = [(self.expressions.lower(key.expr, env), key.descending) for key in query.order]
         return sql.sorted_query(select, [*order, (rows.first_row, False)])
 
@@ -148,15 +152,15 @@ class Selects:
 
     def rows(self, query: plan.Query, env: Env, names: list[str | None], boxed: bool = False) -> exp.Select:
         """The query's rows, sorted and cut; the caller guarantees that SQL can sort them."""
-        limit = None if query.limit is None else self.needs.count(query.limit, "limit")
+        limit, offset = self.needs.limits(query)
         if query.aggregated:
             select = self.grouped(query, env, names)
-            return sql.sorted_query(select, (), limit)
+            return sql.sorted_query(select, (), limit, offset)
         flat = self.flat(query, env)
         order = self.order(query, flat)
         assert order is not None, "declared in unsupported.py"
         outputs = self.outputs(query, flat.env, names, boxed)
-        return sql.select(outputs, flat.items, sql.conjunction(flat.terms), order, limit)
+        return sql.select(outputs, flat.items, sql.conjunction(flat.terms), order, limit, offset)
 
     def derived(self, query: plan.Query, env: Env) -> exp.Select:
         """The query as a derived table, its columns under the names of sql_names."""
@@ -225,7 +229,8 @@ class _Rows:
 
     def grouped(self, outputs: list[Node]) -> exp.Select:
         select = sql.select(outputs, self.items, self.where)
-        select.set("group", exp.Group(expressions=[sql.key(key.copy()) for key in self.keys]))
+        if self.keys:
+            select.set("group", exp.Group(expressions=[sql.key(key.copy()) for key in self.keys]))
         return select
 
 

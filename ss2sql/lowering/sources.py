@@ -14,14 +14,14 @@ from typing import TYPE_CHECKING, assert_never
 from sqlglot import exp
 
 from ss2sql import plan
-from ss2sql.kinds import is_flag
+from ss2sql.kinds import ANY, is_flag
 from ss2sql.lowering import sql
-from ss2sql.lowering.copies import materialized
+from ss2sql.lowering.copies import in_order, materialized, numbered
 from ss2sql.lowering.expressions import Env, Reader
 from ss2sql.lowering.names import sql_names
 from ss2sql.lowering.sql import Node
 from ss2sql.vtables.names import PLACE
-from ss2sql.walk import can_fail, moves, sources_inside, sources_read, states_read
+from ss2sql.walk import can_fail, conjuncts, moves, sources_inside, sources_read, states_read
 
 if TYPE_CHECKING:
     from ss2sql.lowering.select import Selects
@@ -32,7 +32,7 @@ class Opened:
     """A source as SQL: the item of FROM, how it is read, and what sorts it in its own order (empty: nothing does).
 
     `witness` is some column of it; mentioning it keeps a condition from being asked before the source is read.
-    `conditions` filter it, when it stems from a query.
+    `conditions` filter it, when it stems from a query. With `on` it is the right side of a LEFT JOIN.
     """
 
     items: tuple[Node, ...]
@@ -40,6 +40,7 @@ class Opened:
     order: tuple[Node, ...]
     witness: Node
     conditions: tuple[Node, ...] = ()
+    on: tuple[Node, ...] | None = None
 
 
 def open_sources(
@@ -72,6 +73,8 @@ def open_source(
             return _table(selects, source)
         case plan.ValueSource(value=value):
             return _elements(selects, source, selects.expressions.value(value, env))
+        case plan.QuerySource(optional=True):
+            return _left_joined(selects, source, env, siblings)
         case plan.QuerySource(query=query):
             if _can_join(query) and not (search is None and _shows_outside(query, siblings)):
                 return _joined(selects, source, env, siblings, search)
@@ -154,7 +157,7 @@ def record(columns: dict[str, Node]) -> Node:
 
 def _can_join(query: plan.Query) -> bool:
     """Whether a query in FROM may be merged with the one around it: nothing but a product, filters and columns."""
-    plain = not (query.search or query.group or query.order or query.limit or query.having)
+    plain = not (query.search or query.grouped or query.order or query.limit or query.having)
     if not plain or query.representation.name != "dict" or any(output.label for output in query.columns):
         return False
     inside = [source.value for source in query.sources if isinstance(source, plan.ValueSource)]
@@ -186,6 +189,58 @@ def _joined(selects: Selects, source: plan.QuerySource, env: Env, siblings: set[
     conditions = selects.conditions(query.where, inner)
     reader = columns_reader(selects, query, {o.name: selects.expressions.lower(o.expr, inner) for o in query.columns})
     return Opened(tuple(items), reader, tuple(order), opened.witness, tuple(conditions))
+
+
+def _as_if_of(opened: Opened, query: plan.Query) -> Reader:
+    """Reads the elements of a query that are those of its only source."""
+    source = query.sources[0]
+    kinds = dict(source.columns or ())
+
+    def read(expr: plan.Element | plan.Column) -> Node:
+        if isinstance(expr, plan.Element):
+            return opened.reader(replace(expr, source=source.id, type=query.columns[0].expr.type))
+        known = expr.name in kinds
+        return opened.reader(replace(expr, source=source.id, type=kinds.get(expr.name, ANY), declared=known))
+
+    return read
+
+
+def _left_joined(selects: Selects, source: plan.QuerySource, env: Env, siblings: set[int]) -> Opened:
+    """The right side of a LEFT JOIN. A number of its rows is needed, which says whether there is one."""
+    query = source.query
+    (inner,) = query.sources
+    if isinstance(inner, plan.QuerySource) and not inner.optional and not moves(inner.query, siblings, None):
+        part = _numbered(selects, _derived(selects, inner, env, False), inner)
+    else:
+        part = open_source(selects, inner, env, siblings, None)
+        part = part if part.order else _numbered(selects, part, inner)
+    here = env.with_source(inner.id, part.reader)
+    on = [selects.expressions.all_of(conjuncts(query.where), here)] if query.where is not None else []
+    plain, number = _as_if_of(part, query), part.order[-1]
+    element, kinds = query.columns[0].expr.type, dict(inner.columns or ())
+
+    def read(expr: plan.Element | plan.Column) -> Node:
+        node = plain(expr)
+        flag = is_flag(kinds.get(expr.name, ANY) if isinstance(expr, plan.Column) else element)
+        if isinstance(node, exp.Column) and not flag:
+            return node
+        found = exp.Not(this=exp.Is(this=number.copy(), expression=sql.null()))
+        return sql.case([(found, selects.expressions.boxed(node) if flag else node)], sql.null())
+
+    return Opened(part.items, read, part.order, part.witness, (), (*part.conditions, *on))
+
+
+def _numbered(selects: Selects, part: Opened, source: plan.Source) -> Opened:
+    """A view, or a query, with the numbers of its rows, which keep their order where SQLite makes an index on them."""
+    (item,) = part.items
+    if not isinstance(item, exp.Subquery):
+        kinds = source.columns or ()
+        columns = [part.reader(plan.Column(source.id, name, kind, span=source.span)) for name, kind in kinds]
+        item = sql.derived(sql.select(columns, [item], None, (), sql.unlimited()), item.alias_or_name)
+    label = item.alias_or_name
+    item.set("this", numbered(item.this, label))
+    number = sql.column(item.this.expressions[0].alias, label)
+    return Opened((item,), part.reader, (number,), number, (in_order(label, number.name),))
 
 
 def _derived(selects: Selects, source: plan.QuerySource, env: Env, whole: bool) -> Opened:

@@ -214,6 +214,11 @@ def table_function(name: str, arguments: Sequence[Node], label: str) -> exp.Tabl
     return exp.Table(this=call(name, *arguments), alias=exp.TableAlias(this=identifier(label)))
 
 
+def left_joined(item: Node, on: Sequence[Node]) -> exp.Join:
+    """`LEFT JOIN item ON ...`."""
+    return exp.Join(this=item, side="LEFT", on=conjunction(on))
+
+
 def derived(select: exp.Query, label: str) -> exp.Subquery:
     """`(SELECT ...) AS label`."""
     return exp.Subquery(this=select, alias=exp.TableAlias(this=identifier(label)))
@@ -225,14 +230,16 @@ def select(
     where: Node | None = None,
     order: Sequence[tuple[Node, bool]] = (),
     limit: Node | None = None,
+    offset: Node | None = None,
 ) -> exp.Select:
     """A SELECT over sources joined in the order written. `order` holds (key, descending)."""
     query = exp.Select(expressions=list(outputs))
     query.set("from_", exp.From(this=sources[0]))
-    query.set("joins", [exp.Join(this=source, kind="CROSS") for source in sources[1:]])
+    joins = [source if isinstance(source, exp.Join) else exp.Join(this=source, kind="CROSS") for source in sources[1:]]
+    query.set("joins", joins)
     if where is not None:
         query.set("where", exp.Where(this=where))
-    return sorted_query(query, order, limit)
+    return sorted_query(query, order, limit, offset)
 
 
 def with_outputs(select: exp.Select, outputs: Sequence[Node]) -> exp.Select:
@@ -250,12 +257,16 @@ def key(node: Node) -> Node:
     return string("") if isinstance(plain, exp.Literal) and not plain.is_string else node
 
 
-def sorted_query(query: exp.Select, order: Sequence[tuple[Node, bool]], limit: Node | None = None) -> exp.Select:
-    """The query with ORDER BY and LIMIT."""
+def sorted_query(
+    query: exp.Select, order: Sequence[tuple[Node, bool]], limit: Node | None = None, offset: Node | None = None
+) -> exp.Select:
+    """The query with ORDER BY, LIMIT and OFFSET."""
     if order:
         query.set("order", _ordering(order))
     if limit is not None:
         query.set("limit", exp.Limit(expression=limit))
+    if offset is not None:
+        query.set("offset", exp.Offset(expression=offset))
     return query
 
 

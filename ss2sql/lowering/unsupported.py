@@ -83,13 +83,15 @@ def _nested_order(query: plan.Query, nested: bool) -> Span | None:
 
 def _nested_limit(query: plan.Query, nested: bool) -> Span | None:
     """A LIMIT is bound before the statement runs, and SQLite takes a negative one for none."""
-    limit = query.limit
-    if not nested or limit is None:
-        return None
-    is_count = limit.type.only(Kind.INT) and limit.type.at_least(0)
-    fixed = not (sources_read(limit) or states_read(limit))
-    fixed = fixed and not any(isinstance(node, plan.GroupKey) for node in walk(limit))
-    return None if is_count and fixed else limit.span
+    for limit in (query.limit, query.offset) if nested else ():
+        if limit is None:
+            continue
+        is_count = limit.type.only(Kind.INT) and limit.type.at_least(0)
+        fixed = not (sources_read(limit) or states_read(limit))
+        fixed = fixed and not any(isinstance(node, plan.GroupKey) for node in walk(limit))
+        if not (is_count and fixed):
+            return limit.span
+    return None
 
 
 def _label(query: plan.Query, nested: bool) -> Span | None:
@@ -106,7 +108,7 @@ def _unwritable_name(query: plan.Query, nested: bool) -> Span | None:
 
 
 def _grouped_search(query: plan.Query, nested: bool) -> Span | None:
-    return query.group[0].span if query.search and query.aggregated else None
+    return (query.group or (query.columns[0].expr,))[0].span if query.search and query.aggregated else None
 
 
 def _partition_having(query: plan.Query, nested: bool) -> Span | None:
@@ -127,6 +129,15 @@ def _group_values(query: plan.Query, nested: bool) -> Span | None:
         if isinstance(node, plan.Aggregate) and node.argument and not GROUPS[node.function].in_sql(node.argument.type):
             return node.span
     return None
+
+
+def _optional(query: plan.Query, nested: bool) -> Span | None:
+    sources = (s for s in query.sources if isinstance(s, plan.QuerySource) and s.optional)
+    return next((source.span for source in sources if query.search is not None), None)
+
+
+def _distinct(query: plan.Query, nested: bool) -> Span | None:
+    return query.span if query.distinct else None
 
 
 def _limits(query: plan.Query, nested: bool) -> Span | None:
@@ -158,6 +169,8 @@ RULES: tuple[Rule, ...] = (
     Rule("aggregates over the paths of a search", "leave the engine to ss2sql", _grouped_search),
     Rule("HAVING on a partition", "leave the engine to ss2sql", _partition_having),
     Rule("groups over values of several kinds", "group by integers or strings", _group_values),
+    Rule("DISTINCT of whole paths", "take DISTINCT out, and write uniq(...) around the query", _distinct),
+    Rule("LEFT JOIN in a search", "leave the engine to ss2sql", _optional),
     Rule("more sources than SQLite can join", "split the query", _limits),
 )
 

@@ -120,6 +120,7 @@ class CompiledQuery:
         self.bindings: dict[int, tuple[plan.Expr, Callable[[Run], Any]]] = {}  # by the identities of the expressions
         self.maximum = self._constant(query.search.maximum if query.search else None)
         self.limit = self._constant(query.limit)
+        self.offset = self._constant(query.offset)
         self.arguments = [compile_statement(expr) for expr in query.representation.arguments]
         self.named = {name: compile_statement(expr) for name, expr in query.representation.named}
         self.moves = may_move(query)
@@ -224,7 +225,8 @@ class CompiledQuery:
 
     def most(self, run: Run) -> int | None:
         """How many results of a search are wanted that has no ORDER BY."""
-        return least_of(self._limit(run), self._maximum(run)[1])
+        limit = self._limit(run)
+        return least_of(None if limit is None else limit + self._offset(run), self._maximum(run)[1])
 
     def _native_rows(self, run: Run, sink: Rows) -> Rows:
         assert self.native is not None
@@ -237,19 +239,21 @@ class CompiledQuery:
 
     def _database_rows(self, run: Run, sink: Rows) -> Rows:
         assert self.lowered is not None
-        limit = self._limit(run)
+        limit, offset = self._limit(run), self._offset(run)
         own, maximum = self._maximum(run)
         # They are evaluated once, although the statement has them as parameters.
-        counts = [(self.query.limit, limit), (self.query.search and self.query.search.maximum, own)]
-        cut_early = limit is not None and not self.query.order and not self.query.group
+        counts = [(self.query.limit, limit), (self.query.offset, offset)]
+        counts += [(self.query.search.maximum, own)] if self.query.search else []
+        cut_early = limit is not None and not self.query.order and not self.query.grouped
         if cut_early and limit == 0:
             return sink  # nothing of the query is evaluated; SQLite would bind values and take first steps
-        most = least_of(maximum, limit if cut_early else None)
+        end = None if limit is None else limit + offset
+        most = least_of(maximum, end if cut_early else None)
         bound = run.bound[self] = {}
 
         def evaluate(parameter: Parameter) -> Any:
             expr = parameter.expr
-            known = next((count for counted, count in counts if counted == expr), None)
+            known = next((count for counted, count in counts if counted is not None and counted == expr), None)
             value = bound[parameter.name] = parameter.bound(self._binding(expr)(run) if known is None else known)
             return value
 
@@ -277,7 +281,7 @@ class CompiledQuery:
             run.stats.steps = before
             return self._natively_after(error, run, sink)
         sink.ended = maximum is not None and len(extras) >= maximum
-        return finished(lowered, sink, extras, limit)
+        return finished(lowered, sink, extras, slice(offset, end))
 
     def _natively_after(self, error: Exception, run: Run, sink: Rows) -> Rows:
         """SQL has given up: the native rows, or the native error. Calls that were made are not made again."""
@@ -323,6 +327,9 @@ class CompiledQuery:
 
     def _limit(self, run: Run) -> int | None:
         return self._count(self.limit, run, 0, "LIMIT", self.query.limit)
+
+    def _offset(self, run: Run) -> int:
+        return self._count(self.offset, run, 0, "OFFSET", self.query.offset) or 0
 
     def _maximum(self, run: Run) -> tuple[int | None, int | None]:
         """MAXIMUM, and the lower one of it and that of the run."""

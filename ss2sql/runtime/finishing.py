@@ -12,8 +12,8 @@ from ss2sql.runtime.rows import Rows
 from ss2sql.runtime.values import freeze, sort_rows
 
 
-def finished(lowered: SqlQuery, sink: Rows, extras: Sequence[tuple[Any, Any]], limit: int | None) -> Rows:
-    """Sorting, cutting and partitioning that SQL left over."""
+def finished(lowered: SqlQuery, sink: Rows, extras: Sequence[tuple[Any, Any]], kept: slice) -> Rows:
+    """Sorting, cutting and partitioning that SQL left over; `kept` is what LIMIT and OFFSET keep."""
     query = lowered.query
     order: Sequence[int] = range(len(extras))
     if lowered.orders:
@@ -22,8 +22,8 @@ def finished(lowered: SqlQuery, sink: Rows, extras: Sequence[tuple[Any, Any]], l
             order = sort_rows(list(order), [extras[index][1] for index in order], descending)
         except ExecutionError as error:
             raise error.located(query.order[0].expr.span) from None
-    if limit is not None and not lowered.limited:
-        order = list(order[:limit])
+    if kept.stop is not None and not lowered.limited:
+        order = list(order[kept])
     if query.group and not query.aggregated:
         members: dict[Any, list[int]] = {}
         shown: dict[Any, Any] = {}

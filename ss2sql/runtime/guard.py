@@ -19,7 +19,7 @@ from ss2sql.runtime.run import Run, no_memory
 from ss2sql.runtime.unreadable import not_utf8
 
 # Functions of SQLite itself that lowering writes.
-OWN = functions_in_forms() | {"char", "coalesce", "count", "instr", "row_number", "substr", "typeof"}
+OWN = functions_in_forms() | {"char", "coalesce", "count", "glob", "instr", "row_number", "substr", "typeof"}
 
 
 # What reading a file may raise: a text in it may be no UTF-8.

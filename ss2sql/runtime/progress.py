@@ -171,7 +171,7 @@ def bound_of(run: Run) -> int | None:
     bounds: list[plan.Expr | None] = []
     if query.search is not None:
         bounds.append(query.search.maximum)
-    if not query.order and not query.group:
+    if not query.order and not query.grouped:
         bounds.append(query.limit)
     known = [bound.value for bound in bounds if isinstance(bound, plan.Constant) and type(bound.value) is int]
     if run.maximum is not None and query.search is not None:

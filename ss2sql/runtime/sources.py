@@ -38,6 +38,11 @@ def elements(value: Any) -> list[Any]:
     return [value]
 
 
+def elements_or_none(value: Any) -> list[Any]:
+    """The elements of a value; None alone where there are none."""
+    return elements(value) or [None]
+
+
 def _rows_of_columns(columns: dict[Any, list[Any]]) -> list[Any]:
     lengths = {name: len(column) for name, column in columns.items()}
     if len(set(lengths.values())) > 1:

@@ -110,6 +110,8 @@ def _has_one(group: Iterable[str], seen: tuple[str, ...]) -> bool:
 
 
 def _names(here: Sight, known: Known) -> Iterator[Suggestion]:
+    if here.after == "AS" and here.clause == "SELECT":
+        return  # a new name
     if here.after == "AS":
         for entry in known.representations.values():
             bracket = "(" if entry.parameters else ""

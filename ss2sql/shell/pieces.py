@@ -8,9 +8,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from ss2sql.errors import Source
-from ss2sql.frontend.text import CLOSING, OPENING, Token, cut
+from ss2sql.frontend.text import CLOSING, COMMENT, OPENING, Token, cut
 
-_NOTHING = re.compile(r"(?:[\s;]+|#[^\r\n]*|/\*[\s\S]*?\*/)*")
+_NOTHING = re.compile(rf"(?:[\s;]+|{COMMENT})*")
 _COMMAND = re.compile(r"\.[A-Za-z][^\r\n]*")
 MOST_LINES = 100_000  # of a pipe that are counted; a script may be 256 KiB, and the lines before it are part of it
 

@@ -6,6 +6,7 @@ whole statement, for FROM stands behind the columns that are asked for.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -84,7 +85,7 @@ def _is_text(before: Sequence[Token], statement: str, cursor: int) -> bool:
         return True
     line = statement.rfind("\n", 0, cursor) + 1
     start = max(line, before[-1].end if before else 0)
-    return "#" in statement[start:cursor]
+    return bool(re.search(text.COMMENT, statement[start:cursor]))
 
 
 def _ask_grammar(found: Sight, before: str) -> None:
@@ -143,14 +144,16 @@ def _around(tokens: Sequence[Token], cursor: int) -> list[int]:
     return stack
 
 
-def _parts(tokens: Sequence[Token], groups: Sequence[int], start: int, group: int) -> list[list[int]]:
+def _parts(
+    tokens: Sequence[Token], groups: Sequence[int], start: int, group: int, ends: Sequence[str] = CLAUSES
+) -> list[list[int]]:
     """What stands between the commas of a clause from `start` on: places of tokens, without the inside of brackets."""
     found: list[list[int]] = [[]]
     for index in range(start, len(tokens)):
         kind = tokens[index].kind
-        if groups[index] < group or (groups[index] == group and (kind in CLAUSES or kind == ";")):
+        if groups[index] < group or (groups[index] == group and (kind in ends or kind == ";")):
             break
-        if groups[index] == group and kind == ",":
+        if groups[index] == group and kind in (",", "JOIN"):
             found.append([])
         elif groups[index] == group:
             found[-1].append(index)
@@ -183,9 +186,9 @@ def _columns_of_query(tokens: Sequence[Token], groups: Sequence[int], bracket: i
     if bracket + 1 >= len(tokens) or tokens[bracket + 1].kind != "SELECT":
         return ()
     found = []
-    for part in _parts(tokens, groups, bracket + 2, bracket):
+    for part in _parts(tokens, groups, bracket + 2, bracket, ("FROM",)):
         kinds = [tokens[index].kind for index in part]
-        if kinds == ["NAME"] or kinds == ["NAME", ".", "NAME"]:
+        if kinds[-2:] == ["AS", "NAME"] or kinds == ["NAME"] or kinds == ["NAME", ".", "NAME"]:
             found.append(tokens[part[-1]].text)
         elif kinds[:3] == ["NAME", "(", ")"]:
             naming = tokens[part[0]].text == "to" and tokens[part[-1] - 1].kind == "NAME"

@@ -76,7 +76,7 @@ def _reads_once(nodes: Sequence[Any]) -> bool:
         len(queries) == 1
         and sum(isinstance(node, _SOURCES) for node in nodes) == 1
         and queries[0].search is None
-        and not queries[0].group
+        and not queries[0].grouped
         and all(node.function.builtin for node in nodes if isinstance(node, plan.Call))
     )
 

@@ -15,7 +15,7 @@ from ss2sql.frontend.parser import parse
 from . import groups, queries, sight
 from .functions import BUILTINS, aggregate
 from .sight import Frame, LateList
-from .values import OPERATORS, Failure, fresh, incoming, item_at, sized, slice_of
+from .values import OPERATORS, Failure, equal, fresh, incoming, item_at, sized, slice_of
 
 
 class Reference:
@@ -115,6 +115,10 @@ class Reference:
                 return self.operate(expr.function, [self.evaluate(item, frame), self.evaluate(values, frame)])
             case ast.Operator(function=function, operands=operands):
                 return self.operate(function, [self.evaluate(operand, frame) for operand in operands])
+            case ast.Between(value=value, low=low, high=high):
+                value = self.evaluate(value, frame)
+                above = bool(self.operate("ge", [value, self.evaluate(low, frame)]))
+                return above and bool(self.operate("le", [value, self.evaluate(high, frame)]))
             case ast.And(parts=parts):
                 return all(bool(self.evaluate(part, frame)) for part in parts)
             case ast.Or(parts=parts):
@@ -209,7 +213,7 @@ class Reference:
                 case "getTime":
                     groups.arity(expr, 0)
                     return self.now()
-        if expr.star:
+        if expr.star or expr.distinct:
             raise Failure("R008", "count(*) outside of GROUP BY")
         return self.call_function(expr.function, [self.evaluate(part, frame) for part in expr.arguments], {})
 
@@ -313,6 +317,10 @@ def in_group(expr: ast.Expr, group: sight.Group) -> tuple[Any, ...]:
     """A key or an aggregate of GROUP BY while the row of a group is made: a tuple of its value, or of nothing."""
     for node, values in group.aggregates:
         if node is expr:
+            if node.distinct:
+                values = tuple(
+                    value for at, value in enumerate(values) if not any(map(equal, values[:at], [value] * at))
+                )
             return (len(values) if node.star else aggregate(node.function, values),)
     for key, value in group.keys:
         if same(key, expr):

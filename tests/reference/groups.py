@@ -17,16 +17,24 @@ if TYPE_CHECKING:
     from .evaluator import Reference
 
 
+NOWHERE = Frame(None)
+
+
 def is_aggregate(ref: Reference, node: Any) -> bool:
     return isinstance(node, ast.Call) and node.function in AGGREGATES and node.function not in ref.functions
 
 
 def aggregates_of(ref: Reference, query: ast.Query, per_group: bool) -> list[ast.Call]:
     """The aggregates of SELECT, HAVING and ORDER BY in the order of evaluation."""
-    if not query.group:
+    if not query.group and not per_group:
         return []
     places = (query.columns, query.having, query.order) if per_group else (query.having,)
     return [call for place in places for call in calls_in(ref, place)]
+
+
+def is_whole(ref: Reference, query: ast.Query) -> bool:
+    """Whether all rows are one group, because SELECT counts them without GROUP BY."""
+    return not query.group and any(call.star or call.distinct for call in calls_in(ref, query.columns))
 
 
 def calls_in(ref: Reference, node: Any) -> Iterator[ast.Call]:
@@ -65,23 +73,27 @@ def grouped(found: list[queries.Found]) -> list[list[queries.Found]]:
     return groups
 
 
-def group_frame(ref: Reference, query: ast.Query, group: list[queries.Found], per_group: bool) -> Frame:
-    """The frame of a group: that of its first member, with the group's keys and aggregates."""
-    keys = tuple(zip(query.group, group[0].keys, strict=True))
+def group_frame(
+    ref: Reference, query: ast.Query, group: list[queries.Found], per_group: bool, outer: Frame = NOWHERE
+) -> Frame:
+    """The frame of a group: that of its first member, with the group's keys and aggregates; `outer` if it has none."""
+    keys = tuple(zip(query.group, group[0].keys, strict=True)) if group else ()
     calls = aggregates_of(ref, query, per_group)
     collected = tuple((call, tuple(one.inputs[i] for one in group)) for i, call in enumerate(calls))
-    return replace(group[0].frame, group=Group(keys, collected))
+    return replace(group[0].frame if group else outer, group=Group(keys, collected))
 
 
 def having(ref: Reference, query: ast.Query, group: list[queries.Found]) -> bool:
     return query.having is None or bool(ref.evaluate(query.having, group_frame(ref, query, group, False)))
 
 
-def one_row_per_group(ref: Reference, query: ast.Query, found: list[queries.Found]) -> list[queries.Found]:
+def one_row_per_group(
+    ref: Reference, query: ast.Query, found: list[queries.Found], outer: Frame
+) -> list[queries.Found]:
     """HAVING, then SELECT, then the keys of ORDER BY, for one group after the other."""
     rows = []
-    for group in grouped(found):
-        frame = group_frame(ref, query, group, True)
+    for group in grouped(found) if query.group else [found]:
+        frame = group_frame(ref, query, group, True, outer)
         if query.having is None or ref.evaluate(query.having, frame):
             row = queries.select(ref, query, frame)
             order = [queries.Key(ref.alone(key.expr, frame), key) for key in query.order]

@@ -13,7 +13,7 @@ from ss2sql.frontend import ast
 from . import groups, search
 from .functions import BUILTINS
 from .sight import Bound, Frame, LateList, Own, columns_of, elements_of, is_visible, mentions, source_name
-from .values import Failure, Row, compare_keys, shape
+from .values import Failure, Row, compare_keys, equal, shape
 
 if TYPE_CHECKING:
     from .evaluator import Reference
@@ -51,13 +51,17 @@ def represented(ref: Reference, query: ast.Query, outer: Frame | None) -> Any:
     names = [name for name in map(source_name, query.sources) if name]
     no_repeats(names)
     limit = None if query.limit is None else at_least(0, ref.evaluate(query.limit, outer))
+    offset = 0 if query.offset is None else at_least(0, ref.evaluate(query.offset, outer))
+    cut = slice(offset, None if limit is None else offset + limit)
     representation = representation_of(query)
     shape(representation, [])  # an unknown one fails at once
     for column in query.columns:
         if not isinstance(column, ast.Star):  # one that is computed sees no row, and fails though there are none
             ref.labels[id(column)] = column_name(ref, column, Frame(outer))
 
-    if limit == 0 and not query.order and not query.group:  # nothing of the query is evaluated
+    whole = groups.is_whole(ref, query)
+    late = query.order or query.group or whole or query.distinct  # what needs all results
+    if limit == 0 and not (query.order or query.group or whole):  # nothing of the query is evaluated
         search.check_bounds(ref, query, outer)
         return [] if query.connect and representation != "void" else shape(representation, [])
 
@@ -71,9 +75,11 @@ def represented(ref: Reference, query: ast.Query, outer: Frame | None) -> Any:
         paths = flat_rows(ref, query, sources, Frame(outer), per_group)
 
     results: Iterator[Found] = (finish(ref, query, rows, frame, per_group) for rows, frame in paths)
-    if limit is not None and not query.order and not query.group:
-        results = itertools.islice(results, limit)  # nothing after the last row is evaluated
+    if limit is not None and not late:
+        results = itertools.islice(results, cut.stop)  # nothing after the last row is evaluated
     found = list(results)
+    if query.distinct and not per_group:
+        found = first_of_equal(found)
 
     def shaped(some: list[Found]) -> Any:
         if representation == "void":
@@ -83,12 +89,12 @@ def represented(ref: Reference, query: ast.Query, outer: Frame | None) -> Any:
         return shape(representation, [one.rows[0] for one in some])
 
     if per_group:
-        return shaped(in_order(groups.one_row_per_group(ref, query, found))[:limit])
+        return shaped(in_order(groups.one_row_per_group(ref, query, found, Frame(outer)))[cut])
     if not query.group:
-        return shaped(in_order(found)[:limit])
+        return shaped(in_order(found)[cut])
     kept = [one for group in groups.grouped(found) if groups.having(ref, query, group) for one in group]
     found = [one for one in found if any(one is other for other in kept)]
-    partitions = groups.grouped(in_order(found)[:limit])
+    partitions = groups.grouped(in_order(found)[cut])
     if representation == "void":
         return None
     return {groups.shown_key(group[0].keys): shaped(group) for group in partitions}
@@ -127,7 +133,7 @@ def select(ref: Reference, query: ast.Query, frame: Frame) -> Row:
             row.extend(pair for bound in frame.bound for pair in all_columns(bound))
         else:
             label = ref.labels.get(id(column)) or column_name(ref, column, frame)  # a replayed path knows none
-            row.append((label, ref.alone(column, frame)))
+            row.append((label, ref.alone(column.expr if isinstance(column, ast.Named) else column, frame)))
     return distinct_names(row)
 
 
@@ -138,8 +144,10 @@ def all_columns(bound: Bound) -> Row:
     return [(bound.name or "this", bound.element)]
 
 
-def column_name(ref: Reference, column: ast.Expr, frame: Frame) -> str:
+def column_name(ref: Reference, column: ast.Expr | ast.Named, frame: Frame) -> str:
     match column:
+        case ast.Named(name=name):
+            return name
         case ast.Call(function="to", arguments=(_, ast.Name(name=name))) if "to" not in ref.functions:
             return name
         case ast.Call(function="to", arguments=(_, expr)) if "to" not in ref.functions:
@@ -187,9 +195,16 @@ class Sources:
         if number == len(self.query.sources):
             yield frame
             return
-        elements = self.once[number]
-        for element in self.read(self.query.sources[number], frame) if elements is None else elements:
-            yield from self.product(replace(frame, bound=(*frame.bound, element)))
+        source, once = self.query.sources[number], self.once[number]
+        elements = self.read(source, frame) if once is None else once
+        frames = [replace(frame, bound=(*frame.bound, element)) for element in elements]
+        if source.on is not None:
+            frames = [one for one in frames if self.ref.evaluate(source.on, one)]
+        if source.optional and not frames:
+            columns = columns_of([element.element for element in elements]) or tuple(self.known_columns(source.expr))
+            frames = [replace(frame, bound=(*frame.bound, Bound(source_name(source), columns, None)))]
+        for one in frames:
+            yield from self.product(one)
 
     def read(self, source: ast.From, frame: Frame) -> list[Bound]:
         elements = elements_of(self.value(source.expr, frame))
@@ -244,7 +259,7 @@ class Sources:
             case _:
                 return frozenset()
 
-    def shown_columns(self, query: ast.Query, column: ast.Expr | ast.Star) -> frozenset[str]:
+    def shown_columns(self, query: ast.Query, column: ast.Expr | ast.Named | ast.Star) -> frozenset[str]:
         match column:
             case ast.Star():
                 return frozenset().union(*(self.known_columns(source.expr) for source in query.sources))
@@ -285,13 +300,15 @@ class Sources:
         """Whether GROUP BY makes one row per group: nothing of a single row is mentioned in SELECT but the
         keys of GROUP BY and what stands inside of aggregates."""
         query = self.query
-        if not query.group or any(isinstance(column, ast.Star) for column in query.columns):
+        whole = groups.is_whole(self.ref, query)
+        if not (query.group or whole) or any(isinstance(column, ast.Star) for column in query.columns):
             return False
 
         own = self.own(len(query.sources))
 
         def applied(node: Any) -> Any:
             """A function's name that stands alone means its call."""
+            node = node.expr if isinstance(node, ast.Named) else node
             meant = self.with_sources(node, own)  # no name any more, if it is a column
             if not isinstance(meant, ast.Name) or own.elsewhere(meant.name) or meant.name in self.state:
                 return node
@@ -332,6 +349,16 @@ def in_order(found: list[Found]) -> list[Found]:
         return 0
 
     return sorted(found, key=functools.cmp_to_key(compared))
+
+
+def first_of_equal(found: list[Found]) -> list[Found]:
+    """DISTINCT: the first of results whose rows are equal."""
+    kept: list[Found] = []
+    for one in found:
+        values = [[value for _, value in row] for row in one.rows]
+        if not any(equal(values, [[value for _, value in row] for row in other.rows]) for other in kept):
+            kept.append(one)
+    return kept
 
 
 def at_least(least: int, value: Any) -> int:

@@ -28,7 +28,7 @@ class Bound:
     declared: bool = True  # whether the columns are known before it is read
 
     def column(self, name: str) -> Any:
-        return self.element.get(name)  # a key that this row lacks reads as None
+        return None if self.element is None else self.element.get(name)  # a key that this row lacks reads as None
 
 
 @dataclass(frozen=True)

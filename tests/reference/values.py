@@ -216,6 +216,19 @@ def contains(item: Any, container: Any) -> bool:
     raise Failure("X001", f"{item!r} cannot be in {container!r}")
 
 
+def like(text: Any, pattern: Any) -> bool:
+    """LIKE, one character after the other; `reached` holds how much of the text may be used up by then."""
+    if not isinstance(text, str) or not isinstance(pattern, str):
+        raise Failure("X001", "LIKE compares strings")
+    reached = {0}
+    for char in pattern:
+        if char == "%":
+            reached = set(range(min(reached), len(text) + 1)) if reached else set()
+        else:
+            reached = {at + 1 for at in reached if at < len(text) and char in ("_", text[at])}
+    return len(text) in reached
+
+
 OPERATORS: dict[str, Callable[..., Any]] = {
     "add": add,
     "sub": lambda a, b: arithmetic(lambda x, y: x - y, a, b),
@@ -231,6 +244,7 @@ OPERATORS: dict[str, Callable[..., Any]] = {
     "ge": lambda a, b: compare(a, b) >= 0,
     "gt": lambda a, b: compare(a, b) > 0,
     "in": contains,
+    "like": like,
 }
 
 

@@ -15,6 +15,7 @@ from ss2sql.language.operations.lists import LENGTH, are_not_lists, length_type
 from ss2sql.language.operations.row import Check, Form, Operation, Types, When, aggregate, each, element, exactly
 from ss2sql.runtime.checking import watched
 from ss2sql.runtime.messages import CURES, check
+from ss2sql.runtime.values import freeze
 
 if TYPE_CHECKING:
     from fractions import Fraction
@@ -126,12 +127,32 @@ def _averaged(types: Types) -> bool:
     return types[0].kinds & ~Kind.NONE == Kind.INT and types[0].bounded(2**21)
 
 
+# --- counts --------------------------------------------------------------------------------------------
+
+
+def _different(values: list[Any]) -> int:
+    return len({freeze(value) for value in watched(values)})
+
+
+def _one_of(*kinds: Kind) -> When:
+    """Values of one of these kinds, None among them perhaps."""
+    return lambda types: types[0].kinds & ~Kind.NONE in kinds
+
+
 OPERATIONS: tuple[Operation, ...] = (
     aggregate(
         "count", len, Type(Kind.INT, 0, LENGTH), nothing=0, about="the number of elements of a list",
         example="count([4, None, 5])", accepts=None, can_fail=lambda kind: False, in_sql=lambda kind: True,
         sqlite=(Form("count({0})"),), python=(Form(len),), portable=(Form("count({0})"),),
         of_list={"result": length_type, "python": (Form("len({0})", each(Kind.LIST)),)},
+    ),
+    aggregate(
+        "count_distinct", _different, Type(Kind.INT, 0, LENGTH), nothing=0,
+        about="the number of different elements of a list; of a group count(DISTINCT x)",
+        example="SELECT count(DISTINCT this) FROM [4, 4.0, None, 5] AS value", accepts=None,
+        can_fail=lambda kind: False, in_sql=lambda kind: True,
+        sqlite=(Form("count(DISTINCT {0})", _one_of(Kind.INT, Kind.FLOAT, Kind.STR)),),
+        portable=(Form("count(DISTINCT {0})", _one_of(Kind.INT, Kind.STR)),), of_list={"result": length_type},
     ),
     aggregate(
         "sum", total, _sum_of_kind, nothing=0, about="the sum of a list of numbers, 0 if it is empty",

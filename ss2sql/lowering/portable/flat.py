@@ -63,6 +63,8 @@ class FlatWriter:
 
     def select(self, limit: Node | None) -> exp.Select:
         query = self.query
+        if query.offset is not None:
+            raise refused("OFFSET", query.offset.span, "leave the engine to ss2sql")
         for source in query.sources:
             self._open(source)
         where = None if query.where is None else self.portable.condition(query.where, self.sight)
@@ -78,6 +80,8 @@ class FlatWriter:
         for node in walk(source):
             if isinstance(node, (plan.Element, plan.Column)) and node.source in self.sight.sources:
                 raise refused("what stands in FROM depends on another source", source.span)
+        if isinstance(source, plan.QuerySource) and source.optional:
+            raise refused("LEFT JOIN", source.span, "leave the engine to ss2sql")
         label = self.labels.free(source.name, "source")
         opened = self._nested(source, label) if isinstance(source, plan.QuerySource) else self.open(source, label)
         self.items.append(opened.item)
@@ -130,9 +134,10 @@ class FlatWriter:
         shown = [self._shown_key(key, expr) for key, expr in zip(keys, query.group, strict=True)]
         sight = replace(self.sight, groups={(query.id, n): key for n, key in enumerate(shown)})
         outputs = [self._output(output, sight) for output in query.columns]
-        order = self._order(sight) + [(place, False) for place in self._first()]
+        order = self._order(sight) + [(place, False) for place in self._first()] if keys else []
         select = sql.select(outputs, self.items, where, _sorting(order), limit)
-        select.set("group", exp.Group(expressions=[key.copy() for key in keys]))
+        if keys:
+            select.set("group", exp.Group(expressions=[key.copy() for key in keys]))
         if query.having is not None:
             if query.having.type.kinds != Kind.BOOL:
                 raise refused("the truth of such a value is not the same everywhere", query.having.span)

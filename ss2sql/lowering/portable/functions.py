@@ -78,11 +78,27 @@ def membership(found: bool) -> Written:
     return write
 
 
+def likeness(found: bool) -> Written:
+    """LIKE; what a backslash means in its pattern is not the same everywhere."""
+
+    def write(of: Portable, call: plan.Call, sight: Sight) -> Node | None:
+        pattern = call.arguments[1]
+        if not isinstance(pattern, plan.Constant) or "\\" in pattern.value:
+            return None
+        text, known = (of.value(argument, sight) for argument in call.arguments)
+        test = exp.Like(this=sql.operand(text), expression=known)
+        return test if found else exp.Not(this=sql.operand(test))
+
+    return write
+
+
 BY_HAND: dict[str, Written] = {
     "eq": equality(True),
     "ne": equality(False),
     "in": membership(True),
     "not_in": membership(False),
+    "like": likeness(True),
+    "not_like": likeness(False),
 }
 
 assert BY_HAND.keys() == {name for name, row in OPERATIONS.items() if "portable" in row.by_hand}

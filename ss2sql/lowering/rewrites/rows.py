@@ -24,7 +24,8 @@ Names: TypeAlias = dict[plan.Expr, str]  # of columns, by what the query compute
 
 def rewrite(query: plan.Query, world: World) -> plan.Query:
     """The query with lists in FROM as rows."""
-    sources = {node.id: node for node in walk(query) if isinstance(node, plan.QuerySource) and _is_listed(node.query)}
+    found = (node for node in walk(query) if isinstance(node, plan.QuerySource) and not node.optional)
+    sources = {node.id: node for node in found if _is_listed(node.query)}
     if not sources:
         return query
     for node in walk(query):
@@ -54,7 +55,7 @@ def _is_listed(query: plan.Query) -> bool:
     """Whether a query is nothing but sources, conditions and one column of a list, none of which can fail."""
     if query.representation.name != "list" or len(query.columns) > 1 or query.columns[0].label or query.columns[0].star:
         return False
-    if query.search or query.group or query.order or query.limit or query.having:
+    if query.search or query.grouped or query.order or query.limit or query.having:
         return False
     if not all(isinstance(source, (plan.TableSource, plan.ValueSource)) for source in query.sources):
         return False

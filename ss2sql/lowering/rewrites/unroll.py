@@ -71,7 +71,9 @@ def looked_for(query: plan.Query, world: World) -> tuple[plan.Expr, plan.Constan
 
 def _is_plain_query(query: plan.Query) -> bool:
     """Whether the query gives a list of the rows that pass its WHERE, in the order of its one source."""
-    shaped = query.search or query.group or query.limit or query.representation.arguments or query.representation.named
+    shaped = (
+        query.search or query.grouped or query.limit or query.representation.arguments or query.representation.named
+    )
     keys = any(can_fail(key.expr) for key in query.order)
     labelled = any(output.label is not None or output.star for output in query.columns)
     alone = len(query.sources) == 1

@@ -164,7 +164,7 @@ def _guided(query: plan.Query, nested: bool) -> Span | None:
 
 
 def _aggregated(query: plan.Query, nested: bool) -> Span | None:
-    return query.group[0].span if query.aggregated else None
+    return (query.group or (query.columns[0].expr,))[0].span if query.aggregated else None
 
 
 def _unsteady(query: plan.Query, nested: bool) -> Span | None:

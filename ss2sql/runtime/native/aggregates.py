@@ -13,7 +13,7 @@ from ss2sql.walk import walk_own
 
 def aggregates_in(query: plan.Query) -> list[plan.Aggregate]:
     """The aggregates over the rows of the query's groups, in the order in which their arguments are evaluated."""
-    if not query.group:
+    if not query.grouped:
         return []
     places: list[Any] = [output.expr for output in query.columns] if query.aggregated else []
     places += [query.having] if query.having is not None else []
@@ -28,12 +28,12 @@ def counts_rows(node: plan.Aggregate) -> bool:
 
 
 def aggregate_of(node: plan.Aggregate) -> Callable[[list[Any]], Any]:
-    """What computes an aggregate of a group's values; there is at least one. None is skipped where there may be any."""
+    """What computes an aggregate of a group's values. None is skipped where there may be any."""
     if counts_rows(node):
         return len
     assert node.argument is not None
     known, row = node.argument.type, GROUPS[node.function]
-    if known.may(Kind.NONE):
+    if known.may(Kind.NONE) or node.may_be_empty:
         return row.of_group
     form = next((form for form in row.python if form.when([known])), None)
     return row.value if form is None or isinstance(form.text, str) else form.text

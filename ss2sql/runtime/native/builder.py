@@ -140,7 +140,7 @@ class Builder:
             pen.assign(tuples, pen.call(unit.helper(tuples_of), pen.name(task))),
         ]
         outer = self._outer_values(sources, states, caller, pen) + [pen.name(name) for name in groups.values()]
-        ends = query.search or query.group or query.order or functions["settings"]
+        ends = query.search or query.grouped or query.order or functions["settings"]
         return Nested(task, value, tuples, None if ends else functions["find"], outer)
 
     def _flush(self, pen: Pen) -> str:
@@ -150,9 +150,9 @@ class Builder:
         return name
 
     def _settings(self, query: plan.Query, part: Callable[[str], Body]) -> str | None:
-        """A function that gives LIMIT, MAXIMUM and MEMORIZE's bound, and the names of the columns."""
+        """A function that gives LIMIT, OFFSET, MAXIMUM and MEMORIZE's bound, and the names of the columns."""
         search = query.search
-        counts = [(query.limit, 0, "LIMIT")]
+        counts = [(query.limit, 0, "LIMIT"), (query.offset, 0, "OFFSET")]
         counts.append((search.maximum if search else None, 1, "MAXIMUM"))
         counts.append((search.bound if search else None, 1, "MEMORIZE"))
         labelled = any(output.label for output in query.columns)
@@ -186,7 +186,7 @@ class Builder:
         It gives None for a group that HAVING drops, else the group's row and its sort keys; the row is None
         where the group is a partition.
         """
-        if not query.group or not (query.aggregated or query.having):
+        if not query.aggregated and not (query.group and query.having):
             return None
         unit, pen = self.unit, self.unit.pen_at(query.span)
         body = part("group")

@@ -39,12 +39,14 @@ class Ending:
         form: Form,
         group: Callable[..., tuple[Row | None, Row] | None] | None,
         limit: int | None,
+        offset: int,
         most: int | None,
     ) -> None:
         self.form = form
         self.query = form.query
         self.group = group
-        self.limit = limit
+        self.end = None if limit is None else offset + limit
+        self.kept = slice(offset, self.end)
         self.most = None if limit is not None and most is not None and limit <= most else most
 
     def finish(self, found: Iterator[Any], results: list[Any], answer: Rows) -> None:
@@ -68,7 +70,7 @@ class Ending:
         if self.form.descending:
             first = len(self.form.aggregates) + self.form.groups
             places = self._sorted(places, [keys[at][first:] for at in places])
-        places = places[: self.limit]
+        places = places[self.kept]
         results[:] = [results[at] for at in places]
         if self.query.group:
             answer.groups = self._partitions([keys[at] for at in places])
@@ -80,7 +82,7 @@ class Ending:
             whole.extend(self._as_many(found))
             self._room(len(whole))
             columns = [[row[width + number] for row in whole] for number in range(len(self.form.descending))]
-            whole = [whole[at] for at in self._places(len(whole), columns)[: self.limit]]
+            whole = [whole[at] for at in self._places(len(whole), columns)[self.kept]]
         finally:
             results += [row[:width] for row in whole]
 
@@ -91,7 +93,7 @@ class Ending:
     def _places(self, count: int, columns: Sequence[Sequence[Any]]) -> list[int]:
         """The places of results in the order of their keys; of those beyond LIMIT none may be there."""
         try:
-            return places_in_order(count, columns, self.form.descending, self.limit)
+            return places_in_order(count, columns, self.form.descending, self.end)
         except Error as error:
             raise error.located(self.query.order[0].expr.span) from None
 
@@ -120,13 +122,15 @@ class Ending:
                 self._room(len(results))
         if self.form.descending:
             results[:] = self._sorted(results, order)
-        if self.limit is not None:
-            del results[self.limit :]
+        if self.end is not None:
+            results[:] = results[self.kept]
 
     def _seen_of_all(self, found: Iterator[Any]) -> Iterator[Row]:
         groups: dict[Hashable, list[Row]] = {}
         for _, key in found:
             groups.setdefault(self._group_key(key), []).append(key)
+        if not groups and not self.form.groups:
+            return iter([((),) * len(self.form.aggregates)])
         return map(self._seen_of, groups.values())
 
     def _having(self, keys: list[Row]) -> list[int]:

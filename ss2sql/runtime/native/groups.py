@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 class Groups:
     """The groups of one query, whose loops stand in `outer`: `collect` adds a row inside of them, `end` comes behind.
 
-    A group is a list, or a tuple of several lists. Where GROUP BY has nothing but constants there is one group.
+    A group is a list, or a tuple of several lists. Where GROUP BY has nothing but constants there is one group, which
+    is left out if it has no row; without GROUP BY it stays.
     """
 
     def __init__(self, builder: Builder, query: plan.Query, aggregates: Sequence[plan.Aggregate], outer: Body) -> None:
@@ -108,7 +109,8 @@ class Groups:
         lists = [pen.name(group) if len(self.lists) == 1 else pen.item(pen.name(group), index) for index in self.of]
         if self.single:
             values = [expression(self.builder, value, outer) for value in self.query.group]
-            outer.blocks[0].append(pen.when(first, pen.run(pen.give(pen.pack(*lists, *values)))))
+            give = pen.run(pen.give(pen.pack(*lists, *values)))
+            outer.blocks[0].append(pen.when(first, give) if self.query.group else give)
             return
         found = pen.name(key) if self.plain else pen.item(pen.name(self.firsts), pen.name(key))
         several = len(self.query.group) > 1 or not self.plain

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 def stands_inside(query: plan.Query, analysis: Analysis) -> bool:
     """Whether the loops of a query can stand in those of the query around it."""
-    if not is_table(query) or query.group or query.order or query.limit is not None:
+    if not is_table(query) or query.grouped or query.order or query.limit is not None:
         return False
     if len({output.name for output in query.columns}) < len(query.columns):
         return False

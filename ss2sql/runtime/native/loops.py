@@ -34,7 +34,7 @@ from ss2sql.runtime.native.lookups import (
 from ss2sql.runtime.native.pen import Pen
 from ss2sql.runtime.native.unit import MOST_LOOPS, Body
 from ss2sql.runtime.native.worlds import Demand, demand_of, world_items
-from ss2sql.runtime.sources import elements
+from ss2sql.runtime.sources import elements, elements_or_none
 from ss2sql.runtime.values import freeze
 from ss2sql.walk import cuts_off, walk
 
@@ -302,7 +302,8 @@ class Loops:
                     return self._kept(source, body, pen.call("list", rows) if nested.found else rows)
                 unit.elements[source.id] = source.element
                 value_of_query = pen.call(nested.value, *nested.arguments)
-                return self._kept(source, body, pen.call(unit.helper(elements), value_of_query))
+                made = elements_or_none if source.optional else elements
+                return self._kept(source, body, pen.call(unit.helper(made), value_of_query))
             case plan.WorldSource():
                 return world_items(builder, source, self.demands.get(source.id, ()), body)
             case _:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator, Hashable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from itertools import islice
@@ -17,13 +17,15 @@ from ss2sql.runtime.native.options import least_of
 from ss2sql.runtime.native.searches import SEARCHES
 from ss2sql.runtime.rows import Row, Rows, too_many
 from ss2sql.runtime.run import Run
+from ss2sql.runtime.values import freeze
 
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """The values of LIMIT, MAXIMUM and MEMORIZE's bound, and the names of the columns where `to` computes one."""
+    """The values of LIMIT, OFFSET, MAXIMUM and MEMORIZE's bound, and the names of columns where `to` computes one."""
 
     limit: int | None = None
+    offset: int | None = None
     maximum: int | None = None
     bound: int | None = None
     labels: tuple[str, ...] | None = None
@@ -77,6 +79,7 @@ class Task:
         answer = Rows(form.columns) if sink is None else sink
         maximum = least_of(settings.maximum, self.run.maximum if outermost and query.search else None)
         found: Iterator[Any] = every if maximum is None else _first(every, maximum, answer)
+        found = _different(found, self._is_keyed) if query.distinct else found
         if settings.labels is not None:
             answer.columns = distinct(settings.labels)
         results: list[Any] = []
@@ -88,9 +91,9 @@ class Task:
         try:
             if self._is_keyed:
                 group = None if self.group is None else partial(_with_outer, self.group, outer)
-                Ending(form, group, settings.limit, most).finish(found, results, answer)
+                Ending(form, group, settings.limit, settings.offset or 0, most).finish(found, results, answer)
             else:
-                self._stream(found, results, settings.limit, most)
+                self._stream(found, results, settings.limit, settings.offset or 0, most)
         finally:
             every.close()  # so that a search hands on what it has counted
             if self.flush is not None:
@@ -100,7 +103,7 @@ class Task:
     @property
     def _is_keyed(self) -> bool:
         """Whether the results come with keys, because something has to be done with them when all are found."""
-        return bool(self.form.query.group or self.form.query.order)
+        return bool(self.form.query.grouped or self.form.query.order)
 
     def _found(self, bound: int | None, outer: tuple[Any, ...]) -> Generator[Any, None, None]:
         """The results as they are found; `bound` is MEMORIZE's."""
@@ -135,10 +138,13 @@ class Task:
             if isinstance(found, Generator):
                 found.close()  # it may hold tables of a database, and an error that is kept would hold it
 
-    def _stream(self, found: Iterator[Any], results: list[Any], limit: int | None, most: int | None) -> None:
+    def _stream(
+        self, found: Iterator[Any], results: list[Any], limit: int | None, offset: int, most: int | None
+    ) -> None:
         """Fills `results`, of which there must not be more than `most`."""
-        if limit is not None and (most is None or limit <= most):
-            found, most = islice(found, limit), None
+        if limit is not None:
+            found = islice(found, offset, offset + limit)
+            most = None if most is None or limit <= most else most
         results.extend(found if most is None else islice(found, most + 1))
         if most is not None and len(results) > most:
             raise too_many(most, self.form.query.span)
@@ -155,6 +161,16 @@ def _first(every: Iterator[Any], maximum: int, answer: Rows) -> Iterator[Any]:
         yield result
         if answer.ended:
             return
+
+
+def _different(every: Iterator[Any], keyed: bool) -> Iterator[Any]:
+    """The first of equal paths, which may come with keys."""
+    met: set[Hashable] = set()
+    for result in every:
+        key = tuple(tuple(map(freeze, row)) for row in (result[0] if keyed else result))
+        if key not in met:
+            met.add(key)
+            yield result
 
 
 def _with_outer(function: Callable[..., Any], outer: tuple[Any, ...], *seen: Any) -> Any:
