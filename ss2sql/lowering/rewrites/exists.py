@@ -54,7 +54,7 @@ def _is_plain(query: plan.Query) -> bool:
     """Whether a query gives the list of one column of all rows that its conditions hold for."""
     if query.representation.name != "list" or len(query.columns) > 1 or query.columns[0].star:
         return False
-    return not (query.search or query.group or query.limit)
+    return not (query.search or query.grouped or query.limit)
 
 
 def _reads_around(query: plan.Query) -> bool:
