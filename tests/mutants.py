@@ -2,9 +2,10 @@
 
 `python tests/mutants.py` draws MUTANTS of them by seed, and prints those that live on and a line of figures. It runs
 the tests of `make test` once, to learn which of them reach which line. Then it goes over the mutants: for each a fork
-of this process puts the changed function in place and runs tests that reach the line, until one fails. Those that live
-on are tried by what `make test-slow` has besides, which is said apart. A mutant that lives on needs a test, or a row in
-mutants_justified.toml that says why no test can see it. More than LIVING in a hundred that `make test` lets live fail.
+of this process puts the changed function in place and runs tests that reach the line, until one fails that passes in
+a fork without it. Those that live on are tried by what `make test-slow` has besides, which is said apart. A mutant that
+lives on needs a test, or a row in mutants_justified.toml that says why no test can see it. More than LIVING in a
+hundred that `make test` lets live fail.
 """
 
 from __future__ import annotations
@@ -66,12 +67,15 @@ SLOW_SECONDS = 300.0
 """What slow tests of one mutant may take together."""
 
 MEMORY = 4 << 30
+"""More than it has now a fork may not take. What all tests have loaded is 5 GB of addresses by itself."""
+
 LIVING = 5
 PROCESSES = 2
 
 Reached = dict[str, dict[int, list[str]]]
 Places = dict[tuple[str, Site], list[FunctionType]]
 KILLED, LIVED, SLOW = "killed", "lived", "timed out"
+PASSED = "all passed"
 
 
 class Mutating:
@@ -84,6 +88,7 @@ class Mutating:
         self.seconds: dict[str, float] = defaultdict(float)
         self.failed: set[str] = set()
         self.new: list[str] = []  # tests that nothing is known of yet: they are tried on every mutant
+        self.passes: dict[str, bool] = {}  # whether a test passes in a fork: threads, as those of Polars, are not there
         self.lived: list[Mutant] = []
         self.counts: Counter[str] = Counter()
         self.caches: list[_lru_cache_wrapper[object]] = []
@@ -109,8 +114,7 @@ class Mutating:
         )
         items = {item.nodeid: item for item in session.items}
         new = [item for test, item in items.items() if test not in self.seconds]
-        failed = (forked(lambda: failing(new, len(new)), math.inf) or "").splitlines() if new else []
-        self.new = [item.nodeid for item in new if item.nodeid not in failed]
+        self.new = [item.nodeid for item in new if self.passes_here(item)]
         places = functions()
         # Those of others hold what a fork must not let go of, such as the threads of a database.
         caches = [one for one in gc.get_objects() if isinstance(one, _lru_cache_wrapper)]
@@ -228,22 +232,41 @@ class Mutating:
         """
         site, code = mutants_made.mutated(PACKAGE / mutant.file, mutant)
 
-        def killer() -> str:
-            for function in places[str(PACKAGE / mutant.file), site]:
-                function.__code__ = code
-            for cache in self.caches:  # what is kept in them was found without the mutant
-                cache.cache_clear()
-            return failing(tests, most=1, seconds=seconds or math.inf) or "-"
+        def tried(some: Sequence[pytest.Item]) -> tuple[str, bool]:
+            def run(begin: Callable[[str], object]) -> None:
+                for function in places[str(PACKAGE / mutant.file), site]:
+                    function.__code__ = code
+                for cache in self.caches:  # what is kept in them was found without the mutant
+                    cache.cache_clear()
+                run_until_one_fails(some, begin, seconds or math.inf)
 
-        usual = 20 + 4 * sum(self.seconds[one.nodeid] for one in tests)
-        said = forked(killer, 2 * seconds if seconds else usual)
-        match said:
-            case None:
-                return SLOW, ""
-            case "-":
+            usual = 20 + 4 * sum(self.seconds[one.nodeid] for one in some)
+            return forked(run, 2 * seconds if seconds else usual)
+
+        left = list(tests)
+        while True:
+            left = [one for one in left if self.passes.get(one.nodeid, True)]
+            last, _ = tried(left)
+            if last == PASSED:
                 return LIVED, ""
-            case _:
-                return KILLED, said or "crash"
+            if not last:
+                return KILLED, "crash"
+            number, test = next((at, one) for at, one in enumerate(left) if one.nodeid == last)
+            # A test may fail for what those before it have left, too.
+            alone, ended = tried([test])
+            if alone != PASSED and self.passes_here(test):
+                return (KILLED if ended else SLOW), last
+            left = left[number + 1 :]
+
+    def passes_here(self, test: pytest.Item) -> bool:
+        """Whether a test passes in a fork without a mutant."""
+        if test.nodeid not in self.passes:
+            allowed = 20 + 4 * self.seconds.get(test.nodeid, 0)
+            last, _ = forked(lambda begin: run_until_one_fails([test], begin), allowed)
+            self.passes[test.nodeid] = last == PASSED
+            if last != PASSED:
+                print(f"fails without a mutant, too: {test.nodeid}", file=self.out, flush=True)
+        return self.passes[test.nodeid]
 
 
 def in_parallel(mutants: Sequence[Mutant], judge: Callable[[Mutant], tuple[Any, ...]]) -> Iterator[tuple[Mutant, Any]]:
@@ -274,21 +297,43 @@ def is_slow(item: pytest.Item) -> bool:
     return any(item.get_closest_marker(name) for name in ("slow", "drawn"))
 
 
-def forked(action: Callable[[], str], seconds: float) -> str | None:
-    """What an action gives that runs in a fork of this process; nothing if that crashes, None if it takes too long."""
+def forked(action: Callable[[Callable[[str], object]], None], seconds: float) -> tuple[str, bool]:
+    """The last line that an action says in a fork of this process, and whether it ended in time."""
     reading, writing = os.pipe()
     child = os.fork()
     if not child:
         os.setpgid(0, 0)
-        resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
-        os.write(writing, action().encode())
+        most = virtual_size() + MEMORY
+        resource.setrlimit(resource.RLIMIT_AS, (most, most))
+        action(lambda line: os.write(writing, f"{line}\n".encode()))
         os._exit(0)
     os.close(writing)
     said = heard(reading, seconds)
+    os.close(reading)
     with suppress(ProcessLookupError, PermissionError):
         os.killpg(child, signal.SIGKILL)
     os.waitpid(child, 0)
     return said
+
+
+def heard(reading: int, seconds: float) -> tuple[str, bool]:
+    """The last line that a fork writes, and whether it ended in time."""
+    text, deadline = b"", time.monotonic() + seconds
+    while select.select([reading], [], [], None if seconds == math.inf else max(deadline - time.monotonic(), 0))[0]:
+        read = os.read(reading, 1 << 16)
+        text = (text + read)[-1 << 16 :]
+        if not read or text.endswith(f"\n{PASSED}\n".encode()):
+            return last_line(text), True
+    return last_line(text), False
+
+
+def last_line(text: bytes) -> str:
+    return text.decode().rstrip("\n").rpartition("\n")[2]
+
+
+def virtual_size() -> int:
+    """The addresses of this process, in bytes."""
+    return int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0]) * resource.getpagesize()
 
 
 def forget_in(item: pytest.Item) -> None:
@@ -298,31 +343,28 @@ def forget_in(item: pytest.Item) -> None:
             one.cache_clear()
 
 
-def failing(tests: Sequence[pytest.Item], most: int, seconds: float = math.inf) -> str:
-    """Runs tests until so many have failed, or so many seconds are over; those that failed, one a line."""
-    failed: dict[str, None] = {}
+def run_until_one_fails(tests: Sequence[pytest.Item], begin: Callable[[str], object], most: float = math.inf) -> None:
+    """Runs tests until one fails, or so many seconds are over; says which begins, and in the end that all passed."""
+    failed: list[str] = []
     begun = time.monotonic()
 
     class Noted:
         @pytest.hookimpl
         def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
             if report.failed:
-                failed[report.nodeid] = None
+                failed.append(report.nodeid)
 
     noted = Noted()
     for item, following in zip_longest(tests, tests[1:]):
-        if len(failed) < most and time.monotonic() - begun < seconds:
-            item.config.pluginmanager.register(noted)
-            item.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
-            item.config.pluginmanager.unregister(noted)
-    return "\n".join(failed)
-
-
-def heard(reading: int, seconds: float) -> str | None:
-    """What a fork writes before it ends; None if it takes too long."""
-    with open(reading, "rb") as pipe:
-        ready, _, _ = select.select([pipe], [], [], None if seconds == math.inf else seconds)
-        return pipe.read().decode() if ready else None
+        if time.monotonic() - begun >= most:
+            break
+        begin(item.nodeid)
+        item.config.pluginmanager.register(noted)
+        item.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
+        item.config.pluginmanager.unregister(noted)
+        if failed:
+            return
+    begin(PASSED)
 
 
 def functions() -> Places:

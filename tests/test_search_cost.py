@@ -120,6 +120,20 @@ def test_a_search_over_cells_costs_its_steps_not_the_table() -> None:
     check_growth(cost, 400, 2.2)
 
 
+def test_sqlite_asks_stop_with_only_of_steps_that_cost_less(ss: ss2sql.Session) -> None:
+    asked = []
+
+    def ends(step: int, n: int) -> bool:
+        asked.append((step, n))
+        return False
+
+    ss.function("ends", ends, volatility="immutable")
+    script = """SELECT (n + this) % 4 FROM [1, 2, 3] START WITH n = 0
+        CONNECT BY COST this UNIQUE n = (n + this) % 4 STOP WITH ends(this, n) AS list"""
+    assert ss.run(script, engine="database").value == [[1], [2], [3], [1, 0]]
+    assert asked == [(1, 0), (2, 0), (3, 0), (3, 1)]  # 2 and 3 are reached again for no less
+
+
 def test_sqlite_keeps_pages_and_copies_in_memory() -> None:
     with ss2sql.connect() as ss:
         assert ss.host.connection.execute("PRAGMA temp_store").get == 2
