@@ -105,6 +105,12 @@ def cuts_off(query: plan.Query) -> bool:
     return query.limit is not None and not (query.search or query.order or query.group or asks_for_rows(query))
 
 
+def walks_the_same(query: plan.Query) -> bool:
+    """Whether some source of the query is the same for all rows around it."""
+    inside = sources_inside(query)
+    return any(sources_read(source) <= inside and not states_read(source) for source in query.sources)
+
+
 def sources_read(node: Node) -> frozenset[int]:
     """The numbers of all sources whose element or columns the node reads, its own nested ones included."""
     found: set[int] = set()

@@ -37,6 +37,14 @@ JOINS = {
         "SELECT k, x FROM n = groups WHERE x + 1 NOT IN (SELECT e.x FROM e = groups WHERE e.k == n.k AS list) AS rows;",
     "membership in what a query finds once":
         "SELECT this IN (SELECT this FROM things AS list) FROM things AS list;",
+    "the greatest of a group":
+        "SELECT k, x FROM n = groups WHERE x == max(SELECT e.x FROM e = groups WHERE e.k == n.k AS list) AS rows;",
+    "the greatest of all up to a row's group":
+        "SELECT k, x FROM n = groups WHERE x == max(SELECT e.x FROM e = groups WHERE e.k <= n.k AS list) AS rows;",
+    "the sum over a group":
+        "SELECT k, x / sum(SELECT e.x FROM e = groups WHERE e.k == n.k AS list) FROM n = groups AS rows;",
+    "the size of a group": "SELECT k FROM n = groups WHERE len(SELECT 1 FROM e = groups WHERE e.k < n.k) > 1 AS list;",
+    "the greatest of several kinds": "SELECT this FROM ns WHERE this == max(SELECT 1 * x FROM halves AS list) AS list;",
     "steps by an element":
         "SELECT this FROM tree START WITH here = 0 CONNECT BY UNIQUE here = this[1] STOP WITH this[0] != here AS list;",
     "steps by an element, with a goal":
@@ -75,6 +83,7 @@ def data(size: int) -> dict[str, Any]:
         "mixed": [n if n % 3 else str(n) for n in range(size)],
         "staff": [{"name": n, "boss": (n - 1) // 2 if n else None} for n in range(size)],
         "groups": [{"k": n % 5, "x": n * 7 % size} for n in range(size)],
+        "halves": [{"x": n / 2 if n % 2 else n} for n in range(size)],
         "things": list(map(Thing, range(size))),
         "tree": [[(n - 1) // 2, n] for n in range(1, size)],
     }
@@ -132,6 +141,7 @@ EQUAL = {
         *({"v": v, "i": 9} for v in (True, [True], 2**53, 2.0**53, 2**53 + 1, "")),
     ],
     "nested": [[["k", 1]], [["k", 1.0]], [[None]], [[]], [["k", None]], [[[1], 2]]],
+    "numbers": [1, 1.0, True, 2, -0.0, 0.0, 1, True, 0],
     "few": [{"v": 1}, {"v": [1.0]}],
 }  # fmt: skip
 HARD = [
@@ -152,6 +162,17 @@ HARD = [
     "SELECT a.this, e.this FROM a = [1, 2], e = few WHERE e.v == a.this AS rows;",
     "SELECT a.this, b.i, c.i FROM a = n, b = rows, c = rows WHERE [b.v] == [a.this] AND [c.v] == [b.v] AND c.i < 9"
     " AS rows;",
+    "SELECT n.this, max(SELECT i FROM rows WHERE v == n.this AS list), len(SELECT v FROM rows WHERE [v] == [n.this])"
+    " FROM n AS rows;",
+    "SELECT n.this, sum(SELECT n.this FROM few AS list), max(SELECT n.this FROM few AS list) FROM n = numbers AS rows;",
+    "SELECT i, max(SELECT a.i FROM a = rows WHERE a.i <= r.i AS list), min(SELECT a.i FROM a = rows WHERE a.i > r.i"
+    " AS list) FROM r = rows AS rows;",
+    "SELECT i, max(SELECT this FROM numbers AS list), len(SELECT this FROM numbers) FROM rows AS rows;",
+    "SELECT i, max(SELECT a.v FROM a = rows WHERE a.i <= r.i AS list) FROM r = rows AS rows;",
+    "SELECT i FROM r = rows WHERE i < 3 AND 4 > max(SELECT 9 % 5 FROM few WHERE r.i < 4 AS list) AS rows;",
+    "SELECT n.this, len(SELECT 1 / (n.this - 2) FROM few) FROM n = numbers WHERE n.this != 2 AS rows;",
+    "SELECT this FROM [1, 2, 3] START WITH s = 0 CONNECT BY s = max(SELECT i FROM rows WHERE i <= s + 1 AS list)"
+    " STOP WITH s > 2 OR this > len(SELECT i FROM rows WHERE i <= s) AS rows;",
     "SELECT n.this, n.this IN (SELECT v FROM rows WHERE i < len(str(n.this)) AS list) FROM n AS rows;",
     "SELECT n.this, n.this NOT IN (SELECT v FROM rows WHERE [v] == [n.this] AS list) FROM n AS rows;",
     "SELECT n.this, n.this IN (SELECT v FROM rows AS list), [n.this] IN (SELECT [v] FROM rows AS list) FROM n AS rows;",

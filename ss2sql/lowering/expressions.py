@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TypeAlias
+from typing import TypeAlias, TypeVar
 
 from sqlglot import exp
 
@@ -24,9 +24,11 @@ from ss2sql.lowering import forms, sql
 from ss2sql.lowering.names import builtin_name
 from ss2sql.lowering.operators import BY_HAND
 from ss2sql.lowering.parameters import Needs
+from ss2sql.lowering.reductions import reduction
 from ss2sql.lowering.sql import Node
 from ss2sql.walk import can_fail, walk, walk_own
 
+N = TypeVar("N")
 Reader: TypeAlias = Callable[[plan.Element | plan.Column], Node]
 
 
@@ -68,11 +70,14 @@ class Expressions:
     """Lowers the expressions of one statement; `needs` collects what they ask for."""
 
     def __init__(
-        self, needs: Needs, subquery: Callable[[plan.Query, Env], Node], existence: Callable[[plan.Query, Env], Node]
+        self,
+        needs: Needs,
+        subquery: Callable[[plan.Query, Env], Node],
+        rows: Callable[[plan.Query, Env, Callable[[Env], Node]], exp.Select],
     ) -> None:
         self.needs = needs
         self.subquery = subquery
-        self.existence = existence
+        self.rows = rows
         self._lowered: dict[tuple[int, int], tuple[plan.Expr, Env, Node]] | None = None
 
     def value(self, expr: plan.Expr, env: Env) -> Node:
@@ -162,9 +167,13 @@ class Expressions:
 
     def exists(self, expr: plan.Subquery, env: Env) -> Node:
         """Whether a query that only says so has a row, as a flag."""
-        return self._query(self.existence, expr, env)
+        return exp.Exists(this=self.unordered(expr, env, lambda env: sql.number(1)))
 
-    def _query(self, lower: Callable[[plan.Query, Env], Node], expr: plan.Subquery, env: Env) -> Node:
+    def unordered(self, expr: plan.Subquery, env: Env, output: Callable[[Env], Node]) -> exp.Select:
+        """What is made of the rows of a query whose order is of no account."""
+        return self._query(lambda query, env: self.rows(query, env, output), expr, env)
+
+    def _query(self, lower: Callable[[plan.Query, Env], N], expr: plan.Subquery, env: Env) -> N:
         outer, self._lowered = self._lowered, None  # the parts of a query change after they are lowered
         try:
             return lower(expr.query, env.of_a_query())
@@ -192,6 +201,9 @@ class Expressions:
         if not function.builtin:
             name = self.needs.function(function.name, expr.place)
             return self.unboxed(sql.call(name, *(self.value(a, env) for a in expr.arguments)), expr.type)
+        reduced = reduction(self, expr, env)
+        if reduced is not None:
+            return reduced
         by_hand = BY_HAND.get(function.name, forms.certain)
         node = by_hand(self, expr, env)
         if node is not None:

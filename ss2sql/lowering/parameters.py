@@ -44,7 +44,14 @@ class Needs:
     members: set[str] = field(default_factory=set)
     disabled: Collection[str] = ()
     applied: dict[str, None] = field(default_factory=dict)
+    reductions: list[plan.Expr] = field(default_factory=list)  # what is remembered, see reductions.py
     written: Callable[[plan.Expr], plan.Expr] | None = None
+
+    def reduction(self, expr: plan.Expr) -> int:
+        """The number of an expression whose values are remembered; equal ones share them."""
+        if expr not in self.reductions:
+            self.reductions.append(expr)
+        return self.reductions.index(expr) + 1
 
     def label(self, name: str) -> str:
         """A name for a source that no other source of the statement has; the user's own for the first."""

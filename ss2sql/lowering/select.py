@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from sqlglot import exp
@@ -45,7 +45,7 @@ class Selects:
 
     def __init__(self, needs: Needs) -> None:
         self.needs = needs
-        self.expressions = Expressions(needs, self.subquery, self.existence)
+        self.expressions = Expressions(needs, self.subquery, self.unordered)
         self.tables: dict[str, plan.TableSource] = {}
         self.copies: Copies | None = None  # where the statement can have some
 
@@ -197,11 +197,11 @@ class Selects:
             columns.append(self.expressions.boxed(node) if is_flag(output.expr.type) else node)
         return sql.scalar(sql.select([self._collected(query, columns)], [sql.derived(select, label)]))
 
-    def existence(self, query: plan.Query, env: Env) -> Node:
-        """`EXISTS (SELECT 1 ...)` for a query that only asks for rows."""
+    def unordered(self, query: plan.Query, env: Env, output: Callable[[Env], Node]) -> exp.Select:
+        """One column over the rows of a query whose order is of no account."""
         flat = self.flat(replace(query, limit=None), env)
         where = sql.conjunction([term for term in flat.terms if term not in flat.ordering])
-        return exp.Exists(this=sql.select([sql.number(1)], flat.items, where))
+        return sql.select([output(flat.env)], flat.items, where)
 
     def _collected(self, query: plan.Query, values: list[Node]) -> Node:
         if query.representation.name != "dict":
@@ -244,7 +244,7 @@ class _Numbered(Selects):
 
 class _Arguments(Expressions):
     def __init__(self, selects: Selects, arguments: Sequence[plan.Expr], columns: Sequence[Node]) -> None:
-        super().__init__(selects.needs, selects.subquery, selects.existence)
+        super().__init__(selects.needs, selects.subquery, selects.unordered)
         self.known = list(zip(arguments, columns, strict=True))
 
     def value(self, expr: plan.Expr, env: Env) -> Node:

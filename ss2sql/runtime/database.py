@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from itertools import islice
+from marshal import dumps
 from typing import Any
 
 import apsw
@@ -25,7 +26,7 @@ from ss2sql.runtime.ahead import ROOM, Ahead
 from ss2sql.runtime.calls import Caller, CallsMade, Members, Parts, builtin_function, located_final
 from ss2sql.runtime.decoding import decoder
 from ss2sql.runtime.element_calls import ElementCalls
-from ss2sql.runtime.functions import Memo, UserFunction
+from ss2sql.runtime.functions import MEMO_LIMIT, Memo, UserFunction, forget_half
 from ss2sql.runtime.guard import UNREADABLE, Guard, own_error
 from ss2sql.runtime.native.options import cost, heuristic, probability
 from ss2sql.runtime.paths import Paths
@@ -72,8 +73,16 @@ class Execution:
         self.failed = False  # whether a function has raised
         self.ahead: Ahead | None = None  # for functions that take arrays
         self.elements: dict[Any, Walked] = {}
+        self.reduced: dict[bytes, Any] = {}  # what was made of inner queries
         self.outermost: Any = None  # the cursor of the first list that was walked
         self.readings = snapshot.begin(run.host.memories.now, run.check)  # of worlds
+
+    def remember(self, key: tuple[Any, ...], value: Any) -> Any:
+        """Keeps a value for `recall`, by a key that tells 1 from 1.0."""
+        if len(self.reduced) >= MEMO_LIMIT:
+            forget_half(self.reduced)
+        self.reduced[dumps(key, 2)] = value
+        return value
 
     def value_source(self) -> Span | None:
         """The place of the first source that is a value; a bad one is most likely this."""
@@ -112,6 +121,8 @@ class Database:
             guard.scalar(name, getattr(self.search, name), arguments)
         guard.scalar("reached", self.search.reached_value, 1)
         guard.scalar("next_number", next_number, 0)
+        guard.scalar("recall", lambda *key: self.stack[-1].reduced.get(dumps(key, 2)))
+        guard.scalar("remember", lambda *given: self.stack[-1].remember(given[:-1], given[-1]))
         for name, check in (("cost", cost), ("heuristic", heuristic), ("probability", probability)):
             guard.scalar(f"step_{name}", self._weight_function(check), 2)
         self.register_builtin("field", column_of)

@@ -32,7 +32,8 @@ RESERVED = SQLITE_FUNCTIONS | {
     *("collect", "collect_nothing", "collect_records", "collect_rows", "collect_set", "collect_value"),
     *("group_average", "group_count", "group_max", "group_min", "group_sum"),
     *("list", "record", "field"),
-    *("truth", "in_turn", "as_key", "elements", "search", "step_cost", "step_heuristic", "step_probability"),
+    *("truth", "in_turn", "as_key", "recall", "remember", "elements", "search"),
+    *("step_cost", "step_heuristic", "step_probability"),
     *("next_number", *SEARCH_FUNCTIONS),
 }
 

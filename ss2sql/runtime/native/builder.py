@@ -12,8 +12,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ss2sql import plan
+from ss2sql.kinds import SCALAR, Kind
+from ss2sql.runtime.functions import MEMO_LIMIT, forget_half
 from ss2sql.runtime.native import flat, hunt
 from ss2sql.runtime.native.aggregates import aggregates_in
+from ss2sql.runtime.native.calls import exact_key
 from ss2sql.runtime.native.endings import Form
 from ss2sql.runtime.native.expressions import expression, group_key
 from ss2sql.runtime.native.facts import Facts
@@ -21,8 +24,11 @@ from ss2sql.runtime.native.options import whole
 from ss2sql.runtime.native.pen import Pen
 from ss2sql.runtime.native.tasks import task_of, tuples_of, value_of
 from ss2sql.runtime.native.texts import Sight, texts_of
-from ss2sql.runtime.native.unit import Body, Unit
+from ss2sql.runtime.native.unit import UNSET, Body, Unit
 from ss2sql.runtime.run import Run
+from ss2sql.walk import walk, walks_the_same
+
+OWN_KEY = Kind.INT | Kind.STR | Kind.NONE  # equal values of these kinds are the same
 
 Dispatch = Callable[[plan.Query], Callable[[Run], Any]]
 
@@ -59,6 +65,38 @@ class Builder:
         call = pen.call(nested.value, *nested.arguments)
         facts = unit.analysis.of(node)
         return body.kept(facts, call, pen, "value") if facts.steady else call
+
+    def reduction(self, node: plan.Call, body: Body) -> ast.expr | None:
+        """A value that a built-in function makes of the rows of a query, once for equal values of the rows around it.
+
+        None for any other call, and where what the query reads of them may be objects, which have no exact keys.
+        """
+        unit, facts = self.unit, self.unit.analysis.of(node)
+        match node.arguments:
+            case (plan.Subquery(query=query) as inner,) if facts.steady and node.type.only(SCALAR):
+                read = [part for part in walk(inner) if _reads_around(part, body)]
+            case _:
+                return None
+        if self.dispatch is not None or facts.groups or not (read and walks_the_same(query)):
+            return None
+        if any(part.type.may(Kind.OBJECT) for part in read):
+            return None
+        pen = unit.pen_at(node.span)
+        unit.page.mark_call(node.place, node.function.name)
+        keys = [expression(self, part, body) for part in dict.fromkeys(read)]
+        keys = [
+            key if part.type.only(OWN_KEY) else pen.call(unit.helper(exact_key), key)
+            for key, part in zip(keys, dict.fromkeys(read), strict=True)
+        ]
+        memo = unit.bind(("reduction", id(node)), "reduced", pen.record((), ()), pen)
+        key, found = unit.local("key"), unit.local("found")
+        with body.unsure():
+            value = pen.call(unit.function(node.function, pen), expression(self, inner, body))
+        asked = pen.bind(key, keys[0] if len(keys) == 1 else pen.pack(*keys))
+        unit.namespace["UNSET"] = UNSET
+        known = pen.bind(found, pen.call(pen.part(pen.name(memo), "get"), asked, pen.name("UNSET")))
+        missed = pen.call(unit.helper(remembered), pen.name(memo), pen.name(key), value)
+        return pen.either(pen.compare(known, ast.IsNot(), pen.name("UNSET")), pen.name(found), missed)
 
     def text(self, node: plan.Eval, body: Body) -> ast.expr:
         """The value of a text that is compiled when it is met."""
@@ -218,6 +256,24 @@ class Builder:
         body.add(pen.back(pen.pack(positional, named)))
         body.define()
         return body.name
+
+
+def _reads_around(part: Any, body: Body) -> bool:
+    match part:
+        case plan.Element(source=source) | plan.Column(source=source):
+            return body.sees(source)
+        case plan.State(query=query, name=name):
+            return body.sees_state((query, name))
+        case _:
+            return False
+
+
+def remembered(memo: dict[Any, Any], key: Any, value: Any) -> Any:
+    """The value, kept by its key."""
+    if len(memo) >= MEMO_LIMIT:
+        forget_half(memo)
+    memo[key] = value
+    return value
 
 
 def label(value: Any) -> str:

@@ -191,6 +191,9 @@ def _call(builder: Builder, node: plan.Call, body: Body) -> ast.expr:
     if is_remembered(node):
         value = pen.item(remembered_call(builder, node, body), 0)
         return body.kept(facts, value, unit.pen_at(node.span), function.name) if facts.steady else value
+    reduced = builder.reduction(node, body) if function.builtin else None
+    if reduced is not None:
+        return reduced
     arguments = [expression(builder, argument, body) for argument in node.arguments]
     if function.builtin:
         members = _members(builder, node, arguments, body)
