@@ -259,8 +259,11 @@ class Output:
 
 @dataclass(frozen=True, slots=True)
 class OrderKey:
+    """A key of ORDER BY; `column` is the number of the column of SELECT that it names, which is computed once."""
+
     expr: Expr
     descending: bool
+    column: int | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,7 @@ from ss2sql.frontend.states import settle_states
 from ss2sql.frontend.worlds import is_function_of_this
 from ss2sql.kinds import ANY, NONE, Kind, Type, list_of, shallow, union
 from ss2sql.runtime.rows import free_name
-from ss2sql.walk import conjuncts
+from ss2sql.walk import conjuncts, is_volatile, walk
 
 if TYPE_CHECKING:
     from ss2sql.frontend.resolve import Resolver
@@ -28,15 +28,19 @@ SYNONYMS = {"val": "value"}
 def resolve_query(resolver: Resolver, tree: ast.Query, outer: Scope | None) -> plan.Subquery:
     """The plan of a query; errors of its clauses are kept, so that all of them are found."""
     scope = Scope(outer, resolver.number())
+    scope.shown = {name: expr.span.text for name, expr in map(_named, tree.columns) if name and expr}
     search, joins = _search(resolver, tree, scope, outer)
     sources = tuple(scope.sources)
     where = _with_joins(joins, _optional(resolver, tree.where, scope))
-    group = tuple(_key(resolver, key, scope) for key in tree.group)
+    group = _group(resolver, tree, scope)
     whole = not group and counts_all(tree.columns)
     scope.grouped = bool(group) or whole
     columns = _columns(resolver, tree, scope)
-    order = tuple(plan.OrderKey(_order_key(resolver, tree, key.expr, scope), key.descending) for key in tree.order)
+    scope.columns = _names(resolver, tree, scope, columns)
+    order = tuple(_order_key(resolver, tree, key, scope, columns) for key in tree.order)
     having = None if tree.having is None else resolver.guarded(resolver.expression, tree.having, scope)
+    if having is not None and tree.having is not None:
+        _check_once(resolver, having, tree.having, scope, "HAVING")
     if tree.distinct:
         _check_distinct(resolver, tree)
         if not tree.group and not whole and search is None:
@@ -131,6 +135,25 @@ def _check_assigned(resolver: Resolver, tree: ast.Query, scope: Scope) -> None:
             scope.states[assign.name] = ANY  # other clauses may mention it: once is enough
 
 
+def _group(resolver: Resolver, tree: ast.Query, scope: Scope) -> tuple[plan.Expr, ...]:
+    """The values of GROUP BY, which may be columns of SELECT by their names."""
+    named = {name: expr for name, expr in map(_named, reversed(tree.columns)) if name and expr}
+
+    def column(name: str) -> plan.Expr | None:
+        if name not in named:
+            return None
+        scope.later = None  # it does not mean itself
+        try:
+            return _key(resolver, named[name], scope)
+        finally:
+            scope.later = column
+
+    scope.later = column
+    group = tuple(_key(resolver, key, scope) for key in tree.group)
+    scope.later = None
+    return group
+
+
 # --- columns and keys ----------------------------------------------------------------------------------
 
 
@@ -152,6 +175,29 @@ def _columns(resolver: Resolver, tree: ast.Query, scope: Scope) -> tuple[plan.Ou
     for output in outputs:
         taken[free_name(output.name, taken)] = None
     return tuple(replace(output, name=name) for output, name in zip(outputs, taken, strict=True))
+
+
+def _named(column: ast.Expr | ast.Named | ast.Star) -> tuple[str | None, ast.Expr | None]:
+    """The name that `to` or AS gives to a column, and the column."""
+    match column:
+        case ast.Named(expr=expr, name=name):
+            return name, expr
+        case ast.Call(function="to", arguments=(expr, ast.Name(name=name) | ast.Literal(value=str(name)))):
+            return name, expr
+        case _:
+            return None, None
+
+
+def _names(resolver: Resolver, tree: ast.Query, scope: Scope, columns: tuple[plan.Output, ...]) -> dict[str, plan.Expr]:
+    """The columns of SELECT by the names that `to` or AS gives them."""
+    builtin = resolver.catalog.functions["to"].builtin
+    found: dict[str, plan.Expr] = {}
+    if not any(isinstance(column, ast.Star) for column in tree.columns):
+        for column, output in zip(tree.columns, columns, strict=True):
+            name, _ = _named(column)
+            if name is not None and (builtin or isinstance(column, ast.Named)):
+                found.setdefault(name, output.expr)
+    return found
 
 
 def _star(resolver: Resolver, scope: Scope, span: Span) -> list[plan.Output]:
@@ -201,8 +247,11 @@ def _key(resolver: Resolver, tree: ast.Expr, scope: Scope) -> plan.Expr:
     return resolver.guarded(resolver.expression, tree, scope)
 
 
-def _order_key(resolver: Resolver, tree: ast.Query, key: ast.Expr, scope: Scope) -> plan.Expr:
+def _order_key(
+    resolver: Resolver, tree: ast.Query, written: ast.OrderKey, scope: Scope, columns: tuple[plan.Output, ...]
+) -> plan.OrderKey:
     """A key of ORDER BY. A literal, which SQL takes for a column of SELECT, would order nothing."""
+    key = written.expr
     if isinstance(key, ast.Literal):
         shown = [_shown(column) for column in tree.columns]
         known = list(dict.fromkeys(name for source in scope.sources for name, _ in source.columns or ()))
@@ -217,16 +266,27 @@ def _order_key(resolver: Resolver, tree: ast.Query, key: ast.Expr, scope: Scope)
         text = key.span.text
         message = f"ORDER BY {text} orders nothing: {text} is the same for every row"
         resolver.errors.append(ResolveError("R014", message, key.span, (hint,)))
-    return _key(resolver, key, scope)
+    expr = _key(resolver, key, scope)
+    place = next((index for index, output in enumerate(columns) if output.expr is expr), None)
+    if place is None or tree.connect:
+        _check_once(resolver, expr, key, scope, "ORDER BY")
+    return plan.OrderKey(expr, written.descending, place)
+
+
+def _check_once(resolver: Resolver, expr: plan.Expr, tree: ast.Expr, scope: Scope, clause: str) -> None:
+    """Refuses the name of a column whose value would be computed once more, and be another one."""
+    for name, column in scope.columns.items():
+        if is_volatile(column) and any(node is column for node in walk(expr)):
+            message = f"{clause} would compute '{name}' once more, and it may be another value then"
+            hint = (
+                f"put the query into FROM: SELECT * FROM (SELECT ...) {clause if clause != 'HAVING' else 'WHERE'} ..."
+            )
+            resolver.errors.append(ResolveError("R014", message, tree.span, (hint,)))
 
 
 def _shown(column: ast.Expr | ast.Named | ast.Star) -> str:
-    """What a column of SELECT shows, without the name that `to` or AS gives to it."""
-    match column:
-        case ast.Call(function="to", arguments=(value, *_)) | ast.Named(expr=value):
-            return value.span.text
-        case _:
-            return column.span.text
+    """What a column of SELECT is called in ORDER BY."""
+    return _named(column)[0] or column.span.text
 
 
 # --- representation ------------------------------------------------------------------------------------

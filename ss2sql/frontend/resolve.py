@@ -197,10 +197,14 @@ class Resolver:
             self.reads[name] = ANY
             return plan.Variable(name, ANY, span=span)
         sources = tuple(source for level in scope.outwards() for source in level.sources) if scope else ()
+        for level in scope.outwards() if scope else ():
+            if name in level.shown:
+                hint = f"'{name}' is a column that SELECT makes; write {level.shown[name]} here"
+                raise ResolveError("R001", f"unknown name '{name}'", span, (hint,))
         known = [*names_in_sight(scope), *self.variables(), *self.parameters]
         raise unknown_name(name, span, self.catalog, known, Place(scope is not None, operand, sources))
 
-    def bound(self, name: str, scope: Scope | None, span: Span) -> plan.State | plan.Column | None:
+    def bound(self, name: str, scope: Scope | None, span: Span) -> plan.Expr | None:
         """The START WITH variable or column that a bare name means, as far as columns are known."""
         found = bound_name(scope, name, span)
         if not is_settled(scope, found):

@@ -6,7 +6,7 @@ left to right and its START WITH variables one after the other.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 from ss2sql import plan
@@ -24,6 +24,10 @@ class Scope:
     sources: list[plan.Source] = field(default_factory=list)
     states: dict[str, Type] = field(default_factory=dict)
     grouped: bool = False  # whether aggregates of rows are in place: SELECT, HAVING and ORDER BY of a GROUP BY
+    # What columns mean by their names, where these are known: in ORDER BY and HAVING; behind all else, in GROUP BY.
+    columns: dict[str, plan.Expr] = field(default_factory=dict)
+    later: Callable[[str], plan.Expr | None] | None = None
+    shown: dict[str, str] = field(default_factory=dict)  # the texts of these columns
 
     def outwards(self) -> Iterator[Scope]:
         """This scope and those around it, innermost first."""
@@ -35,7 +39,7 @@ class Scope:
     def copy(self) -> Scope:
         """The scope as it is now, with those around it; `eval` keeps it for the text that it will meet."""
         parent = None if self.parent is None else self.parent.copy()
-        return Scope(parent, self.query, list(self.sources), dict(self.states), self.grouped)
+        return Scope(parent, self.query, list(self.sources), dict(self.states), self.grouped, dict(self.columns))
 
     @property
     def depth(self) -> int:
@@ -87,9 +91,11 @@ def column_of(source: plan.Source, name: str, span: Span) -> plan.Column:
     raise ResolveError("R001", f"the source '{source.name}' has no column '{name}'", span, hints)
 
 
-def bound_name(scope: Scope | None, name: str, span: Span) -> plan.State | plan.Column | None:
-    """The START WITH variable or column that a bare name means, from the innermost query outwards."""
+def bound_name(scope: Scope | None, name: str, span: Span) -> plan.Expr | None:
+    """The START WITH variable, column or column of SELECT that a bare name means, from the innermost query outwards."""
     for level in scope.outwards() if scope else ():
+        if name in level.columns:
+            return level.columns[name]
         if name in level.states:
             return plan.State(level.query, name, level.states[name], span=span)
         owners = [source for source in level.sources if source.columns and name in dict(source.columns)]
@@ -100,6 +106,8 @@ def bound_name(scope: Scope | None, name: str, span: Span) -> plan.State | plan.
             )
         if owners:
             return column_of(owners[0], name, span)
+        if level.later is not None and (found := level.later(name)) is not None:
+            return found
     return None
 
 
@@ -124,13 +132,15 @@ def open_source(scope: Scope | None, name: str, span: Span) -> plan.Source | Non
     return None
 
 
-def is_settled(scope: Scope | None, found: plan.State | plan.Column | None) -> bool:
+def is_settled(scope: Scope | None, found: plan.Expr | None) -> bool:
     """Whether a bare name means what was found for good.
 
     A source whose columns depend on a variable may turn out to have one of this name, when the variable has
     its value, and then that one comes first.
     """
     for level in scope.outwards() if scope else ():
+        if found is not None and any(found is column for column in level.columns.values()):
+            return True
         if isinstance(found, plan.State) and found.query == level.query:
             return True
         if any(is_open(source) and _reads_variable(source) for source in level.sources):
@@ -148,7 +158,7 @@ def names_in_sight(scope: Scope | None) -> list[str]:
     """All names that a bare name could mean here, for suggestions."""
     names: list[str] = []
     for level in scope.outwards() if scope else ():
-        names.extend(level.states)
+        names.extend((*level.columns, *level.states))
         for source in level.sources:
             names.extend(column for column, _ in source.columns or ())
     return names

@@ -23,6 +23,7 @@ ALSO = {
     "maybe": ("maybe", "any"),
     "any": ("any",),
     "row": ("row",),
+    "pattern": ("pattern",),
 }
 
 LITERALS = {
@@ -34,6 +35,7 @@ LITERALS = {
     "maybe": ("None", "1", "2"),
     "any": ("None", "1", "1.0", "'a'", "True", "[1]", "[]", "[[1.0]]", "0", "'1'"),
     "row": ("'row'",),
+    "pattern": ("'a%'", "'%b'", "'_'", "'%'", "''", "'a'", "'%b%'", "'_b%'"),
 }
 
 TEMPLATES = {
@@ -43,6 +45,7 @@ TEMPLATES = {
         (5, "({int} * {int})"),
         (4, "({int} % {int})"),
         (5, "IF({bool}; {int}; {int})"),
+        (2, "CASE WHEN {bool} THEN {int} WHEN {bool} THEN {int} ELSE {int} END"),
         (2, "len({list})"),
         (2, "-{int}"),
         (2, "same({int})"),
@@ -86,6 +89,12 @@ TEMPLATES = {
         (2, "({bool} XOR {bool})"),
         (4, "even({int})"),
         (3, "({maybe} == None)"),
+        (2, "({maybe} IS NULL)"),
+        (1, "({any} IS NOT NULL)"),
+        (3, "({int} BETWEEN {int} AND {num})"),
+        (1, "({any} NOT BETWEEN {int} AND {any})"),
+        (2, "({str} LIKE {pattern})"),
+        (1, "({str} NOT LIKE {pattern})"),
         (4, "IF({bool}; {bool}; {bool})"),
         (1, "IF({bool}; {bool})"),
         (1, "({int} IN {any})"),
@@ -112,7 +121,8 @@ TEMPLATES = {
         (2, "range({int} % 4)"),
         (1, "bag({int})"),
     ),
-    "maybe": ((3, "{int}"), (1, "None"), (1, "nothing({any})"), (1, "IF({bool}; {int}; None)")),
+    "maybe": ((3, "{int}"), (1, "None"), (1, "nothing({any})"), (1, "IF({bool}; {int}; None)"),
+              (1, "CASE WHEN {bool} THEN {int} END")),
     "any": (
         (8, "{int}"),
         (4, "{num}"),

@@ -213,7 +213,14 @@ class Flat(Expressions):
         outer = sight.inner([o.name for o in origins if o.name], [name for o in origins for name in o.columns])
         for kind, texts in outer.texts.items():
             own.texts[kind].extend(texts)
-        return ", ".join(o.text for o in origins), own, origins
+        text = origins[0].text
+        for origin in origins[1:]:
+            join = self.choices.weighted((70, ","), (15, " JOIN"), (15, " LEFT JOIN"))
+            text += f"{join} {origin.text}"
+            if join != ",":  # sees the sources up to it
+                seen = self.see(origins[: origins.index(origin) + 1])
+                text += f" ON {self.leaf('int', seen)} {self.choices.pick(('==', '!='))} {self.leaf('int', seen)}"
+        return text, own, origins
 
     @staticmethod
     def see(origins: list[Origin]) -> Sight:
@@ -297,6 +304,8 @@ class Flat(Expressions):
             shown, rest = self.grouping(own)
         else:
             shown, rest = self.select_list(own, origins), [self.order(own), self.limit()]
+            if choices.chance(15):
+                shown, rest = self.named_columns(own)
         self.templates = EVERYTHING
         ending = "".join(f" {clause}" for clause in choices.shuffled([clause for clause in rest if clause]))
         return f"SELECT {shown} FROM {text}{where}{ending}{self.representation(own)}"
@@ -311,6 +320,17 @@ class Flat(Expressions):
             return ", ".join(names)  # functions of `this`
         return ", ".join(self.column(sight) for _ in range(1 + choices.below(3)))
 
+    def named_columns(self, sight: Sight) -> tuple[str, list[str]]:
+        """Columns with names, by which their rows are sorted or told apart; or counts of all rows."""
+        choices = self.choices
+        if choices.chance(25):
+            counts = [f"count(DISTINCT {self.expr('any', sight, 1)})", "count(*)", self.aggregate(sight)]
+            return ", ".join(counts[: 2 + choices.below(2)]), []
+        columns = [self.expr(choices.pick(("int", "num", "str")), sight, 1) for _ in range(1 + choices.below(2))]
+        named = ", ".join(f"{column} AS {name}" for column, name in zip(columns, ("one", "two"), strict=False))
+        order = choices.pick(("", "ORDER BY one", "ORDER BY one DESC"))
+        return choices.pick(("DISTINCT ", "")) + named, [order, self.limit()]
+
     def order(self, sight: Sight) -> str:
         if not self.choices.chance(35):
             return ""
@@ -319,11 +339,10 @@ class Flat(Expressions):
         return "ORDER BY " + ", ".join(keys)
 
     def limit(self) -> str:
-        return (
-            f"LIMIT {self.choices.pick(('2', '1', '3', '0', '1 + 1', '4', '2', '3', '5', '1', '8', '-1'))}"
-            if self.choices.chance(25)
-            else ""
-        )
+        if not self.choices.chance(25):
+            return ""
+        offset = self.choices.weighted((80, ""), (18, " OFFSET 1"), (2, " OFFSET -1"))
+        return f"LIMIT {self.choices.pick(('2', '1', '3', '0', '1 + 1', '4', '2', '3', '5', '1', '8', '-1'))}{offset}"
 
     def representation(self, sight: Sight) -> str:
         names = ["list", "dict", "rows", "value", "val", "void", "List"]

@@ -151,9 +151,12 @@ class Reference:
 
     def lookup(self, name: str, frame: Frame | None) -> tuple[Any, ...]:
         """What a bare name means: a tuple of its value, or of nothing."""
-        found = sight.in_queries(frame, name)
-        if found:
-            return found
+        for level in sight.frames(frame):
+            if name in level.columns:
+                return (self.alone(level.columns[name], replace(level, columns={})),)
+            found = sight.in_query(level, name)
+            if found:
+                return found
         if name not in self.variables:
             return sight.undeclared(frame, name)
         value = self.variables[name]

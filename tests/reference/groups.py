@@ -84,7 +84,8 @@ def group_frame(
 
 
 def having(ref: Reference, query: ast.Query, group: list[queries.Found]) -> bool:
-    return query.having is None or bool(ref.evaluate(query.having, group_frame(ref, query, group, False)))
+    frame = replace(group_frame(ref, query, group, False), columns=queries.names_of(query))
+    return query.having is None or bool(ref.evaluate(query.having, frame))
 
 
 def one_row_per_group(
@@ -94,9 +95,10 @@ def one_row_per_group(
     rows = []
     for group in grouped(found) if query.group else [found]:
         frame = group_frame(ref, query, group, True, outer)
-        if query.having is None or ref.evaluate(query.having, frame):
+        named = replace(frame, columns=queries.names_of(query))
+        if query.having is None or ref.evaluate(query.having, named):
             row = queries.select(ref, query, frame)
-            order = [queries.Key(ref.alone(key.expr, frame), key) for key in query.order]
+            order = [queries.Key(ref.alone(key.expr, named), key) for key in query.order]
             rows.append(queries.Found([row], frame, [], [], order))
     return rows
 

@@ -6,6 +6,7 @@ import functools
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, is_dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.frontend import ast
@@ -48,6 +49,7 @@ def answer(ref: Reference, query: ast.Query, outer: Frame | None) -> Any:
 
 def represented(ref: Reference, query: ast.Query, outer: Frame | None) -> Any:
     search.check(query)
+    query = grouped_by_names(ref, query)
     names = [name for name in map(source_name, query.sources) if name]
     no_repeats(names)
     limit = None if query.limit is None else at_least(0, ref.evaluate(query.limit, outer))
@@ -118,7 +120,8 @@ def finish(ref: Reference, query: ast.Query, rows: list[Row], frame: Frame, per_
     calls = groups.aggregates_of(ref, query, per_group)
     inputs = [None if call.star else ref.evaluate(groups.only_argument(call), frame) for call in calls]
     keys = [ref.alone(key, frame) for key in query.group]
-    order = [] if per_group else [ref.alone(key.expr, frame) for key in query.order]
+    named = replace(frame, columns=names_of(query))
+    order = [] if per_group else [ref.alone(key.expr, named) for key in query.order]
     return Found(rows, frame, inputs, keys, [Key(value, key) for value, key in zip(order, query.order, strict=False)])
 
 
@@ -158,6 +161,25 @@ def column_name(ref: Reference, column: ast.Expr | ast.Named, frame: Frame) -> s
             return source or "this"
         case _:
             return column.span.text
+
+
+def names_of(query: ast.Query) -> dict[str, ast.Expr]:
+    """The columns of SELECT by the names that `to` and AS give them, the first of equal ones."""
+    found: dict[str, ast.Expr] = {}
+    for column in query.columns:
+        match column:
+            case ast.Named(expr=expr, name=name) | ast.Call(function="to", arguments=(expr, ast.Name(name=name))):
+                found.setdefault(name, expr)
+    return found
+
+
+def grouped_by_names(ref: Reference, query: ast.Query) -> ast.Query:
+    """The query with the columns of SELECT that GROUP BY names, where no column of a source has the name."""
+    names, taken = names_of(query), {name for source in query.sources for name in known_columns(ref, source.expr)}
+    keys = (
+        names.get(key.name, key) if isinstance(key, ast.Name) and key.name not in taken else key for key in query.group
+    )
+    return replace(query, group=tuple(keys))
 
 
 def distinct_names(row: Row) -> Row:
@@ -201,7 +223,8 @@ class Sources:
         if source.on is not None:
             frames = [one for one in frames if self.ref.evaluate(source.on, one)]
         if source.optional and not frames:
-            columns = columns_of([element.element for element in elements]) or tuple(self.known_columns(source.expr))
+            columns = columns_of([element.element for element in elements])
+            columns = columns or tuple(known_columns(self.ref, source.expr))
             frames = [replace(frame, bound=(*frame.bound, Bound(source_name(source), columns, None)))]
         for one in frames:
             yield from self.product(one)
@@ -246,27 +269,7 @@ class Sources:
             value = self.ref.variables.get(name)
             return value if isinstance(value, LateList) else None
 
-        return Own(names, frozenset(self.state), number > 0, elsewhere, late, self.known_columns)
-
-    def known_columns(self, expr: ast.Expr) -> frozenset[str]:
-        """The columns of what stands in FROM, as far as the run is not needed to know them."""
-        match expr:
-            case ast.Name(name=name):
-                value = self.ref.variables.get(name, self.ref.tables.get(name))
-                return frozenset(columns_of(elements_of(value)))
-            case ast.Query(connect=(), group=()) if representation_of(expr) == "dict":
-                return frozenset().union(*(self.shown_columns(expr, column) for column in expr.columns))
-            case _:
-                return frozenset()
-
-    def shown_columns(self, query: ast.Query, column: ast.Expr | ast.Named | ast.Star) -> frozenset[str]:
-        match column:
-            case ast.Star():
-                return frozenset().union(*(self.known_columns(source.expr) for source in query.sources))
-            case ast.Call(function="to", arguments=(_, name)) if not isinstance(name, (ast.Name, ast.Literal)):
-                return frozenset()
-            case _:
-                return frozenset((column_name(self.ref, column, Frame(None)),))
+        return Own(names, frozenset(self.state), number > 0, elsewhere, late, partial(known_columns, self.ref))
 
     def with_sources(self, node: Any, own: Own) -> Any:
         """The same with the names of sources before `this` and columns, so that equal texts mean the same.
@@ -325,6 +328,28 @@ class Sources:
         if mixed and any(call.star or len(call.arguments) == 1 for call in groups.calls_in(self.ref, query.columns)):
             raise Failure("R008", "an aggregate beside a value of single rows")
         return not mixed
+
+
+def known_columns(ref: Reference, expr: ast.Expr) -> frozenset[str]:
+    """The columns of what stands in FROM, as far as the run is not needed to know them."""
+    match expr:
+        case ast.Name(name=name):
+            value = ref.variables.get(name, ref.tables.get(name))
+            return frozenset(columns_of(elements_of(value)))
+        case ast.Query(connect=(), group=()) if representation_of(expr) == "dict":
+            return frozenset().union(*(shown_columns(ref, expr, column) for column in expr.columns))
+        case _:
+            return frozenset()
+
+
+def shown_columns(ref: Reference, query: ast.Query, column: ast.Expr | ast.Named | ast.Star) -> frozenset[str]:
+    match column:
+        case ast.Star():
+            return frozenset().union(*(known_columns(ref, source.expr) for source in query.sources))
+        case ast.Call(function="to", arguments=(_, name)) if not isinstance(name, (ast.Name, ast.Literal)):
+            return frozenset()
+        case _:
+            return frozenset((column_name(ref, column, Frame(None)),))
 
 
 # Order and limits

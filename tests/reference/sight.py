@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import Any
 
@@ -47,6 +47,7 @@ class Frame:
     state: dict[str, Any] = field(default_factory=dict)
     bound: tuple[Bound, ...] = ()
     group: Group | None = None
+    columns: Mapping[str, ast.Expr] = field(default_factory=dict)  # of SELECT by their names, in ORDER BY and HAVING
 
     def outwards(self) -> Iterator[Frame]:
         frame: Frame | None = self
@@ -64,17 +65,14 @@ def is_state(frame: Frame | None, name: str) -> bool:
     return any(name in level.state for level in frames(frame))
 
 
-def in_queries(frame: Frame | None, name: str) -> tuple[Any, ...]:
-    """What a bare name means in the queries around it: a tuple of its value, or of nothing."""
-    for level in frames(frame):
-        if name in level.state:
-            return (level.state[name],)
-        owners = [bound for bound in level.bound if bound.declared and name in bound.columns]
-        if len(owners) > 1:
-            raise Failure("R004", name)
-        if owners:
-            return (owners[0].column(name),)
-    return ()
+def in_query(level: Frame, name: str) -> tuple[Any, ...]:
+    """What a bare name means in one of the queries around it: a tuple of its value, or of nothing."""
+    if name in level.state:
+        return (level.state[name],)
+    owners = [bound for bound in level.bound if bound.declared and name in bound.columns]
+    if len(owners) > 1:
+        raise Failure("R004", name)
+    return (owners[0].column(name),) if owners else ()
 
 
 def undeclared(frame: Frame | None, name: str) -> tuple[Any, ...]:
@@ -88,7 +86,10 @@ def undeclared(frame: Frame | None, name: str) -> tuple[Any, ...]:
 
 def is_visible(frame: Frame | None, name: str) -> bool:
     """Whether a bare name means something in the queries around it, ambiguous or not."""
-    return any(name in level.state or any(name in bound.columns for bound in level.bound) for level in frames(frame))
+    return any(
+        name in level.columns or name in level.state or any(name in bound.columns for bound in level.bound)
+        for level in frames(frame)
+    )
 
 
 def source_named(frame: Frame | None, name: str) -> Bound | None:

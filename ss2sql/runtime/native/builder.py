@@ -238,8 +238,11 @@ class Builder:
         if query.having is not None:
             kept = expression(self, query.having, body)
             body.add(unit.pen_at(query.having.span).unless(kept, ast.Return(pen.constant(None), **pen.at)))
-        row = pen.pack(*(expression(self, expr, body) for expr in outputs)) if query.aggregated else pen.constant(None)
-        body.add(pen.back(pen.pack(row, pen.pack(*(expression(self, expr, body) for expr in keys)))))
+        row, behind = flat.row_and_keys(
+            self, query if query.aggregated else replace(query, order=()), outputs, keys, body
+        )
+        shown = pen.pack(*row) if query.aggregated else pen.constant(None)
+        body.add(pen.back(pen.pack(shown, pen.pack(*behind))))
         body.define()
         return body.name
 

@@ -7,6 +7,7 @@ groups.py.
 
 from __future__ import annotations
 
+import ast
 from collections import defaultdict
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -19,7 +20,7 @@ from ss2sql.runtime.native.groups import Groups
 from ss2sql.runtime.native.lookups import lookups
 from ss2sql.runtime.native.loops import Loops, read_by_sources
 from ss2sql.runtime.native.unit import Body
-from ss2sql.walk import conjuncts
+from ss2sql.walk import conjuncts, is_volatile
 
 if TYPE_CHECKING:
     from ss2sql.runtime.native.builder import Builder
@@ -47,13 +48,27 @@ def finder(builder: Builder, query: plan.Query, body: Body, aggregates: Sequence
         groups.end()
     else:
         pen = builder.unit.pen_at(query.span)
-        row = [expression(builder, expr, inner) for expr in outputs]
-        behind = [expression(builder, key, inner) for key in keys]
+        row, behind = row_and_keys(builder, query, outputs, keys, inner)
         inner.add(
             pen.run(pen.give(pen.pack(pen.pack(*row), pen.pack(*behind)) if query.group else pen.pack(*row, *behind)))
         )
     inner.define()
     return body.name
+
+
+def row_and_keys(
+    builder: Builder, query: plan.Query, outputs: Sequence[plan.Expr], keys: Sequence[plan.Expr], body: Body
+) -> tuple[list[ast.expr], list[ast.expr]]:
+    """The columns, and the keys, the last of which are those of ORDER BY: a column that one names is computed once."""
+    named = [(number, key.column) for number, key in enumerate(query.order, len(keys) - len(query.order))]
+    shared = {number: column for number, column in named if column is not None and is_volatile(keys[number])}
+    row = [expression(builder, expr, body) for expr in outputs]
+    if shared:
+        pen = builder.unit.pen_at(query.span)
+        row = [body.variable(value, pen, "column") for value in row]
+    return row, [
+        row[shared[number]] if number in shared else expression(builder, key, body) for number, key in enumerate(keys)
+    ]
 
 
 def key_expressions(query: plan.Query, aggregates: Sequence[plan.Aggregate]) -> list[plan.Expr]:
