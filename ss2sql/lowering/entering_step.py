@@ -24,10 +24,14 @@ if TYPE_CHECKING:
 
 
 class EnteringStep:
-    """`env` reads the elements and the state before the step; `first` says that this is the START WITH state."""
+    """`env` reads the elements and the state before the step; `first` says that this is the START WITH state.
 
-    def __init__(self, search: OnEntering, env: Env, first: bool) -> None:
+    `item` is that of the list which the step is one with, where each has a SELECT of its own.
+    """
+
+    def __init__(self, search: OnEntering, env: Env, first: bool, item: plan.Expr | None = None) -> None:
         self.of = search
+        self.item = item
         self.env = env
         self.first = first
         self.expressions = search.expressions
@@ -38,6 +42,8 @@ class EnteringStep:
         self.next = search.following(env)
 
     def row(self) -> list[Node]:
+        if self.of.arms is not None and self.item is not None:
+            return list(self.of.arms.row(self.expressions, self.query, self.item, self.env))
         return [self.expressions.value(output.expr, self.env) for output in self.query.columns]
 
     def stop(self) -> Node:

@@ -96,7 +96,10 @@ class OnEntering(SearchLowering):
         return not flags and (self.search.repeats != "unique" or self.search.order == "breadth first")
 
     def bookkeeping(self) -> Bookkeeping:
-        return Bookkeeping(self.counts, self.all_go_on, self.all_results)
+        if self.arms is None:
+            return Bookkeeping(self.counts, self.all_go_on, self.all_results)
+        parts = tuple((self.arms.size or 0) if self.arms.shows(o.expr) else 0 for o in self.query.columns)
+        return Bookkeeping(self.counts, self.all_go_on, self.all_results, arms=len(self.arms.items), parts=parts)
 
     @property
     def counts(self) -> Counts:
@@ -104,6 +107,8 @@ class OnEntering(SearchLowering):
         query = self.query
         if self.shared:
             return "steps"
+        if self.arms is not None:
+            return "product"
         if all(map(self.is_constant, query.sources)) and not any(isinstance(n, plan.Subquery) for n in walk(query)):
             return "product"
         drops = dropping_stop(query) is not None or self.search.order == "probability"
@@ -155,7 +160,11 @@ class OnEntering(SearchLowering):
             if name in read and name not in self.before:
                 self.before[name] = self._named(f"{name}_before")
         for node in element_reads(self.query, [part for place in left for part in place or ()]):
-            self.carry(node)
+            if self.arms is not None and isinstance(node, plan.Element) and self.arms.shows(node):
+                for part in self.arms.parts(node):
+                    self.carry(part)
+            else:
+                self.carry(node)
 
     # --- the statement ---------------------------------------------------------------------------------
 
@@ -170,10 +179,10 @@ class OnEntering(SearchLowering):
         first = self.steps(Env().with_states(self.start()), True)
         self.selects.needs.labels = labels
         after = {(query.id, name): self.column(short) for name, short in self.states.items()}
-        others = [self.steps(Env().with_states(after), False)]
+        others = self.steps(Env().with_states(after), False)
         if self.ahead and not self.one_result:
             others.append(self.again())
-        return self.recursive_query(self.all_names, [first, *others], self.results())
+        return self.recursive_query(self.all_names, [*first, *others], self.results())
 
     @property
     def all_names(self) -> list[str]:
@@ -191,8 +200,10 @@ class OnEntering(SearchLowering):
 
     # --- the recursive terms ---------------------------------------------------------------------------
 
-    def steps(self, env: Env, first: bool) -> exp.Select:
+    def steps(self, env: Env, first: bool) -> list[exp.Select]:
         """The steps from the START WITH state, or those from a step that goes on."""
+        if self.arms is not None:
+            return [self._arm(item, env, first, item is self.arms.items[0]) for item in self.arms.items]
         sources, conditions, env, witnesses = self.open(env)
         if self.shared:
             sources[-1], env = with_calls(self.selects, self.query, self.shared, sources[-1], env)
@@ -205,7 +216,25 @@ class OnEntering(SearchLowering):
             entering.insert(0, sql.call("count_step", witnesses[-1].copy()))
         where = [*([] if first else self.parent_goes_on()), *conditions, *entering]
         outputs = step.outputs(self.positions_of(sources, conditions))
-        return sql.select(outputs, items + sources, sql.conjunction(where))
+        return [sql.select(outputs, items + sources, sql.conjunction(where))]
+
+    def _arm(self, item: plan.Expr, env: Env, first: bool, expands: bool) -> exp.Select:
+        """The step with one item of the list from a state, which the first of the items `expands`."""
+        assert self.arms is not None
+        self.selects.needs.applied["arms"] = None
+        inner = env.with_source(self.arms.source.id, self.arms.reader(self.expressions, item, env))
+        step = EnteringStep(self, inner, first, item)
+        where = [*([] if first else self.parent_goes_on(expands)), *step.lookups(), *step.enters()]
+        return sql.select(
+            step.outputs([]), [] if first else [sql.table(self.table, self.table)], sql.conjunction(where)
+        )
+
+    def carry(self, node: plan.Element | plan.Column) -> str:
+        """The column that holds what is read of an element; it may be that of a variable which CONNECT BY gives it."""
+        for name, expr in self.at_once.items() if self.arms is not None else ():
+            if expr == node and self.sets_anyway(name) and is_flag(expr.type) == self.flags[name]:
+                return self.states[name]
+        return super().carry(node)
 
     def _in_turn(self, node: Node, witnesses: list[Node]) -> Node:
         """A condition on entering, evaluated for every step where it may change from step to step.
@@ -221,8 +250,8 @@ class OnEntering(SearchLowering):
             return node
         return sql.call("in_turn", last.copy(), node)
 
-    def parent_goes_on(self) -> list[Node]:
-        """What is asked of the step that was taken, before its children are made."""
+    def parent_goes_on(self, expands: bool = True) -> list[Node]:
+        """What is asked of the step that was taken, before its children are made; one SELECT counts that it expands."""
         asked: list[Node] = []
         if self.waits is not None:
             asked.append(self.column(self.waits))
@@ -235,6 +264,8 @@ class OnEntering(SearchLowering):
             return []
         if self.total is not None and still:
             return [*asked, *still]  # which counts the steps that go on
+        if not expands:
+            return [*asked, *still]
         counted: Node = sql.call("expand", self.column("step"))
         return [*asked, sql.case([(exp.Not(this=still[0]), sql.number(0))], counted) if still else counted]
 

@@ -65,6 +65,10 @@ def column_name(position: int) -> str:
     return f"this_{position}"
 
 
+def position_of(column: str) -> int:
+    return int(column.removeprefix("this_"))
+
+
 def _is_key(query: plan.Query, source: int) -> bool:
     """Whether an element of the lists of a source has to equal what other sources give."""
     for part in conjuncts(query.where):

@@ -22,6 +22,7 @@ from sqlglot import exp
 from ss2sql import plan
 from ss2sql.kinds import is_flag
 from ss2sql.lowering import sql
+from ss2sql.lowering.arms import arms_of, as_list
 from ss2sql.lowering.copies import asked_equal, by_index, keep_columns, materialized, rows_in_order
 from ss2sql.lowering.expressions import Env
 from ss2sql.lowering.names import free_name, sql_names
@@ -75,6 +76,7 @@ class SearchLowering(ABC):
         self.tables: list[exp.CTE] = []
         self.positions: dict[str, str] = {}  # the column of each copied table that numbers its rows
         self.copied: dict[str, Node] = {}  # the lists and worlds that are read once, by the names of their copies
+        self.arms = None if "arms" in selects.needs.disabled else arms_of(query)
 
     @abstractmethod
     def bookkeeping(self) -> Bookkeeping:
@@ -107,6 +109,8 @@ class SearchLowering(ABC):
         return env
 
     def _carried(self, expr: plan.Element | plan.Column) -> Node:
+        if self.arms is not None and isinstance(expr, plan.Element) and self.arms.shows(expr):
+            return as_list(self.expressions, [(self.column(self.carry(p)), p) for p in self.arms.parts(expr)])
         carried = self.column(self.carry(_whole(expr)))
         if isinstance(expr, plan.Column) and not expr.declared:
             return self.expressions.field(carried, expr)
@@ -114,9 +118,7 @@ class SearchLowering(ABC):
 
     def recursive_query(self, names: list[str], terms: list[exp.Select], results: exp.Select) -> exp.Select:
         """`WITH RECURSIVE table(names) AS (first UNION ALL others ORDER BY ...) results`."""
-        union: exp.Query = terms[0]
-        for term in terms[1:]:
-            union = exp.Union(this=union, expression=term, distinct=False)
+        union = sql.union(terms)
         keys = [
             exp.Ordered(this=sql.number(names.index(column) + 1), desc=descending, nulls_first=not descending)
             for column, descending in self.queue()

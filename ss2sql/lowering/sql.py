@@ -224,6 +224,14 @@ def derived(select: exp.Query, label: str) -> exp.Subquery:
     return exp.Subquery(this=select, alias=exp.TableAlias(this=identifier(label)))
 
 
+def union(selects: Sequence[exp.Select]) -> exp.Query:
+    """The SELECTs with UNION ALL between them."""
+    joined: exp.Query = selects[0]
+    for one in selects[1:]:
+        joined = exp.Union(this=joined, expression=one, distinct=False)
+    return joined
+
+
 def select(
     outputs: Sequence[Node],
     sources: Sequence[Node],
@@ -234,7 +242,8 @@ def select(
 ) -> exp.Select:
     """A SELECT over sources joined in the order written. `order` holds (key, descending)."""
     query = exp.Select(expressions=list(outputs))
-    query.set("from_", exp.From(this=sources[0]))
+    if sources:
+        query.set("from_", exp.From(this=sources[0]))
     joins = [source if isinstance(source, exp.Join) else exp.Join(this=source, kind="CROSS") for source in sources[1:]]
     query.set("joins", joins)
     if where is not None:

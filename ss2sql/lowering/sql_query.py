@@ -50,7 +50,8 @@ class Bookkeeping:
     enters goes on, `all_results` that it also comes out as a result. `trusts` says that rows may be compared as they
     are until the pool has met values that have several forms. `sources` names the parameters that are walked as
     sources, `members` those that are walked as lists right of IN, which make no steps; the value of one may be that of
-    the other.
+    the other. `arms` are the steps from a state that have a SELECT of their own; `parts` says of each column of a row
+    how many values are a list, 0 where it is one value.
     """
 
     counts: Counts = "steps"
@@ -59,6 +60,8 @@ class Bookkeeping:
     trusts: bool = False
     sources: tuple[str, ...] = ()
     members: frozenset[str] = frozenset()
+    arms: int = 1
+    parts: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,10 +21,10 @@ from ss2sql.errors import Error, Span, Stopped
 from ss2sql.language.operations import PREDICATES
 from ss2sql.lowering.names import builtin_name
 from ss2sql.lowering.packing import Packed
-from ss2sql.lowering.sql_query import Bookkeeping, ListTable, Parameter, Shown, SqlQuery
+from ss2sql.lowering.sql_query import Bookkeeping, ListTable, Parameter, SqlQuery
 from ss2sql.runtime.ahead import ROOM, Ahead
 from ss2sql.runtime.calls import Caller, CallsMade, Members, Parts, builtin_function, located_final
-from ss2sql.runtime.decoding import decoder
+from ss2sql.runtime.decoding import decoder, row_decoder
 from ss2sql.runtime.element_calls import ElementCalls
 from ss2sql.runtime.functions import MEMO_LIMIT, Memo, UserFunction, forget_half
 from ss2sql.runtime.guard import UNREADABLE, Guard, own_error
@@ -391,7 +391,7 @@ class Database:
                 _room(execution.run, sink.rows, row[:width])
                 yield row[width:keys], row[keys:]
             return
-        paths = self._paths(lowered, execution, sink, decoder(pool, [Shown(False)] * width))
+        paths = self._paths(lowered, execution, sink, row_decoder(pool, execution.book.parts or [0] * width))
         most = execution.run.max_rows
         for raw in cursor:
             row = decode(raw[2:])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cache
+from itertools import islice
 from typing import Any
 
 from ss2sql.lowering.sql_query import Shown
@@ -18,6 +19,18 @@ def decoder(pool: Pool, shown: Sequence[Shown]) -> Decoder:
     Written out column by column it takes 0.5 us for a row of eight numbers, with a call for each value 1.8 us.
     """
     return _maker(tuple(part.flag for part in shown))(pool.decode)
+
+
+def row_decoder(pool: Pool, parts: Sequence[int]) -> Decoder:
+    """What turns a step's row into values: `parts` says of each column how many of them are a list, 0 for no list."""
+    if not any(parts):
+        return decoder(pool, [Shown(False)] * len(parts))
+
+    def read(raw: Sequence[Any]) -> tuple[Any, ...]:
+        values = map(pool.decode, raw)
+        return tuple([list(islice(values, size)) if size else next(values) for size in parts])
+
+    return read
 
 
 @cache

@@ -136,7 +136,7 @@ class SearchState:
         """The number of steps that have been generated until now."""
         generated = self.generated
         if not generated and book.counts == "product":
-            return self._steps_from_a_state() * (self._went_on(book, results) + 1)
+            return self._steps_from_a_state() * book.arms * (self._went_on(book, results) + 1)
         if not generated and book.counts == "entered":
             return self._came_in(book, results) + self.pruned - self.late
         return generated

@@ -79,6 +79,10 @@ REWRITES: dict[str, Rewrite] = {
         "computes a call or nested query once for the sources that it depends on",
         "calls that depend on the first sources alone are made once for each of their rows",
     ),
+    "arms": Rewrite(
+        "gives each item of the list that a search goes over a SELECT of its own",
+        "each item of a list has a SELECT of its own",
+    ),
     "calls": Rewrite(
         "calls a function that several clauses of a search share once for each step",
         "a call that every step makes is a column of the list that the step comes from",

@@ -1,0 +1,102 @@
+"""`arms`: a search over a list literal has a SELECT for each item, where else a list would be made for each state.
+
+    SELECT this FROM [[a + 1, b], [a, b + 1]] ...      SELECT ..., search.a + 1, search.b FROM search WHERE ...
+                                                       UNION ALL
+                                                       SELECT ..., search.a, search.b + 1 FROM search WHERE ...
+
+Items are scalars, or lists of scalars of one length, whose parts travel as columns; a list is made where a result shows
+it. The water jugs of 1,001 litres take a seventh of their time so.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from ss2sql import plan
+from ss2sql.kinds import Kind, is_flag
+from ss2sql.lowering import sql
+from ss2sql.lowering.expressions import Env, Expressions, Reader
+from ss2sql.lowering.positions import column_name, position_of
+from ss2sql.lowering.sql import Node
+from ss2sql.walk import walk
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+MOST = 8  # items, each of which has all clauses of its own
+SCALAR = Kind.NONE | Kind.NUMBER | Kind.STR
+
+
+@dataclass(frozen=True, slots=True)
+class Arms:
+    """The only source of a search, with its items; `size` is the length of those that are lists."""
+
+    source: plan.ValueSource
+    items: tuple[plan.Expr, ...]
+    size: int | None
+
+    def parts(self, element: plan.Element) -> tuple[plan.Column, ...]:
+        """The columns that an element which is a list consists of."""
+        kinds = self.source.element.positions or ()
+        return tuple(
+            plan.Column(element.source, column_name(at), kind, span=element.span) for at, kind in enumerate(kinds)
+        )
+
+    def reader(self, expressions: Expressions, item: plan.Expr, env: Env) -> Reader:
+        """Reads an item, in the sight of its parts, and these."""
+
+        def read(expr: plan.Element | plan.Column) -> Node:
+            read_of = item
+            if isinstance(expr, plan.Column):
+                assert isinstance(item, plan.MakeList)
+                read_of = item.items[position_of(expr.name)]
+            if is_flag(expr.type) and is_flag(read_of.type):
+                return expressions.lower(read_of, env)
+            return expressions.unboxed(expressions.value(read_of, env), expr.type)
+
+        return read
+
+    def row(self, expressions: Expressions, query: plan.Query, item: plan.Expr, env: Env) -> Iterator[Node]:
+        """The values of a step's row, a list as its parts."""
+        for output in query.columns:
+            if self.shows(output.expr) and isinstance(item, plan.MakeList):
+                yield from (expressions.value(part, env) for part in item.items)
+            else:
+                yield expressions.value(output.expr, env)
+
+    def shows(self, expr: plan.Expr) -> bool:
+        """Whether an expression is an element that travels as its parts."""
+        return self.size is not None and isinstance(expr, plan.Element) and expr.source == self.source.id
+
+
+def arms_of(query: plan.Query) -> Arms | None:
+    """The items of the only source of a search, where each may have a SELECT of its own."""
+    search, source = query.search, query.sources[0]
+    if search is None or search.weight is not None or len(query.sources) > 1:
+        return None
+    if not isinstance(source, plan.ValueSource) or not isinstance(source.value, plan.MakeList):
+        return None
+    items = source.value.items
+    if not items or len(items) > MOST or any(_calls_python(item) for item in items):
+        return None
+    if all(item.type.only(SCALAR) for item in items):
+        return Arms(source, items, None)
+    sizes = {len(item.items) if isinstance(item, plan.MakeList) else 0 for item in items}
+    parts = [part for item in items if isinstance(item, plan.MakeList) for part in item.items]
+    size = sizes.pop()
+    if sizes or not size or not all(part.type.only(SCALAR) for part in parts):
+        return None
+    return None if len(source.element.positions or ()) != size else Arms(source, items, size)
+
+
+def _calls_python(item: plan.Expr) -> bool:
+    """Whether an item calls a function of the user, or asks a query: every clause would do so."""
+    return any(
+        isinstance(n, plan.Subquery) or (isinstance(n, plan.Call) and not n.function.builtin) for n in walk(item)
+    )
+
+
+def as_list(expressions: Expressions, parts: list[tuple[Node, plan.Column]]) -> Node:
+    """The list of parts that stand in columns."""
+    return sql.call("list", *(expressions.boxed(node) if is_flag(part.type) else node for node, part in parts))

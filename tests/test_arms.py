@@ -1,0 +1,117 @@
+"""A search over a list literal has a SELECT for each item; what it finds and counts is what a loop over lists finds."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from sessions import ENGINES
+
+import ss2sql
+
+JUGS = """SELECT this FROM [[A, b], [a, B], [0, b], [a, 0],
+                            [max([0, a + b - B]), min([B, a + b])], [min([A, a + b]), max([0, a + b - A])]]
+    WHERE this[0] == want OR this[1] == want START WITH a = 0, b = 0
+    CONNECT BY {} a = this[0], b = this[1] AS list;"""
+
+
+def both(script: str, **variables: Any) -> list[ss2sql.Result]:
+    """What the script gives on both engines, with a SELECT for each item and without."""
+    found = []
+    for engine, disable in (("native", []), ("database", []), ("database", ["arms"])):
+        with ss2sql.connect(disable=disable) as ss:
+            for name, value in variables.items():
+                ss.set(name, value)
+            found.append(ss.run(script, engine=engine))
+            assert found[-1].value is not None
+    return found
+
+
+def same(script: str, **variables: Any) -> ss2sql.Result:
+    native, arms, plain = both(script, **variables)
+    assert arms.sql.count("SELECT") > plain.sql.count("SELECT")
+    assert repr(native.value) == repr(arms.value) == repr(plain.value)
+    assert native.paths == arms.paths
+    assert list(arms) == list(native)
+    for name in ("generated", "expanded", "pruned") if arms.status == "complete" else ():
+        assert getattr(arms.stats, name) == getattr(native.stats, name) == getattr(plain.stats, name), name
+    return arms
+
+
+@pytest.mark.parametrize(
+    "option", ["UNIQUE MAXIMUM 1", "UNIQUE", "UNIQUE DEPTH FIRST", "BREADTH FIRST MAXIMUM 20", "NO CYCLE MAXIMUM 9"]
+)
+def test_water_jugs(option: str) -> None:
+    result = same(JUGS.format(option), A=3, B=5, want=4)
+    assert result.value[0][-1] in ([4, 5], [3, 4], [0, 4], [4, 0])
+
+
+def test_the_shortest_way_of_the_jugs_is_that_of_a_loop() -> None:
+    left, right, want = 5, 8, 7
+    level, steps = {(0, 0)}, 0
+    while not any(want in state for state in level):
+        steps += 1
+        level = {
+            after
+            for a, b in level
+            for after in (
+                *((left, b), (a, right), (0, b), (a, 0)),
+                (max(0, a + b - right), min(right, a + b)),
+                (min(left, a + b), max(0, a + b - left)),
+            )
+        }
+    (path,) = same(JUGS.format("UNIQUE MAXIMUM 1"), A=left, B=right, want=want).value
+    assert len(path) == steps
+
+
+SCRIPTS = {
+    "scalars": """SELECT this, n FROM [n + 1, n * 2] WHERE this == 10
+        START WITH n = 1 CONNECT BY n = this STOP WITH this > 10;""",
+    "all results": """SELECT this FROM [[n + 2, 1], [n + 1, 2]]
+        START WITH n = 0 CONNECT BY n = this[0] STOP WITH this[0] > 3;""",
+    "strings and None": """SELECT this, this[1] FROM [[w + "a", None], [w + "b", 1.5]] WHERE len(this[0]) == 3
+        START WITH w = "" CONNECT BY UNIQUE w = this[0] STOP WITH len(this[0]) > 3 AS rows;""",
+    "equal in another form": """SELECT this FROM [[n, 1], [n * 1.0, 1], [n + 1, True]] START WITH n = 0
+        CONNECT BY UNIQUE n = this[0] STOP WITH this[0] > 4 AS list;""",
+    "bools": """SELECT this FROM [[n + 1, n > 2], [n, True]] WHERE this[1] START WITH n = 0
+        CONNECT BY NO CYCLE n = this[0] STOP WITH n > 4 AS list;""",
+    "beyond 64 bits": """SELECT this FROM [[n * n, 0], [n + 1, 1]] WHERE this[0] > 4000000000 START WITH n = 2
+        CONNECT BY BREADTH FIRST MAXIMUM 1 n = this[0] AS list;""",
+    "group and order": """SELECT this FROM [[n + 1, 0], [n + 2, 1]] WHERE this[0] == 6 START WITH n = 0
+        CONNECT BY n = this[0] STOP WITH this[0] > 6 GROUP BY this[1] ORDER BY this AS list;""",
+    "parts alone": """SELECT this[0] FROM [[n + 1, 0], [n + 2, 1]]
+        START WITH n = 0 CONNECT BY n = this[0] STOP WITH n > 3;""",
+    "a later step": """SELECT this FROM [[m, n], [n, m + 1]] WHERE m == 3 START WITH n = 0, m = 0
+        CONNECT BY BREADTH FIRST UNIQUE n = this[0], m = this[1] STOP WITH m > 3 AS rows;""",
+}
+
+
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_other_lists(name: str) -> None:
+    assert same(SCRIPTS[name]).value
+
+
+@pytest.mark.parametrize(
+    "script",
+    [
+        "SELECT this FROM [[n], [n, 1]] START WITH n = 0 CONNECT BY n = n + 1 STOP WITH n == 2;",
+        "SELECT this FROM [[[n]], [[1]]] START WITH n = 0 CONNECT BY n = n + 1 STOP WITH n == 2;",
+        "SELECT this FROM [n, n + 1] START WITH n = 0 CONNECT BY COST 1 n = n + 1 STOP WITH n == 2;",
+        "SELECT x.this FROM x = [n, n + 1], y = [1, 2] START WITH n = 0 CONNECT BY n = n + 1 STOP WITH n == 2;",
+        "SELECT this FROM [n, 1, 2, 3, 4, 5, 6, 7, 8] START WITH n = 0 CONNECT BY n = n + 1 STOP WITH n == 2;",
+        "SELECT this FROM [down(n), n] START WITH n = 0 CONNECT BY n = n + 1 STOP WITH n == 2;",
+    ],
+)
+def test_lists_that_are_made_all_the_same(script: str) -> None:
+    with ss2sql.connect() as ss:
+        ss.function("down", lambda n: [n], volatility="immutable")
+        result = ss.run(script, engine="database")
+        assert "elements" in result.sql
+        assert result.paths == ss.run(script, engine="native").paths
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_max_steps_counts_each_item(engine: Any) -> None:
+    script = "SELECT this FROM [n + 1, n + 2, n + 3] START WITH n = 0 CONNECT BY UNIQUE n = this STOP WITH n > 90000;"
+    with ss2sql.connect(max_steps=50_000) as ss, pytest.raises(ss2sql.Error, match="T004"):
+        ss.run(script, engine=engine)
