@@ -232,7 +232,7 @@ def lies_within(kind: Type, most: float) -> bool:
 
 
 def _not(node: Node) -> Node:
-    return exp.Not(this=sql.operand(node))
+    return node.this.unnest() if isinstance(node, exp.Not) else exp.Not(this=sql.operand(node))
 
 
 def _plus(left: Node, right: Node) -> Node:

@@ -92,10 +92,11 @@ class Caller:
             return make(stack[-1], arguments)
 
         def call_of_memo(*arguments: Any) -> Any:
-            result = memo.plain.get(arguments)
-            if result is not None:
-                memo.hits += 1
-                return result
+            if memo.plain:
+                result = memo.plain.get(arguments)
+                if result is not None:
+                    memo.hits += 1
+                    return result
             if memo.exact or memo.failures:
                 key = dumps(arguments, 2)
                 result = memo.exact.get(key, _MISSING)

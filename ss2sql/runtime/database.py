@@ -38,6 +38,7 @@ from ss2sql.runtime.search_functions import FUNCTIONS, SearchState, next_number
 from ss2sql.runtime.sources import column_of
 from ss2sql.runtime.sql_functions import AGGREGATE_FUNCTIONS, SCALAR_FUNCTIONS, element_columns
 from ss2sql.runtime.sql_text import Sql
+from ss2sql.runtime.values import truth
 from ss2sql.runtime.vectorized import SqlCaller
 from ss2sql.vtables.frames.frame import Frame
 from ss2sql.vtables.module import WorldModules
@@ -125,6 +126,7 @@ class Database:
         guard.scalar("remember", lambda *given: self.stack[-1].remember(given[:-1], given[-1]))
         for name, check in (("cost", cost), ("heuristic", heuristic), ("probability", probability)):
             guard.scalar(f"step_{name}", self._weight_function(check), 2)
+        guard.scalar("truth", self._truth, 1)
         self.register_builtin("field", column_of)
         for name, same in (("eq", True), ("ne", False)):
             guard.scalar(name, self._equality(same))
@@ -165,6 +167,12 @@ class Database:
             return int(weight) if type(weight) is bool else weight if weight <= WHOLE else float(weight)
 
         return function
+
+    def _truth(self, value: Any) -> int:
+        """`truth(value)`: Python's truth as 0 or 1."""
+        if type(value) is not bytes:
+            return 1 if value else 0
+        return value == TRUE or int(truth(self.current.pool.decode(value)))
 
     def _equality(self, same: bool) -> Callable[..., int]:
         """`eq` and `ne` compare handles where they can, without a look at the values."""

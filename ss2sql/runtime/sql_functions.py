@@ -10,7 +10,7 @@ from ss2sql.language.operations import GROUPS
 from ss2sql.runtime.pool import Pool
 from ss2sql.runtime.representations import Table, sets
 from ss2sql.runtime.sources import column_of, elements
-from ss2sql.runtime.values import normalise, truth
+from ss2sql.runtime.values import normalise
 from ss2sql.vtables.frames.frame import Frame
 from ss2sql.vtables.sequences import Walked
 
@@ -27,11 +27,6 @@ def record(pool: Pool, *pairs: Any) -> Any:
     return pool.made(dict(zip(pairs[::2], map(pool.decode, pairs[1::2]), strict=True)))
 
 
-def truth_of(pool: Pool, value: Any) -> int:
-    """`truth(value)`: Python's truth as 0 or 1."""
-    return int(truth(pool.decode(value)))
-
-
 def in_turn(pool: Pool, *values: Any) -> Any:
     """`in_turn(a, b)`: b, after a has been evaluated."""
     return values[-1]
@@ -45,7 +40,6 @@ def key_of(pool: Pool, value: Any) -> Any:
 SCALAR_FUNCTIONS: dict[str, Callable[..., Any]] = {
     "list": make_list,
     "record": record,
-    "truth": truth_of,
     "in_turn": in_turn,
     "as_key": key_of,
 }
