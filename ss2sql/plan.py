@@ -282,8 +282,9 @@ class Representation:
     facts: tuple[Fact, ...] = ()
 
 
-Order: TypeAlias = Literal["depth first", "breadth first", "cost", "probability"]
+Order: TypeAlias = Literal["depth first", "breadth first", "cost", "probability", "greedy"]
 Repeats: TypeAlias = Literal["allowed", "no cycle", "unique", "memorize"]
+By: TypeAlias = Literal["row", "step", "state"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -294,6 +295,11 @@ class Search:
     PROBABILITY of a step. `bound` is MEMORIZE's greatest length, `maximum` the number of results (both are
     evaluated once, at the start, and see outer queries and script variables). `stop` None: never. `states`
     are the types that the START WITH variables keep throughout the search.
+
+    `made` is the condition of CONNECT BY, without which there is no step, `first` that of START WITH, which stands in
+    its place for the first steps. `each` are the lists whose elements START WITH takes one by one. `key` is compared in
+    place of the row where there is one: the columns that are left of a row (`by` is "row"), or what BY names,
+    read in the step, or in the state after it. `siblings` order the elements of a step.
     """
 
     start: tuple[tuple[str, Expr], ...]
@@ -306,6 +312,17 @@ class Search:
     bound: Expr | None = None
     maximum: Expr | None = None
     states: tuple[tuple[str, Type], ...] = ()
+    made: Expr | None = None
+    first: Expr | None = None
+    each: tuple[ValueSource, ...] = ()
+    key: tuple[Expr, ...] = ()
+    by: By = "row"
+    siblings: tuple[OrderKey, ...] = ()
+
+    @property
+    def plain(self) -> bool:
+        """Whether START WITH and CONNECT BY consist of options and assignments alone, and whole rows are compared."""
+        return not (self.made or self.first or self.each or self.key or self.siblings or self.order == "greedy")
 
 
 @dataclass(frozen=True, slots=True)
@@ -322,7 +339,8 @@ class Query:
     group, even if there are none. With `group` alone: a dict from
     group value to the partition; `columns` and `order` see elements, `having` groups. Of a search with
     `aggregated` columns that compares the rows of its paths, `rows` are what these consist of. Of a search that is
-    `distinct` the first of equal paths counts, before `order` and `limit`; a flat query is then one of groups.
+    `distinct` the first of equal paths counts, before `order` and `limit`; a flat query is then one of groups. Of a
+    search with `last` a result is the row of the last step.
     """
 
     id: int
@@ -339,12 +357,18 @@ class Query:
     representation: Representation = Representation("dict")
     rows: tuple[Expr, ...] = ()
     distinct: bool = False
+    last: bool = False
     span: Span = _span()
 
     @property
     def grouped(self) -> bool:
         """Whether its results are groups, or parts of them."""
         return bool(self.group) or self.aggregated
+
+    @property
+    def gives_paths(self) -> bool:
+        """Whether the results are paths, and no rows."""
+        return self.search is not None and not self.aggregated and not self.last
 
 
 Expr: TypeAlias = (

@@ -25,7 +25,7 @@ def search_of(script: ast.Script) -> ast.Query | None:
     last = script.statements[-1]
     if isinstance(last, ast.Assign):
         last = last.value
-    return last if isinstance(last, ast.Query) and last.connect else None
+    return last if isinstance(last, ast.Query) and last.searches else None
 
 
 class Replay:

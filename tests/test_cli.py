@@ -26,7 +26,7 @@ from ss2sql.cli.listing import TOPICS
 from ss2sql.cli.plot import KINDS as KINDS_OF_OPTION
 from ss2sql.cli.run import ENGINES as ENGINES_OF_OPTION
 from ss2sql.errors import CODES
-from ss2sql.language.operations import OPERATIONS
+from ss2sql.language.operations import WRITTEN
 from ss2sql.lowering.strategies import GUARDS, ORDERS
 from ss2sql.results.plots import KINDS
 from ss2sql.runtime.engines import ENGINES
@@ -297,7 +297,7 @@ def listed(*arguments: str) -> list[dict[str, Any]]:
 
 def test_lists_are_complete_and_show_one() -> None:
     strategies = {order.keyword for order in ORDERS.values()} | {guard.keyword for guard in GUARDS.values()}
-    known = {"functions": OPERATIONS, "representations": ALL, "strategies": strategies - {""} | {"(none)"},
+    known = {"functions": WRITTEN, "representations": ALL, "strategies": strategies - {""} | {"(none)"},
              "worlds": known_types(), "errors": CODES, "rewrites": SWITCHES}  # fmt: skip
     assert set(known) == set(TOPICS) == {entry["name"] for entry in listed()}
     for topic, names in known.items():

@@ -64,6 +64,7 @@ def test_two_words_are_one_keyword_where_the_grammar_asks_for_the_second():
     for word in words():
         behind = [set(rows[row[word]]) for row in rows if row.get(word, -1) >= 0]
         seconds = {one for one in set.union(*behind) if not one.islower()}  # others are rules
+        seconds -= {"SIBLINGS"}  # which stands between ORDER and BY
         assert (len(seconds) == 1 and seconds <= words()) == (word in PAIRS)
         assert word not in PAIRS or seconds == {PAIRS[word]}
 
@@ -97,7 +98,7 @@ def test_every_keyword_has_its_color():
         SELECT IF(a) FROM a START WITH n = 1 CONNECT BY BREADTH FIRST NO CYCLE MAXIMUM 3 n = 2 STOP WITH n == 9 AS list;
         SELECT a FROM a START WITH n = 1 CONNECT BY COST 1 HEURISTIC 2 MEMORIZE n = 2 AS list;
         SELECT a FROM a START WITH n = 1 CONNECT BY PROBABILITY 1 UNIQUE n = 2 AS list;
-        SELECT a FROM a START WITH n = 1 CONNECT BY DEPTH FIRST n = 2 AS list;
+        SELECT LAST a FROM a START WITH EACH n IN b CONNECT BY DEPTH FIRST PRIOR a == n ORDER SIBLINGS BY a AS list;
         SELECT DISTINCT CASE WHEN a IS NULL THEN b ELSE c END FROM d LEFT JOIN e ON f BETWEEN 1 AND 2 OR g LIKE 'h'
         LIMIT 3 OFFSET 4;"""
     assert {token.kind for token in read_tokens(script) or ()} >= words()

@@ -23,7 +23,8 @@ from random_values import Thing
 import ss2sql
 from ss2sql.errors import ExecutionError
 from ss2sql.kinds import ANY, Kind, Type, covers, type_of, union
-from ss2sql.language.operations import GROUPS, OPERATIONS
+from ss2sql.language.operations import GROUPS
+from ss2sql.language.operations import WRITTEN as OPERATIONS
 
 ENGINES = ("database", "native")
 INTS = [0, 1, -1, 2, -7, 2**31, 2**53, 2**53 + 1, -(2**62), 2**63 - 1, -(2**63)]

@@ -167,7 +167,7 @@ OPTIONS: dict[str, tuple[str, ast.Expr | None]] = {
     "MEMORIZE": ("MEMORIZE", None), "MEMORIZE 5": ("MEMORIZE", lit(5)), "MEMORIZE (a + 1)":
     ("MEMORIZE", op("add", A, lit(1))), "MAXIMUM 5": ("MAXIMUM", lit(5)), "MAXIMUM (a)": ("MAXIMUM", A),
     "COST 1": ("COST", lit(1)), "COST cost": ("COST", name("cost")), "COST first": ("COST", name("first")),
-    "COST f(a)[0] + 2 OR unique":
+    "COST (f(a)[0] + 2 OR unique)":
     ("COST", ast.Or((op("add", index(call("f", A), lit(0)), lit(2)), name("unique")), span=NOWHERE)),
     "HEURISTIC a - b": ("HEURISTIC", op("sub", A, B)), "PROBABILITY 0.5": ("PROBABILITY", lit(0.5)),
     "COST (SELECT a FROM b AS value)": ("COST", A_VALUE), "COST SELECT a FROM b AS value": ("COST", A_VALUE),
@@ -294,6 +294,8 @@ def rename(node: Any, old: str, new: str) -> Any:
 def test_other_keywords_are_names_wherever_a_name_can_stand(word: str) -> None:
     for written in (word, word.lower(), word.capitalize()):
         for position in POSITIONS:
+            if word == "PRIOR" and "{0} {0}" in position:  # which is the value of the step before
+                continue
             plain = script(position.format("zz"))
             same(script(position.format(written)), rename(plain, "zz", written))
 

@@ -69,14 +69,15 @@ def graph(seed: int) -> Graph:
 def textbook(edges: Sequence[Edge], goal: int, estimate: Estimate) -> tuple[list[int] | None, int]:
     """The first path that A* takes from the queue and ends in the goal, and how many nodes it expanded before.
 
-    Of equals the first generated comes first. The start is no row, so it may be reached again.
+    Of equals the one with the smaller estimate comes first, then the first generated. The start is no row, so it may be
+    reached again.
     """
     numbers = itertools.count()
-    queue: list[tuple[Any, int, Any, list[int]]] = [(0, next(numbers), 0, [])]
+    queue: list[tuple[Any, Any, int, Any, list[int]]] = [(0, 0, next(numbers), 0, [])]
     best: dict[int, Any] = {}
     expanded = -1  # the start is no step
     while queue:
-        _, _, cost, path = heapq.heappop(queue)
+        _, _, _, cost, path = heapq.heappop(queue)
         if path and best[path[-1]] < cost:
             continue
         if path and path[-1] == goal:
@@ -86,7 +87,7 @@ def textbook(edges: Sequence[Edge], goal: int, estimate: Estimate) -> tuple[list
         for src, dst, weight in edges:
             if src == node and (dst not in best or cost + weight < best[dst]):
                 best[dst] = total = cost + weight
-                heapq.heappush(queue, (total + estimate(dst), next(numbers), total, [*path, dst]))
+                heapq.heappush(queue, (total + estimate(dst), estimate(dst), next(numbers), total, [*path, dst]))
     return None, expanded
 
 

@@ -29,11 +29,11 @@ Entry: TypeAlias = dict[str, str]  # the first key is the name; the last is text
 
 
 def _functions(session: Session) -> Iterable[Entry]:
-    from ss2sql.language.operations import OPERATIONS
+    from ss2sql.language.operations import WRITTEN
 
     own = {**session.host.world_functions, **session.host.functions}
     yield from (_registered(entry) for entry in own.values())
-    yield from (_built_in(entry) for name, entry in OPERATIONS.items() if name not in own)
+    yield from (_built_in(entry) for name, entry in WRITTEN.items() if name not in own)
 
 
 def _built_in(row: Operation) -> Entry:

@@ -153,7 +153,7 @@ CODES: dict[str, Code] = _table(
         "R010", "contradictory options",
         "These options of CONNECT BY do not go together.",
         "A search has one order, and one rule for rows that repeat.",
-        "Keep one of the two that the message marks. `HEURISTIC` needs `COST`; `MEMORIZE` goes with `COST` or "
+        "Keep one of the two that the message marks. `HEURISTIC` goes with `COST` or alone, `MEMORIZE` with `COST` or "
         "`PROBABILITY`, and with no other order.",
     ),
     (
@@ -164,9 +164,10 @@ CODES: dict[str, Code] = _table(
     ),
     (
         "R012", "incomplete search",
-        "START WITH and STOP WITH need CONNECT BY.",
+        "START WITH, STOP WITH, SELECT LAST and ORDER SIBLINGS BY need CONNECT BY.",
         "Without CONNECT BY nothing changes from step to step, and the query is no search.",
-        "Add CONNECT BY with an assignment for each variable that changes, or use WHERE in place of STOP WITH.",
+        "Add CONNECT BY with an assignment for each variable that changes, or with a condition that says which steps "
+        "there are; or use WHERE in place of STOP WITH.",
     ),
     (
         "R013", "repeated name",

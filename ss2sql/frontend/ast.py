@@ -212,15 +212,26 @@ class From:
 
 
 @dataclass(frozen=True, slots=True)
+class Each:
+    """`EACH name IN values` in START WITH: the search starts once for each value."""
+
+    name: str
+    values: Expr
+    span: Span = _span()
+    name_span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
 class Option:
     """An option of CONNECT BY.
 
     `keyword` is one of `DEPTH FIRST`, `BREADTH FIRST`, `COST`, `HEURISTIC`, `PROBABILITY`, `MEMORIZE`,
-    `NO CYCLE`, `UNIQUE`, `MAXIMUM`, in upper case with one blank.
+    `NO CYCLE`, `UNIQUE`, `MAXIMUM`, in upper case with one blank. `by` is the key behind BY.
     """
 
     keyword: str
     argument: Expr | None
+    by: tuple[Expr, ...] = ()
     span: Span = _span()
 
 
@@ -243,23 +254,35 @@ class Representation:
 
 @dataclass(frozen=True, slots=True)
 class Query:
-    """A query; clauses that are not written are None or empty tuples."""
+    """A query; clauses that are not written are None or empty tuples.
+
+    `first` is the condition of START WITH, `made` that of CONNECT BY, `siblings` are the keys of ORDER SIBLINGS BY.
+    """
 
     columns: tuple[Expr | Named | Star, ...]
     sources: tuple[From, ...]
     where: Expr | None = None
-    start: tuple[Assign, ...] = ()
+    start: tuple[Assign | Each, ...] = ()
+    first: Expr | None = None
     options: tuple[Option, ...] = ()
     connect: tuple[Assign, ...] = ()
+    made: Expr | None = None
     stop: Expr | None = None
     group: tuple[Expr, ...] = ()
     having: Expr | None = None
+    siblings: tuple[OrderKey, ...] = ()
     order: tuple[OrderKey, ...] = ()
     limit: Expr | None = None
     offset: Expr | None = None
     distinct: bool = False
     representation: Representation | None = None
+    last: bool = False
     span: Span = _span()
+
+    @property
+    def searches(self) -> bool:
+        """Whether the query has CONNECT BY."""
+        return bool(self.connect) or self.made is not None
 
 
 Expr: TypeAlias = (

@@ -24,6 +24,7 @@ OPERATORS = {
 COMPARISONS = frozenset(("==", "!=", "<>", "<", "<=", ">", ">=", "IN", "NOT IN", "IS", "BETWEEN", "LIKE"))
 LOGIC = frozenset(("AND", "OR", "XOR"))
 COMMENT = "write a blank behind it, or # before a comment"
+NUMBERED = "MEMORIZE takes a whole number"
 CHAIN = "write a < b AND b < c"
 ENDINGS = ("end it with AS, for instance AS list, or put it in parentheses",)
 
@@ -70,8 +71,10 @@ class ExpressionBuilder:
         return [*self._errors, *self._too_large.values()]
 
     def unended(self, start: int) -> bool:
-        """Whether a query behind the offset `start` was found not to be ended, or to run into a comment of SQL."""
-        found = (e for e in self._errors if e.code == "P009" or COMMENT in e.hints)
+        """Whether a query behind the offset `start` was found not to be ended, to run into a comment of SQL, or else to
+        go on where nobody knows it.
+        """
+        found = (e for e in self._errors if e.code == "P009" or COMMENT in e.hints or e.message.startswith(NUMBERED))
         return any(e.span is not None and e.span.end > start for e in found)
 
     def script(self, span: Span, *statements: Expr) -> ast.Script:
@@ -139,6 +142,10 @@ class ExpressionBuilder:
 
     def _unless(self, negated: bool, test: Expr) -> Expr:
         return self._part(ast.Not(test.node, span=test.node.span), test, query=test.query) if negated else test
+
+    def prior(self, span: Span, word: Token, value: Expr) -> Expr:
+        """`PRIOR x` is `prior(x)`."""
+        return self._part(ast.Call("prior", (value.node,), span=span), value)
 
     def minus(self, span: Span, sign: Token, operand: Expr) -> Expr:
         node = operand.node

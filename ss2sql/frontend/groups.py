@@ -26,7 +26,7 @@ def with_groups(resolver: Resolver, query: plan.Query) -> plan.Query:
     columns = tuple(replace(output, expr=_lifted(resolver, output.expr, query)) for output in query.columns)
     aggregates = any(isinstance(node, plan.Aggregate) for output in columns for node in walk_own(output.expr))
     aggregated = not any(_sees_rows(output.expr, query) for output in columns)
-    compares = query.search is not None and query.search.repeats != "allowed"
+    compares = query.search is not None and query.search.repeats != "allowed" and query.search.by == "row"
     if compares and aggregates:
         _refuse(resolver, query, "SELECT makes the rows that this search compares, so it cannot aggregate")
     if aggregates and not aggregated:
@@ -180,7 +180,9 @@ def _sees_rows(node: object, query: plan.Query, inside: bool = False) -> bool:
 
 
 def _refuse(resolver: Resolver, query: plan.Query, reason: str) -> None:
-    hint = "aggregate in a query around the search: SELECT ... FROM (SELECT ... CONNECT BY ... AS list) GROUP BY ..."
+    assert query.search is not None
+    word = query.search.repeats.upper()
+    hint = f"write what is to be compared in place of the row: {word} BY name"
     resolver.errors.append(ResolveError("R008", reason, query.columns[0].expr.span, (hint,)))
 
 

@@ -26,7 +26,7 @@ def with_hidden_columns(resolver: Resolver, query: plan.Query) -> plan.Query:
     """The query with what its representation asks for. Rows of searches and of groups belong to no single element."""
     form = query.representation
     wanted = resolver.catalog.asked.get(form.name)
-    if wanted is None or query.search is not None or query.aggregated or not query.sources:
+    if wanted is None or (query.search and not query.last) or query.aggregated or not query.sources:
         return query
     hidden: list[plan.Expr] = []
     facts: tuple[plan.Fact, ...] = ()

@@ -8,13 +8,16 @@ from typing import TYPE_CHECKING, get_args
 from ss2sql import plan
 from ss2sql.errors import ResolveError
 from ss2sql.frontend import ast
+from ss2sql.frontend.path_functions import says_path
 from ss2sql.frontend.scope import Scope
+from ss2sql.walk import sources_read
 
 if TYPE_CHECKING:
     from ss2sql.frontend.resolve import Resolver
 
-ORDERS = tuple(order.upper() for order in get_args(plan.Order))
+ORDERS = ("DEPTH FIRST", "BREADTH FIRST", "COST", "PROBABILITY")
 REPEATS = ("NO CYCLE", "UNIQUE", "MEMORIZE")
+RULES: tuple[tuple[str, plan.Repeats], ...] = (("NO CYCLE", "no cycle"), ("UNIQUE", "unique"), ("MEMORIZE", "memorize"))
 
 
 def search_options(
@@ -37,17 +40,27 @@ def search_options(
         return resolver.guarded(resolver.expression, option.argument, sight)
 
     order: plan.Order = "depth first"
-    if "UNIQUE" in given:
+    if "HEURISTIC" in given:
+        order = "greedy"
+    elif "UNIQUE" in given:
         order = "breadth first"
     for candidate in get_args(plan.Order):
         if candidate.upper() in given:
             order = candidate
     repeats: plan.Repeats = "allowed"
-    for option_word, rule in (("NO CYCLE", "no cycle"), ("UNIQUE", "unique"), ("MEMORIZE", "memorize")):
-        if option_word in given:
-            repeats = rule  # type: ignore[assignment]
+    by: tuple[ast.Expr, ...] = ()
+    for word, rule in RULES:
+        if word in given:
+            repeats, by = rule, given[word].by
+    assert scope.said is not None
+    scope.said.clause = "BY"
+    key = tuple(resolver.guarded(resolver.expression, part, scope) for part in by)
+    own = {source.id for source in scope.sources}
+    scope.said.clause = "COST"
     return replace(
         search,
+        key=key,
+        by="row" if not key else "step" if any(sources_read(part) & own for part in key) else "state",
         order=order,
         repeats=repeats,
         weight=argument("COST", scope) or argument("PROBABILITY", scope),
@@ -55,6 +68,37 @@ def search_options(
         bound=argument("MEMORIZE", outer),
         maximum=argument("MAXIMUM", outer),
     )
+
+
+def with_compared_columns(resolver: Resolver, tree: ast.Query, query: plan.Query) -> plan.Query:
+    """The query whose rows are compared without the columns that ask for the path."""
+    search = query.search
+    assert search is not None
+    if search.repeats == "memorize":
+        _check_memorize(resolver, tree)
+    if search.repeats == "allowed" or search.key or not any(says_path(resolver, column) for column in tree.columns):
+        return query
+    pairs = zip(tree.columns, query.columns, strict=True)  # a star stands alone
+    left = tuple(output.expr for column, output in pairs if not says_path(resolver, column))
+    if not left:
+        word = next(word for word, rule in RULES if rule == search.repeats)
+        names = [name for name, _ in search.start if name.isidentifier()]
+        columns = [name for source in query.sources for name, _ in source.columns or ()]
+        by = (names or columns or ["x"])[0]
+        message = f"{word} compares rows, and every column of SELECT asks for the path"
+        resolver.errors.append(ResolveError("R010", message, query.columns[0].expr.span, (f"write {word} BY {by}",)))
+    return replace(query, search=replace(search, key=left))
+
+
+def _check_memorize(resolver: Resolver, tree: ast.Query) -> None:
+    """With MEMORIZE a step belongs to many paths, so that only what is shown can ask for the one that is shown."""
+    asked = [tree.made, tree.first, tree.stop, tree.where, *(option.argument for option in tree.options)]
+    asked += [*(assign.value for assign in tree.connect), *(key.expr for key in tree.siblings)]
+    for expr in asked:
+        if expr is not None and says_path(resolver, expr):
+            message = "with MEMORIZE a step belongs to many paths, so only what is shown can ask for its path"
+            hint = "write it in SELECT, GROUP BY, HAVING or ORDER BY, or write NO CYCLE in place of MEMORIZE"
+            resolver.errors.append(ResolveError("R014", message, expr.span, (hint,)))
 
 
 def outside(resolver: Resolver, tree: ast.Expr, outer: Scope | None, what: str) -> plan.Expr:
@@ -84,14 +128,13 @@ def _check(resolver: Resolver, given: dict[str, ast.Option]) -> None:
             if word in given:
                 reason = "MEMORIZE yields its paths shortest first, so it takes no order"
                 _contradiction(resolver, given[word], given["MEMORIZE"], reason, f"leave {word} out")
-    if "HEURISTIC" in given and "COST" not in given:
-        error = ResolveError(
-            "R010",
-            "HEURISTIC is a lower bound of the remaining cost and needs COST",
-            given["HEURISTIC"].span,
-            ("add COST expr, the cost of one step",),
-        )
-        resolver.errors.append(error)
+    for word in ("DEPTH FIRST", "BREADTH FIRST", "PROBABILITY", "MEMORIZE"):
+        if "HEURISTIC" in given and "COST" not in given and word in given:
+            reason = f"HEURISTIC without COST takes the smallest estimate first, so it does not go with {word}"
+            hint = f"leave {word} out, or add COST expr, the cost of one step"
+            if word in ORDERS:
+                hint = "keep one of them"
+            _contradiction(resolver, given["HEURISTIC"], given[word], reason, hint)
 
 
 def _contradiction(resolver: Resolver, option: ast.Option, other: ast.Option, reason: str, hint: str) -> None:

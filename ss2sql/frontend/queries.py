@@ -10,10 +10,12 @@ from ss2sql.errors import ResolveError, Span, did_you_mean, similar
 from ss2sql.frontend import ast
 from ss2sql.frontend.groups import counts_all, with_groups
 from ss2sql.frontend.hidden import with_hidden_columns
-from ss2sql.frontend.options import outside, search_options
+from ss2sql.frontend.options import outside, search_options, with_compared_columns
+from ss2sql.frontend.path_functions import with_variables
 from ss2sql.frontend.scope import Scope, column_of, element_of, is_settled
-from ss2sql.frontend.sources import open_sources
+from ss2sql.frontend.sources import open_sources, value_source
 from ss2sql.frontend.states import settle_states
+from ss2sql.frontend.text import short
 from ss2sql.frontend.worlds import is_function_of_this
 from ss2sql.kinds import ANY, NONE, Kind, Type, list_of, shallow, union
 from ss2sql.runtime.rows import free_name
@@ -31,19 +33,23 @@ def resolve_query(resolver: Resolver, tree: ast.Query, outer: Scope | None) -> p
     scope.shown = {name: expr.span.text for name, expr in map(_named, tree.columns) if name and expr}
     search, joins = _search(resolver, tree, scope, outer)
     sources = tuple(scope.sources)
-    where = _with_joins(joins, _optional(resolver, tree.where, scope))
+    where = _optional(resolver, tree.where, scope, "WHERE")
+    where = _with_joins(joins, where) if search is None else where
+    _enter(scope, "GROUP BY")
     group = _group(resolver, tree, scope)
     whole = not group and counts_all(tree.columns)
     scope.grouped = bool(group) or whole
+    _enter(scope, "SELECT")
     columns = _columns(resolver, tree, scope)
     scope.columns = _names(resolver, tree, scope, columns)
+    _enter(scope, "ORDER BY")
     order = tuple(_order_key(resolver, tree, key, scope, columns) for key in tree.order)
-    having = None if tree.having is None else resolver.guarded(resolver.expression, tree.having, scope)
+    having = _optional(resolver, tree.having, scope, "HAVING")
     if having is not None and tree.having is not None:
         _check_once(resolver, having, tree.having, scope, "HAVING")
     if tree.distinct:
         _check_distinct(resolver, tree)
-        if not tree.group and not whole and search is None:
+        if not tree.group and not whole and (search is None or tree.last):
             group = tuple(output.expr for output in columns)
     query = plan.Query(
         scope.query,
@@ -59,8 +65,11 @@ def resolve_query(resolver: Resolver, tree: ast.Query, outer: Scope | None) -> p
         None if tree.offset is None else outside(resolver, tree.offset, outer, "OFFSET"),
         _representation(resolver, tree.representation, outer),
         distinct=tree.distinct and not whole,
+        last=tree.last,
         span=tree.span,
     )
+    if search is not None:
+        query = with_compared_columns(resolver, tree, query)
     if query.grouped:
         query = with_groups(resolver, query)
     query = with_hidden_columns(resolver, query)
@@ -75,17 +84,24 @@ def _check_distinct(resolver: Resolver, tree: ast.Query) -> None:
         resolver.errors.append(ResolveError("R014", message, tree.group[0].span, (hint,)))
 
 
-def _optional(resolver: Resolver, tree: ast.Expr | None, scope: Scope | None) -> plan.Expr | None:
+def _optional(resolver: Resolver, tree: ast.Expr | None, scope: Scope, clause: str) -> plan.Expr | None:
+    _enter(scope, clause)
     return None if tree is None else resolver.guarded(resolver.expression, tree, scope)
+
+
+def _enter(scope: Scope, clause: str) -> None:
+    """Notes which clause is resolved next."""
+    if scope.said is not None:
+        scope.said.clause = clause
 
 
 # --- the search ----------------------------------------------------------------------------------------
 
 
-def _with_joins(joins: tuple[plan.Expr, ...], where: plan.Expr | None) -> plan.Expr | None:
-    """The conditions of JOIN, then WHERE."""
-    parts = (*joins, *conjuncts(where))
-    return where if not joins else parts[0] if len(parts) == 1 else plan.And(parts, span=parts[-1].span)
+def _with_joins(joins: tuple[plan.Expr, ...], condition: plan.Expr | None) -> plan.Expr | None:
+    """The conditions of JOIN, then that of WHERE; of a search that of CONNECT BY."""
+    parts = (*joins, *conjuncts(condition))
+    return condition if not joins else parts[0] if len(parts) == 1 else plan.And(parts, span=parts[-1].span)
 
 
 def _search(
@@ -93,46 +109,92 @@ def _search(
 ) -> tuple[plan.Search | None, tuple[plan.Expr, ...]]:
     """Opens the sources and, where there is CONNECT BY, resolves the hierarchical clauses.
 
-    Gives the conditions of JOIN, too.
+    Gives the conditions of JOIN, too, which a search has in its own.
     """
-    if not tree.connect:
-        for clause, part in (("START WITH", tree.start), ("STOP WITH", tree.stop)):
-            if part:
-                place = part[0].span if isinstance(part, tuple) else part.span
-                resolver.errors.append(
-                    ResolveError("R012", f"{clause} needs CONNECT BY", place, ("add CONNECT BY name = expr",))
-                )
+    if not tree.searches:
+        _refuse_without_search(resolver, tree)
         return None, open_sources(resolver, tree, scope)
-    start = _start(resolver, tree, scope)
+    tree, scope.said = with_variables(resolver, tree)
+    _enter(scope, "START WITH")
+    start, each = _start(resolver, tree, scope)
     _check_assigned(resolver, tree, scope)
+    _enter(scope, "FROM")
     settle_states(resolver, tree, scope, dict(start))
     joins = open_sources(resolver, tree, scope)
+    _check_names(resolver, tree, scope)
+    _enter(scope, "CONNECT BY")
     connect = tuple((a.name, resolver.guarded(resolver.expression, a.value, scope)) for a in tree.connect)
-    stop = _optional(resolver, tree.stop, scope)
-    search = plan.Search(start, connect, stop, states=tuple(scope.states.items()))
-    return search_options(resolver, tree, scope, outer, search), joins
+    search = plan.Search(start, connect, None, states=tuple(scope.states.items()), each=each)
+    scope.said.sources, scope.said.search = tuple(scope.sources), search
+    made = _with_joins(joins, _optional(resolver, tree.made, scope, "the condition of CONNECT BY"))
+    first = _optional(resolver, tree.first, scope, "the condition of START WITH")
+    first = None if first is None else _with_joins(joins, first)
+    stop = _optional(resolver, tree.stop, scope, "STOP WITH")
+    scope.said.search = search = replace(search, made=made, first=first, stop=stop)
+    search = search_options(resolver, tree, scope, outer, search)
+    _enter(scope, "ORDER SIBLINGS BY")
+    keys = (plan.OrderKey(_key(resolver, key.expr, scope), key.descending) for key in tree.siblings)
+    return replace(search, siblings=tuple(keys)), joins
 
 
-def _start(resolver: Resolver, tree: ast.Query, scope: Scope) -> tuple[tuple[str, plan.Expr], ...]:
+def _refuse_without_search(resolver: Resolver, tree: ast.Query) -> None:
+    """Clauses of a search in a query that is none."""
+    parts = (("START WITH", (*tree.start, tree.first)), ("STOP WITH", (tree.stop,)))
+    for clause, given in (*parts, ("ORDER SIBLINGS BY", tuple(key.expr for key in tree.siblings))):
+        place = next((part.span for part in given if part is not None), None)
+        if place is not None:
+            hint = "add CONNECT BY with a condition, or with name = expr"
+            resolver.errors.append(ResolveError("R012", f"{clause} needs CONNECT BY", place, (hint,)))
+    if tree.last:
+        hint = "leave LAST out: a query without CONNECT BY gives rows anyway"
+        message = "SELECT LAST shows the last step of a path, and this query is no search"
+        resolver.errors.append(ResolveError("R012", message, tree.span, (hint,)))
+
+
+def _start(
+    resolver: Resolver, tree: ast.Query, scope: Scope
+) -> tuple[tuple[tuple[str, plan.Expr], ...], tuple[plan.ValueSource, ...]]:
+    """The START WITH variables with their first values, and the lists that EACH walks."""
     start: list[tuple[str, plan.Expr]] = []
-    for assign in tree.start:
-        if assign.name in scope.states:
-            message = f"START WITH sets '{assign.name}' twice"
-            resolver.errors.append(ResolveError("R013", message, assign.name_span, ("keep one of them",)))
-        value = resolver.guarded(resolver.expression, assign.value, scope)
-        start.append((assign.name, value))
-        scope.states[assign.name] = value.type
-    return tuple(start)
+    each: list[plan.ValueSource] = []
+    for item in tree.start:
+        if item.name in scope.states:
+            message = f"START WITH sets '{item.name}' twice"
+            resolver.errors.append(ResolveError("R013", message, item.name_span, ("keep one of them",)))
+        value = resolver.guarded(resolver.expression, item.values if isinstance(item, ast.Each) else item.value, scope)
+        if isinstance(item, ast.Each):
+            source = value_source(resolver, item.name, value, item.span)
+            each.append(source)
+            value = element_of(source, item.name_span)
+        start.append((item.name, value))
+        scope.states[item.name] = value.type
+    return tuple(start), tuple(each)
 
 
 def _check_assigned(resolver: Resolver, tree: ast.Query, scope: Scope) -> None:
-    known = [assign.name for assign in tree.start]
+    known = [item.name for item in tree.start]
     for assign in tree.connect:
         if assign.name not in known:
             hints = did_you_mean(assign.name, known) or (f"add START WITH {assign.name} = ...",)
             message = f"CONNECT BY sets '{assign.name}', which START WITH does not"
             resolver.errors.append(ResolveError("R001", message, assign.name_span, hints))
             scope.states[assign.name] = ANY  # other clauses may mention it: once is enough
+
+
+def _check_names(resolver: Resolver, tree: ast.Query, scope: Scope) -> None:
+    """A variable that hides a column and never changes was meant as a comparison."""
+    assigned = {assign.name for assign in tree.connect}
+    for item in tree.start:
+        owner = next((s for s in scope.sources if any(name == item.name for name, _ in s.columns or ())), None)
+        if item.name in assigned or owner is None:
+            continue
+        value = item.values if isinstance(item, ast.Each) else item.value
+        sign = "IN" if isinstance(item, ast.Each) else "=="
+        message = f"START WITH sets '{item.name}', which is a column of '{owner.name}', and CONNECT BY never changes it"
+        hint = f"write START WITH {item.name} {sign} {short(value.span.text)} to choose the first steps"
+        resolver.errors.append(
+            ResolveError("R013", message, item.name_span, (hint, "or give the variable another name"))
+        )
 
 
 def _group(resolver: Resolver, tree: ast.Query, scope: Scope) -> tuple[plan.Expr, ...]:
@@ -268,7 +330,7 @@ def _order_key(
         resolver.errors.append(ResolveError("R014", message, key.span, (hint,)))
     expr = _key(resolver, key, scope)
     place = next((index for index, output in enumerate(columns) if output.expr is expr), None)
-    if place is None or tree.connect:
+    if place is None or tree.searches:
         _check_once(resolver, expr, key, scope, "ORDER BY")
     return plan.OrderKey(expr, written.descending, place)
 
@@ -330,6 +392,6 @@ def _value_type(query: plan.Query) -> Type:
             return ANY
     if query.group and not query.aggregated:
         return Type(Kind.DICT)
-    if query.search is not None and not query.aggregated:
+    if query.gives_paths:
         return Type(Kind.LIST, item=rows, columns=() if not rows.may(Kind.DICT) else None)
     return rows

@@ -8,15 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 from ss2sql.errors import Span
 from ss2sql.frontend import ast
-from ss2sql.frontend.builder import ENDINGS, Deep, Expr, ExpressionBuilder, Part
-from ss2sql.frontend.text import Token
+from ss2sql.frontend.builder import ENDINGS, NUMBERED, Deep, Expr, ExpressionBuilder, Part
+from ss2sql.frontend.text import Token, short
 
 FIXED = ("WHERE", "START WITH", "CONNECT BY", "STOP WITH")
-FREE = ("GROUP BY", "ORDER BY", "LIMIT")
+FREE = ("GROUP BY", "ORDER SIBLINGS BY", "ORDER BY", "LIMIT")
 ORDER = "SELECT, FROM, WHERE, START WITH, CONNECT BY, STOP WITH, then GROUP BY, ORDER BY and LIMIT, and AS at the end"
 
 
@@ -33,12 +34,8 @@ class Clause:
 class Builder(ExpressionBuilder):
     """Makes the tree of one script."""
 
-    def query(self, span: Span, *parts: Clause) -> Expr:
-        head = 2 if parts[0].keyword == "SELECT" else 3
+    def query(self, span: Span, *clauses: Clause) -> Expr:
         fields: dict[str, Any] = {}
-        for part in parts[:head]:
-            fields |= part.fields
-        clauses = parts[head:]
         seen: dict[str, Clause] = {}
         ordered = True
         for clause in clauses:
@@ -46,7 +43,7 @@ class Builder(ExpressionBuilder):
             seen.setdefault(clause.keyword, clause)
             fields |= clause.fields
         node = ast.Query(**fields, span=span)
-        return self._part(node, *parts, query=node)
+        return self._part(node, *clauses, query=node)
 
     def _check_order(self, clause: Clause, seen: dict[str, Clause]) -> bool:
         """Refuses a clause that stands twice, or behind one that it must precede; False if it does."""
@@ -66,6 +63,9 @@ class Builder(ExpressionBuilder):
 
     def distinct(self, span: Span) -> Clause:
         return Clause("DISTINCT", {"distinct": True}, 1, span)
+
+    def last(self, span: Span) -> Clause:
+        return Clause("LAST", {"last": True}, 1, span)
 
     def star(self, span: Span) -> Clause:
         return Clause("SELECT", {"columns": (ast.Star(span=span),)}, 1, span)
@@ -97,19 +97,47 @@ class Builder(ExpressionBuilder):
         self._nodes((condition,))
         return self._clause("WHERE", span, (condition,), where=self._condition(condition, "WHERE"))
 
-    def start(self, span: Span, *updates: Expr) -> Clause:
-        return self._clause("START WITH", span, updates, start=self._nodes(updates))
+    def start(self, span: Span, *parts: Part[Any]) -> Clause:
+        start = tuple(node for node in self._nodes(parts) if isinstance(node, ast.Assign | ast.Each))
+        return self._clause("START WITH", span, parts, start=start, first=self._only_condition(parts, "START WITH"))
 
-    def connect(self, span: Span, *parts: Expr) -> Clause:
+    def each(self, span: Span, name: Token, values: Expr) -> Part[ast.Each]:
+        (node,) = self._nodes((values,))
+        return self._part(ast.Each(name.text, node, span=span, name_span=self._span(name)), values)
+
+    def connect(self, span: Span, *parts: Part[Any]) -> Clause:
         nodes = self._nodes(parts)
-        options = tuple(node for node in nodes if isinstance(node, ast.Option))
-        return self._clause("CONNECT BY", span, parts, options=options, connect=nodes[len(options) :])
+        for option, value in pairwise(nodes):
+            between = self.script_source.text[option.span.end : value.span.start]
+            unbounded = isinstance(option, ast.Option) and option == ast.Option("MEMORIZE", None, span=option.span)
+            if unbounded and isinstance(value, ast.Name | ast.Literal) and "," not in between:
+                self._error("P001", f"{NUMBERED}, not {value.span.text}", value.span,
+                            f"what is not written out stands in parentheses: MEMORIZE ({value.span.text})")  # fmt: skip
+        fields = {
+            "options": tuple(node for node in nodes if isinstance(node, ast.Option)),
+            "connect": tuple(node for node in nodes if isinstance(node, ast.Assign)),
+            "made": self._only_condition(parts, "CONNECT BY"),
+        }
+        return self._clause("CONNECT BY", span, parts, **fields)
+
+    def _only_condition(self, parts: Sequence[Part[Any]], keyword: str) -> ast.Expr | None:
+        """The condition among the assignments and options of a clause."""
+        found = [part.node for part in parts if not isinstance(part.node, ast.Assign | ast.Each | ast.Option)]
+        for other in found[1:]:
+            text = f"{found[0].span.text} AND {other.span.text}"
+            error = self._error("P001", f"{keyword} has two conditions", other.span, f"write {short(text)}")
+            error.related = ((found[0].span, "the first one"),)
+        return found[0] if found else None
 
     def option(self, span: Span, *parts: Any) -> Part[ast.Option]:
-        words = [part.kind for part in parts if isinstance(part, Token)]
-        arguments = parts[len(words) :]
-        argument = self._nodes(arguments)[0] if arguments else None
-        return self._part(ast.Option(" ".join(words), argument, span=span), *arguments)
+        by = next(
+            (place for place, part in enumerate(parts) if isinstance(part, Token) and part.kind == "BY"), len(parts)
+        )
+        words = [part.kind for part in parts[:by] if isinstance(part, Token)]
+        argument, key = (self._nodes([p for p in some if isinstance(p, Part)]) for some in (parts[:by], parts[by:]))
+        values = [part for part in parts if isinstance(part, Part)]
+        node = ast.Option(" ".join(words), argument[0] if argument else None, key, span=span)
+        return self._part(node, *values)
 
     def stop(self, span: Span, condition: Expr) -> Clause:
         self._nodes((condition,))
@@ -125,6 +153,9 @@ class Builder(ExpressionBuilder):
     def having(self, span: Span, condition: Expr) -> Clause:
         self._nodes((condition,))
         return self._clause("HAVING", span, (condition,), having=self._condition(condition, "HAVING"))
+
+    def siblings(self, span: Span, *keys: Part[ast.OrderKey]) -> Clause:
+        return self._clause("ORDER SIBLINGS BY", span, keys, siblings=tuple(key.node for key in keys))
 
     def order(self, span: Span, *keys: Part[ast.OrderKey]) -> Clause:
         return self._clause("ORDER BY", span, keys, order=tuple(key.node for key in keys))

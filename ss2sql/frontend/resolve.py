@@ -17,6 +17,8 @@ from ss2sql.frontend import ast
 from ss2sql.frontend.catalog import Catalog
 from ss2sql.frontend.groups import with_distinct, with_star
 from ss2sql.frontend.inliner import Inliner
+from ss2sql.frontend.path_functions import FUNCTIONS as PATH_FUNCTIONS
+from ss2sql.frontend.path_functions import is_path_function, path_function
 from ss2sql.frontend.scope import (
     Scope,
     bound_name,
@@ -311,6 +313,8 @@ class Resolver:
         name, span = tree.function, tree.span
         if tree.owner is not None:
             return self.call_of_world(tree, tree.owner, scope)
+        if name in PATH_FUNCTIONS and is_path_function(self, tree):
+            return path_function(self, tree, scope)
         function = self.catalog.functions.get(name)
         known: tuple[plan.Expr, ...] | None = None  # resolved once: calls in calls would double with every level
         if name in self.catalog.world_functions and (function is None or function.builtin):
@@ -402,7 +406,8 @@ def _assignments(tree: Any) -> list[ast.Assign]:
         if isinstance(node, tuple):
             stack.extend(node)
         elif isinstance(node, ast.Query):
-            inner = (assign.value for assign in (*node.start, *node.connect))
+            assigns = [part for part in (*node.start, *node.connect) if isinstance(part, ast.Assign)]
+            inner = [*(assign.value for assign in assigns), *(p for p in node.start if isinstance(p, ast.Each))]
             rest = (getattr(node, name) for name in node.__slots__ if name not in ("start", "connect", "span"))
             stack.extend((*inner, *rest))
         elif hasattr(type(node), "__dataclass_fields__") and not isinstance(node, Span):
@@ -436,9 +441,10 @@ def as_list(tree: ast.Expr) -> ast.Expr:
     if not isinstance(tree, ast.Query) or tree.representation is not None:
         return tree
     hint = "write AS list for a list of all values"
-    if tree.connect:
+    if tree.searches and not tree.last:
         message = "right of IN stands a list of values, and a search gives paths"
-        raise ResolveError("R014", message, tree.span, ("add AS list to compare with whole paths",))
+        hint = "write SELECT LAST for the values of the last steps, or add AS list to compare with whole paths"
+        raise ResolveError("R014", message, tree.span, (hint,))
     if len(tree.columns) > 1 or isinstance(tree.columns[0], ast.Star):
         raise ResolveError("R014", "right of IN a query without AS has one column", tree.span, (hint,))
     return replace(tree, representation=ast.Representation("list", (), (), span=tree.span))

@@ -8,11 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from ss2sql import plan
 from ss2sql.errors import ResolveError, Span, did_you_mean, similar
 from ss2sql.kinds import Kind, Type
 from ss2sql.walk import walk
+
+if TYPE_CHECKING:
+    from ss2sql.frontend.path_functions import PathFunctions
 
 
 @dataclass(slots=True)
@@ -28,6 +32,7 @@ class Scope:
     columns: dict[str, plan.Expr] = field(default_factory=dict)
     later: Callable[[str], plan.Expr | None] | None = None
     shown: dict[str, str] = field(default_factory=dict)  # the texts of these columns
+    said: PathFunctions | None = None  # of a search: what its steps say of their paths
 
     def outwards(self) -> Iterator[Scope]:
         """This scope and those around it, innermost first."""
@@ -39,7 +44,9 @@ class Scope:
     def copy(self) -> Scope:
         """The scope as it is now, with those around it; `eval` keeps it for the text that it will meet."""
         parent = None if self.parent is None else self.parent.copy()
-        return Scope(parent, self.query, list(self.sources), dict(self.states), self.grouped, dict(self.columns))
+        found = Scope(parent, self.query, list(self.sources), dict(self.states), self.grouped, dict(self.columns))
+        found.said = self.said
+        return found
 
     @property
     def depth(self) -> int:
@@ -158,7 +165,7 @@ def names_in_sight(scope: Scope | None) -> list[str]:
     """All names that a bare name could mean here, for suggestions."""
     names: list[str] = []
     for level in scope.outwards() if scope else ():
-        names.extend((*level.columns, *level.states))
+        names.extend((*level.columns, *filter(str.isidentifier, level.states)))
         for source in level.sources:
             names.extend(column for column, _ in source.columns or ())
     return names

@@ -42,7 +42,7 @@ def open_sources(resolver: Resolver, tree: ast.Query, scope: Scope) -> tuple[pla
         scope.sources.append(_placed(source, scope))
         if part.on is not None:
             on = resolver.guarded(resolver.expression, part.on, scope)
-            if part.optional or tree.connect:
+            if part.optional:
                 joined = _joined(resolver, scope.sources.pop(), on, part)
                 scope.sources.append(_placed(joined, scope))
             else:
@@ -232,7 +232,7 @@ def _use_table(resolver: Resolver, table: plan.TableSource, name: str, span: Spa
     return source
 
 
-def value_source(resolver: Resolver, name: str, value: plan.Expr, span: Span) -> plan.Source:
+def value_source(resolver: Resolver, name: str, value: plan.Expr, span: Span) -> plan.ValueSource:
     element, columns = _elements(value.type)
     return plan.ValueSource(resolver.number(), name, value, element, columns, span=span)
 

@@ -31,7 +31,7 @@ _BEHIND = {
 _AHEAD = {
     "ALL": "leave it out: a query gives all rows",
     "TOP": "write LIMIT n behind the other clauses", "CASE": _IF,
-    "PRIOR": "START WITH variables hold what the step before has set: CONNECT BY node = this",
+    "PRIOR": "write prior(x): PRIOR stands in front of a name",
     "EXISTS": "write [] != (SELECT ... AS list)", "EXPLAIN": "call explain() on the compiled script",
 }  # fmt: skip
 _WRITING = frozenset((
@@ -92,6 +92,11 @@ def _assignment(t: Trouble) -> ParseError | None:
         return t.error("P006", f"= assigns, but {t.clause.rstrip('(')} needs a condition", compare)
     if t.clause == "SELECT":
         return t.error("P006", "a column is not assigned", f"write {right} AS {left} to name a column", compare)
+    ahead = t.values[-2] if len(t.values) > 1 else None
+    if isinstance(ahead, Token) and ahead.kind == "PRIOR":
+        return t.error(
+            "P006", "= assigns, but PRIOR stands in a condition", f"write PRIOR {left} == {right} to compare"
+        )
     if t.clause in OPTIONS:
         return t.error(
             "P001", f"{t.clause} needs a value in front of the assignments", f"write {t.clause} 1 {left} = ..."

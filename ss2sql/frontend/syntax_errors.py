@@ -22,8 +22,8 @@ _WANTED = {
     "SELECT": ("a column", "for instance SELECT this, mass FROM space"),
     "FROM": ("a source", "for instance FROM space, or FROM n = [1, 2, 3]"),
     "WHERE": ("a condition", "for instance WHERE mass > 50"),
-    "START WITH": ("an assignment such as level = 1", "for instance START WITH level = 1, node = 'a'"),
-    "CONNECT BY": ("an assignment such as level = level + 1", "for instance CONNECT BY NO CYCLE level = level + 1"),
+    "START WITH": ("an assignment or a condition", "for instance START WITH level = 1, node = 'a'"),
+    "CONNECT BY": ("an assignment or a condition", "for instance CONNECT BY NO CYCLE level = level + 1"),
     "STOP WITH": ("a condition", "for instance STOP WITH level == 7"),
     "GROUP BY": ("a value to group by", "for instance GROUP BY colour"),
     "HAVING": ("a condition", "for instance HAVING count(*) > 1"),
@@ -144,7 +144,11 @@ def _missing(t: Trouble) -> ParseError | None:
     found, before = t.found, t.before()
     clause = t.clause if before.kind in (",", "WITH", "BY", "(", "[") or before.kind == t.clause else ""
     if t.wants_operand:
+        if before.kind in ("UNIQUE", "CYCLE", "FIRST", "MEMORIZE"):
+            clause = "CONNECT BY"
         what, hint = _VALUE if before.kind == "," and clause == "IF(" else _WANTED.get(clause, _VALUE)
+        if t.clause in OPTIONS and before.kind == "BY":
+            what, hint = "a key", "for instance UNIQUE BY town, or UNIQUE BY (town, day)"
         hint = "leave the + out" if found.kind == "+" else hint
     elif "+" in t.expected or t.expected == {"="}:
         return None
@@ -173,18 +177,16 @@ def _search(t: Trouble) -> ParseError | None:
     if t.clause == "CONNECT BY" and late is not None:
         return t.error("P001", f"{named(late)} stands behind an assignment",
                        "options stand right behind CONNECT BY, without commas", at=late)  # fmt: skip
-    if t.clause in OPTIONS and t.found.kind == ",":
-        return t.error("P001", "options stand without commas", "leave the comma out")
-    if name.kind == "MEMORIZE" and t.found.kind in (*VALUES, "-") and t.found.kind != "NAME":
-        return t.error("P001", f"MEMORIZE takes a whole number, not {named(t.found)}",
-                       "write MEMORIZE 20, or a value in parentheses: MEMORIZE (n)")  # fmt: skip
+    if t.clause in OPTIONS and t.found.kind in COMPARISONS and "," in t.expected:
+        option, value = t.option, t.operand()
+        return t.error("P001", f"{option} takes a value, and {named(t.found)} makes a condition of it",
+                       f"a comma stands between {option} and the condition of CONNECT BY; a whole comparison is put "
+                       f"into parentheses: {option} ({value} {t.found.text} ...)")  # fmt: skip
     if t.expected == {"="}:
         clause = "CONNECT BY" if t.clause in OPTIONS else t.clause
         hint = f"{clause} takes assignments such as level = 1"
         if t.found.kind == "==":
             hint = f"one = assigns: {clause} {name.text} = ..."
-        if t.before(2).kind == "MEMORIZE":
-            hint = f"a number that is not written out stands in parentheses: MEMORIZE ({name.text})"
         return t.error(_code(t), f"expected '=' after {named(name)}, found {named(t.found)}", hint)
     return None
 

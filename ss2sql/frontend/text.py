@@ -24,6 +24,7 @@ CONTEXTUAL = frozenset((
     "WHERE", "START", "WITH", "CONNECT", "BY", "STOP", "GROUP", "HAVING", "ORDER", "ASC", "DESC", "LIMIT", "DEPTH",
     "BREADTH", "FIRST", "NO", "CYCLE", "UNIQUE", "COST", "HEURISTIC", "PROBABILITY", "MAXIMUM", "MEMORIZE",
     "IS", "NULL", "BETWEEN", "LIKE", "CASE", "WHEN", "THEN", "ELSE", "END", "DISTINCT", "LEFT", "JOIN", "ON", "OFFSET",
+    "LAST", "PRIOR", "EACH", "SIBLINGS",
 ))  # fmt: skip
 OPENING = {"(": ")", "[": "]", "{": "}"}
 CLOSING = {")": "(", "]": "[", "}": "{"}
@@ -147,15 +148,50 @@ def cut(text: str, start: int = 0) -> Iterator[Token]:
 
 
 # Words that stand where a name could stand, too, and what has to follow for them to be keywords.
-_OPERANDS = frozenset(("NAME", "INTEGER", "FLOAT", "STRING", "THIS", "TRUE", "FALSE", "NONE", "SELECT", "NOT", "IF"))
-_FOLLOWED = {"CASE": frozenset(("WHEN",)), "DISTINCT": _OPERANDS | {"(", "[", "*"}}
+_OPERANDS = frozenset(("NAME", "INTEGER", "FLOAT", "STRING", "THIS", "TRUE", "FALSE", "NONE"))
+_BEGINS = _OPERANDS | {"SELECT", "NOT", "IF"}
+_FOLLOWED = {
+    "CASE": frozenset(("WHEN",)), "DISTINCT": _BEGINS | {"(", "[", "*"}, "PRIOR": _OPERANDS,
+    "LAST": _BEGINS | {"[", "-", "*"},
+}  # fmt: skip
+_FIRST = frozenset(("START", "CONNECT", "STOP", "GROUP", "ORDER"))
+_OPTIONS = frozenset(("DEPTH", "BREADTH", "NO", "UNIQUE", "COST", "HEURISTIC", "PROBABILITY", "MAXIMUM", "MEMORIZE"))
+_SECOND = {"DEPTH": "FIRST", "BREADTH": "FIRST", "NO": "CYCLE"}
+_NUMBERED = frozenset(("MAXIMUM", "MEMORIZE"))
+_VALUED = frozenset(("COST", "HEURISTIC", "PROBABILITY"))
+_BEHIND_NAMES = frozenset(("AND", "OR", "XOR", "NOT", ",", ")", "]", ";"))
+_INFIX = frozenset(("==", "!=", "<>", "<", "<=", ">", ">=", "+", "*", "/", "%", "^", ".", "[", "IN"))
 
 
 def _settle(found: list[Token]) -> None:
-    """Makes names of words that nothing follows for which they could be keywords."""
-    for token, following in pairwise(found):
-        if token.keyword in _FOLLOWED and not _FOLLOWED[token.keyword] & {following.kind, following.keyword}:
+    """Makes names of words that something follows as it follows names: `cost + 1`, `last(x)`, `SELECT prior, a`."""
+    for place, (token, after) in enumerate(pairwise(found)):
+        word = token.keyword
+        if word in _FOLLOWED:
+            named = not _FOLLOWED[word] & {after.kind, after.keyword}
+            named = named or (word == "PRIOR" and _begins_clause(after, found[min(place + 2, len(found) - 1)]))
+        elif word in _OPTIONS:
+            named = _is_name(word, token, after, found[min(place + 2, len(found) - 1)])
+        else:
+            continue
+        if named:
             token.keyword = None
+
+
+def _is_name(word: str, token: Token, after: Token, behind: Token) -> bool:
+    """Whether the word of an option is a name: `COST -1` has a value, `cost - 1` and `cost-1` are differences."""
+    kind = after.kind
+    if kind in _INFIX or (word in _VALUED and kind in _BEHIND_NAMES):
+        return True
+    if kind == "-" and word not in _NUMBERED:
+        return not (token.end < after.start and after.end == behind.start)
+    return word in _SECOND and after.keyword != _SECOND[word] and kind not in _OPERANDS
+
+
+def _begins_clause(token: Token, after: Token) -> bool:
+    """Whether a word is the first of a clause, and no name."""
+    alone = token.keyword in ("WHERE", "HAVING", "LIMIT", "ASC", "DESC")
+    return alone or (token.keyword in _FIRST and after.keyword in ("WITH", "BY", "SIBLINGS"))
 
 
 def _words(text: str, start: int) -> Iterator[Token]:

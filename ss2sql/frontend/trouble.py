@@ -14,7 +14,7 @@ from ss2sql.frontend.text import CLOSING, OPENING, Token
 
 PAIRS = {
     "START": "WITH", "STOP": "WITH", "CONNECT": "BY", "GROUP": "BY", "ORDER": "BY", "DEPTH": "FIRST",
-    "BREADTH": "FIRST", "NO": "CYCLE", "LEFT": "JOIN", "CASE": "WHEN",
+    "BREADTH": "FIRST", "NO": "CYCLE", "LEFT": "JOIN", "CASE": "WHEN", "SIBLINGS": "BY",
 }  # fmt: skip
 ALONE = frozenset(("JOIN", "WHEN"))  # second words that also stand without the first
 CLAUSES = ("SELECT", "FROM", "WHERE", "START", "CONNECT", "STOP", "GROUP", "HAVING", "ORDER", "LIMIT", "AS")
@@ -128,6 +128,13 @@ class Trouble:
                     return "x[" if self._ends_operand(position - 1) else "["
                 return {"IF": "IF(", "NAME": "v{" if kind == "{" else "f("}.get(owner, kind)
         return ""
+
+    @property
+    def option(self) -> str:
+        """The words of the option that is being read: `COST`, `NO CYCLE BY`."""
+        first = next(position for position in self._open if self._kind(position) in OPTIONS)
+        kinds = (self._kind(position) for position in range(first, len(self.values)))
+        return " ".join(kind for kind in kinds if kind in (*OPTIONS, "CYCLE", "FIRST", "BY"))
 
     def _kind(self, position: int) -> str:
         value = self.values[position] if position >= 0 else None

@@ -75,6 +75,8 @@ def arms_of(query: plan.Query) -> Arms | None:
     search, source = query.search, query.sources[0]
     if search is None or search.weight is not None or len(query.sources) > 1:
         return None
+    if not search.plain or not query.gives_paths:
+        return None
     if not isinstance(source, plan.ValueSource) or not isinstance(source.value, plan.MakeList):
         return None
     items = source.value.items

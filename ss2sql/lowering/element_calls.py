@@ -50,7 +50,10 @@ def _asked_of_every_step(query: plan.Query) -> Iterator[plan.Expr]:
     """What is evaluated for each step that is generated, whatever the clauses before it say."""
     search = query.search
     assert search is not None
-    if search.repeats == "unique" or search.repeats == "no cycle":
+    if search.made is not None or search.first is not None:  # which come before all else
+        yield from certain(search.made if search.first is None else None)
+        return
+    if search.repeats in ("unique", "no cycle") and search.by == "row":
         for output in query.columns:
             yield from certain(output.expr)
     yield from certain(search.stop)

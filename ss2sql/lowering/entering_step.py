@@ -17,7 +17,7 @@ from ss2sql.kinds import Kind, Type, is_flag
 from ss2sql.lowering import sql
 from ss2sql.lowering.expressions import Env
 from ss2sql.lowering.sql import Node
-from ss2sql.walk import can_fail, is_volatile, parts, walk
+from ss2sql.walk import can_fail, conjuncts, is_volatile, parts, walk
 
 if TYPE_CHECKING:
     from ss2sql.lowering.on_entering import OnEntering
@@ -42,9 +42,25 @@ class EnteringStep:
         self.next = search.following(env)
 
     def row(self) -> list[Node]:
+        """The row, as far as it is shown on paths or compared."""
         if self.of.arms is not None and self.item is not None:
             return list(self.of.arms.row(self.expressions, self.query, self.item, self.env))
-        return [self.expressions.value(output.expr, self.env) for output in self.query.columns]
+        if not self.query.gives_paths and (self.search.repeats == "allowed" or self.of.keyed):
+            return []
+        return [self.expressions.value(expr, self.env) for expr in self.of.outputs]
+
+    def key(self) -> list[Node]:
+        """What is compared: the row, or what BY names."""
+        if not self.of.keyed:
+            return self.row()
+        env = self.env if self.search.by != "state" else self.env.with_states(self.next)
+        return [self.expressions.value(expr, env) for expr in self.of.compared]
+
+    @property
+    def made(self) -> plan.Expr | None:
+        """The condition without which there is no step."""
+        other = self.search.first if self.first else None
+        return self.search.made if other is None else other
 
     def stop(self) -> Node:
         assert self.search.stop is not None
@@ -55,8 +71,19 @@ class EnteringStep:
         return self.expressions.condition(self.query.where, self.env)
 
     def lookups(self) -> list[Node]:
-        """Equalities without which the step would stop and be no goal: SQLite may look up what they ask for."""
-        return [self.expressions.condition(part, self.env) for part in self.of.looked_up]
+        """What SQLite may look up or ask early: the condition of CONNECT BY, as far as it cannot fail, and equalities
+        without which the step would stop and be no goal.
+        """
+        parts = [part for part in conjuncts(self.made) if not can_fail(part)]
+        return [self.expressions.condition(part, self.env) for part in (*parts, *self.of.looked_up)]
+
+    def _is_made(self) -> list[Node]:
+        """The condition of CONNECT BY where it has to be asked before the rest, which may fail."""
+        made = self.made
+        clauses = [self.search.stop, self.query.where, self.search.weight, *self.of.compared, made]
+        if made is None or not any(clause is not None and can_fail(clause) for clause in clauses):
+            return []
+        return [self.expressions.condition(made, self.env)]
 
     # --- whether it enters -----------------------------------------------------------------------------
 
@@ -70,12 +97,19 @@ class EnteringStep:
         # What SQLite answers by itself is asked before what calls Python.
         fails = self.search.weight is not None and can_fail(self.search.weight)
         asks = self._asks_python(alive) or bool(self.of.shared)
-        new_first = asks and not (weighs and fails)
-        conditions = [*(new + alive if new_first else alive + new), *weighed]
-        if fails and alive and len(conditions) > 1:
+        new_first = asks and not (weighs and fails) and self.search.by == "row"
+        made = self._is_made()
+        conditions = [*made, *(new + alive if new_first else alive + new), *weighed]
+        guarded = bool(made) or (fails and bool(alive)) or (bool(alive) and self._key_fails())
+        if guarded and len(conditions) > 1:
             # STOP WITH guards the weight; parts of AND SQLite asks as early as it can.
             return [sql.case([(_not(one), sql.number(0)) for one in conditions[:-1]], conditions[-1])]
         return conditions
+
+    def _key_fails(self) -> bool:
+        """Whether the key, which is asked for after STOP WITH, can fail."""
+        parts = [*self.of.compared, *(expr for _, expr in self.search.connect)]
+        return self.search.by != "row" and any(map(can_fail, parts))
 
     def _asks_python(self, drops: list[Node]) -> bool:
         return any(map(sql.calls_python, drops))
@@ -92,9 +126,9 @@ class EnteringStep:
             if not self.of.weighs_by_calls:
                 return []
             arguments.append(self.of.ranked(self.of.column(self.of.total)))
-        if self.first and name in ("on_path", "closed"):
+        if self.first and name in ("on_path", "closed") and not self.of.keyed:
             return []  # nothing was met yet
-        return [_not(sql.call(name, *arguments, *self.row()))]
+        return [_not(sql.call(name, *arguments, *self.key()))]
 
     def _is_alive(self) -> list[Node]:
         """Whether the step goes on or is a goal."""
@@ -110,7 +144,7 @@ class EnteringStep:
         if self.search.order == "probability":
             asked.append(sql.binary(exp.GT, self.weight(), sql.number(0)))
         if self.best:
-            asked.append(sql.call("improves", self.of.ranked(self.total()), *self.row()))
+            asked.append(sql.call("improves", self.of.ranked(self.total()), *self.key()))
         return asked
 
     # --- what it carries -------------------------------------------------------------------------------
@@ -136,16 +170,21 @@ class EnteringStep:
             carried[of.waits] = self._waits()
         if of.total is not None:
             carried[of.total] = self.total()
-        if of.rank is not None:
-            later = _plus(self.total(), self.estimate())
+        if of.estimate is not None:
             goal = None if self.query.where is None else self.goal()
-            carried[of.rank] = self.total() if goal is None else sql.case([(goal, self.total())], later)
-            if of.estimate is not None:
+            zero = sql.number(0)
+            carried[of.estimate] = zero if goal is None else sql.case([(goal, zero)], self.estimate())
+            if of.rank is not None:
+                later = _plus(self.total(), self.estimate())
+                carried[of.rank] = self.total() if goal is None else sql.case([(goal, self.total())], later)
+            if of.later is not None:
                 # Only a goal waits twice, and needs the estimate when it has come out.
                 estimate = self.estimate()
                 if of.asks_both and self._estimate_fails():
                     estimate = self._unless_it_stops(estimate, sql.number(0))
-                carried[of.estimate] = estimate if goal is None else sql.case([(goal, estimate)], sql.null())
+                carried[of.later] = estimate if goal is None else sql.case([(goal, estimate)], sql.null())
+        for name, key in zip(of.siblings, self.search.siblings, strict=True):
+            carried[name] = self.expressions.lower(key.expr, self.env)
         for name, node in zip(of.variables, self._after(), strict=True):
             anyway = name not in of.assigned or of.sets_anyway(name)
             carried[of.states[name]] = node if anyway else self._unless_it_stops(node, sql.null())
@@ -165,8 +204,9 @@ class EnteringStep:
             entered = sql.call("next_number")
             return sql.call("in_turn", *positions, entered) if positions else entered
         # The guard that was asked last knows the row: `enter_first` and `enter_best` take it from there.
-        row = self.row() if number == "enter" else []
-        entered = sql.call(number, self.parent.copy(), *rank, *row)
+        row = self.row() if number == "enter" or self.of.keyed else []
+        keyed = "_keyed" if self.of.keyed else ""
+        entered = sql.call(number + keyed, self.parent.copy(), *rank, *row)
         return sql.call("in_turn", *positions, entered) if positions else entered
 
     def _waits(self) -> Node:

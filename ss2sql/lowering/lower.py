@@ -23,6 +23,8 @@ from ss2sql.vtables.late import Late, late, late_columns
 from ss2sql.vtables.snapshots import NO_SNAPSHOT, snapshot_for
 from ss2sql.walk import walk
 
+PLAIN = Kind.INT | Kind.FLOAT | Kind.STR | Kind.NONE
+
 
 def lower(
     query: plan.Query,
@@ -54,9 +56,13 @@ def lower(
     bookkeeping = Bookkeeping()
     shown_late: dict[plan.Column, sql.Node] = {}
     if query.search is not None:
-        cut = cut or query.search.maximum is not None or query.limit is not None
+        cut = cut or query.search.maximum is not None or (query.limit is not None and not query.aggregated)
         search = OnEntering(selects, query, cut)
         select = search.statement()
+        if query.aggregated:
+            is_sorted = is_limited = True
+            limit = None if query.limit is None else needs.count(query.limit, "limit")
+            select = sql.sorted_query(search.grouped(select, _names(query)), (), limit)
         # Of tables' BLOBs, and of bools that SQL makes, the pool hears nothing.
         quiet = any(isinstance(node, (plan.TableSource, plan.WorldSource)) for node in walk(query))
         quiet = quiet or any(
@@ -65,7 +71,7 @@ def lower(
         sources = tuple(needs.walked[source.id] for source in query.sources if source.id in needs.walked)
         book, members = search.bookkeeping(), frozenset(needs.members)
         bookkeeping = replace(book, trusts=not (quiet or by_value), sources=sources, members=members)
-        keys, orders = query.group, query.order
+        keys, orders = ((), ()) if query.aggregated else (query.group, query.order)
     elif query.aggregated:
         is_sorted, is_limited = True, _cut_by_sql(query)
         select = selects.rows(query if is_limited else replace(query, limit=None, offset=None), Env(), _names(query))
@@ -90,11 +96,13 @@ def lower(
         needs.applied["late"] = None
     if selects.copies and (tables := [*needs.collected.values(), *selects.copies.tables_of(select)]):
         select.set("with_", exp.With(expressions=tables))
+    columns = [output.expr for output in query.columns]
+    compared = (query.search.key if query.search else ()) or query.rows or columns
     return SqlQuery(
         query,
         dialect.print(select),
         tuple(needs.parameters.values()),
-        _shown([output.expr for output in query.columns]),
+        _shown(columns),
         _shown(keys),
         _shown([key.expr for key in orders]),
         is_sorted,
@@ -102,7 +110,8 @@ def lower(
         {name: tuple(sorted(spans, key=lambda span: span.start)) for name, spans in needs.calls.items()},
         dict(needs.modules),
         frozenset(needs.plain),
-        plain_rows=all(output.expr.type.only(Kind.INT | Kind.FLOAT | Kind.STR | Kind.NONE) for output in query.columns),
+        plain_rows=all(output.expr.type.only(PLAIN) for output in query.columns),
+        plain_keys=all(expr.type.only(PLAIN) for expr in compared),
         bookkeeping=bookkeeping,
         snapshot=snapshot_for((query,)) if needs.worlds else NO_SNAPSHOT,
         late=read_late,

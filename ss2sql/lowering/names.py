@@ -60,7 +60,7 @@ def free_name(name: str, taken: set[str]) -> str:
 
 def builtin_name(name: str) -> str:
     """The name of a built-in function in SQL; a name of SQLite's own stays SQLite's, for views and aggregates."""
-    return f"{name}_of" if name in SQLITE_FUNCTIONS else name
+    return f"{name}_of" if name in SQLITE_FUNCTIONS else name.replace(" ", "_")
 
 
 def sql_names(columns: tuple[str, ...]) -> dict[str, str]:

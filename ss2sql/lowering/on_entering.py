@@ -24,8 +24,8 @@ from ss2sql.lowering.entering_step import EnteringStep, certain, dropping_stop, 
 from ss2sql.lowering.expressions import Env
 from ss2sql.lowering.lookup import lookups, met
 from ss2sql.lowering.names import free_name
-from ss2sql.lowering.search import SearchLowering, element_reads
-from ss2sql.lowering.select import Selects
+from ss2sql.lowering.search import SearchLowering, element_reads, short
+from ss2sql.lowering.select import Selects, fed, numbered
 from ss2sql.lowering.sql import Node
 from ss2sql.lowering.sql_query import Bookkeeping, Counts
 from ss2sql.walk import parts, set_at_once, states_read, walk
@@ -46,6 +46,7 @@ class OnEntering(SearchLowering):
         query = met(query, self.looked_up)
         super().__init__(selects, query, cut)
         search = self.search
+        self.fed = tuple(dict.fromkeys(fed(query))) if query.aggregated else ()  # what aggregates are computed of
         if self.looked_up:
             selects.needs.applied["lookup"] = None
         # Then no goal is ever expanded, for the first one that comes out is the last step that is taken.
@@ -55,7 +56,7 @@ class OnEntering(SearchLowering):
         self.shared = element_calls(query) if "calls" not in selects.needs.disabled else ()
         self.counted = self.counts == "steps" and not self.shared  # the table of a list with calls counts by itself
         self.depth = self._named("depth") if search.order == "depth first" else None
-        self.states = {name: self._named(name) for name in self.variables}
+        self.states = {name: self._named(short(name)) for name in self.variables}
         self.at_once = set_at_once(query)
         self.known = self._known_calls()
         self.goal_later = not self.ahead and self._waits_for_its_turn(query.where)
@@ -65,10 +66,12 @@ class OnEntering(SearchLowering):
         self.goal = self._named("goal") if flag else None
         self.live = self._named("goes_on") if both and not self.stop_later else None
         self.total = None if self.order.total is None else self._named(self.order.total)
-        self.estimate = None if search.heuristic is None or self.one_result else self._named("estimate")
+        self.estimate = None if search.heuristic is None else self._named("estimate")
+        self.later = None if search.heuristic is None or self.one_result else self._named("estimate_later")
         self.waits = self._named("waits") if self.ahead else None
-        self.rank = self._named("rank") if search.heuristic is not None else None
+        self.rank = self._named("rank") if search.heuristic is not None and self.total is not None else None
         self.before: dict[str, str] = {}
+        self.siblings = [self._named("sibling") for _ in search.siblings]
 
     def _named(self, name: str) -> str:
         return free_name(name, self.taken)
@@ -86,7 +89,7 @@ class OnEntering(SearchLowering):
     @property
     def all_results(self) -> bool:
         """Whether every step that enters is a result, so that the results hold the rows of all paths."""
-        plain = self.query.where is None and not self.ahead and self.order.total is None
+        plain = self.query.where is None and not self.ahead and self.order.total is None and not self.query.aggregated
         return plain and self.search.repeats == "allowed"
 
     @property
@@ -97,7 +100,7 @@ class OnEntering(SearchLowering):
 
     def bookkeeping(self) -> Bookkeeping:
         if self.arms is None:
-            return Bookkeeping(self.counts, self.all_go_on, self.all_results)
+            return Bookkeeping(self.counts, self.all_go_on, self.all_results, keyed=self.keyed)
         parts = tuple((self.arms.size or 0) if self.arms.shows(o.expr) else 0 for o in self.query.columns)
         return Bookkeeping(self.counts, self.all_go_on, self.all_results, arms=len(self.arms.items), parts=parts)
 
@@ -109,7 +112,8 @@ class OnEntering(SearchLowering):
             return "steps"
         if self.arms is not None:
             return "product"
-        if all(map(self.is_constant, query.sources)) and not any(isinstance(n, plan.Subquery) for n in walk(query)):
+        subqueries = any(isinstance(n, plan.Subquery) for n in walk(query))
+        if not self.search.each and all(map(self.is_constant, query.sources)) and not subqueries:
             return "product"
         drops = dropping_stop(query) is not None or self.search.order == "probability"
         return "steps" if drops else "entered"
@@ -158,7 +162,7 @@ class OnEntering(SearchLowering):
                 if query == self.query.id}  # fmt: skip
         for name, _ in self.search.start:
             if name in read and name not in self.before:
-                self.before[name] = self._named(f"{name}_before")
+                self.before[name] = self._named(f"{short(name)}_before")
         for node in element_reads(self.query, [part for place in left for part in place or ()]):
             if self.arms is not None and isinstance(node, plan.Element) and self.arms.shows(node):
                 for part in self.arms.parts(node):
@@ -170,8 +174,8 @@ class OnEntering(SearchLowering):
 
     def statement(self) -> exp.Select:
         query, search = self.query, self.search
-        places: list[object] = [output.expr for output in query.columns]
-        places += [*query.group, *(key.expr for key in query.order)]
+        places: list[object] = list(self.fed) if query.aggregated else [output.expr for output in query.columns]
+        places += [*query.group, *(() if query.aggregated else (key.expr for key in query.order))]
         places += [query.where] if self.goal_later else []
         places += [search.stop] if self.stop_later else []
         self._carry_for(places)
@@ -187,16 +191,30 @@ class OnEntering(SearchLowering):
     @property
     def all_names(self) -> list[str]:
         """The columns, in the order in which the language evaluates them, for the first that fails shows."""
-        made = (self.depth, self.goal, self.live, self.total, self.estimate, self.waits, self.rank)
-        names = ["step", "parent", *(name for name in made if name is not None)]
+        made = (self.depth, self.goal, self.live, self.total, self.estimate, self.later, self.waits, self.rank)
+        names = ["step", "parent", *(name for name in made if name is not None), *self.siblings]
         return [*names, *self.states.values(), *self.before.values(), *(name for name, _ in self.reads)]
 
     def queue(self) -> Iterable[tuple[str, bool]]:
+        if self.search.order == "greedy":
+            assert self.waits is not None
+            assert self.estimate is not None
+            return ((self.waits, False), (self.estimate, False), ("step", False))
         if self.rank is not None:
-            return ((self.rank, False), ("step", False))
+            assert self.estimate is not None
+            return ((self.rank, False), (self.estimate, False), ("step", False))
+        if self.siblings:  # depth first, where steps of one depth that wait have one parent
+            keys = [(name, key.descending) for name, key in zip(self.siblings, self.search.siblings, strict=True)]
+            return (*self.order.queue[:1], *keys, *self.order.queue[1:])
         if self.waits is not None:
             return ((self.waits, False), ("step", False))
         return self.order.queue
+
+    def grouped(self, results: exp.Select, names: list[str | None]) -> exp.Select:
+        """The groups of the results; the limit keeps SQLite from asking for them twice."""
+        if results.args.get("limit") is None:
+            results = sql.sorted_query(results, (), sql.unlimited())
+        return self.selects.of_numbered(self.query, results, self.fed, Env(), names)
 
     # --- the recursive terms ---------------------------------------------------------------------------
 
@@ -207,7 +225,9 @@ class OnEntering(SearchLowering):
         sources, conditions, env, witnesses = self.open(env)
         if self.shared:
             sources[-1], env = with_calls(self.selects, self.query, self.shared, sources[-1], env)
-        items: list[Node] = [] if first else [sql.table(self.table, self.table)]
+        items: list[Node] = [sql.table(self.table, self.table)]
+        if first:
+            items = [] if self.starts is None else [self.starts]
         step = EnteringStep(self, env, first)
         conditions += step.lookups()
         sources = self.arranged(sources, conditions)
@@ -287,8 +307,10 @@ class OnEntering(SearchLowering):
         """A goal that has come out waits again, to be expanded in its turn."""
         assert self.waits is not None
         changed: dict[str, Node] = {self.waits: sql.number(1)}
-        if self.rank is not None and self.total is not None and self.estimate is not None:
-            changed[self.rank] = sql.binary(exp.Add, self.column(self.total), self.column(self.estimate))
+        if self.estimate is not None and self.later is not None:
+            changed[self.estimate] = self.column(self.later)
+        if self.rank is not None and self.total is not None and self.later is not None:
+            changed[self.rank] = sql.binary(exp.Add, self.column(self.total), self.column(self.later))
         outputs = [changed.get(name, self.column(name)) for name in self.all_names]
         where: list[Node] = [exp.Not(this=self.column(self.waits))]
         if self.live is not None:
@@ -299,10 +321,14 @@ class OnEntering(SearchLowering):
 
     def results(self) -> exp.Select:
         now = self.now()
-        shown: list[Node] = [self.column("step"), self.column("parent")]
-        shown += [self.expressions.lower(output.expr, now) for output in self.query.columns]
-        shown += [self.expressions.lower(key, now) for key in self.query.group]
-        shown += [self.expressions.lower(key.expr, now) for key in self.query.order]
+        query = self.query
+        shown: list[Node] = [self.column("step"), self.column("parent")] if query.gives_paths else []
+        if query.aggregated:
+            shown += numbered(self.selects, self.fed, query.group, now)
+        else:
+            shown += [self.expressions.lower(output.expr, now) for output in query.columns]
+            shown += [self.expressions.lower(key, now) for key in query.group]
+            shown += [self.expressions.lower(key.expr, now) for key in query.order]
         asked: list[Node] = []
         if self.goal is not None:
             asked.append(self.column(self.goal))

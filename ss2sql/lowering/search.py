@@ -14,8 +14,10 @@ depend on its length, and know the rows that were met.
 
 from __future__ import annotations
 
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 
 from sqlglot import exp
 
@@ -27,7 +29,7 @@ from ss2sql.lowering.copies import asked_equal, by_index, keep_columns, material
 from ss2sql.lowering.expressions import Env
 from ss2sql.lowering.names import free_name, sql_names
 from ss2sql.lowering.select import Selects
-from ss2sql.lowering.sources import open_sources
+from ss2sql.lowering.sources import Opened, open_sources
 from ss2sql.lowering.sql import Node
 from ss2sql.lowering.sql_query import Bookkeeping
 from ss2sql.lowering.strategies import guard_of, order_of
@@ -35,6 +37,13 @@ from ss2sql.vtables.names import PLACE
 from ss2sql.walk import rebuild, sources_read, states_read, walk
 
 TABLE = "search"
+
+
+def short(name: str) -> str:
+    """The name of a variable as a column; those that the search carries have names such as `prior(id)`."""
+    return re.sub(r"\W+", "_", name).strip("_") or "value" if not name.isidentifier() else name
+
+
 Read = plan.Element | plan.Column | plan.State
 
 
@@ -70,6 +79,11 @@ class SearchLowering(ABC):
         self.taken: set[str] = {"step", "parent"}  # names of the recursive table's columns
         self.reads: list[tuple[str, plan.Element | plan.Column]] = []  # elements that it holds
         self.flags = {name: is_flag(kind) for name, kind in search.states}
+        # What is compared is not the row, so that the run keeps it beside the row.
+        self.keyed = bool(search.key) and search.repeats != "allowed"
+        self.outputs = query.rows if query.aggregated else tuple(output.expr for output in query.columns)
+        self.compared = search.key or self.outputs
+        self.starts: Node | None = None  # the table of START WITH states, where there is one
         last = {name: number for number, (name, _) in enumerate(search.connect)}
         self.variables = sorted((name for name, _ in search.start), key=lambda name: last.get(name, -1))
         self.assigned = set(last)
@@ -139,17 +153,50 @@ class SearchLowering(ABC):
     # --- the START WITH state --------------------------------------------------------------------------
 
     def start(self) -> dict[tuple[int, str], Node]:
-        """The START WITH variables as parameters, or as literals where they are plain."""
-        states: dict[tuple[int, str], Node] = {}
-        values: dict[str, plan.Expr] = {}
+        """The START WITH variables as parameters, or as literals where they are plain.
+
+        Where EACH walks a list, or BY names the state reached, the starts are a table:
+
+            starts(town) AS MATERIALIZED (SELECT this FROM elements(:towns) WHERE visit(this))
+
+        All of it is made before the first step is, so that every start counts as visited then.
+        """
+        needs, values = self.selects.needs, dict[str, plan.Expr]()
         for name, expr in self.search.start:
-            value = values[name] = self._with_starts(expr, values)
+            values[name] = self._with_starts(expr, values)
+        each = tuple(replace(source, value=self._with_starts(source.value, values)) for source in self.search.each)
+        opened, env = open_sources(self.selects, each, Env())
+        moved = {source.id for source in each}
+        states: dict[tuple[int, str], Node] = {}
+        for name, value in values.items():
             flag = self.flags[name]
             plain = isinstance(value, plan.Constant) and not isinstance(value.value, (list, bool))
-            states[(self.query.id, name)] = (
-                self.expressions.lower(value, Env()) if plain else self.selects.needs.bind(value, name, flag)
-            )
-        return states
+            if sources_read(value) & moved:
+                states[(self.query.id, name)] = (self.expressions.lower if flag else self.expressions.value)(value, env)
+            else:
+                known = self.expressions.lower(value, Env()) if plain else needs.bind(value, name, flag)
+                states[(self.query.id, name)] = known
+        visits = self.keyed and self.search.by == "state"
+        return self._started(opened, states, visits) if each or visits else states
+
+    def _started(
+        self, opened: list[Opened], states: dict[tuple[int, str], Node], visits: bool
+    ) -> dict[tuple[int, str], Node]:
+        """The START WITH variables as columns of a table, where they are another value in each start."""
+        name = self.selects.needs.table("starts")
+        moved = {state: node for state, node in states.items() if node.find(exp.Column)}
+        columns = dict(zip(moved, (free_name(short(state[1]), set()) for state in moved), strict=True))
+        shown = [sql.alias(node, columns[state]) for state, node in moved.items()] or [
+            sql.alias(sql.number(1), "start")
+        ]
+        where: list[Node] = []
+        if visits:
+            env = Env().with_states(states)
+            where.append(sql.call("visit", *(self.expressions.value(part, env) for part in self.compared)))
+        items = [item for part in opened for item in part.items]
+        self._copy(name, sql.select(shown, items, sql.conjunction(where)))
+        self.starts = sql.table(name, name)
+        return states | {state: sql.column(column, name) for state, column in columns.items()}
 
     def _with_starts(self, expr: plan.Expr, values: dict[str, plan.Expr]) -> plan.Expr:
         """The expression with the values of the START WITH variables before it in place of their names."""

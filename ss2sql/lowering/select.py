@@ -109,20 +109,19 @@ class Selects:
         self, query: plan.Query, flat: Product, where: Node | None, names: list[str | None]
     ) -> exp.Select:
         """Groups of a product: its rows are numbered first, so that groups can be sorted by first appearance."""
+        arguments = tuple(dict.fromkeys(fed(query)))
+        inner = self._positioned(flat, numbered(self, arguments, query.group, flat.env, False), where)
+        return self.of_numbered(query, inner, arguments, flat.env, names)
+
+    def of_numbered(
+        self, query: plan.Query, inner: exp.Select, arguments: Sequence[plan.Expr], env: Env, names: list[str | None]
+    ) -> exp.Select:
+        """The groups of rows with the columns of `numbered`."""
         label = self.needs.label("product")
-        arguments = list(dict.fromkeys(_fed(query)))
-        names_of = [f"argument_{index}" for index in range(1, len(arguments) + 1)]
-        outputs = [
-            sql.alias(self.expressions.value(expr, flat.env), name)
-            for expr, name in zip(arguments, names_of, strict=True)
-        ]
-        outputs += [
-            sql.alias(self.expressions.lower(key, flat.env), f"key_{index}") for index, key in enumerate(query.group, 1)
-        ]
-        inner = sql.derived(self._positioned(flat, outputs, where), label)
+        columns = [sql.column(f"argument_{index}", label) for index in range(1, len(arguments) + 1)]
         keys: list[Node] = [sql.column(f"key_{index}", label) for index in range(1, len(query.group) + 1)]
-        lowering = _Numbered(self, arguments, [sql.column(name, label) for name in names_of])
-        return lowering._group(query, _Rows(flat.env, [inner], None, keys, sql.column("position", label)), names)
+        rows = _Rows(env, [sql.derived(inner, label)], None, keys, sql.column("position", label))
+        return _Numbered(self, arguments, columns)._group(query, rows, names)
 
     def _positioned(self, flat: Product, outputs: list[Node], where: Node | None) -> exp.Select:
         """The rows of a product with these columns, and their positions in its order."""
@@ -271,10 +270,20 @@ def _needs_numbers(query: plan.Query) -> bool:
     outer query.
     """
     own = {source.id for source in query.sources}
-    return any(not sources_read(argument) & own for argument in _fed(query))
+    return any(not sources_read(argument) & own for argument in fed(query))
 
 
-def _fed(query: plan.Query) -> list[plan.Expr]:
+def numbered(
+    selects: Selects, arguments: Sequence[plan.Expr], keys: Sequence[plan.Expr], env: Env, position: bool = True
+) -> list[Node]:
+    """What is computed of each row before groups are made: arguments of aggregates, the keys, and its position."""
+    lower, value = selects.expressions.lower, selects.expressions.value
+    shown = [sql.alias(value(expr, env), f"argument_{index}") for index, expr in enumerate(arguments, 1)]
+    shown += [sql.alias(lower(key, env), f"key_{index}") for index, key in enumerate(keys, 1)]
+    return [*shown, sql.alias(sql.call("next_number"), "position")] if position else shown
+
+
+def fed(query: plan.Query) -> list[plan.Expr]:
     """What the aggregates are fed with, row by row."""
     nodes = (node for node in _group_nodes(query) if isinstance(node, plan.Aggregate))
     return [node.argument for node in nodes if node.argument is not None]

@@ -48,10 +48,10 @@ class Bookkeeping:
     `counts` says how it is known how many were generated: one by one, as the product of the sources for each step
     that went on, or as those that entered the queue and those that a guard kept out. `all_go_on` says that whatever
     enters goes on, `all_results` that it also comes out as a result. `trusts` says that rows may be compared as they
-    are until the pool has met values that have several forms. `sources` names the parameters that are walked as
-    sources, `members` those that are walked as lists right of IN, which make no steps; the value of one may be that of
-    the other. `arms` are the steps from a state that have a SELECT of their own; `parts` says of each column of a row
-    how many values are a list, 0 where it is one value.
+    are until the pool has met values that have several forms, `keyed` that something else than rows is compared.
+    `sources` names the parameters that are walked as sources, `members` those that are walked as lists right of IN,
+    which make no steps; the value of one may be that of the other. `arms` are the steps from a state that have a
+    SELECT of their own; `parts` says of each column of a row how many values are a list, 0 where it is one value.
     """
 
     counts: Counts = "steps"
@@ -62,6 +62,7 @@ class Bookkeeping:
     members: frozenset[str] = frozenset()
     arms: int = 1
     parts: tuple[int, ...] = ()
+    keyed: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,8 +97,8 @@ class SqlQuery:
     `outputs`; `keys` group values; `orders` sort keys that SQL does not sort by itself. `sorted` and `limited`
     say what SQL has done of ORDER BY and LIMIT. `plain` are the parameters whose handles stand for all values
     that equal theirs, as long as no other form of such a value turns up. `plain_rows` says that the rows consist of
-    numbers, strings and None. `snapshot` is that of worlds, `late` what makes the rows where the
-    statement gives keys of worlds alone. `applied` names the rewrites that lowering has applied.
+    numbers, strings and None, `plain_keys` that what a search compares does. `snapshot` is that of worlds, `late` what
+    makes the rows where the statement gives keys of worlds alone. `applied` names the rewrites of lowering.
     """
 
     query: plan.Query
@@ -112,6 +113,7 @@ class SqlQuery:
     modules: Mapping[str, ListTable]
     plain: frozenset[str] = frozenset()
     plain_rows: bool = False
+    plain_keys: bool = False
     bookkeeping: Bookkeeping = Bookkeeping()
     snapshot: Snapshot = NO_SNAPSHOT
     late: Late | None = None

@@ -108,7 +108,28 @@ def _unwritable_name(query: plan.Query, nested: bool) -> Span | None:
 
 
 def _grouped_search(query: plan.Query, nested: bool) -> Span | None:
-    return (query.group or (query.columns[0].expr,))[0].span if query.search and query.aggregated else None
+    """MAXIMUM counts the results, of which the statement shows the groups alone."""
+    counted = query.search and query.aggregated and query.search.maximum
+    return (query.group or (query.columns[0].expr,))[0].span if counted else None
+
+
+def _several_starts(query: plan.Query, nested: bool) -> Span | None:
+    """One start after the other, where the next one may change what the one before has to do."""
+    search = query.search
+    if search is None or not search.each:
+        return None
+    one_by_one = search.by == "state" and (search.repeats == "no cycle" or search.order == "depth first")
+    return search.each[0].span if one_by_one or search.siblings else None
+
+
+def _siblings(query: plan.Query, nested: bool) -> Span | None:
+    """The queue sorts siblings where those of one depth that wait have one parent."""
+    search = query.search
+    if search is None or not search.siblings:
+        return None
+    found = next((key.expr for key in search.siblings if not sortable(key.expr.type)), None)
+    found = search.siblings[0].expr if search.order != "depth first" else found
+    return None if found is None else found.span
 
 
 def _partition_having(query: plan.Query, nested: bool) -> Span | None:
@@ -166,7 +187,9 @@ RULES: tuple[Rule, ...] = (
     Rule("SELECT * over columns that only the elements know", "name the columns", _nested_star),
     Rule("a column name with half of a surrogate pair", "give the column another name", _unwritable_name),
     Rule("a column name that is computed", "write the name itself in to(expr, name)", _label),
-    Rule("aggregates over the paths of a search", "leave the engine to ss2sql", _grouped_search),
+    Rule("aggregates over the first results of a search", "leave the engine to ss2sql", _grouped_search),
+    Rule("EACH starts a search anew for each element here", "leave the engine to ss2sql", _several_starts),
+    Rule("ORDER SIBLINGS BY in another order than depth first", "leave the engine to ss2sql", _siblings),
     Rule("HAVING on a partition", "leave the engine to ss2sql", _partition_having),
     Rule("groups over values of several kinds", "group by integers or strings", _group_values),
     Rule("DISTINCT of whole paths", "take DISTINCT out, and write uniq(...) around the query", _distinct),

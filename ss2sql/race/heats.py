@@ -47,7 +47,7 @@ class Heat:
     def search(self) -> ast.Query | None:
         """The search that is the statement, or what it assigns."""
         tree = self.tree.value if isinstance(self.tree, ast.Assign) else self.tree
-        return tree if isinstance(tree, ast.Query) and tree.connect else None
+        return tree if isinstance(tree, ast.Query) and tree.searches else None
 
     def run(self) -> Iterator[Cell]:
         """Runs the cells; each is given out twice, when it begins and when it is done."""

@@ -42,6 +42,8 @@ LIMITS = ("X010", "X014")  # of rows and of the size of values: no reason to beg
 READS_VALUES = "all its sources are Python values, which SQLite would read one by one"
 CUT_DEEP_DOWN = "SQLite would call functions for steps that a depth-first search never takes"
 
+COUNTS_RESULTS = "maximum= counts the results, of which SQL shows the groups alone"
+
 PLAIN = Kind.NONE | Kind.NUMBER | Kind.STR
 
 
@@ -184,7 +186,7 @@ class CompiledQuery:
         self.renew(run)
         query = self.query
         columns = tuple(output.name for output in query.columns)
-        paths = query.search is not None and not query.aggregated
+        paths = query.gives_paths
         form, shapes = query.representation, self.host.shapes
         sink = Rows(columns, None if paths else [], [] if paths else None, plain=self.plain, hidden=form.hidden)
         run.sink = Sink(sink, self.engine, query)
@@ -220,6 +222,8 @@ class CompiledQuery:
             self._make(run.source)
         if run.maximum is not None and self.lowered and self.wanted == "auto" and _is_cut_deep_down(self.query, True):
             self.native, self.lowered, self.reason = NativeQuery(self.query), None, CUT_DEEP_DOWN
+        if run.maximum is not None and self.lowered and self.query.search and self.query.aggregated:
+            self.native, self.lowered, self.reason = NativeQuery(self.query), None, COUNTS_RESULTS
         if self.refusal is not None:
             raise self.refusal
 

@@ -338,7 +338,7 @@ class Database:
     ) -> list[tuple[Row, Row]]:
         pool = execution.pool
         execution.book = lowered.bookkeeping
-        self.search.begin(pool.frozen, lowered.plain_rows)
+        self.search.begin(pool.frozen, lowered.plain_keys, lowered.bookkeeping.keyed)
         if lowered.bookkeeping.trusts and pool.pure:
             self.search.trust()
         pool.mixed = self.search.mixed
@@ -353,13 +353,14 @@ class Database:
         try:
             late = lowered.late
             self._begin(lowered.text, lowered.modules, values, cursor)
-            plain, searches = lowered.plain_rows, lowered.query.search is not None
+            plain, searches = lowered.plain_rows, lowered.query.gives_paths
             if (plain or not searches) and not lowered.keys and not lowered.orders:
                 # The rows are all that is wanted. Plain ones, and ends of paths, are what SQLite gives as it is.
                 given = islice(cursor if late is None else late.rows(execution.readings, cursor), most)
                 rows = given if execution.run.max_rows is None else within(given, execution.run.max_rows)
                 if not searches:
                     assert sink.rows is not None
+                    execution.results = sink.rows.__len__
                     sink.rows.extend(rows if plain or late is not None else map(decoder(pool, lowered.outputs), rows))
                     return [((), ())] * len(sink.rows)
                 paths = self._paths(lowered, execution, sink, tuple)
@@ -393,7 +394,9 @@ class Database:
         shown = (*lowered.outputs, *lowered.keys, *lowered.orders)
         width, keys = len(lowered.outputs), len(lowered.outputs) + len(lowered.keys)
         decode = decoder(pool, shown)
-        if lowered.query.search is None:
+        if not lowered.query.gives_paths:
+            assert sink.rows is not None
+            execution.results = sink.rows.__len__
             for raw in cursor:
                 row = decode(raw)
                 _room(execution.run, sink.rows, row[:width])

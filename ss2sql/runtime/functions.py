@@ -167,7 +167,7 @@ def sql_names(functions: Mapping[str, Any]) -> dict[str, str]:
 
     The order of registration does not matter.
     """
-    taken, names = {word.lower() for word in RESERVED} | {name.lower() for name in OPERATIONS}, {}
+    taken, names = {word.lower() for word in RESERVED} | {name.lower().replace(" ", "_") for name in OPERATIONS}, {}
     for name in sorted(functions, key=lambda word: (word.lower(), word)):
         candidate = stem = _cut(name)
         count = 1

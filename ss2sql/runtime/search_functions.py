@@ -22,7 +22,8 @@ Kept: TypeAlias = tuple[int, tuple[Any, ...]]
 FUNCTIONS = {
     **dict.fromkeys(("count_step", "expand", "arrive"), 1),
     **dict.fromkeys(("still_best", "give_once"), 2),
-    **dict.fromkeys(("enter", "enter_first", "enter_best", "on_path", "reached", "closed", "improves"), -1),
+    **dict.fromkeys(("enter", "enter_first", "enter_best", "on_path", "reached", "closed", "improves", "visit"), -1),
+    **dict.fromkeys(("enter_keyed", "enter_first_keyed", "enter_best_keyed"), -1),
 }
 
 
@@ -56,6 +57,10 @@ class Way:
         self.keys.update(gained)
 
 
+def _itself(key: Any) -> Any:
+    return key
+
+
 # Numbers for steps whose rows nobody has to keep; a C function, 0.04 us a call. They go on from run to run.
 next_number = itertools.count(1).__next__
 
@@ -77,21 +82,23 @@ class SearchState:
             "generated",
             "given",
             "key",
+            "keyed",
         ),
         *("last_dropped", "late", "members", "met", "plain", "pruned", "rows", "shared", "taken", "walks"),
         "way",
     )
 
     def __init__(self) -> None:
-        self._reset(lambda value: value, True)
+        self._reset(lambda value: value, True, False)
 
-    def begin(self, key: Callable[[Any], Hashable], plain: bool) -> dict[str, Any]:
+    def begin(self, key: Callable[[Any], Hashable], plain: bool, keyed: bool = False) -> dict[str, Any]:
         """Starts afresh and gives what has to be handed to `end`.
 
-        `key` gives equal SQL values one hashable value; rows that are `plain` need none, see also `trust`.
+        `key` gives equal SQL values one hashable value; what is compared needs none where it is `plain`, see also
+        `trust`. `keyed`: something else than rows is compared, and kept beside them.
         """
         outer = {name: getattr(self, name) for name in self.__slots__}
-        self._reset(key, plain)
+        self._reset(key, plain, keyed)
         return outer
 
     def trust(self) -> None:
@@ -102,7 +109,7 @@ class SearchState:
         for name, value in outer.items():
             setattr(self, name, value)
 
-    def _reset(self, key: Callable[[Any], Hashable], plain: bool) -> None:
+    def _reset(self, key: Callable[[Any], Hashable], plain: bool, keyed: bool) -> None:
         self.key = key
         self.always_plain = self.plain = plain
         self.asked: tuple[Any, ...] = ()  # the row that a guard was asked about, and let pass
@@ -115,7 +122,8 @@ class SearchState:
         self.met: dict[Any, Any] = {}  # row -> the step that reached it, or its best rank
         self.taken: dict[Any, Any] = {}  # row -> the rank at which it was taken
         self.given: set[Any] = set()
-        self.way = Way(self.rows, self._key_of)
+        self.keyed: list[tuple[int, Any]] | None = [(0, ())] if keyed else None  # the same with what is compared
+        self.way = Way(self.rows, self._key_of) if self.keyed is None else Way(self.keyed, _itself)
         self.last_dropped = 0
         self.walks: list[tuple[Any, int]] = []  # the lists that were walked, and their lengths
         self.members: frozenset[Any] = frozenset()  # those right of IN
@@ -168,7 +176,9 @@ class SearchState:
         self.met = {self._mixed_key(key): value for key, value in self.met.items()}
         self.taken = {self._mixed_key(key): value for key, value in self.taken.items()}
         self.given = set(map(self._mixed_key, self.given))
-        self.asked_key = self._key_of(self.asked)
+        self.asked_key = self._mixed_key(self.asked_key)
+        if self.keyed is not None:
+            self.keyed[:] = [(parent, self._mixed_key(key)) for parent, key in self.keyed]
         self.way.keys = set(map(self._mixed_key, self.way.keys))
 
     def _mixed_key(self, key: Any) -> Hashable:
@@ -213,6 +223,36 @@ class SearchState:
         self.rows.append((parent, self.asked))
         return len(self.rows) - 1
 
+    def enter_keyed(self, parent: int, *row: Any) -> int:
+        """`enter` for a step whose key a guard was asked about last."""
+        assert self.keyed is not None
+        self.keyed.append((parent, self.asked_key))
+        self.rows.append((parent, row))
+        return len(self.rows) - 1
+
+    def enter_first_keyed(self, parent: int, *row: Any) -> int:
+        """`enter_first` for the first step to a key."""
+        self.met[self.asked_key] = len(self.rows)
+        return self.enter_keyed(parent, *row)
+
+    def enter_best_keyed(self, parent: int, rank: Any, *row: Any) -> int:
+        """`enter_best` for the best step so far to a key."""
+        self.met[self.asked_key] = rank
+        return self.enter_keyed(parent, *row)
+
+    def visit(self, *key: Any) -> int:
+        """Lets the state of a start count as visited; false if another start has it."""
+        found = self._key_of(key)
+        if found in self.met:
+            return 0
+        self.met[found] = self.taken[found] = float("-inf")
+        self.way.keys.add(found)
+        return 1
+
+    def _compared(self, step: int) -> Any:
+        """What is compared of a step that has entered."""
+        return self._key_of(self.rows[step][1]) if self.keyed is None else self.keyed[step][1]
+
     def reached(self, *row: Any) -> int:
         """Whether a step has reached the row."""
         key = row if self.plain and len(row) > 1 else self._key_of(row)
@@ -233,7 +273,7 @@ class SearchState:
 
     def arrive(self, step: int) -> int:
         """Whether a step that is taken is the first to reach its row; it then is the one that has."""
-        if self.met.setdefault(self._key_of(self.rows[step][1]), step) == step:
+        if self.met.setdefault(self._compared(step), step) == step:
             return 1
         if step != self.last_dropped:  # it is asked for the result and for the children
             self.last_dropped = step
@@ -261,7 +301,7 @@ class SearchState:
 
     def still_best(self, step: int, rank: Any) -> int:
         """Whether a step that is taken is still the best to its row."""
-        key = self._key_of(self.rows[step][1])
+        key = self._compared(step)
         if self.met[key] < rank:
             return 0
         self.taken[key] = rank
@@ -270,7 +310,7 @@ class SearchState:
 
     def give_once(self, step: int, rank: Any) -> int:
         """Whether a step is still the best to its row, which was not given out before."""
-        key = self._key_of(self.rows[step][1])
+        key = self._compared(step)
         if self.met[key] < rank:
             return 0
         self.taken[key] = rank
@@ -284,7 +324,9 @@ class SearchState:
         way = self.way
         if parent != way.end:
             way.lead_to(parent)
-        if (row if self.plain and len(row) > 1 else self._key_of(row)) in way.keys:
+        key = row if self.plain and len(row) > 1 else self._key_of(row)
+        if key in way.keys:
             self.pruned += 1
             return 1
+        self.asked_key = key
         return 0

@@ -8,7 +8,7 @@ from typing import Any
 
 from ss2sql.errors import ExecutionError, did_you_mean
 from ss2sql.errors.visible import visible
-from ss2sql.language.operations import OPERATIONS
+from ss2sql.language.operations import OPERATIONS, WRITTEN
 from ss2sql.runtime.functions import UserFunction
 from ss2sql.runtime.limits import Limits
 from ss2sql.runtime.run import Run
@@ -77,7 +77,7 @@ class SessionFunctions:
             return name
 
     def _texts(self) -> dict[str, str]:
-        texts = {name: row.about for name, row in OPERATIONS.items() if name not in ("item", "slice")}
+        texts = {name: row.about for name, row in WRITTEN.items() if name not in ("item", "slice")}
         for name, entry in {**self.world_functions, **self.functions}.items():
             lines = (entry.function.__doc__ or "").strip().splitlines() or ["registered"]
             texts[name] = f"{lines[0]} ({entry.volatility}: {entry.reason})"

@@ -13,7 +13,7 @@ import apsw
 
 from ss2sql.errors import Error
 from ss2sql.kinds import Type, type_of
-from ss2sql.language.operations import OF_OPERATORS, OPERATIONS, Operation
+from ss2sql.language.operations import OF_OPERATORS, WRITTEN, Operation
 from ss2sql.plan_tree import type_text
 from ss2sql.runtime import representations
 from ss2sql.runtime.messages import show as written
@@ -56,7 +56,7 @@ class Known:
         """Functions by name, the user's own first; those that stand for operators are left out."""
         own = {**self.host.functions, **self.host.world_functions}
         found = {name: _of_user(name, entry.function) for name, entry in sorted(own.items())}
-        for name, row in sorted(OPERATIONS.items()):
+        for name, row in sorted(WRITTEN.items()):
             if name not in found and name not in OF_OPERATORS:
                 found[name] = _built_in(row)
         return found

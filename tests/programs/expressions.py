@@ -121,8 +121,13 @@ TEMPLATES = {
         (2, "range({int} % 4)"),
         (1, "bag({int})"),
     ),
-    "maybe": ((3, "{int}"), (1, "None"), (1, "nothing({any})"), (1, "IF({bool}; {int}; None)"),
-              (1, "CASE WHEN {bool} THEN {int} END")),
+    "maybe": (
+        (3, "{int}"),
+        (1, "None"),
+        (1, "nothing({any})"),
+        (1, "IF({bool}; {int}; None)"),
+        (1, "CASE WHEN {bool} THEN {int} END"),
+    ),
     "any": (
         (8, "{int}"),
         (4, "{num}"),

@@ -12,7 +12,7 @@ from ss2sql.errors import Error, Source
 from ss2sql.frontend import ast
 from ss2sql.frontend.parser import parse
 
-from . import groups, queries, sight
+from . import groups, paths, queries, sight
 from .functions import BUILTINS, aggregate
 from .sight import Frame, LateList
 from .values import OPERATORS, Failure, equal, fresh, incoming, item_at, sized, slice_of
@@ -205,6 +205,8 @@ class Reference:
 
     def call(self, expr: ast.Call, frame: Frame | None) -> Any:
         if expr.function not in self.functions:
+            if paths.is_path_function(self, expr):
+                return paths.value(self, expr, frame)
             match expr.function:
                 case "print":
                     return self.print_values([self.evaluate(argument, frame) for argument in expr.arguments])

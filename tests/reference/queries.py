@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from ss2sql.frontend import ast
 
-from . import groups, search
+from . import groups, paths, search
 from .functions import BUILTINS
 from .sight import Bound, Frame, LateList, Own, columns_of, elements_of, is_visible, mentions, source_name
 from .values import Failure, Row, compare_keys, equal, shape
@@ -65,9 +65,9 @@ def represented(ref: Reference, query: ast.Query, outer: Frame | None) -> Any:
     late = query.order or query.group or whole or query.distinct  # what needs all results
     if limit == 0 and not (query.order or query.group or whole):  # nothing of the query is evaluated
         search.check_bounds(ref, query, outer)
-        return [] if query.connect and representation != "void" else shape(representation, [])
+        return [] if query.searches and not query.last and representation != "void" else shape(representation, [])
 
-    if query.connect:
+    if query.searches:
         hunt = search.Search(ref, query, outer)
         sources, per_group = hunt.sources, hunt.per_group
         paths = hunt.paths()
@@ -86,9 +86,9 @@ def represented(ref: Reference, query: ast.Query, outer: Frame | None) -> Any:
     def shaped(some: list[Found]) -> Any:
         if representation == "void":
             return None
-        if query.connect and not per_group:
+        if query.searches and not per_group and not query.last:
             return [shape(representation, one.rows) for one in some]
-        return shape(representation, [one.rows[0] for one in some])
+        return shape(representation, [one.rows[-1] for one in some])
 
     if per_group:
         return shaped(in_order(groups.one_row_per_group(ref, query, found, Frame(outer)))[cut])
@@ -265,11 +265,15 @@ class Sources:
             known = variable or name in self.ref.tables or is_visible(self.outer, name)
             return known and name not in columns
 
+        def asks(node: Any) -> bool:
+            return self.query.searches and paths.is_path_function(self.ref, node)
+
         def late(name: str) -> LateList | None:
             value = self.ref.variables.get(name)
             return value if isinstance(value, LateList) else None
 
-        return Own(names, frozenset(self.state), number > 0, elsewhere, late, partial(known_columns, self.ref))
+        known = partial(known_columns, self.ref)
+        return Own(names, frozenset(self.state), number > 0, elsewhere, late, known, asks=asks)
 
     def with_sources(self, node: Any, own: Own) -> Any:
         """The same with the names of sources before `this` and columns, so that equal texts mean the same.
@@ -336,7 +340,7 @@ def known_columns(ref: Reference, expr: ast.Expr) -> frozenset[str]:
         case ast.Name(name=name):
             value = ref.variables.get(name, ref.tables.get(name))
             return frozenset(columns_of(elements_of(value)))
-        case ast.Query(connect=(), group=()) if representation_of(expr) == "dict":
+        case ast.Query(connect=(), made=None, group=()) if representation_of(expr) == "dict":
             return frozenset().union(*(shown_columns(ref, expr, column) for column in expr.columns))
         case _:
             return frozenset()

@@ -41,13 +41,18 @@ class Group:
 
 @dataclass(frozen=True)
 class Frame:
-    """One query in the middle of its work: its START WITH variables and the elements that are bound so far."""
+    """One query in the middle of its work: its START WITH variables and the elements that are bound so far.
+
+    Of a step `search` is the search that makes it, and `before` are the steps before it on its path.
+    """
 
     outer: Frame | None
     state: dict[str, Any] = field(default_factory=dict)
     bound: tuple[Bound, ...] = ()
     group: Group | None = None
     columns: Mapping[str, ast.Expr] = field(default_factory=dict)  # of SELECT by their names, in ORDER BY and HAVING
+    search: Any = None
+    before: tuple[Frame, ...] = ()
 
     def outwards(self) -> Iterator[Frame]:
         frame: Frame | None = self
@@ -146,6 +151,7 @@ class Own:
     late: Callable[[str], LateList | None]
     columns: Callable[[ast.Expr], frozenset[str]]  # those of what stands in FROM, as far as they are known
     free: Callable[[Any, Own], bool] = lambda node, own: False  # parts that do not count where they stand
+    asks: Callable[[Any], bool] = lambda node: False  # whether a call asks for the path of a step
 
 
 def mentions(node: Any, own: Own) -> bool:
@@ -155,6 +161,8 @@ def mentions(node: Any, own: Own) -> bool:
     """
     if own.free(node, own):
         return False
+    if own.asks(node):
+        return True
     match node:
         case ast.This(source=None) | ast.Attribute(source=None):
             return own.this
@@ -187,7 +195,8 @@ def query_mentions(query: ast.Query, own: Own) -> bool:
     hidden = frozenset(name for name in map(source_name, query.sources) if name)
     names: frozenset[str] = frozenset()
     for assigned in query.start:  # a later one sees those before it
-        if mentions(assigned.value, _without(own, names, frozenset(), True)):
+        values = assigned.values if isinstance(assigned, ast.Each) else assigned.value
+        if mentions(values, _without(own, names, frozenset(), True)):
             return True
         names |= {assigned.name}
     if mentions(query.limit, own):
@@ -197,7 +206,8 @@ def query_mentions(query: ast.Query, own: Own) -> bool:
             return True
         names |= own.columns(source.expr)
     rest = (query.columns, query.where, query.options, query.connect, query.stop, query.group, query.having)
-    return mentions((*rest, query.order), _without(own, names, hidden, False))
+    more = (query.first, query.made, query.siblings, query.order)
+    return mentions((*rest, *more), _without(own, names, hidden, False))
 
 
 def _without(own: Own, names: frozenset[str], sources: frozenset[str], this: bool) -> Own:

@@ -12,6 +12,7 @@ from ss2sql.lowering.strategies import (
     breadth_first,
     cost,
     depth_first,
+    greedy,
     memorize,
     no_cycle,
     probability,
@@ -20,7 +21,7 @@ from ss2sql.lowering.strategies import (
 from ss2sql.lowering.strategies.base import Guard, Order
 
 ORDERS: dict[str, Order] = {
-    order.name: order for order in (depth_first.ORDER, breadth_first.ORDER, cost.ORDER, probability.ORDER)
+    order.name: order for order in (depth_first.ORDER, breadth_first.ORDER, cost.ORDER, probability.ORDER, greedy.ORDER)
 }
 GUARDS: dict[str, Guard] = {
     guard.name: guard for guard in (allowed.GUARD, no_cycle.GUARD, unique.GUARD, memorize.GUARD)

@@ -159,6 +159,11 @@ def _depth_first(query: plan.Query, nested: bool) -> Span | None:
     return query.span if search and search.order == "depth first" and search.repeats != "memorize" else None
 
 
+def _not_plain(query: plan.Query, nested: bool) -> Span | None:
+    search = query.search
+    return query.span if search and (query.last or not search.plain) else None
+
+
 def _guided(query: plan.Query, nested: bool) -> Span | None:
     return query.search.heuristic.span if query.search and query.search.heuristic else None
 
@@ -173,6 +178,11 @@ def _unsteady(query: plan.Query, nested: bool) -> Span | None:
 
 
 RULES = (
+    Rule(
+        "LAST, a condition, EACH, BY, ORDER SIBLINGS BY and greedy search go on from step to step",
+        "leave the engine to ss2sql",
+        _not_plain,
+    ),
     Rule("DEPTH FIRST goes on from the last step", "write BREADTH FIRST, or UNIQUE without DEPTH FIRST", _depth_first),
     Rule("HEURISTIC goes on from one path at a time", "leave HEURISTIC out, the costs are the same", _guided),
     Rule("aggregates count over whole paths", "leave the engine to ss2sql", _aggregated),

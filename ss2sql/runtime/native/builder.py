@@ -166,7 +166,7 @@ class Builder:
             "find": (flat.finder if query.search is None else hunt.finder)(self, query, part("rows"), own),
             "group": self._group(query, part),
             "arguments": self._arguments(query, part),
-            "flush": self._flush(pen) if query.search and query.search.repeats == "memorize" else None,
+            "flush": self._flush(pen) if query.search and _counts_apart(query.search) else None,
         }
         find = unit.find if query is unit.searched else None
         form = pen.name(unit.constant(Form.of(query, tuple(own), find), "form"))
@@ -277,6 +277,11 @@ def remembered(memo: dict[Any, Any], key: Any, value: Any) -> Any:
         forget_half(memo)
     memo[key] = value
     return value
+
+
+def _counts_apart(search: plan.Search) -> bool:
+    """Whether the functions of a search count their steps."""
+    return search.repeats == "memorize" or not search.plain
 
 
 def label(value: Any) -> str:

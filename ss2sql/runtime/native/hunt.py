@@ -20,6 +20,7 @@ from ss2sql.runtime.native.pieces import pieces
 from ss2sql.runtime.native.searches import SEARCHES
 from ss2sql.runtime.native.searches.memorized import GROW
 from ss2sql.runtime.native.step_code import StepCode, StepLoops
+from ss2sql.runtime.native.step_functions import read_starts, stepwise
 from ss2sql.runtime.native.unit import Body
 
 if TYPE_CHECKING:
@@ -31,6 +32,8 @@ def finder(builder: Builder, query: plan.Query, body: Body, aggregates: Sequence
     search = query.search
     assert search is not None
     unit = builder.unit
+    if not search.plain:
+        return _stepwise(builder, query, body, aggregates)
     for name, expr in search.start:
         local = unit.states[query.id, name] = unit.local(name)
         body.add(unit.pen_at(expr.span).assign(local, expression(builder, expr, body)))
@@ -45,6 +48,18 @@ def finder(builder: Builder, query: plan.Query, body: Body, aggregates: Sequence
         written = _memorized(builder, query, body, loops, here, find_keys)
     else:
         written = _loop(builder, query, body, loops, here, find_keys)
+    if find_keys is not None:
+        _define_keys(builder, query, body, find_keys, keys)
+    body.add(*written)
+    body.define()
+    return body.name
+
+
+def _stepwise(builder: Builder, query: plan.Query, body: Body, aggregates: Sequence[plan.Aggregate]) -> str:
+    keys = key_expressions(query, aggregates)
+    find_keys = builder.unit.local("keys") if keys else None
+    read_starts(builder, query, body)
+    written = stepwise(builder, query, body, find_keys)
     if find_keys is not None:
         _define_keys(builder, query, body, find_keys, keys)
     body.add(*written)

@@ -367,6 +367,12 @@ class LoopCode:
 
     def _found(self, path: ast.expr, last: ast.expr, words: Words) -> ast.expr:
         """What is yielded for a result; paths that nobody sees are not made."""
+        if self.step.query.last:  # the row of the last step, without the way to it
+            match path:
+                case ast.Call(func=ast.Name("path_to"), args=[way]):
+                    path = self.pen.item(way, 1)
+                case ast.Tuple(elts=[*_, row]):
+                    path = row
         if self.keys is None:
             return self._expr(path, words)
         shown = self.pen.constant(None) if self.step.query.aggregated else self._expr(path, words)

@@ -33,7 +33,13 @@ def call_places(*roots: Any) -> dict[str, Places]:
 def new_calls(query: plan.Query, analysis: Analysis) -> Iterator[plan.Call]:
     """The calls that the search makes once for each state and element."""
     search = query.search
-    if search is None or len(query.sources) != 1 or analysis.roots[0] is not query or analysis.open_world:
+    if (
+        search is None
+        or not search.plain
+        or len(query.sources) != 1
+        or analysis.roots[0] is not query
+        or analysis.open_world
+    ):
         return
     expands_once = search.repeats == "memorize" or (search.repeats == "unique" and search.weight is None)
     if not expands_once or not _rows_are_states(query, search, analysis):

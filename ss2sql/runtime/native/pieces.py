@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 def can_be_taken_apart(builder: Builder, query: plan.Query) -> bool:
     """Whether nobody can notice when, and how often, a clause of the search is evaluated, but by what it costs."""
     search = query.search
-    if search is None or search.repeats != "memorize":
+    if search is None or search.repeats != "memorize" or not search.plain:
         return False
     clauses = [*(output.expr for output in query.columns), *query.rows, *(expr for _, expr in search.connect)]
     clauses += [clause for clause in (search.stop, query.where, search.weight) if clause is not None]
@@ -42,7 +42,7 @@ def pieces(builder: Builder, query: plan.Query, outer: Body, loops: Loops, choos
     if not can_be_taken_apart(builder, query):
         return pen.constant(None)
     assert query.search is not None
-    writer = _Writer(builder, query, outer)
+    writer = Writer(builder, query, outer)
     stop, where, weight = query.search.stop, query.where, query.search.weight
     names = [
         writer.elements(loops),
@@ -61,7 +61,7 @@ def pieces(builder: Builder, query: plan.Query, outer: Body, loops: Loops, choos
     return pen.pack(probable, *functions, pen.constant(plain), pen.constant(chooses), freezers)
 
 
-class _Writer:
+class Writer:
     """One function after the other. They take the last part of a step: its elements and the state before it."""
 
     def __init__(self, builder: Builder, query: plan.Query, outer: Body) -> None:

@@ -83,7 +83,7 @@ class Task:
         if settings.labels is not None:
             answer.columns = distinct(settings.labels)
         results: list[Any] = []
-        if query.search is None or query.aggregated:
+        if not query.gives_paths:
             answer.rows, answer.paths = results, None
         else:
             answer.rows, answer.paths = None, results
@@ -110,11 +110,11 @@ class Task:
         search = self.form.query.search
         if search is None:
             return self.find(*outer)  # type: ignore[no-any-return]
-        if search.repeats == "memorize":
+        if search.repeats == "memorize" and search.plain:
             return self._memorized(search, bound, outer)
         paths = self.find(*outer)
         next(paths)  # evaluates START WITH, and what is read once
-        return paths  # type: ignore[no-any-return]
+        return paths if search.plain else _sent(paths, bound)
 
     def _memorized(self, search: plan.Search, bound: int | None, outer: tuple[Any, ...]) -> Generator[Any, None, None]:
         """The paths of the graph that MEMORIZE makes."""
@@ -128,6 +128,8 @@ class Task:
         return self._paths(find(hunt), keys)
 
     def _paths(self, found: Iterator[Found], keys: Callable[[Any], Row] | None) -> Generator[Any, None, None]:
+        if self.form.query.last:
+            found = ((path[-1], last) for path, last in found)
         try:
             if keys is None:
                 yield from map(itemgetter(0), found)
@@ -148,6 +150,18 @@ class Task:
         results.extend(found if most is None else islice(found, most + 1))
         if most is not None and len(results) > most:
             raise too_many(most, self.form.query.span)
+
+
+def _sent(paths: Generator[Any, int | None, None], bound: int | None) -> Generator[Any, None, None]:
+    """The results of a search that waits for MEMORIZE's bound."""
+    try:
+        yield paths.send(bound)
+    except StopIteration:
+        return
+    try:
+        yield from paths
+    finally:
+        paths.close()
 
 
 def _none_found() -> Generator[Any, None, None]:

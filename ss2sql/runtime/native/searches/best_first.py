@@ -1,9 +1,9 @@
 """Best-first search: the cheapest, respectively the likeliest, path is extended first.
 
 Totals are made so that less is better: costs are added up from 0, probabilities multiplied from -1. Among equals the
-step that was generated first comes first, its result before its expansion. With a heuristic a step has two entries in
-the queue, its result at its total and its expansion at its total plus the estimate of what remains; without one they
-follow each other, so there is one entry for both.
+smaller estimate comes first, then the step that was generated first, its result before its expansion. With a heuristic
+a step has two entries in the queue, its result at its total and its expansion at its total plus the estimate of what
+remains; without one they follow each other, so there is one entry for both.
 """
 
 from textwrap import indent
@@ -38,9 +38,9 @@ while True:
         if not guided:
             heappush(queue, (rank, number, goal, goes_on, last, new, *state))
         if guided and goal:
-            heappush(queue, (rank, number, False, new, last))
+            heappush(queue, (rank, 0, number, False, new, last))
         if guided and goes_on:
-            heappush(queue, (rank + estimate, number, True, rank, new, *state))
+            heappush(queue, (rank + estimate, estimate, number, True, rank, new, *state))
     while queue:
         if not guided:
             total, _, goal, goes_on, last, way, *here = heappop(queue)
@@ -50,10 +50,10 @@ while True:
                 break
         if guided:
             entry = heappop(queue)
-            if entry[2]:
-                _, _, _, total, way, *here = entry
+            if entry[3]:
+                _, _, _, _, total, way, *here = entry
                 break
-            _, _, _, way, last = entry
+            _, _, _, _, way, last = entry
             yield found(path_to(way), last)
     else:
         return
@@ -137,19 +137,19 @@ while True:
         number += 1
         new = (way, row)
         if goal:
-            heappush(queue, (rank, number, False, key, new, last))
+            heappush(queue, (rank, 0, number, False, key, new, last))
         if goes_on:
-            heappush(queue, (rank + estimate, number, True, key, rank, new, *state))
+            heappush(queue, (rank + estimate, estimate, number, True, key, rank, new, *state))
     while queue:
         entry = heappop(queue)
-        key = entry[3]
-        if entry[2]:
-            _, _, _, _, total, way, *here = entry
+        key = entry[4]
+        if entry[3]:
+            _, _, _, _, _, total, way, *here = entry
             if best[key] < total:
                 continue
             taken[key] = total
             break
-        total, _, _, _, way, last = entry
+        total, _, _, _, _, way, last = entry
         if best[key] < total:
             continue
         taken[key] = total

@@ -1,0 +1,275 @@
+"""What a step can say of its path: `level() prior(e) root(e) path(e) next(e) cycle(e) leaf()`.
+
+All but `next` and `leaf` are told by variables that the search carries beside those of START WITH, which scripts cannot
+name. They are assigned before CONNECT BY changes anything else:
+
+    level()    START WITH "level()" = 1              CONNECT BY "level()" = "level()" + 1
+    prior(e)   START WITH "prior(e)" = None          CONNECT BY "prior(e)" = e
+    root(e)    START WITH "root(e)" = None           CONNECT BY "root(e)" = IF("level()" == 1; e; "root(e)")
+    path(e)    START WITH "path(e)" = None           CONNECT BY "path(e)" = a cell of "path(e)" and e
+
+`path(e)` is a linked list, so that a step costs the same however long its path is. `next(e)` is e with what CONNECT BY
+assigns in place of the variables, `leaf()` asks for the next elements by a query.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+from ss2sql import plan
+from ss2sql.errors import ResolveError, Span
+from ss2sql.frontend import ast
+from ss2sql.frontend.scope import Scope
+from ss2sql.kinds import BOOL, Kind, Type, list_of
+from ss2sql.runtime.rows import free_name
+from ss2sql.walk import is_volatile, rebuild, sources_read, walk
+
+if TYPE_CHECKING:
+    from ss2sql.frontend.resolve import Resolver
+
+# The functions with the least and the greatest number of their arguments.
+FUNCTIONS = {"level": (0, 0), "prior": (1, 1), "root": (1, 1), "path": (1, 2), "next": (1, 1), "cycle": (1, 1),
+             "leaf": (0, 0)}  # fmt: skip
+USAGE = {"level": "level()", "path": 'path(x) or path(x, "/")', "leaf": "leaf()"}
+NOWHERE = ("FROM", "START WITH", "BY")
+SHOWN = ("SELECT", "GROUP BY", "HAVING", "ORDER BY")
+
+
+@dataclass(slots=True)
+class PathFunctions:
+    """What the clauses of one search say of paths. `clause` is the one that is being resolved.
+
+    `variables` are the names of the variables that are carried, by the function and its argument; `search` is what is
+    known of the search when CONNECT BY is resolved.
+    """
+
+    variables: dict[tuple[str, ast.Expr | None], str] = field(default_factory=dict)
+    clause: str = ""
+    sources: tuple[plan.Source, ...] = ()
+    search: plan.Search | None = None
+
+
+def is_path_function(resolver: Resolver, tree: Any) -> bool:
+    """Whether a call is one of these: a function that the user has registered comes first."""
+    if not isinstance(tree, ast.Call) or tree.function not in FUNCTIONS or tree.owner is not None or tree.star:
+        return False
+    registered = resolver.catalog.functions.get(tree.function)
+    return registered is None or registered.builtin
+
+
+def with_variables(resolver: Resolver, tree: ast.Query) -> tuple[ast.Query, PathFunctions]:
+    """The query with the variables that are carried, and what knows them."""
+    found = PathFunctions()
+    calls = [call for call in _calls(tree) if is_path_function(resolver, call)]
+    # What stands around another one is assigned first, for it reads that one as it was before the step.
+    calls.sort(key=lambda call: -_height(resolver, call))
+    start: list[ast.Assign] = []
+    connect: list[ast.Assign] = []
+    for call in calls:
+        argument = call.arguments[0] if call.arguments else None
+        word = {"cycle": "path"}.get(call.function, call.function)
+        key = (word, argument)
+        if word not in ("prior", "root", "path") or argument is None or key in found.variables:
+            continue
+        short = " ".join(argument.span.text.split())
+        name = found.variables[key] = free_name(f"{word}({short})", found.variables.values())
+        itself, span = ast.Name(name, span=call.span), argument.span
+        start.append(_assign(name, ast.Literal(None, span=span)))
+        value: ast.Expr = argument
+        if word == "root":
+            value = _if_first(argument, itself)
+        elif word == "path":
+            value = ast.Call("path cell", (itself, argument), span=span)
+        connect.append(_assign(name, value))
+    if any(call.function in ("level", "root") for call in calls):
+        call = next(call for call in calls if call.function in ("level", "root"))
+        found.variables["level", None] = "level()"
+        one = ast.Literal(1, span=call.span)
+        count = ast.Operator("add", (ast.Name("level()", span=call.span), one), span=call.span, place=call.span)
+        start.append(_assign("level()", one))
+        connect.append(_assign("level()", count))
+    tree = replace(tree, start=(*tree.start, *start), connect=(*connect, *tree.connect))
+    return tree, found
+
+
+def path_function(resolver: Resolver, tree: ast.Call, scope: Scope | None) -> plan.Expr:
+    """The plan of a call of one of these functions."""
+    own = next((level for level in scope.outwards() if level.said is not None), None) if scope else None
+    usage = USAGE.get(tree.function, f"{tree.function}(x)")
+    if own is None or own.said is None:
+        hint = "write it in a clause of a step of a query with CONNECT BY"
+        raise ResolveError("R014", f"{usage} is said of a step of a search", tree.span, (hint,))
+    least, most = FUNCTIONS[tree.function]
+    if not least <= len(tree.arguments) <= most:
+        message = f"'{tree.function}' takes {least if least == most else '1 or 2'} argument{'s' * (most != 1)}, "
+        raise ResolveError("R005", message + f"not {len(tree.arguments)}", tree.span, (f"it is called as {usage}",))
+    said = own.said
+    _check_place(tree, said)
+    key = ({"cycle": "path"}.get(tree.function, tree.function), tree.arguments[0] if tree.arguments else None)
+    name = said.variables.get(key, "")
+    if not name and tree.function not in ("next", "leaf"):
+        hint = f"write {usage} outside of eval"
+        raise ResolveError("R014", "a text that eval reads cannot ask for the path", tree.span, (hint,))
+    state: plan.Expr = plan.State(own.query, name, own.states.get(name, Type(Kind.ANY)), span=tree.span)
+    if tree.function in ("level", "prior"):
+        return state
+    if tree.function == "leaf":
+        return _leaf(resolver, tree.span, own)
+    argument = _argument(resolver, tree, own)
+    match tree.function:
+        case "root":
+            return replace(
+                resolver.expression(_if_first(tree.arguments[0], ast.Name(name, span=tree.span)), own), span=tree.span
+            )
+        case "next":
+            after: plan.Expr = replace(after_step(own, argument), span=tree.span)
+            return after
+        case "cycle":
+            reached = argument
+            if not sources_read(argument):
+                state, reached = _cell(resolver, state, argument, tree.span), after_step(own, argument)
+            values = resolver.call("path values", (state,), tree.span, tree.span)
+            return resolver.call("in", (reached, values), tree.span, tree.span)
+        case _:
+            more = resolver.all(tree.arguments[1:], own)
+            cell = _cell(resolver, state, argument, tree.span)
+            if more:
+                return resolver.call("path text", (cell, *more), tree.span, tree.span)
+            values = resolver.call("path values", (cell,), tree.span, tree.span)
+            return replace(values, type=list_of_any(argument.type))
+
+
+def list_of_any(item: Type) -> Type:
+    return Type(Kind.LIST, item=item, columns=item.columns if item.only(Kind.DICT) else None)
+
+
+def after_step(scope: Scope, expr: plan.Expr) -> Any:
+    """The expression as it is in the state after a step: with what CONNECT BY assigns in place of the variables."""
+    assert scope.said is not None
+    if scope.said.search is None:  # types are tried out
+        raise ResolveError("R014", "what CONNECT BY assigns is not known yet")
+    values: dict[str, plan.Expr] = {}
+
+    def changed(node: Any) -> Any:
+        if isinstance(node, plan.State) and node.query == scope.query:
+            return values.get(node.name, node)
+        return rebuild(node, changed)
+
+    for name, value in scope.said.search.connect:
+        values[name] = changed(value)
+    return changed(expr)
+
+
+def says_path(resolver: Resolver, tree: ast.Expr | ast.Named | ast.Star) -> bool:
+    """Whether an expression asks for the path."""
+    return any(is_path_function(resolver, node) for node in _nodes(tree))
+
+
+def _check_place(tree: ast.Call, said: PathFunctions) -> None:
+    clause, function = said.clause, tree.function
+    wrong = clause in NOWHERE or (function == "leaf" and clause not in SHOWN)
+    if clause == "CONNECT BY" and function in ("next", "cycle"):
+        wrong = True
+    if not wrong:
+        return
+    where = f"the key behind {clause}" if clause == "BY" else clause if clause != "CONNECT BY" else "an assignment"
+    hints = {
+        "leaf": "write it in SELECT, GROUP BY, HAVING or ORDER BY",
+        "next": "write it in a condition, or in SELECT",
+        "cycle": "write it in a condition, or in SELECT",
+    }
+    hint = hints.get(function, "write it in the condition of CONNECT BY, in STOP WITH, WHERE or SELECT")
+    raise ResolveError("R014", f"{function} does not stand in {where}", tree.span, (hint,))
+
+
+def _argument(resolver: Resolver, tree: ast.Call, own: Scope) -> plan.Expr:
+    """The argument, which belongs to the search whatever query stands around the call."""
+    argument = resolver.expression(tree.arguments[0], own)
+    if is_volatile(argument):
+        hint = "assign what it gives to a variable of START WITH in CONNECT BY"
+        raise ResolveError("R014", f"{tree.function} does not go with what changes or is volatile", tree.span, (hint,))
+    return argument
+
+
+def _leaf(resolver: Resolver, span: Span, own: Scope) -> plan.Expr:
+    """Whether the step stops, or no element meets the condition of CONNECT BY in the state reached."""
+    assert own.said is not None
+    assert own.said.search is not None
+    search = own.said.search
+    numbers: dict[int, int] = {}
+    sources = tuple(after_step(own, _renumbered(resolver, source, numbers)) for source in own.said.sources)
+    where = None if search.made is None else after_step(own, _renumbered(resolver, search.made, numbers))
+    one = plan.Constant(1, Type(Kind.INT, 1, 1), span=span)
+    shown = (plan.Output("1", one),)
+    form = plan.Representation("list")
+    query = plan.Query(resolver.number(), sources, shown, where, limit=one, representation=form, span=span)
+    found = plan.Subquery(query, list_of([one.type]), span=span)
+    nothing = plan.Constant([], Type(Kind.LIST), span=span)
+    none = resolver.call("eq", (replace(found, type=Type(Kind.LIST, item=one.type)), nothing), span, span)
+    return none if search.stop is None else plan.Or((search.stop, none), BOOL, span=span)
+
+
+def _renumbered(resolver: Resolver, node: Any, numbers: dict[int, int]) -> Any:
+    """A copy of sources, or of what reads them, with numbers of its own for sources and queries inside."""
+    for part in walk(node):
+        if isinstance(part, (*plan.SOURCES, plan.Query)) and part.id not in numbers:
+            numbers[part.id] = resolver.number()
+
+    def changed(part: Any) -> Any:
+        new = rebuild(part, changed)
+        match new:
+            case plan.Element(source=number) | plan.Column(source=number) if number in numbers:
+                return replace(new, source=numbers[number])
+            case plan.State(query=number) | plan.GroupKey(query=number) if number in numbers:
+                return replace(new, query=numbers[number])
+            case plan.Query(id=number) if number in numbers:
+                return replace(new, id=numbers[number])
+            case _ if isinstance(new, plan.SOURCES) and new.id in numbers:
+                return replace(new, id=numbers[new.id])
+        return new
+
+    return changed(node)
+
+
+def _cell(resolver: Resolver, state: plan.Expr, argument: plan.Expr, span: Span) -> plan.Expr:
+    return resolver.call("path cell", (state, argument), argument.span, span)
+
+
+def _assign(name: str, value: ast.Expr) -> ast.Assign:
+    return ast.Assign(name, value, span=value.span, name_span=value.span)
+
+
+def _if_first(then: ast.Expr, otherwise: ast.Expr) -> ast.Expr:
+    span = then.span
+    level = (ast.Name("level()", span=span), ast.Literal(1, span=span))
+    return ast.If(ast.Operator("eq", level, span=span, place=span), (then,), (otherwise,), span=span)
+
+
+def _calls(tree: ast.Query) -> list[ast.Call]:
+    """The calls in the clauses of a search, those of searches inside apart."""
+    return [node for node in _nodes(tree) if isinstance(node, ast.Call)]
+
+
+def _nodes(tree: Any) -> Iterator[Any]:
+    yield tree
+    for part in _parts(tree):
+        yield from _nodes(part)
+
+
+def _parts(tree: Any) -> Iterator[Any]:
+    """The nodes directly below a node; searches inside have calls of their own."""
+    for name in type(tree).__dataclass_fields__:
+        value = getattr(tree, name)
+        for item in value if isinstance(value, tuple) else (value,):
+            if not hasattr(type(item), "__dataclass_fields__") or isinstance(item, Span):
+                continue
+            if not (isinstance(item, ast.Query) and item.searches):
+                yield item
+
+
+def _height(resolver: Resolver, tree: Any) -> int:
+    """How many of these calls stand inside of each other."""
+    inside = max((_height(resolver, part) for part in _parts(tree)), default=0)
+    return inside + is_path_function(resolver, tree)
