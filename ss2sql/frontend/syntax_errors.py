@@ -185,8 +185,8 @@ def _search(t: Trouble) -> ParseError | None:
     if t.expected == {"="}:
         clause = "CONNECT BY" if t.clause in OPTIONS else t.clause
         hint = f"{clause} takes assignments such as level = 1"
-        if t.clause in OPTIONS and t.found.kind in COMPARISONS:
-            hint = f"a comma stands between {t.option} and a condition: ..., {name.text} {t.found.text} ..."
+        if t.found.kind in COMPARISONS and t.before(2).kind != ",":
+            hint = f"a comma stands between an option's value and a condition: ..., {name.text} {t.found.text} ..."
         elif t.found.kind == "==":
             hint = f"one = assigns: {clause} {name.text} = ..."
         return t.error(_code(t), f"expected '=' after {named(name)}, found {named(t.found)}", hint)
