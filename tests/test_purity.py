@@ -16,13 +16,14 @@ import random
 import time
 from collections.abc import Callable
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import pytest
 from purity_samples import Load, load
 from sessions import samples
 
-from ss2sql.frontend.purity import Purity, infer
+from ss2sql.frontend.purity import Purity, infer, tables
 
 __all__ = ["load"]  # the fixture
 IMMUTABLE = samples("immutable")
@@ -174,6 +175,22 @@ def test_a_file_that_changed_since_is_not_taken_for_the_source(load: Load) -> No
     assert infer(module.still) == Purity("volatile", "has no Python source")
 
 
+CLOSURE = "def g(n):\n    def f(x): return x + n\n    return f\nf = g(1)\n"
+ANOTHER_PROGRAM = [
+    ("# above\ndef f(x): return x\n", "def g(n):\n    def f(x):\n        nonlocal n\n        n = x\n",
+     "is not in its source file as it runs"),
+    ("# above\ndef f(x): return x\n", "def g(n):\n    def f(x:\n", "has no Python source"),
+    (CLOSURE, CLOSURE.replace("g(n)", "g(other)"), "reads the variable 'n' of an enclosing function, which may change"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "now", "reason"), ANOTHER_PROGRAM)
+def test_a_file_that_is_another_program_now(load: Load, text: str, now: str, reason: str) -> None:
+    module = load(text)
+    Path(str(module.__file__)).write_text(now, encoding="utf-8")
+    assert (infer(module.f).volatility, infer(module.f).reason) == ("volatile", reason)
+
+
 def test_every_lambda_of_a_line_is_told_from_the_others(load: Load) -> None:
     module = load("fs = [lambda x: x + 1, lambda x: x.name, lambda x: print(x), (lambda x: lambda: x), lambda x: x]")
     found = [infer(f).volatility for f in module.fs]
@@ -188,6 +205,13 @@ logged: list[object] = []
 def logged_length(value: list[object]) -> int:
     logged.append(value)
     return value.__len__()
+
+
+def test_what_was_replaced_before_it_was_looked_at_is_not_known() -> None:
+    module = ModuleType("other")
+    vars(module)["length"] = logged_length
+    tables._add(module, "length")
+    assert tables.known(logged_length) is None
 
 
 def test_what_is_replaced_is_noticed(load: Load, monkeypatch: pytest.MonkeyPatch) -> None:
