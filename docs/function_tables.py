@@ -9,13 +9,27 @@ from io import StringIO
 from writing import table
 
 import ss2sql
-from ss2sql.language.operations import OF_OPERATORS, OPERATIONS, Operation, aggregates, lists, numbers, session, strings
+from ss2sql.language.operations import (
+    OF_OPERATORS,
+    OPERATIONS,
+    Operation,
+    aggregates,
+    anything,
+    dates,
+    lists,
+    numbers,
+    session,
+    strings,
+)
 
 GROUPS = {
     "operators": [row for name, row in OPERATIONS.items() if name in OF_OPERATORS],
-    "lists": [row for row in (*lists.OPERATIONS, *aggregates.OPERATIONS) if row.name not in OF_OPERATORS],
+    "lists": [row for row in lists.OPERATIONS if row.name not in OF_OPERATORS and not row.group],
+    "aggregates": [row for row in (*lists.OPERATIONS, *aggregates.OPERATIONS) if row.group or row.collects],
     "numbers": numbers.OPERATIONS,
     "text": [row for row in strings.OPERATIONS if row.name not in OF_OPERATORS],
+    "anything": anything.OPERATIONS,
+    "dates": dates.OPERATIONS,
     "session": session.OPERATIONS,
 }
 

@@ -15,6 +15,7 @@ class Function:
     `raises` is False only if the call cannot fail. `reason` is that of the volatility, `body` see frontend/inline.py.
     `vectorized` functions take arrays. `of_world` is what scripts call a function that worlds bring along. One that
     `has_inverse` was registered with it; `inverse_of` names the function whose inverse this is.
+    With GROUP BY one that `collects` gets the list of the values of a group.
     """
 
     name: str
@@ -30,6 +31,7 @@ class Function:
     of_world: str = field(default="", compare=False)
     has_inverse: bool = field(default=False, compare=False)
     inverse_of: str = ""
+    collects: bool = False
 
     def inverted(self) -> Function:
         """The inverse: with the value of the function in the place of one of the arguments it gives that argument."""

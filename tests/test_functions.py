@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from sessions import code_of
+from sessions import both, code_of
 
 import ss2sql
 
@@ -247,3 +247,45 @@ def test_the_database_refuses_volatile_calls_out_of_the_written_order(ss: ss2sql
         with pytest.raises(ss2sql.UnsupportedError, match="volatile function must be called in written order"):
             ss.run(script, engine="database")
         assert ss.run(script).engine == "native"
+
+
+@both
+def test_an_aggregate_of_the_users_gets_the_values_of_a_group(engine: Any) -> None:
+    with ss2sql.connect() as ss:
+        ss.host.connection.execute("CREATE TABLE t(k, x)")
+        ss.host.connection.execute("INSERT INTO t VALUES (1, 5), (2, 7), (1, NULL), (1, 3), (2, NULL)")
+        ss.aggregate("texts", lambda values, mark=" ": mark.join(map(str, values)))
+
+        @ss.aggregate("largest", volatility="immutable")
+        def greatest(values: list[Any]) -> Any:
+            return max(values)
+
+        assert greatest([1, 2]) == 2
+        for script, expected in [
+            ("SELECT k, texts(x) FROM t GROUP BY k AS rows;", [(1, "5 3"), (2, "7")]),
+            ("SELECT k, texts(x, '-'), largest(x) FROM t GROUP BY k AS rows;", [(1, "5-3", 5), (2, "7", 7)]),
+            ("SELECT k FROM t GROUP BY k HAVING largest(x) > 5 ORDER BY texts(x) AS list;", [2]),
+            ("SELECT texts(x + k, k) FROM t WHERE x != None GROUP BY str(k) AS list;", None),
+            ("texts([1, [2]]);", "1 [2]"),
+            ("SELECT texts(this) FROM [[1, 2], [3]] AS list;", ["1 2", "3"]),
+        ]:
+            if expected is None:
+                with pytest.raises(ss2sql.ResolveError, match="belongs to a row"):
+                    ss.run(script)
+            elif "GROUP" in script and engine == "database":
+                with pytest.raises(ss2sql.UnsupportedError, match="U001"):
+                    ss.run(script, engine=engine)
+            else:
+                assert ss.run(script, engine=engine).value == expected, script
+
+
+def test_an_aggregate_takes_a_list() -> None:
+    with ss2sql.connect() as ss:
+        with pytest.raises(ss2sql.SessionError, match="takes no list"):
+            ss.aggregate("nobody", lambda: 1)
+        ss.aggregate("both", lambda values: values, volatility="immutable")
+        with pytest.raises(ss2sql.ResolveError, match="both needs a list"):
+            ss.run("SELECT both(this) FROM [1, 2];")
+        with pytest.raises(ss2sql.ResolveError, match="single rows"):
+            ss.run("SELECT both(count(*)) FROM [1] GROUP BY this;")
+        assert ss.eval("SELECT both(this) FROM [1, None] GROUP BY this AS list;") == [[1], []]

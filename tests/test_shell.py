@@ -105,7 +105,7 @@ def test_an_error_or_exception_shows_the_line_and_the_session_goes_on(shell: She
     assert err.startswith(f"x = 1\nerror[R001]: unknown name 'zz'\n{place}")
     assert ".set zz VALUE" in err or "known here" in err
     assert shell.failed
-    assert "help: load it with .load FILE.py; .functions lists the known ones" in said(shell, "foo(1);", capsys)[1]
+    assert "help: load it with .load FILE.py; .functions lists the known ones" in said(shell, "quux(1);", capsys)[1]
     assert said(shell, "x;", capsys) == ("1\n", "")  # what stood behind the error has not run
     assert said(shell, ".load functions.py", capsys) == ("", "functions: twice, broken, begun\n")
     _, err = said(shell, "1;\n broken(2);", capsys)

@@ -100,9 +100,9 @@ def test_options_that_contradict_each_other_are_not_offered(written: str, gone: 
         ("SELECT name FROM people ORDER BY a|", "column", ["age"]),
         ("SELECT a, FROM people WHERE ag|", "", ["age"]),
         # tables, variables and worlds
-        ("SELECT a FROM work.|", "", ["bosses", "staff"]), ("SELECT a FROM p = pe|", "", ["people"]),
-        ("SELECT name FROM people, x = mo|", "", ["moves", "move("]),
-        ("SELECT a FROM sp|", "", ["space", "space.beside("]), ("SELECT a FROM space.|", "", ["beside("]),
+        ("SELECT a FROM work.|", "", ["bosses", "staff"]), ("SELECT a FROM p = peo|", "", ["people"]),
+        ("SELECT name FROM people, x = mov|", "", ["moves", "move("]),
+        ("SELECT a FROM spa|", "", ["space", "space.beside("]), ("SELECT a FROM space.|", "", ["beside("]),
         ("SELECT w| FROM space", "column", ["weight"]),
         ("SELECT c.| FROM c = space.beside(1)", "column", ["id", "title", "x", "weight"]),
         # variables of a search, representations, functions: `ge` stands for an operator
@@ -115,7 +115,7 @@ def test_options_that_contradict_each_other_are_not_offered(written: str, gone: 
         # commands, and what stands behind them
         (".|", "", list(COMMANDS)), ("1;\n.ti|", "", [".timer", ".timeout"]), (".format j|", "", ["json"]),
         (".engine |", "", ["auto", "database", "native", "duckdb", "spark"]), (".read f|", "", ["folder/"]),
-        (".read folder/|", "", ["inner.ss"]), (".attach more st|", "", ["staff.db"]), (".functions mo|", "", ["move"]),
+        (".read folder/|", "", ["inner.ss"]), (".attach more st|", "", ["staff.db"]), (".functions mov|", "", ["move"]),
         (".tables work.|", "", ["work.bosses", "work.staff"]), (".set mo|", "", ["moves"]),
         (".help CONN|", "", ["CONNECT BY"]), (".sql SELECT n| FROM people", "column", ["name"]), (".nothing |", "", []),
     ],

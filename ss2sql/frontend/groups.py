@@ -143,6 +143,12 @@ def _lifted(resolver: Resolver, expr: plan.Expr, query: plan.Query, inside: bool
             if not query.group:  # there may be no row
                 kind = union((kind, type_of(GROUPS[name].nothing)))
             return plan.Aggregate(name, argument, kind, not query.group, span=expr.span)
+        case plan.Call(function=plan.Function(collects=True), arguments=(argument, *others)) if not inside:
+            _refuse_star_within(resolver, expr)
+            kind = GROUPS["collect"].type_of_group(argument.type)
+            collected = plan.Aggregate("collect", argument, kind, not query.group, span=expr.span)
+            beside = (_lifted(resolver, other, query) for other in others)
+            return _typed(resolver, replace(expr, arguments=(collected, *beside)))
     inside = inside or isinstance(expr, plan.Query)
     lifted = rebuild(expr, lambda part: _lifted(resolver, part, query, inside))
     return lifted if lifted is expr else _typed(resolver, lifted)

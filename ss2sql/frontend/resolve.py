@@ -335,7 +335,8 @@ class Resolver:
         if function.builtin and name == "eval":
             self.check_arity(function, len(arguments), span)
             return self.eval(arguments[0], scope, span)
-        if is_aggregate(function) and len(arguments) == 1 and not grouped and not arguments[0].type.may(Kind.LIST):
+        of_a_list = len(arguments) == 1 or (function.collects and arguments)
+        if is_aggregate(function) and of_a_list and not grouped and not arguments[0].type.may(Kind.LIST):
             hint = AGGREGATE_HINT.format(query=over_all_rows(tree, scope))
             raise ResolveError("R008", f"{name} needs a list, and this is not one", span, (hint,))
         for level in scope.outwards() if scope else ():
@@ -394,7 +395,7 @@ class Resolver:
 
 def is_aggregate(function: plan.Function) -> bool:
     """Whether the function aggregates when it is called on the rows of a group."""
-    return function.builtin and function.name in GROUPS
+    return function.collects or (function.builtin and function.name in GROUPS)
 
 
 def _assignments(tree: Any) -> list[ast.Assign]:

@@ -20,26 +20,32 @@ _MEAN = "did you mean '{0}'?"
 
 # Functions that other languages have, and what is written here; {0} and {1} are the arguments of the call.
 _FOREIGN: dict[str, str] = {
-    "coalesce": "write IF({0} != None; {0}; {1})", "ifnull": "write IF({0} != None; {0}; {1})",
-    "nvl": "write IF({0} != None; {0}; {1})", "nullif": "write IF({0} == {1}; None; {0})",
+    **dict.fromkeys(("ifnull", "nvl", "isnull"), "write coalesce({0}, {1})"),
+    "nullif": "write IF({0} == {1}; None; {0})",
     "iif": "write IF(condition; then; else)", "decode": "write IF(condition; then; else)",
     "concat": "strings are joined with +: {0} + {1}", "substr": "a part of a string is {0}[from:to], counted from 0",
     "substring": "a part of a string is {0}[from:to], counted from 0", "mid": "a part of a string is {0}[from:to]",
     "left": "the beginning of a string is {0}[:n]", "right": "the end of a string is {0}[-n:]",
     "length": "write len({0})", "size": "write len({0})", "avg": "write average({0})", "mean": "write average({0})",
     "distinct": "write uniq({0})", "unique": "write uniq({0})", "set": "write uniq({0})",
-    "power": "write {0} ^ {1}", "exists": "write [] != ({0})", "now": "getTime() gives the time in seconds",
+    "power": "write {0} ^ {1}", "exists": "write [] != ({0})",
     "append": "a list is not changed, a new one is made: {0} + [{1}]", "cast": "write int({0}), float({0}) or str({0})",
     "extend": "a list is not changed, a new one is made: {0} + {1}",
+    **dict.fromkeys(("ucase", "toupper"), "write upper({0})"),
+    **dict.fromkeys(("lcase", "tolower"), "write lower({0})"),
+    "trim": "write strip({0})", "startswith": "write starts({0}, {1})", "endswith": "write ends({0}, {1})",
+    **dict.fromkeys(("instr", "position", "charindex", "strpos"), "write find({0}, {1})"),
+    **dict.fromkeys(("group_concat", "string_agg", "listagg"), "write join(SELECT ... AS list, ', ')"),
+    "ceiling": "write ceil({0})", "ln": "write log({0})", "log2": "write log({0}, 2)", "log10": "write log({0}, 10)",
+    "atan": "write atan2({0}, 1)", "radians": "write {0} * pi() / 180", "degrees": "write {0} * 180 / pi()",
+    "hypot": "write norm([{0}, {1}])", "std": "write stddev({0})", "stdev": "write stddev({0})",
+    "var_samp": "write variance({0})", "stddev_samp": "write stddev({0})", "typeof": "write type({0})",
+    "strptime": "write datetime('2024-05-31 12:30')", "current_timestamp": "write now()", "today": "write date(now())",
+    "current_date": "write date(now())", "enumerate": "write zip(range(len({0})), {0})",
 }  # fmt: skip
 # Functions of Python that a session can be given as they are.
 OF_PYTHON: dict[str, str] = {
-    **dict.fromkeys(("upper", "ucase", "toupper"), "str.upper"), **dict.fromkeys(("lower", "lcase"), "str.lower"),
-    **dict.fromkeys(("trim", "strip"), "str.strip"), "ltrim": "str.lstrip", "rtrim": "str.rstrip",
-    **{name: f"str.{name}" for name in ("replace", "split", "startswith", "endswith", "title", "format", "join")},
-    **{name: f"math.{name}" for name in ("floor", "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "exp", "log",
-                                         "log2", "log10", "hypot", "degrees", "radians", "gcd")},
-    **dict.fromkeys(("ceil", "ceiling"), "math.ceil"), "ln": "math.log",
+    "ltrim": "str.lstrip", "rtrim": "str.rstrip", "title": "str.title", "gcd": "math.gcd",
     **dict.fromkeys(("rand", "random"), "random.random"),
 }  # fmt: skip
 

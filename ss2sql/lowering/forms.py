@@ -42,7 +42,9 @@ _ALL, _REVERSED, _VALUE = "all_arguments", "all_reversed", "the_value"
 def _parser(*known: str) -> Any:
     """A parser to which a call stays what is written, but for these functions."""
     base: Any = SQLite.Parser
-    return type(base)("Parser", (base,), {"FUNCTIONS": {name: base.FUNCTIONS[name] for name in known}})
+    syntax = {name: base.FUNCTION_PARSERS[name] for name in ("CAST", "CHAR")}
+    functions = {name: base.FUNCTIONS[name] for name in known}
+    return type(base)("Parser", (base,), {"FUNCTIONS": functions, "FUNCTION_PARSERS": syntax})
 
 
 _PARSER = _parser()
@@ -182,7 +184,7 @@ def _functions(form: Form) -> frozenset[str]:
     """The functions of SQLite that a form calls."""
     texts = [text for text in (form.text, form.check, form.only) if isinstance(text, str)]
     operators = {"glob"} if any(" GLOB " in text for text in texts) else set()
-    return frozenset(operators.union(*(re.findall(r"\b([a-z_0-9]+)\(", text) for text in texts))) - {"cast"}
+    return frozenset(operators.union(*(re.findall(r'\b([a-z_0-9]+)"?\(', text) for text in texts))) - {"cast"}
 
 
 # --- sums and products ---------------------------------------------------------------------------------

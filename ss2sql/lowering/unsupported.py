@@ -147,7 +147,12 @@ def _group_values(query: plan.Query, nested: bool) -> Span | None:
         if not sortable(key_.expr.type):
             return key_.expr.span
     for node in _own_nodes(query):
-        if isinstance(node, plan.Aggregate) and node.argument and not GROUPS[node.function].in_sql(node.argument.type):
+        if (
+            isinstance(node, plan.Aggregate)
+            and node.argument
+            and node.function != "collect"
+            and not GROUPS[node.function].in_sql(node.argument.type)
+        ):
             return node.span
     return None
 
@@ -159,6 +164,12 @@ def _optional(query: plan.Query, nested: bool) -> Span | None:
 
 def _distinct(query: plan.Query, nested: bool) -> Span | None:
     return query.span if query.distinct else None
+
+
+def _collected(query: plan.Query, nested: bool) -> Span | None:
+    """SQL promises no order of the rows in a group."""
+    nodes = (node for node in _own_nodes(query) if isinstance(node, plan.Aggregate))
+    return next((node.span for node in nodes if node.function == "collect"), None)
 
 
 def _limits(query: plan.Query, nested: bool) -> Span | None:
@@ -194,6 +205,7 @@ RULES: tuple[Rule, ...] = (
     Rule("groups over values of several kinds", "group by integers or strings", _group_values),
     Rule("DISTINCT of whole paths", "take DISTINCT out, and write uniq(...) around the query", _distinct),
     Rule("LEFT JOIN in a search", "leave the engine to ss2sql", _optional),
+    Rule("a function of the values of a group, in their order", "leave the engine to ss2sql", _collected),
     Rule("more sources than SQLite can join", "split the query", _limits),
 )
 

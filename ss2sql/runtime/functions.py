@@ -21,7 +21,7 @@ from ss2sql.errors import SessionError
 from ss2sql.frontend.inline import Body, body_of
 from ss2sql.frontend.purity import arity, infer
 from ss2sql.frontend.text import RESERVED as RESERVED_WORDS
-from ss2sql.language.operations import OPERATIONS
+from ss2sql.language.operations import GROUPS, OPERATIONS
 from ss2sql.lowering.names import SQLITE_FUNCTIONS
 from ss2sql.runtime.search_functions import FUNCTIONS as SEARCH_FUNCTIONS
 
@@ -30,7 +30,7 @@ MEMO_LIMIT = 100_000
 # Names that the SQL made by lowering uses for itself; a user's function of such a name gets another one in SQL.
 RESERVED = SQLITE_FUNCTIONS | {
     *("collect", "collect_nothing", "collect_records", "collect_rows", "collect_set", "collect_value"),
-    *("group_average", "group_count", "group_max", "group_min", "group_sum"),
+    *(f"group_{name}" for name in GROUPS),
     *("list", "record", "field"),
     *("truth", "in_turn", "as_key", "recall", "remember", "elements", "search"),
     *("step_cost", "step_heuristic", "step_probability"),
@@ -45,6 +45,7 @@ class UserFunction:
     `inferred` says that the volatility was found in its source, not declared; `body` is what the function computes
     where queries may compute it themselves, else the reason why not. A function that is proven to change nothing
     (`changes` is false) gets its arguments without a copy. `of_world` is what scripts call a function of worlds.
+    One that is an `aggregate` takes a list, with GROUP BY that of the values of a group.
     """
 
     name: str
@@ -60,6 +61,7 @@ class UserFunction:
     body: Body | str = ""
     changes: bool = True
     of_world: str = ""
+    aggregate: bool = False
 
     @property
     def plan(self) -> plan.Function:
@@ -75,6 +77,7 @@ class UserFunction:
             vectorized=self.vectorized,
             of_world=self.of_world,
             has_inverse=self.inverse is not None,
+            collects=self.aggregate,
         )
 
     def inverted(self) -> UserFunction:

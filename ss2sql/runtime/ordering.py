@@ -1,8 +1,9 @@
-"""The order of values: Python's within numbers, within strings and within lists; anything else is an error."""
+"""The order of values: Python's within numbers, strings, lists, and times; anything else is an error."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from datetime import date, datetime, timedelta
 from heapq import nlargest, nsmallest
 from types import NoneType
 from typing import Any, TypeVar
@@ -36,6 +37,8 @@ def decisive(left: Any, right: Any, symbol: str) -> tuple[Any, Any]:
         kind, other = type(first), type(second)
         if (kind in NUMBERS and other in NUMBERS) or (kind is str and other is str):
             return first, second
+        if _are_times(first, second):
+            return first, second
         if kind is not list or other is not list:
             raise _no_order(left, right, first, second, symbol)
         for a, b in zip(first, second, strict=False):
@@ -44,6 +47,15 @@ def decisive(left: Any, right: Any, symbol: str) -> tuple[Any, Any]:
                 break
         else:
             return len(first), len(second)
+
+
+def _are_times(first: Any, second: Any) -> bool:
+    """Two days, two times, both with or without a zone, or two spans of time."""
+    if isinstance(first, datetime) and isinstance(second, datetime):
+        return (first.utcoffset() is None) == (second.utcoffset() is None)
+    days = isinstance(first, date) and isinstance(second, date)
+    plain = not isinstance(first, datetime) and not isinstance(second, datetime)
+    return (days and plain) or (isinstance(first, timedelta) and isinstance(second, timedelta))
 
 
 def _no_order(left: Any, right: Any, first: Any, second: Any, symbol: str) -> ExecutionError:

@@ -7,6 +7,7 @@ import sqlite3
 import weakref
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Any, TypeVar, overload
@@ -133,6 +134,27 @@ class Session:
         self._check_open()
         self.host.register(entry)
         return entry.function
+
+    def aggregate(self, name: str | Callable[..., Any] | None = None, function: Callable[..., Any] | None = None, /,
+                  volatility: plan.Volatility | None = None) -> Any:  # fmt: skip
+        """Registers a Python function of a list as an aggregate: as a decorator, with or without a name, or called.
+
+        With GROUP BY it gets the list of the values of a group that are not None, in their order, and what else stands
+        in the call; else it is a function of a list.
+
+        Raises:
+            SessionError: S002 for a name, signature or volatility that cannot be used.
+        """
+
+        def register(body: Callable[..., Any], called: str | None = None) -> Callable[..., Any]:
+            entry = user_function(called or name_of(body), body, volatility)
+            if entry.maximum == 0:
+                raise SessionError("S002", f"'{entry.name}' takes no list", hints=("give it a parameter for the list",))
+            return self._register(replace(entry, aggregate=True, body="is an aggregate"))
+
+        if callable(name):
+            return register(name)
+        return partial(register, called=name) if function is None else register(function, name)
 
     def representation(self, name: str) -> Callable[[F], F]:
         """Decorator: registers `AS name(arguments)`.

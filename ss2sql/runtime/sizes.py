@@ -19,6 +19,7 @@ from ss2sql.errors import ExecutionError
 from ss2sql.language.operations import OPERATIONS
 from ss2sql.language.operations.arithmetic import add
 from ss2sql.language.operations.lists import RANGE_LIMIT, numbers_from, zipped
+from ss2sql.language.operations.strings import joined, replaced
 from ss2sql.runtime.checking import AT_ONCE
 from ss2sql.runtime.messages import DEPTH_LIMIT, too_deep
 from ss2sql.runtime.rows import too_many
@@ -30,7 +31,7 @@ FEW = 16  # values in a list
 LARGE = 1024  # lists of this size are measured once
 HUGE = 2**20  # to make a value of this size takes as long as a few thousand steps
 # Methods that stand in for built-in functions, since they know the size of the value before it is made.
-MAKERS = {"add": "added", "zip": "zipped", "range": "numbers"}
+MAKERS = {"add": "added", "zip": "zipped", "range": "numbers", "replace": "replaced", "join": "joined"}
 
 Measure = tuple[int, int]  # size and depth
 _NESTING = frozenset({list, dict})
@@ -94,6 +95,18 @@ class Sizes:
             self.room(CELL * len(range(*bounds)[:RANGE_LIMIT]))
         return numbers_from(*bounds)
 
+    def replaced(self, value: Any, old: Any, new: Any) -> Any:
+        """`replace(s, old, new)`."""
+        if type(value) is type(old) is type(new) is str and old:
+            self.room(len(value) + value.count(old) * len(new), "a text")
+        return self.checked(replaced(value, old, new))
+
+    def joined(self, values: Any, separator: Any = "") -> Any:
+        """`join(list, separator)`."""
+        if type(values) is list and type(separator) is str:
+            self.room(len(separator) * len(values), "a text")
+        return self.checked(joined(values, separator))
+
     def maker(self, name: str, python: Callable[..., Any]) -> Callable[..., Any]:
         """A built-in function, whose results are measured where they may be larger than what it is given."""
         if name in MAKERS:
@@ -103,10 +116,10 @@ class Sizes:
 
     # --- measuring -----------------------------------------------------------------------------------------
 
-    def room(self, size: int) -> None:
-        """Raises ExecutionError X014 if there is no room for a list of this size."""
+    def room(self, size: int, what: str = "a list") -> None:
+        """Raises ExecutionError X014 if there is no room for a value of this size."""
         if size > self.limit:
-            raise self.too_large("a list")
+            raise self.too_large(what)
 
     def rows_within(self, rows: Sequence[Sequence[Any]], before: int) -> int:
         """The size of rows and what came before them. Raises ExecutionError X014 if that is too large for a value."""

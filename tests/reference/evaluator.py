@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, assert_never
 
@@ -318,6 +318,11 @@ class History:
         return before[-1] if before else None
 
 
+def _aggregate(node: ast.Call, values: Sequence[Any]) -> Any:
+    """An aggregate of the values; what else stands in the call is a literal."""
+    return aggregate(node.function, values, *(one.value for one in node.arguments[1:] if isinstance(one, ast.Literal)))
+
+
 def in_group(expr: ast.Expr, group: sight.Group) -> tuple[Any, ...]:
     """A key or an aggregate of GROUP BY while the row of a group is made: a tuple of its value, or of nothing."""
     for node, values in group.aggregates:
@@ -326,7 +331,7 @@ def in_group(expr: ast.Expr, group: sight.Group) -> tuple[Any, ...]:
                 values = tuple(
                     value for at, value in enumerate(values) if not any(map(equal, values[:at], [value] * at))
                 )
-            return (len(values) if node.star else aggregate(node.function, values),)
+            return (len(values) if node.star else _aggregate(node, values),)
     for key, value in group.keys:
         if same(key, expr):
             return (value,)

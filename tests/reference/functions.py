@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import functools
 import math
 from collections.abc import Callable, Iterable
@@ -10,7 +11,9 @@ from typing import Any
 
 from .values import Failure, checked, compare, equal, is_number
 
-AGGREGATES = frozenset({"count", "sum", "min", "max", "average"})
+AGGREGATES = frozenset(
+    {"count", "sum", "min", "max", "average", "median", "stddev", "variance", "percentile", "first", "last"}
+)
 
 
 def wrong(why: str) -> Failure:
@@ -152,6 +155,158 @@ def norm(value: Any) -> float:
     return math.hypot(*vector(value))
 
 
+def of_numbers(function: Callable[..., Any]) -> Callable[..., Any]:
+    """A function of the C library on numbers."""
+
+    def compute(*numbers: Any) -> Any:
+        try:
+            return checked(function(*map(a_number, numbers)))
+        except (ValueError, ZeroDivisionError) as error:
+            raise wrong("no real number") from error
+        except OverflowError as error:
+            raise Failure("X004", "too large") from error
+
+    return compute
+
+
+def clamped(value: Any, low: Any, high: Any) -> Any:
+    if compare(low, high) > 0:
+        raise wrong("the bounds are the wrong way round")
+    if compare(value, low) < 0:
+        return low
+    return high if compare(value, high) > 0 else value
+
+
+def of_strings(function: Callable[..., Any]) -> Callable[..., Any]:
+    def compute(*strings: Any) -> Any:
+        if not all(isinstance(one, str) for one in strings):
+            raise wrong("not a string")
+        try:
+            return function(*strings)
+        except ValueError as error:
+            raise wrong(str(error)) from error
+
+    return compute
+
+
+def replaced(value: str, old: str, new: str) -> str:
+    if old == "":
+        raise ValueError("nothing to replace")
+    return new.join(value.split(old))
+
+
+def joined(values: Any, separator: Any = "") -> str:
+    if not isinstance(separator, str):
+        raise wrong("not a string")
+    return separator.join(str(value) for value in a_list(values))
+
+
+def formatted(pattern: Any, *values: Any) -> str:
+    if not isinstance(pattern, str):
+        raise wrong("not a string")
+    try:
+        return pattern.format(*values)
+    except (ValueError, IndexError, TypeError, KeyError, AttributeError) as error:
+        raise wrong(pattern) from error
+
+
+def backwards(value: Any) -> Any:
+    return value[::-1] if isinstance(value, str) else list(reversed(a_list(value)))
+
+
+def flat(values: Any) -> list[Any]:
+    found: list[Any] = []
+    for value in a_list(values):
+        found += value if isinstance(value, list) else [value]
+    return found
+
+
+def index_of(values: Any, wanted: Any) -> int | None:
+    return next((place for place, value in enumerate(a_list(values)) if equal(value, wanted)), None)
+
+
+def difference(left: Any, right: Any) -> list[Any]:
+    gone = a_list(right)
+    return [value for value in a_list(left) if not any(equal(value, other) for other in gone)]
+
+
+def middle(values: Any) -> Any:
+    numbers = sorted(a_number(value) for value in a_list(values))
+    half = len(numbers) // 2
+    if not numbers:
+        return None
+    return float(numbers[half]) if len(numbers) % 2 else average(numbers[half - 1 : half + 1])
+
+
+def variance(values: Any) -> Any:
+    numbers = [a_number(value) for value in a_list(values)]
+    if len(numbers) < 2:
+        return None
+    mean = average(numbers)
+    return checked(mean_of_floats([(number - mean) * (number - mean) for number in numbers], len(numbers) - 1))
+
+
+def deviation(values: Any) -> Any:
+    found = variance(values)
+    return None if found is None else math.sqrt(found)
+
+
+def percentile(values: Any, part: Any) -> Any:
+    numbers = sorted(a_number(value) for value in a_list(values))
+    if not 0 <= a_number(part) <= 1:
+        raise wrong("a part from 0 to 1")
+    if not numbers:
+        return None
+    place = part * (len(numbers) - 1)
+    below = int(place)
+    above = min(below + 1, len(numbers) - 1)
+    return float(numbers[below] * (1 - (place - below)) + numbers[above] * (place - below))
+
+
+def end(place: int) -> Callable[..., Any]:
+    return lambda values: a_list(values)[place] if values else None
+
+
+def type_name(value: Any) -> str:
+    return "None" if value is None else type(value).__name__
+
+
+def a_day(first: Any, *parts: Any) -> Any:
+    return moment(datetime.date, first, parts, lambda day: day.date() if isinstance(day, datetime.datetime) else day)
+
+
+def a_time(first: Any, *parts: Any) -> Any:
+    midnight = datetime.time()
+
+    def whole(day: Any) -> Any:
+        return day if isinstance(day, datetime.datetime) else datetime.datetime.combine(day, midnight)
+
+    return moment(datetime.datetime, first, parts, whole)
+
+
+def moment(kind: Any, first: Any, parts: tuple[Any, ...], whole: Callable[[Any], Any]) -> Any:
+    try:
+        if isinstance(first, int):
+            return kind(*map(an_integer, (first, *parts)))
+        return kind.fromisoformat(first) if isinstance(first, str) else whole(first)
+    except (ValueError, TypeError) as error:
+        raise wrong("no time") from error
+
+
+def span(days: Any, seconds: Any = 0) -> Any:
+    return datetime.timedelta(a_number(days), a_number(seconds))
+
+
+def part_of(name: str, kind: type) -> Callable[..., Any]:
+    def compute(value: Any) -> Any:
+        if not isinstance(value, kind):
+            raise wrong(f"{value!r} has no {name}")
+        found = getattr(value, name)
+        return found() if callable(found) else found
+
+    return compute
+
+
 MANY = 1000
 
 BUILTINS: dict[str, tuple[int, int, Callable[..., Any]]] = {
@@ -173,10 +328,47 @@ BUILTINS: dict[str, tuple[int, int, Callable[..., Any]]] = {
     "float": (1, 1, lambda value: to_number(float, value)),
     "distance": (2, 2, distance),
     "norm": (1, 1, norm),
+    "floor": (1, 1, of_numbers(math.floor)),
+    "ceil": (1, 1, of_numbers(math.ceil)),
+    **{name: (1, 1, of_numbers(getattr(math, name))) for name in ("sin", "cos", "tan", "asin", "acos", "exp")},
+    "atan2": (2, 2, of_numbers(math.atan2)),
+    "log": (1, 2, of_numbers(math.log)),
+    "pi": (0, 0, lambda: math.pi),
+    "clamp": (3, 3, clamped),
+    "upper": (1, 1, of_strings(str.upper)),
+    "lower": (1, 1, of_strings(str.lower)),
+    "strip": (1, 2, of_strings(str.strip)),
+    "split": (1, 2, of_strings(str.split)),
+    "join": (1, 2, joined),
+    "replace": (3, 3, of_strings(replaced)),
+    "starts": (2, 2, of_strings(str.startswith)),
+    "ends": (2, 2, of_strings(str.endswith)),
+    "find": (2, 2, of_strings(str.find)),
+    "format": (1, MANY, formatted),
+    "coalesce": (1, MANY, lambda *values: next((value for value in values if value is not None), None)),
+    "any": (1, 1, lambda values: any(map(bool, a_list(values)))),
+    "all": (1, 1, lambda values: all(map(bool, a_list(values)))),
+    "type": (1, 1, type_name),
+    "reverse": (1, 1, backwards),
+    "flat": (1, 1, flat),
+    "index": (2, 2, index_of),
+    "difference": (2, 2, difference),
+    "median": (1, 1, middle),
+    "stddev": (1, 1, deviation),
+    "variance": (1, 1, variance),
+    "percentile": (2, 2, percentile),
+    "first": (1, 1, end(0)),
+    "last": (1, 1, end(-1)),
+    "date": (1, 3, a_day),
+    "datetime": (1, 6, a_time),
+    "timedelta": (1, 2, span),
+    "now": (0, 0, datetime.datetime.now),
+    **{name: (1, 1, part_of(name, datetime.date)) for name in ("year", "month", "day", "weekday")},
+    **{name: (1, 1, part_of(name, datetime.datetime)) for name in ("hour", "minute", "second")},
 }
 
 
-def aggregate(function: str, values: Iterable[Any]) -> Any:
+def aggregate(function: str, values: Iterable[Any], *others: Any) -> Any:
     """An aggregate of the values of a group: None is skipped."""
     kept = [value for value in values if value is not None]
-    return BUILTINS[function][2](kept)
+    return BUILTINS[function][2](kept, *others)

@@ -51,7 +51,7 @@ def calls_in(ref: Reference, node: Any) -> Iterator[ast.Call]:
 
 
 def only_argument(call: ast.Call) -> ast.Expr:
-    arity(call, 1)
+    arity(call, 2 if call.function == "percentile" else 1)
     return call.arguments[0]
 
 

@@ -6,6 +6,7 @@ Nothing changes a value in place, and everything that goes to a function of the 
 
 from __future__ import annotations
 
+import datetime
 import math
 from collections.abc import Callable, Hashable, Sequence
 from typing import Any
@@ -161,7 +162,14 @@ def compare(left: Any, right: Any) -> int:
             if not equal(a, b):
                 return compare(a, b)
         return compare(len(left), len(right))
+    if are_times(left, right):
+        return int(left > right) - int(left < right)
     raise Failure("X001", f"no order between {left!r} and {right!r}")
+
+
+def are_times(left: Any, right: Any) -> bool:
+    """Two days, two times of day, or two spans of time."""
+    return type(left) is type(right) and isinstance(left, (datetime.date, datetime.timedelta))
 
 
 def compare_keys(left: Any, right: Any) -> int:
@@ -184,6 +192,12 @@ def add(left: Any, right: Any) -> Any:
 
 def arithmetic(operation: Callable[[Any, Any], Any], left: Any, right: Any) -> Any:
     """Python's arithmetic on numbers, with the errors of the language."""
+    times = (datetime.date, datetime.timedelta)
+    if isinstance(left, times) and isinstance(right, times):
+        try:
+            return operation(left, right)
+        except TypeError as error:
+            raise Failure("X001") from error
     if not (is_number(left) and is_number(right)):
         raise Failure("X001", f"no arithmetic on {left!r} and {right!r}")
     try:

@@ -6,17 +6,29 @@ the docs (`call`, `about`, `example`), and tests/test_operations.py, which asks 
 
 from __future__ import annotations
 
-from ss2sql.language.operations import aggregates, arithmetic, comparison, lists, numbers, paths, session, strings
+from ss2sql.language.operations import (
+    aggregates,
+    anything,
+    arithmetic,
+    comparison,
+    dates,
+    lists,
+    numbers,
+    paths,
+    session,
+    strings,
+)
 from ss2sql.language.operations.row import Check as Check
 from ss2sql.language.operations.row import Form as Form
 from ss2sql.language.operations.row import Group as Group
 from ss2sql.language.operations.row import Operation as Operation
 
-PAGES = (arithmetic, comparison, lists, aggregates, numbers, strings, session, paths)
+PAGES = (arithmetic, comparison, lists, aggregates, numbers, strings, anything, dates, session, paths)
 
 OPERATIONS: dict[str, Operation] = {row.name: row for page in PAGES for row in page.OPERATIONS}
 WRITTEN = {name: row for name, row in OPERATIONS.items() if " " not in name}  # the others are no names in scripts
 GROUPS: dict[str, Group] = {name: row.group for name, row in OPERATIONS.items() if row.group is not None}
+GROUPS["collect"] = aggregates.COLLECT
 # Those that always give a bool; in SQL they give a flag.
 PREDICATES = frozenset(name for name, row in OPERATIONS.items() if row.arity == (2, 2) and row.symbol and row.negated)
 OF_OPERATORS = frozenset(name for name, row in OPERATIONS.items() if row.symbol) | {"neg", "item", "slice"}

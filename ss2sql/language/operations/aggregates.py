@@ -9,12 +9,25 @@ import math
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
-from ss2sql.kinds import FLOAT, NOTHING, Kind, Type
+from ss2sql.kinds import FLOAT, NONE, NOTHING, Kind, Type, union
+from ss2sql.language.operations.arguments import as_list, kinds_of_numbers, number, wrong
 from ss2sql.language.operations.intervals import INTEGER, fits, integers, is_nonnegative, numbers
 from ss2sql.language.operations.lists import LENGTH, are_not_lists, length_type
-from ss2sql.language.operations.row import Check, Form, Operation, Types, When, aggregate, each, element, exactly
+from ss2sql.language.operations.row import (
+    Check,
+    Form,
+    Group,
+    Operation,
+    Types,
+    When,
+    aggregate,
+    each,
+    element,
+    exactly,
+    operation,
+)
 from ss2sql.runtime.checking import watched
-from ss2sql.runtime.messages import CURES, check
+from ss2sql.runtime.messages import CURES, check, show
 from ss2sql.runtime.values import freeze
 
 if TYPE_CHECKING:
@@ -139,6 +152,66 @@ def _one_of(*kinds: Kind) -> When:
     return lambda types: types[0].kinds & ~Kind.NONE in kinds
 
 
+def _variance(values: list[Any]) -> float | None:
+    """Of a sample; None of fewer than two values, which have none."""
+    if len(values) < 2:
+        return None
+    middle = mean(values)
+    squares = [(value - middle) * (value - middle) for value in values]
+    return float(check(_sum_of_floats(squares) / (len(values) - 1)))
+
+
+def _deviation(values: list[Any]) -> float | None:
+    found = _variance(values)
+    return None if found is None else math.sqrt(found)
+
+
+def _median(values: list[Any]) -> float:
+    """The middle one of the numbers in order, the mean of two."""
+    ordered = sorted(values)
+    half = len(ordered) // 2
+    return float(ordered[half]) if len(ordered) % 2 else mean(ordered[half - 1 : half + 1])
+
+
+def _percentile(values: Any, part: Any) -> float | None:
+    """The number below which this part of the others lies, on the line between two of them."""
+    kinds_of_numbers("percentile", as_list("percentile", values))
+    if not 0 <= number("percentile", part) <= 1:
+        raise wrong(f"percentile of {show(part)}", "the part is a number from 0 to 1: percentile(x, 0.9)")
+    if not values:
+        return None
+    ordered = sorted(values)
+    place = part * (len(ordered) - 1)
+    below = math.floor(place)
+    low, high = ordered[below], ordered[min(below + 1, len(ordered) - 1)]
+    return float(check(low * (1 - (place - below)) + high * (place - below)))
+
+
+def _end(name: str, place: int, about: str, example: str) -> Operation:
+    """The first or the last element of a list, None of none."""
+
+    def value(values: Any) -> Any:
+        return as_list(name, values)[place] if values or type(values) is not list else None
+
+    value.__name__ = name
+    return operation(
+        name, 1, value, lambda types: union((element(types[0]), NONE)), are_not_lists,
+        call=f"{name}(list)", about=about, example=example, collects=True,
+        python=(Form(f"{{0}}[{place}] if {{0}} else None", each(Kind.LIST)),),
+    )  # fmt: skip
+
+
+def _collect() -> Group:
+    """The values of a group as a list, for functions of a list that ask for their order or take more arguments."""
+
+    def result(kind: Type) -> Type:
+        return Type(Kind.LIST, item=kind, columns=kind.columns)
+
+    return Group(list, [], result, lambda kind: False, lambda kind: False, python=(Form(list),))
+
+
+COLLECT = _collect()
+
 OPERATIONS: tuple[Operation, ...] = (
     aggregate(
         "count", len, Type(Kind.INT, 0, LENGTH), nothing=0, about="the number of elements of a list",
@@ -173,4 +246,22 @@ OPERATIONS: tuple[Operation, ...] = (
         portable=(Form("cast(sum({0}) AS DOUBLE) / count({0})", _averaged),),
         of_floats=lambda values, count: math.fsum(values) / count,
     ),
+    aggregate(
+        "median", _median, FLOAT, about="the middle of a list of numbers, a float",
+        example="[median([5, 1, 3]), median([1, 2])]",
+    ),
+    aggregate(
+        "stddev", _deviation, union((FLOAT, NONE)), about="the standard deviation of a sample",
+        example="stddev([2, 4, 4, 4, 5, 5, 7, 9])", can_fail=lambda kind: True,
+    ),
+    aggregate(
+        "variance", _variance, union((FLOAT, NONE)), about="the variance of a sample", example="variance([1, 2, 3, 4])",
+        can_fail=lambda kind: True,
+    ),
+    operation(
+        "percentile", 2, _percentile, union((FLOAT, NONE)), True, call="percentile(list, part)", collects=True,
+        about="the number below which this part of the others lies", example="percentile([1, 2, 3, 4], 0.5)",
+    ),
+    _end("first", 0, "the first element of a list, None of an empty one", "first([3, 1, 2])"),
+    _end("last", -1, "the last element of a list, None of an empty one", "last([3, 1, 2])"),
 )  # fmt: skip

@@ -6,6 +6,7 @@ import operator
 import sys
 from collections.abc import Callable
 from dataclasses import replace
+from datetime import date, timedelta
 from typing import Any
 
 from ss2sql.errors import ExecutionError
@@ -38,6 +39,7 @@ from ss2sql.language.operations.row import (
 from ss2sql.runtime.messages import check, complex_result, float_overflow, show
 from ss2sql.runtime.ordering import NUMBERS
 
+TIMES = (date, timedelta)
 EXACT = 2**53  # integers up to here are exact as floats
 MOST_FACTORS = 4  # of a product that stands for a power in SQL
 MOST_OF_PYTHON = 8
@@ -59,6 +61,21 @@ def misfit(left: Any, symbol: str, right: Any) -> ExecutionError:
     return ExecutionError("X001", message, hints=(hint,))
 
 
+def of_times(left: Any, symbol: str, right: Any, compute: Callable[[Any, Any], Any]) -> Any:
+    """The sum, difference or ratio of times and the time between them; all else is a misfit."""
+    if not isinstance(left, TIMES) or not isinstance(right, TIMES) or symbol not in "+-/":
+        raise misfit(left, symbol, right)
+    try:
+        return compute(left, right)
+    except TypeError:
+        raise misfit(left, symbol, right) from None
+    except ZeroDivisionError:
+        raise _by_zero(left, symbol, right) from None
+    except OverflowError:
+        message = f"{show(left)} {symbol} {show(right)} is beyond the years 1 to 9999"
+        raise ExecutionError("X004", message, hints=("dates have a year from 1 to 9999",)) from None
+
+
 def _by_zero(left: Any, symbol: str, right: Any) -> ExecutionError:
     hint = "test the divisor first, for example IF(x != 0; ...; ...)"
     return ExecutionError("X002", f"division by zero: {show(left)} {symbol} {show(right)}", hints=(hint,))
@@ -73,7 +90,7 @@ def _binary(name: str, symbol: str, compute: Callable[[Any, Any], Any]) -> Calla
                 return check(compute(left, right))
             except ZeroDivisionError:
                 raise _by_zero(left, symbol, right) from None
-        raise misfit(left, symbol, right)
+        return of_times(left, symbol, right, compute)
 
     value.__name__ = name  # in tracebacks and in generated code
     return value
@@ -108,7 +125,8 @@ def _of_numbers(name: str, symbol: str, compute: intervals.Operation, about: str
     """The row of an operator that takes its extremes over two intervals at their ends."""
 
     def result(types: Types) -> Type:
-        return union(numbers(kind, corners) for kind, corners in results(compute, types))
+        times = Type(Kind.OBJECT) if name != "mul" and all(kind.may(Kind.OBJECT) for kind in types) else NOTHING
+        return union((times, *(numbers(kind, corners) for kind, corners in results(compute, types))))
 
     def can_fail(types: Types) -> bool:
         return not _are_numbers(types) or not all(fits(kind, corners) for kind, corners in results(compute, types))
@@ -130,7 +148,7 @@ def add(left: Any, right: Any) -> Any:
         return check(left + right)
     if kind is other and (kind is str or kind is list):
         return left + right
-    raise misfit(left, "+", right)
+    return of_times(left, "+", right, operator.add)
 
 
 def _add() -> Operation:
@@ -200,6 +218,8 @@ def _quotients(types: Types) -> list[float] | None:
 
 
 def _quotient(types: Types) -> Type:
+    if all(t.may(Kind.OBJECT) for t in types):  # the time between two, in numbers of another such time
+        return Type(Kind.FLOAT)
     if not all(t.may(Kind.NUMBER) for t in types):
         return NOTHING
     corners = _quotients(types)

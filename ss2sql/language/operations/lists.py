@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 from ss2sql.errors import ExecutionError, did_you_mean
@@ -126,7 +127,7 @@ def _from_end(types: Types) -> bool:
     return types[0].kinds == Kind.INT and types[0].high is not None and types[0].high < 0
 
 
-def _index(types: Types) -> bool:
+def _places(types: Types) -> bool:
     """Places in a list or string that are counted from its start."""
     return integers_of_sql(types) and all(kind.at_least(0) for kind in types)
 
@@ -195,7 +196,8 @@ def _extreme(name: str, pick: Callable[[Any], Any], sign: int, keeps: str, last:
         if len(chosen) == 1:
             return chosen[0]
         lists = union(map(intervals.as_list, chosen)) if all(kind.may(Kind.LIST) for kind in chosen) else NOTHING
-        return union((_bounds(chosen, smallest=sign < 0), as_text(chosen), lists))
+        times = Type(Kind.OBJECT) if all(kind.may(Kind.OBJECT) for kind in chosen) else NOTHING
+        return union((_bounds(chosen, smallest=sign < 0), as_text(chosen), lists, times))
 
     def can_fail(types: Types) -> bool:
         if len(types) == 1 and not types[0].only(Kind.LIST):
@@ -328,6 +330,49 @@ def _range_can_fail(types: Types) -> bool:
     return others[0][1] - low > RANGE_LIMIT or high - others[0][0] > RANGE_LIMIT or step[0] <= 0 <= step[1]
 
 
+def _reversed(value: Any) -> Any:
+    return string_or_list("reverse", value)[::-1]
+
+
+def string_or_list(function: str, value: Any) -> Any:
+    """The argument, if it is a string or a list."""
+    if type(value) is str or type(value) is list:
+        return value
+    raise wrong(f"{function} works on lists and strings, not on {show(value)}", "str(...) makes a string of a number")
+
+
+def _flat(values: Any) -> list[Any]:
+    found: list[Any] = []
+    for value in watched(as_list("flat", values)):
+        if type(value) is list:
+            found.extend(value)
+        else:
+            found.append(value)
+    return found
+
+
+def _flat_type(types: Types) -> Type:
+    if not types[0].may(Kind.LIST):
+        return NOTHING
+    item = element(types[0])
+    inner = element(item) if item.may(Kind.LIST) else NOTHING
+    others = replace(item, kinds=item.kinds & ~Kind.LIST, item=None, positions=None, length=None)
+    return Type(Kind.LIST, item=ANY if ANY in (item, inner) else union((inner, others if others.kinds else NOTHING)))
+
+
+def _index(values: Any, wanted: Any) -> int | None:
+    """The place of the first element that equals the value."""
+    try:
+        return as_list("index", values).index(wanted)
+    except ValueError:
+        return None
+
+
+def _difference(left: Any, right: Any) -> list[Any]:
+    gone = set(map(freeze, watched(as_list("difference", right))))
+    return [value for value in watched(as_list("difference", left)) if freeze(value) not in gone]
+
+
 OPERATIONS = (
     operation(
         "item", 2, _item, _item_type, _item_can_fail, call="a[i]", cheap=True,
@@ -340,7 +385,7 @@ OPERATIONS = (
             *_found_in(Kind.LIST, exactly(Kind.INT), "len({0}) > {1} > -1"),  # one from the end is left to the value
         ),
         portable=(
-            Form("list_extract({0}, {1} + 1)", lambda types: types[0].kinds == Kind.LIST and _index(types[1:])),
+            Form("list_extract({0}, {1} + 1)", lambda types: types[0].kinds == Kind.LIST and _places(types[1:])),
         ),
         by_hand=frozenset({"sqlite"}),  # lists that stay the same are packed
     ),
@@ -349,7 +394,7 @@ OPERATIONS = (
         call="a[i:j]", about="a[i:j]: of a list or a string", example="[[1, 2, 3][1:], 'abcd'[:2]]",
         portable=(
             Form("substring({0}, {1} + 1, greatest({2} - {1}, 0))",
-                 lambda types: types[0].kinds == Kind.STR and _index(types[1:])),
+                 lambda types: types[0].kinds == Kind.STR and _places(types[1:])),
         ),
     ),
     operation(
@@ -383,5 +428,24 @@ OPERATIONS = (
         "range", (1, 3), numbers_from, _range_type, _range_can_fail, grows=True,
         call="range(stop), range(start, stop) or range(start, stop, step)", about="range([start,] stop[, step])",
         example="[range(3), range(1, 3), range(6, 0, -2)]",
+    ),
+    operation(
+        "reverse", 1, _reversed, lambda types: union((same_list(types), as_text(types))),
+        lambda types: not types[0].only(Kind.LIST | Kind.STR), call="reverse(x)",
+        about="a list or a string backwards", example="[reverse([1, 2, 3]), reverse('abc')]",
+        python=(Form("{0}[::-1]", each(Kind.LIST | Kind.STR)),), portable=(Form("reverse({0})", exactly(Kind.STR)),),
+    ),
+    operation(
+        "flat", 1, _flat, _flat_type, are_not_lists, call="flat(list)", grows=True,
+        about="a list with the elements of its lists in their places", example="flat([[1, 2], 3, [[4]]])",
+    ),
+    operation(
+        "index", 2, _index, Type(Kind.INT | Kind.NONE, 0, LENGTH), lambda types: are_not_lists(types[:1]),
+        call="index(list, x)", about="the place of the first element that equals x, None without one",
+        example="[index(['a', 'b'], 'b'), index([], 1)]",
+    ),
+    operation(
+        "difference", 2, _difference, same_list, are_not_lists, call="difference(a, b)",
+        about="the elements of the list a that are not in the list b", example="difference([1, 2, 3, 2], [2])",
     ),
 )  # fmt: skip

@@ -1,9 +1,9 @@
-"""Functions of numbers and points."""
+"""Functions of numbers, angles and points."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import chain
 from typing import Any
 
@@ -11,11 +11,23 @@ from ss2sql.errors import ExecutionError
 from ss2sql.kinds import NOTHING, Kind, Type, union
 from ss2sql.language.operations.arguments import INTEGERS, kinds_of_numbers, number, wrong
 from ss2sql.language.operations.arithmetic import FINITE, integers_or_reals, parts, reals, sign_can_fail
-from ss2sql.language.operations.intervals import INTEGER, fits, floats, integers, is_nonnegative, numbers, whole
+from ss2sql.language.operations.intervals import (
+    INTEGER,
+    as_list,
+    as_text,
+    fits,
+    floats,
+    integers,
+    is_nonnegative,
+    numbers,
+    whole,
+)
 from ss2sql.language.operations.row import (
     Check,
     Form,
+    Operation,
     Types,
+    alike,
     each,
     exactly,
     operation,
@@ -24,11 +36,12 @@ from ss2sql.language.operations.row import (
     sql_numbers,
 )
 from ss2sql.runtime.messages import CURES, check, float_overflow, show
-from ss2sql.runtime.ordering import NUMBERS
+from ss2sql.runtime.ordering import NUMBERS, compare
 
 HALF = 8e307  # the difference of two such numbers is finite
 SMALL = 1e306  # of 16 such numbers even the sum is finite
 SAFE = 2**62
+_NUMBERS = each(Kind.NUMBER)
 
 
 def not_numbers(types: Types) -> bool:
@@ -158,6 +171,98 @@ def _points(types: Types) -> bool:
     return bool(vectors[0]) and not not_numbers(list(chain.from_iterable(vectors)))
 
 
+# --- functions of one number ---------------------------------------------------------------------------
+
+
+def _rounding(name: str, compute: Callable[[float], int], about: str, example: str) -> Operation:
+    """`floor` or `ceil`: an integer."""
+
+    def value(given: Any) -> int:
+        return int(check(compute(number(name, given)), CURES["int"]))
+
+    def result(types: Types) -> Type:
+        return union(numbers(Kind.INT, bounds) for bounds in whole(types[0], compute))
+
+    def can_fail(types: Types) -> bool:
+        return not_numbers(types) or not all(fits(Kind.INT, bounds) for bounds in whole(types[0], compute))
+
+    value.__name__ = name
+    return operation(
+        name, 1, value, result, can_fail, call=f"{name}(x)", about=about, example=example,
+        sqlite=(
+            Form("{0}", lambda types: sql_class(types[0]) is not None and sql_integers(types)),
+            Form(f"cast({name}({{0}}) AS INTEGER)", sql_numbers, f"{{0}} BETWEEN {-SAFE} AND {SAFE}"),
+        ),
+        python=(Form(compute, _NUMBERS, Check.SIZE),),
+        portable=(
+            Form("{0}", lambda types: integers_or_reals(types) and exactly(Kind.INT)(types)),
+            Form(f"cast({name}({{0}}) AS BIGINT)", exactly(Kind.FLOAT)),
+        ),
+    )  # fmt: skip
+
+
+def _of_angles(
+    name: str, compute: Callable[..., float], bounds: tuple[float | None, float | None], about: str, example: str
+) -> Operation:
+    """A function of the C library, which every engine would round in its own way: Python's decides, always."""
+
+    def value(*given: Any) -> float:
+        kinds_of_numbers(name, given)
+        try:
+            return float(check(compute(*given)))
+        except ValueError:
+            raise wrong(f"{name} of {' and '.join(map(show, given))} is no real number", _DOMAINS[name]) from None
+        except OverflowError:
+            raise float_overflow() from None
+
+    known = {"atan2": (2, 2), "log": (1, 2)}.get(name, (1, 1))
+    call = {"atan2": "atan2(y, x)", "log": "log(x) or log(x, base)"}.get(name, f"{name}(x)")
+    safe = name in ("sin", "cos", "tan", "atan2")
+    value.__name__ = name
+    return operation(
+        name, known, value, lambda types: Type(Kind.FLOAT, *bounds) if not _no_numbers(types) else NOTHING,
+        lambda types: not_numbers(types) or not safe, call=call, about=about, example=example,
+        python=(Form(compute, _NUMBERS),),
+    )  # fmt: skip
+
+
+def _no_numbers(types: Types) -> bool:
+    return not all(kind.may(Kind.NUMBER) for kind in types)
+
+
+def _log(value: float, base: float = math.e) -> float:
+    if base == math.e:
+        return math.log(value)
+    try:
+        return math.log(value, base)
+    except ZeroDivisionError:  # to base 1
+        raise ValueError from None
+
+
+_DOMAINS = {
+    "asin": "it takes a number from -1 to 1", "acos": "it takes a number from -1 to 1",
+    "log": "it takes a number above 0, and a base above 0 other than 1",
+    "exp": "", "sin": "", "cos": "", "tan": "", "atan2": "",
+}  # fmt: skip
+
+
+def _clamp(value: Any, low: Any, high: Any) -> Any:
+    if compare(low, high) > 0:
+        raise wrong(f"clamp between {show(low)} and {show(high)}", "clamp(x, low, high): the lower bound stands first")
+    return low if compare(value, low) < 0 else high if compare(value, high) > 0 else value
+
+
+def _clamped(types: Types) -> Type:
+    """One of the three; what has no order would fail."""
+    kinds = [kind for kind in (Kind.NUMBER, Kind.LIST, Kind.OBJECT) if all(t.may(kind) for t in types)]
+    found = [as_text(types)]
+    if Kind.NUMBER in kinds:
+        found.append(union(Type(t.kinds & Kind.NUMBER, t.low, t.high) for t in types))
+    if Kind.LIST in kinds:
+        found.append(union(map(as_list, types)))
+    return union((*found, Type(Kind.OBJECT) if Kind.OBJECT in kinds else NOTHING))
+
+
 # --- conversions ---------------------------------------------------------------------------------------
 
 
@@ -212,8 +317,6 @@ def _float_type(types: Types) -> Type:
     return union((found, Type(Kind.FLOAT) if types[0].may(Kind.STR) else NOTHING))
 
 
-_NUMBERS = each(Kind.NUMBER)
-
 OPERATIONS = (
     operation(
         "abs", 1, _absolute, _absolute_type, sign_can_fail,
@@ -260,5 +363,25 @@ OPERATIONS = (
     operation(
         "norm", 1, _norm, _size, _size_can_fail,
         call="norm(list)", about="the length of a list of numbers", example="norm([3, 4])",
+    ),
+    _rounding("floor", math.floor, "the greatest integer that is not above the number", "[floor(2.5), floor(-2.5)]"),
+    _rounding("ceil", math.ceil, "the least integer that is not below the number", "[ceil(2.5), ceil(-2.5)]"),
+    operation(
+        "clamp", 3, _clamp, _clamped, True, call="clamp(x, low, high)",
+        about="x, or the bound that it lies beyond", example="[clamp(7, 0, 5), clamp(3, 0, 5)]",
+        sqlite=(Form("max({1}, min({0}, {2}))", exactly(Kind.INT), "{1} <= {2}"),),
+        python=(Form("{1} if {0} < {1} else {2} if {0} > {2} else {0}", alike, "{1} <= {2}"),),
+    ),
+    _of_angles("sin", math.sin, (-1, 1), "the sine of an angle in radians", "sin(pi() / 2)"),
+    _of_angles("cos", math.cos, (-1, 1), "the cosine of an angle in radians", "cos(0)"),
+    _of_angles("tan", math.tan, (None, None), "the tangent of an angle in radians", "tan(0)"),
+    _of_angles("asin", math.asin, (-2, 2), "the angle with this sine, from -pi() / 2 to pi() / 2", "asin(0)"),
+    _of_angles("acos", math.acos, (0, 4), "the angle with this cosine, from 0 to pi()", "acos(1)"),
+    _of_angles("atan2", math.atan2, (-4, 4), "the angle of the point (x, y), from -pi() to pi()", "atan2(0, 1)"),
+    _of_angles("exp", math.exp, (0, None), "e to the power of x", "exp(0)"),
+    _of_angles("log", _log, (None, None), "the natural logarithm, or that to a base", "[log(1), log(8, 2)]"),
+    operation(
+        "pi", 0, lambda: math.pi, Type(Kind.FLOAT, math.pi, math.pi), False, call="pi()",
+        about="the ratio of a circle's circumference to its diameter", example="pi()",
     ),
 )  # fmt: skip

@@ -12,7 +12,8 @@ Where no form fits, or a check does not hold, the engine calls the value. So a m
 The first form that fits is taken; one without a check only where the call cannot fail.
 
 In a text `{0}` and `{1}` stand for arguments, `{*}` for all of them, `{reversed}` for all of them backwards, `{value}`,
-in a check, for the text of the form. Nothing here imports sqlglot: forms are texts until an engine compiles one.
+in a check, for the text of the form. Nothing here
+imports sqlglot: forms are texts until an engine compiles one.
 """
 
 from __future__ import annotations
@@ -70,10 +71,10 @@ class Group:
         given = self.result(without_none(kind))
         return union((given, type_of(self.nothing))) if kind.may(Kind.NONE) else given
 
-    def of_group(self, values: Iterable[Any], *others: Any) -> Any:
+    def of_group(self, values: Iterable[Any]) -> Any:
         """The aggregate of the values of a group, where None is skipped."""
         kept = [value for value in values if value is not None]
-        return self.value(kept, *others) if kept else self.nothing
+        return self.value(kept) if kept else self.nothing
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,11 +106,14 @@ class Operation:
     cheap: bool = False  # a few machine instructions, so it may be computed twice
     grows: bool = False  # the value may be larger than the arguments together, so it is measured
     group: Group | None = None
+    collects: bool = False  # with GROUP BY the first argument is the list of the values of a group
 
     def function(self, types: Types | None = None) -> Function:
         """What the plan knows of the function; with `types` of one call."""
         raises = types is None or self.can_fail(types)
-        return Function(self.name, *self.arity, self.volatility, raises=raises, reason="built in")
+        return Function(
+            self.name, *self.arity, self.volatility, raises=raises, reason="built in", collects=self.collects
+        )
 
 
 def operation(
@@ -144,15 +148,13 @@ def aggregate(
     in_sql: Callable[[Type], bool] | None = None,
     of_floats: Callable[[Iterable[float], int], float | None] | None = None,
     of_list: dict[str, Any] | None = None,
-    call: str = "",
-    others: int = 0,
     **forms: Any,
 ) -> Operation:
     """The row of an aggregate, which is a function of one list, too: both have one value and one type.
 
     Args:
         name: the function.
-        compute: gets a list of one value at least, and what stands beside the list.
+        compute: gets a list of one value at least.
         result: the type of the value for the type of the elements.
         about, example: see Operation.
         nothing: the value of an empty list.
@@ -160,19 +162,17 @@ def aggregate(
         can_fail: whether a value of such elements can fail; where nothing is said: if they may be no numbers.
         in_sql, of_floats: see Group.
         of_list: what the function of a list has besides, as its forms.
-        call: how it is called.
-        others: how many arguments stand beside the list.
         **forms: those of the aggregate.
     """
 
-    def value(values: list[Any], *beside: Any) -> Any:
+    def value(values: list[Any]) -> Any:
         if accepts is not None:
             accepts(name, values)
-        return compute(values, *beside)
+        return compute(values)
 
-    def value_of_list(argument: Any, *beside: Any) -> Any:
+    def value_of_list(argument: Any) -> Any:
         values = as_list(name, argument)
-        return value(values, *beside) if values else nothing
+        return value(values) if values else nothing
 
     def type_of_list(types: Types) -> Type:
         return union((type_of_value(element(types[0])), type_of(nothing))) if types[0].may(Kind.LIST) else NOTHING
@@ -183,14 +183,14 @@ def aggregate(
     def type_of_value(kind: Type) -> Type:
         return result if isinstance(result, Type) else result(kind)
 
-    may_fail = can_fail or (lambda kind: bool(others) or not kind.only(Kind.NUMBER))
+    may_fail = can_fail or (lambda kind: not kind.only(Kind.NUMBER))
     value_of_list.__name__ = name
-    if of_floats is None and not others and type_of_value(FLOAT).only(Kind.FLOAT | Kind.NONE):
+    if of_floats is None and type_of_value(FLOAT).only(Kind.FLOAT | Kind.NONE):
         of_floats = lambda values, count: value(list(values))  # noqa: E731 - where there is nothing faster
     group = Group(value, nothing, type_of_value, may_fail, in_sql or numbers_or_none, of_floats=of_floats, **forms)
     row = operation(
-        name, 1 + others, value_of_list, type_of_list, fails,
-        call=call or f"{name}(list)", about=about, example=example, group=group,
+        name, 1, value_of_list, type_of_list, fails,
+        call=f"{name}(list)", about=about, example=example, group=group,
     )  # fmt: skip
     return replace(row, **of_list) if of_list else row
 

@@ -8,11 +8,101 @@ from functools import lru_cache
 from typing import Any
 
 from ss2sql.errors import ExecutionError
-from ss2sql.kinds import BOOL, STR, UNENCODABLE, Kind
-from ss2sql.language.operations.row import Form, Operation, each, exactly, operation
+from ss2sql.kinds import BOOL, NOTHING, STR, UNENCODABLE, Kind, Type, union
+from ss2sql.language.operations.arguments import as_list, string, wrong
+from ss2sql.language.operations.intervals import as_text
+from ss2sql.language.operations.lists import LENGTH
+from ss2sql.language.operations.row import Form, Operation, Types, each, element, exactly, operation
 from ss2sql.runtime.messages import show
 
+MOST_WIDTH = 1000  # characters of a value that `format` writes
 _PLAIN = each(Kind.NONE | Kind.NUMBER | Kind.STR)
+_STRINGS, _STRING = each(Kind.STR), exactly(Kind.STR)
+# SQLite knows the letters of ASCII alone, and other databases one capital for each: of a sharp s Python makes SS.
+_ASCII = "{0} NOT GLOB '*[^ -~]*' AND instr({0}, char(0)) = 0"
+
+
+def _not_strings(types: Types) -> bool:
+    return not _STRINGS(types)
+
+
+def _of_strings(name: str, compute: Callable[..., Any], arity: int | tuple[int, int], **others: Any) -> Operation:
+    """A row of a function that takes strings alone and is Python's method."""
+
+    def value(*given: Any) -> Any:
+        return compute(*(string(name, one) for one in given))
+
+    value.__name__ = name
+    others = {"result": as_text, "can_fail": _not_strings, "python": (Form(compute, _STRINGS),), **others}
+    return operation(name, arity, value, others.pop("result"), others.pop("can_fail"), **others)
+
+
+def _split(value: str, separator: str | None = None) -> list[str]:
+    if separator == "":
+        raise wrong("split by an empty string", "the characters of a string are x[0], x[1], ...")
+    return value.split(separator)
+
+
+def _parts(types: Types) -> Type:
+    text = as_text(types[:1])
+    return Type(Kind.LIST, item=text, columns=()) if text != NOTHING else NOTHING
+
+
+def joined(values: Any, separator: Any = "") -> str:
+    """The elements of a list, as `str` writes them, with the separator between them."""
+    return string("join", separator).join(map(str, as_list("join", values)))
+
+
+def _joined_type(types: Types) -> Type:
+    known = _PLAIN([element(types[0])]) and _STRINGS(types[1:])
+    return (STR if known else UNENCODABLE) if types[0].may(Kind.LIST) else NOTHING
+
+
+def _join_can_fail(types: Types) -> bool:
+    return not types[0].only(Kind.LIST) or element(types[0]).may(Kind.STRUCTURED) or _not_strings(types[1:])
+
+
+def replaced(value: Any, old: Any, new: Any) -> str:
+    """The string with `new` in the place of each `old`."""
+    for one in (value, old, new):
+        string("replace", one)
+    if not old:
+        raise wrong("replace of an empty string", "name the part of the string that is to be replaced")
+    return str(value.replace(old, new))
+
+
+_FIELD = re.compile(r"\{\{|\}\}|\{(\d*)(?::([^{}]*))?\}|[{}]")
+
+
+def _formatted(pattern: Any, *values: Any) -> str:
+    """The string with values in the places of `{}`, `{0}` or `{:.2f}`: Python's, without attributes of values."""
+    count = 0
+
+    def field(found: re.Match[str]) -> str:
+        nonlocal count
+        whole, place, spec = found.group(), found.group(1), found.group(2) or ""
+        if whole in ("{{", "}}"):
+            return whole[0]
+        if place is None:
+            raise wrong(f"format cannot read {show(pattern)}", "a value stands in {}, {0} or {:.2f}; {{ is a brace")
+        number = int(place) if place else count
+        count += not place
+        if number >= len(values):
+            message = f"format has no value number {number} for {show(pattern)}"
+            raise wrong(message, "each {} takes one more argument")
+        return _written(values[number], spec)
+
+    return _FIELD.sub(field, string("format", pattern))
+
+
+def _written(value: Any, spec: str) -> str:
+    if any(int(width) > MOST_WIDTH for width in re.findall(r"\d+", spec)):
+        raise wrong(f"format with {spec!r}", f"a value takes at most {MOST_WIDTH} characters")
+    try:
+        return format(value, spec) if spec else str(value)
+    except (ValueError, TypeError, OverflowError):
+        message = f"format cannot write {show(value)} with {spec!r}"
+        raise wrong(message, "{:.2f} writes a number with two digits, {:>8} a string in eight places") from None
 
 
 @lru_cache(maxsize=256)
@@ -63,8 +153,54 @@ OPERATIONS = (
         "str", 1, str, lambda types: STR if _PLAIN(types) else UNENCODABLE, lambda types: types[0].may(Kind.STRUCTURED),
         call="str(x)", about="the value as text", example="str([1, 2.0])", grows=True,
         # Integers look the same everywhere; Python's floats, bools and None do not.
-        sqlite=(Form("{0}", exactly(Kind.STR)), Form("cast({0} AS TEXT)", exactly(Kind.INT))),
+        sqlite=(Form("{0}", _STRING), Form("cast({0} AS TEXT)", exactly(Kind.INT))),
         python=(Form("str({0})", _PLAIN),),
-        portable=(Form("{0}", exactly(Kind.STR)), Form("cast({0} AS VARCHAR)", exactly(Kind.INT))),
+        portable=(Form("{0}", _STRING), Form("cast({0} AS VARCHAR)", exactly(Kind.INT))),
+    ),
+    _of_strings(
+        "upper", str.upper, 1, call="upper(s)", about="the string in capitals", example="upper('abc')", grows=True,
+        sqlite=(Form("upper({0})", _STRING, only=_ASCII),),
+    ),
+    _of_strings(
+        "lower", str.lower, 1, call="lower(s)", about="the string in small letters", example="lower('ABC')", grows=True,
+        sqlite=(Form("lower({0})", _STRING, only=_ASCII),),
+    ),
+    _of_strings(
+        "strip", str.strip, (1, 2), call="strip(s) or strip(s, characters)",
+        about="the string without blanks, or these characters, at its ends",
+        example="[strip(' a b '), strip('--a-', '-')]", result=lambda types: as_text(types[:1]),
+    ),
+    _of_strings(
+        "split", _split, (1, 2), call="split(s) or split(s, separator)", result=_parts, grows=True,
+        about="the parts of a string between blanks or separators", example="[split('a b'), split('a,b', ',')]",
+        can_fail=lambda types: _not_strings(types) or len(types) > 1, python=(),
+    ),
+    operation(
+        "join", (1, 2), joined, _joined_type, _join_can_fail, call="join(list) or join(list, separator)", grows=True,
+        about="the elements of a list as one string", example="[join(['a', 'b']), join([1, 2], '-')]",
+    ),
+    operation(
+        "replace", 3, replaced, as_text, True, call="replace(s, old, new)", grows=True,
+        about="the string with new in the place of each old", example="replace('a-b-c', '-', '+')",
+        sqlite=(Form('"replace"({0}, {1}, {2})', _STRING,
+                     " AND ".join(["{1} <> ''", *(f"instr({{{n}}}, char(0)) = 0" for n in range(3))])),),
+    ),
+    _of_strings(
+        "starts", str.startswith, 2, call="starts(s, part)", about="whether the string begins with a part",
+        example="starts('abc', 'ab')", result=lambda types: BOOL, portable=(Form("starts_with({0}, {1})", _STRING),),
+    ),
+    _of_strings(
+        "ends", str.endswith, 2, call="ends(s, part)", about="whether the string ends with a part",
+        example="ends('abc', 'bc')", result=lambda types: BOOL,
+    ),
+    _of_strings(
+        "find", str.find, 2, call="find(s, part)", about="the place of the first such part, -1 without one",
+        example="[find('abc', 'c'), find('abc', 'x')]", result=lambda types: Type(Kind.INT, -1, LENGTH),
+        sqlite=(Form("instr({0}, {1}) - 1", _STRING, only="instr({0}, char(0)) = 0 AND instr({1}, char(0)) = 0"),),
+    ),
+    operation(
+        "format", (1, None), _formatted, lambda types: union((UNENCODABLE,)) if types[0].may(Kind.STR) else NOTHING,
+        True, call="format(s, a, b, ...)", about="the string with values in the places of {}, {0} or {:.2f}",
+        example="format('{} is {:.2f}', 'pi', pi())", grows=True,
     ),
 )  # fmt: skip
