@@ -7,7 +7,7 @@ expression that fails is replaced by a placeholder and the search for further er
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import Any, assert_never
 
@@ -15,7 +15,7 @@ from ss2sql import plan
 from ss2sql.errors import ResolveError, Span, did_you_mean, several
 from ss2sql.frontend import ast
 from ss2sql.frontend.catalog import Catalog
-from ss2sql.frontend.groups import with_distinct, with_star
+from ss2sql.frontend.groups import counts_all, with_distinct, with_star
 from ss2sql.frontend.inliner import Inliner
 from ss2sql.frontend.path_functions import FUNCTIONS as PATH_FUNCTIONS
 from ss2sql.frontend.path_functions import is_path_function, path_function
@@ -140,8 +140,9 @@ class Resolver:
                 return self.call("slice", self.all((value, *bounds), scope), span, span)
             case ast.Operator(function=function, operands=operands, place=place):
                 if function in ("in", "not_in"):
-                    operands = operands[0], as_list(operands[1])
-                arguments = self.operands(operands, scope)
+                    arguments = self.values(operands[:1], scope) + self.operands((as_list(operands[1]),), scope)
+                else:
+                    arguments = self.values(operands, scope)
                 compared = function in ("eq", "ne") and self.catalog.functions[function].builtin
                 return self.call(function, keys_of(arguments, scope) if compared else arguments, span, place)
             case ast.Between():
@@ -181,6 +182,24 @@ class Resolver:
         return tuple(
             self.guarded(self.operand if isinstance(tree, ast.Name) else self.expression, tree, scope) for tree in trees
         )
+
+    def values(self, trees: Sequence[ast.Expr], scope: Scope | None) -> tuple[plan.Expr, ...]:
+        """Operands of an operator. A query without AS is one value among them, see `as_value`."""
+        pairs = list(zip(trees, self.operands(map(as_value, trees), scope), strict=True))
+        lists = any(value.type.only(Kind.LIST) for tree, value in pairs if not is_value(tree))
+        for tree in filter(is_value, trees if lists else ()):
+            text = tree.span.text if len(tree.span.text) <= 60 else "SELECT ..."
+            message = "this query is one value here, and it meets a list"
+            self.errors.append(ResolveError("R014", message, tree.span, (f"write ({text} AS list)",)))
+        return tuple(self.single(value) if is_value(tree) else value for tree, value in pairs)
+
+    def single(self, value: plan.Expr) -> plan.Expr:
+        """The value of a query that gives a list, where it may have more or less than one."""
+        if not isinstance(value, plan.Subquery) or value.query.representation.name == "value":
+            return value
+        row = OPERATIONS["single"]
+        kind = row.result((value.type,))
+        return plan.Call(row.function((value.type,)), (value,), kind, span=value.span, place=value.span)
 
     def operand(self, tree: ast.Expr, scope: Scope | None) -> plan.Expr:
         """A name where a text without quotes may be meant."""
@@ -260,7 +279,7 @@ class Resolver:
 
     def between(self, tree: ast.Between, scope: Scope | None) -> plan.Expr:
         """`low <= value AND value <= high`; of a value that is not to be read twice, in a query over this one alone."""
-        value, low, high = self.operands((tree.value, tree.low, tree.high), scope)
+        value, low, high = self.values((tree.value, tree.low, tree.high), scope)
         if not is_volatile(value) and not any(isinstance(node, plan.Query) for node in walk(value)):
             return self._within(value, low, high, tree)
         source, span = self.number(), tree.value.span
@@ -435,6 +454,29 @@ def _children(tree: ast.Expr) -> Iterable[ast.Expr]:
         for item in value if isinstance(value, tuple) else (value,):
             if hasattr(type(item), "__dataclass_fields__") and not isinstance(item, Span):
                 yield item
+
+
+def is_value(tree: ast.Expr) -> bool:
+    return isinstance(tree, ast.Query) and tree.representation is None
+
+
+def as_value(tree: ast.Expr) -> ast.Expr:
+    """An operand: a query without AS is the value of its single column, None without a row. Two rows are enough to see.
+
+    Raises ResolveError where it has several columns, or is a search.
+    """
+    if not isinstance(tree, ast.Query) or tree.representation is not None:
+        return tree
+    if tree.connect:
+        message = "a value is meant here, and a search gives paths"
+        raise ResolveError("R014", message, tree.span, ("write AS list for the list of paths",))
+    if len(tree.columns) > 1 or isinstance(tree.columns[0], ast.Star):
+        message = "a query that is one value has one column"
+        raise ResolveError("R014", message, tree.span, ("name one column, or write AS list for a list of all values",))
+    one = (counts_all(tree.columns) and not tree.group) or tree.limit == ast.Literal(1, span=tree.span)
+    two = ast.Literal(2, span=tree.span) if tree.limit is None and not one else tree.limit
+    form = ast.Representation("value" if one else "list", (), (), span=tree.span)
+    return replace(tree, limit=two, representation=form)
 
 
 def as_list(tree: ast.Expr) -> ast.Expr:

@@ -112,13 +112,13 @@ class Reference:
                 return slice_of(*parts)
             case ast.Operator(function="in" | "not_in", operands=(item, ast.Query(representation=None) as query)):
                 values = replace(query, representation=ast.Representation("list", (), (), span=query.span))
-                return self.operate(expr.function, [self.evaluate(item, frame), self.evaluate(values, frame)])
+                return self.operate(expr.function, [self.operand(item, frame), self.evaluate(values, frame)])
             case ast.Operator(function=function, operands=operands):
-                return self.operate(function, [self.evaluate(operand, frame) for operand in operands])
+                return self.operate(function, [self.operand(operand, frame) for operand in operands])
             case ast.Between(value=value, low=low, high=high):
-                value = self.evaluate(value, frame)
-                above = bool(self.operate("ge", [value, self.evaluate(low, frame)]))
-                return above and bool(self.operate("le", [value, self.evaluate(high, frame)]))
+                value = self.operand(value, frame)
+                above = bool(self.operate("ge", [value, self.operand(low, frame)]))
+                return above and bool(self.operate("le", [value, self.operand(high, frame)]))
             case ast.And(parts=parts):
                 return all(bool(self.evaluate(part, frame)) for part in parts)
             case ast.Or(parts=parts):
@@ -139,6 +139,18 @@ class Reference:
                 return sized(incoming(queries.answer(self, expr, frame)))
             case _:
                 assert_never(expr)
+
+    def operand(self, expr: ast.Expr, frame: Frame | None) -> Any:
+        """The value of an operand: a query without AS is that of its single column and its single row, if any."""
+        if not isinstance(expr, ast.Query) or expr.representation is not None:
+            return self.evaluate(expr, frame)
+        if expr.connect or len(expr.columns) > 1 or isinstance(expr.columns[0], ast.Star):
+            raise Failure("R014", "a query as an operand")
+        form = ast.Representation("list", (), (), span=expr.span)
+        values = self.evaluate(replace(expr, representation=form), frame)
+        if not isinstance(values, list) or len(values) > 1:
+            raise Failure("X007", "several rows")
+        return values[0] if values else None
 
     def alone(self, expr: ast.Expr, frame: Frame) -> Any:
         """The value of a SELECT column, GROUP BY or ORDER BY key: a bare name may be a function of `this`."""

@@ -373,7 +373,21 @@ def _difference(left: Any, right: Any) -> list[Any]:
     return [value for value in watched(as_list("difference", left)) if freeze(value) not in gone]
 
 
+def _single(values: Any) -> Any:
+    """The only element of a list, None of an empty one: what a query is worth as an operand."""
+    found = as_list("single", values)
+    if len(found) > 1:
+        hint = "write AS list to compare with a list, or LIMIT 1 for the first row"
+        raise ExecutionError("X007", "this query is to be one value, and it has several rows", hints=(hint,))
+    return found[0] if found else None
+
+
 OPERATIONS = (
+    operation(
+        "single", 1, _single, lambda types: union((element(types[0]), NONE)), True, call="single(list)",
+        about="the only element of a list, None of an empty one; so is (SELECT x FROM t) in a comparison",
+        example="[single([4]), single([])]",
+    ),
     operation(
         "item", 2, _item, _item_type, _item_can_fail, call="a[i]", cheap=True,
         about="a[i]: of a list, a string or a dict", example="[[4, 5][-1], 'abc'[0]]",

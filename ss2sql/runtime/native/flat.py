@@ -37,6 +37,9 @@ def finder(builder: Builder, query: plan.Query, body: Body, aggregates: Sequence
 
     loops.read_once()
     conditions, guarded = placed_conditions(builder, query, loops)
+    if query.aggregated and not query.group:  # there is a group without a row, too, so nothing ends the function early
+        conditions[1] = [*conditions.pop(0, []), *conditions.get(1, [])]
+        guarded = None if guarded is None else max(guarded, 1)
     keyed = keyed_elements([*inside, *where, *outputs, *keys])
     for source in query.sources[1:]:  # the first is walked once
         if source.id in keyed:
