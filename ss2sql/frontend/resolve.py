@@ -467,9 +467,10 @@ def as_value(tree: ast.Expr) -> ast.Expr:
     """
     if not isinstance(tree, ast.Query) or tree.representation is not None:
         return tree
-    if tree.connect:
+    if tree.searches and not tree.last:
         message = "a value is meant here, and a search gives paths"
-        raise ResolveError("R014", message, tree.span, ("write AS list for the list of paths",))
+        hint = "write SELECT LAST for the value of a last step, or add AS list to compare with whole paths"
+        raise ResolveError("R014", message, tree.span, (hint,))
     if len(tree.columns) > 1 or isinstance(tree.columns[0], ast.Star):
         message = "a query that is one value has one column"
         raise ResolveError("R014", message, tree.span, ("name one column, or write AS list for a list of all values",))

@@ -144,7 +144,7 @@ class Reference:
         """The value of an operand: a query without AS is that of its single column and its single row, if any."""
         if not isinstance(expr, ast.Query) or expr.representation is not None:
             return self.evaluate(expr, frame)
-        if expr.connect or len(expr.columns) > 1 or isinstance(expr.columns[0], ast.Star):
+        if (expr.searches and not expr.last) or len(expr.columns) > 1 or isinstance(expr.columns[0], ast.Star):
             raise Failure("R014", "a query as an operand")
         form = ast.Representation("list", (), (), span=expr.span)
         values = self.evaluate(replace(expr, representation=form), frame)
