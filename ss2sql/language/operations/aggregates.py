@@ -79,6 +79,11 @@ def _small_integers(types: Types) -> bool:
     return types[0].kinds & ~Kind.NONE == Kind.INT and types[0].bounded(2**31)
 
 
+def _bounded_floats(types: Types) -> bool:
+    """Floats of which no sum is infinite; SQLite's own sum of them is compensated, too."""
+    return types[0].kinds == Kind.FLOAT and types[0].bounded(1e280)
+
+
 def _items(kinds: Kind) -> When:
     """Lists with elements of these kinds, and not empty ones alone."""
 
@@ -230,6 +235,7 @@ OPERATIONS: tuple[Operation, ...] = (
     aggregate(
         "sum", total, _sum_of_kind, nothing=0, about="the sum of a list of numbers, 0 if it is empty",
         example="[sum([1, 2.5]), sum([])]", can_fail=lambda kind: True,
+        sqlite=(Form("sum({0})", _bounded_floats),),
         python=(Form(total_of_floats, exactly(Kind.FLOAT)), Form(total_of_integers, each(INTEGER))),
         portable=(Form("coalesce(cast(sum({0}) AS BIGINT), 0)", _small_integers),),
         of_floats=lambda values, count: math.fsum(values),

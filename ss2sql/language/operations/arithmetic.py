@@ -426,7 +426,11 @@ OPERATIONS = (
     operation(
         "pow", 2, _power, _power_type, _power_can_fail,
         symbol="^", call="a ^ b", about="a ^ b: a to the power of b", example="[2 ^ 10, 2 ^ -1]",
-        sqlite=tuple(Form(_product(n), _times(n, sql_integers), Check.SIZE) for n in range(1, MOST_FACTORS + 1)),
+        sqlite=(
+            *(Form(_product(n), _times(n, sql_integers), Check.SIZE) for n in range(1, MOST_FACTORS + 1)),
+            # Of floats the function of C that Python calls, too: a product may round otherwise.
+            *(Form("pow({0}, {1})", _times(n, each(Kind.FLOAT)), Check.SIZE) for n in range(2, MOST_FACTORS + 1)),
+        ),
         python=(
             Form("{0} * {0}", _times(2, _WHOLE), f"{-_LIMITS[2]} < {{0}} < {_LIMITS[2]}"),  # a third of the time
             *(Form("{0} ** {1}", _times(n, each(Kind.FLOAT)), f"{-limit:.1f} < {{0}} < {limit:.1f}")
