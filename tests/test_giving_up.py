@@ -150,6 +150,13 @@ def test_what_is_stopped_does_not_begin_again(ss: ss2sql.Session, ending: str) -
     assert not any("twice" in note for note in caught.value.partial.notes)
 
 
+def test_python_has_the_value_of_what_is_too_much_for_sqlite(ss: ss2sql.Session) -> None:
+    script = f"SELECT [{', '.join(['this'] * 2000)}] FROM [1] AS list"
+    assert ss.run(script).value == [[1] * 2000]
+    with pytest.raises(ss2sql.UnsupportedError, match="too much for SQLite: too many arguments"):
+        ss.run(script, engine="database")
+
+
 def test_both_runs_have_one_deadline(ss: ss2sql.Session) -> None:
     """The first takes most of the time and fails; the second calls what SQL has not come to."""
     seen: list[int] = []

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import inspect
 import math
+import sys
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -12,7 +14,7 @@ from purity_samples import Load, load
 from sessions import both
 
 import ss2sql
-from ss2sql.frontend.inline import body_of
+from ss2sql.frontend.inline import Body, body_of
 from ss2sql.frontend.inliner import LIMITS
 
 __all__ = ["load"]  # the fixture
@@ -131,6 +133,7 @@ INLINED: list[tuple[Callable[..., Any], str, list[Any], list[Any]]] = [
     (lambda x, on=True, off=False: 1 if on and x > 0 else 2 if off and x < 0 else 3 if x == 0 or off else 4,
      ONE, Numbers, [1]),
     (lambda x: x in NAME, ONE, ["a", "", "bc", "x"], [1]),
+    (lambda x, y: [bool(x), not (x < y)], TWO, Numbers, Numbers),
 ]  # fmt: skip
 
 
@@ -196,6 +199,18 @@ def test_bodies_that_the_language_does_not_have(function: Callable[..., Any], re
 )
 def test_bodies_that_are_too_large(load: Load, text: str) -> None:
     assert body_of(load(f"def f(x):\n    {text}\n").f) == "is too long"
+
+
+def test_a_body_is_followed_as_deep_as_python_goes(load: Load) -> None:
+    function = load("def f(x): return " + "abs(" * 150 + "x" + ")" * 150).f
+    assert isinstance(body_of(function), Body)
+    limit = sys.getrecursionlimit()
+    sys.setrecursionlimit(len(inspect.stack()) + 200)
+    try:
+        found = body_of(function)
+    finally:
+        sys.setrecursionlimit(limit)
+    assert found == "is nested too deeply to be followed"
 
 
 # --- calls ---------------------------------------------------------------------------------------------

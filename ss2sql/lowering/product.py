@@ -216,11 +216,9 @@ class Product:
         return self._not_before(condition.level, self.levels.of(condition.expr), node)
 
     def _in_order(self, group: list[plan.Expr], level: int, free: list[plan.Expr]) -> Node:
-        """Parts of WHERE that come after one that may fail, as one CASE, which SQLite does not take apart."""
+        """Parts of WHERE that may fail, in their order."""
         node = self.selects.expressions.all_of(tuple(group), self.env)
-        if not any(map(can_fail, group)):
-            node = sql.case([(node, sql.number(1))], sql.number(0))
-        elif isinstance(self.query.sources[level - 1], plan.TableSource):
+        if isinstance(self.query.sources[level - 1], plan.TableSource):
             # SQLite asks first what an index of the table answers, whatever stands before it.
             before = [self.selects.expressions.condition(part, self.env) for part in free]
             node = sql.case([(exp.Not(this=sql.operand(part)), sql.number(0)) for part in before], node)

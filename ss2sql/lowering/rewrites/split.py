@@ -132,16 +132,8 @@ def _factored(parts: list[plan.Expr], common: int, node: plan.Or) -> plan.Expr:
     """`(a AND b) OR (a AND c)` as `a AND (b OR c)`; a branch that is `a` alone makes the rest of no account."""
     first = list(conjuncts(parts[0])[:common])
     rests = [list(conjuncts(part)[common:]) for part in parts]
-    kept: list[plan.Expr] = []
-    for rest in rests:
-        if not rest:
-            break
-        kept.append(all_of(rest, node.span) if len(rest) > 1 else rest[0])
-    else:
-        first.append(any_of(kept, node.span))
-        return all_of(first, node.span)
-    if any(map(is_volatile, kept)):
-        return node
+    if all(rests):
+        first.append(any_of([all_of(rest, node.span) if len(rest) > 1 else rest[0] for rest in rests], node.span))
     return all_of(first, node.span)
 
 
