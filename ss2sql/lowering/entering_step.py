@@ -163,8 +163,9 @@ class EnteringStep:
             if where is not None and stop is not None and _unless(stop, where) is not stop and both:
                 carried[of.live] = _not(self.goal())
             else:
+                asks = both and self._asks_python([self.stop()])
                 carried[of.live] = (
-                    sql.case([(self.goal(), _not(self.stop()))], sql.number(1)) if both else _not(self.stop())
+                    sql.case([(self.goal(), _not(self.stop()))], sql.number(1)) if asks else _not(self.stop())
                 )
         if of.waits is not None:
             carried[of.waits] = self._waits()

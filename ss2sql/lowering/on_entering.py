@@ -59,12 +59,8 @@ class OnEntering(SearchLowering):
         self.states = {name: self._named(short(name)) for name in self.variables}
         self.at_once = set_at_once(query)
         self.known = self._known_calls()
-        self.goal_later = not self.ahead and self._waits_for_its_turn(query.where)
-        self.stop_later = not self.one_result and self._waits_for_its_turn(search.stop)
-        both = self.asks_both and not self.one_result
-        flag = query.where is not None and not self.goal_later and not self.ahead
-        self.goal = self._named("goal") if flag else None
-        self.live = self._named("goes_on") if both and not self.stop_later else None
+        self.goal = self._named("goal") if query.where is not None and not self.ahead else None
+        self.live = self._named("goes_on") if self.asks_both and not self.one_result else None
         self.total = None if self.order.total is None else self._named(self.order.total)
         self.estimate = None if search.heuristic is None else self._named("estimate")
         self.later = None if search.heuristic is None or self.one_result else self._named("estimate_later")
@@ -95,7 +91,7 @@ class OnEntering(SearchLowering):
     @property
     def all_go_on(self) -> bool:
         """Whether every step that enters has children."""
-        flags = self.cut or self.waits is not None or self.live is not None or self.stop_later
+        flags = self.cut or self.waits is not None or self.live is not None
         return not flags and (self.search.repeats != "unique" or self.search.order == "breadth first")
 
     def bookkeeping(self) -> Bookkeeping:
@@ -142,13 +138,6 @@ class OnEntering(SearchLowering):
         done = certain(self.query.where) + certain(self.search.stop)
         return all(any(part == other for other in done) for part in fallible(self.at_once[name]))
 
-    def _waits_for_its_turn(self, clause: plan.Expr | None) -> bool:
-        """Whether a flag is made when the step is taken, because all of its calls have become columns."""
-        if clause is None:
-            return False
-        calls = fallible(clause)
-        return bool(calls) and all(any(call == known for known, _ in self.known) for call in calls)
-
     def now(self) -> Env:
         """Reads a step that was taken: its elements, the state before it, and the calls that became columns."""
         before = {(self.query.id, name): self.column(short) for name, short in self.before.items()}
@@ -173,20 +162,31 @@ class OnEntering(SearchLowering):
     # --- the statement ---------------------------------------------------------------------------------
 
     def statement(self) -> exp.Select:
-        query, search = self.query, self.search
+        query = self.query
         places: list[object] = list(self.fed) if query.aggregated else [output.expr for output in query.columns]
         places += [*query.group, *(() if query.aggregated else (key.expr for key in query.order))]
-        places += [query.where] if self.goal_later else []
-        places += [search.stop] if self.stop_later else []
         self._carry_for(places)
         labels = set(self.selects.needs.labels)
-        first = self.steps(Env().with_states(self.start()), True)
+        start = Env().with_states(self.start())
+        # First steps of their own are those under another condition, or from one of several starts.
+        terms = self.steps(start, True) if self.has_first_steps else [self.start_row(start)]
         self.selects.needs.labels = labels
         after = {(query.id, name): self.column(short) for name, short in self.states.items()}
-        others = self.steps(Env().with_states(after), False)
+        terms += self.steps(Env().with_states(after), False)
         if self.ahead and not self.one_result:
-            others.append(self.again())
-        return self.recursive_query(self.all_names, [*first, *others], self.results())
+            terms.append(self.again())
+        return self.recursive_query(self.all_names, terms, self.results())
+
+    def start_row(self, env: Env) -> exp.Select:
+        """The state of START WITH as the row with the number 0, which is no step: its children are the first steps."""
+        known: dict[str | None, Node] = {"step": sql.number(0), "parent": sql.number(0)}
+        known |= dict.fromkeys((self.depth, self.goal, self.estimate, self.rank), sql.number(0))
+        known |= dict.fromkeys((self.live, self.waits), sql.number(1))
+        known[self.total] = sql.number(1 if self.search.order == "probability" else 0)
+        for name, short_name in self.states.items():
+            known[short_name] = env.states[(self.query.id, name)]
+        outputs = [known.get(name, sql.null()).copy() for name in self.all_names]
+        return sql.select(outputs, [], sql.conjunction(self.visited(env)))
 
     @property
     def all_names(self) -> list[str]:
@@ -277,8 +277,6 @@ class OnEntering(SearchLowering):
             asked.append(self.column(self.waits))
         if self.live is not None:
             asked.append(self.column(self.live))
-        elif self.stop_later and self.search.stop is not None:
-            asked.append(exp.Not(this=sql.operand(self.expressions.condition(self.search.stop, self.now()))))
         still = self.still_counts()
         if self.all_go_on:
             return []
@@ -332,10 +330,10 @@ class OnEntering(SearchLowering):
         asked: list[Node] = []
         if self.goal is not None:
             asked.append(self.column(self.goal))
-        elif self.goal_later and self.query.where is not None:
-            asked.append(self.expressions.condition(self.query.where, now))
         elif self.waits is not None:
             asked.append(exp.Not(this=self.column(self.waits)))
+        elif not self.has_first_steps:
+            asked.append(sql.binary(exp.GT, self.column("step"), sql.number(0)))
         still = self.still_counts()
         if self.search.repeats == "unique" and self.total is not None:
             still = [sql.call("give_once", self.column("step"), self.ranked(self.column(self.total)))]

@@ -155,7 +155,7 @@ class SearchLowering(ABC):
     def start(self) -> dict[tuple[int, str], Node]:
         """The START WITH variables as parameters, or as literals where they are plain.
 
-        Where EACH walks a list, or BY names the state reached, the starts are a table:
+        Where EACH walks a list, or the first steps of a search BY the state reached differ, the starts are a table:
 
             starts(town) AS MATERIALIZED (SELECT this FROM elements(:towns) WHERE visit(this))
 
@@ -176,12 +176,25 @@ class SearchLowering(ABC):
             else:
                 known = self.expressions.lower(value, Env()) if plain else needs.bind(value, name, flag)
                 states[(self.query.id, name)] = known
-        visits = self.keyed and self.search.by == "state"
-        return self._started(opened, states, visits) if each or visits else states
+        return self._started(opened, states) if self.has_first_steps and (each or self.visits) else states
 
-    def _started(
-        self, opened: list[Opened], states: dict[tuple[int, str], Node], visits: bool
-    ) -> dict[tuple[int, str], Node]:
+    @property
+    def has_first_steps(self) -> bool:
+        """Whether first steps are made otherwise than those that follow."""
+        return bool(self.search.each) or self.search.first is not None
+
+    @property
+    def visits(self) -> bool:
+        """Whether the state of a start counts as visited."""
+        return self.keyed and self.search.by == "state"
+
+    def visited(self, env: Env) -> list[Node]:
+        """What lets the state of a start count as visited, where it does."""
+        if not self.visits:
+            return []
+        return [sql.call("visit", *(self.expressions.value(part, env) for part in self.compared))]
+
+    def _started(self, opened: list[Opened], states: dict[tuple[int, str], Node]) -> dict[tuple[int, str], Node]:
         """The START WITH variables as columns of a table, where they are another value in each start."""
         name = self.selects.needs.table("starts")
         moved = {state: node for state, node in states.items() if node.find(exp.Column)}
@@ -189,12 +202,8 @@ class SearchLowering(ABC):
         shown = [sql.alias(node, columns[state]) for state, node in moved.items()] or [
             sql.alias(sql.number(1), "start")
         ]
-        where: list[Node] = []
-        if visits:
-            env = Env().with_states(states)
-            where.append(sql.call("visit", *(self.expressions.value(part, env) for part in self.compared)))
         items = [item for part in opened for item in part.items]
-        self._copy(name, sql.select(shown, items, sql.conjunction(where)))
+        self._copy(name, sql.select(shown, items, sql.conjunction(self.visited(Env().with_states(states)))))
         self.starts = sql.table(name, name)
         return states | {state: sql.column(column, name) for state, column in columns.items()}
 

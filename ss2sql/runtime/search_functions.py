@@ -202,8 +202,9 @@ class SearchState:
         return 1
 
     def expand(self, step: int) -> int:
-        """Counts a step that goes on; always true."""
-        self.expanded += 1
+        """Counts a step that goes on, which the start is not; always true."""
+        if step:
+            self.expanded += 1
         return 1
 
     def enter(self, parent: int, *row: Any) -> int:
@@ -273,7 +274,7 @@ class SearchState:
 
     def arrive(self, step: int) -> int:
         """Whether a step that is taken is the first to reach its row; it then is the one that has."""
-        if self.met.setdefault(self._compared(step), step) == step:
+        if not step or self.met.setdefault(self._compared(step), step) == step:
             return 1
         if step != self.last_dropped:  # it is asked for the result and for the children
             self.last_dropped = step
@@ -300,7 +301,9 @@ class SearchState:
         return 0
 
     def still_best(self, step: int, rank: Any) -> int:
-        """Whether a step that is taken is still the best to its row."""
+        """Whether a step that is taken is still the best to its row; the start is."""
+        if not step:
+            return 1
         key = self._compared(step)
         if self.met[key] < rank:
             return 0
