@@ -214,8 +214,7 @@ def plan(ss: ss2sql.Session, script: str) -> list[str]:
          ["walks the elements of range(3) (as a)", "for each of them, walks the elements of moves (as m)"]),
         ("""SELECT e.dst, e.len FROM e = (SELECT * FROM edge WHERE src == at) START WITH at = 1
             CONNECT BY COST e.len UNIQUE at = e.dst""",
-         ["searches step by step:", "  the first steps:",
-          "    looks up the rows of edge with src = … in its index start_index", "  the steps after them:",
+         ["searches step by step:", "  the start:", "    makes a row of what is known", "  the steps:",
           "    takes the steps that wait in a queue one by one, the cheapest first",
           "    for each of them, looks up the rows of edge with src = … in its index start_index",
           "gives the results as the search finds them"]),

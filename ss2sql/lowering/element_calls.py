@@ -53,16 +53,25 @@ def _asked_of_every_step(query: plan.Query) -> Iterator[plan.Expr]:
     if search.made is not None or search.first is not None:  # which come before all else
         yield from certain(search.made if search.first is None else None)
         return
+    clauses = [*certain(search.stop), *certain(query.where)]
     if search.repeats in ("unique", "no cycle") and search.by == "row":
-        for output in query.columns:
-            yield from certain(output.expr)
-    yield from certain(search.stop)
-    yield from certain(query.where)
+        row = search.key or tuple(output.expr for output in query.columns)
+        yield from (part for expr in row for part in certain(expr))
+        # The clauses are asked of rows that are new. A row that repeats has been asked where it says what they read.
+        clauses = [part for part in clauses if all(read in row for read in _arguments_read(part))]
+    yield from clauses
     if search.stop is None and query.where is None:
         for output in query.columns:
             yield from certain(output.expr)
         for _, expr in search.connect:
             yield from certain(expr)
+
+
+def _arguments_read(part: plan.Expr) -> Iterator[plan.Expr]:
+    """The arguments of a call that read the element or the state."""
+    for argument in part.arguments if isinstance(part, plan.Call) else ():
+        if sources_read(argument) or states_read(argument):
+            yield argument
 
 
 def _is_of_element(call: plan.Call, source: plan.ValueSource) -> bool:
