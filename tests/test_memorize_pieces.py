@@ -26,9 +26,11 @@ def apart(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Any]]:
     met: list[Any] = []
     grown = growing._grown
 
-    def from_pieces(hunt: Any, grow: Any, way: Any, memory: Any) -> Any:
+    def from_pieces(hunt: Any, grow: Any, frozen: bool, way: Any, memory: Any) -> Any:
         met.append(hunt.pieces)
-        return grown(hunt, grow if hunt.pieces is None else growing.growth(hunt.pieces.steps), way, memory)
+        if hunt.pieces is None:
+            return grown(hunt, grow, frozen, way, memory)
+        return grown(hunt, growing.growth(hunt.pieces.steps), False, way, memory)
 
     with monkeypatch.context() as patch:
         patch.setattr(growing, "_grown", from_pieces)

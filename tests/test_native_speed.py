@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
+from functools import wraps
 from typing import Any
 
 import pytest
 
 import ss2sql
-from ss2sql.runtime.functions import UserFunction
-from ss2sql.runtime.native.calls import RememberedCalls
+from ss2sql.runtime.native import single_calls
 from ss2sql.runtime.run import Run
 
 
@@ -109,17 +109,19 @@ SEARCH = script("UNIQUE")
 def forgotten(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
     """How many calls of each function are made without a memory."""
     counts: Counter[str] = Counter()
-    made = RememberedCalls.__init__
 
-    def noting(self: RememberedCalls, function: UserFunction, run: Run, limit: int) -> None:
-        made(self, function, run, limit)
+    @wraps(single_calls.ways_to_call)
+    def ways_to_call(run: Run, function: Any, *given: Any) -> Any:
+        once, remembered, count = made(run, function, *given)
 
-        def noted(call: Callable[..., Any]) -> Callable[..., Any]:
-            return lambda *given: counts.update([function.name]) or call(*given)
+        def noted(*arguments: Any) -> Any:
+            counts[function.name] += 1
+            return once(*arguments)
 
-        self.once, self.once_of_plain = noted(self.once), noted(self.once_of_plain)
+        return noted if once is not remembered else once, remembered, count
 
-    monkeypatch.setattr(RememberedCalls, "__init__", noting)
+    made = single_calls.ways_to_call
+    monkeypatch.setattr(single_calls, "ways_to_call", ways_to_call)
     return counts
 
 

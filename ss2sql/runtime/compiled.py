@@ -16,7 +16,7 @@ from ss2sql.runtime.engines import Engine
 from ss2sql.runtime.framed import framed_answer
 from ss2sql.runtime.native import compile_statement
 from ss2sql.runtime.native.deep import with_room
-from ss2sql.runtime.native.new_calls import call_places
+from ss2sql.runtime.native.single_calls import call_places
 from ss2sql.runtime.result import Result
 from ss2sql.runtime.run import Places, Run, Stats
 from ss2sql.runtime.sql_text import Sql

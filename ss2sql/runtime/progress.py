@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from ss2sql import plan
 from ss2sql.errors import SessionError
+from ss2sql.runtime import ways
 from ss2sql.runtime.paths import Paths
 
 if TYPE_CHECKING:
@@ -57,7 +58,7 @@ class Progress:
     """The line of one run. `show` is called again and again while it works, `end` when it is over.
 
     Executors say here how far they are: `search` is the state of the search that SQLite runs, `reached` the rows on the
-    path of a native search, or the way back from where it is.
+    path of a native search, or the way back from where it is, see ways.py.
     """
 
     def __init__(self, run: Run, stream: Stream, clock: Callable[[], float], width: Callable[[], int]) -> None:
@@ -141,17 +142,13 @@ class Progress:
 
     def _depth(self) -> tuple[int, bool]:
         """The steps from the start to where the search is, 0 where there is none; and whether these are all."""
-        if isinstance(self.reached, list):
-            return len(self.reached) + 1, True
         if self.search is not None:
             if self.search.entered:
                 return depth_of(self.search.kept_steps())
             paths = None if self._run.sink is None else self._run.sink.rows.paths
             return paths.depth(DEEPEST) if isinstance(paths, Paths) else (0, True)
-        depth, way = 0, self.reached
-        while way is not None and depth < DEEPEST:
-            way, depth = way[0], depth + 1
-        return (0 if self.reached is None else depth + 1), way is None
+        depth, whole = ways.depth_of(self.reached, DEEPEST)
+        return (0 if self.reached is None else depth + 1), whole
 
 
 def depth_of(kept: list[Kept] | dict[int, Kept]) -> tuple[int, bool]:

@@ -107,9 +107,12 @@ class Stats:
 
 
 class Host(Protocol):
-    """The session, as a run sees it. `memories` is what worlds remember; `graphs` keeps graphs, in a file."""
+    """The session, as a run sees it. `memories` is what worlds remember; `graphs` keeps graphs, in a file; so many
+    calls of a function are remembered as `memo_limit`.
+    """
 
     memories: Memories
+    memo_limit: int
     graphs: GraphKeeper | None
 
     def variable(self, name: str, run: Run) -> Any: ...

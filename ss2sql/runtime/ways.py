@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 from ss2sql.runtime.rows import Row
 
@@ -13,6 +13,18 @@ Way: TypeAlias = tuple[Any, Row]
 
 # The same with its frozen row and its depth: what `Trail` asks for.
 Place: TypeAlias = tuple[Any, Row, Hashable, int]
+
+START = object()  # what is before the first row of a path
+
+
+class Parents(NamedTuple):
+    """A row that is reached once, with the key of the row before each such row."""
+
+    before: dict[Any, Any]
+    key: Any
+
+
+Path: TypeAlias = list[Row] | Way | Place | Parents | None
 
 
 def path_to(way: Way | Place | None) -> tuple[Row, ...]:
@@ -28,12 +40,34 @@ def path_to(way: Way | Place | None) -> tuple[Row, ...]:
     return tuple(rows[::-1])
 
 
-def depth_of(way: Way | Place | None) -> int:
-    """The number of steps on a way."""
-    depth = 0
-    while way is not None:
-        depth, way = depth + 1, way[0]
-    return depth
+def path_by_parents(before: dict[Any, Any], key: Any, rows: dict[Any, Row] | None) -> tuple[Row, ...]:
+    """The rows from the start to one; `rows` has those made so far of keys that are their only values, else is None."""
+    path: list[Row] = []
+    while key is not START:
+        if rows is None:
+            path.append(key)
+        else:
+            row = rows.get(key)
+            if row is None:
+                row = rows[key] = (key,)
+            path.append(row)
+        key = before[key]
+    return tuple(path[::-1])
+
+
+def depth_of(path: Path, most: float = float("inf")) -> tuple[int, bool]:
+    """The number of steps from the start, `most` at the most, and whether these are all."""
+    if type(path) is list:
+        return len(path), True
+    depth, end = 0, None
+    at: Any = path
+    before: dict[Any, Any] | None = None
+    if isinstance(path, Parents):
+        end, (before, at) = START, path
+    while at is not end and depth < most:
+        at = at[0] if before is None else before[at]
+        depth += 1
+    return depth, at is end
 
 
 class Trail:

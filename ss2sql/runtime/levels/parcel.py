@@ -222,6 +222,7 @@ class _Host:
     def __init__(self, parcel: Parcel) -> None:
         self.memories = Memories()
         self.graphs: GraphKeeper | None = None
+        self.memo_limit = parcel.memo_limit
         self.parcel = parcel
         self.shapes = Shapes(parcel.max_size)
         self.shapes.functions.update(parcel.shapes)

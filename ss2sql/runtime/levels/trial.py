@@ -11,7 +11,8 @@ from typing import Any, TypeAlias
 
 from ss2sql.errors import ExecutionError, Stopped, UnsupportedError
 from ss2sql.lowering.portable.steps import ELEMENTS, too_many_elements
-from ss2sql.runtime.memorize.pieces import Last, Pieces, State
+from ss2sql.runtime.frozen import State
+from ss2sql.runtime.memorize.pieces import Last, Pieces
 from ss2sql.runtime.rows import Row
 from ss2sql.runtime.values import freeze
 

@@ -11,16 +11,16 @@ states that the whole would: bidirectional search as Pohl described it in 1971.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from functools import partial
 from itertools import islice
 from typing import Any
 
 from ss2sql.errors import Stopped
+from ss2sql.runtime.frozen import State
 from ss2sql.runtime.memorize.hunt import Hunt, Steps
-from ss2sql.runtime.memorize.pieces import Last, Pieces, State
+from ss2sql.runtime.memorize.pieces import Last, Pieces
 from ss2sql.runtime.run import Level
-from ss2sql.runtime.values import freeze
 
 MOST_ELEMENTS = 100_000  # of a state; they are kept as a list
 CHECK_EVERY = 255
@@ -38,7 +38,7 @@ class WayBack:
         assert pieces.before is not None
         self.hunt, self.pieces, self.elements = hunt, pieces, elements
         self.before = pieces.before
-        self.key: Callable[[State], Hashable] = _key_of_one if len(hunt.start) == 1 else _key_of_several
+        self.key = hunt.shapes.freeze
         self.depth = 0
         self.edges: dict[Hashable, list[tuple[int, int]]] = {}
         self.seen: set[Hashable] = set()
@@ -60,13 +60,11 @@ class WayBack:
             if not number & CHECK_EVERY:
                 self.hunt.check()
             for position, elements in enumerate(self.elements):
-                found = before(elements + state)
-                if found is None:
+                earlier = before(elements + state)
+                if earlier is None:
                     continue
                 steps += 1
-                earlier, key = found
-                if key is None:
-                    key = key_of(earlier)
+                key = key_of(earlier)
                 known = edges.get(key)
                 if known is None:
                     edges[key] = [(position, depth)]
@@ -84,7 +82,7 @@ class WayBack:
         return not self.last or (bound is not None and depth + self.depth >= bound)
 
     def chosen(self, depth: int, elements: list[Any], state: State) -> list[Any]:
-        """Those elements of a state of that level which still lead to the goal in time."""
+        """Those elements of a frozen state of that level which still lead to the goal in time."""
         return [elements[position] for position in self._positions(depth, state)]
 
     def steps(self, depth: int) -> Steps:
@@ -99,21 +97,13 @@ class WayBack:
 
     def lasts(self, depth: int, state: State) -> list[Last]:
         """The same elements as the clauses take them, with the state."""
-        return [self.elements[position] + state for position in self._positions(depth, state)]
+        return [self.elements[position] + state for position in self._positions(depth, self.key(state))]
 
     def _positions(self, depth: int, state: State) -> list[int]:
         bound = self.hunt.bound
         assert bound is not None
-        known = self.edges.get(self.key(state), ())
+        known = self.edges.get(state, ())
         return sorted(position for position, left in known if depth + left <= bound)
-
-
-def _key_of_one(state: State) -> Hashable:
-    return freeze(state[0])
-
-
-def _key_of_several(state: State) -> Hashable:
-    return tuple(map(freeze, state))
 
 
 def way_back(hunt: Hunt) -> WayBack | None:
@@ -148,14 +138,14 @@ def _elements(hunt: Hunt, pieces: Pieces) -> list[State]:
 
 
 def balanced(way: WayBack, depth: int, level: Sequence[State]) -> WayBack | None:
-    """Lets the way back grow as long as its last level is no larger than that of the other side, `level`.
+    """Lets the way back grow as long as its last level is no larger than that of the other side: `level`, frozen.
 
     Gives None, with a note, where that fails or takes more memory than `max_rows` allows. States that only the way back
     meets need not be states at all for the functions that see them, so what fails there says nothing about the search:
     it goes on from the start alone, and fails where the script says so.
     """
     most = way.hunt.run.max_rows
-    new = set(map(way.key, level)) - way.met  # more than one row may lead to a state
+    new = set(level) - way.met  # more than one row may lead to a state
     way.met |= new
     try:
         while not way.leads(depth) and len(way.last) <= len(new):

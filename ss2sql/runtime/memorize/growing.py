@@ -15,14 +15,16 @@ from typing import TypeAlias
 
 from ss2sql import plan
 from ss2sql.errors import ExecutionError
+from ss2sql.runtime.frozen import State
 from ss2sql.runtime.memorize.both_ends import WayBack, balanced, way_back
 from ss2sql.runtime.memorize.by_length import paths_by_length
 from ss2sql.runtime.memorize.by_weight import paths_by_weight
 from ss2sql.runtime.memorize.graph import Graph
-from ss2sql.runtime.memorize.hunt import Choose, Found, Grow, Hunt, Node, Nodes, State, Steps
+from ss2sql.runtime.memorize.hunt import Choose, Found, Grow, Hunt, Node, Nodes, Steps
 from ss2sql.runtime.memorize.pieces import Last
 from ss2sql.runtime.remembered.steps import Remembering
 from ss2sql.runtime.run import Level
+from ss2sql.runtime.search.contract import Problem
 
 Elements: TypeAlias = Callable[[State], Iterable[Last]]
 
@@ -34,48 +36,62 @@ def memorize(hunt: Hunt) -> Iterator[Found]:
 
 def results_of(hunt: Hunt, graph: Graph) -> Iterator[Found]:
     """The same for the graph that has grown."""
-    if hunt.order in ("cost", "probability"):
+    thaw = hunt.shapes.thawing()
+    by_weight = hunt.order in ("cost", "probability")
+    first = None if by_weight else graph.first_path()
+    if not by_weight and first is None:
+        return
+    if first is not None:  # often the only one
+        rows, last = graph.found(first)
+        yield rows if thaw is None else thaw(rows), last
+    if thaw is not None:
+        graph.rows[1:] = thaw(graph.rows[1:])
+    if by_weight:
         yield from map(graph.found, paths_by_weight(graph, hunt.order == "probability"))
         return
-    first = graph.first_path()
-    if first is not None:
-        yield graph.found(first)
-        marks = graph.marks()
-        others = islice(paths_by_length(graph, marks), 1, None)
-        yield from map(graph.found, others) if marks is None else zip(others, repeat(None))
+    marks = graph.marks()
+    others = islice(paths_by_length(graph, marks), 1, None)
+    yield from map(graph.found, others) if marks is None else zip(others, repeat(None))
 
 
 def grown(hunt: Hunt) -> Graph:
     """The graph of the rows that are reached by at most `hunt.bound` steps."""
     keeper = hunt.run.host.graphs
     memory = None if keeper is None else keeper.remembering(hunt)
-    if memory is None:
-        return _grown(hunt, hunt.grow, way_back(hunt), None)
-    with memory:
-        return _grown(hunt, growth(memory.steps), None, memory)
+    if memory is not None:
+        with memory:
+            return _grown(hunt, growth(memory.steps), False, None, memory)
+    way = way_back(hunt)
+    if way is not None and not way.pieces.chooses:
+        return _grown(hunt, growth(way.pieces.steps), False, way, None)
+    return _grown(hunt, partial(hunt.grow or grow, hunt.problem), True, way, None)
 
 
-def _grown(hunt: Hunt, grow: Grow, way: WayBack | None, memory: Remembering | None) -> Graph:
+def _grown(hunt: Hunt, grow: Grow, frozen: bool, way: WayBack | None, memory: Remembering | None) -> Graph:
+    """The same; `grow` takes nodes whose states are `frozen`, or values, which are known again by their identity."""
     graph = hunt.run.graph = Graph(hunt.check, hunt.bound)
     hunt.flush()
     numbers: dict[Hashable, int] = {}
-    level, levels = [(0, hunt.start)], list[Level]()
+    level: list[Node] = [(0, *hunt.problem.start) if frozen else (0, hunt.start)]
+    levels = list[Level]()
     hunt.stats.levels, hunt.stats.backward = levels, []
     most = hunt.run.max_rows
     while level and (hunt.bound is None or len(levels) < hunt.bound):
         depth = len(levels)
         if memory is not None:
-            memory.level([state for _, state in level])
-        way = way and balanced(way, depth, [state for _, state in level])
+            memory.level([node[1] for node in level])
+        if way is not None:
+            way = balanced(way, depth, [node[1:] if frozen else hunt.shapes.freeze(node[1]) for node in level])
         rows, edges, steps_before = len(graph.rows), len(graph.targets), hunt.stats.generated
         leading = way if way and way.leads(depth) else None
-        states = _prepared(hunt, level, numbers, None if leading is None else partial(leading.lasts, depth))
+        elements = None if leading is None else partial(leading.lasts, depth)
+        nodes: Nodes = level if hunt.run.foreteller is None else _foretold(hunt, level, frozen, numbers, elements)
         onward, choose = grow, None
-        if leading is not None and leading.pieces.chooses:
+        if leading is not None and frozen:
             choose = partial(leading.chosen, depth)
         elif leading is not None:
             onward = growth(leading.steps(depth))
-        level = onward(graph, states, numbers, sys.maxsize if most is None else most + 1, choose)
+        level = onward(graph, nodes, numbers, sys.maxsize if most is None else most + 1, choose)
         if most is not None and len(graph.rows) - 1 > most:
             raise too_many(hunt.query, most)
         hunt.flush()
@@ -84,29 +100,62 @@ def _grown(hunt: Hunt, grow: Grow, way: WayBack | None, memory: Remembering | No
     return graph
 
 
-def _prepared(
-    hunt: Hunt, level: list[tuple[int, State]], numbers: Container[Hashable], elements: Elements | None
-) -> Iterable[tuple[int, State]]:
-    """The level, whose calls other processes make before they are asked for, where that is wanted."""
-    foreteller = hunt.run.foreteller
-    return level if foreteller is None else foreteller.blocks(hunt, level, numbers, elements)
+def _foretold(
+    hunt: Hunt, level: list[Node], frozen: bool, numbers: Container[Hashable], elements: Elements | None
+) -> Nodes:
+    """The level, whose calls other processes make before they are asked for."""
+    states = [hunt.shapes.thaw(node[1:]) if frozen else node[1] for node in level]
+    blocks = hunt.run.foreteller.blocks(hunt, states, numbers, elements)
+    return (node for _, node in zip(blocks, level, strict=True))
+
+
+def grow(
+    problem: Problem, graph: Graph, level: Nodes, seen: dict[Hashable, int], most: int, choose: Choose | None
+) -> list[Node]:
+    """One level of the graph: every step to a row is an edge, the first that leaves a trace makes it a node.
+
+    Gives the nodes of the next level that go on. Ends early beyond `most` rows.
+    """
+    expand = problem.expand
+    rows, goals, edges = graph.rows, graph.goals, graph.edges
+    targets, weights, lasts = graph.targets, graph.weights, graph.lasts
+    following = []
+    for node, *state in level:
+        first = len(targets)
+        for row, key, goal, goes_on, after, weight, _, last in expand(state, seen, choose):
+            if goal is not None:
+                seen[key] = len(rows)
+                rows.append(row)
+                goals.append(goal)
+                edges.append(())
+                if goes_on:
+                    following.append((seen[key], *after))
+            targets.append(seen[key])
+            if problem.weighed:
+                weights.append(weight)
+            if problem.keyed:
+                lasts.append(last)
+        edges[node] = range(first, len(targets))
+        if len(rows) > most:
+            break
+    return following
 
 
 def growth(steps: Steps) -> Grow:
     """The growth of a graph by steps that are given one by one, each evaluated when it is asked for."""
 
     def grow(graph: Graph, level: Nodes, seen: dict[Hashable, int], most: int, _: Choose | None) -> list[Node]:
-        following_level = []
+        following: list[Node] = []
         for node, state in level:
-            for row, goal, following, key, weight, _, last in steps(state, seen):
+            for row, key, goal, goes_on, after, weight, _, last in steps(state, seen):
                 if goal is not None:
                     seen[key] = graph.add_node(row, goal)
-                    if following is not None:
-                        following_level.append((seen[key], following))
+                    if goes_on:
+                        following.append((seen[key], after))
                 graph.add_edge(node, seen[key], weight, last)
             if len(graph.rows) > most:
                 break
-        return following_level
+        return following
 
     return grow
 

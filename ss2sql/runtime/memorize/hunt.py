@@ -7,27 +7,23 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from ss2sql import plan
+from ss2sql.runtime.frozen import Shapes, State
 from ss2sql.runtime.memorize.pieces import Pieces
 from ss2sql.runtime.rows import Row
 from ss2sql.runtime.run import Run, Stats
+from ss2sql.runtime.search.contract import Problem, Step
 
 if TYPE_CHECKING:
     from ss2sql.runtime.memorize.graph import Graph
 
-State: TypeAlias = tuple[Any, ...]
-
-# A step that leaves a trace: its row; whether it is a goal; the state after it, None where it stops; its row
-# frozen; its weight; the estimate of what remains; and its elements with the state before it, for GROUP BY
-# and ORDER BY. With MEMORIZE a step to a row that is known has None for the goal, too.
-Step: TypeAlias = tuple[Row, bool | None, State | None, Hashable, Any, Any, Any]
-
+# What gives the steps from a state, see search/contract.py: here of values, not of frozen ones. `last` is always there.
 Steps: TypeAlias = Callable[[State, Container[Hashable]], Iterator[Step]]
 
 # `grow(graph, level, seen, most, choose)` adds the steps from the nodes of a level to the graph, each evaluated in
-# source order, and gives the nodes that go on: numbers with states. `seen` has the numbers of rows by what stands for
-# them. It ends early when the graph has more than `most` rows and the start. `choose(elements, state)`, where it is
-# given, says which elements of a single list are tried.
-Node: TypeAlias = tuple[int, State]
+# source order, and gives the nodes that go on: each a number, then its state, whose values, where they are frozen,
+# stand side by side. `seen` has the numbers of rows by their keys. It ends early when the graph has more than `most`
+# rows and the start. `choose(elements, state)`, where it is given, says which elements of a single list are tried.
+Node: TypeAlias = tuple[Any, ...]
 Nodes: TypeAlias = Iterable[Node]
 Choose: TypeAlias = Callable[[list[Any], State], list[Any]]
 Grow: TypeAlias = Callable[["Graph", Nodes, dict[Hashable, int], int, Choose | None], list[Node]]
@@ -44,14 +40,17 @@ Find: TypeAlias = Callable[["Hunt"], Iterator[Found]]
 class Hunt:
     """One run of a search.
 
-    `grow` makes a level of the graph. `bound` is MEMORIZE's. `check` ends the run if it has to end; who works for long
-    without making steps calls it. `query` is what is searched for in `run`. `pieces` are the clauses of a search that
-    can be taken apart. `flush` brings `stats` up to date. `keyed`: GROUP BY or ORDER BY ask for the last part of a
-    result.
+    `start` has values; the start of `problem`, and all that its step function gives, are frozen as `shapes` says.
+    `grow(problem, ...)` makes a level of the graph where the step function is inlined. `bound` is MEMORIZE's. `check`
+    ends the run if it has to end; who works for long without making steps calls it. `query` is what is searched for in
+    `run`. `pieces` are the clauses of a search that can be taken apart. `flush` brings `stats` up to date. `keyed`:
+    GROUP BY or ORDER BY ask for the last part of a result.
     """
 
     start: State
-    grow: Grow
+    problem: Problem
+    shapes: Shapes
+    grow: Callable[..., list[Node]] | None
     order: plan.Order
     bound: int | None
     stats: Stats

@@ -8,14 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Container, Hashable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
+from ss2sql.runtime.frozen import State
 from ss2sql.runtime.rows import Row
+from ss2sql.runtime.search.contract import Step
 
-if TYPE_CHECKING:
-    from ss2sql.runtime.memorize.hunt import Step
-
-State: TypeAlias = tuple[Any, ...]
 Last: TypeAlias = tuple[Any, ...]  # the elements of a step and the state before it
 
 
@@ -27,8 +25,8 @@ class Pieces:
     gives the row of a step, and what stands for it where rows are compared; `ends` and `is_goal` ask STOP WITH and
     WHERE and take the row and the state after the step where they are known; `weigh` gives its cost, or its probability
     where `probable`; `follow` gives the state after it. `plain`: all elements are values of the language. `chooses`:
-    the search in one piece can be told by their positions which elements to try, see `Grow`. `freezers` has for each
-    column what makes of its value the stand-in that `row` gives.
+    the search in one piece can be told by their positions which elements to try, see `Grow`. `freezers` make the key of
+    a row, as the step function does.
     """
 
     probable: bool
@@ -39,14 +37,14 @@ class Pieces:
     weigh: Callable[[Last, Row], Any] | None
     follow: Callable[[Last, Row], State]
     goals: Callable[[State], list[State]] | None
-    before: Callable[[Last], tuple[State, Hashable] | None] | None
+    before: Callable[[Last], State | None] | None
     plain: bool
     chooses: bool
     freezers: tuple[Callable[[Any], Hashable], ...]
 
     def key_of(self, row: Row) -> Hashable:
         """What stands for a row that was not made by `row`."""
-        keys = tuple(frozen(value) for frozen, value in zip(self.freezers, row, strict=True))
+        keys = tuple(freezer(value) for freezer, value in zip(self.freezers, row, strict=True))
         return keys if len(keys) > 1 else keys[0]
 
     def steps(self, state: State, seen: Container[Hashable]) -> Iterator[Step]:
@@ -68,4 +66,4 @@ class Pieces:
             if self.probable and not weight:
                 continue
             following = None if ends or goal is None else self.follow(last, row)
-            yield row, goal, following, key, weight, 0, last
+            yield row, key, goal, following is not None, following, weight, None, last

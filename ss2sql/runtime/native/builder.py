@@ -1,6 +1,6 @@
 """Compiles the queries of a unit, each with the queries inside of it.
 
-A query becomes a function that finds its results (flat.py, hunt.py), functions for what stands around them
+A query becomes a function that finds its results (flat.py, search_code.py), functions for what stands around them
 (LIMIT and its kin, groups, the arguments of AS), and a `Task` that puts them together when a run begins.
 """
 
@@ -14,7 +14,7 @@ from typing import Any
 from ss2sql import plan
 from ss2sql.kinds import SCALAR, Kind
 from ss2sql.runtime.functions import MEMO_LIMIT, forget_half
-from ss2sql.runtime.native import flat, hunt
+from ss2sql.runtime.native import flat, search_code
 from ss2sql.runtime.native.aggregates import aggregates_in
 from ss2sql.runtime.native.calls import exact_key
 from ss2sql.runtime.native.endings import Form
@@ -160,16 +160,20 @@ class Builder:
             body.states, body.groups = set(states), dict(groups)
             return body
 
-        own = aggregates_in(query)
+        own, searched = aggregates_in(query), None
+        if query.search is None:
+            finder = flat.finder(self, query, part("rows"), own)
+        else:
+            finder, searched = search_code.finder(self, query, part("rows"), own)
         functions = {
             "settings": self._settings(query, part),
-            "find": (flat.finder if query.search is None else hunt.finder)(self, query, part("rows"), own),
+            "find": finder,
             "group": self._group(query, part),
             "arguments": self._arguments(query, part),
-            "flush": self._flush(pen) if query.search and _counts_apart(query.search) else None,
+            "flush": self._flush(pen) if query.search else None,
         }
         find = unit.find if query is unit.searched else None
-        form = pen.name(unit.constant(Form.of(query, tuple(own), find), "form"))
+        form = pen.name(unit.constant(Form.of(query, tuple(own), searched, find), "form"))
         given = [pen.constant(None) if name is None else pen.name(name) for name in functions.values()]
         task, value, tuples = unit.local("task"), unit.local("value_of"), unit.local("rows_of")
         unit.definitions += [
@@ -277,11 +281,6 @@ def remembered(memo: dict[Any, Any], key: Any, value: Any) -> Any:
         forget_half(memo)
     memo[key] = value
     return value
-
-
-def _counts_apart(search: plan.Search) -> bool:
-    """Whether the functions of a search count their steps."""
-    return search.repeats == "memorize" or not search.plain
 
 
 def label(value: Any) -> str:

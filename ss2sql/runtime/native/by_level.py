@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from ss2sql.runtime.run import Run, Stats
+from ss2sql.runtime.ways import Path, depth_of
 
 
 @dataclass(slots=True)
@@ -56,7 +57,17 @@ class ByLevel:
         return self.levels[number - 1]
 
 
-def at_level_of(run: Run) -> Callable[[int, int, int, bool], None]:
-    assert run.by_level is not None
-    at: Callable[[int, int, int, bool], None] = run.by_level.at
-    return at
+def watcher(run: Run, leveled: bool, flush: Callable[[], None]) -> Callable[..., None] | None:
+    """What hears to which state a search turns: the line of progress, and counts by level, where they are wanted."""
+    progress, by_level = run.progress, run.by_level if leveled else None
+    if progress is None and by_level is None:
+        return None
+
+    def watch(path: Path, first: bool = True) -> None:
+        if progress is not None:
+            progress.reached = path
+        if by_level is not None:
+            flush()
+            by_level.at(depth_of(path)[0], 0, 0, first)
+
+    return watch

@@ -45,8 +45,6 @@ def remembered_call(builder: Builder, node: plan.Call, body: Body) -> ast.expr:
             keys.append(key if isinstance(key, ast.Name) else pen.bind(name, key))
             again.append(pen.name(name))
     unit.page.mark_call(node.place, node.function.name)
-    if new := _new_call(node, body, values, keys):
-        return new
     constant = pen.name(unit.constant(node.function, "function"))
 
     def bound(part: str) -> str:
@@ -66,20 +64,6 @@ def remembered_call(builder: Builder, node: plan.Call, body: Body) -> ast.expr:
     kind = pen.call("type", pen.bind(found, pen.call(bound("get"), pen.bind(asked, key))))
     remembered = [pen.compare(kind, ast.Is(), pen.name("tuple")), pen.call(bound("hit"))]
     return pen.either(pen.both(ast.And(), remembered), pen.name(found), missed)
-
-
-def _new_call(node: plan.Call, body: Body, values: list[ast.expr], keys: list[ast.expr]) -> ast.expr | None:
-    """The call without a look at what is remembered, where it is a new one, see new_calls.py."""
-    pen, key = body.unit.pen_at(node.place), body.unit.analysis.of(node).key
-    way = None if key is None else body.new_calls.get(key)
-    if way is None or not all(isinstance(part, ast.Name) for part in keys):
-        return None
-    own = keys or values
-    states = [own[place] for place, part in enumerate(node.arguments) if isinstance(part, plan.State)]
-    call = body.unit.local(node.function.name)
-    # Before the loop over the elements.
-    body.blocks[0].insert(-1, pen.assign(call, pen.call(way, states[0] if len(states) == 1 else pen.pack(*states))))
-    return pen.call(call, *([pen.pack(*keys)] if keys else []), *values)
 
 
 def keyed_elements(places: list[Any]) -> set[int]:

@@ -71,6 +71,10 @@ class Tally:
         self.add = count(1).__next__
         self._told = 1
 
+    def more(self, number: int) -> None:
+        """Adds so many."""
+        self._told -= number
+
     def taken(self) -> int:
         """How much was added since this was asked the last time."""
         now, before = self.add(), self._told
@@ -86,7 +90,7 @@ class RememberedCalls:
     with the keys joined, or `get(arguments)` where they are plain, gives a Result, to be counted by a call of `hit`, or
     what `missed` or `missed_plain` makes one of. `settle` hands on to the run what was counted.
 
-    `once(keys, *arguments)` and `once_of_plain(*arguments)` make calls that nobody makes twice, and remember nothing.
+    `body` is the function itself, for calls that nobody makes twice; `count(number)` counts them.
     `adopt(arguments, answer)` remembers what a call has given elsewhere; calls may then be `foretold`, as they may
     where another process makes them.
 
@@ -94,19 +98,14 @@ class RememberedCalls:
     of the time of a search would go into looking through them for garbage. So keys are bytes, and so are lists.
     """
 
-    __slots__ = ("adopt", "foretold", "get", "hit", "missed", "missed_plain", "of_any", "of_keys", "of_plain", "once",
-                 "once_of_plain", "settle")  # fmt: skip
+    __slots__ = ("adopt", "body", "count", "foretold", "get", "hit", "missed", "missed_plain", "of_any", "of_keys",
+                 "of_plain", "settle")  # fmt: skip
 
     def __init__(self, function: UserFunction, run: Run, limit: int) -> None:
         memo, objects, copied = dict[Any, Any](), Pool(), function.changes
         made, hits = Tally(), Tally()
         get, hit = memo.get, hits.add
-        call, body, checked, count = (
-            checked_call(function, run, made.add),
-            function.function,
-            checked_result(function),
-            made.add,
-        )
+        call = checked_call(function, run, made.add)
         if run.foreteller is not None:
             call = run.foreteller.call_of(function, call)
 
@@ -228,22 +227,8 @@ class RememberedCalls:
             if len(memo) < limit:
                 memo[key] = answer if type(answer) is Refused else (answer, None)
 
-        def once(keys: tuple[bytes, ...], *arguments: Any) -> Result:
-            return call(map(loads, keys) if copied else arguments)
-
-        def once_of_two(keys: tuple[bytes, bytes], one: Any, other: Any) -> Result:
-            """The same with two calls in Python less, 0.3 us of 1.6."""
-            if run.interrupted or run.bounds.deadline is not None:
-                run.check()
-            count()
-            return checked(body(loads(keys[0]), loads(keys[1])) if copied else body(one, other))
-
-        def once_of_plain(*arguments: Any) -> Result:
-            return call(arguments)
-
         self.adopt, self.foretold = adopt, run.foreteller is not None
-        self.once_of_plain = once_of_plain
-        self.once = once_of_two if function.minimum == function.maximum == 2 else once
+        self.body, self.count = function.function, made.more
         self.get, self.hit, self.settle = get, hit, settle
         self.of_plain, self.of_keys = of_plain, of_keys
         self.of_any: Callable[..., Result] = of_one if function.maximum == 1 else of_any

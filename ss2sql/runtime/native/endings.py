@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ss2sql import plan
 from ss2sql.errors import Error
 from ss2sql.runtime.memorize.hunt import Find
 from ss2sql.runtime.rows import Row, Rows, too_many
 from ss2sql.runtime.values import freeze, places_in_order
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.native.search_code import SearchForm
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,12 +26,18 @@ class Form:
     aggregates: tuple[plan.Aggregate, ...]
     groups: int
     descending: tuple[bool, ...]
+    search: SearchForm | None = None
     find: Find | None = None
 
     @staticmethod
-    def of(query: plan.Query, aggregates: tuple[plan.Aggregate, ...], find: Find | None = None) -> Form:
-        columns = tuple(output.name for output in query.columns)
-        return Form(query, columns, aggregates, len(query.group), tuple(key.descending for key in query.order), find)
+    def of(
+        query: plan.Query,
+        aggregates: tuple[plan.Aggregate, ...],
+        search: SearchForm | None = None,
+        find: Find | None = None,
+    ) -> Form:
+        columns, descending = tuple(output.name for output in query.columns), tuple(k.descending for k in query.order)
+        return Form(query, columns, aggregates, len(query.group), descending, search, find)
 
 
 class Ending:

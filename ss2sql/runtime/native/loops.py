@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, assert_never
 from ss2sql import plan
 from ss2sql.errors import Stopped
 from ss2sql.kinds import Kind
+from ss2sql.runtime.frozen import freeze_any
 from ss2sql.runtime.native.calls import exact_key
 from ss2sql.runtime.native.expressions import PLAIN, expression
 from ss2sql.runtime.native.facts import Facts
@@ -35,7 +36,6 @@ from ss2sql.runtime.native.pen import Pen
 from ss2sql.runtime.native.unit import MOST_LOOPS, Body
 from ss2sql.runtime.native.worlds import Demand, demand_of, world_items
 from ss2sql.runtime.sources import elements, elements_or_none
-from ss2sql.runtime.values import freeze
 from ss2sql.walk import cuts_off, walk
 
 if TYPE_CHECKING:
@@ -125,7 +125,7 @@ class Loops:
         makers: list[ast.expr] = []
         if frozen:
             self.frozen[source.id] = unit.local("key")
-            makers.append(pen.name(unit.helper(freeze)))
+            makers.append(pen.name(unit.helper(freeze_any)))
         if keyed:
             unit.keys[source.id] = unit.local("exact")
             makers.append(pen.name(unit.helper(exact_key)))

@@ -59,17 +59,12 @@ def meter_of(run: Run) -> Callable[[int, int, int], int]:
     return meter
 
 
-def steps_pace_of(run: Run) -> Callable[[int, int, int, Any], int]:
-    """The same for searches that count from one look to the next; gives the number of steps until then.
+def steps_pace_of(run: Run) -> Callable[[int, int, int], int]:
+    """The same for searches that count from one look to the next; gives the number of steps until then."""
+    count, pace = counts_of(run), Pace(run).next
 
-    `reached` is where the search is: the rows on its path, or the way back to the start.
-    """
-    count, pace, progress = counts_of(run), Pace(run).next, run.progress
-
-    def meter(generated: int, expanded: int, pruned: int, reached: Any) -> int:
+    def meter(generated: int, expanded: int, pruned: int) -> int:
         count(generated, expanded, pruned)
-        if progress is not None:
-            progress.reached = reached
         return pace(0)
 
     return meter
@@ -85,6 +80,22 @@ def counts_of(run: Run) -> Callable[[int, int, int], None]:
         stats.pruned += pruned
 
     return count
+
+
+def looks_of(run: Run) -> Callable[[int], None]:
+    """Counts the steps of a state that were known, and looks at the clock now and then."""
+    stats, pace = run.stats, Pace(run).next
+    steps, due = 0, 1
+
+    def look(elements: int) -> None:
+        nonlocal steps, due
+        stats.generated += elements
+        stats.expanded += 1
+        steps += elements
+        if steps >= due:
+            due = pace(steps)
+
+    return look
 
 
 class Parts:

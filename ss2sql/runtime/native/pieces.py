@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING
 
 from ss2sql import plan
 from ss2sql.kinds import Kind
+from ss2sql.runtime.frozen import FREEZERS, Shape
 from ss2sql.runtime.memorize.reverse import Reverse, reverse_of
 from ss2sql.runtime.native import options
 from ss2sql.runtime.native.expressions import expression
 from ss2sql.runtime.native.facts import OWN_GROUP
 from ss2sql.runtime.native.loops import Loops
-from ss2sql.runtime.native.step_code import freezer
 from ss2sql.runtime.native.unit import UNSET, Body
 from ss2sql.walk import set_at_once, walk
 
@@ -36,17 +36,20 @@ def can_be_taken_apart(builder: Builder, query: plan.Query) -> bool:
     return all(fact.steady and OWN_GROUP not in fact.groups for fact in facts)
 
 
-def pieces(builder: Builder, query: plan.Query, outer: Body, loops: Loops, chooses: bool) -> ast.expr:
+def pieces(
+    builder: Builder, query: plan.Query, outer: Body, loops: Loops, chooses: bool, columns: Sequence[Shape]
+) -> ast.expr:
     """The generated functions, in the order of the fields of `Pieces`; None where the search stays in one piece."""
     pen = builder.unit.pen_at(query.span)
     if not can_be_taken_apart(builder, query):
         return pen.constant(None)
     assert query.search is not None
     writer = Writer(builder, query, outer)
+    freezers = [pen.name(builder.unit.helper(FREEZERS[shape])) for shape in columns]
     stop, where, weight = query.search.stop, query.where, query.search.weight
     names = [
         writer.elements(loops),
-        writer.row(),
+        writer.row(freezers),
         None if stop is None else writer.truth("ends", stop),
         None if where is None else writer.truth("is_goal", where),
         None if weight is None else writer.weight(weight),
@@ -57,8 +60,7 @@ def pieces(builder: Builder, query: plan.Query, outer: Body, loops: Loops, choos
     probable = pen.constant(query.search.order == "probability")
     plain = not any(source.id in builder.unit.tuples or source.id in builder.unit.worlds for source in query.sources)
     functions = (pen.constant(None) if name is None else pen.name(name) for name in names)
-    freezers = pen.pack(*(pen.name(writer.unit.helper(freezer(expr))) for expr in writer.outputs))
-    return pen.pack(probable, *functions, pen.constant(plain), pen.constant(chooses), freezers)
+    return pen.pack(probable, *functions, pen.constant(plain), pen.constant(chooses), pen.pack(*freezers))
 
 
 class Writer:
@@ -85,14 +87,11 @@ class Writer:
         inner.define()
         return body.name
 
-    def row(self) -> str:
+    def row(self, freezers: list[ast.expr]) -> str:
         """The row of a step, and what stands for it where rows are compared."""
         body, pen = self._function("row", ["last"], self.outputs), self.pen
         values = [body.variable(expression(self.builder, expr, body), pen, "value") for expr in self.outputs]
-        keys = []
-        for expr, value in zip(self.outputs, values, strict=True):
-            plain = expr.type.only(Kind.NONE | Kind.NUMBER | Kind.STR)
-            keys.append(value if plain else pen.call(self.unit.helper(freezer(expr)), value))
+        keys = [pen.call(freezer, value) for freezer, value in zip(freezers, values, strict=True)]
         body.add(pen.back(pen.pack(pen.pack(*values), keys[0] if len(keys) == 1 else pen.pack(*keys))))
         body.define()
         return body.name
@@ -148,10 +147,7 @@ class Writer:
         return body.name
 
     def before(self, reverse: Reverse) -> str:
-        """The state before a step, from its elements and the state after it, and its frozen form where that is at hand.
-
-        None where there is no such state.
-        """
+        """The state before a step, from its elements and the state after it; None where there is none."""
         exprs = [expr for expr in reverse.before if expr is not None]
         self.unit.analysis.include(tuple(exprs))
         body, pen = self._function("before", ["last"], exprs), self.pen
@@ -161,18 +157,18 @@ class Writer:
                 values.append(self._undone(expr, body))
             else:
                 values.append(pen.name(after) if expr is None else expression(self.builder, expr, body))
-        key = pen.name("key") if len(values) == 1 and isinstance(values[0], ast.Name) else pen.constant(None)
-        body.add(pen.back(pen.pack(pen.pack(*values), key)))
+        body.add(pen.back(pen.pack(*values)))
         body.define()
         return body.name
 
     def _undone(self, expr: plan.Call, body: Body) -> ast.expr:
-        """The value of an inverse, with its frozen form in `key`; ends the function where it is None."""
+        """The value of an inverse; ends the function where it is None."""
         unit, pen = self.unit, self.unit.pen_at(expr.place)
         arguments = pen.pack(*(expression(self.builder, argument, body) for argument in expr.arguments))
         unit.page.mark_call(expr.place, expr.function.name)
         value = unit.local("before")
-        body.add(pen.unpack([value, "key"], pen.call(unit.function(expr.function, pen), arguments)))
+        result = pen.call(unit.function(expr.function, pen), arguments)
+        body.add(pen.assign(value, pen.item(result, 0)))
         nothing = pen.compare(pen.name(value), ast.Is(), pen.constant(None))
         body.add(pen.when(nothing, pen.back(pen.constant(None))))
         return pen.name(value)

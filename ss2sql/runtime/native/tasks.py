@@ -3,21 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Hashable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice
 from operator import itemgetter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ss2sql import plan
+from ss2sql.runtime.frozen import Thaw
+from ss2sql.runtime.memorize.growing import memorize
 from ss2sql.runtime.memorize.hunt import Found, Hunt
 from ss2sql.runtime.memorize.pieces import Pieces
+from ss2sql.runtime.native.by_level import watcher
 from ss2sql.runtime.native.endings import Ending, Form
 from ss2sql.runtime.native.options import least_of
-from ss2sql.runtime.native.searches import SEARCHES
+from ss2sql.runtime.native.pace import counts_of, looks_of
 from ss2sql.runtime.rows import Row, Rows, too_many
 from ss2sql.runtime.run import Run
+from ss2sql.runtime.search import search_of
+from ss2sql.runtime.search.contract import Expand, Problem
+from ss2sql.runtime.search.remembered_steps import RememberedSteps, ignore
 from ss2sql.runtime.values import freeze
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.native.search_code import SearchForm
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,8 +105,7 @@ class Task:
                 self._stream(found, results, settings.limit, settings.offset or 0, most)
         finally:
             every.close()  # so that a search hands on what it has counted
-            if self.flush is not None:
-                self.flush()
+            self._flush()
         return answer
 
     @property
@@ -107,35 +115,75 @@ class Task:
 
     def _found(self, bound: int | None, outer: tuple[Any, ...]) -> Generator[Any, None, None]:
         """The results as they are found; `bound` is MEMORIZE's."""
-        search = self.form.query.search
+        search, form = self.form.query.search, self.form.search
         if search is None:
             return self.find(*outer)  # type: ignore[no-any-return]
-        if search.repeats == "memorize" and search.plain:
-            return self._memorized(search, bound, outer)
-        paths = self.find(*outer)
-        next(paths)  # evaluates START WITH, and what is read once
-        return paths if search.plain else _sent(paths, bound)
+        if form is None:
+            paths = self.find(*outer)
+            next(paths)  # evaluates START WITH, and what is read once
+            return _sent(paths, bound)
+        start, function, keys, pieces = self.find(*outer)
+        likeliest, weighed = search.order == "probability", search.weight is not None
+        alone = len(form.shapes.columns) == 1
+        last = self.form.query.last
+        problem = Problem(start, function, search.repeats, likeliest, weighed, keys is not None, alone, last)
+        if search.repeats == "memorize":
+            hunt = self._hunt(search, form, problem, bound, pieces and Pieces(*pieces))
+            return self._paths((self.form.find or memorize)(hunt), keys, None)
+        problem = replace(
+            problem, expand=self._expand(form, function), watch=watcher(self.run, form.leveled, self._flush)
+        )
+        loop = function if form.inlined else search_of(search)
+        return self._paths(loop(problem), keys, form.shapes.thawing())
 
-    def _memorized(self, search: plan.Search, bound: int | None, outer: tuple[Any, ...]) -> Generator[Any, None, None]:
-        """The paths of the graph that MEMORIZE makes."""
-        start, grow, keys, pieces = self.find(*outer)
-        query, stats, check = self.form.query, self.run.stats, self.run.check
-        taken_apart, flush = pieces and Pieces(*pieces), self.flush or (lambda: None)
-        keyed = keys is not None
-        hunt = Hunt(start, grow, search.order, bound, stats, check, query, self.run, taken_apart, flush, keyed)
-        find = self.form.find or SEARCHES[search.order, search.repeats]
-        assert not isinstance(find, str)
-        return self._paths(find(hunt), keys)
+    def _flush(self) -> None:
+        if self.flush is not None:
+            self.flush()
 
-    def _paths(self, found: Iterator[Found], keys: Callable[[Any], Row] | None) -> Generator[Any, None, None]:
-        if self.form.query.last:
-            found = ((path[-1], last) for path, last in found)
+    def _hunt(
+        self, search: plan.Search, form: SearchForm, problem: Problem, bound: int | None, pieces: Pieces | None
+    ) -> Hunt:
+        """The search that makes the graph of MEMORIZE."""
+        return Hunt(
+            start=form.shapes.thaw(problem.start),
+            problem=problem,
+            shapes=form.shapes,
+            grow=problem.expand if form.inlined else None,  # type: ignore[arg-type]
+            order=search.order,
+            bound=bound,
+            stats=self.run.stats,
+            check=self.run.check,
+            query=self.form.query,
+            run=self.run,
+            pieces=pieces,
+            flush=self._flush,
+            keyed=problem.keyed,
+        )
+
+    def _expand(self, form: SearchForm, expand: Expand) -> Expand:
+        """The step function, with a memory where states come again."""
+        run, most = self.run, self.run.host.memo_limit
+        if not form.remembered:
+            return expand
+        compares = self.form.query.search is not None and self.form.query.search.repeats == "no cycle"
+        if not most:
+            return (lambda state, closed: expand(state, closed, ignore)) if compares else expand
+        return RememberedSteps(expand, most, looks_of(run), partial(counts_of(run), 0, 0), compares).expand
+
+    def _paths(
+        self, found: Iterator[Found], keys: Callable[[Any], Row] | None, thaw: Thaw | None
+    ) -> Generator[Any, None, None]:
+        """The results, with values in the place of frozen ones."""
         try:
-            if keys is None:
-                yield from map(itemgetter(0), found)
+            if keys is None and not self.form.query.last:
+                paths = map(itemgetter(0), found)
+                yield from paths if thaw is None else map(thaw, paths)
             else:
                 for path, last in found:
-                    yield None if self.form.query.aggregated else path, keys(last)
+                    shown: Any = path if thaw is None or self.form.query.aggregated else thaw(path)
+                    if self.form.query.last:
+                        shown = shown[-1]
+                    yield shown if keys is None else (None if self.form.query.aggregated else shown, keys(last))
         finally:
             if isinstance(found, Generator):
                 found.close()  # it may hold tables of a database, and an error that is kept would hold it

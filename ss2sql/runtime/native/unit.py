@@ -69,7 +69,6 @@ class Body:
     slots: dict[int, str] = field(default_factory=dict)
     known: list[dict[int, str]] = field(default_factory=lambda: [{}])
     forgotten: dict[int, ast.expr] = field(default_factory=dict)
-    new_calls: dict[int, str] = field(default_factory=dict)
     before: Body | None = None
     sure: bool = True
     trusting: bool = False

@@ -10,7 +10,7 @@ from itertools import islice
 from operator import is_
 from typing import Any
 
-from ss2sql.runtime.memorize.pieces import State
+from ss2sql.runtime.frozen import State
 from ss2sql.runtime.remembered.store import Store, spoilt
 from ss2sql.runtime.remembered.texts import text_of, values_of
 from ss2sql.runtime.rows import Row

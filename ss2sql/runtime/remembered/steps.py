@@ -14,14 +14,16 @@ from typing import Any, TypeAlias
 import apsw
 
 from ss2sql.errors import ExecutionError, Stopped
+from ss2sql.runtime.frozen import State
 from ss2sql.runtime.guard import UNREADABLE
-from ss2sql.runtime.memorize.hunt import Hunt, Step
-from ss2sql.runtime.memorize.pieces import Last, Pieces, State
+from ss2sql.runtime.memorize.hunt import Hunt
+from ss2sql.runtime.memorize.pieces import Last, Pieces
 from ss2sql.runtime.remembered.graph import MOST_HELD, Edge, GraphInFile, Node
 from ss2sql.runtime.remembered.store import spoilt
 from ss2sql.runtime.remembered.texts import NotKept
 from ss2sql.runtime.rows import Row
 from ss2sql.runtime.run import Stats
+from ss2sql.runtime.search.contract import Step
 
 # Writing may take one part in so many of the time, so a search with many small levels writes several together.
 SHARE = 20
@@ -227,7 +229,7 @@ class Remembering:
                 target = edge.target or self._follow(node, edge, last)
                 following = target.state
                 self._next[id(following)] = target
-            yield row, goal, following, key, weight, 0, last if keyed else None
+            yield row, key, goal, following is not None, following, weight, None, last if keyed else None
         if fresh:
             self._finish(node, edges)
 

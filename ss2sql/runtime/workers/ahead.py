@@ -13,8 +13,9 @@ from contextlib import contextmanager
 from typing import Any, TypeAlias
 
 from ss2sql.errors import Stopped
+from ss2sql.runtime.frozen import State
 from ss2sql.runtime.memorize.hunt import Hunt
-from ss2sql.runtime.memorize.pieces import Last, Pieces, State
+from ss2sql.runtime.memorize.pieces import Last, Pieces
 
 Elements: TypeAlias = Callable[[State], Iterable[Last]]
 

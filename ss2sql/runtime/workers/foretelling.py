@@ -16,13 +16,13 @@ from marshal import loads as marshalled
 from pickle import loads
 from queue import Empty, SimpleQueue
 from time import perf_counter
-from typing import Any, TypeAlias
+from typing import Any
 
 from ss2sql import plan
 from ss2sql.errors import Stopped
+from ss2sql.runtime.frozen import State
 from ss2sql.runtime.functions import UserFunction
 from ss2sql.runtime.memorize.hunt import Hunt
-from ss2sql.runtime.memorize.pieces import State
 from ss2sql.runtime.native.calls import Result, checked_call, settle_calls
 from ss2sql.runtime.run import Run
 from ss2sql.runtime.workers.ahead import Ahead, Elements, PendingError
@@ -35,8 +35,6 @@ from ss2sql.walk import functions
 
 LOOK = 0.02  # seconds between two looks at whether the run has to end
 UNSHARED = 64  # states of a block in which nothing is foretold
-
-Level: TypeAlias = Sequence[tuple[int, State]]
 
 
 class Foreteller:
@@ -107,8 +105,8 @@ class Foreteller:
     # --- blocks of states ------------------------------------------------------------------------------
 
     def blocks(
-        self, hunt: Hunt, level: Level, seen: Container[Hashable], elements: Elements | None
-    ) -> Iterator[tuple[int, State]]:
+        self, hunt: Hunt, level: list[State], seen: Container[Hashable], elements: Elements | None
+    ) -> Iterator[State]:
         """The states of a level; before they come out their calls are made, block by block.
 
         `seen` are the rows that are known, `elements` gives those of a state where not all are asked for.
@@ -123,7 +121,7 @@ class Foreteller:
             settle_calls(self.run)
             remembered, calls = Counter(self.run.stats.remembered), Counter(self.run.stats.calls)
             if any(timed.may_be_shared for timed in self.functions.values()):
-                self._foretell(ahead, [state for _, state in level[place : place + MOST]])
+                self._foretell(ahead, level[place : place + MOST])
             else:
                 ahead.size = min(UNSHARED, len(level) - place)
             settle_calls(self.run)

@@ -1,4 +1,4 @@
-"""The clauses of a search as functions for `searches/stepwise.py`: what is no plain search goes step by step.
+"""The clauses of a search as functions for `search/stepwise.py`: what is no plain search goes step by step.
 
 These are searches with a condition, a key behind BY, EACH or ORDER SIBLINGS BY, the greedy one, and MEMORIZE where what
 is shown asks for the path.
@@ -18,10 +18,11 @@ from ss2sql.runtime.native import options
 from ss2sql.runtime.native.expressions import expression
 from ss2sql.runtime.native.flat import placed_conditions
 from ss2sql.runtime.native.pieces import Writer
-from ss2sql.runtime.native.searches.stepwise import Steps, searched
-from ss2sql.runtime.native.step_code import StepLoops, freezer
+from ss2sql.runtime.native.step_function import StepLoops
 from ss2sql.runtime.native.unit import Body
+from ss2sql.runtime.search.stepwise import Steps, searched
 from ss2sql.runtime.sources import elements
+from ss2sql.runtime.values import freeze
 
 if TYPE_CHECKING:
     from ss2sql.runtime.native.builder import Builder
@@ -123,7 +124,7 @@ class StepFunctions(Writer):
         keys = []
         for expr in compared:
             value = expression(self.builder, expr, body)
-            keys.append(value if expr.type.only(PLAIN) else self.pen.call(self.unit.helper(freezer(expr)), value))
+            keys.append(value if expr.type.only(PLAIN) else self.pen.call(self.unit.helper(freeze), value))
         body.add(self.pen.back(keys[0] if len(keys) == 1 else self.pen.pack(*keys)))
         body.define()
         return body.name

@@ -1,0 +1,54 @@
+"""Breadth-first search: the oldest path is extended first, so shorter paths come before longer ones.
+
+Ties are in source order.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from typing import Any
+
+from ss2sql.runtime.search.contract import Found, Problem
+from ss2sql.runtime.ways import START, Parents, Trail, path_by_parents, path_to
+
+
+def breadth_first(problem: Problem) -> Iterator[Found]:
+    """Every path, or with NO CYCLE every path on which no row occurs twice."""
+    expand, watch = problem.expand, problem.watch
+    trail = Trail() if problem.repeats == "no cycle" else None
+    closed: Any = trail.keys if trail else ()
+    queue: deque[Any] = deque([(None, problem.start)])
+    while queue:
+        path, state = queue.popleft()
+        if trail:
+            trail.move_to(path)
+        if watch:
+            watch(path)
+        for row, key, goal, goes_on, after, _, _, last in expand(state, closed):
+            new = (path, row, key, path[3] + 1 if path else 1) if trail else (path, row)
+            if goal:
+                yield (row,) if problem.last else path_to(new), last
+            if goes_on:
+                queue.append((new, after))
+
+
+def breadth_first_unique(problem: Problem) -> Iterator[Found]:
+    """Each row once, by the first of its shortest paths. `parents` is the closed list: the row before each row.
+
+    It is a dict, not a chain of tuples, for the garbage collector: half of the time of an 8-puzzle.
+    """
+    expand, watch = problem.expand, problem.watch
+    parents: dict[Any, Any] = {}
+    rows: dict[Any, Any] | None = {} if problem.alone else None
+    queue: deque[Any] = deque([(START, problem.start)])
+    while queue:
+        before, state = queue.popleft()
+        if watch:
+            watch(Parents(parents, before))
+        for row, key, goal, goes_on, after, _, _, last in expand(state, parents):
+            parents[key] = before
+            if goal:
+                yield (row,) if problem.last else path_by_parents(parents, key, rows), last
+            if goes_on:
+                queue.append((key, after))
