@@ -360,7 +360,7 @@ def _representation(resolver: Resolver, tree: ast.Representation | None, outer: 
     name = SYNONYMS.get(tree.name.lower(), tree.name.lower())
     known = {word.lower() for word in resolver.catalog.representations}
     if name not in known:
-        hints = did_you_mean(name, known)
+        hints = () if name in ("table", "tuple", "tuples") else did_you_mean(name, known)
         if not similar(name, known) and not (tree.arguments or tree.named):
             hints += (f"to name a source write FROM {tree.name} = ...",)
         hints = hints or (f"register it with session.representation; known are {', '.join(sorted(known))}",)

@@ -261,8 +261,11 @@ class Resolver:
         try:
             return source_named(scope, name, tree.span)
         except ResolveError as error:
-            if scope is None and name in self.variables():
-                error.hints = (f"write SELECT {tree.name} FROM {name} AS list",)
+            if name in self.variables() and (meant := self.variable(name, tree.span)) is not None:
+                key = f'write {name}["{tree.name}"]'
+                error.hints = (key,) if meant.type.only(Kind.DICT) else error.hints
+                if scope is None and not meant.type.only(Kind.DICT):
+                    error.hints = (f"write SELECT {tree.name} FROM {name} AS list",)
             raise
 
     def this(self, tree: ast.This, scope: Scope | None) -> plan.Expr:

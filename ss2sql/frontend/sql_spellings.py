@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 
 from ss2sql.errors import ParseError
 from ss2sql.frontend.builder import COMMENT
+from ss2sql.frontend.table import END
 from ss2sql.frontend.text import CLOSING, OPENING, Token
 from ss2sql.frontend.trouble import OPTIONS, VALUES, Trouble, named
 
@@ -17,20 +19,23 @@ _IF = "write IF(condition; then; else)"
 # Words behind a complete expression, which is {x}, and what to write instead.
 _BEHIND = {
     "ISNULL": "write {x} IS NULL", "NOTNULL": "write {x} IS NOT NULL", "ILIKE": _LIKE, "GLOB": _LIKE, "REGEXP": _LIKE,
-    "MATCH": _LIKE, "INNER": _JOIN, "RIGHT": _JOIN, "FULL": _JOIN, "OUTER": _JOIN,
-    "CROSS": _JOIN, "NATURAL": _JOIN, "ON": _JOIN, "USING": _JOIN, "UNION": _UNION, "EXCEPT": _UNION,
+    "MATCH": _LIKE, "INNER": "write JOIN without INNER", "RIGHT": _JOIN, "FULL": _JOIN, "OUTER": _JOIN,
+    "CROSS": "write a comma: FROM a, b", "NATURAL": _JOIN, "ON": _JOIN, "USING": _JOIN, "UNION": _UNION,
+    "EXCEPT": _UNION,
     "INTERSECT": _UNION, "OFFSET": "write LIMIT n OFFSET m",
     "FETCH": "write LIMIT n", "COLLATE": "sort by the value of a function that you register",
     "OVER": "use GROUP BY, or a function of the whole list", "WHEN": _IF, "THEN": _IF, "ELSE": _IF,
     "TOP": "write LIMIT n behind the other clauses", "CONTAINS": "write 'part' IN {x}",
     "STARTS": "write {x}[:n] == 'part', with its length n", "ENDS": "write {x}[-n:] == 'part', with its length n",
     "INTO": "assign the query: name = SELECT ...",
-    "UNTIL": "a search ends with STOP WITH condition", "MOD": "write {x} % ...", "DIV": "write int({x} / ...)",
+    "SEARCH": "write ORDER SIBLINGS BY name; the order of a search without an option is depth first",
+    "CYCLE": "write NO CYCLE BY key behind CONNECT BY", "UNTIL": "a search ends with STOP WITH condition",
+    "MOD": "write {x} % ...", "DIV": "write int({x} / ...)",
 }  # fmt: skip
 # Words that were read as a name, with something behind them that does not fit.
 _AHEAD = {
-    "ALL": "leave it out: a query gives all rows",
-    "TOP": "write LIMIT n behind the other clauses", "CASE": _IF,
+    "CONNECT_BY_ROOT": "write root({x})", "ALL": "leave it out: a query gives all rows",
+    "TOP": "write LIMIT n behind the other clauses", "CASE": "write CASE WHEN {x} == ... THEN ... ELSE ... END",
     "PRIOR": "write prior(x): PRIOR stands in front of a name",
     "EXISTS": "write [] != (SELECT ... AS list)", "EXPLAIN": "call explain() on the compiled script",
 }  # fmt: skip
@@ -51,7 +56,8 @@ _SIGNS = {
 def explain(t: Trouble) -> ParseError | None:
     """The error for a known foreign spelling; None where the text is none."""
     checks: tuple[Callable[[Trouble], ParseError | None], ...] = (
-        _comment, _sign, _assignment, _modifier, _column_name, _behind_as, _statement, _word, _star, _dot, _list,
+        _comment, _sign, _concatenated, _cast, _union, _option, _unpacked, _assignment, _modifier, _column_name,
+        _behind_as, _statement, _word, _star, _dot, _list,
         _quotes,
     )  # fmt: skip
     return next((error for check in checks if (error := check(t))), None)
@@ -82,13 +88,91 @@ def _sign(t: Trouble) -> ParseError | None:
     return None
 
 
+def _concatenated(t: Trouble) -> ParseError | None:
+    if t.found.text != "||":
+        return None
+    return t.error("P006", "there is no operator ||", f"write {t.operand()} + {_value_behind(t)} to join strings")
+
+
+_TYPES = {"TEXT": "str", "VARCHAR": "str", "CHAR": "str", "STRING": "str", "INT": "int", "INTEGER": "int",
+          "BIGINT": "int", "REAL": "float", "FLOAT": "float", "DOUBLE": "float", "NUMERIC": "float"}  # fmt: skip
+
+
+def _cast(t: Trouble) -> ParseError | None:
+    """`CAST(age AS TEXT)`."""
+    if t.found.kind != "AS" or t.clause != "f(" or t.bracket is None:
+        return None
+    call = next(index for index, token in enumerate(t.tokens) if token is t.bracket) - 1
+    if t.tokens[call].text.upper() != "CAST":
+        return None
+    function = _TYPES.get(t.next.text.upper(), "str")
+    hint = f"write {function}({t.text(t.bracket.end, t.before().end)})"
+    return t.error("P006", "there is no CAST in SelectScript", hint, at=t.tokens[call])
+
+
+def _union(t: Trouble) -> ParseError | None:
+    """`SELECT ... UNION SELECT ...`; with ALL equal rows stay."""
+    if t.found.text.upper() != "UNION" or t.wants_operand:
+        return None
+    every = t.next.text.upper() == "ALL"
+    start = next((i for i in range(t.index, -1, -1) if t.tokens[i].kind == "SELECT"), t.index)
+    behind = t.index + (2 if every else 1)
+    ends = (token.start for token in t.tokens[behind:] if token.kind in (";", END, ")"))
+    texts = [t.source.text[t.tokens[start].start : t.before().end], t.source.text[t.tokens[behind].start : next(ends)]]
+    parts = [" ".join(text.split()) if len(text) <= 60 else "SELECT ..." for text in texts]
+    shapes = [re.search(r"\bFROM\b.*( AS \w+)\Z", part, re.IGNORECASE) for part in parts]
+    form = next((shape[1] for shape in shapes if shape), " AS dict")
+    joined = " + ".join(f"({part}{'' if shape else form})" for part, shape in zip(parts, shapes, strict=True))
+    return t.error("P006", "there is no UNION in SelectScript", f"write {joined if every else f'uniq({joined})'}")
+
+
+# Options of searches as they are called elsewhere.
+_OPTIONS = {"BFS": "BREADTH FIRST", "DFS": "DEPTH FIRST", "DISTINCT": "UNIQUE", "LIMIT": "MAXIMUM", "TOP": "MAXIMUM",
+            "ASTAR": "COST 1 HEURISTIC 0", "DIJKSTRA": "COST 1", "A": "COST 1 HEURISTIC 0"}  # fmt: skip
+
+
+def _option(t: Trouble) -> ParseError | None:
+    """Options of CONNECT BY by other names, or with a `=` behind them."""
+    if t.clause != "CONNECT BY":
+        return None
+    begin = max((i for i in range(t.index) if t.tokens[i].kind == "CONNECT"), default=t.index) + 2
+    for index in range(begin, t.index + 1):
+        token, behind = t.tokens[index], t.tokens[min(index + 1, len(t.tokens) - 1)]
+        word, value = token.text.upper(), t.text(behind.end, t.before().end).strip()
+        if word in OPTIONS and behind.kind == "=" and index + 1 < t.index and t.found.kind == "NAME":
+            return t.error("P006", f"{word} is an option, and takes no =", f"write {word} {value}", at=token)
+        starts = index == begin and (word != "A" or behind.kind == "*")
+        if starts and word in _OPTIONS and behind.kind in ("*", *VALUES):
+            number = f" {behind.text}" if behind.kind == "INTEGER" else ""
+            return t.error("P006", f"there is no option {token.text}{'*' if word == 'A' else ''}",
+                           f"write {_OPTIONS[word]}{number}", at=token)  # fmt: skip
+    return None
+
+
+def _unpacked(t: Trouble) -> ParseError | None:
+    """`a, b = [1, 2]`."""
+    if t.found.kind != "," or t.clause or t.before().kind != "NAME" or t.before(2).kind not in (";", END):
+        return None
+    index, names = t.index, [t.before().text]
+    while t.tokens[index].kind == "," and t.tokens[index + 1].kind == "NAME":
+        names.append(t.tokens[index + 1].text)
+        index += 2
+    if t.tokens[index].kind != "=":
+        return None
+    end = next(token.start for token in t.tokens[index:] if token.kind in (";", END))
+    parts = "; ".join(f"{name} = both[{number}]" for number, name in enumerate(names))
+    value = t.text(t.tokens[index].end, end).strip()
+    return t.error("P006", "one name is assigned at a time", f"write both = {value}; {parts}")
+
+
 def _assignment(t: Trouble) -> ParseError | None:
     """`=` where nothing can be assigned: in a condition, in a column, behind something that is not a name."""
     if t.found.kind != "=" or "+" not in t.expected:
         return None
-    left, right = t.operand(), _value_behind(t)
+    tested = t.clause in ("WHERE", "HAVING", "STOP WITH", "IF(", "ON", "WHEN")
+    left, right = t.side() if tested else t.operand(), _value_behind(t)
     compare = f"write {left} == {right} to compare"
-    if t.clause in ("WHERE", "HAVING", "STOP WITH", "IF(", "ON", "WHEN"):
+    if tested:
         return t.error("P006", f"= assigns, but {t.clause.rstrip('(')} needs a condition", compare)
     if t.clause == "SELECT":
         return t.error("P006", "a column is not assigned", f"write {right} AS {left} to name a column", compare)
@@ -137,7 +221,20 @@ def _behind_as(t: Trouble) -> ParseError | None:
     if word in ("[", ".", "^", "{"):
         return t.error("P009", f"a query to the left of {named(t.found)} stands in parentheses",
                        f"write (SELECT ... AS {shape.text}){t.found.text} ...")  # fmt: skip
-    if word not in ("WHERE", "START", "CONNECT", "STOP", "GROUP", "HAVING", "ORDER", "LIMIT", "AS", ","):
+    if word not in (
+        "WHERE",
+        "START",
+        "CONNECT",
+        "STOP",
+        "GROUP",
+        "HAVING",
+        "ORDER",
+        "LIMIT",
+        "AS",
+        ",",
+        "JOIN",
+        "LEFT",
+    ):
         return None
     return t.error("P006", f"AS ends the query, {named(t.found)} cannot follow it",
                    "AS says the form of the result and is the last clause",
@@ -153,10 +250,30 @@ def _statement(t: Trouble) -> ParseError | None:
     if upper in _WRITING:
         return t.error("P006", f"a script only reads, there is no {upper}",
                        "change data from Python or with SQLite itself", at=word)  # fmt: skip
+    if upper == "WITH" and (cure := _with(t)) is not None:
+        return t.error("P006", "there is no WITH in front of a query", cure, at=word)
     if upper == "WITH":
         return t.error("P006", "there is no WITH in front of a query", "assign the inner query to a variable first",
                        "a recursive query is written SELECT ... START WITH ... CONNECT BY ...", at=word)  # fmt: skip
     return None
+
+
+def _with(t: Trouble) -> str | None:
+    """`WITH t AS (SELECT ...) SELECT ...` as two statements."""
+    if t.next.kind != "AS" or t.tokens[t.index + 2].kind != "(":
+        return None
+    depth, index = 0, t.index + 2
+    while index < len(t.tokens) - 1:
+        depth += (t.tokens[index].kind in OPENING) - (t.tokens[index].kind in CLOSING)
+        index += 1
+        if not depth:
+            break
+    end = next(token.start for token in t.tokens[index:] if token.kind in (";", END))
+    inner = t.source.text[t.tokens[t.index + 2].start : t.tokens[index - 1].end]
+    rest = t.source.text[t.tokens[index].start : end].strip()
+    if not rest or "," in rest[:1] or len(inner) + len(rest) > 120:
+        return None
+    return f"write {t.found.text} = {' '.join(inner.split())}; {' '.join(rest.split())}"
 
 
 def _modifier(t: Trouble) -> ParseError | None:
@@ -165,13 +282,23 @@ def _modifier(t: Trouble) -> ParseError | None:
     upper = word.text.upper()
     if word.kind != "NAME" or upper not in _AHEAD or t.values[-1:] != [word]:
         return None
-    return t.error("P006", f"there is no {upper} in SelectScript", _AHEAD[upper], at=word)
+    hint = _AHEAD[upper].format(x=t.text(t.found.start, t.found.end))
+    if upper == "CASE" and t.next.keyword == "WHEN":
+        value = t.tokens[t.index + 2]
+        hint = f"write CASE WHEN {t.found.text} == {t.text(value.start, value.end)}"
+    return t.error("P006", f"there is no {upper} in SelectScript", hint, at=word)
 
 
 def _word(t: Trouble) -> ParseError | None:
     """Words behind an expression: operators, joins, set operations."""
     upper = t.found.text.upper()
-    if t.found.kind not in ("NAME", upper) or upper not in _BEHIND or t.wants_operand or t.expected == {"="}:
+    if (
+        t.found.kind not in ("NAME", upper)
+        or upper not in _BEHIND
+        or t.before().text.upper() == "NO"
+        or t.wants_operand
+        or t.expected == {"="}
+    ):
         return None
     spelling, hint, x = upper, _BEHIND[upper], t.operand()
     if t.before().kind == "NOT":

@@ -29,7 +29,8 @@ _FOREIGN: dict[str, str] = {
     "length": "write len({0})", "size": "write len({0})", "avg": "write average({0})", "mean": "write average({0})",
     "distinct": "write uniq({0})", "unique": "write uniq({0})", "set": "write uniq({0})",
     "power": "write {0} ^ {1}", "exists": "write [] != ({0})",
-    "append": "a list is not changed, a new one is made: {0} + [{1}]", "cast": "write int({0}), float({0}) or str({0})",
+    "sys_connect_by_path": "write path({0}, {1})", "append": "a list is not changed, a new one is made: {0} + [{1}]",
+    "cast": "write int({0}), float({0}) or str({0})",
     "extend": "a list is not changed, a new one is made: {0} + {1}",
     **dict.fromkeys(("ucase", "toupper"), "write upper({0})"),
     **dict.fromkeys(("lcase", "tolower"), "write lower({0})"),
@@ -47,6 +48,13 @@ _FOREIGN: dict[str, str] = {
 OF_PYTHON: dict[str, str] = {
     "ltrim": "str.lstrip", "rtrim": "str.rstrip", "title": "str.title", "gcd": "math.gcd",
     **dict.fromkeys(("rand", "random"), "random.random"),
+}  # fmt: skip
+
+
+# Names of Oracle.
+_ORACLE = {
+    "LEVEL": "level()", "CONNECT_BY_ISLEAF": "leaf()", "CONNECT_BY_ISCYCLE": "cycle(key), with the key of NO CYCLE BY",
+    "ROWNUM": "LIMIT n behind the other clauses",
 }  # fmt: skip
 
 
@@ -135,6 +143,8 @@ def unknown_name(name: str, span: Span, catalog: Catalog, known: Sequence[str], 
         hints += (f"its name as a text is '{name}'",) if place.operand and not place.inside else ()
     elif any(source.name == name for source in place.sources):
         hints = (f"'{name}' is a source: write {name}.this",)
+    elif name.upper() in _ORACLE:
+        hints = (f"write {_ORACLE[name.upper()]}",)
     elif name.upper() in ("NULL", "NIL"):
         hints = ("write None",)
     elif (table := place.quoted()) is not None and not similar(name, known):

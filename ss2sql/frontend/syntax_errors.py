@@ -72,6 +72,8 @@ def _keyword_as_name(t: Trouble) -> ParseError | None:
     word = t.before()
     if word.kind != "NAME" or word.keyword not in CLAUSES or t.values[-1:] != [word]:
         return None
+    if word.keyword == "LIMIT" and t.before(2).kind == "BY":
+        return None  # an option by another name
     meant = t.found.keyword == PAIRS[word.keyword] if word.keyword in PAIRS else t.found.kind in (*VALUES, *OPENING)
     if not meant:
         return None
@@ -295,6 +297,10 @@ def _between(t: Trouble) -> ParseError:
 def _source_hint(t: Trouble) -> list[str]:
     if t.found.kind == "NAME":
         return [f"write {t.found.text} = {t.operand()} to name the source"]
+    if t.found.kind == "SELECT":
+        return ["statements are separated by ;: write ; in front of SELECT"]
+    if "ON" in t.expected:
+        return [f"write JOIN {t.operand()} ON condition; a comma in place of JOIN gives all pairs"]
     return ["a source that is more than a name, a call or a list stands in parentheses"]
 
 

@@ -22,6 +22,13 @@ OPTIONS = ("DEPTH", "BREADTH", "COST", "HEURISTIC", "PROBABILITY", "NO", "UNIQUE
 VALUES = frozenset(("NAME", "INTEGER", "FLOAT", "STRING", "THIS", "TRUE", "FALSE", "NONE"))
 
 
+# What stands around the sides of a comparison.
+_AROUND = frozenset((
+    "AND", "OR", "XOR", "NOT", "WHERE", "HAVING", "ON", "WHEN", "THEN", "ELSE", "END", "WITH", "BY", "GROUP", "ORDER",
+    "LIMIT", "START", "CONNECT", "STOP", "AS", "SELECT", "FROM", "JOIN", "LEFT", "UNION", ",", ";", ":", "PRIOR",
+))  # fmt: skip
+
+
 @dataclass
 class Trouble:
     """The parser's state in front of `tokens[index]`, which does not fit.
@@ -162,6 +169,21 @@ class Trouble:
             else:
                 break
         return self.text(self.tokens[max(index, 0)].start, self.before().end)
+
+    def side(self, forward: bool = False) -> str:
+        """The text of the side of a comparison that ends in front of the trouble, or `forward` of that behind it."""
+        index, depth, step = self.index + (1 if forward else -1), 0, 1 if forward else -1
+        first = index
+        while 0 <= index < len(self.tokens):
+            kind = self.tokens[index].keyword or self.tokens[index].kind
+            depth += step * ((kind in OPENING) - (kind in CLOSING))
+            if depth < 0 or (not depth and (kind in _AROUND or kind == END)):
+                break
+            index += step
+        low, high = sorted((first, index - step))
+        if index == first:
+            return "..."
+        return self.source.text[self.tokens[low].start : self.tokens[high].end]
 
     def column(self) -> str:
         """The text of the column of SELECT that ends in front of the trouble."""

@@ -174,7 +174,7 @@ WITH_LISTS = {kind: PLAIN[kind] + split(AGGREGATING.get(kind, ())) for kind in P
 EVERYTHING = {kind: WITH_LISTS[kind] + split(READ_LATE.get(kind, ())) for kind in PLAIN}
 CALLED = re.compile(r"([a-z]+)\(")
 
-LITERAL = re.compile(r"""-?[\d.]+|'[^']*'|"[^"]*"|True|False|None""")
+LITERAL = re.compile(r"""-?[\d.]+(?:e\d+)?|'[^']*'|"[^"]*"|True|False|None""")
 
 
 def key_of(expression: str) -> str:
