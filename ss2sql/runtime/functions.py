@@ -142,6 +142,10 @@ def _body(
     return body_of(function)
 
 
+# The built-in functions and operators as the plan knows them.
+BUILT_IN: Mapping[str, plan.Function] = {name: row.function() for name, row in OPERATIONS.items()}
+
+
 def check_text(name: Any) -> None:
     """Raises SessionError S002 for a name that is no text."""
     if not isinstance(name, str):
@@ -158,11 +162,6 @@ def check_name(name: str) -> None:
     else:
         return
     raise SessionError("S002", f"'{name}' is not a name that a script can use", hints=hints)
-
-
-def builtin_functions() -> dict[str, plan.Function]:
-    """The built-in functions and operators as the plan knows them."""
-    return {name: row.function() for name, row in OPERATIONS.items()}
 
 
 def sql_names(functions: Mapping[str, Any]) -> dict[str, str]:

@@ -25,7 +25,7 @@ from ss2sql.runtime import representations
 from ss2sql.runtime.column_types import STORED
 from ss2sql.runtime.database import Database
 from ss2sql.runtime.file_locks import close_file, using
-from ss2sql.runtime.functions import MEMO_LIMIT, UserFunction, builtin_functions, sql_names
+from ss2sql.runtime.functions import BUILT_IN, MEMO_LIMIT, UserFunction, sql_names
 from ss2sql.runtime.held import Held
 from ss2sql.runtime.limits import Limits
 from ss2sql.runtime.native.calls import native_callable, unremembered_call
@@ -237,8 +237,7 @@ class SessionHost:
                 snapshots[name] = self.present(name, given)
             return type_of(snapshots[name])
 
-        functions = builtin_functions()
-        functions.update((name, self._planned(entry)) for name, entry in self.functions.items())
+        functions = {**BUILT_IN, **{name: self._planned(entry) for name, entry in self.functions.items()}}
         return Catalog(
             functions,
             tuple(self.shapes.functions),

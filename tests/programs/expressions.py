@@ -58,6 +58,11 @@ TEMPLATES = {
         (1, "add({int}, {int})"),
         (1, "weigh({any})"),
         (1, "weigh(body({int}))"),
+        (1, "floor({num})"),
+        (1, "ceil({num} / 2)"),
+        (1, "clamp({int}, 0, 3)"),
+        (1, "find({str}, {str})"),
+        (1, "coalesce({maybe}, {int})"),
     ),
     "num": (
         (6, "{int}"),
@@ -71,6 +76,8 @@ TEMPLATES = {
         (1, "distance([{int}, 0], [{int}, 0])"),
         (1, "strange({int})"),
         (1, "({num} % {num})"),
+        (1, "median([{num}, {int}])"),
+        (1, "sin({num})"),
     ),
     "bool": (
         (8, "({int} < {int})"),
@@ -100,6 +107,9 @@ TEMPLATES = {
         (1, "({int} IN {any})"),
         (2, "{int}"),
         (1, "{list}"),
+        (1, "starts({str}, {str})"),
+        (1, "any({list})"),
+        (1, "all({list})"),
     ),
     "str": (
         (6, "({str} + {str})"),
@@ -108,6 +118,12 @@ TEMPLATES = {
         (2, "{str}[1:]"),
         (1, "lookup({int})"),
         (1, "IF({bool}; {str}; {str})"),
+        (1, "upper({str})"),
+        (1, "lower({str})"),
+        (1, "strip({str})"),
+        (1, "replace({str}, {str}, 'x')"),
+        (1, "join({list}, {str})"),
+        (1, "type({any})"),
     ),
     "list": (
         (6, "[{int}, {int}]"),
@@ -120,6 +136,9 @@ TEMPLATES = {
         (2, "uniq({list})"),
         (2, "range({int} % 4)"),
         (1, "bag({int})"),
+        (1, "reverse({list})"),
+        (1, "flat([{list}, {int}])"),
+        (1, "difference({list}, {list})"),
     ),
     "maybe": (
         (3, "{int}"),
@@ -127,6 +146,8 @@ TEMPLATES = {
         (1, "nothing({any})"),
         (1, "IF({bool}; {int}; None)"),
         (1, "CASE WHEN {bool} THEN {int} END"),
+        (1, "index({list}, {int})"),
+        (1, "first({list})"),
     ),
     "any": (
         (8, "{int}"),

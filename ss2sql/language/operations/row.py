@@ -41,7 +41,7 @@ class Check(Enum):
     ITSELF = auto()  # none is needed: the form fails as the value does
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Form:
     """One way to compute an operation in SQL or Python, see above. `spread`: of what min and max choose from."""
 
@@ -52,7 +52,7 @@ class Form:
     spread: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Group:
     """What makes a function of a list an aggregate of GROUP BY. The values of a group are those that are not None."""
 
@@ -77,7 +77,7 @@ class Group:
         return self.value(kept) if kept else self.nothing
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Operation:
     """An operator, a built-in function, or an aggregate.
 

@@ -196,7 +196,7 @@ OPERATIONS = (
     _of_strings(
         "find", str.find, 2, call="find(s, part)", about="the place of the first such part, -1 without one",
         example="[find('abc', 'c'), find('abc', 'x')]", result=lambda types: Type(Kind.INT, -1, LENGTH),
-        sqlite=(Form("instr({0}, {1}) - 1", _STRING, only="instr({0}, char(0)) = 0 AND instr({1}, char(0)) = 0"),),
+        sqlite=(Form("instr({0}, {1}) - 1", _STRING),),
     ),
     operation(
         "format", (1, None), _formatted, lambda types: union((UNENCODABLE,)) if types[0].may(Kind.STR) else NOTHING,

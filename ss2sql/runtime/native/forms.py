@@ -13,7 +13,6 @@ from __future__ import annotations
 import ast
 import re
 import sys
-from copy import deepcopy
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -114,7 +113,7 @@ class Inline:
         return self._filled(text)
 
     def _filled(self, text: str, value: Operand | None = None) -> ast.expr:
-        tree: ast.expr = _Filling(self, value).visit(deepcopy(parsed(text)))
+        tree: ast.expr = _copied(parsed(text), self, value)
         return tree
 
     def _tested(self, test: str) -> ast.expr:
@@ -229,29 +228,25 @@ class Inline:
         return self.pen.call(self.unit.function(self.node.function, self.pen), *given)
 
 
-class _Filling(ast.NodeTransformer):
-    """Puts operands into a text: each where it is evaluated first, its name after that."""
-
-    def __init__(self, inline: Inline, value: Operand | None) -> None:
-        self.inline = inline
-        self.value = value
-
-    def visit(self, node: Any) -> Any:
-        pen = self.inline.pen
-        match node:
-            case ast.Name(id="argument_value"):
-                assert self.value is not None
-                return self.value.next()
-            case ast.Name(id=name) if name.startswith("argument_"):
-                return self.inline.operands[int(name[-1])].next()
-            case ast.Name(id=name):
-                return pen.name(name)
-            case ast.Call(func=ast.Name(id=name), args=[ast.Starred()]):
-                return pen.call(name, *(operand.next() for operand in self.inline.operands))
-            case ast.expr():
-                for name, value in pen.at.items():
-                    setattr(node, name, value)
-        return self.generic_visit(node)  # in the order of evaluation: an IfExp has its test first
+def _copied(node: Any, inline: Inline, value: Operand | None) -> Any:
+    """A text with operands in it: each where it is evaluated first, then its name; an IfExp has its test first."""
+    pen = inline.pen
+    match node:
+        case ast.Name(id="argument_value"):
+            assert value is not None
+            return value.next()
+        case ast.Name(id=name) if name.startswith("argument_"):
+            return inline.operands[int(name[-1])].next()
+        case ast.Name(id=name):
+            return pen.name(name)
+        case ast.Call(func=ast.Name(id=name), args=[ast.Starred()]):
+            return pen.call(name, *(operand.next() for operand in inline.operands))
+        case ast.expr():
+            parts = {field: _copied(part, inline, value) for field, part in ast.iter_fields(node)}
+            return type(node)(**parts, **pen.at)
+        case list():
+            return [_copied(part, inline, value) for part in node]
+    return node
 
 
 @cache
