@@ -133,7 +133,7 @@ def _factored(parts: list[plan.Expr], common: int, node: plan.Or) -> plan.Expr:
     first = list(conjuncts(parts[0])[:common])
     rests = [list(conjuncts(part)[common:]) for part in parts]
     if all(rests):
-        first.append(any_of([all_of(rest, node.span) if len(rest) > 1 else rest[0] for rest in rests], node.span))
+        first.append(any_of([all_of(rest, node.span) for rest in rests], node.span))
     return all_of(first, node.span)
 
 
