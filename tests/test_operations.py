@@ -57,7 +57,7 @@ COLUMNS: dict[str, list[Any]] = {
     "times": [DAY, NOON, date(1999, 12, 31), timedelta(1), timedelta(days=-2, seconds=5), datetime(2024, 5, 31)],
     "days": [DAY, date(1999, 12, 31)], "spans": [timedelta(1), timedelta(0), None],
     "numerals": ["2024-05-31", "2024-05-31 12:30", "7", "{} {:.2f}"], "units": [0.25, 1, 0.0, 1.5], "two": [2],
-    "minus one": [-1], "all": [*OTHERS, *LISTS, 1, 2.5, True, "a"],
+    "three": [3], "minus one": [-1], "all": [*OTHERS, *LISTS, 1, 2.5, True, "a"],
 }  # fmt: skip
 TABLED = ["small", "ints", "floats", "halves", "strings", "ints or none", "floats or none", "strings or none"]
 LATER: list[Any] = [2, "a", None]  # arguments behind the second
