@@ -123,7 +123,7 @@ def allowed(one: str, other: str) -> bool:
     if pair <= REPEATS:
         return pair == {"NO", "UNIQUE"}
     if "HEURISTIC" in pair:
-        return "COST" in pair
+        return "COST" in pair or pair <= {"HEURISTIC", "NO", "UNIQUE", "MAXIMUM"}
     return pair not in ({"MEMORIZE", "DEPTH"}, {"MEMORIZE", "BREADTH"})
 
 

@@ -201,7 +201,7 @@ class EnteringStep:
         # Depth first, a row is marked when its step is taken.
         number = "enter" if guard.number == "enter_first" and self.of.depth is not None else guard.number
         rank = [self.of.ranked(self.total())] if self.best else []
-        if self.of.all_results:
+        if self.of.all_results or self.of.unkept:
             entered = sql.call("next_number")
             return sql.call("in_turn", *positions, entered) if positions else entered
         # The guard that was asked last knows the row: `enter_first` and `enter_best` take it from there.

@@ -89,6 +89,11 @@ class OnEntering(SearchLowering):
         return plain and self.search.repeats == "allowed"
 
     @property
+    def unkept(self) -> bool:
+        """Whether nobody asks for the steps before one, so that steps need no more than numbers."""
+        return not self.query.gives_paths and self.search.repeats == "allowed"
+
+    @property
     def all_go_on(self) -> bool:
         """Whether every step that enters has children."""
         flags = self.cut or self.waits is not None or self.live is not None
@@ -96,7 +101,7 @@ class OnEntering(SearchLowering):
 
     def bookkeeping(self) -> Bookkeeping:
         if self.arms is None:
-            return Bookkeeping(self.counts, self.all_go_on, self.all_results, keyed=self.keyed)
+            return Bookkeeping(self.counts, self.all_go_on, self.all_results, keyed=self.keyed, unkept=self.unkept)
         parts = tuple((self.arms.size or 0) if self.arms.shows(o.expr) else 0 for o in self.query.columns)
         return Bookkeeping(self.counts, self.all_go_on, self.all_results, arms=len(self.arms.items), parts=parts)
 
@@ -117,11 +122,13 @@ class OnEntering(SearchLowering):
     # --- what is known of a step when it is taken ------------------------------------------------------
 
     def _known_calls(self) -> list[tuple[plan.Expr, str]]:
-        """Calls whose values are the state after the step, with the column that holds it."""
+        """Calls, and what is chosen, whose values are the state after the step, with the column that holds it."""
         return [
             (expr, self.states[name])
             for name, expr in self.at_once.items()
-            if isinstance(expr, plan.Call) and self.sets_anyway(name) and is_flag(expr.type) == self.flags[name]
+            if isinstance(expr, plan.Call | plan.If)
+            and self.sets_anyway(name)
+            and is_flag(expr.type) == self.flags[name]
         ]
 
     @property

@@ -282,7 +282,7 @@ def numbered(
     lower, value = selects.expressions.lower, selects.expressions.value
     shown = [sql.alias(value(expr, env), f"argument_{index}") for index, expr in enumerate(arguments, 1)]
     shown += [sql.alias(lower(key, env), f"key_{index}") for index, key in enumerate(keys, 1)]
-    return [*shown, sql.alias(sql.call("next_number"), "position")] if position else shown
+    return [*shown, sql.alias(sql.call("next_position"), "position")] if position else shown
 
 
 def fed(query: plan.Query) -> list[plan.Expr]:

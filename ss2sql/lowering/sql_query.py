@@ -48,7 +48,8 @@ class Bookkeeping:
     `counts` says how it is known how many were generated: one by one, as the product of the sources for each step
     that went on, or as those that entered the queue and those that a guard kept out. `all_go_on` says that whatever
     enters goes on, `all_results` that it also comes out as a result. `trusts` says that rows may be compared as they
-    are until the pool has met values that have several forms, `keyed` that something else than rows is compared.
+    are until the pool has met values that have several forms, `keyed` that something else than rows is compared,
+    `unkept` that steps have numbers and are not kept.
     `sources` names the parameters that are walked as sources, `members` those that are walked as lists right of IN,
     which make no steps; the value of one may be that of the other. `arms` are the steps from a state that have a
     SELECT of their own; `parts` says of each column of a row how many values are a list, 0 where it is one value.
@@ -63,6 +64,7 @@ class Bookkeeping:
     arms: int = 1
     parts: tuple[int, ...] = ()
     keyed: bool = False
+    unkept: bool = False
 
 
 @dataclass(frozen=True, slots=True)

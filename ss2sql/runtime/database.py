@@ -34,7 +34,7 @@ from ss2sql.runtime.pool import FALSE, TRUE, OtherFormError, Pool
 from ss2sql.runtime.rows import Row, Rows, check_room, within
 from ss2sql.runtime.run import Run
 from ss2sql.runtime.scouts import Scouts, looking_ahead
-from ss2sql.runtime.search_functions import FUNCTIONS, SearchState, next_number
+from ss2sql.runtime.search_functions import FUNCTIONS, Numbers, SearchState
 from ss2sql.runtime.sources import column_of
 from ss2sql.runtime.sql_functions import AGGREGATE_FUNCTIONS, SCALAR_FUNCTIONS, element_columns
 from ss2sql.runtime.sql_text import Sql
@@ -121,7 +121,8 @@ class Database:
         for name, arguments in FUNCTIONS.items():
             guard.scalar(name, getattr(self.search, name), arguments)
         guard.scalar("reached", self.search.reached_value, 1)
-        guard.scalar("next_number", next_number, 0)
+        guard.scalar("next_number", self.search.numbers.next, 0)
+        guard.scalar("next_position", Numbers().next, 0)  # of results that are put into groups
         guard.scalar("recall", lambda *key: self.stack[-1].reduced.get(dumps(key, 2)))
         guard.scalar("remember", lambda *given: self.stack[-1].remember(given[:-1], given[-1]))
         for name, check in (("cost", cost), ("heuristic", heuristic), ("probability", probability)):

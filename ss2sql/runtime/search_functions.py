@@ -61,8 +61,20 @@ def _itself(key: Any) -> Any:
     return key
 
 
-# Numbers for steps whose rows nobody has to keep; a C function, 0.04 us a call. They go on from run to run.
-next_number = itertools.count(1).__next__
+class Numbers:
+    """Numbers for steps whose rows nobody has to keep: `next` is a C function, 0.04 us a call.
+
+    They go on from run to run of a connection.
+    """
+
+    def __init__(self) -> None:
+        self._count = itertools.count(1)
+        self.next = self._count.__next__
+
+    @property
+    def given(self) -> int:
+        """How many were given."""
+        return int(self._count.__reduce__()[1][0]) - 1
 
 
 class SearchState:
@@ -83,12 +95,15 @@ class SearchState:
             "given",
             "key",
             "keyed",
+            "numbered",
+            "numbers",
         ),
         *("last_dropped", "late", "members", "met", "plain", "pruned", "rows", "shared", "taken", "walks"),
         "way",
     )
 
     def __init__(self) -> None:
+        self.numbers = Numbers()
         self._reset(lambda value: value, True, False)
 
     def begin(self, key: Callable[[Any], Hashable], plain: bool, keyed: bool = False) -> dict[str, Any]:
@@ -106,12 +121,15 @@ class SearchState:
         self.plain = True
 
     def end(self, outer: dict[str, Any]) -> None:
+        given = self.numbers.given - self.numbered
         for name, value in outer.items():
             setattr(self, name, value)
+        self.numbered += given  # those of a statement inside of another are none of that one
 
     def _reset(self, key: Callable[[Any], Hashable], plain: bool, keyed: bool) -> None:
         self.key = key
         self.always_plain = self.plain = plain
+        self.numbered = self.numbers.given  # when the search began
         self.asked: tuple[Any, ...] = ()  # the row that a guard was asked about, and let pass
         self.asked_key: Any = ()
         self.generated = 0
@@ -161,6 +179,8 @@ class SearchState:
         return self._came_in(book, results) if book.all_go_on else self.expanded
 
     def _came_in(self, book: Bookkeeping, results: int) -> int:
+        if book.unkept:
+            return self.numbers.given - self.numbered
         return results if book.all_results else len(self.rows) - 1
 
     @property

@@ -54,6 +54,16 @@ class Body:
 
 
 TABLES: dict[str, str] = {
+    "flights": """
+        CREATE TABLE flights(src TEXT, dst TEXT, fare INTEGER, leaves INTEGER, arrives INTEGER);
+        CREATE INDEX flights_by_src ON flights(src);
+        INSERT INTO flights VALUES ('a', 'b', 50, 1, 2), ('b', 'c', 40, 3, 5), ('a', 'c', 120, 2, 4),
+            ('c', 'a', 30, 6, 7), ('b', 'd', 200, 2, 3), ('c', 'd', 60, 5, 6), ('d', 'b', 10, 7, 8),
+            ('b', 'c', 90, 1, 2), ('e', 'a', 5, 1, 2)""",
+    "tasks": """
+        CREATE TABLE tasks(task TEXT, needs TEXT);
+        INSERT INTO tasks VALUES ('plan', NULL), ('dig', 'plan'), ('wall', 'dig'), ('roof', 'wall'), ('pipe', 'dig'),
+            ('paint', 'wall'), ('paint', 'pipe'), ('roof', 'pipe')""",
     "employees": """
         CREATE TABLE employees(id INTEGER PRIMARY KEY, name TEXT, boss INTEGER, salary REAL);
         INSERT INTO employees VALUES (1, 'Mary', NULL, 9000), (2, 'Kim', 1, 5000.5), (3, 'Lee', 1, NULL),

@@ -442,7 +442,7 @@ class Search:
 
     def shown(self, path: Path) -> Path:
         """The path with columns that ask for it."""
-        asks = [paths.asks(self.ref, column) for column in self.query.columns]
+        asks = [not self.per_group and paths.asks(self.ref, column) for column in self.query.columns]
         frames: list[Frame] = []
         steps = []
         for step in path:

@@ -426,7 +426,8 @@ class _Shown:
         self.sources = len(steps.query.sources)
         self.carried = [place for place, (name, _) in enumerate(search.start) if not name.isidentifier()]
         columns = [output.expr for output in steps.query.columns]
-        # Columns that were compared are those of the first step to the row.
+        # A column that was not compared is that of the step, the others are those of the first step to the row.
+        self.own_rows = bool(self.carried) or (search.by == "row" and bool(search.key))
         self.kept = [place for place, expr in enumerate(columns) if search.by == "row" and expr in search.key]
 
     def path(self, path: Sequence[Step]) -> Way:
@@ -434,7 +435,7 @@ class _Shown:
         way = Way(())
         carried = [self.start[place] for place in self.carried]
         for step in path:
-            if not carried:
+            if not self.own_rows:
                 way = way.longer(step)
                 continue
             state = list(step.last[self.sources :])

@@ -1,0 +1,95 @@
+"""Random searches over a few edges: conditions, several starts, keys behind BY, LAST, what a step says of its path.
+
+Every one is finite: a condition bounds the level, or a guard and the few nodes do.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from hypothesis import strategies as st
+
+from .case import ProgramCase
+from .choices import Choices
+
+BYS = ("", "", "BY town", "BY town", "BY (town, day)", "BY dst", "BY (src, town)", "BY day")
+GUARDS = ("", "", "UNIQUE", "UNIQUE", "NO CYCLE", "MEMORIZE", "MEMORIZE 3")
+ORDERS = (
+    "",
+    "",
+    "BREADTH FIRST",
+    "DEPTH FIRST",
+    "COST km",
+    "COST km HEURISTIC",
+    "PROBABILITY km / 4 + 0.1",
+    "HEURISTIC",
+)
+ESTIMATES = ("1", "dst", "abs(dst - 2)", "0", "level()", "km")
+CONDITIONS = (
+    *("src == town", "src == town AND level() <= 4", "PRIOR dst == src OR level() == 1", "src == town AND km > 0"),
+    *("src == town AND NOT cycle(town)", "src == town AND km < 3 AND level() < 4", "src <= town AND level() < 3"),
+    *("src == town AND prior(src) != dst AND level() <= 3", "src == town AND len(path(dst)) < 4"),
+    "src == town AND next(town) != root(src) AND level() < 4",
+)
+ROW = ("dst", "src", "town", "day", "km")
+OF_PATHS = (
+    *("level()", "prior(dst)", "root(src)", "path(dst)", 'path(src, "-")', "next(town)", "cycle(town)", "cycle(dst)"),
+    *("leaf()", "level() + dst", "prior(level())", "next(level())", "path(level())", "prior(prior(dst))"),
+)
+ENDINGS = ("", "", "", " ORDER BY dst DESC", " LIMIT 2", " ORDER BY level(), dst LIMIT 3", " ORDER BY leaf()")
+
+
+def hierarchy(c: Choices) -> tuple[str, list[dict[str, Any]]]:
+    """A query over the source `edges`, and these."""
+    nodes = 2 + c.below(4)
+    edges = [
+        {"src": c.below(nodes), "dst": c.below(nodes), "km": c.pick((1, 1, 2, 0, 3, 0.5))}
+        for _ in range(1 + c.below(8))
+    ]
+    guard, order = c.pick(GUARDS), c.pick(ORDERS)
+    memorizes = guard.startswith("MEMORIZE")
+    if memorizes and order in ("BREADTH FIRST", "DEPTH FIRST", "HEURISTIC"):
+        order = ""
+    if order.endswith("HEURISTIC"):
+        order += f" {c.pick(ESTIMATES if not memorizes else ('1', '0'))}"
+    by = c.pick(BYS) if guard else ""
+    options = [
+        part for part in c.shuffled([f"{guard} {by}".strip(), order, "MAXIMUM 2" if c.chance(15) else ""]) if part
+    ]
+    condition = "src == town" if memorizes else c.pick(CONDITIONS)
+    if not memorizes and "level" not in condition and "len(" not in condition:
+        condition = f"({condition}) AND level() < {5 if guard else 4}"
+    starts = c.pick(("town = 0", "town = 1", "EACH town IN [0, 2, 0]", "EACH town IN [1, 0]"))
+    first = c.pick(("", "", "", ", src == 0", ", km < 2"))
+    connect = c.pick(("town = dst, day = day + 1", "day = day + 1, town = dst", "town = dst, day = town"))
+    of_path = not memorizes
+    where = c.pick(("", "", "dst == 1", "dst != src", *(("level() == 2", "prior(dst) == None OR dst == 0") * of_path)))
+    stop = c.pick(("", "", "dst == 2", "km == 3", "day == 2", *(("level() == 3", "cycle(town)") * of_path)))
+    siblings = c.pick(("", "", "", " ORDER SIBLINGS BY dst", " ORDER SIBLINGS BY km DESC, dst"))
+    shown, ending = _shown(c, guard, by)
+    return (
+        f"SELECT {c.pick(('', 'LAST '))}{shown} FROM edges{where and f' WHERE {where}'} "
+        f"START WITH {starts}, day = 0{first} CONNECT BY {''.join(f'{option}, ' for option in options)}{condition}, "
+        f"{connect}{stop and f' STOP WITH {stop}'}{siblings}{ending}{c.pick((' AS rows', ' AS list', ' AS dict', ''))}"
+    ), edges
+
+
+def _shown(c: Choices, guard: str, by: str) -> tuple[str, str]:
+    """What SELECT shows, and what comes behind."""
+    if (by or not guard) and c.chance(15):
+        key = c.pick(("dst", "level()", "root(src)", "leaf()"))
+        others = c.pick(("count(*)", "count(*), sum(km)", "max(level())"))
+        return f"{key}, {others}", f" GROUP BY {key}{c.pick(('', ' HAVING count(*) > 1'))}"
+    columns = c.some((*ROW, *OF_PATHS), 1, 3)
+    if guard and not by and not set(columns) & set(ROW):
+        columns.append(c.pick(("dst", "town")))
+    return ", ".join(columns), c.pick(ENDINGS)
+
+
+@st.composite
+def hierarchies(draw: Any) -> ProgramCase:
+    """A search with its edges, which are a variable or a table."""
+    c = Choices(draw(st.binary(min_size=24, max_size=90)))
+    as_table = c.chance(50)
+    script, edges = hierarchy(c)
+    return ProgramCase(script, **({"tables": {"edges": edges}} if as_table else {"variables": {"edges": edges}}))
