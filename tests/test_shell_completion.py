@@ -106,7 +106,8 @@ def test_options_that_contradict_each_other_are_not_offered(written: str, gone: 
         ("SELECT w| FROM space", "column", ["weight"]),
         ("SELECT c.| FROM c = space.beside(1)", "column", ["id", "title", "x", "weight"]),
         # variables of a search, representations, functions: `ge` stands for an operator
-        (f"{SEARCH} NO CYCLE |", "variable", ["tower", "level"]), (f"{SEARCH} tower = lev|", "", ["level"]),
+        (f"{SEARCH} NO CYCLE |", "variable", ["tower", "level", "moves", "people"]),
+        (f"{SEARCH} tower = lev|", "", ["level"]),
         ("SELECT this FROM moves WHERE tow| START WITH tower = 1 CONNECT BY tower = 2", "", ["tower"]),
         ("SELECT a FROM b AS p|", "", ["plane(", "prolog"]), ("ge|", "", ["getTime("]),
         # texts, comments and numbers are left alone

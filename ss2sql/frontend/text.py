@@ -185,7 +185,7 @@ def _is_name(word: str, token: Token, after: Token, behind: Token) -> bool:
         return True
     if kind == "-" and word not in _NUMBERED:
         return not (token.end < after.start and after.end == behind.start)
-    return word in _SECOND and after.keyword != _SECOND[word] and kind not in _OPERANDS
+    return word in _SECOND and after.keyword != _SECOND[word] and kind not in _OPERANDS and kind != END
 
 
 def _begins_clause(token: Token, after: Token) -> bool:

@@ -21,7 +21,7 @@ CONDITIONS = ((44, ""), (6, "{} AND {}"), (6, "{} OR {}"), (24, "{} XOR {}"), (2
 
 # Columns of functions that are seldom called otherwise: read late, volatile, raising, of opaque objects.
 SPECIAL = (
-    (26, "tick()"), (26, "blink({int})"), (14, 'eval("{int} + 1")'), (11, "picky({int})"), (5, "lookup({int} % 4)"),
+    (34, "tick()"), (34, "blink({int})"), (14, 'eval("{int} + 1")'), (11, "picky({int})"), (5, "lookup({int} % 4)"),
     (5, "strange({int})"), (13, "body({int})"), (13, "box({int})"), (40, 'print("row", {any})'),
 )  # fmt: skip
 
@@ -271,7 +271,7 @@ class Flat(Expressions):
         """One column of SELECT."""
         choices = self.choices
         form = choices.weighted(
-            (60, "any"), (10, "nested"), (8, "to"), (6, "value"), (12, "row"), (10, "print"), (76, "special")
+            (60, "any"), (10, "nested"), (8, "to"), (6, "value"), (12, "row"), (10, "print"), (96, "special")
         )
         if form == "nested" and self.nesting < 2:
             return self.nested(sight, "int", "list")
@@ -304,7 +304,7 @@ class Flat(Expressions):
             shown, rest = self.grouping(own)
         else:
             shown, rest = self.select_list(own, origins), [self.order(own), self.limit()]
-            if choices.chance(15):
+            if choices.chance(12):
                 shown, rest = self.named_columns(own)
         self.templates = EVERYTHING
         ending = "".join(f" {clause}" for clause in choices.shuffled([clause for clause in rest if clause]))
