@@ -25,22 +25,26 @@ def missing(query: plan.Query) -> Missing:
     Empty: equal rows are sure to have equal stops, goals and next states. So the steps after them have equal costs,
     which depend on the state that is next.
 
-    Steps that stop and are no goals leave no trace. Of all others something is known beside their rows: without WHERE
-    no goal stops; where STOP WITH has `src != town` and WHERE `src == town`, `town` is `src`.
+    Steps that stop and are no goals leave no trace. Of all others something is known beside their rows: the condition
+    of CONNECT BY is true; without WHERE no goal stops; where STOP WITH has `src != town` and WHERE `src == town`,
+    `town` is `src`. What a search carries for `level()` and its like is none of its state.
     """
     search = query.search
     assert search is not None
-    going, goals = list(_simple(search.stop, False)), list(_simple(query.where, True))
-    asked = {_same(*goal) for goal in goals}
+    made = list(_simple(search.made, True)) if search.first is None else []
+    going, goals = [*made, *_simple(search.stop, False)], list(_simple(query.where, True))
+    asked = {_same(*goal) for goal in (*goals, *made)}
     sure = going if query.where is None else [one for one in going if _same(*one) in asked]
     known = {_same(*one) for one in sure}
-    told = _with_equals(_told(query.rows if query.aggregated else (out.expr for out in query.columns)), sure)
+    shown = query.rows if query.aggregated else tuple(out.expr for out in query.columns)
+    told = _with_equals(_told(search.key or shown), sure)
     reader = _Reader(query)
     reader.read("STOP WITH", (expr for expr, truth in going if _same(expr, truth) not in known), told)
     reader.read("WHERE", (expr for expr, truth in goals if _same(expr, truth) not in known), told)
     told = _with_equals(told, going)  # a step that stops has no next state
     for name, expr in search.connect:
-        reader.read("CONNECT BY", [expr], told)
+        if name.isidentifier():
+            reader.read("CONNECT BY", [expr], told)
         reader.moved.discard(name)  # assignments behind it see its new value, of which all was asked
     return {expr: tuple(clauses) for expr, clauses in reader.found.items()}
 
@@ -82,7 +86,7 @@ class _Reader:
         assert query.search is not None
         self.query = query.id
         self.own = frozenset(source.id for source in query.sources)
-        self.moved = {name for name, _ in query.search.connect}
+        self.moved = {name for name, _ in query.search.connect if name.isidentifier()}
         self.found: dict[plan.Expr, dict[str, None]] = {}
 
     def read(self, clause: str, exprs: Iterable[plan.Expr], told: Sequence[plan.Expr]) -> None:

@@ -159,3 +159,16 @@ def test_notes_in_the_shell(session, capsys) -> None:
     shell = Shell(session)
     assert shell.run(f"{count()}; y = {count()};")
     assert capsys.readouterr().err.count("note: nothing was found before STOP WITH n == 3") == 2
+
+
+def test_a_key_needs_no_note_and_a_condition_that_asks_for_the_step_before_may_need_a_beginning() -> None:
+    with ss2sql.connect() as ss:
+        ss.set("staff", [{"id": 1, "boss": 0}, {"id": 2, "boss": 1}])
+        asked = ss.run("SELECT id FROM staff CONNECT BY PRIOR id == boss")
+        assert asked.value == []
+        assert [note.partition(",")[0] for note in asked.notes] == ["in first steps prior(id) is None"]
+        begun = ss.run("SELECT LAST id FROM staff START WITH boss == 0 CONNECT BY PRIOR id == boss AS list")
+        assert (begun.value, begun.notes) == ([1, 2], ())
+        row = "SELECT id FROM staff START WITH n = 0, m = 0 CONNECT BY UNIQUE{}, boss == n, n = id, m = n + m"
+        assert "UNIQUE compares rows" in ss.run(row.format("")).notes[0]
+        assert ss.run(row.format(" BY (n, m)")).notes == ()

@@ -1,7 +1,8 @@
 """Whether a search can be shown to end.
 
-It does where it has MAXIMUM or MEMORIZE n, where STOP WITH counts its steps, or where rows do not repeat and there are
-only so many. What cannot be shown may still end; `explain` then advises a bound.
+It does where it has MAXIMUM or MEMORIZE n, where STOP WITH or the condition of CONNECT BY counts its steps, or where
+rows or keys do not repeat and there are only so many. What cannot be shown may still end; `explain` then advises a
+bound.
 """
 
 from __future__ import annotations
@@ -9,7 +10,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from ss2sql import plan
-from ss2sql.walk import set_at_once, walk
+from ss2sql.lowering.rewrites.nodes import negated
+from ss2sql.walk import conjuncts, set_at_once, walk
 
 CHANGES = (plan.Eval, plan.Assign, plan.AssignLate, plan.TemporalAssign)
 ADVICE = (
@@ -29,9 +31,21 @@ def _ends(query: plan.Query, search: plan.Search) -> bool:
         return True
     if search.stop is not None and any(_counts_steps(part, query, search) for part in _certain(search.stop)):
         return True
+    made = conjuncts(search.made) if search.first is None else ()
+    if any(_counts_steps(negated(part), query, search) for part in made):
+        return True
     if search.repeats == "allowed" or any(isinstance(node, CHANGES) for node in walk(query)):
         return False
-    return all(_is_of_sources(output.expr, query, query.id) for output in query.columns)
+    return all(_is_of_sources(expr, query, query.id) for expr in _compared(query, search))
+
+
+def _compared(query: plan.Query, search: plan.Search) -> list[plan.Expr]:
+    """What is compared; of the state reached what CONNECT BY assigns."""
+    if search.by != "state":
+        return list(search.key or (output.expr for output in query.columns))
+    values = set_at_once(query)
+    states = [node for key in search.key for node in walk(key) if isinstance(node, plan.State)]
+    return [values.get(state.name, state) for state in states]
 
 
 def _certain(expr: plan.Expr) -> Sequence[plan.Expr]:

@@ -24,9 +24,18 @@ def notes_of_empty(query: plan.Query, rows: Rows, stats: Stats, before: int) -> 
 
     `before` it ran so many steps had been generated.
     """
-    if query.search is None or rows.rows or rows.paths or rows.groups or stats.generated == before:
-        return
     search = query.search
+    if search is None or rows.rows or rows.paths or rows.groups:
+        return
+    asked = () if search.made is None or search.first is not None else sorted(states_read(search.made))
+    prior = next((name for _, name in asked if name.startswith("prior(")), None)
+    if prior is not None:
+        yield (
+            f"in first steps {prior} is None, and nothing was found with it in the condition of CONNECT BY; "
+            "START WITH may have a condition of its own, for instance START WITH boss == None"
+        )
+    if stats.generated == before:
+        return
     if rows.ended and search.maximum is not None and query.having is not None:
         most, having = as_written(search.maximum), as_written(query.having)
         yield f"MAXIMUM {most} ended the search, and HAVING {having} dropped what it had found; {_larger('MAXIMUM')}"
@@ -56,7 +65,7 @@ def _undetermined(query: plan.Query) -> Iterator[str]:
     """That a search compares rows which do not tell the state that its clauses read."""
     search = query.search
     assert search is not None
-    if search.repeats == "allowed":
+    if search.repeats == "allowed" or search.by != "row":
         return
     found = missing(query)
     counted = growing(query, evenly=True)
