@@ -1,6 +1,6 @@
 """Random searches over a few edges: conditions, several starts, keys behind BY, LAST, what a step says of its path.
 
-Every one is finite: a condition bounds the level, or a guard and the few nodes do.
+Every one is finite: a condition or MEMORIZE bounds the level.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from .case import ProgramCase
 from .choices import Choices
 
 BYS = ("", "", "BY town", "BY town", "BY (town, day)", "BY dst", "BY (src, town)", "BY day")
-GUARDS = ("", "", "UNIQUE", "UNIQUE", "NO CYCLE", "MEMORIZE", "MEMORIZE 3")
+GUARDS = ("", "", "UNIQUE", "UNIQUE", "NO CYCLE", "MEMORIZE 4", "MEMORIZE 3")
 ORDERS = (
     "",
     "",
