@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from programs import ProgramCase
 from programs.drawn import amount, drawn
-from test_operators_sql import python_calls
+from sql_calls import python_calls
 
 import ss2sql
 

@@ -101,7 +101,7 @@ def test_wrong_usage_is_told(line: str, told: str) -> None:
         ("sql -e 'SELECT this FROM' --stage ast", "error[P002]"),
         ("run -e '1 / 0;'", "error[X002]"),
         ("run -e \"SELECT eval(this) FROM ['1'];\" --engine database", "error[U001]"),
-        ("run -e foo(1)", "--functions FILE.py; 'ss2sql list functions' lists the known ones"),
+        ("run -e qqqq(1)", "--functions FILE.py; 'ss2sql list functions' lists the known ones"),
         ("run -e 1; --functions syntax.py", "SyntaxError"),
         ("run -e 1; --functions fails.py", "ZeroDivisionError"),
         ("run -e 1; --functions fails.py", 'fails.py", line 2'),

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from agreement import differences, executor_outcome
 from programs import ProgramCase
-from test_operators_sql import python_calls
+from sql_calls import python_calls
 
 import ss2sql
 

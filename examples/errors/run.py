@@ -26,7 +26,7 @@ TOUR = (
         "SELECT this FROM moves START WITH n = 0 CONNECT BY NO CYCLE MEMORIZE 3 n = n + 1;",
     ),
     ("An equals sign from SQL", "SELECT name FROM family WHERE name = 'Ada';"),
-    ("A column name from SQL", "SELECT name AS first FROM family;"),
+    ("A star of one source, as in SQL", "SELECT f.* FROM f = family;"),
     (
         "The one typo in the listings of the paper",
         """SELECT this, tower FROM moves

@@ -39,6 +39,7 @@ TEXTS = {
     "UNIQUE": "each row is reached once in the whole search",
     "MAXIMUM": "the search ends with so many results",
     "MEMORIZE": "every path without a repeated row, from a graph that is built once; a number bounds the steps",
+    "BY": "UNIQUE BY key, NO CYCLE BY key, MEMORIZE BY key: what is compared in place of the row",
     "ASC": "rising",
     "DESC": "falling",
     "DISTINCT": "each row once, or each value in count(DISTINCT x)",

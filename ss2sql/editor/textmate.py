@@ -85,7 +85,9 @@ def _keywords() -> list[dict[str, Any]]:
 
 
 def _either(chosen: Iterable[Keyword]) -> str:
-    return "|".join(word.text.replace(" ", r"\s+") for word in chosen)
+    """One of the keywords. ORDER comes before SIBLINGS BY, too."""
+    texts = [word.text.replace(" ", r"\s+") for word in chosen]
+    return "|".join(r"ORDER(?=\s+SIBLINGS)|" + text if text.startswith("ORDER") else text for text in texts)
 
 
 def _others() -> list[dict[str, Any]]:

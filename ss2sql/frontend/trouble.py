@@ -16,7 +16,7 @@ PAIRS = {
     "START": "WITH", "STOP": "WITH", "CONNECT": "BY", "GROUP": "BY", "ORDER": "BY", "DEPTH": "FIRST",
     "BREADTH": "FIRST", "NO": "CYCLE", "LEFT": "JOIN", "CASE": "WHEN", "SIBLINGS": "BY",
 }  # fmt: skip
-ALONE = frozenset(("JOIN", "WHEN"))  # second words that also stand without the first
+ALONE = frozenset(("BY", "JOIN", "WHEN"))  # second words that also stand without the first
 CLAUSES = ("SELECT", "FROM", "WHERE", "START", "CONNECT", "STOP", "GROUP", "HAVING", "ORDER", "LIMIT", "AS")
 OPTIONS = ("DEPTH", "BREADTH", "COST", "HEURISTIC", "PROBABILITY", "NO", "UNIQUE", "MAXIMUM", "MEMORIZE")
 VALUES = frozenset(("NAME", "INTEGER", "FLOAT", "STRING", "THIS", "TRUE", "FALSE", "NONE"))
