@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 from typing import Any
 
 import pytest
@@ -11,6 +12,7 @@ import ss2sql
 from ss2sql.runtime.frozen import Shapes, freeze_any, freeze_flat, freeze_nested, thaw
 from ss2sql.runtime.native import search_code
 from ss2sql.runtime.native.compiled import NativeQuery
+from ss2sql.runtime.native.fragments import copied
 
 ORDERS = ["", "BREADTH FIRST", "DEPTH FIRST", "COST w", "PROBABILITY w / 4", "COST w HEURISTIC IF(dst == 2; 3; 0)"]
 REPEATS = ["", "NO CYCLE", "UNIQUE", "MEMORIZE 4"]
@@ -209,3 +211,15 @@ def test_a_call_is_made_once_for_each_state_and_element() -> None:
         )
     assert len(result.paths[0]) == 3
     assert len({repr(call) for call in calls}) == len(calls) == result.stats.calls["noted"]
+
+
+def test_what_others_note_in_syntax_trees_is_no_part_of_them() -> None:
+    """Who shows tracebacks notes the parents of nodes; all trees of a process share their `Load`."""
+    load = ast.parse("a").body[0].value.ctx  # type: ignore[attr-defined]
+    load.parent = ast.parse("b").body[0].value  # type: ignore[attr-defined]
+    try:
+        copy = copied(ast.parse("c + 1"))
+    finally:
+        del load.parent
+    assert ast.unparse(copy) == "c + 1"
+    assert not hasattr(copy.body[0].value.left.ctx, "parent")  # type: ignore[attr-defined]
