@@ -250,5 +250,7 @@ class _Splice(_Transformer):
 class _After(ast.expr):
     """The state after a step, whose values are put where it stands in a tuple; none where the step stops."""
 
+    _fields = ("parts",)  # which a copy has, too
+
     def __init__(self, state: ast.expr | None = None) -> None:
         self.parts = state.elts if isinstance(state, ast.Tuple) else []
