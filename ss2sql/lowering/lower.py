@@ -61,8 +61,7 @@ def lower(
         select = search.statement()
         if query.aggregated:
             is_sorted = is_limited = True
-            limit = None if query.limit is None else needs.count(query.limit, "limit")
-            select = sql.sorted_query(search.grouped(select, _names(query)), (), limit)
+            select = sql.sorted_query(search.grouped(select, _names(query)), (), *needs.limits(query))
         # Of tables' BLOBs, and of bools that SQL makes, the pool hears nothing.
         quiet = any(isinstance(node, (plan.TableSource, plan.WorldSource)) for node in walk(query))
         quiet = quiet or any(

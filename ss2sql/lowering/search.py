@@ -198,7 +198,8 @@ class SearchLowering(ABC):
         """The START WITH variables as columns of a table, where they are another value in each start."""
         name = self.selects.needs.table("starts")
         moved = {state: node for state, node in states.items() if node.find(exp.Column)}
-        columns = dict(zip(moved, (free_name(short(state[1]), set()) for state in moved), strict=True))
+        taken: set[str] = set()
+        columns = {state: free_name(short(state[1]), taken) for state in moved}
         shown = [sql.alias(node, columns[state]) for state, node in moved.items()] or [
             sql.alias(sql.number(1), "start")
         ]
