@@ -162,6 +162,11 @@ def set_at_once(query: plan.Query) -> dict[str, plan.Expr]:
     return values
 
 
+def has_query(node: Node) -> bool:
+    """Whether a node evaluates a query."""
+    return any(isinstance(part, plan.Subquery) for part in walk(node))
+
+
 def functions(node: Node) -> Iterator[plan.Function]:
     """The functions that the node calls, in the order of its text."""
     for part in walk(node):

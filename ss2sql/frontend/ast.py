@@ -6,6 +6,7 @@ The tree is closed: code that walks it uses `match` and ends with `assert_never`
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
@@ -289,6 +290,15 @@ Expr: TypeAlias = (
     Literal | Name | This | Attribute | ListLiteral | Call | Index | Slice | Operator | Between | And | Or | Xor | Not
     | If | Assign | TemporalAssign | Temporal | Query
 )  # fmt: skip
+
+
+def children(tree: Any) -> Iterator[Any]:
+    """The nodes directly below a node."""
+    for name in type(tree).__dataclass_fields__:
+        value = getattr(tree, name)
+        for item in value if isinstance(value, tuple) else (value,):
+            if hasattr(type(item), "__dataclass_fields__") and not isinstance(item, Span):
+                yield item
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ss2sql import plan
@@ -59,18 +59,17 @@ COUNTED = Type(Kind.INT, 0, 2**53)
 
 def counts_all(columns: tuple[ast.Expr | ast.Named | ast.Star, ...]) -> bool:
     """Whether SELECT without GROUP BY counts all rows, by `count(*)` or `count(DISTINCT x)`, queries inside apart."""
-    waiting: list[Any] = list(columns)
-    while waiting:
-        match waiting.pop():
-            case ast.Call(function="count", owner=None) as call if call.star or call.distinct:
-                return True
-            case ast.Query():
-                pass
-            case tuple() as several:
-                waiting.extend(several)
-            case node if type(node).__module__ == ast.__name__:
-                waiting.extend(getattr(node, field.name) for field in fields(node))
-    return False
+    return any(map(_counts, columns))
+
+
+def _counts(tree: Any) -> bool:
+    match tree:
+        case ast.Call(function="count", owner=None) if tree.star or tree.distinct:
+            return True
+        case ast.Query():
+            return False
+        case _:
+            return any(map(_counts, ast.children(tree)))
 
 
 def with_star(function: plan.Function, grouped: bool, span: Span) -> plan.Aggregate:

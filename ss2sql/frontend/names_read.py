@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
 from typing import Any
 
 from ss2sql.frontend import ast
@@ -15,13 +14,9 @@ def names_read(*trees: ast.Script | ast.Expr) -> frozenset[str] | None:
     while waiting:
         node = waiting.pop()
         match node:
-            case tuple():
-                waiting.extend(node)
-                continue
             case ast.Star() | ast.This() | ast.Call(function="eval", owner=None):
                 return None
             case ast.Name(name=name) | ast.Attribute(name=name):
                 names.add(name)
-        if type(node).__module__ == ast.__name__:
-            waiting.extend(getattr(node, field.name) for field in fields(node))
+        waiting.extend(ast.children(node))
     return frozenset(names)

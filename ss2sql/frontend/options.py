@@ -52,11 +52,10 @@ def search_options(
     for word, rule in RULES:
         if word in given:
             repeats, by = rule, given[word].by
-    assert scope.said is not None
-    scope.said.clause = "BY"
+    scope.enter("BY")
     key = tuple(resolver.guarded(resolver.expression, part, scope) for part in by)
     own = {source.id for source in scope.sources}
-    scope.said.clause = "COST"
+    scope.enter("COST")
     return replace(
         search,
         key=key,

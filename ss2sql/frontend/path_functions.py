@@ -260,13 +260,7 @@ def _nodes(tree: Any) -> Iterator[Any]:
 
 def _parts(tree: Any) -> Iterator[Any]:
     """The nodes directly below a node; searches inside have calls of their own."""
-    for name in type(tree).__dataclass_fields__:
-        value = getattr(tree, name)
-        for item in value if isinstance(value, tuple) else (value,):
-            if not hasattr(type(item), "__dataclass_fields__") or isinstance(item, Span):
-                continue
-            if not (isinstance(item, ast.Query) and item.searches):
-                yield item
+    return (part for part in ast.children(tree) if not (isinstance(part, ast.Query) and part.searches))
 
 
 def _height(resolver: Resolver, tree: Any) -> int:

@@ -35,14 +35,14 @@ def resolve_query(resolver: Resolver, tree: ast.Query, outer: Scope | None) -> p
     sources = tuple(scope.sources)
     where = _optional(resolver, tree.where, scope, "WHERE")
     where = _with_joins(joins, where) if search is None else where
-    _enter(scope, "GROUP BY")
+    scope.enter("GROUP BY")
     group = _group(resolver, tree, scope)
     whole = not group and counts_all(tree.columns)
     scope.grouped = bool(group) or whole
-    _enter(scope, "SELECT")
+    scope.enter("SELECT")
     columns = _columns(resolver, tree, scope)
     scope.columns = _names(resolver, tree, scope, columns)
-    _enter(scope, "ORDER BY")
+    scope.enter("ORDER BY")
     order = tuple(_order_key(resolver, tree, key, scope, columns) for key in tree.order)
     having = _optional(resolver, tree.having, scope, "HAVING")
     if having is not None and tree.having is not None:
@@ -85,14 +85,8 @@ def _check_distinct(resolver: Resolver, tree: ast.Query) -> None:
 
 
 def _optional(resolver: Resolver, tree: ast.Expr | None, scope: Scope, clause: str) -> plan.Expr | None:
-    _enter(scope, clause)
+    scope.enter(clause)
     return None if tree is None else resolver.guarded(resolver.expression, tree, scope)
-
-
-def _enter(scope: Scope, clause: str) -> None:
-    """Notes which clause is resolved next."""
-    if scope.said is not None:
-        scope.said.clause = clause
 
 
 # --- the search ----------------------------------------------------------------------------------------
@@ -115,14 +109,14 @@ def _search(
         _refuse_without_search(resolver, tree)
         return None, open_sources(resolver, tree, scope)
     tree, scope.said = with_variables(resolver, tree)
-    _enter(scope, "START WITH")
+    scope.enter("START WITH")
     start, each = _start(resolver, tree, scope)
     _check_assigned(resolver, tree, scope)
-    _enter(scope, "FROM")
+    scope.enter("FROM")
     settle_states(resolver, tree, scope, dict(start))
     joins = open_sources(resolver, tree, scope)
     _check_names(resolver, tree, scope)
-    _enter(scope, "CONNECT BY")
+    scope.enter("CONNECT BY")
     connect = tuple((a.name, resolver.guarded(resolver.expression, a.value, scope)) for a in tree.connect)
     search = plan.Search(start, connect, None, states=tuple(scope.states.items()), each=each)
     scope.said.sources, scope.said.search = tuple(scope.sources), search
@@ -132,7 +126,7 @@ def _search(
     stop = _optional(resolver, tree.stop, scope, "STOP WITH")
     scope.said.search = search = replace(search, made=made, first=first, stop=stop)
     search = search_options(resolver, tree, scope, outer, search)
-    _enter(scope, "ORDER SIBLINGS BY")
+    scope.enter("ORDER SIBLINGS BY")
     keys = (plan.OrderKey(_key(resolver, key.expr, scope), key.descending) for key in tree.siblings)
     return replace(search, siblings=tuple(keys)), joins
 

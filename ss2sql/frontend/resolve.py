@@ -436,7 +436,7 @@ def _assignments(tree: Any) -> list[ast.Assign]:
         elif hasattr(type(node), "__dataclass_fields__") and not isinstance(node, Span):
             if isinstance(node, ast.Assign):
                 found.append(node)
-            stack.extend(getattr(node, name) for name in type(node).__dataclass_fields__)
+            stack.extend(ast.children(node))
     return found
 
 
@@ -448,15 +448,7 @@ def _mentions_sources(tree: ast.Expr) -> bool:
         case ast.Query():
             return False
         case _:
-            return any(_mentions_sources(part) for part in _children(tree))
-
-
-def _children(tree: ast.Expr) -> Iterable[ast.Expr]:
-    for name in type(tree).__dataclass_fields__:
-        value = getattr(tree, name)
-        for item in value if isinstance(value, tuple) else (value,):
-            if hasattr(type(item), "__dataclass_fields__") and not isinstance(item, Span):
-                yield item
+            return any(_mentions_sources(part) for part in ast.children(tree))
 
 
 def is_value(tree: ast.Expr) -> bool:

@@ -34,6 +34,13 @@ class Scope:
     shown: dict[str, str] = field(default_factory=dict)  # the texts of these columns
     said: PathFunctions | None = None  # of a search: what its steps say of their paths
 
+    def enter(self, clause: str) -> str:
+        """Notes which clause of a search is resolved next, for the functions that ask for the path; the one before."""
+        if self.said is None:
+            return ""
+        before, self.said.clause = self.said.clause, clause
+        return before
+
     def outwards(self) -> Iterator[Scope]:
         """This scope and those around it, innermost first."""
         scope: Scope | None = self

@@ -43,24 +43,21 @@ def open_sources(resolver: Resolver, tree: ast.Query, scope: Scope) -> tuple[pla
         if part.on is not None:
             on = resolver.guarded(resolver.expression, part.on, scope)
             if part.optional:
-                joined = _joined(resolver, scope.sources.pop(), on, part)
+                joined = _left_joined(resolver, scope.sources.pop(), on, part.span)
                 scope.sources.append(_placed(joined, scope))
             else:
                 conditions.extend(conjuncts(on))
     return tuple(conditions)
 
 
-def _joined(resolver: Resolver, source: plan.Source, on: plan.Expr, part: ast.From) -> plan.QuerySource:
-    """The elements of a source that meet a condition."""
-    element = element_of(source, part.span)
+def _left_joined(resolver: Resolver, source: plan.Source, on: plan.Expr, span: Span) -> plan.QuerySource:
+    """The elements of a source that meet a condition, or None where none does."""
+    element = element_of(source, span)
     form, column = plan.Representation("list"), plan.Output("this", element)
-    query = plan.Query(resolver.number(), (source,), (column,), on, representation=form, span=part.span)
-    kind, columns = element.type, source.columns
-    if part.optional:
-        kind = union((kind, NONE))
-        columns = columns and tuple((name, union((of, NONE))) for name, of in columns)
-    number = resolver.number()
-    return plan.QuerySource(number, source.name, query, kind, columns, optional=part.optional, span=part.span)
+    query = plan.Query(resolver.number(), (source,), (column,), on, representation=form, span=span)
+    kind, columns = union((element.type, NONE)), source.columns
+    columns = columns and tuple((name, union((of, NONE))) for name, of in columns)
+    return plan.QuerySource(resolver.number(), source.name, query, kind, columns, optional=True, span=span)
 
 
 def _placed(source: plan.Source, scope: Scope) -> plan.Source:

@@ -73,20 +73,12 @@ def _try(resolver: Resolver, tree: ast.Query, scope: Scope, types: Types) -> _Tr
     trial.states.update(types)
     with _on_trial(resolver):
         open_sources(resolver, tree, trial)
-        before = _enter(trial, "CONNECT BY")
+        before = trial.enter("CONNECT BY")
         values = ((a.name, resolver.guarded(resolver.expression, a.value, trial)) for a in tree.connect)
         # A proof sees what the functions of the user compute.
         connect = tuple((name, resolver.inliner.expr(value)) for name, value in values)
-        _enter(trial, before)
+        trial.enter(before)
     return _Trial(trial, connect)
-
-
-def _enter(scope: Scope, clause: str) -> str:
-    """Notes which clause is resolved next, for the functions that ask for the path; gives the one before."""
-    if scope.said is None:
-        return ""
-    before, scope.said.clause = scope.said.clause, clause
-    return before
 
 
 # --- proving -------------------------------------------------------------------------------------------
@@ -150,9 +142,9 @@ def _narrowed(resolver: Resolver, tree: ast.Query, scope: Scope, first: Types, t
     for clause, truth in ((tree.stop, False), (tree.made if tree.first is None else None, True)):
         if clause is not None:
             with _on_trial(resolver):
-                entered = _enter(trial.scope, "WHERE")
+                entered = trial.scope.enter("WHERE")
                 condition = resolver.guarded(resolver.expression, clause, trial.scope)
-                _enter(trial.scope, entered)
+                trial.scope.enter(entered)
                 facts += facts_of(resolver.inliner.expr(condition), truth)
     before = {name: _clamped_state(scope.query, name, kind, facts) for name, kind in types.items()}
     closer = trial if before == dict(types) else _try(resolver, tree, scope, before)

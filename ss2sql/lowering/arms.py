@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ss2sql import plan
-from ss2sql.kinds import Kind, is_flag
+from ss2sql.kinds import SCALAR, is_flag
 from ss2sql.lowering import sql
 from ss2sql.lowering.expressions import Env, Expressions, Reader
 from ss2sql.lowering.positions import column_name, position_of
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 MOST = 8  # items, each of which has all clauses of its own
-SCALAR = Kind.NONE | Kind.NUMBER | Kind.STR
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,12 +35,12 @@ class Arms:
     items: tuple[plan.Expr, ...]
     size: int | None
 
-    def parts(self, element: plan.Element) -> tuple[plan.Column, ...]:
-        """The columns that an element which is a list consists of."""
+    def parts(self, expr: plan.Expr) -> tuple[plan.Column, ...]:
+        """The columns that an element travels as; nothing for what does not travel as its parts."""
+        if self.size is None or not isinstance(expr, plan.Element) or expr.source != self.source.id:
+            return ()
         kinds = self.source.element.positions or ()
-        return tuple(
-            plan.Column(element.source, column_name(at), kind, span=element.span) for at, kind in enumerate(kinds)
-        )
+        return tuple(plan.Column(expr.source, column_name(at), kind, span=expr.span) for at, kind in enumerate(kinds))
 
     def reader(self, expressions: Expressions, item: plan.Expr, env: Env) -> Reader:
         """Reads an item, in the sight of its parts, and these."""
@@ -60,14 +59,10 @@ class Arms:
     def row(self, expressions: Expressions, query: plan.Query, item: plan.Expr, env: Env) -> Iterator[Node]:
         """The values of a step's row, a list as its parts."""
         for output in query.columns:
-            if self.shows(output.expr) and isinstance(item, plan.MakeList):
+            if self.parts(output.expr) and isinstance(item, plan.MakeList):
                 yield from (expressions.value(part, env) for part in item.items)
             else:
                 yield expressions.value(output.expr, env)
-
-    def shows(self, expr: plan.Expr) -> bool:
-        """Whether an expression is an element that travels as its parts."""
-        return self.size is not None and isinstance(expr, plan.Element) and expr.source == self.source.id
 
 
 def arms_of(query: plan.Query) -> Arms | None:

@@ -20,8 +20,9 @@ from ss2sql import plan
 from ss2sql.bounds import Fact, narrowed
 from ss2sql.errors import Source, Span
 from ss2sql.kinds import ANY, BOOL, Kind, Type, type_of
+from ss2sql.language.operations.arithmetic import EXACT
 from ss2sql.lowering import sql
-from ss2sql.lowering.classes import EXACT, WHOLE, is_number, may_repeat
+from ss2sql.lowering.classes import WHOLE, is_number, may_repeat
 from ss2sql.lowering.packing import Cells, Members
 from ss2sql.lowering.sql import Node
 

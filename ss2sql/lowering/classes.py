@@ -12,7 +12,6 @@ from ss2sql.language.operations.row import sql_class
 from ss2sql.lowering.sql import Node
 
 REAL_NUMBER = Kind.INT | Kind.FLOAT
-EXACT = 2**53  # integers up to here are exact as floats
 
 
 def is_number(kind: Type) -> bool:

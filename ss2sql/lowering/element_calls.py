@@ -24,7 +24,7 @@ from ss2sql.lowering.expressions import Env
 from ss2sql.lowering.names import free_name, sql_names
 from ss2sql.lowering.sql import Node
 from ss2sql.lowering.sql_query import ElementCall, ListTable
-from ss2sql.walk import sources_read, states_read, walk
+from ss2sql.walk import has_query, sources_read, states_read, walk
 
 if TYPE_CHECKING:
     from ss2sql.lowering.select import Selects
@@ -83,7 +83,7 @@ def _is_of_element(call: plan.Call, source: plan.ValueSource) -> bool:
     others = [argument for argument in call.arguments if not _is_read(argument, source)]
     if not whole or not any(states_read(other) or sources_read(other) for other in others):
         return False
-    return all(source.id not in sources_read(other) and not _has_query(other) for other in others)
+    return all(source.id not in sources_read(other) and not has_query(other) for other in others)
 
 
 def _is_read(argument: plan.Expr, source: plan.ValueSource) -> bool:
@@ -94,10 +94,6 @@ def _is_read(argument: plan.Expr, source: plan.ValueSource) -> bool:
             return number == source.id and declared
         case _:
             return False
-
-
-def _has_query(expr: plan.Expr) -> bool:
-    return any(isinstance(node, plan.Subquery) for node in walk(expr))
 
 
 def with_calls(

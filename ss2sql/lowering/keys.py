@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from ss2sql import plan
 from ss2sql.lowering.classes import same_class
 from ss2sql.lowering.expressions import is_fixed
-from ss2sql.walk import can_fail, cuts_off, functions, is_volatile, sources_read, states_read, walk
+from ss2sql.walk import can_fail, cuts_off, functions, has_query, is_volatile, sources_read, states_read
 
 OPERATORS = frozenset({"item", "slice", "add", "sub", "mul", "div", "mod", "pow", "neg"})
 FEW = 16  # elements of a list that is no longer than this are tried one by one
@@ -76,7 +76,7 @@ def _is_key(query: plan.Query, source: int, expr: plan.Expr, other: plan.Expr) -
         return False
     if source in sources_read(other) or not (sources_read(other) or states_read(other)):
         return False
-    if any(isinstance(node, plan.Subquery) for node in walk(expr)):
+    if has_query(expr):
         return False
     return not cuts_off(query) or all(function.builtin for function in functions(expr))
 

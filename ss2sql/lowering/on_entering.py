@@ -28,7 +28,7 @@ from ss2sql.lowering.search import SearchLowering, element_reads, short
 from ss2sql.lowering.select import Selects, fed, numbered
 from ss2sql.lowering.sql import Node
 from ss2sql.lowering.sql_query import Bookkeeping, Counts
-from ss2sql.walk import parts, set_at_once, states_read, walk
+from ss2sql.walk import has_query, parts, set_at_once, states_read, walk
 
 MOST = 2**40  # costs up to here do not add up to 64 bits: 2^23 steps on one path would be needed
 
@@ -102,7 +102,7 @@ class OnEntering(SearchLowering):
     def bookkeeping(self) -> Bookkeeping:
         if self.arms is None:
             return Bookkeeping(self.counts, self.all_go_on, self.all_results, keyed=self.keyed, unkept=self.unkept)
-        parts = tuple((self.arms.size or 0) if self.arms.shows(o.expr) else 0 for o in self.query.columns)
+        parts = tuple(len(self.parts(output.expr)) for output in self.query.columns)
         return Bookkeeping(self.counts, self.all_go_on, self.all_results, arms=len(self.arms.items), parts=parts)
 
     @property
@@ -113,8 +113,7 @@ class OnEntering(SearchLowering):
             return "steps"
         if self.arms is not None:
             return "product"
-        subqueries = any(isinstance(n, plan.Subquery) for n in walk(query))
-        if not self.search.each and all(map(self.is_constant, query.sources)) and not subqueries:
+        if not self.search.each and all(map(self.is_constant, query.sources)) and not has_query(query):
             return "product"
         drops = dropping_stop(query) is not None or self.search.order == "probability"
         return "steps" if drops else "entered"
@@ -160,11 +159,8 @@ class OnEntering(SearchLowering):
             if name in read and name not in self.before:
                 self.before[name] = self._named(f"{short(name)}_before")
         for node in element_reads(self.query, [part for place in left for part in place or ()]):
-            if self.arms is not None and isinstance(node, plan.Element) and self.arms.shows(node):
-                for part in self.arms.parts(node):
-                    self.carry(part)
-            else:
-                self.carry(node)
+            for part in self.parts(node) or (node,):
+                self.carry(part)
 
     # --- the statement ---------------------------------------------------------------------------------
 

@@ -63,7 +63,7 @@ def _whole(node: plan.Element | plan.Column) -> plan.Element | plan.Column:
 
 
 class SearchLowering(ABC):
-    """What both ways to lower a search share: the terms' sources, the START WITH state, and the statement."""
+    """What is the same in all searches: the terms' sources, the START WITH state, and the statement."""
 
     def __init__(self, selects: Selects, query: plan.Query, cut: bool) -> None:
         search = query.search
@@ -112,6 +112,10 @@ class SearchLowering(ABC):
         self.reads.append((name, node))
         return name
 
+    def parts(self, expr: plan.Expr) -> tuple[plan.Column, ...]:
+        """The columns of the parts as which an element travels, if it does."""
+        return () if self.arms is None else self.arms.parts(expr)
+
     def column(self, name: str) -> Node:
         return sql.column(name, self.table)
 
@@ -123,8 +127,8 @@ class SearchLowering(ABC):
         return env
 
     def _carried(self, expr: plan.Element | plan.Column) -> Node:
-        if self.arms is not None and isinstance(expr, plan.Element) and self.arms.shows(expr):
-            return as_list(self.expressions, [(self.column(self.carry(p)), p) for p in self.arms.parts(expr)])
+        if parts := self.parts(expr):
+            return as_list(self.expressions, [(self.column(self.carry(part)), part) for part in parts])
         carried = self.column(self.carry(_whole(expr)))
         if isinstance(expr, plan.Column) and not expr.declared:
             return self.expressions.field(carried, expr)

@@ -196,7 +196,7 @@ class Database:
             self.guard.scalar(sql_name, SqlCaller(function, memo, self.stack))
             return
         caller = self.callers[function.name] = Caller(function, memo, self.stack)
-        self.guard.scalar(sql_name, caller.sql_function())
+        self.guard.scalar(sql_name, caller.call)
 
     def _walk(self, name: str, arguments: tuple[Any, ...], cursor: Any) -> Walked:
         """What the table of this name gives for its arguments."""

@@ -86,7 +86,7 @@ class _Call:
             caller.memo.hits += len(known)
             return known
         if self._has_repeats(columns, arguments):
-            return list(starmap(caller.sql_function(), self.rows(columns, arguments)))
+            return list(starmap(caller.call, self.rows(columns, arguments)))
         results = caller.block(self.execution, self._values(columns, arguments), lambda: self.rows(columns, arguments))
         pool = self.execution.pool
         plain = pool.is_plain or all(caller.may_keep(pool, row) for row in self.rows(columns, arguments))

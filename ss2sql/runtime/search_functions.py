@@ -1,9 +1,7 @@
-"""What a search in SQL has no words for: numbers for its steps, the way back, and the rows that were met.
+"""What a search in SQL has no words for: numbers for its steps, the path to a step, and the rows that were met.
 
 One `SearchState` serves one execution of one statement. Its methods are the SQL functions that the lowering of
-searches writes down. The first group serves searches whose steps are evaluated on entering the queue, the
-second those whose steps are evaluated when they are taken, where all may be asked twice about the same step
-and then answer the same. Ranks are totals for which less is better.
+searches writes down. Ranks are totals for which less is better.
 """
 
 from __future__ import annotations

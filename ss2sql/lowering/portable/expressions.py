@@ -144,10 +144,6 @@ class Portable:
         return sql.case([(self.condition(expr.condition, sight), values[0])], values[1])
 
 
-def _is_known(name: str) -> bool:
-    return name in BY_HAND or bool(OPERATIONS[name].portable)
-
-
 def constant(value: Any, kind: Type, expr: plan.Expr) -> Node:
     """A known value."""
     match value:

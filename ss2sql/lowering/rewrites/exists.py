@@ -17,7 +17,7 @@ from ss2sql import plan
 from ss2sql.kinds import BOOL, NONE, union
 from ss2sql.lowering.rewrites.nodes import all_of, bottom_up, call, constant
 from ss2sql.lowering.rewrites.world import World
-from ss2sql.walk import asks_for_rows, conjuncts, is_volatile, sources_inside, sources_read, states_read, walk
+from ss2sql.walk import asks_for_rows, conjuncts, has_query, is_volatile, sources_inside, sources_read, states_read
 
 
 def rewrite(query: plan.Query, world: World) -> plan.Query:
@@ -32,7 +32,7 @@ def _changed(node: Any) -> Any:
         case plan.Call(
             function=plan.Function(name="in" | "not_in" as name, builtin=True),
             arguments=(item, plan.Subquery(query=inner)),
-        ) if _is_plain(inner) and _reads_around(inner) and not _has_query(item) and not is_volatile(node):
+        ) if _is_plain(inner) and _reads_around(inner) and not has_query(item) and not is_volatile(node):
             column = inner.columns[0].expr
             equal = call("eq", column, item, span=node.span)
             found = replace(
@@ -59,7 +59,3 @@ def _is_plain(query: plan.Query) -> bool:
 
 def _reads_around(query: plan.Query) -> bool:
     return bool(sources_read(query) - sources_inside(query) or states_read(query))
-
-
-def _has_query(expr: plan.Expr) -> bool:
-    return any(isinstance(node, plan.Subquery) for node in walk(expr))

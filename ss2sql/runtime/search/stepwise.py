@@ -204,27 +204,11 @@ def depth_first(steps: Steps, starts: list[State]) -> Iterator[Way]:
                 stack.append((longer, steps.expand(longer, step.state, seen)))
 
 
-def breadth_first(steps: Steps, starts: list[State]) -> Iterator[Way]:
-    """The oldest path is extended first."""
-    unique, no_cycle = steps.search.repeats == "unique", steps.search.repeats == "no cycle"
-    seen: set[Hashable] = set()
-    queue = deque((Way(start), start) for start in list(new_starts(steps, starts, seen)))
-    while queue:
-        way, state = queue.popleft()
-        if no_cycle:
-            seen = on_path(steps, way)
-        for step in steps.expand(way, state, seen):
-            longer = way.longer(step)
-            if unique:
-                seen.add(step.key)
-            if step.goal:
-                yield longer
-            if not step.stop:
-                queue.append((longer, step.state))
+def by_estimate(steps: Steps, starts: list[State]) -> Iterator[Way]:
+    """The step with the smallest estimate is extended first, of equal ones the oldest.
 
-
-def greedy(steps: Steps, starts: list[State]) -> Iterator[Way]:
-    """The step with the smallest estimate is extended first; a result is given out when it is generated."""
+    Without HEURISTIC all are equal: breadth first. A result is given out when it is generated.
+    """
     unique, no_cycle = steps.search.repeats == "unique", steps.search.repeats == "no cycle"
     seen: set[Hashable] = set()
     number = count()
@@ -303,7 +287,7 @@ class _Closed:
         return known is not None and bool(known <= self.total)
 
 
-_ORDERS = {"depth first": depth_first, "breadth first": breadth_first, "greedy": greedy}
+_ORDERS = {"depth first": depth_first, "breadth first": by_estimate, "greedy": by_estimate}
 
 
 # --- MEMORIZE ------------------------------------------------------------------------------------------
