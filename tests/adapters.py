@@ -162,6 +162,13 @@ class Counting(BallWorld):
         return self.count
 
 
+class Backwards(BallWorld):
+    @function("stable", indexed=True)
+    def pos(self, key: int, axis: int | None = None) -> Any:
+        ball = self.source.balls[key]
+        return [ball.x, ball.y, ball.z] if axis is None else (ball.z, ball.y, ball.x)[axis]
+
+
 class WrongOrder(Points):
     def place(self, keys: list[int]) -> Any:
         return self.world.points[sorted(keys)].T
@@ -171,6 +178,7 @@ BROKEN_WORLDS: list[tuple[str, Callable[[], Any], str]] = [
     ("no world", object, "there is an adapter"),
     ("arrays in another order", lambda: type("Broken", (ArrayWorld,), {"tables": (WrongOrder,)})(), OWN),
     ("counts", lambda: Counting(Box.row(2)), "functions keep what they declare"),
+    ("has other items", lambda: Backwards(Box.random(4, 9)), "functions keep what they declare"),
     ("measures the wrong way", lambda: Crooked(Box.random(4, 9)), "places are true"),
     ("forgets", lambda: Dying(Box.random(4, 9)), "queries see what is there"),
 ]

@@ -9,7 +9,7 @@ import pytest
 
 import ss2sql
 from ss2sql.errors import ExecutionError
-from ss2sql.vtables import Column, Gone, Table, World
+from ss2sql.vtables import Column, Gone, Table, World, function
 
 COUNT = 70
 
@@ -57,6 +57,13 @@ class Harbour(World):
         self.odd: dict[int, Any] = {}
         self.masses: dict[int, float] = {}
         self.names: dict[int, str] = {}
+        self.called = 0
+
+    @function("stable", indexed=True)
+    def pos(self, boat: int, axis: int | None = None) -> Any:
+        self.called += 1
+        ((place, _),) = Boats(self).place([boat])
+        return list(place) if axis is None else place[axis]
 
 
 @pytest.fixture
@@ -133,6 +140,17 @@ def test_names_beyond_ascii_are_asked_in_blocks_too(ss: ss2sql.Session, world: H
     world.names[1] = "\ud800"
     with pytest.raises(ExecutionError, match="no text that can be written"):
         ss.run("SELECT name FROM boats;", engine=engine)
+
+
+def test_items_of_lists_are_columns(ss: ss2sql.Session, world: Harbour, engine: Any) -> None:
+    script = "SELECT pos[0], pos(this, 1), this.pos[2], boats.pos(this, 0) FROM boats WHERE pos(this)[0] > 1 AS rows;"
+    query = ss.compile(script, engine=engine)
+    assert query.run().value == [(k / 2, -k, 0, k / 2) for k in range(3, COUNT)]
+    assert world.called == 0
+    assert ss.run("SELECT pos(this, 2 - id) FROM boats LIMIT 3 AS list;", engine=engine).value == [0, -1, 1]
+    assert world.called == 3
+    with pytest.raises(IndexError):
+        ss.run("SELECT pos(this, 3) FROM boats;", engine=engine)
 
 
 # --- what is only shown --------------------------------------------------------------------------------

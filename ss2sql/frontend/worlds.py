@@ -78,14 +78,27 @@ def _refuse_call(table: Any, arguments: tuple[ast.Expr, ...], span: Span) -> Non
 def world_call(
     resolver: Resolver, name: str, arguments: tuple[plan.Expr, ...], scope: Scope | None, span: Span
 ) -> plan.Expr:
-    """A call of a world's function; of an element that walks here the column itself."""
-    if len(arguments) == 1:
-        source = _walked(arguments[0], scope)
-        if source is not None and any(column == name for column, _ in source.columns):
+    """A call of a world's function; of an element that walks here the column itself, or an item of it."""
+    source = _walked(arguments[0], scope) if arguments else None
+    if source is not None and any(column == name for column, _ in source.columns):
+        if len(arguments) == 1:
             return column_of(source, name, span)
+        if _is_item(resolver, source, name, arguments[1:]):
+            return resolver.call("item", (column_of(source, name, span), arguments[1]), span, span)
     function = resolver.catalog.world_functions[name]
     resolver.check_arity(function, len(arguments), span)
     return plan.Call(function, arguments, ANY, span=span, place=span)
+
+
+def _is_item(resolver: Resolver, source: plan.WorldSource, name: str, behind: tuple[plan.Expr, ...]) -> bool:
+    """Whether a function promises to give an item of the column of its name for what stands behind the element."""
+    note = resolver.catalog.worlds[source.table.world_name].note_of(name)
+    length = dict(source.columns)[name].size
+    match behind:
+        case (plan.Constant(value=int(index), type=kind),):
+            return note.indexed and length is not None and kind.only(Kind.INT) and 0 <= index < length
+        case _:
+            return False
 
 
 def _walked(expr: plan.Expr, scope: Scope | None) -> plan.WorldSource | None:

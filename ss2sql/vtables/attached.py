@@ -73,6 +73,11 @@ class AttachedWorld:
         except Exception as error:
             raise broken(self.principal.schema, error) from error
 
+    def note_of(self, name: str) -> WorldFunction:
+        """What the method of this name declares of itself."""
+        note = getattr(getattr(type(self.world), name, None), "__ss2sql__", None)
+        return note if isinstance(note, WorldFunction) else WorldFunction()
+
     def offered(self) -> set[str]:
         """The names of its functions and columns, each of which can be called with an element."""
         return set(self.functions).union(*(table.schema.kinds for table in self.tables.values()))

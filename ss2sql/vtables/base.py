@@ -239,26 +239,29 @@ class WorldFunction:
     """What `@function` notes of a method."""
 
     volatility: Volatility = "stable"
+    indexed: bool = False
 
 
 @overload
 def function(method: F, /) -> F: ...
 @overload
-def function(volatility: Volatility, /) -> Callable[[F], F]: ...
+def function(volatility: Volatility, /, indexed: bool = False) -> Callable[[F], F]: ...
 
 
-def function(volatility: Any = "stable", /) -> Any:
+def function(volatility: Any = "stable", /, indexed: bool = False) -> Any:
     """Decorator for methods of a World: a function of scripts, `linearVelocity(this, 2)`.
 
     Elements of the same world arrive as their keys, all else as it is. `@function` alone says that it is stable: the
     same arguments give the same value within one query. `@function("volatile")` is for what moves or steps the world,
-    or looks at a clock; `@function("immutable")` for what never changes.
+    or looks at a clock; `@function("immutable")` for what never changes. `indexed=True` promises that the function is a
+    column: of an element it gives the list column of its name, and with 0, 1, ... behind the element one item of that
+    list. Such calls are read as columns.
     """
     if callable(volatility):
         return function("stable")(volatility)
 
     def note(method: F) -> F:
-        method.__ss2sql__ = WorldFunction(volatility)  # type: ignore[attr-defined]
+        method.__ss2sql__ = WorldFunction(volatility, indexed)  # type: ignore[attr-defined]
         return method
 
     return note

@@ -158,7 +158,7 @@ class BodyWorld(World):
         """Where it is on the floor plan, [x, y] in m. `pos` has all three numbers."""
         return list(self.point(body)[:2])
 
-    @function
+    @function("stable", indexed=True)
     def linearVelocity(self, body: Any, axis: Any = None) -> Any:  # noqa: N802 - the paper's word
         """How fast it moves, in m/s: [x, y, z], or the part along the axis 0, 1 or 2."""
         velocity = self.column(self.body(body), "velocity")

@@ -297,6 +297,12 @@ class _Judge:
                 if repr(one) != repr(other):
                     detail = f"{name}({element!r}) is {one!r}, then {other!r}"
                     raise BrokenRuleError("functions keep what they declare", principal.table.name, detail)
+                if self.attached.note_of(name).indexed:
+                    column = principal.schema.value(key, name)
+                    items = [method(own_key(element, self.world), index) for index in range(len(column))]
+                    if not one == items == column:
+                        detail = f"{name}({element!r}) is {one!r} and {items!r} by index, the column {column!r}"
+                        raise BrokenRuleError("functions keep what they declare", principal.table.name, detail)
 
     # --- queries ---------------------------------------------------------------------------------------
 

@@ -73,6 +73,12 @@ class Layout:
         return len(self.parts) == len(self.names)
 
     @property
+    def items(self) -> dict[str, tuple[str, ...]]:
+        """The columns of lists, each with a column for each item."""
+        lists = [part for part in self.parts if part.inner]
+        return {name: tuple(inner[0] for inner in part.inner) for part in lists for name in part.names}
+
+    @property
     def heads(self) -> tuple[str, ...]:
         """A column for each value."""
         return tuple(part.names[0] for part in self.parts)

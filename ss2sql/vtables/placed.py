@@ -9,15 +9,16 @@ from abc import ABC, abstractmethod
 from typing import Any, ClassVar
 
 from ss2sql.vtables.base import Table
-from ss2sql.vtables.bodies import POSITION, ROTATION, SHAPE, SPIN, VELOCITY, Quaternion, Vector, euler, shape_row
+from ss2sql.vtables.bodies import SHAPE, Quaternion, Vector, euler, shape_row
 
 
 class Placed(Table, ABC):
     """A derived class declares `groups = {**PLACED, ...}` with the groups that it adds."""
 
     PLACED: ClassVar[dict[str, str]] = {
-        "shape": SHAPE, "place": POSITION, "turn": ROTATION, "angles": "rot", "pose": "pose", "speed": VELOCITY,
-        "spin": SPIN,
+        "shape": SHAPE, "angles": "rot", "pose": "pose",
+        "position_of": "pos(x=posX y=posY z=posZ)", "turn_of": "quat(qx qy qz qw)",
+        "velocity_of": "velocity=linearVelocity(vx vy vz)", "spin_of": "angularVelocity(wx wy wz)",
     }  # fmt: skip
 
     # --- what a simulator tells ------------------------------------------------------------------------
@@ -47,24 +48,8 @@ class Placed(Table, ABC):
     def shape(self, key: Any) -> tuple[Any, ...]:
         return shape_row(self.kind_of(key))
 
-    def place(self, key: Any) -> tuple[Any, ...]:
-        position = x, y, z = self.position_of(key)
-        return x, y, z, x, y, z, position
-
-    def turn(self, key: Any) -> tuple[Any, ...]:
-        turn = self.turn_of(key)
-        return (*turn, turn)
-
     def angles(self, key: Any) -> Vector:
         return euler(*self.turn_of(key))
 
     def pose(self, key: Any) -> tuple[float, ...]:
         return (*self.position_of(key), *self.turn_of(key))
-
-    def speed(self, key: Any) -> tuple[Any, ...]:
-        velocity = self.velocity_of(key)
-        return (*velocity, velocity, velocity)
-
-    def spin(self, key: Any) -> tuple[Any, ...]:
-        spin = self.spin_of(key)
-        return (*spin, spin)

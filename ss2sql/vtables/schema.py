@@ -59,10 +59,11 @@ class Schema:
         self.blocks: frozenset[str] = frozenset()
         self.group_of: dict[str, str] = {}
         self.places: dict[str, tuple[str, ...]] = {}  # of `this`, or of a column, the columns of its coordinates
+        self.items: dict[str, tuple[str, ...]] = {}  # of a list column the columns that its items are
         if self.walked is not None:
             walked = schema_of(self.walked)
             self.groups, self.group_of, self.places = walked.groups, walked.group_of, walked.places
-            self.arrays, self.blocks = walked.arrays, walked.blocks
+            self.arrays, self.blocks, self.items = walked.arrays, walked.blocks, walked.items
         elif isinstance(table, Table):
             self._read_groups(table)
             self._read_places(table)
@@ -129,6 +130,7 @@ class Schema:
             wrong = "it gives arrays, one for each column"
         if wrong is not None:
             raise self._refuse(f"the group '{group}': {wrong}")
+        self.items.update(layout.items)
         tested = quick_test(layout.tested(self.kinds)) if len(layout.parts) > 1 or group in self.blocks else None
         self.quick_tests[group] = tested or _never
         self.block_tests[group] = self._block_test(layout)
@@ -146,6 +148,8 @@ class Schema:
                     raise self._refuse("its elements have a place, but the world has no function 'distance'")
             elif name not in self.kinds or self.kinds[name].positions != tuple(self.kinds[one] for one in names):
                 raise self._refuse(f"'{name}' has a place, but is no column of {len(names)} floats")
+            else:
+                self.items[name] = names
 
     def _read_parameters(self, table: TableFunction) -> None:
         if type(table).rows is TableFunction.rows:

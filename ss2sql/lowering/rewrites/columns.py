@@ -5,6 +5,8 @@
 so that its type is known, and rows can be looked up by it. The elements must be dicts, of which none lacks the key:
 the column of one that does is None, and to read its key is an error. A column that may be None stays as it is written,
 except that of a table, whose rows have all columns.
+
+Of a world whose list `pos` consists of the columns x, y and z, `pos[0]` becomes `x`.
 """
 
 from __future__ import annotations
@@ -12,6 +14,7 @@ from __future__ import annotations
 from typing import Any
 
 from ss2sql import plan
+from ss2sql.frontend.scope import column_of
 from ss2sql.kinds import Kind, Type
 from ss2sql.lowering.rewrites.nodes import bottom_up
 from ss2sql.lowering.rewrites.world import World
@@ -20,11 +23,13 @@ from ss2sql.walk import walk
 
 def rewrite(query: plan.Query, world: World) -> plan.Query:
     """The query with keys of elements as columns."""
-    columns = {
-        source.id: known
-        for source in walk(query)
-        if isinstance(source, (plan.TableSource, plan.ValueSource, plan.QuerySource)) and (known := _columns(source))
-    }
+    columns: dict[int, dict[str, Type]] = {}
+    worlds: dict[int, plan.WorldSource] = {}
+    for source in walk(query):
+        if isinstance(source, plan.WorldSource):
+            worlds[source.id] = source
+        elif isinstance(source, (plan.TableSource, plan.ValueSource, plan.QuerySource)) and (known := _columns(source)):
+            columns[source.id] = known
 
     def change(node: Any) -> Any:
         match node:
@@ -33,10 +38,16 @@ def rewrite(query: plan.Query, world: World) -> plan.Query:
                 arguments=(plan.Element(source=source), plan.Constant(value=str(name))),
             ) if name in columns.get(source, ()):
                 return plan.Column(source, name, columns[source][name], span=node.span)
-            case _:
-                return node
+            case plan.Call(
+                function=plan.Function(name="item", builtin=True),
+                arguments=(plan.Column(source=source, name=name), plan.Constant(value=int(index), type=kind)),
+            ) if source in worlds and kind.only(Kind.INT):
+                items = worlds[source].table.schema.items.get(name, ())
+                if -len(items) <= index < len(items):
+                    return column_of(worlds[source], items[index], node.span)
+        return node
 
-    return bottom_up(query, change) if columns else query
+    return bottom_up(query, change) if columns or worlds else query
 
 
 def _columns(source: plan.TableSource | plan.ValueSource | plan.QuerySource) -> dict[str, Type]:
