@@ -5,6 +5,7 @@ Each kind has a session of its own, the true answer of its script, and a look at
 
 from __future__ import annotations
 
+import gc
 import json
 import mmap
 import signal
@@ -13,7 +14,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from random import Random
@@ -81,7 +82,7 @@ class Kind:
     script: str
     functions: dict[str, tuple[Callable[..., Any], str]] = field(default_factory=dict)
     arguments: dict[str, Any] = field(default_factory=dict)
-    first: list[Any] = field(default_factory=list)  # what the first statement gives, where there are two
+    first: list[Any] = field(default_factory=list)  # of the first statement, or found before they are sorted
     name: str = ""
     answer: list[Any] = field(default_factory=list)
     seconds: float = 0.0
@@ -154,7 +155,8 @@ KINDS = {
     "parallel": Kind(GRAPH.format(4), {"hop": (worker_functions.laborious, "immutable")}, {"workers": 2}),
     "search": Kind(WALK, HOP, {"engine": "database"}),
     "sorted": Kind("SELECT a.this, b.this FROM a = range(150), b = range(150) WHERE a.this % 3 == b.this % 5 "
-                   "ORDER BY -b.this, a.this;"),
+                   "ORDER BY -b.this, a.this;",
+                   first=[(a, b) for a in range(150) for b in range(150) if a % 3 == b % 5]),
     "statements": Kind("x = SELECT slow(this) FROM range(500) AS list; SELECT slow(this), 1 FROM x;",
                        {"slow": (slow, "stable")}, first=[(2 * n,) for n in range(500)]),
     "table": Kind("SELECT a, b FROM edges ORDER BY -b, a AS dict;"),
@@ -166,6 +168,11 @@ def kinds(folder: Path, *wanted: str) -> Iterator[Kind]:
     for name in wanted or KINDS:
         with KINDS[name].opened(name, folder / f"{name}.db") as kind:
             yield kind
+        gc.collect()  # sessions that have ended are gone before Ctrl-C is pressed again
+
+
+def _ignore(*_: object) -> None:
+    """What Ctrl-C does behind the work."""
 
 
 class Presser:
@@ -193,14 +200,14 @@ class Presser:
                 ended.append((raised, time.monotonic(), time.process_time()))
             else:
                 ended.append((None, time.monotonic(), time.process_time()))
+            signal.signal(signal.SIGINT, _ignore)
         except KeyboardInterrupt as second:
+            signal.signal(signal.SIGINT, _ignore)
             if not ended:
                 ended.append((second.__context__ or second, time.monotonic(), time.process_time()))
-        while True:
-            with suppress(KeyboardInterrupt):  # it came late, or once more
-                while struct.unpack("d", self.shared[:8])[0] != self.number:
-                    time.sleep(0.0005)
-                break
+        while struct.unpack("d", self.shared[:8])[0] != self.number:  # it may come late, or once more
+            time.sleep(0.0005)
+        signal.signal(signal.SIGINT, signal.default_int_handler)
         error, when, busy = ended[0]
         pressed, busy_then = struct.unpack("dd", self.shared[8:])
         self.late, self.late_busy = when - pressed, busy - busy_then

@@ -207,7 +207,7 @@ def test_maximum_timeout_and_too_little_memory() -> None:
     assert len(value("-e", ENDLESS, "--maximum", "3")) == 3
     started = time.monotonic()
     answer = call("run", "-e", ENDLESS, "--timeout", "0.1")
-    assert time.monotonic() - started < 5
+    assert time.monotonic() - started < 30
     assert answer.exit_code == 124
     assert answer.stderr.startswith("error[T001]: the run took longer than its timeout\n")
     assert "raise --timeout" in answer.stderr  # not timeout=, which is for Python
@@ -245,7 +245,7 @@ def test_ctrl_c(engine: str) -> None:
             press_ctrl_c_after(Path("touched"), answer)
             pressed = time.monotonic()
             stdout, stderr = answer.communicate(timeout=30)
-            assert time.monotonic() - pressed < 5
+            assert time.monotonic() - pressed < 25
         finally:
             answer.kill()
     assert answer.returncode == 130

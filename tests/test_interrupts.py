@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import gc
+import inspect
 import json
 import signal
 import subprocess
 import sys
 import threading
+import traceback
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -153,6 +155,25 @@ def test_where_python_forgets_errors_none_is_raised(ss: ss2sql.Session, engine: 
 
     partial = cancelled(ss, "SELECT step(this) FROM range(20000) AS list;", engine).partial
     assert partial is None or len(partial) < 20000
+
+
+def test_no_generator_is_left_for_python_to_close(ss: ss2sql.Session) -> None:
+    """Closed later, or where Ctrl-C is not noted, it would lose KeyboardInterrupt."""
+    namespace: dict[str, Any] = {}
+    exec("def generated(look): yield look()", namespace)
+    assert next(namespace["generated"](lambda: interrupts.may_break(sys._getframe(1)))) is False
+
+    @ss.function(volatility="stable")
+    def hop(n: int, step: int) -> int:
+        if n == 5:
+            press()
+        return n + step
+
+    script = "SELECT this FROM [1] START WITH n = 1 CONNECT BY n = hop(n, this);"
+    error = cancelled(ss, script, "native")
+    raised = [error, error.__context__]
+    frames = [frame for one in raised if one is not None for frame, _ in traceback.walk_tb(one.__traceback__)]
+    assert [value for frame in frames for value in frame.f_locals.values() if inspect.isgenerator(value)] == []
 
 
 @both

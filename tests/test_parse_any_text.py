@@ -107,6 +107,6 @@ def test_long_texts_take_time_in_proportion_to_their_length(part: str) -> None:
 
 @pytest.mark.parametrize("part", ["a", "(", "\0", "é", "SELECT "])
 def test_a_megabyte_of_anything_is_refused_at_once(part: str) -> None:
-    begin = time.perf_counter()
+    begin = time.process_time()
     judge(part * (1_000_000 // len(part)))
-    assert time.perf_counter() - begin < 5
+    assert time.process_time() - begin < 5

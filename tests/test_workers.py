@@ -225,14 +225,14 @@ def test_what_ends_a_run_ends_the_processes(ss: ss2sql.Session, way: str) -> Non
     declare(ss, "onward")
     same(ss, graph())
     before = processes_of(ss)
-    declare(ss, onward=worker_functions.endless)  # a call takes a minute
+    declare(ss, onward=worker_functions.endless)
     press = {"interrupt": ss.interrupt, "Ctrl-C": lambda: os.kill(os.getpid(), signal.SIGINT)}.get(way, int)
     timer = threading.Timer(0.5, press)
     timer.start()
     started = time.monotonic()
     with pytest.raises(ss2sql.Timeout if way == "timeout" else ss2sql.Cancelled) as caught:
         ss.run(graph(), workers=2, timeout=0.3 if way == "timeout" else None)
-    assert time.monotonic() - started < 5
+    assert time.monotonic() - started < 30  # a call takes a minute
     timer.join()
     assert caught.value.partial.status == ("timeout" if way == "timeout" else "cancelled")
     assert None not in [process.returncode for process in before]

@@ -14,7 +14,7 @@ from ss2sql.runtime.calls import HeldError
 from ss2sql.runtime.checking import checking
 from ss2sql.runtime.compiled import CompiledStatement, Query
 from ss2sql.runtime.engines import Engine, check_engine
-from ss2sql.runtime.interrupts import under_way
+from ss2sql.runtime.interrupts import drop_frames, under_way
 from ss2sql.runtime.opening import check_bound
 from ss2sql.runtime.progress import progress_of
 from ss2sql.runtime.result import Answer, Result, Status
@@ -63,6 +63,10 @@ def attended(host: SessionHost, work: Callable[[Run], T]) -> T:
             host.begun.append(run)
             try:
                 result = work(run)
+            except BaseException as error:
+                if run.interrupted:
+                    drop_frames(error)
+                raise
             finally:
                 host.begun.remove(run)
                 for end in run.endings:

@@ -70,12 +70,13 @@ def may_break(frame: FrameType | None) -> bool:
         return False
     while frame is not None:
         name = frame.f_globals.get("__name__") or ""
-        if name.startswith(_OWN):
-            if frame.f_code.co_flags & CO_GENERATOR:  # it may be closed by whoever forgets it: an error would be lost
-                return False
-            if not name.startswith(_HELPERS):
+        own = not name or name.startswith(_OWN)  # what is generated has no name
+        if own and frame.f_code.co_flags & CO_GENERATOR:  # it is closed when it is dropped: an error would be lost
+            return False
+        if own:
+            if name and not name.startswith(_HELPERS):
                 return name.startswith(_PURE)
-        elif name and name.partition(".")[0] not in _LIBRARIES:  # what is generated has no name
+        elif name.partition(".")[0] not in _LIBRARIES:
             return True
         frame = frame.f_back
     return True
@@ -142,3 +143,16 @@ def whole(work: Callable[P, T]) -> Callable[P, T]:
             return work(*arguments, **named)
 
     return unbroken
+
+
+def drop_frames(error: BaseException) -> None:
+    """Closes what the frames of an interrupted run hold, while Ctrl-C is noted.
+
+    A traceback keeps the generators of a search. Closed later, with the traceback, they would lose another Ctrl-C.
+    """
+    from traceback import clear_frames
+
+    raised: BaseException | None = error
+    while raised is not None:
+        clear_frames(raised.__traceback__)
+        raised = raised.__context__
