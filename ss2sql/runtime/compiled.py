@@ -224,10 +224,11 @@ class Query:
         return explain(outline(self.statements()), missing=missing)
 
     def run(self, engine: Engine | None = None, timeout: float | None = None, maximum: int | None = None,
-            workers: int = 1, max_rows: int | None = None, **variables: Any) -> Result:  # fmt: skip
+            workers: int = 1, max_rows: int | None = None, trace: int | None = None,
+            **variables: Any) -> Result:  # fmt: skip
         """Runs the script; see `Session.run`. Raises ResolveError R009 for a parameter without a value."""
         self._check(variables)
-        return self._execute(self, engine, timeout, maximum, workers, max_rows, variables)
+        return self._execute(self, engine, timeout, maximum, workers, max_rows, variables, trace=trace)
 
     def spark(self, timeout: float | None = None, maximum: int | None = None, **variables: Any) -> Any:
         """The paths of the search that the script ends with as a DataFrame of Spark, which finds and keeps them.

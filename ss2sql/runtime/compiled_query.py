@@ -234,6 +234,8 @@ class CompiledQuery:
 
     def _native_rows(self, run: Run, sink: Rows) -> Rows:
         assert self.native is not None
+        if run.trace is not None:
+            return NativeQuery(self.query, watched=True).rows(run, sink)
         try:
             return self.native.rows(run, sink)
         except NotHereError as error:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from ss2sql.errors import Cancelled, Stopped
@@ -19,9 +19,11 @@ from ss2sql.runtime.opening import check_bound
 from ss2sql.runtime.progress import progress_of
 from ss2sql.runtime.result import Answer, Result, Status
 from ss2sql.runtime.run import Run, Stats, memory_in_use, out_of_memory
+from ss2sql.runtime.search.watched import Trace
 from ss2sql.runtime.sizes import Sizes
 from ss2sql.runtime.values import fresh, normalise
 from ss2sql.runtime.workers import IN_WORKER
+from ss2sql.watching.traced import notes_of, searched_query, traced_of
 
 if TYPE_CHECKING:
     from ss2sql.runtime.host import SessionHost
@@ -41,6 +43,7 @@ class Options:
     max_rows: int | None
     progress: str | bool
     framed: bool = False
+    trace: int | None = None
 
     def check(self) -> None:
         """Raises SessionError S002 for what makes no sense."""
@@ -49,6 +52,7 @@ class Options:
         check_bound("maximum", self.maximum, 1)
         check_bound("workers", self.workers, 1)
         check_bound("max_rows", self.max_rows, 0)
+        check_bound("trace", self.trace, 1)
 
 
 def attended(host: SessionHost, work: Callable[[Run], T]) -> T:
@@ -114,7 +118,9 @@ def execute(host: SessionHost, query: Query, options: Options, variables: Mappin
 
 
 def _executed(host: SessionHost, query: Query, options: Options, run: Run) -> Result:
-    statements = run.statements = query.statements(options.engine, run)
+    engine = options.engine if options.trace is None else "native"
+    statements = run.statements = query.statements(engine, run)
+    watched = None if options.trace is None else searched_query(statements[-1])
     run.call_places = query.call_places
     run.foreteller = _foreteller(host, run, options.workers)
     run.progress = None if host.runs else progress_of(run, options.progress)  # one inside of another shows none
@@ -134,7 +140,11 @@ def _executed(host: SessionHost, query: Query, options: Options, run: Run) -> Re
         run.stats.seconds["run"] -= run.stats.seconds.get("shape", 0.0)  # what was shaped meanwhile
     if run.foreteller is not None:
         run.foreteller.close()
-    return _result(host, run, statements, value)
+    result = _result(host, run, statements, value)
+    if watched is None:
+        return result
+    notes = (*notes_of(run.trace, watched), *result.notes)
+    return replace(result, notes=notes, traced=traced_of(run.trace, watched))
 
 
 def _last_value(host: SessionHost, run: Run, statements: Sequence[CompiledStatement], options: Options) -> Any:
@@ -143,6 +153,7 @@ def _last_value(host: SessionHost, run: Run, statements: Sequence[CompiledStatem
         run.check()
         run.maximum = options.maximum if statement is statements[-1] else None
         run.framed = options.framed and statement is statements[-1]
+        run.trace = Trace(options.trace) if options.trace and statement is statements[-1] else None
         run.answer = run.sink = run.graph = None
         if run.progress is not None:
             run.progress.begin()
@@ -227,4 +238,5 @@ def _partial(run: Run | None, status: Status) -> Result | None:
     form = None if run.sink.query is None else run.sink.query.representation
     answer = Answer(shown, None, engine, status, form=form)
     outlined, notes = outline(run.statements, run), tuple(run.notes)
-    return Result(None, engine, status, run.stats, answer, outlined, notes=notes)
+    traced = None if run.trace is None else traced_of(run.trace, searched_query(run.statements[-1]))
+    return Result(None, engine, status, run.stats, answer, outlined, notes=notes, traced=traced)

@@ -20,12 +20,14 @@ from ss2sql.runtime.paths import lengths_of
 from ss2sql.runtime.rows import Row, Rows, checked_paths, free_name, row_maker
 from ss2sql.runtime.run import BoundsLeft, Stats, out_of_memory
 from ss2sql.runtime.sql_text import Sql
+from ss2sql.runtime.values import fresh
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from ss2sql.explained.explanation import Explanation
     from ss2sql.runtime.run import Run
+    from ss2sql.watching.traced import Traced
 
 Status: TypeAlias = Literal["complete", "maximum", "timeout", "cancelled", "memory", "steps"]
 
@@ -92,6 +94,7 @@ class Result:
     outline: tuple[OutlinedStatement, ...] = ()
     recount: Callable[[Callable[[Run], Any]], Any] | None = field(default=None, compare=False)
     notes: tuple[str, ...] = ()
+    traced: Traced | None = field(default=None, compare=False)
 
     @property
     def value(self) -> Any:
@@ -160,6 +163,26 @@ class Result:
         from ss2sql.explained.explanation import explain  # it knows compiled scripts, which know results
 
         return explain(self.outline, self, levels=levels)
+
+    @property
+    def trace(self) -> Result:
+        """The search as data, of a run with `trace=`: a result with one row per event, in their order.
+
+        `n` is the number of a step, `parent` that of the one before it on its path; the start is 0 and has none. The
+        `event` is "generated": the step enters the frontier; "expanded": it leaves it, and its own steps come next;
+        "repeated": its row or key was reached already; "stopped": the path ends with it; "goal": its path is a result.
+        `state` are the START WITH variables that it reaches and `row` what SELECT shows, as dicts, each None where the
+        search has not made it; `g` is the cost or the probability so far, `h` the estimate. Raises RepresentationError
+        V001 where the run was not traced.
+        """
+        from ss2sql.watching.traced import traced_of_result
+
+        traced = traced_of_result(self, "trace")
+        status: Status = "complete" if traced.is_whole else "maximum"
+        rows = Rows(traced.columns, list(traced.events))
+        value = [event._asdict() for event in traced.events]
+        answer = Answer(rows, lambda check: fresh(value), self.engine, status)
+        return Result(None, self.engine, status, self.stats, answer)
 
     # --- what it can become ----------------------------------------------------------------------------
 

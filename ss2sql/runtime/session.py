@@ -332,6 +332,7 @@ class Session:
         maximum: int | None = None,
         workers: int = 1,
         max_rows: int | None = None,
+        trace: int | None = None,
         **variables: Any,
     ) -> Result:
         """Runs a script.
@@ -347,6 +348,8 @@ class Session:
                 where calls are slow. A `WorkersWarning` says where that has no effect, and why.
             max_rows: more results than that are an error, also of a query inside of others that gives a list, and more
                 rows in the graph of MEMORIZE.
+            trace: keeps the first so many events of the search that the script ends with, which then runs natively:
+                see `Result.trace`.
             variables: values for names of the script, for this run only.
 
         Returns:
@@ -359,7 +362,7 @@ class Session:
         """
 
         def work(run: Run) -> Result:
-            options = self._options(engine, timeout, maximum, workers, max_rows)
+            options = replace(self._options(engine, timeout, maximum, workers, max_rows), trace=trace)
             begin_deadline(run, self.host, options.timeout)
             values = {name: normalise(value, f"the variable '{name}'") for name, value in variables.items()}
             query = self._known(script, engine, values, run.stats)
@@ -381,12 +384,14 @@ class Session:
         max_rows: int | None,
         variables: Mapping[str, Any],
         framed: bool = False,
+        trace: int | None = None,
     ) -> Result:
         """Runs a compiled script; `Query.run` and `Query.spark` end here."""
 
         def work(run: Run) -> Result:
             self._check_open()
-            options = replace(self._options(engine, timeout, maximum, workers, max_rows), framed=framed)
+            options = self._options(engine, timeout, maximum, workers, max_rows)
+            options = replace(options, framed=framed, trace=trace)
             begin_deadline(run, self.host, options.timeout)
             return execute(self.host, query, options, variables, run)
 

@@ -29,13 +29,16 @@ if TYPE_CHECKING:
 class NativeQuery:
     """A query that stands by itself, compiled to Python once, to be run many times.
 
-    The steps of a search are counted `by_level` on demand, see by_level.py. `find`, for MEMORIZE, finds its results.
-    `levels` says how deeply its expressions are nested.
+    The steps of a search are counted `by_level` on demand, see by_level.py; one that is `watched` goes step by step, and
+    `run.trace` hears of it. `find`, for MEMORIZE, finds its results. `levels` says how deeply its expressions are
+    nested.
     """
 
     engine = "native"
 
-    def __init__(self, query: plan.Query, by_level: bool = False, find: Find | None = None) -> None:
+    def __init__(
+        self, query: plan.Query, by_level: bool = False, find: Find | None = None, watched: bool = False
+    ) -> None:
         self.query = query
         self._takes_arrays = takes_arrays(query)
         analysis = Analysis((query,))
@@ -43,6 +46,7 @@ class NativeQuery:
         with deep(self.levels):
             unit = Unit(query.span, analysis)
             unit.by_level = query if by_level else None
+            unit.watched = query if watched else None
             unit.searched, unit.find = query, find
             nested = Builder(unit).query(query, unit.root)
             self._module = unit.module(unit.pen.name(nested.task))

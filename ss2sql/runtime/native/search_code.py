@@ -50,7 +50,7 @@ def finder(
     """Compiles the function into `body` and gives its name."""
     search, unit, pen = query.search, builder.unit, builder.unit.pen_at(query.span)
     assert search is not None
-    if not search.plain:
+    if not search.plain or unit.watched is query:
         return _stepwise(builder, query, body, aggregates), None
     for name, expr in search.start:
         local = unit.states[query.id, name] = unit.local(name)

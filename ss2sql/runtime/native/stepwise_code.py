@@ -1,7 +1,7 @@
 """The clauses of a search as functions for `search/stepwise.py`: what is no plain search goes step by step.
 
-These are searches with a condition, a key behind BY, EACH or ORDER SIBLINGS BY, the greedy one, and MEMORIZE where what
-is shown asks for the path.
+These are searches with a condition, a key behind BY, EACH or ORDER SIBLINGS BY, the greedy one, MEMORIZE where what is
+shown asks for the path, and whatever is watched.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from ss2sql.runtime.native.pieces import Writer
 from ss2sql.runtime.native.step_function import StepLoops
 from ss2sql.runtime.native.unit import Body
 from ss2sql.runtime.search.stepwise import Steps, searched
+from ss2sql.runtime.search.watched import WatchedSteps
 from ss2sql.runtime.sources import elements
 from ss2sql.runtime.values import freeze
 
@@ -41,7 +42,12 @@ def stepwise(builder: Builder, query: plan.Query, body: Body, keys: str | None) 
     body.add(pen.increase(expanded, -1))  # a search is no step, so its start does not count as one that went on
     functions = StepFunctions(builder, query, body).written(loops)
     known = pen.name(unit.constant(query, "query"))
-    steps = pen.call(unit.helper(Steps), pen.name("run"), known, *functions)
+    kind: type[Steps] = Steps
+    if unit.watched is query:
+        kind = WatchedSteps
+        facts = [unit.analysis.of(output.expr) for output in query.columns]
+        functions.append(pen.constant(not query.aggregated and all(one.steady and one.total for one in facts)))
+    steps = pen.call(unit.helper(kind), pen.name("run"), known, *functions)
     find_keys = pen.constant(None) if keys is None else pen.name(keys)
     found = pen.call(unit.helper(searched), steps, pen.name("starts"), find_keys, pen.name("bound"))
     return [pen.assign("bound", pen.give(pen.constant(None))), pen.run(ast.YieldFrom(found, **pen.at))]

@@ -253,7 +253,8 @@ class Unit:
     sources whose elements are tuples (of those that are `bare`, a name stands for the one column that is read),
     `elements` the types of those whose elements are values. `worlds` are the tables of those that walk keys of a world.
     `keys` names the exact keys that elements come with, see calls.py. `by_level` is the search whose steps are counted
-    level by level, see by_level.py; `searched` the one whose results `find` finds.
+    level by level, see by_level.py; `watched` the one that watched.py hears of; `searched` the one whose results `find`
+    finds.
     """
 
     def __init__(self, span: Span, analysis: Analysis, parameters: tuple[str, ...] = ()) -> None:
@@ -272,6 +273,7 @@ class Unit:
         self.bindings: list[ast.stmt] = []
         self.definitions: list[ast.stmt] = []
         self.by_level: plan.Query | None = None
+        self.watched: plan.Query | None = None
         self.searched: plan.Query | None = None
         self.find: Find | None = None
         self._bound: dict[Any, str] = {}

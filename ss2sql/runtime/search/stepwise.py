@@ -21,6 +21,7 @@ from ss2sql.runtime.run import Run
 State: TypeAlias = tuple[Any, ...]
 Last: TypeAlias = tuple[Any, ...]  # the elements of a step and the state before it
 Keys: TypeAlias = Callable[[Last], Row] | None
+Seen: TypeAlias = Container[Hashable]
 
 
 class Step(NamedTuple):
@@ -66,7 +67,7 @@ class Steps:
 
     `elements(state)` gives the elements that meet the condition of CONNECT BY, as what the others take; `first` those
     of first steps, where START WITH has a condition. `key` takes a step and its row, or the state reached. The others
-    see `Pieces` in memorize/pieces.py.
+    see `Pieces` in memorize/pieces.py. `tells`: the row of any step can be made, and nobody could notice.
     """
 
     run: Run
@@ -81,6 +82,7 @@ class Steps:
     estimate: Callable[[Last, Row], Any] | None
     follow: Callable[[Last, Row], State]
     siblings: Callable[[Last], Row] | None
+    tells: bool = False
 
     @property
     def search(self) -> plan.Search:
@@ -96,13 +98,18 @@ class Steps:
         assert self.key is not None
         return self.key(state)
 
-    def expand(self, way: Way, state: State, seen: Container[Hashable]) -> Iterator[Step]:
-        """The steps from a state, but for those whose keys were seen."""
-        first = self.first is not None and way.step is None
-        for last in self.in_order(self.first(state) if first and self.first else self.elements(state)):
-            step = self.step(last, seen)
+    def expand(
+        self, way: Way, state: State, seen: Seen, firsts: dict[Hashable, Step] | None = None
+    ) -> Iterator[Step]:
+        """The steps from a state, but for those whose keys were seen; `firsts` see `edge`."""
+        elements = self.elements if self.first is None or way.step is not None else self.first
+        for last in self.in_order(elements(state)):
+            step = self.tried(last, seen, firsts)
             if step is not None:
                 yield step
+
+    def tried(self, last: Last, seen: Seen, firsts: dict[Hashable, Step] | None) -> Step | None:
+        return self.step(last, seen) if firsts is None else self.edge(last, firsts)
 
     def in_order(self, lasts: Iterator[Last]) -> Iterable[Last]:
         """The elements of a state as ORDER SIBLINGS BY has them."""
@@ -112,16 +119,15 @@ class Steps:
         keys = self.search.siblings
         return sort_rows(every, list(map(self.siblings, every)), tuple(key.descending for key in keys))
 
-    def step(self, last: Last, seen: Container[Hashable]) -> Step | None:
-        """The step to an element; None where it leaves no trace, or was seen."""
+    def step(self, last: Last, seen: Seen, row: Row | None = None) -> Step | None:
+        """The step to an element, with its row where that is known; None where it leaves no trace, or was seen."""
         by = self.search.by
-        row: Row | None = None
         key: Hashable = None
         if self.key is not None and by == "row":
-            row = self.row(last)
+            row = self.row(last) if row is None else row
             key = self.key(last, row)
             if key in seen:
-                self.dropped()
+                self.dropped(row)
                 return None
         stop = self.ends is not None and self.ends(last, row, None)
         goal = not stop if self.is_goal is None else self.is_goal(last, row, None)
@@ -136,12 +142,37 @@ class Steps:
         if self.key is not None and by != "row":
             key = self.key(state) if by == "state" else self.key(last, row)
             if key in seen:
-                self.dropped()
+                self.dropped(row)
                 return None
         return Step(row, key, stop, goal, weight, estimate, state, last)
 
-    def dropped(self) -> None:
+    def edge(self, last: Last, firsts: dict[Hashable, Step]) -> Step | None:
+        """The same where a step to a row is what the first step to that row was."""
+        assert self.key is not None
+        row = self.row(last)
+        key = self.key(last, row)
+        first = firsts.get(key)
+        if first is None:
+            step = self.step(last, (), row)
+            if step is not None:
+                firsts[key] = step
+            return step
+        weight = 1 if self.weigh is None else self.weigh(last, row)
+        if not weight and self.search.order == "probability":
+            return None
+        return first._replace(weight=weight, last=last)
+
+    def dropped(self, row: Row | None) -> None:
+        """A step was seen."""
         self.run.stats.pruned += 1
+
+    # --- what watched.py hears of the loops ----
+
+    def outdated(self, step: Step) -> None:
+        """A step that leads to what another one has reached as well."""
+
+    def found(self, step: Step) -> None:
+        """A step whose path is a result."""
 
 
 def searched(steps: Steps, starts: list[State], keys: Keys, bound: int | None) -> Iterator[Any]:
@@ -153,6 +184,7 @@ def searched(steps: Steps, starts: list[State], keys: Keys, bound: int | None) -
     for found in every:
         path = None if aggregated or only_last else tuple([step.row for step in found.steps()])
         assert found.step is not None
+        steps.found(found.step)
         result = found.step.row if only_last and not aggregated else path
         yield result if keys is None else (result, keys(found.step.last))
 
@@ -251,6 +283,7 @@ def best_first(steps: Steps, starts: list[State]) -> Iterator[Way]:
         if unique and way.step is not None:
             key = way.step.key
             if best[key] < total:
+                steps.outdated(way.step)
                 continue
             taken[key] = total
         if not expands:
@@ -259,13 +292,14 @@ def best_first(steps: Steps, starts: list[State]) -> Iterator[Way]:
                 given.add(way.step.key)
                 yield way
             continue
-        seen: Container[Hashable] = on_path(steps, way) if no_cycle else _Closed(taken, total) if unique else ()
+        seen: Seen = on_path(steps, way) if no_cycle else _Closed(taken, total) if unique else ()
         for step in steps.expand(way, way.start if way.step is None else way.step.state, seen):
             reached = total * step.weight if likeliest else total + step.weight
             if unique:
                 known = best.get(step.key)
                 if known is not None and known <= reached:
-                    steps.dropped()
+                    steps.dropped(step.row)
+                    steps.outdated(step)
                     continue
                 best[step.key] = reached
             longer, place = way.longer(step), next(number)
@@ -335,23 +369,22 @@ def graph(steps: Steps, starts: list[State], bound: int | None) -> tuple[dict[Ha
     """
     nodes: dict[Hashable, list[Step]] = {}
     firsts: dict[Hashable, Step] = {}
-    level: dict[Hashable, State] = {}
+    level: dict[Hashable, Way] = {}
     for number, start in enumerate(starts):
-        level.setdefault(steps.key_of_start(start) if steps.visits_start else _Start(number), start)
+        level.setdefault(steps.key_of_start(start) if steps.visits_start else _Start(number), Way(start))
     roots, seen, depth = list(level), set(level), 0
     while level and depth != bound:
-        following: dict[Hashable, State] = {}
-        for key, state in level.items():
+        following: dict[Hashable, Way] = {}
+        for key, way in level.items():
             own = nodes[key] = []
-            begin = depth == 0 and steps.first is not None
-            for last in steps.in_order(steps.first(state) if begin and steps.first else steps.elements(state)):
-                step = _known(steps, last, firsts) if steps.search.by == "row" else steps.step(last, ())
-                if step is None:
-                    continue
+            state = way.start if way.step is None else way.step.state
+            for step in steps.expand(way, state, (), firsts if steps.search.by == "row" else None):
                 own.append(step)
-                if not step.stop and step.key not in seen:
+                if step.key in seen:
+                    steps.outdated(step)
+                elif not step.stop:
                     seen.add(step.key)
-                    following[step.key] = step.state
+                    following[step.key] = Way((), None, step)
         level, depth = following, depth + 1
     return nodes, roots
 
@@ -361,23 +394,6 @@ class _Start:
 
     def __init__(self, number: int) -> None:
         self.number = number
-
-
-def _known(steps: Steps, last: Last, firsts: dict[Hashable, Step]) -> Step | None:
-    """The step to a row, which is what the first step to that row was."""
-    assert steps.key is not None
-    row = steps.row(last)
-    key = steps.key(last, row)
-    first = firsts.get(key)
-    if first is None:
-        step = steps.step(last, ())
-        if step is not None:
-            firsts[key] = step
-        return step
-    weight = 1 if steps.weigh is None else steps.weigh(last, row)
-    if not weight and steps.search.order == "probability":
-        return None
-    return first._replace(weight=weight, last=last)
 
 
 def distances(nodes: dict[Hashable, list[Step]]) -> dict[Hashable, int]:

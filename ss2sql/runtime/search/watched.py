@@ -1,0 +1,167 @@
+"""Watching a search: what its loop does, noted event by event.
+
+The loops of stepwise.py ask `Steps` for every step, so `WatchedSteps` sees all of them; the loops know nothing of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterator
+from typing import Any, NamedTuple
+
+from ss2sql import plan
+from ss2sql.runtime.rows import Row
+from ss2sql.runtime.search.stepwise import Last, Seen, State, Step, Steps, Way
+from ss2sql.runtime.values import kept
+from ss2sql.told import as_written
+
+
+class Event(NamedTuple):
+    """What happened to step `n`, the start included, whose path is that of `parent` and one step more.
+
+    `event` is "generated" (it enters the frontier), "expanded" (it leaves it, its own steps come next), "repeated" (its
+    row or key was reached already), "stopped" (the path ends with it) or "goal" (its path is a result). `state` is the
+    one reached and `row` what SELECT shows, each None where the search has not made it. `g` is the total of COST or
+    PROBABILITY, `h` the estimate.
+    """
+
+    n: int
+    parent: int | None
+    depth: int
+    event: str
+    state: dict[str, Any] | None
+    row: dict[str, Any] | None
+    g: Any
+    h: Any
+
+
+class Trace:
+    """The first `most` events of a search; `total` counts all. `here` is the step that was expanded last."""
+
+    def __init__(self, most: int) -> None:
+        self.most, self.total = most, 0
+        self.events: list[Event] = []
+        self.here: Event | None = None
+        self.met: Row | None = None  # the row of the step that was dropped last
+        self._first: list[Event] = []  # the first event of each step
+        self._steps: dict[int, tuple[Step, Event]] = {}  # by their identity, which they keep while they are here
+
+    @property
+    def _full(self) -> bool:
+        return len(self.events) == self.most
+
+    def add(self, word: str, step: Step | None, state: Any = None, row: Any = None, g: Any = None, h: Any = None) -> None:
+        """One event of a step that has had none; without a step it is a start, or leaves no trace in the search."""
+        self.total += 1
+        if self._full:
+            return
+        before, self_number = self.here, len(self._first)
+        parent, depth = (None, 0) if before is None else (before.n, before.depth + 1)
+        event = Event(self_number, parent, depth, word, state, row, g, h)
+        self._first.append(event)
+        self.events.append(event)
+        if step is not None:
+            self._steps[id(step)] = step, event
+
+    def again(self, word: str, step: Step) -> None:
+        """One more event of a step. One that was only just generated was not, but repeats another."""
+        known = self._steps.get(id(step))
+        if word == "repeated" and self.events and known and self.events[-1] is known[1] and not self._full:
+            self.events[-1] = known[1]._replace(event=word)
+            return
+        self.total += 1
+        if known and not self._full:
+            self.events.append(known[1]._replace(event=word))
+
+    def expand(self, step: Step | None) -> Event | None:
+        """Notes that a step is expanded, or a start, which is the latest one; gives its first event."""
+        self.total += 1
+        known = self._first[-1] if step is None and self._first else self._steps.get(id(step), (None, None))[1]
+        if known and not self._full:
+            self.events.append(known._replace(event="expanded"))
+        return known
+
+    def keep(self) -> None:
+        """Makes the events independent of values that somebody else may change."""
+        self.events = [event._replace(state=kept(event.state), row=kept(event.row)) for event in self.events]
+        self._steps.clear()
+
+
+class WatchedSteps(Steps):
+    """The steps of a search, which `run.trace` hears of."""
+
+    __slots__ = ()
+
+    @property
+    def trace(self) -> Trace:
+        trace: Trace = self.run.trace
+        return trace
+
+    def expand(
+        self, way: Way, state: State, seen: Seen, firsts: dict[Hashable, Step] | None = None
+    ) -> Iterator[Step]:
+        trace = self.trace
+        if way.step is None:
+            trace.here = None
+            nothing = None if self.weigh is None else 1 if self._likeliest else 0
+            trace.add("generated", None, self._state(state), None, nothing)
+        here = trace.expand(way.step)
+        steps = super().expand(way, state, seen, firsts)
+        while True:
+            trace.here = here  # a search may have left these steps for others, and come back
+            step = next(steps, None)
+            if step is None:
+                return
+            yield step
+
+    def tried(self, last: Last, seen: Seen, firsts: dict[Hashable, Step] | None) -> Step | None:
+        trace = self.trace
+        trace.met = None
+        step = super().tried(last, seen, firsts)
+        if step is None:
+            row = trace.met or (self.row(last) if self.tells else None)
+            trace.add("stopped" if trace.met is None else "repeated", None, None, self._row(row))
+            return None
+        g = None
+        if self.weigh is not None and trace.here is not None:
+            g = trace.here.g * step.weight if self._likeliest else trace.here.g + step.weight
+        h = None if self.estimate is None or step.stop else step.estimate
+        trace.add("generated", step, self._state(step.state), self._row(step.row), g, h)
+        if self.search.repeats == "memorize":  # the paths come when the graph is there
+            self._reached(step)
+        return step
+
+    def dropped(self, row: Row | None) -> None:
+        super().dropped(row)
+        self.trace.met = row or ()
+
+    def outdated(self, step: Step) -> None:
+        self.trace.again("repeated", step)
+
+    def found(self, step: Step) -> None:
+        if self.search.repeats != "memorize":
+            self._reached(step)
+
+    def _reached(self, step: Step) -> None:
+        if step.goal:
+            self.trace.again("goal", step)
+            if step.stop:
+                self.trace.again("stopped", step)
+
+    @property
+    def _likeliest(self) -> bool:
+        return self.search.order == "probability"
+
+    def _state(self, state: State) -> dict[str, Any] | None:
+        """The START WITH variables by name; what the search carries beside them has no name."""
+        names = [name for name, _ in self.search.start]
+        return {name: value for name, value in zip(names, state, strict=True) if name.isidentifier()} if state else None
+
+    def _row(self, row: Row | None) -> dict[str, Any] | None:
+        return dict(zip(row_names(self.query), row, strict=False)) if row else None
+
+
+def row_names(query: plan.Query) -> list[str]:
+    """What the values of the rows of a search are called."""
+    if query.aggregated:
+        return list(map(as_written, query.rows))
+    return [output.name for output in query.columns[: len(query.columns) - query.representation.hidden]]

@@ -1,0 +1,117 @@
+"""What a result keeps of a traced run: the events, and the script with its clauses."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from ss2sql.errors import RepresentationError, SessionError, Span
+from ss2sql.frontend import ast
+from ss2sql.runtime.search.watched import Event, Trace
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.compiled import CompiledStatement
+    from ss2sql.runtime.result import Result
+
+KEYWORDS = re.compile(r"\b(?:SELECT(?:\s+(?:LAST|DISTINCT))*|FROM|WHERE|START\s+WITH|STOP\s+WITH)\s*$", re.IGNORECASE)
+REPEATS = ("UNIQUE", "NO CYCLE", "MEMORIZE")
+STRATEGIES = {
+    "DEPTH FIRST": "depth first",
+    "BREADTH FIRST": "breadth first",
+    "COST": "uniform cost",
+    "PROBABILITY": "most likely first",
+    "HEURISTIC": "greedy best-first",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Traced:
+    """The first events of a search, of `total`; its script, and which stretches of it act in which event.
+
+    `strategy` is its name in textbooks with the rule for what repeats; `weight` is COST or PROBABILITY, if anything.
+    """
+
+    events: Sequence[Event]
+    total: int
+    script: str
+    clauses: dict[str, list[tuple[int, int]]]
+    strategy: str
+    weight: str | None
+
+    columns: ClassVar[tuple[str, ...]] = Event._fields
+
+    @property
+    def is_whole(self) -> bool:
+        return len(self.events) == self.total
+
+
+def traced_of_result(result: Result, user: str) -> Traced:
+    """What is there to watch. Raises RepresentationError V001 where the run was not traced."""
+    if result.traced is None:
+        hints = ("run it with trace=1000, for its first thousand events: ss.run(script, trace=1000)",)
+        raise RepresentationError("V001", f"{user} shows a search that was traced, and this run was not", hints=hints)
+    return result.traced
+
+
+def searched_query(statement: CompiledStatement) -> ast.Query:
+    """The search that a traced script ends with. Raises SessionError S002 where it does not."""
+    tree = statement.tree.value if isinstance(statement.tree, ast.Assign) else statement.tree
+    if isinstance(tree, ast.Query) and tree.searches and statement.is_query:
+        return tree
+    hint = "let its last statement be the query with CONNECT BY, alone or as `name = SELECT ...`"
+    raise SessionError("S002", "trace= shows a search, and the script does not end with one", hints=(hint,))
+
+
+def traced_of(trace: Trace, query: ast.Query) -> Traced:
+    trace.keep()
+    words = [option.keyword for option in query.options]
+    weight = next((word for word in ("COST", "PROBABILITY") if word in words), None)
+    found = {event: list(_stretches(query, event)) for event in ("start", *_CLAUSES)}
+    return Traced(trace.events, trace.total, query.span.text, found, _strategy(words), weight)
+
+
+def notes_of(trace: Trace, query: ast.Query) -> Iterator[str]:
+    """What a person should know of a traced run."""
+    memorizes = any(option.keyword == "MEMORIZE" for option in query.options)
+    alone = ", from its start alone and without a remembered graph" if memorizes else ""
+    yield f"traced: the search ran natively, step by step{alone}"
+    if trace.total > trace.most:
+        yield f"the trace holds the first {trace.most:,} of {trace.total:,} events; trace={trace.total} holds all"
+
+
+def _strategy(words: Sequence[str]) -> str:
+    repeats = next((word for word in words if word in REPEATS), None)
+    named = [STRATEGIES[word] for word in words if word in STRATEGIES]
+    order = "A*" if {"COST", "HEURISTIC"} <= set(words) else named[0] if named else None
+    if order is None:
+        order = {"UNIQUE": "breadth first", "MEMORIZE": "graph, level by level"}.get(repeats or "", "depth first")
+    return order if repeats is None else f"{order}, {repeats}"
+
+
+_CLAUSES: dict[str, tuple[str, ...]] = {
+    "generated": ("columns", "connect"),
+    "expanded": ("sources", *STRATEGIES),
+    "repeated": REPEATS,
+    "stopped": ("stop",),
+    "goal": ("where",),
+}
+
+
+def _stretches(query: ast.Query, event: str) -> Iterator[tuple[int, int]]:
+    """The clauses that act in an event, with their keywords, as stretches of the text of the query."""
+    text, begin = query.span.text, query.span.start
+    spans = [option.span for option in query.options if option.keyword in _CLAUSES.get(event, ())]
+    for name in _CLAUSES.get(event, ("start",)):
+        parts: Any = getattr(query, name, None) or ()
+        parts = parts if isinstance(parts, tuple) else (parts,)
+        spans += [_joined([part.span for part in parts])] if parts else []
+    for span in spans:
+        start = span.start - begin
+        keyword = KEYWORDS.search(text, 0, start)
+        yield (keyword.start() if keyword else start), span.end - begin
+
+
+def _joined(spans: Sequence[Span]) -> Span:
+    return spans[0].to(spans[-1])
