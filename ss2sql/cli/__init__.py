@@ -30,6 +30,10 @@ COMMANDS = {
         "Runs statements as they are typed. Without a terminal it reads them from standard input.",
     ),
     "plot": ("ss2sql.cli.plot", "Runs a script and draws its result as a picture."),
+    "play": (
+        "ss2sql.cli.play",
+        "Runs a script and writes a page that plays its search, to be opened in a browser.",
+    ),
     "bench": ("ss2sql.cli.bench", "Races engines and search strategies on a script, and compares their answers."),
     "list": ("ss2sql.cli.listing", "Lists functions, representations, strategies, worlds, errors, rewrites."),
     "completion": ("ss2sql.cli.completion", "Prints what makes bash, zsh or fish complete commands of ss2sql."),

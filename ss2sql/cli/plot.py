@@ -12,8 +12,10 @@ from ss2sql.cli.given import Given, script_options
 from ss2sql.cli.output import check_folder, counted, not_written
 from ss2sql.cli.run import run_options, run_script
 from ss2sql.errors import Stopped
+from ss2sql.watching.traced import MOST_EVENTS
 
-KINDS = ("auto", "paths", "graph", "tree", "costs", "lengths", "heat", "bars", "line", "points")  # those of Result.plot
+# Those of Result.plot.
+KINDS = ("auto", "paths", "graph", "tree", "costs", "lengths", "search", "heat", "bars", "line", "points")
 PICTURES = (".png", ".svg", ".pdf")
 
 
@@ -61,12 +63,14 @@ def command(
     from ss2sql.results import package
 
     package("matplotlib", "plot", "plot").use("agg")  # no window, and no screen needed
+    if kind == "search":
+        options["trace"] = MOST_EVENTS
     stopped: Stopped | None = None
     with given.session(progress) as session:
         try:
             result = run_script(session, source, **options)
         except Stopped as error:
-            if error.partial is None or not len(error.partial):
+            if error.partial is None or not (len(error.partial) or error.partial.traced):
                 raise
             result, stopped = error.partial, error
         figure = result.plot(kind=kind, title=title, most=most).figure

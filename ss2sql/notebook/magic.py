@@ -17,6 +17,7 @@ from ss2sql.results.show import MOST_ROWS, html, text
 from ss2sql.runtime.connecting import connect
 from ss2sql.runtime.result import Result
 from ss2sql.runtime.session import Session
+from ss2sql.watching.traced import MOST_EVENTS
 
 _display: Any = import_module("IPython.display").display  # it has no types
 
@@ -64,6 +65,7 @@ class ScriptMagics(Magics):
           --maximum N         at most so many results of the last search
           --session NAME      a variable that holds a session, in place of the notebook's own
           --explain           shows what became of the script in place of its result
+          --play              plays the search in place of its result, its first 10,000 events
           --sql               shows the SQL and runs nothing
         """
         try:
@@ -91,7 +93,8 @@ class ScriptMagics(Magics):
     def _run(self, session: Session, source: Source, options: Options, shown: bool) -> Result:
         """Runs the script, stores the result and shows it; also what there is of it when the run was broken off."""
         try:
-            result = session.run(source, options.engine, options.timeout, options.maximum)
+            trace = MOST_EVENTS if options.play else None
+            result = session.run(source, options.engine, options.timeout, options.maximum, trace=trace)
         except Stopped as stopped:
             if stopped.partial is not None:
                 self._store(options, stopped.partial)
@@ -100,6 +103,8 @@ class ScriptMagics(Magics):
         self._store(options, result)
         if options.explain:
             print(result.explain())
+        elif options.play:
+            _display(result.animate())
         elif shown and not options.quiet:
             _display(Shown(result, options.show))
         return result

@@ -33,6 +33,7 @@ class Options:
     session: str | None = None
     show: int | None = None
     explain: bool = False
+    play: bool = False
     sql: bool = False
     output: str | None = None
     quiet: bool = False
@@ -78,6 +79,7 @@ READERS: dict[str, tuple[str, Callable[[str], Any] | None]] = {
     "--session": ("session", _name),
     "--show": ("show", _count("--show", 0)),
     "--explain": ("explain", None),
+    "--play": ("play", None),
     "--sql": ("sql", None),
     "-o": ("output", _name),
     "--output": ("output", _name),

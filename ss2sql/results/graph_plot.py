@@ -51,7 +51,7 @@ def draw_tree(result: Result, ax: Any, most: int | None, own: bool) -> str:
     paths = found_paths(result)
     assert paths is not None
     made, drawn = tree(networkx, paths, most)
-    places = _branched(made)
+    places = branched(made, [0])
     texts = {number: _text(row) if row is not None else "start" for number, row in made.nodes(data="row")}
     layers = max(int(across) for across, _ in places.values())
     tall = 1 + TALL * sum(1 for number in made if not made.out_degree(number))
@@ -81,15 +81,15 @@ def tree(networkx: Any, paths: Sequence[Sequence[Row]], most: int | None) -> tup
     return made, drawn
 
 
-def _branched(made: Any) -> dict[Any, tuple[int, float]]:
-    """A place for each node of a tree: its ends one under the other, every other node in the middle of its children."""
+def branched(made: Any, roots: list[int]) -> dict[Any, tuple[int, float]]:
+    """A place for each node of trees: the ends one under the other, every other node in the middle of its children."""
     places: dict[Any, tuple[int, float]] = {}
     ends = 0
-    depths = {0: 1}
+    depths = dict.fromkeys(roots, 1)
     for number in made:  # parents come before their children
         for child in made.successors(number):
             depths[child] = depths[number] + 1
-    order, stack = [], [0]
+    order, stack = [], roots[::-1]
     while stack:
         order.append(stack.pop())
         stack.extend(reversed(list(made.successors(order[-1]))))

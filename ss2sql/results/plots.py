@@ -15,11 +15,12 @@ from ss2sql.results.looks import BLUE, PALETTE, open_frame, plain, refuse, short
 from ss2sql.results.path_plot import chosen_weights, draw_costs, draw_lengths, draw_paths, is_point, places
 from ss2sql.results.show import cell
 from ss2sql.runtime.rows import Row
+from ss2sql.watching.picture import draw_search
 
 if TYPE_CHECKING:
     from ss2sql.runtime.result import Result
 
-OF_SEARCHES = ("paths", "graph", "tree", "costs", "lengths")
+OF_SEARCHES = ("paths", "graph", "tree", "costs", "lengths", "search")
 KINDS = ("auto", *OF_SEARCHES, "heat", "bars", "line", "points")
 MOST_BARS = 40
 MOST_TEXT = 24  # characters beside a bar or a point
@@ -42,6 +43,8 @@ def plot(result: Result, ax: Any, kind: str, most: int | None, title: str | None
 
 def _chosen(result: Result, kind: str, own: bool) -> Draw:
     """What draws the picture; `own`: on a figure of ours."""
+    if kind == "search":
+        return lambda ax, most: draw_search(result, ax, most, own)
     paths = found_paths(result)
     if paths is not None:
         return _of_search(result, paths, kind, own)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from ss2sql.errors import Cancelled, Stopped
@@ -120,7 +120,8 @@ def execute(host: SessionHost, query: Query, options: Options, variables: Mappin
 def _executed(host: SessionHost, query: Query, options: Options, run: Run) -> Result:
     engine = options.engine if options.trace is None else "native"
     statements = run.statements = query.statements(engine, run)
-    watched = None if options.trace is None else searched_query(statements[-1])
+    if options.trace is not None:
+        searched_query(statements[-1])
     run.call_places = query.call_places
     run.foreteller = _foreteller(host, run, options.workers)
     run.progress = None if host.runs else progress_of(run, options.progress)  # one inside of another shows none
@@ -140,11 +141,7 @@ def _executed(host: SessionHost, query: Query, options: Options, run: Run) -> Re
         run.stats.seconds["run"] -= run.stats.seconds.get("shape", 0.0)  # what was shaped meanwhile
     if run.foreteller is not None:
         run.foreteller.close()
-    result = _result(host, run, statements, value)
-    if watched is None:
-        return result
-    notes = (*notes_of(run.trace, watched), *result.notes)
-    return replace(result, notes=notes, traced=traced_of(run.trace, watched))
+    return _result(host, run, statements, value)
 
 
 def _last_value(host: SessionHost, run: Run, statements: Sequence[CompiledStatement], options: Options) -> Any:
@@ -187,6 +184,8 @@ def _result(host: SessionHost, run: Run, statements: Sequence[CompiledStatement]
     answer: Answer | None = run.answer if statements[-1].is_query else None
     if answer is not None:
         answer.begin = run.bounds.left().begin
+    traced = None if run.trace is None else traced_of(run.trace, statements[-1])
+    told = () if run.trace is None else notes_of(run.trace, statements[-1])
     engines = [compiled.engine for statement in statements for compiled in statement.queries]
     used = answer.engine if answer is not None else (engines[-1] if engines else "native")
     return Result(
@@ -197,7 +196,8 @@ def _result(host: SessionHost, run: Run, statements: Sequence[CompiledStatement]
         answer,
         outline(statements, run),
         _recount(host, run.arguments, run.maximum),
-        tuple(run.notes),
+        (*told, *run.notes),
+        traced,
     )
 
 
@@ -238,5 +238,5 @@ def _partial(run: Run | None, status: Status) -> Result | None:
     form = None if run.sink.query is None else run.sink.query.representation
     answer = Answer(shown, None, engine, status, form=form)
     outlined, notes = outline(run.statements, run), tuple(run.notes)
-    traced = None if run.trace is None else traced_of(run.trace, searched_query(run.statements[-1]))
+    traced = None if run.trace is None else traced_of(run.trace, run.statements[-1])
     return Result(None, engine, status, run.stats, answer, outlined, notes=notes, traced=traced)

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
     from ss2sql.explained.explanation import Explanation
     from ss2sql.runtime.run import Run
+    from ss2sql.watching.page import Page
     from ss2sql.watching.traced import Traced
 
 Status: TypeAlias = Literal["complete", "maximum", "timeout", "cancelled", "memory", "steps"]
@@ -267,16 +268,36 @@ class Result:
         """
         return graphs.graph(self)
 
+    def animate(self, path: str | Path | None = None, beside: Result | None = None, title: str | None = None) -> Page:
+        """The search of a run with `trace=` as a page that plays it in a browser; notebooks show what this gives.
+
+        Args:
+            path: the file to write; it is one HTML file that needs no network.
+            beside: the result of another traced run, shown beside this one, event for event.
+            title: in place of the names of the strategies.
+
+        Raises:
+            RepresentationError: V001 where a run was not traced.
+            SessionError: S002 for a file that cannot be written.
+        """
+        from ss2sql.watching.page import page_of, write_page
+
+        page = page_of([self] if beside is None else [self, beside], title)
+        if path is not None:
+            write_page(page, path)
+        return page
+
     def plot(self, ax: Any = None, kind: str = "auto", most: int | None = None, title: str | None = None) -> Any:
         """Draws the result with matplotlib.
 
         Args:
             ax: the Axes to draw on; without it a new figure. On Axes in space, paths in space are drawn as such.
             kind: "auto" chooses. Of a search: "paths" over a plane, or over a map that the Axes show, "graph" of its
-                rows by step, "tree" of its paths, "costs" so far at each step, "lengths", a count of paths. Of an array
-                of two dimensions, as AS plane gives it: "heat". Of other rows: "bars" for a label and a number, "line",
-                "points".
-            most: how many paths or bars are drawn; else 1000 paths, 40 bars, a graph of up to 150 rows.
+                rows by step, "tree" of its paths, "costs" so far at each step, "lengths", a count of paths; of a run
+                with `trace=` "search": the tree of its steps, or the map of their places, numbered in the order of
+                expansion. Of an array of two dimensions, as AS plane gives it: "heat". Of other rows: "bars" for a
+                label and a number, "line", "points".
+            most: how many paths or bars are drawn; else 1000 paths, 40 bars, a graph of up to 150 rows, 150 steps.
             title: in place of what was counted.
 
         Returns:

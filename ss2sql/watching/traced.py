@@ -10,11 +10,13 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from ss2sql.errors import RepresentationError, SessionError, Span
 from ss2sql.frontend import ast
 from ss2sql.runtime.search.watched import Event, Trace
+from ss2sql.told import growing
 
 if TYPE_CHECKING:
     from ss2sql.runtime.compiled import CompiledStatement
     from ss2sql.runtime.result import Result
 
+MOST_EVENTS = 10_000  # where nobody says how many
 KEYWORDS = re.compile(r"\b(?:SELECT(?:\s+(?:LAST|DISTINCT))*|FROM|WHERE|START\s+WITH|STOP\s+WITH)\s*$", re.IGNORECASE)
 REPEATS = ("UNIQUE", "NO CYCLE", "MEMORIZE")
 STRATEGIES = {
@@ -31,6 +33,7 @@ class Traced:
     """The first events of a search, of `total`; its script, and which stretches of it act in which event.
 
     `strategy` is its name in textbooks with the rule for what repeats; `weight` is COST or PROBABILITY, if anything.
+    `counters` are the START WITH variables that only count.
     """
 
     events: Sequence[Event]
@@ -39,6 +42,7 @@ class Traced:
     clauses: dict[str, list[tuple[int, int]]]
     strategy: str
     weight: str | None
+    counters: frozenset[str]
 
     columns: ClassVar[tuple[str, ...]] = Event._fields
 
@@ -64,17 +68,19 @@ def searched_query(statement: CompiledStatement) -> ast.Query:
     raise SessionError("S002", "trace= shows a search, and the script does not end with one", hints=(hint,))
 
 
-def traced_of(trace: Trace, query: ast.Query) -> Traced:
+def traced_of(trace: Trace, statement: CompiledStatement) -> Traced:
+    query, written = searched_query(statement), statement.queries[-1].written
     trace.keep()
     words = [option.keyword for option in query.options]
     weight = next((word for word in ("COST", "PROBABILITY") if word in words), None)
-    found = {event: list(_stretches(query, event)) for event in ("start", *_CLAUSES)}
-    return Traced(trace.events, trace.total, query.span.text, found, _strategy(words), weight)
+    clauses = {event: list(_stretches(query, event)) for event in ("start", *_CLAUSES)}
+    counters = growing(written, evenly=True)
+    return Traced(trace.events, trace.total, query.span.text, clauses, _strategy(words), weight, counters)
 
 
-def notes_of(trace: Trace, query: ast.Query) -> Iterator[str]:
+def notes_of(trace: Trace, statement: CompiledStatement) -> Iterator[str]:
     """What a person should know of a traced run."""
-    memorizes = any(option.keyword == "MEMORIZE" for option in query.options)
+    memorizes = any(option.keyword == "MEMORIZE" for option in searched_query(statement).options)
     alone = ", from its start alone and without a remembered graph" if memorizes else ""
     yield f"traced: the search ran natively, step by step{alone}"
     if trace.total > trace.most:

@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 class NativeQuery:
     """A query that stands by itself, compiled to Python once, to be run many times.
 
-    The steps of a search are counted `by_level` on demand, see by_level.py; one that is `watched` goes step by step, and
-    `run.trace` hears of it. `find`, for MEMORIZE, finds its results. `levels` says how deeply its expressions are
+    The steps of a search are counted `by_level` on demand, see by_level.py; one that is `watched` goes step by step,
+    and `run.trace` hears of it. `find`, for MEMORIZE, finds its results. `levels` says how deeply its expressions are
     nested.
     """
 

@@ -98,9 +98,7 @@ class Steps:
         assert self.key is not None
         return self.key(state)
 
-    def expand(
-        self, way: Way, state: State, seen: Seen, firsts: dict[Hashable, Step] | None = None
-    ) -> Iterator[Step]:
+    def expand(self, way: Way, state: State, seen: Seen, firsts: dict[Hashable, Step] | None = None) -> Iterator[Step]:
         """The steps from a state, but for those whose keys were seen; `firsts` see `edge`."""
         elements = self.elements if self.first is None or way.step is not None else self.first
         for last in self.in_order(elements(state)):

@@ -35,50 +35,49 @@ class Event(NamedTuple):
 
 
 class Trace:
-    """The first `most` events of a search; `total` counts all. `here` is the step that was expanded last."""
+    """The first `most` events of a search; `total` counts all.
+
+    `here` is the step that was expanded last, `met` the row of the one that was dropped last.
+    """
 
     def __init__(self, most: int) -> None:
         self.most, self.total = most, 0
         self.events: list[Event] = []
         self.here: Event | None = None
-        self.met: Row | None = None  # the row of the step that was dropped last
-        self._first: list[Event] = []  # the first event of each step
-        self._steps: dict[int, tuple[Step, Event]] = {}  # by their identity, which they keep while they are here
+        self.met: Row | None = None
+        self._steps: dict[int, tuple[Step | None, Event]] = {}  # by their identity, which they keep while they are here
+        self._count = 0
+        self._latest: Step | None = None  # which was generated just now
 
-    @property
-    def _full(self) -> bool:
-        return len(self.events) == self.most
-
-    def add(self, word: str, step: Step | None, state: Any = None, row: Any = None, g: Any = None, h: Any = None) -> None:
-        """One event of a step that has had none; without a step it is a start, or leaves no trace in the search."""
-        self.total += 1
-        if self._full:
-            return
-        before, self_number = self.here, len(self._first)
-        parent, depth = (None, 0) if before is None else (before.n, before.depth + 1)
-        event = Event(self_number, parent, depth, word, state, row, g, h)
-        self._first.append(event)
-        self.events.append(event)
-        if step is not None:
+    def add(self, word: str, step: Step | None, state: Any, row: Any, g: Any = None, h: Any = None) -> None:
+        """The first event of a step; without one it is that of a start, or of what leaves no trace in the search."""
+        parent, depth = (None, 0) if self.here is None else (self.here.n, self.here.depth + 1)
+        event = Event(self._count, parent, depth, word, state, row, g, h)
+        self._count += 1
+        self._latest = step
+        if self._note(event):
             self._steps[id(step)] = step, event
 
-    def again(self, word: str, step: Step) -> None:
-        """One more event of a step. One that was only just generated was not, but repeats another."""
-        known = self._steps.get(id(step))
-        if word == "repeated" and self.events and known and self.events[-1] is known[1] and not self._full:
-            self.events[-1] = known[1]._replace(event=word)
-            return
-        self.total += 1
-        if known and not self._full:
-            self.events.append(known[1]._replace(event=word))
+    def again(self, word: str, step: Step | None) -> Event | None:
+        """One more event of a step, or of the latest start; gives its first one.
 
-    def expand(self, step: Step | None) -> Event | None:
-        """Notes that a step is expanded, or a start, which is the latest one; gives its first event."""
-        self.total += 1
-        known = self._first[-1] if step is None and self._first else self._steps.get(id(step), (None, None))[1]
-        if known and not self._full:
-            self.events.append(known._replace(event="expanded"))
+        A step that repeats another and was generated just now has not entered the frontier: this is its first event.
+        """
+        known = self._steps.get(id(step), (None, None))[1]
+        if word == "repeated" and step is self._latest:
+            if known is not None:
+                self.events[-1] = known._replace(event=word)
+            return known
+        self._latest = None
+        self._note(None if known is None else known._replace(event=word))
         return known
+
+    def _note(self, event: Event | None) -> bool:
+        self.total += 1
+        if event is None or len(self.events) == self.most:
+            return False
+        self.events.append(event)
+        return True
 
     def keep(self) -> None:
         """Makes the events independent of values that somebody else may change."""
@@ -96,15 +95,13 @@ class WatchedSteps(Steps):
         trace: Trace = self.run.trace
         return trace
 
-    def expand(
-        self, way: Way, state: State, seen: Seen, firsts: dict[Hashable, Step] | None = None
-    ) -> Iterator[Step]:
+    def expand(self, way: Way, state: State, seen: Seen, firsts: dict[Hashable, Step] | None = None) -> Iterator[Step]:
         trace = self.trace
         if way.step is None:
             trace.here = None
             nothing = None if self.weigh is None else 1 if self._likeliest else 0
             trace.add("generated", None, self._state(state), None, nothing)
-        here = trace.expand(way.step)
+        here = trace.again("expanded", way.step)
         steps = super().expand(way, state, seen, firsts)
         while True:
             trace.here = here  # a search may have left these steps for others, and come back

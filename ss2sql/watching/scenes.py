@@ -1,0 +1,117 @@
+"""What there is to see of a traced search: its steps, their texts and places, and what became of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, TypeAlias
+
+from ss2sql.results.path_plot import places
+from ss2sql.results.show import cell
+from ss2sql.runtime.search.watched import Event
+from ss2sql.watching.traced import Traced
+
+MOST_TEXT = 60  # characters of a row or a state
+FINEST = 200  # cells that a map is across at most
+Place: TypeAlias = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """The `steps` of a trace, each by its first event, and the place of each where there is a map.
+
+    The cells of the map are `pitch` wide.
+    """
+
+    traced: Traced
+    steps: Sequence[Event]
+    places: Sequence[Place | None]
+    pitch: float
+
+    @property
+    def is_map(self) -> bool:
+        return self.pitch > 0
+
+    def expanded(self) -> dict[int, int]:
+        """The steps that were expanded, each with its number in this order."""
+        order = (event.n for event in self.traced.events if event.event == "expanded")
+        return {n: number for number, n in enumerate(order, 1)}
+
+    def last_events(self) -> dict[int, str]:
+        """What happened last to each step; to a goal that was not expanded, that it is one."""
+        last: dict[int, str] = {}
+        for event in self.traced.events:
+            if not (event.event == "stopped" and last.get(event.n) == "goal"):
+                last[event.n] = event.event
+        return last
+
+    def path(self, n: int | None) -> list[int]:
+        """The steps from the start to this one."""
+        found = []
+        while n is not None:
+            found.append(n)
+            n = self.steps[n].parent
+        return found[::-1]
+
+
+def scene_of(traced: Traced) -> Scene:
+    steps: dict[int, Event] = {}
+    for event in traced.events:
+        steps.setdefault(event.n, event)
+    every = list(steps.values())
+    found = _places(traced, every)
+    return Scene(traced, every, found, _pitch([place for place in found if place is not None]))
+
+
+def text_of(shown: dict[str, Any] | None) -> str:
+    """A row or a state as a short text."""
+    if not shown:
+        return ""
+    values = list(shown.values())
+    text = cell(values[0]) if len(values) == 1 else ", ".join(f"{key} {cell(one)}" for key, one in shown.items())
+    return text if len(text) <= MOST_TEXT else f"{text[: MOST_TEXT - 1]}…"
+
+
+def _places(traced: Traced, steps: Sequence[Event]) -> list[Place | None]:
+    """Where the steps lead: the places of their states, or else of their rows.
+
+    A step that stops has no state. Its row tells its place where the rows of other steps tell those of their states.
+    Where states are lists of another kind, as in a puzzle, lists of two numbers are moves, not places.
+    """
+    counters = traced.counters
+    states = _points([_without(event.state, counters) for event in steps])
+    rows = _points([event.row for event in steps])
+    if any(states):
+        both = [(state, row) for state, row in zip(states, rows, strict=True) if state and row]
+        told = bool(both) and all(state == row for state, row in both)
+        return [state or (row if told else None) for state, row in zip(states, rows, strict=True)]
+    puzzle = any(isinstance(value, (list, dict)) for event in steps for value in (event.state or {}).values())
+    return [None] * len(steps) if puzzle else rows
+
+
+def _without(state: dict[str, Any] | None, names: frozenset[str]) -> dict[str, Any] | None:
+    return None if state is None else {name: value for name, value in state.items() if name not in names}
+
+
+def _points(shown: Sequence[dict[str, Any] | None]) -> list[Place | None]:
+    """The places in rows or states, none of them where they are no places."""
+    there = [tuple(one.values()) for one in shown if one]
+    where = places(list(next(filter(None, shown), ())), there)
+    if where is None:
+        return [None] * len(shown)
+    values = iter(there)
+    return [_rounded(where.of(next(values))) if one else None for one in shown]
+
+
+def _rounded(place: Sequence[float]) -> Place:
+    return round(place[0], 6), round(place[1], 6)
+
+
+def _pitch(found: Sequence[Place]) -> float:
+    """The least distance of two places along an axis."""
+    if not found:
+        return 0.0
+    axes = [sorted({place[axis] for place in found}) for axis in (0, 1)]
+    gaps = [after - before for axis in axes for before, after in pairwise(axis)]
+    return max(min(gaps, default=1.0), *((axis[-1] - axis[0]) / FINEST for axis in axes))
