@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import runpy
+import subprocess
 import sys
 from contextlib import chdir
 from pathlib import Path
@@ -170,6 +172,24 @@ def examples() -> None:
                 copyfile(picture, HERE / "examples" / picture.name)
 
 
+# --- watching.md ---------------------------------------------------------------------------------------
+
+AT = 300  # the event at which its page is shown
+
+
+def watching() -> None:
+    """What the page writes when its code runs, and its page of a grid as Chromium shows it."""
+    blocks = re.findall(r"^```python\n(.*?)^```", (HERE.parent / "watching.md").read_text("utf-8"), re.M | re.S)
+    with TemporaryDirectory() as folder, chdir(folder):
+        Path("page.py").write_text("\n".join(blocks), encoding="utf-8")
+        runpy.run_path("page.py")
+        for name, picture in {"hanoi": "search_tree", "grid": "search_map"}.items():
+            copyfile(f"{name}.png", HERE / "plots" / f"{picture}.png")
+        address = f"{Path('grid.html').resolve().as_uri()}#{AT}"
+        command = ["chromium", "--headless", "--no-sandbox", "--hide-scrollbars", "--window-size=1400,900"]
+        subprocess.run([*command, f"--screenshot={HERE / 'watching.png'}", address], check=True)
+
+
 PICTURES = {
     "chaos": chaos,
     "hall": hall,
@@ -177,6 +197,7 @@ PICTURES = {
     "grids": grids,
     "environment": environment,
     "roads": roads,
+    "watching": watching,
     "examples": examples,
 }
 

@@ -297,7 +297,8 @@ class Result:
                 with `trace=` "search": the tree of its steps, or the map of their places, numbered in the order of
                 expansion. Of an array of two dimensions, as AS plane gives it: "heat". Of other rows: "bars" for a
                 label and a number, "line", "points".
-            most: how many paths or bars are drawn; else 1000 paths, 40 bars, a graph of up to 150 rows, 150 steps.
+            most: how many paths, bars or steps are drawn; else 1000 paths, 40 bars, a graph of up to 150 rows, a tree
+                of 60 steps.
             title: in place of what was counted.
 
         Returns:

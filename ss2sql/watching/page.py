@@ -40,7 +40,8 @@ def page_of(results: Sequence[Result], title: str | None) -> Page:
     heading = title or " and ".join(dict.fromkeys(one.strategy for one in traced))
     data = json.dumps({"panels": list(map(_panel, traced))}, ensure_ascii=False, separators=(",", ":"))
     template = (files("ss2sql.watching") / "page.html").read_text("utf-8")
-    before, after = template.replace("@TITLE@", escape(heading)).split("@DATA@")
+    named = template.replace("@TITLE@", escape(heading)).replace("@HEADING@", escape(title or ""))
+    before, after = named.split("@DATA@")
     # Between the tags of a script "<" may begin the end of it.
     return Page(f"{before}{data.replace('<', chr(92) + 'u003c')}{after}")
 
@@ -56,8 +57,8 @@ def _panel(traced: Traced) -> dict[str, Any]:
     """One search as columns of short texts and numbers: 10,000 events are less than 1 MB."""
     scene = scene_of(traced)
     steps, texts = scene.steps, dict[str, int]()
-    rows, states = ([texts.setdefault(text_of(one), len(texts)) for one in shown]
-                    for shown in ([step.row for step in steps], [step.state for step in steps]))  # fmt: skip
+    rows = [texts.setdefault(text_of(step.row), len(texts)) for step in steps]
+    states = [texts.setdefault(text_of(step.state, named=True), len(texts)) for step in steps]
     kept = "" if traced.is_whole else f", the first {len(traced.events):,} of {traced.total:,} events"
     return {
         "title": f"{traced.strategy}{kept}", "text": traced.script, "clauses": traced.clauses, "weight": traced.weight,
@@ -80,4 +81,4 @@ def _map(scene: Scene) -> dict[str, Any]:
 
 
 def _number(value: Any) -> float | None:
-    return None if value is None else float(f"{value:.6g}")
+    return None if value is None else float(f"{min(value, 1e300):.6g}")

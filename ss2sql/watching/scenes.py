@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import Any, TypeAlias
 
@@ -17,7 +18,7 @@ FINEST = 200  # cells that a map is across at most
 Place: TypeAlias = tuple[float, float]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Scene:
     """The `steps` of a trace, each by its first event, and the place of each where there is a map.
 
@@ -33,18 +34,26 @@ class Scene:
     def is_map(self) -> bool:
         return self.pitch > 0
 
+    @cached_property
     def expanded(self) -> dict[int, int]:
         """The steps that were expanded, each with its number in this order."""
         order = (event.n for event in self.traced.events if event.event == "expanded")
         return {n: number for number, n in enumerate(order, 1)}
 
-    def last_events(self) -> dict[int, str]:
-        """What happened last to each step; to a goal that was not expanded, that it is one."""
-        last: dict[int, str] = {}
-        for event in self.traced.events:
-            if not (event.event == "stopped" and last.get(event.n) == "goal"):
-                last[event.n] = event.event
-        return last
+    @cached_property
+    def last(self) -> dict[int, str]:
+        """What happened last to each step."""
+        return {event.n: event.event for event in self.traced.events}
+
+    @cached_property
+    def goals(self) -> list[int]:
+        return [event.n for event in self.traced.events if event.event == "goal"]
+
+    @cached_property
+    def lost(self) -> set[int]:
+        """The steps that were repeated or stopped, and are neither goals nor expanded."""
+        lost = {n for n, event in self.last.items() if event in ("repeated", "stopped")}
+        return lost - self.expanded.keys() - set(self.goals)
 
     def path(self, n: int | None) -> list[int]:
         """The steps from the start to this one."""
@@ -64,12 +73,10 @@ def scene_of(traced: Traced) -> Scene:
     return Scene(traced, every, found, _pitch([place for place in found if place is not None]))
 
 
-def text_of(shown: dict[str, Any] | None) -> str:
-    """A row or a state as a short text."""
-    if not shown:
-        return ""
-    values = list(shown.values())
-    text = cell(values[0]) if len(values) == 1 else ", ".join(f"{key} {cell(one)}" for key, one in shown.items())
+def text_of(shown: dict[str, Any] | None, named: bool = False) -> str:
+    """A row or a state as a short text; the names of several values are `named`."""
+    several = named and len(shown or ()) > 1
+    text = ", ".join(f"{key} {cell(value)}" if several else cell(value) for key, value in (shown or {}).items())
     return text if len(text) <= MOST_TEXT else f"{text[: MOST_TEXT - 1]}…"
 
 

@@ -130,10 +130,12 @@ class Steps:
         stop = self.ends is not None and self.ends(last, row, None)
         goal = not stop if self.is_goal is None else self.is_goal(last, row, None)
         if stop and not goal:
+            self.ended(row)
             return None
         row = self.row(last) if row is None else row
         weight = 1 if self.weigh is None else self.weigh(last, row)
         if not weight and self.search.order == "probability":
+            self.ended(row)
             return None
         estimate = 0 if stop or self.estimate is None else self.estimate(last, row)
         state = () if stop and by != "state" else self.follow(last, row)
@@ -157,6 +159,7 @@ class Steps:
             return step
         weight = 1 if self.weigh is None else self.weigh(last, row)
         if not weight and self.search.order == "probability":
+            self.ended(row)
             return None
         return first._replace(weight=weight, last=last)
 
@@ -165,6 +168,9 @@ class Steps:
         self.run.stats.pruned += 1
 
     # --- what watched.py hears of the loops ----
+
+    def ended(self, row: Row | None) -> None:
+        """A step that leaves no trace, with its row where that is made."""
 
     def outdated(self, step: Step) -> None:
         """A step that leads to what another one has reached as well."""

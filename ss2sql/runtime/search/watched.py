@@ -37,14 +37,14 @@ class Event(NamedTuple):
 class Trace:
     """The first `most` events of a search; `total` counts all.
 
-    `here` is the step that was expanded last, `met` the row of the one that was dropped last.
+    `here` is the step that was expanded last; `lost` says what became of the one that was lost last, with its row.
     """
 
     def __init__(self, most: int) -> None:
         self.most, self.total = most, 0
         self.events: list[Event] = []
         self.here: Event | None = None
-        self.met: Row | None = None
+        self.lost: tuple[str, Row | None] = ("", None)
         self._steps: dict[int, tuple[Step | None, Event]] = {}  # by their identity, which they keep while they are here
         self._count = 0
         self._latest: Step | None = None  # which was generated just now
@@ -112,11 +112,10 @@ class WatchedSteps(Steps):
 
     def tried(self, last: Last, seen: Seen, firsts: dict[Hashable, Step] | None) -> Step | None:
         trace = self.trace
-        trace.met = None
         step = super().tried(last, seen, firsts)
         if step is None:
-            row = trace.met or (self.row(last) if self.tells else None)
-            trace.add("stopped" if trace.met is None else "repeated", None, None, self._row(row))
+            word, row = trace.lost
+            trace.add(word, None, None, self._row(self.row(last) if row is None and self.tells else row))
             return None
         g = None
         if self.weigh is not None and trace.here is not None:
@@ -129,7 +128,10 @@ class WatchedSteps(Steps):
 
     def dropped(self, row: Row | None) -> None:
         super().dropped(row)
-        self.trace.met = row or ()
+        self.trace.lost = "repeated", row
+
+    def ended(self, row: Row | None) -> None:
+        self.trace.lost = "stopped", row
 
     def outdated(self, step: Step) -> None:
         self.trace.again("repeated", step)
