@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import json
 import os
 import shutil
@@ -20,7 +19,7 @@ WINDOW = "1280,800"
 
 
 class Tab:
-    """One page: what its JavaScript says, its keys, its picture."""
+    """One page: what its JavaScript says, and its keys."""
 
     def __init__(self, into: BinaryIO, out: BinaryIO) -> None:
         self._into, self._out = into, out
@@ -75,13 +74,6 @@ class Tab:
         text = {"text": key} if len(key) == 1 else {}
         for kind in ({"type": "keyDown", **text}, {"type": "keyUp"}):
             self.send("Input.dispatchKeyEvent", key=key, modifiers=8 * shift, **kind)
-
-    def picture(self, path: Path, width: int = 0, height: int = 0) -> None:
-        if width:
-            self.send(
-                "Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False
-            )
-        path.write_bytes(base64.b64decode(self.send("Page.captureScreenshot")["data"]))
 
 
 @contextmanager

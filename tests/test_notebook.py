@@ -143,6 +143,8 @@ def test_how_much_is_shown(notebook: Notebook) -> None:
     assert notebook.run("%%ss --sql\nSELECT this FROM [1, 2] WHERE this > 1;").startswith("SELECT\n  this.this")
     explained = notebook.run("%%ss --explain --engine native\nSELECT this FROM [1, 2] WHERE this > 1;")
     assert "engine: native" in explained
+    notebook.run("%%ss --play\nSELECT this FROM [1] START WITH n = 0 CONNECT BY n = n + 1 STOP WITH n == 2;")
+    assert notebook.html()[0].startswith("<iframe srcdoc")
     notebook.run("seen = []\ndef see(x):\n    seen.append(x)\n    return x")
     notebook.run("%%ss --sql\nSELECT see(this) FROM [1];")  # it runs nothing
     assert notebook["seen"] == []

@@ -20,7 +20,7 @@ PACKAGE = ROOT / "ss2sql"
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
 HEAVY = ("pandas", "polars", "pyarrow", "matplotlib", "networkx", "pybullet", "mujoco", "IPython", "duckdb", "pyspark",
          "prompt_toolkit", "hypothesis", "pytest")  # fmt: skip
-SHIPPED = {".py", ".lark", ".json", ".typed", ".md"}
+SHIPPED = {".py", ".lark", ".json", ".typed", ".md", ".html"}
 
 
 def sources(folder: Path) -> list[Path]:

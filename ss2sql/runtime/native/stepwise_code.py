@@ -21,13 +21,14 @@ from ss2sql.runtime.native.pieces import Writer
 from ss2sql.runtime.native.step_function import StepLoops
 from ss2sql.runtime.native.unit import Body
 from ss2sql.runtime.search.stepwise import Steps, searched
-from ss2sql.runtime.search.watched import WatchedSteps
+from ss2sql.runtime.search.watched import WatchedSteps, noted
 from ss2sql.runtime.sources import elements
 from ss2sql.runtime.values import freeze
 
 if TYPE_CHECKING:
     from ss2sql.runtime.native.builder import Builder
 
+ROW = 2  # the place of this function among those of `Steps`
 PLAIN = Kind.NONE | Kind.NUMBER | Kind.STR
 
 
@@ -44,7 +45,7 @@ def stepwise(builder: Builder, query: plan.Query, body: Body, keys: str | None) 
     known = pen.name(unit.constant(query, "query"))
     kind: type[Steps] = Steps
     if unit.watched is query:
-        kind = WatchedSteps
+        kind, functions[ROW] = WatchedSteps, pen.call(unit.helper(noted), pen.name("run"), functions[ROW])
         facts = [unit.analysis.of(output.expr) for output in query.columns]
         functions.append(pen.constant(not query.aggregated and all(one.steady and one.total for one in facts)))
     steps = pen.call(unit.helper(kind), pen.name("run"), known, *functions)

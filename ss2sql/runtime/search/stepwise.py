@@ -100,14 +100,15 @@ class Steps:
 
     def expand(self, way: Way, state: State, seen: Seen, firsts: dict[Hashable, Step] | None = None) -> Iterator[Step]:
         """The steps from a state, but for those whose keys were seen; `firsts` see `edge`."""
-        elements = self.elements if self.first is None or way.step is not None else self.first
-        for last in self.in_order(elements(state)):
-            step = self.tried(last, seen, firsts)
+        for last in self.lasts(way, state):
+            step = self.step(last, seen) if firsts is None else self.edge(last, firsts)
             if step is not None:
                 yield step
 
-    def tried(self, last: Last, seen: Seen, firsts: dict[Hashable, Step] | None) -> Step | None:
-        return self.step(last, seen) if firsts is None else self.edge(last, firsts)
+    def lasts(self, way: Way, state: State) -> Iterable[Last]:
+        """The elements that make a step from a state, in their order."""
+        elements = self.elements if self.first is None or way.step is not None else self.first
+        return self.in_order(elements(state))
 
     def in_order(self, lasts: Iterator[Last]) -> Iterable[Last]:
         """The elements of a state as ORDER SIBLINGS BY has them."""
@@ -125,24 +126,22 @@ class Steps:
             row = self.row(last) if row is None else row
             key = self.key(last, row)
             if key in seen:
-                self.dropped(row)
+                self.dropped()
                 return None
         stop = self.ends is not None and self.ends(last, row, None)
         goal = not stop if self.is_goal is None else self.is_goal(last, row, None)
         if stop and not goal:
-            self.ended(row)
             return None
         row = self.row(last) if row is None else row
         weight = 1 if self.weigh is None else self.weigh(last, row)
         if not weight and self.search.order == "probability":
-            self.ended(row)
             return None
         estimate = 0 if stop or self.estimate is None else self.estimate(last, row)
         state = () if stop and by != "state" else self.follow(last, row)
         if self.key is not None and by != "row":
             key = self.key(state) if by == "state" else self.key(last, row)
             if key in seen:
-                self.dropped(row)
+                self.dropped()
                 return None
         return Step(row, key, stop, goal, weight, estimate, state, last)
 
@@ -159,18 +158,13 @@ class Steps:
             return step
         weight = 1 if self.weigh is None else self.weigh(last, row)
         if not weight and self.search.order == "probability":
-            self.ended(row)
             return None
         return first._replace(weight=weight, last=last)
 
-    def dropped(self, row: Row | None) -> None:
-        """A step was seen."""
+    def dropped(self) -> None:
         self.run.stats.pruned += 1
 
     # --- what watched.py hears of the loops ----
-
-    def ended(self, row: Row | None) -> None:
-        """A step that leaves no trace, with its row where that is made."""
 
     def outdated(self, step: Step) -> None:
         """A step that leads to what another one has reached as well."""
@@ -302,7 +296,7 @@ def best_first(steps: Steps, starts: list[State]) -> Iterator[Way]:
             if unique:
                 known = best.get(step.key)
                 if known is not None and known <= reached:
-                    steps.dropped(step.row)
+                    steps.dropped()
                     steps.outdated(step)
                     continue
                 best[step.key] = reached

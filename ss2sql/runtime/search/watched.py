@@ -5,11 +5,12 @@ The loops of stepwise.py ask `Steps` for every step, so `WatchedSteps` sees all 
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator
+from collections.abc import Callable, Hashable, Iterator
 from typing import Any, NamedTuple
 
 from ss2sql import plan
 from ss2sql.runtime.rows import Row
+from ss2sql.runtime.run import Run
 from ss2sql.runtime.search.stepwise import Last, Seen, State, Step, Steps, Way
 from ss2sql.runtime.values import kept
 from ss2sql.told import as_written
@@ -37,14 +38,16 @@ class Event(NamedTuple):
 class Trace:
     """The first `most` events of a search; `total` counts all.
 
-    `here` is the step that was expanded last; `lost` says what became of the one that was lost last, with its row.
+    `here` is the step whose own steps are made, `row` that of the latest of these, where it is made, and `lost`
+    what happened to it where it leaves no trace.
     """
 
     def __init__(self, most: int) -> None:
         self.most, self.total = most, 0
         self.events: list[Event] = []
         self.here: Event | None = None
-        self.lost: tuple[str, Row | None] = ("", None)
+        self.row: Row | None = None
+        self.lost = "stopped"
         self._steps: dict[int, tuple[Step | None, Event]] = {}  # by their identity, which they keep while they are here
         self._count = 0
         self._latest: Step | None = None  # which was generated just now
@@ -102,36 +105,28 @@ class WatchedSteps(Steps):
             nothing = None if self.weigh is None else 1 if self._likeliest else 0
             trace.add("generated", None, self._state(state), None, nothing)
         here = trace.again("expanded", way.step)
-        steps = super().expand(way, state, seen, firsts)
-        while True:
-            trace.here = here  # a search may have left these steps for others, and come back
-            step = next(steps, None)
+        for last in self.lasts(way, state):
+            trace.here, trace.row, trace.lost = here, None, "stopped"
+            step = self.step(last, seen) if firsts is None else self.edge(last, firsts)
             if step is None:
-                return
+                row = self.row(last) if trace.row is None and self.tells else trace.row
+                trace.add(trace.lost, None, None, self._row(row))
+                continue
+            self._generated(step)
             yield step
 
-    def tried(self, last: Last, seen: Seen, firsts: dict[Hashable, Step] | None) -> Step | None:
-        trace = self.trace
-        step = super().tried(last, seen, firsts)
-        if step is None:
-            word, row = trace.lost
-            trace.add(word, None, None, self._row(self.row(last) if row is None and self.tells else row))
-            return None
-        g = None
+    def _generated(self, step: Step) -> None:
+        trace, g = self.trace, None
         if self.weigh is not None and trace.here is not None:
             g = trace.here.g * step.weight if self._likeliest else trace.here.g + step.weight
         h = None if self.estimate is None or step.stop else step.estimate
         trace.add("generated", step, self._state(step.state), self._row(step.row), g, h)
         if self.search.repeats == "memorize":  # the paths come when the graph is there
             self._reached(step)
-        return step
 
-    def dropped(self, row: Row | None) -> None:
-        super().dropped(row)
-        self.trace.lost = "repeated", row
-
-    def ended(self, row: Row | None) -> None:
-        self.trace.lost = "stopped", row
+    def dropped(self) -> None:
+        super().dropped()
+        self.trace.lost = "repeated"
 
     def outdated(self, step: Step) -> None:
         self.trace.again("repeated", step)
@@ -157,6 +152,16 @@ class WatchedSteps(Steps):
 
     def _row(self, row: Row | None) -> dict[str, Any] | None:
         return dict(zip(row_names(self.query), row, strict=False)) if row else None
+
+
+def noted(run: Run, row: Callable[[Last], Row]) -> Callable[[Last], Row]:
+    """The function that makes rows, of which the trace of the run hears."""
+
+    def noting(last: Last) -> Row:
+        made = run.trace.row = row(last)
+        return made
+
+    return noting
 
 
 def row_names(query: plan.Query) -> list[str]:
