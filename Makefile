@@ -4,6 +4,7 @@ PYTHON ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11 p
 	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$p && break; done)
 VENV := .venv
 PY := $(VENV)/bin/python
+PIP := $(PY) -m pip install --quiet --disable-pip-version-check
 
 .DEFAULT_GOAL := help
 .PHONY: help demo test test-slow nightly release-check drawn fuzz coverage mutants compat lint golden bench docs clean
@@ -57,6 +58,7 @@ compat: $(VENV)/compat.stamp ## the oldest and the newest packages that are allo
 
 lint: $(VENV)/dev.stamp      ## ruff and mypy
 	$(PY) -m ruff check .
+	$(PY) -m ruff format --check .
 	$(PY) -m mypy
 
 golden: $(VENV)/dev.stamp    ## writes the expectations of tests/cases and the outputs shown on pages anew
@@ -77,35 +79,37 @@ clean:           ## removes what make has made
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # --- the environment: a stamp is older than pyproject.toml when the installation is out of date ---------
+# What development needs are dependency groups, which pip installs from 25.1 on.
 
 $(VENV)/package.stamp: pyproject.toml
 	@test -n "$(PYTHON)" || { echo "ss2sql needs Python 3.11 or newer; name it with: make PYTHON=..."; exit 1; }
 	test -x $(PY) || $(PYTHON) -m venv $(VENV)
-	$(PY) -m pip install --quiet --disable-pip-version-check --editable .
+	$(PIP) "pip>=25.1"
+	$(PIP) --editable .
 	@touch $@
 
 # PyBullet is made for some Pythons only, and takes long to compile: the demo does without it where need be.
 $(VENV)/demo.stamp: $(VENV)/package.stamp
-	$(PY) -m pip install --quiet --disable-pip-version-check --only-binary pybullet --editable ".[sim]" \
+	$(PIP) --only-binary pybullet --editable ".[sim]" \
 		|| echo "PyBullet cannot be installed here; the demo does without a simulator"
 	@touch $@
 
 $(VENV)/dev.stamp: $(VENV)/package.stamp
-	$(PY) -m pip install --quiet --disable-pip-version-check --editable ".[dev]"
+	$(PIP) --group dev
 	@touch $@
 
 $(VENV)/fuzz.stamp: $(VENV)/dev.stamp
-	$(PY) -m pip install --quiet --disable-pip-version-check --editable ".[fuzz]"
+	$(PIP) --group fuzz
 	@touch $@
 
 $(VENV)/compat.stamp: $(VENV)/package.stamp
-	$(PY) -m pip install --quiet --disable-pip-version-check uv
+	$(PIP) uv
 	@touch $@
 
 $(VENV)/bench.stamp: $(VENV)/package.stamp
-	$(PY) -m pip install --quiet --disable-pip-version-check --editable ".[bench]"
+	$(PIP) --group bench
 	@touch $@
 
 $(VENV)/docs.stamp: $(VENV)/package.stamp
-	$(PY) -m pip install --quiet --disable-pip-version-check --editable ".[docs]"
+	$(PIP) --group docs
 	@touch $@

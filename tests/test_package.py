@@ -50,10 +50,14 @@ def wheel(tmp_path_factory):
 def test_the_wheel_has_everything(wheel):
     with zipfile.ZipFile(wheel) as archive:
         names = set(archive.namelist())
+        (metadata,) = (archive.read(name).decode() for name in names if name.endswith("/METADATA"))
     assert {"ss2sql/py.typed", "ss2sql/frontend/grammar.lark", "ss2sql/frontend/grammar_table.json"} <= names
     assert {str(path.relative_to(ROOT)) for path in sources(PACKAGE)} <= names
     assert not [name for name in names if name.startswith(("tests", "examples", "docs", "benchmarks"))]
     assert any(name.endswith("licenses/LICENSE") for name in names)
+    readme = metadata.split("\n\n", 1)[1]
+    assert "SELECT this FROM moves" in readme
+    assert re.findall(r"\]\((?!https?:)[^)]*\)", readme) == []  # they would lead nowhere outside of the repository
 
 
 WITHOUT_EXTRAS = """
