@@ -106,15 +106,6 @@ def usual() -> Iterator[None]:
         yield
 
 
-@pytest.fixture(scope="module")
-def little_heap() -> Iterator[None]:
-    """`gc.collect` looks at what the tests of a file make, and not at 16,000 tests, which takes it 3 s each time."""
-    gc.collect()
-    gc.freeze()
-    yield
-    gc.unfreeze()
-
-
 @pytest.fixture
 def eager(monkeypatch: pytest.MonkeyPatch) -> None:
     """All calls are worth other processes."""
@@ -148,3 +139,10 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         for number, item in enumerate(sorted(several, key=lambda item: item.nodeid)):  # the same in every order
             if number % SAMPLED[name]:
                 item.add_marker(pytest.mark.slow)
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_finish() -> None:
+    """The collector looks at what tests make, and not at 10,000 tests, which takes it 3 s each time."""
+    gc.collect()
+    gc.freeze()

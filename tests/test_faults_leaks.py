@@ -19,10 +19,7 @@ from sessions import ENGINES, write
 
 import ss2sql
 
-pytestmark = [
-    pytest.mark.usefixtures("little_heap"),
-    pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="there is no /proc"),
-]
+pytestmark = pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="there is no /proc")
 MOST = 10_000_000  # bytes that the process may grow by
 SCRIPTS = (
     "SELECT f(this) FROM t WHERE f(this) > 48 AS list;",

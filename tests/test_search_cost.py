@@ -143,7 +143,6 @@ def test_sqlite_keeps_pages_and_copies_in_memory() -> None:
 # --- memory --------------------------------------------------------------------------------------------
 
 
-@pytest.mark.usefixtures("little_heap")
 def test_searches_one_after_the_other_need_no_more_memory_than_one() -> None:
     query = ss2sql.connect().compile(CHAIN.format(length=5_000, option=""))
 

@@ -80,7 +80,6 @@ def pools() -> int:
 
 
 @both
-@pytest.mark.usefixtures("little_heap")
 @pytest.mark.parametrize("option", ["", "BREADTH FIRST", "NO CYCLE", "COST 1"])
 def test_what_a_search_kept_is_given_back_with_its_result(option: str, engine: Any) -> None:
     before = pools()

@@ -340,7 +340,6 @@ def test_values_come_back_exactly(value: Any) -> None:
     assert foreign.encode_foreign(fresh(value), GIVER) == handle == foreign.encode(value)
 
 
-@pytest.mark.usefixtures("little_heap")
 def test_objects_live_as_long_as_the_pool() -> None:
     pool = Pool()
     thing = Thing()
