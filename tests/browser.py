@@ -28,7 +28,7 @@ class Tab:
         self._session = self.send("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
         self.requests: list[str] = []
         self.errors: list[str] = []
-        for domain in ("Page", "Network", "Runtime"):
+        for domain in ("Page", "Network", "Runtime", "Performance"):
             self.send(f"{domain}.enable")
 
     def send(self, method: str, **params: Any) -> Any:
@@ -69,6 +69,11 @@ class Tab:
         found = self.send("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
         assert "exceptionDetails" not in found, found
         return found["result"].get("value")
+
+    def seconds(self) -> float:
+        """The processor time that the process of the page has taken."""
+        found = {metric["name"]: metric["value"] for metric in self.send("Performance.getMetrics")["metrics"]}
+        return float(found["ProcessTime"])
 
     def press(self, key: str, shift: bool = False) -> None:
         text = {"text": key} if len(key) == 1 else {}

@@ -123,11 +123,9 @@ def test_a_trace_keeps_so_many_events_and_says_so(ss: ss2sql.Session) -> None:
     assert (whole.trace.status, cut.trace.status) == ("complete", "maximum")
     assert cut.value == whole.value
     assert f"the first 5 of {len(whole.trace)} events; trace={len(whole.trace)} holds all" in cut.notes[1]
-    first = whole.trace.value[1]
-    assert first == {"n": 0, "parent": None, "depth": 0, "event": "expanded", "state": {"town": "A"}, "row": None,
-                     "g": 0, "h": None}  # fmt: skip
-    query = ss.compile(script)
-    assert query.run(trace=5).trace.value == cut.trace.value
+    assert whole.trace.value[1] == {"n": 0, "parent": None, "depth": 0, "event": "expanded", "state": {"town": "A"},
+                                    "row": None, "g": 0, "h": None}  # fmt: skip
+    assert ss.compile(script).run(trace=5).trace.value == cut.trace.value
     with pytest.raises(ss2sql.Timeout) as caught:
         ss.run("SELECT this FROM [1] START WITH n = 0 CONNECT BY n = n + this", timeout=0.05, trace=10)
     assert caught.value.partial is not None
@@ -135,9 +133,8 @@ def test_a_trace_keeps_so_many_events_and_says_so(ss: ss2sql.Session) -> None:
 
 
 def test_a_stopped_step_has_the_row_that_nobody_notices(ss: ss2sql.Session) -> None:
-    script = (
-        "SELECT {} AS c FROM [1, 2] WHERE n + this == 2 START WITH n = 0 CONNECT BY n = n + this STOP WITH n + this > 1"
-    )
+    script = """SELECT {} AS c FROM [1, 2] WHERE n + this == 2 START WITH n = 0
+        CONNECT BY n = n + this STOP WITH n + this > 1"""
     for column, rows in (("this", [{"c": 1}, {"c": 2}, {"c": 2}]), ("[5][n + this - 2]", [{"c": 5}, None, {"c": 5}])):
         result = ss.run(script.format(column), trace=100)  # this one fails, where nobody asked for it
         assert [event[5] for event in result.trace if event[3] == "stopped"] == rows
@@ -240,8 +237,7 @@ def test_ten_thousand_events_are_a_small_page_that_is_there_at_once(tab: browser
     (found,) = counts(tab)
     assert found["generated"] + found["expanded"] + found["repeated"] + found["stopped"] == 10_000
     assert tab.value("window.broken") is None
-    milliseconds = tab.value("performance.getEntriesByType('navigation')[0].loadEventEnd")
-    assert 0 < milliseconds < 1000
+    assert 0 < tab.seconds() < 1
 
 
 def test_notebooks_and_the_command_line_have_the_page(ss: ss2sql.Session, tmp_path: Path) -> None:

@@ -54,7 +54,9 @@ class Traced:
 def traced_of_result(result: Result, user: str) -> Traced:
     """What is there to watch. Raises RepresentationError V001 where the run was not traced."""
     if result.traced is None:
-        hints = ("run it with trace=1000, for its first thousand events: ss.run(script, trace=1000)",)
+        hints = (
+            "run it with trace=1000: ss.run(script, trace=1000); on the command line `ss2sql play` traces a script",
+        )
         raise RepresentationError("V001", f"{user} shows a search that was traced, and this run was not", hints=hints)
     return result.traced
 
