@@ -32,8 +32,8 @@ STRATEGIES = {
 class Traced:
     """The first events of a search, of `total`; its script, and which stretches of it act in which event.
 
-    `strategy` is its name in textbooks with the rule for what repeats; `weight` is COST or PROBABILITY, if anything.
-    `counters` are the START WITH variables that only count.
+    `strategy` is its name in textbooks with the rule for what repeats; `weight` is COST or PROBABILITY where it says
+    which step is next. `counters` are the START WITH variables that only count.
     """
 
     events: Sequence[Event]
@@ -74,7 +74,8 @@ def traced_of(trace: Trace, statement: CompiledStatement) -> Traced:
     query, written = searched_query(statement), statement.queries[-1].written
     trace.keep()
     words = [option.keyword for option in query.options]
-    weight = next((word for word in ("COST", "PROBABILITY") if word in words), None)
+    weighed = () if "MEMORIZE" in words else ("COST", "PROBABILITY")
+    weight = next((word for word in weighed if word in words), None)
     clauses = {event: list(_stretches(query, event)) for event in ("start", *_CLAUSES)}
     counters = growing(written, evenly=True)
     return Traced(trace.events, trace.total, query.span.text, clauses, _strategy(words), weight, counters)
