@@ -93,6 +93,7 @@ def test_events_are_those_of_the_textbook(ss: ss2sql.Session, option: str, loop:
 @pytest.mark.parametrize(("option", "expected"), [
     ("NO CYCLE BY town", "A x B x repeated A D x E ! x C x B x repeated A D x E ! x D x E ! x"),
     ("UNIQUE BY town DEPTH FIRST", "A x B x repeated A D x E ! x C x repeated B repeated D"),
+    ("UNIQUE BY town PROBABILITY 1 / km", "A x B C x B D x repeated A repeated D repeated B x E ! x"),
     ("MEMORIZE 3 BY town", "A x B C x repeated A D x repeated B repeated D x E !"),
 ])  # fmt: skip
 def test_events_depth_first_and_of_a_graph(ss: ss2sql.Session, option: str, expected: str) -> None:
