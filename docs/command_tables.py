@@ -17,11 +17,11 @@ def commands() -> str:
         parts.append(_heading(name))
         own = [row for row in rows if row not in everywhere]
         if own:
-            parts.append(table("option | ", own))
+            parts.append(table("option | effect", own))
         common = ", ".join(f"`{_long(row[0])}`" for row in rows if row in everywhere)
         if common:
             parts.append(f"Also {common}: see [below](#options-of-many-commands).")
-    parts.append(f"## Options of many commands\n\n{table('option | ', everywhere)}")
+    parts.append(f"## Options of many commands\n\n{table('option | effect', everywhere)}")
     return "\n\n".join(parts)
 
 

@@ -92,7 +92,7 @@ def index() -> str:
     for letter, title in FAMILIES.items():
         rows = [f"| [{name}](errors/{name}.md) | {code.title} | {code.explanation} |"
                 for name, code in CODES.items() if name[0] == letter]  # fmt: skip
-        parts.append("\n".join([f"## {letter}: {title}\n", "| code | | |", "|---|---|---|", *rows]))
+        parts.append("\n".join([f"## {letter}: {title}\n", "| code | name | meaning |", "|---|---|---|", *rows]))
     listed = "\n".join(f"errors/{name}" for name in CODES)
     parts.append(f"```{{toctree}}\n:hidden:\n\n{listed}\n```")
     return "\n\n".join(parts) + "\n"

@@ -36,7 +36,7 @@ GROUPS = {
 
 def functions(group: str) -> str:
     """The built-in functions of a group: how they are called, what they do, an example."""
-    return table("function | | example | gives", map(_function, GROUPS[group]))
+    return table("function | meaning | example | result", map(_function, GROUPS[group]))
 
 
 def _function(row: Operation) -> Iterator[str]:

@@ -49,7 +49,7 @@ def filled(page: str) -> str:
 
 def representations() -> str:
     """What AS can name, of the language and of worlds of PyBullet."""
-    return table("AS | gives", _representations())
+    return table("AS | result", _representations())
 
 
 def _representations() -> Iterator[tuple[str, str]]:

@@ -34,7 +34,7 @@ def _table(attached: AttachedTable) -> str:
         (f"`{name}`", kind.replace("|", "or"), unit, used and f"`{used}`", text)
         for name, kind, unit, used, text in column_rows(attached)
     )
-    return f"{head}\n\n{table('column | type | unit | filter | ', rows)}\n"
+    return f"{head}\n\n{table('column | type | unit | filter | meaning', rows)}\n"
 
 
 def _functions(attached: AttachedWorld) -> str:
@@ -45,4 +45,4 @@ def _functions(attached: AttachedWorld) -> str:
             for one in signature(method).parameters.values()
         )
         rows.append((f"`{name}({parameters})`", volatility, " ".join((method.__doc__ or "").split())))
-    return f"### Functions\n\n{table('function | | ', rows)}\n"
+    return f"### Functions\n\n{table('function | volatility | result', rows)}\n"

@@ -2,6 +2,7 @@
 
 import importlib
 import re
+import tomllib
 from html import unescape
 
 import click
@@ -11,6 +12,7 @@ from pages import ROOT
 import ss2sql
 from ss2sql.cli import COMMANDS, main
 from ss2sql.errors import CODES
+from ss2sql.extras import PACKAGES
 from ss2sql.frontend.options import ORDERS as ORDER_WORDS
 from ss2sql.frontend.options import REPEATS
 from ss2sql.frontend.queries import SYNONYMS
@@ -60,6 +62,13 @@ def test_every_option_is_in_the_section_of_its_command():
                 word = max(option.opts, key=len)
                 missing += [] if re.search(rf"{word}\b", section) else [f"{name} {word}"]
     assert missing == []
+
+
+def test_every_extra_is_on_the_page_about_installing():
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["optional-dependencies"]
+    rows = dict(re.findall(r"^\| `(\w+)` \| ([^|]*) \|", page("install"), re.MULTILINE))
+    assert list(rows) == list(extras)
+    assert [name for name, text in PACKAGES.items() if ", ".join(text.split()) != rows[name]] == []
 
 
 # --- the language --------------------------------------------------------------------------------------
