@@ -1,4 +1,4 @@
-"""The cheapest way over a grid with obstacles, eight directions, a quarter of the cells blocked.
+"""The cheapest path over a grid with obstacles, eight directions, a quarter of the cells blocked.
 
 The same search in the ways that a user may write it: by what a step looks up (an index into a list of lists, a list of
 free cells, a table of cells, a Python function) and by how the list of moves is written (dicts or lists).
@@ -298,13 +298,13 @@ def others(astar: bool, form: str) -> dict[str, Prepare]:
 PROBLEMS = tuple(
     Problem(
         f"grid-{'astar' if astar else 'cost'}{form}",
-        f"the cheapest way over a grid, {'COST HEURISTIC UNIQUE' if astar else 'COST UNIQUE'}; {about}",
+        f"the cheapest path over a grid, {'COST HEURISTIC UNIQUE' if astar else 'COST UNIQUE'}; {about}",
         "cells a side",
         (30, 100, 300) if form == "" else (30, 300),
         8,
         script(astar),
         others(astar, form),
-        "the cost of the way, to 6 decimals",
+        "the cost of the path, to 6 decimals",
         cost_of,
         full=(600,),
         targets=(Target(1.2 if form == "-function" else 0.8, since=300),),

@@ -93,7 +93,7 @@ def in_duckdb(size: int) -> Work:
 PROBLEMS = (
     Problem(
         "jugs",
-        "two water jugs, the ways on as a list that mentions the state, nothing in Python",
+        "two water jugs, the next states as a list that mentions the state, nothing in Python",
         "litres",
         (5, 101, 1001),
         5,

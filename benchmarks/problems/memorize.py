@@ -1,4 +1,4 @@
-"""MEMORIZE: the first thousand ways of a robot, all plans of Hanoi up to a length, and one plan.
+"""MEMORIZE: the first thousand paths of a robot, all plans of Hanoi up to a length, and one plan.
 
 networkx and igraph get their graphs ready-made here; ss2sql makes its own by asking the script's functions.
 """
@@ -231,13 +231,13 @@ OTHERS: dict[str, Prepare] = {
 PROBLEMS = (
     Problem(
         "memorize-robot",
-        f"the {WAYS:,} shortest ways around a wall in 8 directions, the libraries on a ready-made graph",
+        f"the {WAYS:,} shortest paths around a wall in 8 directions, the libraries on a ready-made graph",
         "cells a side",
         (16,),
         6,
         robot_script,
         OTHERS,
-        "the number of ways of each length",
+        "the number of paths of each length",
         by_length,
         full=(24,),
         targets=(Target(1 / 15, "igraph", "native"), Target(1 / 80, "networkx", "native")),

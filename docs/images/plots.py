@@ -47,8 +47,8 @@ def main() -> None:
         save(ways.plot(kind="tree"), "tree")
         save(ways.plot(kind="costs"), "costs")
         save(ss.run(WALKS).plot(), "paths")
-        ground = ss.run(GROUND).plot(title="ways over hilly ground")
-        save(ss.run(WALKS, maximum=3).plot(ground, title="ways over hilly ground"), "map")
+        ground = ss.run(GROUND).plot(title="routes over hilly ground")
+        save(ss.run(WALKS, maximum=3).plot(ground, title="routes over hilly ground"), "map")
         save(ss.run("SELECT src, count(*) FROM roads GROUP BY src;").plot(), "bars")
 
 

@@ -9,6 +9,6 @@ ORDER = Order(
     "cost",
     "COST",
     (("cost", False), ("step", False)),
-    "Gives cheaper paths before dearer ones; a heuristic that is a lower bound never changes the costs found.",
+    "Gives cheaper paths before more expensive ones; a heuristic that is a lower bound never changes the costs found.",
     "cost",
 )

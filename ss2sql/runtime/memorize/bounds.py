@@ -79,7 +79,7 @@ class Bounds:
     def _search(
         self, node: int, total: Any, taken: int, visited: Container[Hashable], limited: bool
     ) -> tuple[Any, Way] | None:
-        """An A* search. With `limited`, a dearer way to a node counts where it has fewer steps."""
+        """An A* search. With `limited`, a more expensive path to a node counts where it has fewer steps."""
         graph, combine, best, slack = self.graph, self.combine, self._best, self._slack
         done: dict[int, list[tuple[Any, int]]] = {}
         number = 0  # keeps ways from being compared
