@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from enum import Flag
-from functools import reduce
+from functools import lru_cache, reduce
 from itertools import chain
-from types import NoneType
+from types import FunctionType, ModuleType, NoneType
 from typing import Any
 
 
@@ -270,11 +270,21 @@ def _type_of(value: Any, detail: int) -> Type:
             return Type(Kind.DICT)
         case Typed(type=known):
             return known
-        case Opaque(object=given):
-            return Type(Kind.OBJECT, columns=_fields_of(type(given)))
         case _:
-            return Type(Kind.OBJECT, columns=_fields_of(type(value)))
+            return Type(Kind.OBJECT, columns=_columns_of_items([value], 0))
 
+
+# Modules whose objects are single values: they equal none of other types, and have no columns.
+EQUAL_TO_THEIR_LIKE = frozenset({"datetime", "uuid", "pathlib", "zoneinfo"})
+
+
+class Handle:
+    """An object that stands for something elsewhere, which tells its columns: an element of a world."""
+
+    __slots__ = ()
+
+
+_WITHOUT_ATTRIBUTES = (Handle, type, ModuleType, FunctionType)
 
 _SCALARS: dict[type, Kind] = {
     NoneType: Kind.NONE,
@@ -283,6 +293,7 @@ _SCALARS: dict[type, Kind] = {
     float: Kind.FLOAT,
     str: Kind.STR,
 }
+_WITHOUT_COLUMNS = {*_SCALARS, list, bytes}
 
 
 def _type_of_items(items: Sequence[Any], detail: int) -> Type:
@@ -298,6 +309,8 @@ def _type_of_items(items: Sequence[Any], detail: int) -> Type:
             return Type(Kind.LIST, item=item, columns=(), positions=positions, length=length)
     if classes == {dict} and detail:
         return Type(Kind.DICT, columns=_columns_of_items(items, detail - 1))
+    if items and not classes & _WITHOUT_COLUMNS and dict not in classes:
+        return Type(Kind.OBJECT, columns=_columns_of_items(items, 0))
     if not classes <= _SCALARS.keys():
         return union(_type_of(item, detail) for item in items)
     kinds = reduce(Kind.__or__, (_SCALARS[c] for c in classes), Kind(0))
@@ -334,18 +347,38 @@ def _encodable(text: str) -> bool:
 
 
 def _columns_of_items(items: Sequence[Any], detail: int) -> tuple[tuple[str, Type], ...]:
-    """The columns of a list of dicts or of dataclass objects: all keys, by first appearance; a missing one is None."""
+    """The columns of a list of dicts and objects: keys and attributes, by first appearance; a missing one is None."""
     classes = set(map(type, items))
     if classes == {dict}:
         names = {key: None for item in items for key in item if isinstance(key, str)}
         return tuple((name, _type_of_items([item.get(name) for item in items], detail)) for name in names)
-    if Opaque in classes:
-        classes = {type(item.object) if type(item) is Opaque else type(item) for item in items}
-    return _fields_of(classes.pop()) if len(classes) == 1 else ()
+    if not items or classes & _WITHOUT_COLUMNS:
+        return ()
+    known = dict.fromkeys(tuple(item) if type(item) is dict else attributes(item) for item in items)
+    return tuple((name, ANY) for name in dict.fromkeys(chain.from_iterable(known)) if isinstance(name, str))
 
 
-def _fields_of(kind: type) -> tuple[tuple[str, Type], ...]:
-    return tuple((field.name, ANY) for field in fields(kind)) if is_dataclass(kind) else ()
+def attributes(given: Any) -> tuple[str, ...]:
+    """The public data attributes of an object: no methods, no properties, no names with an underscore in front."""
+    owner = given.object if type(given) is Opaque else given
+    kind: Any = type(owner)
+    declared = _declared(kind)
+    if declared is None:
+        return ()
+    held = getattr(owner, "__dict__", ())
+    return (*declared, *(name for name in held if not name.startswith("_") and name not in declared))
+
+
+@lru_cache(1000)
+def _declared(kind: type) -> tuple[str, ...] | None:
+    """The fields and slots of a type's objects; None where these have no attributes that anybody would ask for."""
+    if issubclass(kind, _WITHOUT_ATTRIBUTES) or kind.__module__ in EQUAL_TO_THEIR_LIKE:
+        return None
+    names = [field.name for field in fields(kind)] if is_dataclass(kind) else []
+    for one in reversed(kind.__mro__):
+        slots = one.__dict__.get("__slots__", ())
+        names += [slots] if isinstance(slots, str) else slots
+    return tuple(name for name in dict.fromkeys(names) if not name.startswith("_"))
 
 
 def is_flag(kind: Type) -> bool:

@@ -271,7 +271,8 @@ class Representation:
     """`AS name(arguments)`; the arguments may mention script variables and outer queries only.
 
     The last `hidden` columns of the query are for the representation alone, see frontend/hidden.py. `facts` says of
-    each other column what it is called in facts, and which of the hidden columns it is told of.
+    each other column what it is called in facts, and which of the hidden columns it is told of. `labels` are the places
+    of columns whose names are those hidden columns, in each row its own.
     """
 
     name: str
@@ -280,6 +281,7 @@ class Representation:
     span: Span | None = field(default=None, compare=False, repr=False)
     hidden: int = 0
     facts: tuple[Fact, ...] = ()
+    labels: tuple[int, ...] = ()
 
 
 Order: TypeAlias = Literal["depth first", "breadth first", "cost", "probability", "greedy"]

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from datetime import date
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -76,7 +78,11 @@ def test_lists_of_dicts_and_dataclass_objects_have_columns() -> None:
     people = normalise([Person("Ann", 5), Person("Bob", 7)], "the variable 'x'")
     assert type_of(people).columns == (("name", ANY), ("age", ANY))
     assert type_of([Place("a"), Place("b")]).columns == (("name", ANY),)
-    assert type_of(normalise([Person("Ann", 5), Place("a")], "the variable 'x'")).columns == ()
+    assert type_of(normalise([Person("Ann", 5), Place("a")], "the variable 'x'")).columns == (
+        ("name", ANY),
+        ("age", ANY),
+    )
+    assert type_of([Place("a"), 1]).columns == type_of([date(2020, 1, 1), Path()]).columns == ()
     assert type_of(people[0]) == Type(Kind.OBJECT, columns=(("name", ANY), ("age", ANY)))
 
 

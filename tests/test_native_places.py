@@ -124,14 +124,14 @@ def test_without_columns_in_tracebacks_the_line_is_still_known(monkeypatch: pyte
 
 
 def test_a_field_that_raises() -> None:
-    @dataclass
+    @dataclass(slots=True)
     class Body:
         mass: Any = None
 
         def __getattribute__(self, name: str) -> Any:
             if name == "mass":
                 raise OSError("gone")
-            return super().__getattribute__(name)
+            return object.__getattribute__(self, name)
 
     with pytest.raises(OSError, match="gone") as raised:
         FakeHost(bodies=[Body()]).run("SELECT\nmass FROM bodies")

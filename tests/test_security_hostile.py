@@ -23,7 +23,9 @@ COUNT = int(os.environ.get("SS2SQL_HOSTILE", "1000"))
 AT_ONCE = 250  # scripts of one session
 
 
-ALLOWED = frozenset({"__class__", "__eq__", "__hash__", "__repr__", "__len__", "__array__", "__arrow_c_stream__"})
+ALLOWED = frozenset(
+    {"__class__", "__eq__", "__hash__", "__repr__", "__len__", "__array__", "__arrow_c_stream__", "__dict__"}
+)
 
 NAMES = (
     "__class__", "__dict__", "__globals__", "__builtins__", "__import__", "_private", "secret", "os", "sys", "open",
@@ -50,10 +52,14 @@ CALLS = (
 
 
 class Canary:
-    """An object that writes down whatever is read of it beside what values of the language are asked for."""
+    """An object that writes down what is read of it beside its data and what values of the language are asked for."""
 
     def __init__(self) -> None:
-        self.secret = "secret"
+        self._private = "secret"
+
+    @property
+    def secret(self) -> str:
+        return "secret"
 
     def __getattribute__(self, name: str) -> Any:
         if name not in ALLOWED:

@@ -263,6 +263,10 @@ class ExpressionBuilder:
                 value = self._part(ast.Slice(value.node, lower, upper, span=span), value, *bounds)
         return value
 
+    def member(self, span: Span, value: Expr, name: Token) -> Expr:
+        """`p.address.city` is `p.address["city"]`."""
+        return self._part(ast.Index(value.node, ast.Literal(name.text, span=self._span(name)), span=span), value)
+
     def slice_(self, span: Span, *parts: Expr | Token) -> tuple[Expr | None, Expr | None]:
         lower = upper = None
         for part in parts:

@@ -1,7 +1,8 @@
 """Columns that a representation asks for although SELECT does not name them.
 
 `SELECT mass FROM space AS plane(...)` has to know where the bodies are, `SELECT mass FROM space AS prolog` whose mass
-it is. Such columns stand behind those of SELECT, and nobody but the representation sees them.
+it is, `SELECT to(mass, name(this)) FROM space AS dict` what it is called in each row. Such columns stand behind those
+of SELECT, and nobody but the representation sees them.
 """
 
 from __future__ import annotations
@@ -11,10 +12,11 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ss2sql import plan
+from ss2sql.errors import ResolveError
 from ss2sql.frontend.builder import OPERATORS
 from ss2sql.frontend.scope import element_of
 from ss2sql.kinds import Kind
-from ss2sql.walk import walk
+from ss2sql.walk import sources_read, states_read, walk
 
 if TYPE_CHECKING:
     from ss2sql.frontend.resolve import Resolver
@@ -24,6 +26,7 @@ _SIGNS = {*OPERATORS.values(), "neg", "not_in", "item", "slice", "like"}  # call
 
 def with_hidden_columns(resolver: Resolver, query: plan.Query) -> plan.Query:
     """The query with what its representation asks for. Rows of searches and of groups belong to no single element."""
+    query = _with_labels(resolver, query)
     form = query.representation
     wanted = resolver.catalog.asked.get(form.name)
     if wanted is None or (query.search and not query.last) or query.aggregated or not query.sources:
@@ -37,6 +40,33 @@ def with_hidden_columns(resolver: Resolver, query: plan.Query) -> plan.Query:
     word = wanted.removesuffix("s").replace("call", "argument")
     columns = (*query.columns, *(plan.Output(f"{word} {n}", expr) for n, expr in enumerate(hidden, 1)))
     return replace(query, columns=columns, representation=replace(form, hidden=len(hidden), facts=facts))
+
+
+def _with_labels(resolver: Resolver, query: plan.Query) -> plan.Query:
+    """The query with the names that `to` gives to columns row by row, which `AS dict` alone shows.
+
+    They are not compared: `to(this, "step" + str(level))` repeats where `this` does.
+    """
+    own = {source.id for source in query.sources}
+    named: dict[int, plan.Expr] = {}
+    for place, output in enumerate(query.columns):
+        label = output.label
+        if label is not None and (sources_read(label) & own or query.id in {one for one, _ in states_read(label)}):
+            named[place] = label
+    if not named:
+        return query
+    if query.aggregated:
+        message = "with GROUP BY or DISTINCT a column has one name"
+        span = next(iter(named.values())).span
+        resolver.errors.append(ResolveError("R014", message, span, ("show it in a column of its own",)))
+    columns = [replace(output, label=None) if n in named else output for n, output in enumerate(query.columns)]
+    search, form = query.search, query.representation
+    if form.name == "dict":
+        if search is not None and search.repeats != "allowed" and not search.key:
+            search = replace(search, key=tuple(output.expr for output in columns))
+        columns += [plan.Output(f"name {place}", label) for place, label in named.items()]
+        form = replace(form, hidden=len(named), labels=tuple(named))
+    return replace(query, columns=tuple(columns), search=search, representation=form)
 
 
 def _elements(sources: tuple[plan.Source, ...]) -> list[plan.Expr]:

@@ -274,7 +274,7 @@ def _labelled(resolver: Resolver, value: ast.Expr, label: ast.Expr, scope: Scope
         case ast.Name(name=name) | ast.Literal(value=str(name)):
             return plan.Output(name, expr)
         case _:
-            text = outside(resolver, label, scope.parent, "the name of a column")
+            text = resolver.guarded(resolver.expression, label, scope)
             return plan.Output(_column_name(value), expr, text)
 
 
@@ -286,6 +286,8 @@ def _column_name(tree: ast.Expr) -> str:
             return "this"
         case ast.This(source=str(source)):
             return source
+        case ast.Index(index=ast.Literal(value=str(name))) if not tree.span.text.endswith("]"):
+            return name  # address.city
         case _:
             return tree.span.text
 
@@ -367,7 +369,7 @@ def _representation(resolver: Resolver, tree: ast.Representation | None, outer: 
 def _value_type(query: plan.Query) -> Type:
     """The type of what the query gives, where a representation of the language makes it."""
     kinds = [shallow(output.expr.type) for output in query.columns]
-    if any(output.label for output in query.columns):
+    if query.representation.labels or any(output.label for output in query.columns):
         return ANY
     rows = Type(Kind.LIST)
     match query.representation.name:

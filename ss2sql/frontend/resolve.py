@@ -29,6 +29,7 @@ from ss2sql.frontend.scope import (
     names_in_sight,
     open_source,
     source_named,
+    value_named,
 )
 from ss2sql.frontend.suggestions import Place, over_all_rows, unknown_function, unknown_method, unknown_name
 from ss2sql.frontend.worlds import keys_of, world_call
@@ -127,6 +128,8 @@ class Resolver:
             case ast.This():
                 return self.this(tree, scope)
             case ast.Attribute(source=source, name=name):
+                if source is not None and (row := value_named(scope, source, span)) is not None:
+                    return self.call("item", (row, plan.Constant(name, type_of(name), span=span)), span, span)
                 owner = first_source(scope, span) if source is None else self.source(tree, source, scope)
                 return self.element_call(name, owner, scope, span) or column_of(owner, name, span)
             case ast.ListLiteral():

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from ss2sql import plan
-from ss2sql.errors import ResolveError, Span, did_you_mean, similar
+from ss2sql.errors import ResolveError, Span, did_you_mean
 from ss2sql.kinds import Kind, Type
 from ss2sql.walk import walk
 
@@ -85,8 +85,6 @@ def source_named(scope: Scope | None, name: str, span: Span) -> plan.Source:
                 return source
             known.append(source.name)
     hints = did_you_mean(name, known) or (f"name a source in FROM: FROM {name} = ...",)
-    if name in names_in_sight(scope) and not similar(name, known):
-        hints = (f"'{name}' is a column: write {name}[\"key\"] to read a key of it",)
     raise ResolveError("R003", f"there is no source named '{name}' here", span, hints)
 
 
@@ -123,6 +121,14 @@ def bound_name(scope: Scope | None, name: str, span: Span) -> plan.Expr | None:
         if level.later is not None and (found := level.later(name)) is not None:
             return found
     return None
+
+
+def value_named(scope: Scope | None, name: str, span: Span) -> plan.Expr | None:
+    """The column or variable of a search in front of a dot: `address` in `address.city`, where it is no source."""
+    levels = scope.outwards() if scope else ()
+    if any(source.name == name for level in levels for source in level.sources):
+        return None
+    return bound_name(scope, name, span)
 
 
 def is_open(source: plan.Source) -> bool:

@@ -318,11 +318,10 @@ def _star(t: Trouble) -> ParseError | None:
 
 
 def _dot(t: Trouble) -> ParseError | None:
-    """A dot stands between a source and its column; there are no longer paths."""
-    if t.found.kind == "." and "+" in t.expected:
-        key = t.next.text if t.next.kind == "NAME" else "key"
-        return t.error("P001", f"a dot stands behind the name of a source only, not behind {t.operand()}",
-                       f'write {t.operand()}["{key}"] to read a key')  # fmt: skip
+    """`p.name.upper()`."""
+    if t.found.kind == "(" and t.before(2).kind == "." and "+" in t.expected:
+        owner, _, name = t.operand().rpartition(".")
+        return t.error("P001", f"values have no functions of their own, such as {name}", f"write {name}({owner})")
     return None
 
 

@@ -137,7 +137,7 @@ def _reserved(t: Trouble) -> ParseError | None:
         return None
     if word is t.found and t.next.kind != "=" and t.before().kind not in (".", "AS"):
         return None
-    hint = f'write {t.before(2).text}["{word.text}"]' if t.before().kind == "." else "choose another name"
+    hint = f'write {t.back().operand()}["{word.text}"]' if t.before().kind == "." else "choose another name"
     return t.error("P001", f"{word.kind} is a reserved word, not a name", hint, at=word)
 
 

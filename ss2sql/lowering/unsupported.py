@@ -95,7 +95,9 @@ def _nested_limit(query: plan.Query, nested: bool) -> Span | None:
 
 
 def _label(query: plan.Query, nested: bool) -> Span | None:
-    return next((output.label.span for output in query.columns if output.label is not None), None)
+    """Of a query that is the statement the representation names columns row by row."""
+    computed = (output.label.span for output in query.columns if output.label is not None)
+    return query.span if nested and query.representation.labels else next(computed, None)
 
 
 def _nested_star(query: plan.Query, nested: bool) -> Span | None:

@@ -15,7 +15,7 @@ from types import GeneratorType, MappingProxyType, NoneType
 from typing import Any
 
 from ss2sql.errors import ExecutionError
-from ss2sql.kinds import INT_MAX, INT_MIN, Opaque
+from ss2sql.kinds import EQUAL_TO_THEIR_LIKE, INT_MAX, INT_MIN, Opaque
 from ss2sql.runtime.messages import DEPTH_LIMIT, show, too_deep
 from ss2sql.runtime.unreadable import UnreadableText
 
@@ -36,19 +36,17 @@ _SEQUENCES: tuple[type[Iterable[Any]], ...] = (
 # the infinities. It also finds some other numbers and text, by chance: that costs time only.
 _to_be_checked = re.compile(rb"[l(]|g.{6}[\xf0-\xff][\x7f\xff]", re.DOTALL).search
 
-# Modules whose objects equal none of other types.
-EQUAL_TO_THEIR_LIKE = frozenset({"datetime", "uuid", "pathlib", "zoneinfo"})
-
 _MAPPINGS = (dict, MappingProxyType)
 _CONTAINERS: tuple[type, ...] = (*_SEQUENCES, *_MAPPINGS, set, frozenset)
 
 
-def normalise(value: Any, giver: str) -> Any:
+def normalise(value: Any, giver: str, named: bool = False) -> Any:
     """The value of the language that a Python value stands for.
 
     Tuples, sets, ranges, iterators, views and NumPy arrays become lists, a set in sorted order; NumPy
     scalars and instances of subclasses (an IntEnum, an OrderedDict) become plain values; everything that
-    the language does not know is an opaque object. What is a value already is returned as it is, not copied.
+    the language does not know is an opaque object. What is a value already is returned as it is, not copied. With
+    `named` a named tuple is a row, a dict, as in data that people hand over; what functions return are lists.
 
     Args:
         value: anything.
@@ -70,7 +68,7 @@ def normalise(value: Any, giver: str) -> Any:
         if needs_no_check(marshalled) or not _to_be_checked(marshalled):
             return value
     try:
-        return value if _is_clean(value, 0) else _converted(value, 0)
+        return value if _is_clean(value, 0) else _converted(value, 0, named)
     except _Refused as refused:
         raise refused.error(_subject(giver)) from None
     except (_TooDeep, RecursionError):
@@ -187,7 +185,7 @@ def _numbers_are_clean(items: list[Any], kinds: set[type]) -> bool:
 # --- all other values ----------------------------------------------------------------------------------
 
 
-def _converted(value: Any, depth: int) -> Any:
+def _converted(value: Any, depth: int, named: bool) -> Any:
     """The value of the language that `value` stands for; a level of nesting takes one Python frame."""
     if value is None or isinstance(value, bool):
         return value
@@ -199,6 +197,8 @@ def _converted(value: Any, depth: int) -> Any:
         return str.__str__(value)
     if isinstance(value, _CONTAINERS) and depth >= DEPTH_LIMIT:
         raise _TooDeep
+    if named and isinstance(value, tuple) and hasattr(type(value), "_fields"):
+        value = dict(zip(getattr(type(value), "_fields"), value, strict=True))  # noqa: B009
     if isinstance(value, _SEQUENCES):
         items = _of_tuples(value, depth)
         if items is not None:
@@ -206,18 +206,18 @@ def _converted(value: Any, depth: int) -> Any:
         items = []
         for index, item in enumerate(value):
             try:
-                items.append(_converted(item, depth + 1))
+                items.append(_converted(item, depth + 1, named))
             except _Refused as refused:
                 refused.path.append(f"[{index}]")
                 raise
         return items
     if isinstance(value, (set, frozenset)):
-        return _in_order([_converted(item, depth + 1) for item in value])
+        return _in_order([_converted(item, depth + 1, named) for item in value])
     if isinstance(value, _MAPPINGS):
         mapping = {}
         for key, item in dict(value).items():
             try:
-                mapping[_key(_converted(key, depth + 1))] = _converted(item, depth + 1)
+                mapping[_key(_converted(key, depth + 1, False))] = _converted(item, depth + 1, named)
             except _Refused as refused:
                 refused.path.append(f"[{show(key)}]")
                 raise
@@ -225,8 +225,8 @@ def _converted(value: Any, depth: int) -> Any:
     if isinstance(value, complex):
         raise _Refused(f"the complex number {value}", "give its parts, for example [z.real, z.imag]")
     if is_read_once(value):
-        return _converted(list(value), depth)
-    return _of_numpy(value, depth)
+        return _converted(list(value), depth, named)
+    return _of_numpy(value, depth, named)
 
 
 def _integer(value: int) -> int:
@@ -279,7 +279,7 @@ def _key(value: Any) -> Any:
     return Opaque(value) if isinstance(value, dict) else value
 
 
-def _of_numpy(value: Any, depth: int) -> Any:
+def _of_numpy(value: Any, depth: int, named: bool) -> Any:
     """An array as a list, a scalar as a number or string; dates and all else are objects."""
     numpy = sys.modules.get("numpy")  # where nobody imported NumPy, there is nothing of it
     if numpy is None or not isinstance(value, (numpy.generic, numpy.ndarray)):
@@ -287,13 +287,13 @@ def _of_numpy(value: Any, depth: int) -> Any:
     if value.dtype.kind in "mM":  # their items would lose their unit
         if isinstance(value, numpy.generic):
             return _opaque(value)
-        return _opaque(value[()]) if value.ndim == 0 else _converted(list(value), depth)
+        return _opaque(value[()]) if value.ndim == 0 else _converted(list(value), depth, named)
     if isinstance(value, numpy.longdouble):
         return _float(float(value))
     if isinstance(value, numpy.clongdouble):
-        return _converted(complex(value), depth)
+        return _converted(complex(value), depth, named)
     items = value.tolist()
-    return items if _is_clean(items, depth) else _converted(items, depth)
+    return items if _is_clean(items, depth) else _converted(items, depth, named)
 
 
 def _opaque(value: Any) -> Any:

@@ -112,7 +112,7 @@ def execute(host: SessionHost, query: Query, options: Options, variables: Mappin
     run.bounds.ceiling = _ceiling(host)
     run.max_rows = run.sizes.rows = options.max_rows
     run.steps_left = _steps_left(host)
-    run.arguments = {name: normalise(value, f"the variable '{name}'") for name, value in variables.items()}
+    run.arguments = {name: normalise(value, f"the variable '{name}'", named=True) for name, value in variables.items()}
     with checking(run.check):
         return _executed(host, query, options, run)
 

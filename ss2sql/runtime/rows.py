@@ -75,9 +75,11 @@ class Rows:
     def shown(self) -> Rows:
         """The rows as SELECT names them."""
         hidden = self.hidden
-        if not hidden or self.rows is None:
+        if not hidden:
             return self
-        return Rows(self.columns[:-hidden], [row[:-hidden] for row in self.rows], None, self.groups, self.plain)
+        rows = None if self.rows is None else [row[:-hidden] for row in self.rows]
+        paths = None if self.paths is None else [[row[:-hidden] for row in path] for path in self.paths]
+        return replace(self, columns=self.columns[:-hidden], rows=rows, paths=paths, hidden=0)
 
     def all_rows(self) -> Iterator[Row]:
         """The rows, or the rows of all paths."""
@@ -115,6 +117,14 @@ def free_name(name: str, taken: Collection[str]) -> str:
         count += 1
         candidate = f"{name}_{count}"
     return candidate
+
+
+def distinct(names: Iterable[str]) -> tuple[str, ...]:
+    """The names of columns, a repeated one with `_2`, then `_3`."""
+    taken: dict[str, None] = {}
+    for name in names:
+        taken[free_name(name, taken)] = None
+    return tuple(taken)
 
 
 def checked_paths(paths: Iterable[Path], check: Check | None) -> Iterable[Path]:

@@ -257,7 +257,7 @@ class Session:
         """Sets a script variable to a copy of the value. Raises ExecutionError X004 for NaN and its like."""
         self._check_name(name)
         giver = f"the variable '{name}'"
-        self.host.names.assign(name, normalise(fresh(normalise(value, giver)), giver))
+        self.host.names.assign(name, normalise(fresh(normalise(value, giver, named=True)), giver))
 
     def get(self, name: str) -> Any:
         """The value of a script variable, a copy. Raises KeyError if there is none."""
@@ -364,7 +364,7 @@ class Session:
         def work(run: Run) -> Result:
             options = replace(self._options(engine, timeout, maximum, workers, max_rows), trace=trace)
             begin_deadline(run, self.host, options.timeout)
-            values = {name: normalise(value, f"the variable '{name}'") for name, value in variables.items()}
+            values = {name: normalise(value, f"the variable '{name}'", named=True) for name, value in variables.items()}
             query = self._known(script, engine, values, run.stats)
             return execute(self.host, query, options, values, run)
 

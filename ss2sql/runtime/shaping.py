@@ -84,7 +84,7 @@ class Shapes:
                     chosen = chosen[:1]
                 own = list(chosen) if rows.plain else own_rows(chosen)
                 return self._shaped(form, rows.columns, own, arguments, named, check)
-            if not arguments and not named and self.is_built_in(form) and form.name in PATH_FORMS:
+            if not (arguments or named or form.hidden) and self.is_built_in(form) and form.name in PATH_FORMS:
                 if rows.plain and form.name == "list" and isinstance(chosen, Paths):
                     return list(checked_paths(chosen.cells(), check))
                 represent, columns = representations.ALL[form.name], rows.columns
@@ -112,7 +112,7 @@ class Shapes:
 
     def is_shared(self, form: plan.Representation, rows: Rows) -> bool:
         """Whether what the script goes on with is a list of the values that the rows hold, and no copy of them."""
-        asks = bool(form.arguments or form.named)
+        asks = bool(form.arguments or form.named or form.hidden)
         return form.name in SHARED and self.is_built_in(form) and not asks and rows.groups is None
 
     def shared(self, form: plan.Representation, rows: Rows, sizes: Sizes) -> Any:
@@ -142,7 +142,7 @@ class Shapes:
         if form.hidden:
             shown = -form.hidden
             seen, told = [row[:shown] for row in own], [row[shown:] for row in own]
-            table = representations.Table(columns[:shown], seen, told, form.facts, check)
+            table = representations.Table(columns[:shown], seen, told, form.facts, form.labels, check)
         given = {name: fresh(value) for name, value in named.items()}
         try:
             return self.functions[form.name](table, *map(fresh, arguments), **given)

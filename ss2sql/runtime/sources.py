@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, is_dataclass
 from typing import Any
 
 from ss2sql.errors import ExecutionError, did_you_mean
-from ss2sql.kinds import Opaque
+from ss2sql.kinds import Opaque, attributes
 from ss2sql.runtime.values import normalise, show
 from ss2sql.vtables import has_adapter
 from ss2sql.vtables.base import Element
@@ -55,7 +54,7 @@ def _rows_of_columns(columns: dict[Any, list[Any]]) -> list[Any]:
 
 
 def column_of(element: Any, name: str, default: Any = _MISSING) -> Any:
-    """The column of an element: the value of a dict's key, or the field of a dataclass object.
+    """The column of an element: the value of a dict's key, or a public data attribute of an object.
 
     Args:
         element: the current element of a source.
@@ -63,7 +62,7 @@ def column_of(element: Any, name: str, default: Any = _MISSING) -> Any:
         default: what stands for a missing column; without it a missing column is an error.
 
     Raises:
-        ExecutionError: X008 for a missing column, X004 where a field holds what is not a value.
+        ExecutionError: X008 for a missing column, X004 where an attribute holds what is not a value.
     """
     if type(element) is dict:
         found = element.get(name, default)
@@ -78,21 +77,19 @@ def column_of(element: Any, name: str, default: Any = _MISSING) -> Any:
             if default is not _MISSING:
                 return default
             raise _missing(name, list(schema_of(owner.table).kinds), repr(owner)) from None
-    known = _fields(type(owner))
+    known = attributes(owner)
     if name in known:
-        return normalise(getattr(owner, name), f"the field '{name}'")
-    if default is not _MISSING:
+        held = getattr(owner, "__dict__", {})
+        found = held[name] if name in held else getattr(owner, name, default)  # a slot may be empty
+        if found is not _MISSING:
+            return normalise(found, f"the attribute '{name}'", named=True)
+    elif default is not _MISSING:
         return default
-    raise _missing(name, known, show(element))
-
-
-def _fields(kind: type) -> list[str]:
-    """The fields of a dataclass; of every other type none."""
-    return [field.name for field in fields(kind)] if is_dataclass(kind) else []
+    raise _missing(name, list(known), show(element))
 
 
 def _missing(name: str, known: list[str], owner: str) -> ExecutionError:
     hints = did_you_mean(name, known) or (
-        "only dicts and dataclass objects have columns; `this` is the element itself",
+        "dicts, and objects with public attributes, have columns; `this` is the element itself",
     )
     return ExecutionError("X008", f"{owner} has no column '{name}'", hints=hints)

@@ -68,7 +68,7 @@ class Variables:
         if name in self.frames:
             return self.frames[name]()
         if name in self.attached:
-            return normalise(self.attached[name], f"the variable '{name}'")
+            return normalise(self.attached[name], f"the variable '{name}'", named=True)
         reader = None if self.others is None else self.others.reader(name)
         return self.values[name] if reader is None else reader()
 

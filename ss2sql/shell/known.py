@@ -146,7 +146,7 @@ class Known:
             value = {key: column[:LOOKED_AT] if isinstance(column, list) else column for key, column in value.items()}
         elif isinstance(value, (list, tuple)):
             value = value[:LOOKED_AT]
-        return normalise(value, f"the variable '{name}'")
+        return normalise(value, f"the variable '{name}'", named=True)
 
     def _rows(self, text: str, bindings: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
         try:

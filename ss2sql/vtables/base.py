@@ -39,6 +39,8 @@ from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, TypeVar, overload
 
+from ss2sql.kinds import Handle
+
 F = TypeVar("F", bound=Callable[..., Any])
 Volatility = Literal["immutable", "stable", "volatile"]
 
@@ -267,7 +269,7 @@ def function(volatility: Any = "stable", /, indexed: bool = False) -> Any:
     return note
 
 
-class Element:
+class Element(Handle):
     """An element of a world: what `this` is. It knows its table and its key, and holds nothing else.
 
     In Python its columns are attributes, read when they are asked for: `element.mass`. Two elements are equal if they

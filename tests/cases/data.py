@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from balls import Ball, BallWorld, Box
 from cases.shelf import Shelf
@@ -33,6 +33,39 @@ PEOPLE = [
 ]
 YARD = [(1, "sphere_1", 0.0, 0.0, 0.0, 53.25), (2, "YouBot", 3.0, 4.0, 0.0, 2.0), (3, "it's 1\\2", 9.0, 0.0, 0.0, 0.0)]
 COLUMNS = {"name": ["Ada", "Grace", "Alan"], "year": [1815, 1906, 1912]}
+
+
+class Address(NamedTuple):
+    """A named tuple in an object."""
+
+    city: str
+    street: str = ""
+
+
+class Tenant:
+    """An object with attributes, a method, a property and what nobody is to see."""
+
+    kind = "tenant"
+
+    def __init__(self, name: str, address: Address | None = None, **more: Any) -> None:
+        self.name, self.address, self._secret = name, address, 7
+        self.__dict__.update(more)
+
+    def greet(self) -> str:
+        return "hello"
+
+    @property
+    def title(self) -> str:
+        raise RuntimeError("nobody asked for it")
+
+
+class Slotted:
+    """An object with slots, one of which is empty."""
+
+    __slots__ = ("_hidden", "name", "rent")
+
+    def __init__(self, name: str) -> None:
+        self.name = name
 
 
 @dataclass(frozen=True)
@@ -138,6 +171,8 @@ VALUES: dict[str, Callable[[], Any]] = {
     "people": lambda: [dict(person) for person in PEOPLE],
     "columns": lambda: {name: list(values) for name, values in COLUMNS.items()},
     "points": lambda: [Point(1, 2), Point(3, 4)],
+    "tenants": lambda: [Tenant("Ann", Address("Oslo")), Tenant("Bob", Address("Rome", "Via"), rent=9), Slotted("Cy")],
+    "addresses": lambda: [Address("Oslo"), Address("Rome", "Via")],
     "bodies": lambda: [Body("anvil", 80.0), Body("feather", 0.01), Body("table", 51)],
     "edges": lambda: [dict(road) for road in ROADS],
     "chances": lambda: [dict(chance) for chance in CHANCES],

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import itertools
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -57,9 +58,11 @@ def represented(ref: Reference, query: ast.Query, outer: Frame | None) -> Any:
     cut = slice(offset, None if limit is None else offset + limit)
     representation = representation_of(query)
     shape(representation, [])  # an unknown one fails at once
+    computed_once(ref, query)
     for column in query.columns:
-        if not isinstance(column, ast.Star):  # one that is computed sees no row, and fails though there are none
-            ref.labels[id(column)] = column_name(ref, column, Frame(outer))
+        if not isinstance(column, ast.Star):
+            with suppress(Failure):  # one that reads the row has a name in each
+                ref.labels[id(column)] = column_name(ref, column, Frame(outer))
 
     whole = groups.is_whole(ref, query)
     late = query.order or query.group or whole or query.distinct  # what needs all results
@@ -171,6 +174,26 @@ def names_of(query: ast.Query) -> dict[str, ast.Expr]:
             case ast.Named(expr=expr, name=name) | ast.Call(function="to", arguments=(expr, ast.Name(name=name))):
                 found.setdefault(name, expr)
     return found
+
+
+def computed_once(ref: Reference, query: ast.Query) -> None:
+    """A volatile column may be named by ORDER BY and HAVING alone, for within an expression it is computed again."""
+    volatile = {name for name, expr in names_of(query).items() if mentions_volatile(ref, expr)}
+    keys = [key.expr for key in query.order if query.searches or not isinstance(key.expr, ast.Name)]
+    if any(isinstance(node, ast.Name) and node.name in volatile for node in nodes_of((*keys, query.having))):
+        raise Failure("R014", "a volatile column that is computed again")
+
+
+def mentions_volatile(ref: Reference, expr: Any) -> bool:
+    calls = (node.function for node in nodes_of(expr) if isinstance(node, ast.Call))
+    return any(ref.volatility.get(name) == "volatile" for name in calls)
+
+
+def nodes_of(node: Any) -> Iterator[Any]:
+    yield node
+    parts = node if isinstance(node, tuple) else ast.children(node) if is_dataclass(node) else ()
+    for part in parts:
+        yield from nodes_of(part)
 
 
 def grouped_by_names(ref: Reference, query: ast.Query) -> ast.Query:

@@ -28,7 +28,8 @@ from ss2sql.language.operations.row import (
 from ss2sql.runtime.checking import AT_ONCE, watched
 from ss2sql.runtime.messages import show
 from ss2sql.runtime.ordering import NUMBERS, compare, sorted_values
-from ss2sql.runtime.values import as_key, freeze, is_key, truth
+from ss2sql.runtime.sources import column_of
+from ss2sql.runtime.values import SCALARS, as_key, freeze, is_key, truth
 
 LENGTH = 2**53  # no list and no string is longer: no machine's memory would hold it
 RANGE_LIMIT = 10_000_000
@@ -48,7 +49,7 @@ def same_list(types: Types) -> Type:
 
 
 def _item(container: Any, index: Any) -> Any:
-    """An element of a list or string, negative from the end, or the value of a dict's key."""
+    """An element of a list or string, negative from the end, a dict's key, or an object's public data attribute."""
     kind = type(container)
     if kind is list or kind is str:
         if type(index) not in INTEGERS:
@@ -64,6 +65,8 @@ def _item(container: Any, index: Any) -> Any:
             return container[key]
         hints = did_you_mean(str(index), map(str, container)) if container else ("the dict is empty",)
         raise ExecutionError("X003", f"{show(container)} has no key {show(index)}", hints=hints)
+    if type(index) is str and kind not in SCALARS and kind is not bytes:
+        return column_of(container, index)
     hint = "lists, strings and dicts have elements"
     raise ExecutionError("X001", f"cannot take an element of {show(container)}", hints=(hint,))
 
@@ -83,7 +86,7 @@ def _item_type(types: Types) -> Type:
         parts.append(_elements_at(container, index))
     if index.may(INTEGER):
         parts.append(as_text([container]))
-    if container.may(Kind.DICT):
+    if container.may(Kind.DICT | Kind.OBJECT):
         parts.append(ANY)
     return union(parts)
 

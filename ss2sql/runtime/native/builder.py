@@ -25,6 +25,7 @@ from ss2sql.runtime.native.pen import Pen
 from ss2sql.runtime.native.tasks import task_of, tuples_of, value_of
 from ss2sql.runtime.native.texts import Sight, texts_of
 from ss2sql.runtime.native.unit import UNSET, Body, Unit
+from ss2sql.runtime.representations.base import label
 from ss2sql.runtime.run import Run
 from ss2sql.walk import walk, walks_the_same
 
@@ -281,8 +282,3 @@ def remembered(memo: dict[Any, Any], key: Any, value: Any) -> Any:
         forget_half(memo)
     memo[key] = value
     return value
-
-
-def label(value: Any) -> str:
-    """The name that `to(expr, value)` gives a column."""
-    return value if isinstance(value, str) else str(value)

@@ -204,6 +204,9 @@ def _call(builder: Builder, node: plan.Call, body: Body) -> ast.expr:
             return pen.item(arguments[0], arguments[1])
         inline = inlined(node, arguments, unit, pen)
         if inline is not None:
+            if isinstance(inline, ast.IfExp):
+                body.forget(inline.body)
+                body.forget(inline.orelse)
             return inline
     unit.page.mark_call(node.place, function.name)
     call = pen.call(unit.function(function, pen), *arguments)

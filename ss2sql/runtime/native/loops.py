@@ -415,8 +415,8 @@ class Loops:
 def is_table(query: plan.Query) -> bool:
     """Whether the elements of a query in FROM are its rows, so that no representation needs to be asked."""
     representation = query.representation
-    plain = representation.name == "dict" and not representation.arguments and not representation.named
-    shaped = query.gives_paths or (query.group and not query.aggregated)
+    plain = representation.name == "dict" and not (representation.arguments or representation.named)
+    shaped = query.gives_paths or representation.labels or (query.group and not query.aggregated)
     return plain and not shaped and not any(output.label or output.star for output in query.columns)
 
 

@@ -18,7 +18,7 @@ from ss2sql.runtime.native.by_level import watcher
 from ss2sql.runtime.native.endings import Ending, Form
 from ss2sql.runtime.native.options import least_of
 from ss2sql.runtime.native.pace import counts_of, looks_of
-from ss2sql.runtime.rows import Row, Rows, too_many
+from ss2sql.runtime.rows import Row, Rows, distinct, too_many
 from ss2sql.runtime.run import Run
 from ss2sql.runtime.search import search_of
 from ss2sql.runtime.search.contract import Expand, Problem
@@ -237,18 +237,6 @@ def _different(every: Iterator[Any], keyed: bool) -> Iterator[Any]:
 
 def _with_outer(function: Callable[..., Any], outer: tuple[Any, ...], *seen: Any) -> Any:
     return function(*seen, *outer)
-
-
-def distinct(names: tuple[str, ...]) -> tuple[str, ...]:
-    """The names of columns, a repeated one with `_2`, then `_3`."""
-    taken: dict[str, None] = {}
-    for name in names:
-        free, number = name, 1
-        while free in taken:
-            number += 1
-            free = f"{name}_{number}"
-        taken[free] = None
-    return tuple(taken)
 
 
 # --- what generated code calls -------------------------------------------------------------------------

@@ -125,13 +125,13 @@ class Body:
                 home.slots[facts.key] = name
         if home is not self:
             self.shared[name] = None
-        self._forget(value)
+        self.forget(value)
         if self.sure and facts.key is not None:
             self.known[-1][facts.key] = name
         fresh = pen.compare(pen.name(name), ast.IsNot(), pen.name("UNSET"))
         return pen.either(fresh, pen.name(name), pen.bind(name, value))
 
-    def _forget(self, value: ast.expr) -> None:
+    def forget(self, value: ast.expr) -> None:
         """No longer knows the names that are set in a value, which may be skipped: they would keep older values.
 
         Those within a value in it are forgotten already; 240 calls in each other took 3 s when all were walked again.

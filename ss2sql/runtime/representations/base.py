@@ -8,6 +8,13 @@ from typing import Any, Literal, TypeVar
 
 from ss2sql.plan import Fact
 from ss2sql.runtime.checking import Check, checked
+from ss2sql.runtime.rows import distinct
+
+
+def label(value: Any) -> str:
+    """The name that `to(expr, value)` gives a column."""
+    return value if isinstance(value, str) else str(value)
+
 
 F = TypeVar("F", bound=Callable[..., Any])
 ASKS = "__ss2sql_asks__"
@@ -32,7 +39,8 @@ class Table:
     """Rows with names for their columns: `columns` a tuple of strings, `rows` a list of tuples.
 
     `hidden` are tuples, one for each row, of what a representation has asked for; without any where there is nothing.
-    `facts` says how the columns are calls, see `ss2sql.plan.Fact`. Who walks the table itself, not its `rows`, is ended
+    `facts` says how the columns are calls, see `ss2sql.plan.Fact`; `labels` are the places of columns that each row
+    names by what is hidden behind it. Who walks the table itself, not its `rows`, is ended
     where the run has to end, which is what `check` says.
     """
 
@@ -40,6 +48,7 @@ class Table:
     rows: list[tuple[Any, ...]]
     hidden: list[tuple[Any, ...]] = field(default_factory=list)
     facts: tuple[Fact, ...] = ()
+    labels: tuple[int, ...] = ()
     check: Check | None = field(default=None, compare=False, repr=False)
 
     def __iter__(self) -> Iterator[tuple[Any, ...]]:
@@ -50,4 +59,10 @@ class Table:
 
     def dicts(self) -> list[dict[str, Any]]:
         """The rows as dicts."""
-        return [dict(zip(self.columns, row, strict=True)) for row in self]
+        if not self.labels:
+            return [dict(zip(self.columns, row, strict=True)) for row in self]
+        return [dict(zip(self._names(names), row, strict=True)) for row, names in zip(self, self.hidden, strict=True)]
+
+    def _names(self, labels: tuple[Any, ...]) -> tuple[str, ...]:
+        names = dict(enumerate(self.columns)) | dict(zip(self.labels, map(label, labels), strict=True))
+        return distinct(names.values())
