@@ -111,10 +111,11 @@ def _search(
     tree, scope.said = with_variables(resolver, tree)
     scope.enter("START WITH")
     start, each = _start(resolver, tree, scope)
-    _check_assigned(resolver, tree, scope)
+    unset = _not_started(tree, scope)
     scope.enter("FROM")
     settle_states(resolver, tree, scope, dict(start))
     joins = open_sources(resolver, tree, scope)
+    resolver.errors.extend(_unset(assign, tree, scope) for assign in unset)
     _check_names(resolver, tree, scope)
     scope.enter("CONNECT BY")
     connect = tuple((a.name, resolver.guarded(resolver.expression, a.value, scope)) for a in tree.connect)
@@ -125,7 +126,7 @@ def _search(
     first = None if first is None else _with_joins(joins, first)
     stop = _optional(resolver, tree.stop, scope, "STOP WITH")
     scope.said.search = search = replace(search, made=made, first=first, stop=stop)
-    search = search_options(resolver, tree, scope, outer, search)
+    scope.said.search = search = search_options(resolver, tree, scope, outer, search)
     scope.enter("ORDER SIBLINGS BY")
     keys = (plan.OrderKey(_key(resolver, key.expr, scope), key.descending) for key in tree.siblings)
     return replace(search, siblings=tuple(keys)), joins
@@ -165,14 +166,22 @@ def _start(
     return tuple(start), tuple(each)
 
 
-def _check_assigned(resolver: Resolver, tree: ast.Query, scope: Scope) -> None:
-    known = [item.name for item in tree.start]
-    for assign in tree.connect:
-        if assign.name not in known:
-            hints = did_you_mean(assign.name, known) or (f"add START WITH {assign.name} = ...",)
-            message = f"CONNECT BY sets '{assign.name}', which START WITH does not"
-            resolver.errors.append(ResolveError("R001", message, assign.name_span, hints))
-            scope.states[assign.name] = ANY  # other clauses may mention it: once is enough
+def _not_started(tree: ast.Query, scope: Scope) -> list[ast.Assign]:
+    """What CONNECT BY assigns and START WITH does not; other clauses may mention it without an error of their own."""
+    known = {item.name for item in tree.start}
+    unset = [assign for assign in tree.connect if assign.name not in known]
+    scope.states.update((assign.name, ANY) for assign in unset)
+    return unset
+
+
+def _unset(assign: ast.Assign, tree: ast.Query, scope: Scope) -> ResolveError:
+    """The error for such an assignment, which may be meant as a comparison."""
+    name = assign.name
+    message = f"CONNECT BY sets '{name}', which START WITH does not"
+    hints = did_you_mean(name, [item.name for item in tree.start]) or (f"add START WITH {name} = ...",)
+    if any(name == column for source in scope.sources for column, _ in source.columns or ()):
+        hints = (f"write {name} == {short(assign.value.span.text)} to compare",)
+    return ResolveError("R001", message, assign.name_span, hints)
 
 
 def _check_names(resolver: Resolver, tree: ast.Query, scope: Scope) -> None:
@@ -356,10 +365,12 @@ def _representation(resolver: Resolver, tree: ast.Representation | None, outer: 
     name = SYNONYMS.get(tree.name.lower(), tree.name.lower())
     known = {word.lower() for word in resolver.catalog.representations}
     if name not in known:
-        hints = () if name in ("table", "tuple", "tuples") else did_you_mean(name, known)
+        every = f"the forms are {', '.join(sorted(known))}; session.representation registers others"
+        hints = (
+            did_you_mean(name, known) if similar(name, known) and name not in ("table", "tuple", "tuples") else (every,)
+        )
         if not similar(name, known) and not (tree.arguments or tree.named):
             hints += (f"to name a source write FROM {tree.name} = ...",)
-        hints = hints or (f"register it with session.representation; known are {', '.join(sorted(known))}",)
         resolver.errors.append(ResolveError("R006", f"unknown representation '{tree.name}'", tree.span, hints))
     arguments = resolver.all(tree.arguments, outer)
     named = tuple((a.name, resolver.guarded(resolver.expression, a.value, outer)) for a in tree.named)

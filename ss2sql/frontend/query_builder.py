@@ -112,7 +112,7 @@ class Builder(ExpressionBuilder):
             unbounded = isinstance(option, ast.Option) and option == ast.Option("MEMORIZE", None, span=option.span)
             if unbounded and isinstance(value, ast.Name | ast.Literal) and "," not in between:
                 self._error("P001", f"{NUMBERED}, not {value.span.text}", value.span,
-                            f"what is not written out stands in parentheses: MEMORIZE ({value.span.text})")  # fmt: skip
+                            f"write MEMORIZE ({value.span.text})")  # fmt: skip
         fields = {
             "options": tuple(node for node in nodes if isinstance(node, ast.Option)),
             "connect": tuple(node for node in nodes if isinstance(node, ast.Assign)),

@@ -12,7 +12,7 @@ from dataclasses import replace
 from typing import Any, assert_never
 
 from ss2sql import plan
-from ss2sql.errors import ResolveError, Span, did_you_mean, several
+from ss2sql.errors import ResolveError, Span, did_you_mean, several, similar
 from ss2sql.frontend import ast
 from ss2sql.frontend.catalog import Catalog
 from ss2sql.frontend.groups import counts_all, with_distinct, with_star
@@ -226,7 +226,9 @@ class Resolver:
                 hint = f"'{name}' is a column that SELECT makes; write {level.shown[name]} here"
                 raise ResolveError("R001", f"unknown name '{name}'", span, (hint,))
         known = [*names_in_sight(scope), *self.variables(), *self.parameters]
-        raise unknown_name(name, span, self.catalog, known, Place(scope is not None, operand, sources))
+        searches = (level.said.search for level in scope.outwards() if level.said is not None) if scope else ()
+        key = next((search.key[0].span.text for search in searches if search is not None and search.key), "key")
+        raise unknown_name(name, span, self.catalog, known, Place(scope is not None, operand, sources, key))
 
     def bound(self, name: str, scope: Scope | None, span: Span) -> plan.Expr | None:
         """The START WITH variable or column that a bare name means, as far as columns are known."""
@@ -265,9 +267,11 @@ class Resolver:
             return source_named(scope, name, tree.span)
         except ResolveError as error:
             if name in self.variables() and (meant := self.variable(name, tree.span)) is not None:
-                key = f'write {name}["{tree.name}"]'
-                error.hints = (key,) if meant.type.only(Kind.DICT) else error.hints
-                if scope is None and not meant.type.only(Kind.DICT):
+                if meant.type.only(Kind.DICT | Kind.OBJECT):
+                    keys = [key for key, _ in meant.type.columns or ()] or [tree.name]
+                    key = (similar(tree.name, keys) or keys)[0]
+                    error.hints = (f'write {name}["{key}"]',)
+                elif scope is None:
                     error.hints = (f"write SELECT {tree.name} FROM {name} AS list",)
             raise
 

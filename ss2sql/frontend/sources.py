@@ -141,6 +141,8 @@ def _named_source(resolver: Resolver, name: str, word: str, scope: Scope, span: 
         return value_source(resolver, name, resolver.name(word, None, span), span)
     known = [*resolver.assigned, *resolver.catalog.variables, *resolver.catalog.tables, *resolver.late]
     hints = did_you_mean(word, known) or ("assign a list to it, or attach one from Python: session.attach(name, list)",)
+    if word.upper() == "DUAL":
+        hints = ("write FROM [1]",)
     if word in resolver.catalog.functions:
         hints = (f"'{word}' is a function: call it, {word}(...)",)
     if word in resolver.catalog.files:

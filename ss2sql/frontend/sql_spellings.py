@@ -13,24 +13,23 @@ from ss2sql.frontend.trouble import OPTIONS, VALUES, Trouble, named
 
 _JOIN = "write FROM a JOIN b ON a.id == b.id, or FROM a LEFT JOIN b ON a.id == b.id"
 _LIKE = "write {x} LIKE ..., where % is any text, _ any character, and case counts; or register a Python function"
-_UNION = "join lists with +: (SELECT ... AS list) + (SELECT ... AS list)"
 _IF = "write IF(condition; then; else)"
 
 # Words behind a complete expression, which is {x}, and what to write instead.
 _BEHIND = {
-    "ISNULL": "write {x} IS NULL", "NOTNULL": "write {x} IS NOT NULL", "ILIKE": _LIKE, "GLOB": _LIKE, "REGEXP": _LIKE,
-    "MATCH": _LIKE, "INNER": "write JOIN without INNER", "RIGHT": _JOIN, "FULL": _JOIN, "OUTER": _JOIN,
-    "CROSS": "write a comma: FROM a, b", "NATURAL": _JOIN, "ON": _JOIN, "USING": _JOIN, "UNION": _UNION,
-    "EXCEPT": _UNION,
-    "INTERSECT": _UNION, "OFFSET": "write LIMIT n OFFSET m",
-    "FETCH": "write LIMIT n", "COLLATE": "sort by the value of a function that you register",
+    "ISNULL": "write {x} IS NULL", "NOTNULL": "write {x} IS NOT NULL", "GLOB": _LIKE, "REGEXP": _LIKE,
+    "ILIKE": "write lower({x}) LIKE lower({y})", "MATCH": _LIKE, "INNER": "write JOIN without INNER",
+    "RIGHT": _JOIN, "FULL": _JOIN, "OUTER": _JOIN,
+    "CROSS": "write a comma: FROM a, b", "NATURAL": _JOIN, "ON": _JOIN, "USING": _JOIN,
+    "OFFSET": "write LIMIT n OFFSET m", "FETCH": "write LIMIT n",
+    "COLLATE": "sort by the value of a function that you register",
     "OVER": "use GROUP BY, or a function of the whole list", "WHEN": _IF, "THEN": _IF, "ELSE": _IF,
-    "TOP": "write LIMIT n behind the other clauses", "CONTAINS": "write 'part' IN {x}",
-    "STARTS": "write {x}[:n] == 'part', with its length n", "ENDS": "write {x}[-n:] == 'part', with its length n",
+    "TOP": "write LIMIT n behind the other clauses", "CONTAINS": "write {y} IN {x}",
+    "STARTS": "write starts({x}, ...)", "ENDS": "write ends({x}, ...)",
+    "NULLS": "leave it out: None comes first, with DESC last",
     "INTO": "assign the query: name = SELECT ...",
-    "SEARCH": "write ORDER SIBLINGS BY name; the order of a search without an option is depth first",
-    "CYCLE": "write NO CYCLE BY key behind CONNECT BY", "UNTIL": "a search ends with STOP WITH condition",
-    "MOD": "write {x} % ...", "DIV": "write int({x} / ...)",
+    "CYCLE": "write NO CYCLE BY {y}, right behind CONNECT BY", "UNTIL": "a search ends with STOP WITH condition",
+    "MOD": "write {x} % {y}", "DIV": "write int({x} / {y})",
 }  # fmt: skip
 # Words that were read as a name, with something behind them that does not fit.
 _AHEAD = {
@@ -56,8 +55,8 @@ _SIGNS = {
 def explain(t: Trouble) -> ParseError | None:
     """The error for a known foreign spelling; None where the text is none."""
     checks: tuple[Callable[[Trouble], ParseError | None], ...] = (
-        _comment, _sign, _concatenated, _cast, _union, _option, _unpacked, _assignment, _modifier, _column_name,
-        _behind_as, _statement, _word, _star, _dot, _list,
+        _comment, _sign, _concatenated, _cast, _sets, _siblings, _option, _each, _unpacked, _assignment,
+        _modifier, _column_name, _behind_as, _statement, _word, _star, _dot, _list,
         _quotes,
     )  # fmt: skip
     return next((error for check in checks if (error := check(t))), None)
@@ -110,25 +109,55 @@ def _cast(t: Trouble) -> ParseError | None:
     return t.error("P006", "there is no CAST in SelectScript", hint, at=t.tokens[call])
 
 
-def _union(t: Trouble) -> ParseError | None:
-    """`SELECT ... UNION SELECT ...`; with ALL equal rows stay."""
-    if t.found.text.upper() != "UNION" or t.wants_operand:
-        return None
-    every = t.next.text.upper() == "ALL"
-    start = next((i for i in range(t.index, -1, -1) if t.tokens[i].kind == "SELECT"), t.index)
+# What two queries with a word between them are; ALL keeps equal rows.
+_SETS = {
+    "UNION": "uniq({0} + {1})", "UNION ALL": "{0} + {1}", "EXCEPT": "uniq(difference({0}, {1}))",
+    "MINUS": "uniq(difference({0}, {1}))", "INTERSECT": "uniq(SELECT this FROM {0} WHERE this IN {1} AS list)",
+}  # fmt: skip
+
+
+def _sets(t: Trouble) -> ParseError | None:
+    """`SELECT ... UNION SELECT ...`, and what else there is of sets."""
+    word = t.found.text.upper()
+    every = word == "UNION" and t.next.text.upper() == "ALL"
     behind = t.index + (2 if every else 1)
+    if word not in _SETS or t.tokens[min(behind, len(t.tokens) - 1)].kind != "SELECT":
+        return None
+    start = next((i for i in range(t.index, -1, -1) if t.tokens[i].kind == "SELECT"), t.index)
     ends = (token.start for token in t.tokens[behind:] if token.kind in (";", END, ")"))
     texts = [t.source.text[t.tokens[start].start : t.before().end], t.source.text[t.tokens[behind].start : next(ends)]]
     parts = [" ".join(text.split()) if len(text) <= 60 else "SELECT ..." for text in texts]
     shapes = [re.search(r"\bFROM\b.*( AS \w+)\Z", part, re.IGNORECASE) for part in parts]
     form = next((shape[1] for shape in shapes if shape), " AS dict")
-    joined = " + ".join(f"({part}{'' if shape else form})" for part, shape in zip(parts, shapes, strict=True))
-    return t.error("P006", "there is no UNION in SelectScript", f"write {joined if every else f'uniq({joined})'}")
+    lists = [f"({part}{'' if shape else form})" for part, shape in zip(parts, shapes, strict=True)]
+    cure = _SETS[f"{word} ALL" if every else word].format(*lists)
+    return t.error("P006", f"there is no {word} in SelectScript", f"write {cure}")
+
+
+def _siblings(t: Trouble) -> ParseError | None:
+    """`SEARCH DEPTH FIRST BY name SET place`, of WITH RECURSIVE."""
+    order = t.next.text.upper()
+    if t.found.text.upper() != "SEARCH" or order not in ("DEPTH", "BREADTH"):
+        return None
+    words = [token.text for token in t.tokens[t.index + 2 : t.index + 5]]
+    key = words[2] if [word.upper() for word in words[:2]] == ["FIRST", "BY"] else "name"
+    hints = [f"write ORDER SIBLINGS BY {key}"]
+    if order == "BREADTH":
+        hints.append("BREADTH FIRST stands right behind CONNECT BY")
+    return t.error("P006", "there is no SEARCH in SelectScript", *hints)
+
+
+def _each(t: Trouble) -> ParseError | None:
+    """`START WITH EACH town = list`."""
+    if t.found.kind != "=" or t.expected != {"IN"}:
+        return None
+    return t.error("P006", "EACH goes through a list", f"write EACH {t.before().text} IN {t.side(forward=True)}")
 
 
 # Options of searches as they are called elsewhere.
 _OPTIONS = {"BFS": "BREADTH FIRST", "DFS": "DEPTH FIRST", "DISTINCT": "UNIQUE", "LIMIT": "MAXIMUM", "TOP": "MAXIMUM",
-            "ASTAR": "COST 1 HEURISTIC 0", "DIJKSTRA": "COST 1", "A": "COST 1 HEURISTIC 0"}  # fmt: skip
+            "ASTAR": "COST 1 HEURISTIC 0", "DIJKSTRA": "COST 1", "A": "COST 1 HEURISTIC 0", "GREEDY": "HEURISTIC 0",
+            "NOCYCLE": "NO CYCLE"}  # fmt: skip
 
 
 def _option(t: Trouble) -> ParseError | None:
@@ -186,8 +215,10 @@ def _assignment(t: Trouble) -> ParseError | None:
             "P001", f"{t.clause} needs a value in front of the assignments", f"write {t.clause} 1 {left} = ..."
         )
     if t.clause in ("START WITH", "CONNECT BY") and t.before(2).kind == "AND":
+        begin = max(i for i in range(t.index) if t.tokens[i].kind in ("START", "CONNECT"))
+        ahead_of_it = t.source.text[t.tokens[begin].start : t.before(2).start].strip()
         return t.error("P006", f"the assignments of {t.clause} are separated by commas",
-                       f"write {t.clause} ..., {left} = {right}", at=t.before(2))  # fmt: skip
+                       f"write {ahead_of_it}, {left} = {right}", at=t.before(2))  # fmt: skip
     return t.error("P001", f"only a name can be assigned here, not {left}", compare)
 
 
@@ -300,10 +331,10 @@ def _word(t: Trouble) -> ParseError | None:
         or t.expected == {"="}
     ):
         return None
-    spelling, hint, x = upper, _BEHIND[upper], t.operand()
+    spelling, hint, x, y = upper, _BEHIND[upper], t.operand(), _value_behind(t)
     if t.before().kind == "NOT":
         spelling, x, hint = f"NOT {upper}", t.back().operand(), hint.replace(" LIKE ", " NOT LIKE ")
-    return t.error("P006", f"there is no {spelling} in SelectScript", hint.format(x=x))
+    return t.error("P006", f"there is no {spelling} in SelectScript", hint.format(x=x, y=y))
 
 
 def _star(t: Trouble) -> ParseError | None:

@@ -18,17 +18,20 @@ if TYPE_CHECKING:
 _HIDDEN = frozenset({"item", "slice", "like"})  # functions that are written as operators
 _MEAN = "did you mean '{0}'?"
 
+_PARTS = ("substr", "substring", "mid")
 # Functions that other languages have, and what is written here; {0} and {1} are the arguments of the call.
 _FOREIGN: dict[str, str] = {
     **dict.fromkeys(("ifnull", "nvl", "isnull"), "write coalesce({0}, {1})"),
     "nullif": "write IF({0} == {1}; None; {0})",
-    "iif": "write IF(condition; then; else)", "decode": "write IF(condition; then; else)",
-    "concat": "strings are joined with +: {0} + {1}", "substr": "a part of a string is {0}[from:to], counted from 0",
-    "substring": "a part of a string is {0}[from:to], counted from 0", "mid": "a part of a string is {0}[from:to]",
-    "left": "the beginning of a string is {0}[:n]", "right": "the end of a string is {0}[-n:]",
+    "iif": "write IF({0}; {1}; {2})", "decode": "write CASE WHEN {0} == {1} THEN {2} ELSE {3} END",
+    "concat": "write {0} + {1}",
+    **dict.fromkeys(_PARTS, "write {0}[{1} - 1:{1} - 1 + {2}]"),
+    "left": "write {0}[:{1}]", "right": "write {0}[-{1}:]", "to_char": "write str({0})",
+    "to_number": "write float({0})",
+    "connect_by_root": "write root({0})",
     "length": "write len({0})", "size": "write len({0})", "avg": "write average({0})", "mean": "write average({0})",
     "distinct": "write uniq({0})", "unique": "write uniq({0})", "set": "write uniq({0})",
-    "power": "write {0} ^ {1}", "exists": "write [] != ({0})",
+    "power": "write {0} ^ {1}", "exists": "write [] != ({list})",
     "sys_connect_by_path": "write path({0}, {1})", "append": "a list is not changed, a new one is made: {0} + [{1}]",
     "cast": "write int({0}), float({0}) or str({0})",
     "extend": "a list is not changed, a new one is made: {0} + {1}",
@@ -36,7 +39,7 @@ _FOREIGN: dict[str, str] = {
     **dict.fromkeys(("lcase", "tolower"), "write lower({0})"),
     "trim": "write strip({0})", "startswith": "write starts({0}, {1})", "endswith": "write ends({0}, {1})",
     **dict.fromkeys(("instr", "position", "charindex", "strpos"), "write find({0}, {1})"),
-    **dict.fromkeys(("group_concat", "string_agg", "listagg"), "write join(SELECT ... AS list, ', ')"),
+    **dict.fromkeys(("group_concat", "string_agg", "listagg"), "write join(SELECT {0} FROM ... AS list, ', ')"),
     "ceiling": "write ceil({0})", "ln": "write log({0})", "log2": "write log({0}, 2)", "log10": "write log({0}, 10)",
     "atan": "write atan2({0}, 1)", "radians": "write {0} * pi() / 180", "degrees": "write {0} * 180 / pi()",
     "hypot": "write norm([{0}, {1}])", "std": "write stddev({0})", "stdev": "write stddev({0})",
@@ -53,7 +56,7 @@ OF_PYTHON: dict[str, str] = {
 
 # Names of Oracle.
 _ORACLE = {
-    "LEVEL": "level()", "CONNECT_BY_ISLEAF": "leaf()", "CONNECT_BY_ISCYCLE": "cycle(key), with the key of NO CYCLE BY",
+    "LEVEL": "level()", "CONNECT_BY_ISLEAF": "leaf()", "CONNECT_BY_ISCYCLE": "cycle({key})",
     "ROWNUM": "LIMIT n behind the other clauses",
 }  # fmt: skip
 
@@ -62,12 +65,13 @@ _ORACLE = {
 class Place:
     """Where a name stands: inside a query, where there is a `this`; as an operand, where it may be a text.
 
-    `sources` are those in sight.
+    `sources` are those in sight, `key` is what the search compares.
     """
 
     inside: bool
     operand: bool
     sources: tuple[plan.Source, ...]
+    key: str = "key"
 
     def quoted(self) -> str | None:
         """A source that is a text, which would be a table in other languages."""
@@ -98,8 +102,13 @@ def _elsewhere(name: str, arguments: Sequence[ast.Expr]) -> tuple[str, ...]:
     if lowered not in _FOREIGN:
         return ()
     given = [argument.span.text for argument in arguments]
-    texts = [text if len(text) <= 40 else "..." for text in given[:2]]
-    return (_FOREIGN[lowered].format(*texts, *("..." for _ in range(2 - len(texts)))),)
+    texts = [text if len(text) <= 40 else "..." for text in given[:4]]
+    bare = bool(arguments) and isinstance(arguments[0], ast.Query) and arguments[0].representation is None
+    listed = f"{texts[0]} AS list" if bare else "SELECT ... AS list"
+    match arguments:
+        case (_, ast.Literal(value=int(first)), ast.Literal(value=int(length))) if lowered in _PARTS:
+            return (f"write {texts[0]}[{first - 1}:{first - 1 + length}]",)  # SQL counts from 1
+    return (_FOREIGN[lowered].format(*texts, *("..." for _ in range(4 - len(texts))), list=listed),)
 
 
 def unknown_method(tree: ast.Call, catalog: Catalog, variables: Collection[str]) -> ResolveError:
@@ -144,7 +153,7 @@ def unknown_name(name: str, span: Span, catalog: Catalog, known: Sequence[str], 
     elif any(source.name == name for source in place.sources):
         hints = (f"'{name}' is a source: write {name}.this",)
     elif name.upper() in _ORACLE:
-        hints = (f"write {_ORACLE[name.upper()]}",)
+        hints = (f"write {_ORACLE[name.upper()]}".format(key=place.key),)
     elif name.upper() in ("NULL", "NIL"):
         hints = ("write None",)
     elif (table := place.quoted()) is not None and not similar(name, known):

@@ -152,6 +152,8 @@ def _missing(t: Trouble) -> ParseError | None:
         if t.clause in OPTIONS and before.kind == "BY":
             what, hint = "a key", "for instance UNIQUE BY town, or UNIQUE BY (town, day)"
         hint = "leave the + out" if found.kind == "+" else hint
+        if t.before(2).kind in ("MAXIMUM", "MEMORIZE") and found.kind in ("*", "/", "%", "+"):
+            hint = f"write {t.before(2).kind} ({before.text} {found.text} {t.text(t.next.start, t.next.end)})"
     elif "+" in t.expected or t.expected == {"="}:
         return None
     elif before.kind == "IF":
@@ -168,6 +170,8 @@ def _missing(t: Trouble) -> ParseError | None:
     after = "" if before.kind == ";" and not t.bracket else f" after {ahead}"
     word = f"{named(found)} {PAIRS[found.keyword]}" if found.keyword in PAIRS else named(found)
     hint = _COMMA if before.kind == "," else hint
+    if before.kind == "MAXIMUM" and found.kind in VALUES:
+        hint = f"write MAXIMUM ({found.text})"
     error = t.error(_code(t), f"expected {what}{after}, found {word}", hint)
     return _opened(t, error) if found.kind in (END, ";") else error
 
@@ -188,7 +192,8 @@ def _search(t: Trouble) -> ParseError | None:
         clause = "CONNECT BY" if t.clause in OPTIONS else t.clause
         hint = f"{clause} takes assignments such as level = 1"
         if t.found.kind in COMPARISONS and t.before(2).kind != ",":
-            hint = f"a comma stands between an option's value and a condition: ..., {name.text} {t.found.text} ..."
+            first = max((i for i in range(t.index) if t.tokens[i].kind in OPTIONS), default=0)
+            hint = f"write {t.source.text[t.tokens[first].start : t.before(2).end]}, {name.text}"
         elif t.found.kind == "==":
             hint = f"one = assigns: {clause} {name.text} = ..."
         return t.error(_code(t), f"expected '=' after {named(name)}, found {named(t.found)}", hint)
@@ -286,7 +291,12 @@ def _between(t: Trouble) -> ParseError:
             and "\n" not in t.source.text[t.before().end : t.found.start]
         )
         call = [f"a call has parentheses: {t.before().text}({t.text(t.found.start, t.found.end)})"] if bare else []
-        return t.error("P001", message, *call, "statements are separated by ;")
+        return t.error("P001", message, *call, f"write ; in front of {t.text(t.found.start, t.found.end)}")
+    if t.clause == "CONNECT BY" and t.before(2).kind in ("UNIQUE", "CYCLE") and t.found.kind in VALUES:
+        option = "UNIQUE" if t.before(2).kind == "UNIQUE" else "NO CYCLE"
+        return t.error("P001", message, f"write {option} BY {t.before().text},")
+    if t.before(2).kind == "AS" and ";" in t.expected and t.found.kind in (*VALUES, "SELECT"):
+        return t.error("P001", message, f"write ; in front of {t.text(t.found.start, t.found.end)}")
     hint = _BETWEEN.get((t.clause, t.found.kind)) or _BETWEEN.get(("", t.found.kind))
     if hint is None and t.clause == "[":
         hint = "the elements of a list are separated by commas"
@@ -295,10 +305,10 @@ def _between(t: Trouble) -> ParseError:
 
 
 def _source_hint(t: Trouble) -> list[str]:
+    if t.found.kind == "SELECT" or (t.found.kind == "NAME" and t.next.kind == "="):
+        return [f"write ; in front of {t.found.text}"]
     if t.found.kind == "NAME":
         return [f"write {t.found.text} = {t.operand()} to name the source"]
-    if t.found.kind == "SELECT":
-        return ["statements are separated by ;: write ; in front of SELECT"]
     if "ON" in t.expected:
         return [f"write JOIN {t.operand()} ON condition; a comma in place of JOIN gives all pairs"]
     return ["a source that is more than a name, a call or a list stands in parentheses"]

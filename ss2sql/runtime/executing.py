@@ -8,13 +8,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from ss2sql.errors import Cancelled, Stopped
+from ss2sql.errors import Cancelled, Stopped, Timeout
 from ss2sql.explained.outline import outline
 from ss2sql.runtime.calls import HeldError
 from ss2sql.runtime.checking import checking
 from ss2sql.runtime.compiled import CompiledStatement, Query
 from ss2sql.runtime.engines import Engine, check_engine
 from ss2sql.runtime.interrupts import drop_frames, under_way
+from ss2sql.runtime.notes import cure_of_timeout
 from ss2sql.runtime.opening import check_bound
 from ss2sql.runtime.progress import progress_of
 from ss2sql.runtime.result import Answer, Result, Status
@@ -84,6 +85,8 @@ def attended(host: SessionHost, work: Callable[[Run], T]) -> T:
             raise _cancelled(run) from error
         if isinstance(error, Stopped):
             error.partial = _partial(run, error.status)
+            if isinstance(error, Timeout) and run is not None and run.sink is not None:
+                error.hints = (cure_of_timeout(run.sink.query),)
         elif isinstance(error, MemoryError):
             raise out_of_memory(error) from None
         elif isinstance(error, HeldError):

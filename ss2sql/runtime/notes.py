@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from ss2sql import plan
+from ss2sql.explained.endless import endless
 from ss2sql.runtime.rows import Rows
 from ss2sql.runtime.run import Stats
 from ss2sql.told import as_written, growing, missing, stops_of
@@ -48,6 +49,26 @@ def notes_of_empty(query: plan.Query, rows: Rows, stats: Stats, before: int) -> 
         if read and read <= grown:
             bound = as_written(stop)
             yield f"nothing was found before STOP WITH {bound} ends a path; a wider bound in it may let paths go on"
+
+
+def cure_of_timeout(query: plan.Query | None) -> str:
+    """What a query lacks that took longer than its timeout: no option that it has already."""
+    searches = [(node, node.search) for node in walk(query) if isinstance(node, plan.Query) and node.search]
+    if not searches:
+        return "raise timeout=, or narrow the query with WHERE or LIMIT"
+    owner, search = searches[0]
+    grown = sorted(growing(owner))
+    lacks = ["MAXIMUM"] if search.maximum is None else []
+    state = next((name for name, _ in search.connect if name.isidentifier()), "")
+    lacks += [f"UNIQUE BY {state}" if state else "UNIQUE"] if search.repeats == "allowed" else []
+    lacks += ["STOP WITH"] if search.stop is None and search.bound is None else []
+    if grown and any(endless(owner)) and search.repeats != "allowed":
+        return f"raise timeout=, or bound {grown[0]} by a condition in CONNECT BY, such as {grown[0]} < 1000"
+    if lacks:
+        return f"raise timeout=, or bound the search with {' or '.join(lacks)}"
+    if search.order == "cost" and search.heuristic is None:
+        return "raise timeout=, or estimate what remains: COST ... HEURISTIC ..."
+    return "raise timeout=, or let a condition in CONNECT BY drop steps that cannot lead to a goal"
 
 
 def _larger(word: str) -> str:

@@ -70,7 +70,7 @@ def _no_order(left: Any, right: Any, first: Any, second: Any, symbol: str) -> Ex
     elif str in kinds and kinds & NUMBERS:
         hint = "make both of one kind with int(...), float(...) or str(...)"
     elif kinds == {dict}:
-        hint = "rows have no order of their own: sort them in a query, with ORDER BY a column"
+        hint = "rows have no order of their own: ask for one column, as in max(SELECT ... AS list), or write ORDER BY"
     else:
         hint = "numbers have an order among themselves, and so have strings and lists; == and != work on everything"
     return ExecutionError("X001", message, hints=(hint,))

@@ -151,7 +151,7 @@ class Bounds:
             raise Timeout(
                 "T001",
                 f"{self.who} took longer than its timeout",
-                hints=("raise timeout=, or bound the search, for example with MAXIMUM, UNIQUE or STOP WITH",),
+                hints=("raise timeout=, or ask for less",),
             )
 
     def left(self) -> BoundsLeft:

@@ -13,7 +13,7 @@ INTEGERS = frozenset({int, bool})
 _MISFITS = {
     type(None): "leave None out with WHERE",
     str: "int(...) and float(...) make numbers of text",
-    dict: "the rows of a query are dicts; SELECT one column, and end the query with AS list",
+    dict: "the rows of a query are dicts: write {0}(SELECT ... AS list), with one column",
     list: "give the numbers themselves, as one flat list",
 }
 
@@ -36,7 +36,7 @@ def kinds_of_numbers(function: str, values: Sequence[Any]) -> set[type]:
     if kinds <= NUMBERS:
         return kinds
     misfit = next(value for value in values if type(value) not in NUMBERS)
-    hint = _MISFITS.get(type(misfit), f"{function} works on numbers alone")
+    hint = _MISFITS.get(type(misfit), "{0} works on numbers alone").format(function)
     raise wrong(f"{function} works on numbers, not on {show(misfit)}", hint)
 
 
