@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 import pytest
+from cases.data import Body
 
 import ss2sql
 
@@ -57,6 +58,48 @@ ROWS = [
     ("(SELECT id FROM staff) == [1, 2, 3]", "(SELECT id FROM staff)", True),
     ("SELECT name FROM staff WHERE age IN (37, 40) AS list", "(37, 40)", ["Ann", "Bob"]),
     ("SELECT id AS n FROM staff WHERE n > 2 AS list", "n > 2", None),
+    (f"SELECT name FROM staff {STEPS.format('MEMORIZE k COST age')}", "MEMORIZE k", [["Bob"], ["Bob", "Cy"]]),
+    (f"SELECT name FROM staff {STEPS.format('MAXIMUM k')}", "MAXIMUM k", [["Bob"], ["Bob", "Cy"]]),
+    (f"SELECT name FROM staff {STEPS.format('MAXIMUM 1 * k')}", "MAXIMUM 1 * k", [["Bob"], ["Bob", "Cy"]]),
+    (f"SELECT name FROM staff {STEPS.format('GREEDY')}", "GREEDY", [["Bob"], ["Bob", "Cy"]]),
+    (f"SELECT name FROM staff {TREE.replace('BY', 'BY NOCYCLE')} AS list", "NOCYCLE",
+     [["Ann"], ["Ann", "Bob"], ["Ann", "Bob", "Cy"]]),
+    ("SELECT name FROM staff START WITH n = 1 CONNECT BY UNIQUE n boss == n, n = id AS list", "UNIQUE n",
+     [["Bob"], ["Bob", "Cy"]]),
+    ("SELECT name FROM staff START WITH n = 1 CONNECT BY COST age boss == n, n = id AS list", "COST age boss",
+     [["Bob"], ["Bob", "Cy"]]),
+    ("SELECT name FROM staff START WITH n = 1 CONNECT BY boss == n AND n = id AS list",
+     "CONNECT BY boss == n AND n = id", [["Bob"], ["Bob", "Cy"]]),
+    ("SELECT name FROM staff START WITH n = 1 CONNECT BY boss = n, n = id AS list", "boss = n",
+     [["Bob"], ["Bob", "Cy"]]),
+    ("SELECT name FROM staff START WITH EACH n = [1] CONNECT BY boss == n, n = id AS list", "EACH n = [1]",
+     [["Bob"], ["Bob", "Cy"]]),
+    (f"SELECT name FROM staff {TREE.replace('boss == None', 'id = 2')} AS list", "START WITH id = 2",
+     [["Bob"], ["Bob", "Cy"]]),
+    ("SELECT LAST LEVEL FROM [1] CONNECT BY level() <= 3 AS list", "LEVEL", [1, 2, 3]),
+    ("SELECT LAST level() FROM [1] CONNECT BY LEVEL <= 3 AS list", "LEVEL", [1, 2, 3]),
+    ("SELECT LAST level() FROM dual CONNECT BY level() <= 3 AS list", "FROM dual", [1, 2, 3]),
+    (f"SELECT LAST name FROM staff {TREE} SEARCH DEPTH FIRST BY name SET place AS list",
+     "SEARCH DEPTH FIRST BY name SET place", ["Ann", "Bob", "Cy"]),
+    (f"SELECT LAST name FROM staff {TREE} CYCLE id SET c AS list", "CONNECT BY PRIOR id == boss CYCLE id SET c",
+     ["Ann", "Bob", "Cy"]),
+    (f"SELECT LAST CONNECT_BY_ROOT(name) FROM staff {TREE} AS list", "CONNECT_BY_ROOT(name)", ["Ann", "Ann", "Ann"]),
+    (f"SELECT LAST CONNECT_BY_ISCYCLE FROM staff {TREE.replace('BY', 'BY NO CYCLE BY id,')} AS list",
+     "CONNECT_BY_ISCYCLE", [False, False, False]),
+    ("1; SELECT id FROM staff AS list SELECT name FROM staff AS list", "SELECT name", ["Ann", "Bob", "Cy"]),
+    ("SELECT id FROM staff y = 2", "y =", 2),
+    ("SELECT name FROM staff WHERE EXISTS(SELECT id FROM staff WHERE id > 2) AS list",
+     "EXISTS(SELECT id FROM staff WHERE id > 2)", ["Ann", "Bob", "Cy"]),
+    ("SELECT boss FROM staff EXCEPT SELECT id FROM staff WHERE id == 1 AS list",
+     "SELECT boss FROM staff EXCEPT SELECT id FROM staff WHERE id == 1 AS list", [None, 2]),
+    ("SELECT id FROM staff INTERSECT SELECT boss FROM staff AS list",
+     "SELECT id FROM staff INTERSECT SELECT boss FROM staff AS list", [1, 2]),
+    ("SELECT name FROM staff WHERE name ILIKE 'B%' AS list", "name ILIKE 'B%'", ["Bob"]),
+    ("SELECT substr(name, 1, 2) FROM staff AS list", "substr(name, 1, 2)", ["An", "Bo", "Cy"]),
+    ("SELECT decode(id, 1, 7, 8) FROM staff AS list", "decode(id, 1, 7, 8)", [7, 8, 8]),
+    ("m.a + 1", "m.a", 2),
+    ("body.weight", "body.weight", 80.0),
+    ("SELECT b.name.upper() FROM b = bodies AS list", "b.name.upper()", ["ANVIL"]),
 ]  # fmt: skip
 
 
@@ -65,12 +108,17 @@ def session() -> ss2sql.Session:
     ss.host.connection.execute(STAFF)
     ss.attach("pairs", [[0, 1], [1, 2]])
     ss.set("m", {"A": 1})
+    ss.set("k", 2)
+    ss.set("body", Body("anvil", 80.0))
+    ss.attach("bodies", [Body("anvil", 80.0)])
     return ss
 
 
 def form_of(error: ss2sql.Error) -> str:
     """What the first hint says to write."""
-    found = re.match(r"write (.*?)(?: to compare| to join strings| to name .*| for .*|, s\.x .*)?\Z", error.hints[0])
+    found = re.match(
+        r"write (.*?)(?: to compare| to join strings| to name .*| for .*|, s\.x .*| to choose .*)?\Z", error.hints[0]
+    )
     assert found is not None, error.hints
     return found[1]
 
@@ -83,6 +131,11 @@ def test_the_form_in_the_hint_runs(script: str, wrong: str, value: object) -> No
         if script.startswith("SELECT id AS n"):
             assert caught.value.hints[0] == "'n' is a column that SELECT makes; write id here"
             return
-        right = script.replace(wrong, form_of(caught.value), 1)
+        form = form_of(caught.value)
+        if form.startswith("; in front of "):
+            form = f"; {wrong}"
+        elif form.endswith(", right behind CONNECT BY"):
+            form = f"CONNECT BY {form.removesuffix(' right behind CONNECT BY')} PRIOR id == boss"
+        right = script.replace(wrong, form, 1)
         found = ss.eval(right)
         assert found == value if value is not None else found

@@ -172,3 +172,49 @@ def test_a_key_needs_no_note_and_a_condition_that_asks_for_the_step_before_may_n
         row = "SELECT id FROM staff START WITH n = 0, m = 0 CONNECT BY UNIQUE{}, boss == n, n = id, m = n + m"
         assert "UNIQUE compares rows" in ss.run(row.format("")).notes[0]
         assert ss.run(row.format(" BY (n, m)")).notes == ()
+
+
+FAR = {"A": 7, "B": 5, "C": 7, "D": 0}
+PAID = [["A", "B", 4], ["A", "C", 1], ["C", "B", 2], ["B", "D", 5], ["C", "D", 8]]
+
+
+@pytest.mark.parametrize("engine", ["native", "database"])
+@pytest.mark.parametrize("option", ["", "UNIQUE", "NO CYCLE", "UNIQUE BY town", "MAXIMUM 1"])
+def test_an_estimate_above_the_real_cost(session, engine, option) -> None:
+    session.set("paid", PAID)
+    script = (
+        f"SELECT this[1] FROM paid WHERE this[1] == 'D' START WITH town = 'A' CONNECT BY {option}, COST this[2] "
+        "HEURISTIC far[this[1]], this[0] == town, town = this[1] STOP WITH this[1] == 'D' AS list"
+    ).replace("BY ,", "BY")
+    right = session.run(script, engine=engine, far=FAR)
+    wrong = session.run(script, engine=engine, far=FAR | {"C": 7.5})
+    assert right.value[0] == wrong.value[0] == ["C", "B", "D"]
+    assert right.notes == ()
+    assert wrong.notes[0].startswith("HEURISTIC far[this[1]] was more than what remained")
+    assert "note: HEURISTIC" in str(wrong)
+
+
+@pytest.mark.parametrize(
+    ("query", "cure"),
+    [
+        ("CONNECT BY n = n + this", "bound the search with MAXIMUM or UNIQUE BY n or STOP WITH"),
+        ("CONNECT BY MAXIMUM 2 n = n + this", "bound the search with UNIQUE BY n or STOP WITH"),
+        ("CONNECT BY MAXIMUM 2 UNIQUE BY n, n = n + this", "bound n by a condition in CONNECT BY, such as n < 1000"),
+        ("CONNECT BY MAXIMUM 2 UNIQUE BY n, COST 1, n = n + this STOP WITH n < -1", "estimate what remains: COST ..."),
+        ("CONNECT BY MAXIMUM 2 UNIQUE BY n, n = n + this STOP WITH n < -1", "let a condition in CONNECT BY drop steps"),
+    ],
+)
+def test_a_timeout_names_what_the_search_lacks(session, query, cure) -> None:
+    with pytest.raises(ss2sql.Timeout) as caught:
+        session.run(f"SELECT this FROM [1, 2] WHERE n == -1 START WITH n = 0 {query}", timeout=0.1)
+    assert caught.value.hints[0].startswith(f"raise timeout=, or {cure}")
+
+
+def test_a_function_with_the_name_of_one_of_paths() -> None:
+    with ss2sql.connect() as ss:
+        ss.function("level", lambda: 7)
+        result = ss.run("SELECT LAST level() FROM [1] START WITH n = 1 CONNECT BY MAXIMUM 1 n = n AS list")
+    assert result.value == [7]
+    assert result.notes == (
+        "level is the function that was registered under this name; give it another name to ask for the path",
+    )

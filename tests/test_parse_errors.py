@@ -12,7 +12,7 @@ from trees import check, failure
 # Code, words of the message and of the hints, and scripts that are not one line of visible text; all others stand in
 # `syntax.errors`. The place of the error stands between « and », the bracket that is open there between ‹ and ›.
 ERRORS: list[tuple[str, ...]] = [
-    ("P001", "expected an operator or ';' between 'y' and 'z'", "statements are separated by ;", "x = y\n«z»"),
+    ("P001", "expected an operator or ';' between 'y' and 'z'", "write ; in front of z", "x = y\n«z»"),
     ("P001", "expected an operator, ',' or ']' between '2' and 'y'", "the elements of a list are separated by commas",
      "x = ‹[›1, 2\n«y» = 3"),
     ("P003", "this string is not closed", "write ' at its end", "x = «'abc;»\n"),

@@ -287,7 +287,7 @@ class OnEntering(SearchLowering):
             return [*asked, *still]  # which counts the steps that go on
         if not expands:
             return [*asked, *still]
-        counted: Node = sql.call("expand", self.column("step"))
+        counted: Node = sql.call("expand", self.column("step"), *self.guess())
         return [*asked, sql.case([(exp.Not(this=still[0]), sql.number(0))], counted) if still else counted]
 
     def still_counts(self) -> list[Node]:
@@ -295,10 +295,14 @@ class OnEntering(SearchLowering):
         if self.search.repeats != "unique":
             return []
         if self.total is not None:
-            return [sql.call("still_best", self.column("step"), self.ranked(self.column(self.total)))]
+            return [sql.call("still_best", self.column("step"), self.ranked(self.column(self.total)), *self.guess())]
         if self.search.order == "depth first":
             return [sql.call("arrive", self.column("step"))]
         return []
+
+    def guess(self) -> list[Node]:
+        """The total that A* expects of paths through the step that was taken."""
+        return [] if self.rank is None else [self.column(self.rank)]
 
     def ranked(self, total: Node) -> Node:
         """A total as a number that is the smaller the better it is."""
@@ -340,6 +344,8 @@ class OnEntering(SearchLowering):
         still = self.still_counts()
         if self.search.repeats == "unique" and self.total is not None:
             still = [sql.call("give_once", self.column("step"), self.ranked(self.column(self.total)))]
+        elif self.rank is not None:
+            still = [sql.call("give", self.column(self.rank))]
         goal = sql.conjunction(asked)
         if goal is not None and still:
             # The guard is asked last, for it notes what it is asked about.

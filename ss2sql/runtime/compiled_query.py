@@ -21,7 +21,7 @@ from ss2sql.runtime.finishing import finished
 from ss2sql.runtime.native import NativeQuery, compile_statement
 from ss2sql.runtime.native.deep import with_room
 from ss2sql.runtime.native.options import least_of, whole
-from ss2sql.runtime.notes import notes_of, notes_of_empty
+from ss2sql.runtime.notes import notes_of, notes_of_empty, notes_of_estimates
 from ss2sql.runtime.result import Answer, Status
 from ss2sql.runtime.rows import Rows
 from ss2sql.runtime.run import Run, Sink
@@ -210,6 +210,9 @@ class CompiledQuery:
         arguments = tuple([argument(run) for argument in self.arguments])  # a generator changes StopIteration
         named = {name: argument(run) for name, argument in self.named.items()}
         run.notes |= dict.fromkeys(notes_of_empty(self.written, rows, run.stats, before))
+        if run.overestimated:
+            run.notes |= dict.fromkeys(notes_of_estimates(self.written))
+            run.overestimated = False
         status: Status = "maximum" if rows.ended else "complete"
         make = run.stats.timed("shape", partial(shapes.represent, form, rows, arguments, named))
         answer = run.answer = Answer(rows.shown(), make, self.engine, status, query.columns, begin=lambda: run.check)

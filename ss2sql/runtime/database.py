@@ -330,6 +330,7 @@ class Database:
                 run.stats.remembered[name] += hits
             if execution.query is not None and execution.query.search is not None:
                 self.search.count(run.stats, execution.book, execution.results())
+                run.overestimated |= self.search.overestimated
             self.search.end(search)
 
     def _attempt(

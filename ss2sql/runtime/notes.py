@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from ss2sql import plan
-from ss2sql.explained.endless import endless
+from ss2sql.frontend.path_functions import FUNCTIONS
 from ss2sql.runtime.rows import Rows
 from ss2sql.runtime.run import Stats
 from ss2sql.told import as_written, growing, missing, stops_of
@@ -16,8 +16,15 @@ WORDS = {"unique": "UNIQUE", "no cycle": "NO CYCLE", "memorize": "MEMORIZE"}
 
 def notes_of(query: plan.Query) -> tuple[str, ...]:
     """What can be said of a query, and of those inside of it, before it runs."""
-    queries = (node for node in walk(query) if isinstance(node, plan.Query))
-    return tuple(dict.fromkeys(note for each in queries if each.search is not None for note in _undetermined(each)))
+    searches = [node for node in walk(query) if isinstance(node, plan.Query) and node.search is not None]
+    notes = [note for each in searches for note in _undetermined(each)]
+    calls = (node.function for each in searches for node in walk(each) if isinstance(node, plan.Call))
+    notes += [
+        f"{call.name} is the function that was registered under this name; give it another name to ask for the path"
+        for call in calls
+        if call.name in FUNCTIONS and not call.builtin
+    ]
+    return tuple(dict.fromkeys(notes))
 
 
 def notes_of_empty(query: plan.Query, rows: Rows, stats: Stats, before: int) -> Iterator[str]:
@@ -51,6 +58,17 @@ def notes_of_empty(query: plan.Query, rows: Rows, stats: Stats, before: int) -> 
             yield f"nothing was found before STOP WITH {bound} ends a path; a wider bound in it may let paths go on"
 
 
+def notes_of_estimates(query: plan.Query) -> Iterator[str]:
+    """That A* has found a path which costs less than its estimate of what remained."""
+    for node in walk(query):
+        if isinstance(node, plan.Query) and node.search and node.search.heuristic and node.search.weight:
+            estimate = as_written(node.search.heuristic)
+            yield (
+                f"HEURISTIC {estimate} was more than what remained to be paid on a path, so others may be cheaper than "
+                "the first that came; the least costs need an estimate that is never too high, or COST alone"
+            )
+
+
 def cure_of_timeout(query: plan.Query | None) -> str:
     """What a query lacks that took longer than its timeout: no option that it has already."""
     searches = [(node, node.search) for node in walk(query) if isinstance(node, plan.Query) and node.search]
@@ -62,7 +80,7 @@ def cure_of_timeout(query: plan.Query | None) -> str:
     state = next((name for name, _ in search.connect if name.isidentifier()), "")
     lacks += [f"UNIQUE BY {state}" if state else "UNIQUE"] if search.repeats == "allowed" else []
     lacks += ["STOP WITH"] if search.stop is None and search.bound is None else []
-    if grown and any(endless(owner)) and search.repeats != "allowed":
+    if grown and search.repeats != "allowed" and search.stop is None and search.made is None and search.bound is None:
         return f"raise timeout=, or bound {grown[0]} by a condition in CONNECT BY, such as {grown[0]} < 1000"
     if lacks:
         return f"raise timeout=, or bound the search with {' or '.join(lacks)}"

@@ -194,7 +194,8 @@ class Run:
     - `table_rows(source, run)`: all rows of a table of the database, in its order, values of its columns in order. A
       text that is not UTF-8 is an UnreadableText, and `doubtful` says so; without a run it is an error.
 
-    `notes` are what a person should know of the result, in order, see notes.py.
+    `notes` are what a person should know of the result, in order, see notes.py; `overestimated` says that A* has found
+    a path which costs less than it expected.
     `framed` says that the paths of the search that runs are wanted as a DataFrame of the database that finds them.
     `bounds` are those of its time and its memory. `steps_left` bounds the steps of its searches, `steps_inside`
     are those of runs inside of this one; `printed` counts characters printed while it was the outermost. `readings` is
@@ -213,6 +214,7 @@ class Run:
     host: Host
     stats: Stats = field(default_factory=Stats)
     notes: dict[str, None] = field(default_factory=dict)
+    overestimated: bool = False
     bounds: Bounds = field(default_factory=Bounds)
     steps_left: int | None = None
     steps_inside: int = 0

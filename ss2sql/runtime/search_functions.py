@@ -13,13 +13,15 @@ from typing import Any, TypeAlias
 
 from ss2sql.lowering.sql_query import Bookkeeping
 from ss2sql.runtime.run import Stats
+from ss2sql.runtime.search.contract import exceeds
 
 Kept: TypeAlias = tuple[int, tuple[Any, ...]]
 
 # The SQL functions with the number of their arguments, -1 for any.
 FUNCTIONS = {
-    **dict.fromkeys(("count_step", "expand", "arrive"), 1),
-    **dict.fromkeys(("still_best", "give_once"), 2),
+    **dict.fromkeys(("count_step", "arrive", "give"), 1),
+    "give_once": 2,
+    **dict.fromkeys(("expand", "still_best"), -1),
     **dict.fromkeys(("enter", "enter_first", "enter_best", "on_path", "reached", "closed", "improves", "visit"), -1),
     **dict.fromkeys(("enter_keyed", "enter_first_keyed", "enter_best_keyed"), -1),
 }
@@ -91,13 +93,13 @@ class SearchState:
             "expanded",
             "generated",
             "given",
+            "highest",
             "key",
             "keyed",
             "numbered",
-            "numbers",
         ),
-        *("last_dropped", "late", "members", "met", "plain", "pruned", "rows", "shared", "taken", "walks"),
-        "way",
+        *("numbers", "last_dropped", "late", "members", "met", "overestimated", "plain", "pruned", "rows", "shared"),
+        *("taken", "walks", "way"),
     )
 
     def __init__(self) -> None:
@@ -134,6 +136,8 @@ class SearchState:
         self.expanded = 0
         self.pruned = 0
         self.late = 0  # of these, the steps that had entered
+        self.highest = float("-inf")  # the greatest total that A* expected of a path through a step that was taken
+        self.overestimated = False  # whether a path was found that costs less
         self.rows: list[Kept] = [(0, ())]  # of the steps that entered, by number
         self.met: dict[Any, Any] = {}  # row -> the step that reached it, or its best rank
         self.taken: dict[Any, Any] = {}  # row -> the rank at which it was taken
@@ -219,10 +223,12 @@ class SearchState:
         self.generated += 1
         return 1
 
-    def expand(self, step: int) -> int:
-        """Counts a step that goes on, which the start is not; always true."""
+    def expand(self, step: int, guess: Any = None) -> int:
+        """Counts a step that goes on, which the start is not; always true. `guess` is the total that A* expects."""
         if step:
             self.expanded += 1
+            if guess is not None and guess > self.highest:
+                self.highest = guess
         return 1
 
     def enter(self, parent: int, *row: Any) -> int:
@@ -318,8 +324,8 @@ class SearchState:
         self.pruned += 1
         return 0
 
-    def still_best(self, step: int, rank: Any) -> int:
-        """Whether a step that is taken is still the best to its row; the start is."""
+    def still_best(self, step: int, rank: Any, guess: Any = None) -> int:
+        """Whether a step that is taken is still the best to its row; the start is. `guess` is that of `expand`."""
         if not step:
             return 1
         key = self._compared(step)
@@ -327,6 +333,14 @@ class SearchState:
             return 0
         self.taken[key] = rank
         self.expanded += 1
+        if guess is not None and guess > self.highest:
+            self.highest = guess
+        return 1
+
+    def give(self, total: Any) -> int:
+        """Looks at the total of a result of A*; always true."""
+        if exceeds(self.highest, total):
+            self.overestimated = True
         return 1
 
     def give_once(self, step: int, rank: Any) -> int:
@@ -338,7 +352,7 @@ class SearchState:
         if key in self.given:
             return 0
         self.given.add(key)
-        return 1
+        return self.give(rank)
 
     def on_path(self, parent: int, *row: Any) -> int:
         """Whether the row occurs on the path to the parent."""

@@ -21,7 +21,7 @@ from ss2sql.runtime.native.pace import counts_of, looks_of
 from ss2sql.runtime.rows import Row, Rows, distinct, too_many
 from ss2sql.runtime.run import Run
 from ss2sql.runtime.search import search_of
-from ss2sql.runtime.search.contract import Expand, Problem
+from ss2sql.runtime.search.contract import Expand, Problem, exceeds
 from ss2sql.runtime.search.remembered_steps import RememberedSteps, ignore
 from ss2sql.runtime.values import freeze
 
@@ -126,7 +126,8 @@ class Task:
         likeliest, weighed = search.order == "probability", search.weight is not None
         alone = len(form.shapes.columns) == 1
         last = self.form.query.last
-        problem = Problem(start, function, search.repeats, likeliest, weighed, keys is not None, alone, last)
+        steps = likeliest, weighed, keys is not None, alone, last
+        problem = Problem(start, function, search.repeats, *steps, self._look)
         if search.repeats == "memorize":
             hunt = self._hunt(search, form, problem, bound, pieces and Pieces(*pieces))
             return self._paths((self.form.find or memorize)(hunt), keys, None)
@@ -135,6 +136,9 @@ class Task:
         )
         loop = function if form.inlined else search_of(search)
         return self._paths(loop(problem), keys, form.shapes.thawing())
+
+    def _look(self, total: Any, guess: Any) -> None:
+        self.run.overestimated |= exceeds(guess, total)
 
     def _flush(self) -> None:
         if self.flush is not None:

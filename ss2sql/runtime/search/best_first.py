@@ -42,16 +42,20 @@ def best_first(problem: Problem) -> Iterator[Found]:
 
 def guided(problem: Problem) -> Iterator[Found]:
     """A* over all paths: a result waits at its total, its expansion at total plus estimate."""
-    expand, watch = problem.expand, problem.watch
+    expand, watch, found = problem.expand, problem.watch, problem.found
     trail = Trail() if problem.repeats == "no cycle" else None
     closed: Any = trail.keys if trail else ()
     queue: list[Any] = [(0, 0, 0, True, 0, problem.start, None, None)]
-    number = 0
+    number = highest = 0
     while queue:
-        _, _, _, goes_on, total, state, path, last = heappop(queue)
+        guess, _, _, goes_on, total, state, path, last = heappop(queue)
         if not goes_on:
+            if guess < highest:
+                found(guess, highest)
             yield (path[1],) if problem.last else path_to(path), last
             continue
+        if guess > highest:
+            highest = guess
         if trail:
             trail.move_to(path)
         if watch:
@@ -98,12 +102,12 @@ def best_first_unique(problem: Problem) -> Iterator[Found]:
 
 def guided_unique(problem: Problem) -> Iterator[Found]:
     """A*. The heuristic may be inconsistent: a row is taken again when a cheaper path to it appears."""
-    expand, watch = problem.expand, problem.watch
+    expand, watch, found = problem.expand, problem.watch, problem.found
     best: dict[Any, Any] = {}  # the least total of a path to each row so far
     taken: dict[Any, Any] = {}  # those at which rows came out of the queue
     given: set[Any] = set()
     queue: list[Any] = []
-    number, total, state, path = 0, 0, problem.start, None
+    number, total, state, path, highest = 0, 0, problem.start, None, 0
     while True:
         if watch:
             watch(path)
@@ -115,14 +119,18 @@ def guided_unique(problem: Problem) -> Iterator[Found]:
             if goes_on:
                 heappush(queue, (rank + estimate, estimate, number, True, key, rank, (path, row), None, after))
         while queue:
-            _, _, _, goes_on, key, total, path, last, state = heappop(queue)
+            guess, _, _, goes_on, key, total, path, last, state = heappop(queue)
             if best[key] < total:
                 continue
             taken[key] = total
+            if guess > highest:
+                highest = guess
             if goes_on:
                 break
             if key not in given:
                 given.add(key)
+                if guess < highest:
+                    found(guess, highest)
                 yield (path[1],) if problem.last else path_to(path), last
         else:
             return

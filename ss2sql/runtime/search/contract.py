@@ -71,14 +71,24 @@ Expand: TypeAlias = Callable[..., Iterator[Step]]
 Found: TypeAlias = tuple[Sequence[FrozenRow], Any]  # the rows of a path, and the `last` of its last step
 
 
+def _unheard(total: Any, guess: Any) -> None:
+    """Nobody asks for results that are cheaper than was expected."""
+
+
+def exceeds(guess: Any, total: Any) -> bool:
+    """Whether A* expected more of a path than it costs, by more than sums are rounded."""
+    return bool(guess > total + 1e-9 * max(1, abs(total)))
+
+
 @dataclass(frozen=True, slots=True)
 class Problem:
     """One run of a search: what a loop gets.
 
     `likeliest`: the weights are probabilities. `weighed`, `keyed`: steps have a weight, a last part. `alone`: the key
-    is the only value of its row. `last`: of a path only the last row is wanted. `watch(path)`, where there is one,
-    hears to which state the search turns, and `watch(path, False)` to which it comes back: for the line of progress,
-    and for counts by level. The path is one of those of ways.py.
+    is the only value of its row. `last`: of a path only the last row is wanted. `found(total, guess)` hears of a
+    result of A* that costs less than was expected of a path. `watch(path)`, where there is one, hears to which state
+    the search turns, and `watch(path, False)` to which it comes back: for the line of progress, and for counts by
+    level. The path is one of those of ways.py.
     """
 
     start: State
@@ -89,4 +99,5 @@ class Problem:
     keyed: bool = False
     alone: bool = False
     last: bool = False
+    found: Callable[[Any, Any], None] = _unheard
     watch: Callable[..., None] | None = None

@@ -17,6 +17,7 @@ from ss2sql import plan
 from ss2sql.runtime.ordering import sort_rows
 from ss2sql.runtime.rows import Row
 from ss2sql.runtime.run import Run
+from ss2sql.runtime.search.contract import exceeds
 
 State: TypeAlias = tuple[Any, ...]
 Last: TypeAlias = tuple[Any, ...]  # the elements of a step and the state before it
@@ -276,8 +277,9 @@ def best_first(steps: Steps, starts: list[State]) -> Iterator[Way]:
         heappush(queue, (nothing, 0, next(number), True, nothing, Way(start)))
     best.update(dict.fromkeys(visited, nothing))
     taken.update(best)
+    highest = nothing
     while queue:
-        *_, expands, total, way = heappop(queue)
+        guess, *_, expands, total, way = heappop(queue)
         if unique and way.step is not None:
             key = way.step.key
             if best[key] < total:
@@ -288,8 +290,10 @@ def best_first(steps: Steps, starts: list[State]) -> Iterator[Way]:
             assert way.step is not None
             if not unique or way.step.key not in given:
                 given.add(way.step.key)
+                steps.run.overestimated |= exceeds(highest, guess)
                 yield way
             continue
+        highest = max(highest, guess)
         seen: Seen = on_path(steps, way) if no_cycle else _Closed(taken, total) if unique else ()
         for step in steps.expand(way, way.start if way.step is None else way.step.state, seen):
             reached = total * step.weight if likeliest else total + step.weight
