@@ -16,6 +16,7 @@ from typing import Any
 from command_tables import commands
 from function_tables import GROUPS, functions
 from grammar import grammar
+from walk import PACKAGE, forms, walk
 from world_tables import declared, world
 from writing import first, sentence, table
 
@@ -35,7 +36,7 @@ BLOCK = re.compile(
 
 def pages() -> list[Path]:
     """The pages that ask for tables."""
-    found = sorted(Path(__file__).parent.rglob("*.md"))
+    found = [PACKAGE / "ARCHITECTURE.md", *sorted(Path(__file__).parent.rglob("*.md"))]
     return [page for page in found if "_build" not in page.parts and BLOCK.search(page.read_text("utf-8"))]
 
 
@@ -135,6 +136,8 @@ TABLES: dict[str, Callable[[], str]] = {
     "orders": orders,
     "guards": guards,
     "native": native_reasons,
+    "walk": walk,
+    "forms": forms,
     **{f"figures of {name}": lambda names=names: figures(names) for name, names in MEASURED.items()},  # type: ignore[misc]
     "pybullet": lambda: declared(PyBulletWorld(0)),
     "mujoco": lambda: world(MuJoCoWorld),

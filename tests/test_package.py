@@ -163,9 +163,16 @@ def test_the_architecture_names_every_file_and_no_other():
 def test_the_stages_of_the_architecture_are_functions():
     text = (PACKAGE / "ARCHITECTURE.md").read_text("utf-8")
     stages = re.findall(r"`([\w.]+)` in `([\w/]+\.py)`", text)
-    assert len(stages) == 7
+    assert len(stages) == 8
     for name, file in stages:
         assert re.search(rf"^ *def {name.split('.')[-1]}\(", (PACKAGE / file).read_text("utf-8"), re.MULTILINE), name
+
+
+def test_what_adding_things_touches_exists():
+    table = (PACKAGE / "ARCHITECTURE.md").read_text("utf-8").split("## Adding things")[1].split("\n## ")[0]
+    named = re.findall(r"`(\w+/[\w/.]*)`", table)
+    assert len(named) > 12
+    assert [name for name in named if not any((root / name).exists() for root in (PACKAGE, ROOT))] == []
 
 
 def test_every_error_code_is_used_and_explained():

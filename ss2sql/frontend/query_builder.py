@@ -35,6 +35,7 @@ class Builder(ExpressionBuilder):
     """Makes the tree of one script."""
 
     def query(self, span: Span, *clauses: Clause) -> Expr:
+        """The node of a query from its clauses, of which each may stand once and in its place."""
         fields: dict[str, Any] = {}
         seen: dict[str, Clause] = {}
         ordered = True

@@ -61,6 +61,7 @@ class Dialect:
     printing: type[_ShortParentheses] = _ShortParentheses
 
     def print(self, tree: exp.Expr) -> str:
+        """The SQL tree as text."""
         options: dict[str, Any] = {"pretty": True, "normalize_functions": False}
         try:
             return _printer(self)(dialect=self.name, **options).generate(tree)

@@ -325,6 +325,7 @@ class OnEntering(SearchLowering):
     # --- results ---------------------------------------------------------------------------------------
 
     def results(self) -> exp.Select:
+        """The SELECT at the end, which picks the goals from the rows of `search`."""
         now = self.now()
         query = self.query
         shown: list[Node] = [self.column("step"), self.column("parent")] if query.gives_paths else []

@@ -47,7 +47,7 @@ class SearchForm:
 def finder(
     builder: Builder, query: plan.Query, body: Body, aggregates: Sequence[plan.Aggregate]
 ) -> tuple[str, SearchForm | None]:
-    """Compiles the function into `body` and gives its name."""
+    """Writes the function that finds the results of a search into `body`; gives its name and form."""
     search, unit, pen = query.search, builder.unit, builder.unit.pen_at(query.span)
     assert search is not None
     if not search.plain or unit.watched is query:

@@ -8,4 +8,5 @@ from ss2sql.runtime.representations.base import Table
 
 
 def represent(table: Table) -> list[dict[str, Any]]:
+    """The rows as dicts by their column names."""
     return table.dicts()

@@ -9,7 +9,10 @@ from ss2sql.runtime.search.contract import Found, Problem
 
 
 def depth_first(problem: Problem) -> Iterator[Found]:
-    """`closed` has the rows on the path with NO CYCLE, all rows so far with UNIQUE."""
+    """The results of a depth-first search, in its order.
+
+    `closed` has the rows on the path with NO CYCLE, all rows so far with UNIQUE.
+    """
     expand, watch, repeats = problem.expand, problem.watch, problem.repeats
     unique, no_cycle = repeats == "unique", repeats == "no cycle"
     closed: Any = () if repeats == "allowed" else set()

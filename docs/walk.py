@@ -1,0 +1,134 @@
+"""The walk of ss2sql/ARCHITECTURE.md: the paper's first search is run, and the functions that it enters are listed.
+
+`FUNCTIONS` names those that a newcomer should see. Their order, what they give and what they do come from the run and
+from their docstrings, so the walk is what happens.
+"""
+
+from __future__ import annotations
+
+import sys
+from contextlib import contextmanager
+from functools import cache
+from importlib import import_module
+from inspect import getdoc
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from writing import first, table
+
+import ss2sql
+from ss2sql.plan_tree import plan_tree
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from types import FrameType
+
+PACKAGE = Path(ss2sql.__path__[0])
+SCRIPT = """
+SELECT this FROM moves WHERE [[],[],[3,2,1]] == move(this, tower)
+START WITH tower = [[3,2,1],[],[]],   level = 1
+CONNECT BY tower = move(this, tower), level = level+1
+STOP WITH  level == 7 OR [] == move(this, tower);
+"""
+FUNCTIONS = {
+    "both": """
+        runtime/session.py Session.run · frontend/parser.py parse · frontend/text.py tokens · frontend/parser.py read ·
+        frontend/query_builder.py Builder.query · frontend/resolve.py resolve · frontend/queries.py resolve_query ·
+        frontend/sources.py open_sources · frontend/options.py search_options ·
+        lowering/rewrites/__init__.py optimise · runtime/executing.py execute ·
+        runtime/compiled_query.py CompiledQuery.answer · runtime/shaping.py Shapes.represent ·
+        runtime/representations/dicts.py represent
+    """,
+    "database": """
+        lowering/lower.py lower · lowering/unsupported.py check · lowering/on_entering.py OnEntering.statement ·
+        lowering/search.py SearchLowering.start · lowering/on_entering.py OnEntering.steps ·
+        lowering/on_entering.py OnEntering.results · lowering/dialects.py Dialect.print ·
+        runtime/database.py Database.execute · runtime/paths.py Paths.chosen
+    """,
+    "native": """
+        runtime/native/builder.py Builder.query ·
+        runtime/native/search_code.py finder · runtime/search/__init__.py search_of ·
+        runtime/native/step_function.py StepFunction.write_function · runtime/native/unit.py Unit.compiled ·
+        runtime/native/compiled.py NativeQuery.rows · runtime/search/depth_first.py depth_first
+    """,
+}
+
+
+def walk() -> str:
+    """The functions that the search enters, in their order, for both engines."""
+    database, native = entered("database"), entered("native")
+    own = {name for name in names("native") if name not in database}
+    return table(
+        "file | function | gives | what it does",
+        [_row(name, given) for name, given in database.items()],
+    ) + (
+        "\n\nThe Python engine takes the same walk up to `optimise`, and from `represent` on. In between it enters:\n\n"
+        + table("file | function | gives | what it does", [_row(name, native[name]) for name in native if name in own])
+    )
+
+
+def names(engine: str) -> list[str]:
+    """The functions that `FUNCTIONS` has for one engine, those of both included: `file function`."""
+    return [" ".join(each.split()) for part in ("both", engine) for each in FUNCTIONS[part].split("·")]
+
+
+@cache
+def entered(engine: str) -> dict[str, str]:
+    """The functions of `names(engine)` in the order in which a run enters them, with the type that each gives first."""
+    wanted = set(names(engine))
+    seen: dict[str, str] = {}
+
+    def note(frame: FrameType, event: str, given: Any) -> None:
+        code = frame.f_code
+        if event not in ("call", "return") or not code.co_filename.startswith(str(PACKAGE)):
+            return
+        name = f"{Path(code.co_filename).relative_to(PACKAGE)} {code.co_qualname}"
+        if name in wanted and not (event == "return" and seen[name]):
+            seen[name] = "" if event == "call" and name not in seen else seen.get(name) or _type(given)
+
+    with _session() as ss:
+        before = sys.getprofile()
+        sys.setprofile(note)
+        try:
+            value = ss.run(SCRIPT, engine=engine).value
+        finally:
+            sys.setprofile(before)
+    assert len(value) == 1, value
+    assert wanted == set(seen), f"not entered by {engine}: {sorted(wanted - set(seen))}"
+    return seen
+
+
+def _type(value: Any) -> str:
+    return "" if value is None else type(value).__name__
+
+
+def _row(name: str, given: str) -> tuple[str, str, str, str]:
+    file, function = name.split()
+    module = import_module("ss2sql." + file.removesuffix(".py").removesuffix("/__init__").replace("/", "."))
+    found: Any = module
+    for part in function.split("."):
+        found = getattr(found, part)
+    return f"`{file}`", f"`{function}`", given and f"`{given}`", first(getdoc(found) or "")
+
+
+@contextmanager
+def _session() -> Iterator[ss2sql.Session]:
+    def move(step: list[int], towers: list[list[int]]) -> list[list[int]]:
+        if towers and towers[step[0]] and (not towers[step[1]] or towers[step[1]][-1] > towers[step[0]][-1]):
+            towers[step[1]].append(towers[step[0]].pop())
+            return towers
+        return []
+
+    with ss2sql.connect() as ss:
+        ss.set("moves", [[0, 1], [0, 2], [1, 0], [1, 2], [2, 0], [2, 1]])
+        ss.function("move", move, volatility="immutable")
+        yield ss
+
+
+def forms() -> str:
+    """The search as text, as plan and as SQL."""
+    with _session() as ss:
+        plan = plan_tree(ss.compile(SCRIPT, engine="native").plan)
+        sql = str(ss.compile(SCRIPT, engine="database").sql)
+    parts = (("The script", "selectscript", SCRIPT), ("The plan", "text", plan), ("The SQL", "sql", sql))
+    return "\n\n".join(f"{name}:\n\n```{kind}\n{text.strip()}\n```" for name, kind, text in parts)
