@@ -39,6 +39,8 @@ SEARCHES = {
     " CONNECT BY {} node = dst, level = level + 1 STOP WITH src != node OR level == 3",
     "function": "SELECT add(node, [dst]) FROM edges WHERE dst == 3 START WITH node = [0] CONNECT BY {}"
     " node = add(node, [dst]) STOP WITH len(node) > 3",
+    "conditions": "SELECT dst FROM edges, twice = [1, 0] WHERE dst > 1 START WITH EACH node IN [0, 1, 0], level = 1"
+    " CONNECT BY {} node = dst, level = level + 1, src == node AND level < 4 ORDER SIBLINGS BY w, twice.this",
     "last": "SELECT dst FROM edges START WITH node = 0, level = 1 CONNECT BY {} node = dst, level = level + 1"
     " STOP WITH src != node OR level == 3 ORDER BY w, dst",
 }

@@ -37,11 +37,21 @@ def path_to(way: Way | Place | None) -> tuple[Row, ...]:
     while way is not None:
         rows.append(way[1])
         way = way[0]
+    if rows and rows[-1] is None:  # of a start that has a key
+        rows.pop()
     return tuple(rows[::-1])
 
 
-def path_by_parents(before: dict[Any, Any], key: Any, rows: dict[Any, Row] | None) -> tuple[Row, ...]:
-    """The rows from the start to one; `rows` has those made so far of keys that are their only values, else is None."""
+def place_of(key: Hashable) -> Place:
+    """The place of a start that counts as visited."""
+    return None, None, key, 0  # type: ignore[return-value]
+
+
+def path_by_parents(before: dict[Any, Any], key: Any, rows: dict[Any, Row] | None, last: bool) -> tuple[Row, ...]:
+    """The rows from the start to one, or the `last` one alone.
+
+    `rows` has those of keys that are no rows, and those made so far of keys that are their only values, else is None.
+    """
     path: list[Row] = []
     while key is not START:
         if rows is None:
@@ -51,6 +61,8 @@ def path_by_parents(before: dict[Any, Any], key: Any, rows: dict[Any, Row] | Non
             if row is None:
                 row = rows[key] = (key,)
             path.append(row)
+        if last:
+            break
         key = before[key]
     return tuple(path[::-1])
 
@@ -59,6 +71,8 @@ def depth_of(path: Path, most: float = float("inf")) -> tuple[int, bool]:
     """The number of steps from the start, `most` at the most, and whether these are all."""
     if type(path) is list:
         return len(path), True
+    if type(path) is tuple and len(path) == 4:
+        return path[3], True
     depth, end = 0, None
     at: Any = path
     before: dict[Any, Any] | None = None

@@ -72,7 +72,7 @@ def _grown(hunt: Hunt, grow: Grow, frozen: bool, way: WayBack | None, memory: Re
     graph = hunt.run.graph = Graph(hunt.check, hunt.bound)
     hunt.flush()
     numbers: dict[Hashable, int] = {}
-    level: list[Node] = [(0, *hunt.problem.start) if frozen else (0, hunt.start)]
+    level: list[Node] = [(0, *hunt.problem.starts[0]) if frozen else (0, hunt.start)]
     levels = list[Level]()
     hunt.stats.levels, hunt.stats.backward = levels, []
     most = hunt.run.max_rows

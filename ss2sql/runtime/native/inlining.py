@@ -182,9 +182,10 @@ class _Splice(_Transformer):
                 nothing = [ast.Constant(None) for _ in self.of_state]
                 begin = ast.Tuple([ast.Constant(None), *self._parts(state), *nothing], ast.Load())
                 return ast.Assign([ast.Tuple(self._parts(ast.Name("steps", ast.Store())), ast.Store())], begin)
-            case ast.Assign([ast.Name(id="state") as target], value):
-                return ast.Assign([ast.Tuple(self._parts(target), ast.Store())], self.visit(value))
         return self.generic_visit(node)
+
+    def visit_Name(self, node: ast.Name) -> ast.expr:
+        return ast.Tuple(self._parts(node), node.ctx) if node.id == "state" else node
 
     def visit_Tuple(self, node: ast.Tuple) -> ast.AST:
         return ast.Tuple([one for part in node.elts for one in self._parts(part)], node.ctx)
@@ -197,8 +198,6 @@ class _Splice(_Transformer):
             case ast.Name(id="state" | "steps" as word, ctx=context):
                 names = self.states if word == "state" else ["turns", *self.states, *self.of_state]
                 return [ast.Name(name, context) for name in names]
-            case ast.Attribute(ast.Name(id="problem"), "start"):
-                return [ast.Starred(part, ast.Load())]
             case _After():
                 return part.parts or [ast.Constant(None) for _ in self.states]
         return [self.visit(part)]

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from ss2sql import plan
 from ss2sql.kinds import Kind
 from ss2sql.runtime.frozen import FREEZERS, Shape
+from ss2sql.runtime.memorize.by_key import asks_for_path
 from ss2sql.runtime.memorize.reverse import Reverse, reverse_of
 from ss2sql.runtime.native import options
 from ss2sql.runtime.native.expressions import expression
@@ -41,11 +42,13 @@ def pieces(
 ) -> ast.expr:
     """The generated functions, in the order of the fields of `Pieces`; None where the search stays in one piece."""
     pen = builder.unit.pen_at(query.span)
-    if not can_be_taken_apart(builder, query):
-        return pen.constant(None)
     assert query.search is not None
     writer = Writer(builder, query, outer)
     freezers = [pen.name(builder.unit.helper(FREEZERS[shape])) for shape in columns]
+    if not query.search.plain and asks_for_path(query.search):
+        return pen.pack(pen.name(writer.row(freezers)), pen.name(writer.follow()))
+    if not can_be_taken_apart(builder, query):
+        return pen.constant(None)
     stop, where, weight = query.search.stop, query.where, query.search.weight
     names = [
         writer.elements(loops),

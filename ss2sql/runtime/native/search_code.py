@@ -1,27 +1,31 @@
 """Searches: the function that evaluates START WITH and what is read once, and gives the step function of the query.
 
-The generated function `rows(...)` gives the frozen state of START WITH; the step function, or where that pays the loop
-of the search with it put in; the function `keys(last)` for GROUP BY and ORDER BY; and for MEMORIZE the pieces of
-pieces.py. The loops are plain Python, see runtime/search.
+The generated function `rows(...)` gives the frozen states of START WITH; the step function, or where that pays the loop
+of the search with it put in; the functions `keys(last)` for GROUP BY and ORDER BY and `key_of(state)` for BY; and for
+MEMORIZE the pieces of pieces.py. The loops are plain Python, see runtime/search.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
+from copy import copy
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from ss2sql import plan
+from ss2sql.kinds import SCALAR
 from ss2sql.runtime import frozen
-from ss2sql.runtime.frozen import Shapes
+from ss2sql.runtime.frozen import Shape, Shapes, State
 from ss2sql.runtime.memorize.growing import grow
 from ss2sql.runtime.native.expressions import expression
 from ss2sql.runtime.native.flat import key_expressions
 from ss2sql.runtime.native.pieces import pieces
+from ss2sql.runtime.native.step_clauses import StepForm, names_of_frozen, shapes_of
 from ss2sql.runtime.native.step_function import StepFunction, StepLoops
-from ss2sql.runtime.native.stepwise_code import read_starts, stepwise
 from ss2sql.runtime.native.unit import Body
 from ss2sql.runtime.search import search_of
+from ss2sql.runtime.search.contract import Expand, Step
+from ss2sql.runtime.sources import elements
 from ss2sql.walk import walk
 
 if TYPE_CHECKING:
@@ -35,71 +39,130 @@ class SearchForm:
     """What is known of a search when it is compiled.
 
     `inlined`: the step function stands in its loop; `remembered`: steps are, see remembered_steps.py; `leveled`: they
-    are counted level by level.
+    are counted level by level; `watched`: the trace of the run hears of them.
     """
 
     shapes: Shapes
     inlined: bool
     remembered: bool
     leveled: bool
+    watched: bool
 
 
 def finder(
     builder: Builder, query: plan.Query, body: Body, aggregates: Sequence[plan.Aggregate]
-) -> tuple[str, SearchForm | None]:
+) -> tuple[str, SearchForm]:
     """Writes the function that finds the results of a search into `body`; gives its name and form."""
     search, unit, pen = query.search, builder.unit, builder.unit.pen_at(query.span)
     assert search is not None
-    if not search.plain or unit.watched is query:
-        return _stepwise(builder, query, body, aggregates), None
-    for name, expr in search.start:
-        local = unit.states[query.id, name] = unit.local(name)
-        body.add(unit.pen_at(expr.span).assign(local, expression(builder, expr, body)))
-        body.states.add((query.id, name))
-    keys = key_expressions(query, aggregates)
-    find_keys = unit.local("keys") if keys else None
+    keys, memorizes = key_expressions(query, aggregates), search.repeats == "memorize"
+    shapes, start = shapes_of(search), unit.local("start")
+    _find_starts(builder, query, body, shapes, start)
+    visits = search.by == "state" and search.repeats != "allowed"
+    key_of = _define_key_of(builder, query, body, shapes) if visits else None
     loops = StepLoops(builder, query, body)
     loops.read_once()
     leveled = unit.by_level is query
-    remembered = _comes_again(builder, query) and not leveled
-    start, complete = unit.local("start"), remembered and search.repeats == "no cycle"
-    step = StepFunction(builder, query, loops, start, bool(keys), complete)
-    values = []
-    for name, shape in step.shapes.items():
-        value = pen.name(unit.states[query.id, name])
-        values.append(value if shape == "scalar" else pen.call(unit.helper(frozen.FREEZERS[shape]), value))
-    body.add(pen.assign(start, pen.pack(*values)))
-    body.locals.append(start)
-    inlines = INLINES and not remembered and not leveled
-    loop: Callable[..., Any] = grow if search.repeats == "memorize" else search_of(search)
-    inlined = step.write_search(loop) if inlines else None
+    watched = unit.watched is query
+    remembered = _comes_again(builder, query) and not leveled and not watched
+    complete = remembered and search.repeats == "no cycle"
+    form = StepForm(shapes, start, bool(keys) or (memorizes and not search.plain), complete, watched, key_of)
+    first = None
+    if search.first is not None:
+        other = copy(loops)
+        other.lookups, other.demands = {}, {}
+        first = StepFunction(builder, query, other, form, search.first).write_function()
+    step = StepFunction(builder, query, loops, form, search.made)
+    inlined = None
+    if INLINES and not (remembered or leveled or watched) and (search.plain or not memorizes):
+        inlined = step.write_search(grow if memorizes else search_of(search))
     function = inlined or step.write_function()
-    if inlined is None or search.repeats == "memorize":
+    if inlined is None or memorizes:
         body.add(pen.increase(unit.counter("expanded", body), -1))  # a search is no step, so its start does not count
+    if first is not None:
+        both = unit.local("expand")
+        body.add(pen.assign(both, pen.call(unit.helper(begun), pen.name(first), pen.name(function))))
+        function = both
+    find_keys = unit.local("keys") if keys else None
     if find_keys is not None:
         _define_keys(builder, query, body, find_keys, keys)
     apart = pen.constant(None)
-    if search.repeats == "memorize":
+    if memorizes:
         loops.counts_steps = True
-        apart = pieces(
-            builder, query, body, loops, step.has_list and not loops.lookups and inlined is not None, step.columns
-        )
-    made = [pen.name(start), pen.name(function), pen.constant(None) if find_keys is None else pen.name(find_keys)]
-    body.add(pen.back(pen.pack(*made, apart)))
+        chooses = step.has_list and not loops.lookups and inlined is not None
+        apart = pieces(builder, query, body, loops, chooses, step.columns)
+    names = [function, find_keys, key_of]
+    made = [pen.constant(None) if name is None else pen.name(name) for name in names]
+    body.add(pen.back(pen.pack(pen.name("starts"), *made, apart)))
     body.define()
-    shapes = Shapes(tuple(step.shapes.values()), tuple(step.columns))
-    return body.name, SearchForm(shapes, inlined is not None, remembered, leveled)
+    return body.name, SearchForm(
+        Shapes(tuple(shapes.values()), tuple(step.columns)), inlined is not None, remembered, leveled, watched
+    )
 
 
-def _stepwise(builder: Builder, query: plan.Query, body: Body, aggregates: Sequence[plan.Aggregate]) -> str:
-    """The function that finds the results of a search that goes step by step, see stepwise_code.py."""
-    keys = key_expressions(query, aggregates)
-    find_keys = builder.unit.local("keys") if keys else None
-    read_starts(builder, query, body)
-    written = stepwise(builder, query, body, find_keys)
-    if find_keys is not None:
-        _define_keys(builder, query, body, find_keys, keys)
-    body.add(*written)
+def begun(first: Expand, others: Expand) -> Expand:
+    """The step function of a search whose first steps have a condition of their own."""
+
+    def expand(state: State, *more: Any) -> Iterator[Step]:
+        return (first if state[-1] else others)(state, *more)
+
+    return expand
+
+
+def _find_starts(builder: Builder, query: plan.Query, body: Body, shapes: dict[str, Shape], start: str) -> None:
+    """START WITH: puts the frozen states in which the search starts into the list `starts`."""
+    search, unit, pen = query.search, builder.unit, builder.unit.pen_at(query.span)
+    assert search is not None
+    each = {source.id: source for source in search.each}
+    body.add(pen.assign("starts", pen.array()))
+    for name, expr in search.start:
+        local = unit.states[query.id, name] = unit.local(name)
+        place = unit.pen_at(expr.span)
+        if isinstance(expr, plan.Element) and expr.source in each:
+            items = place.call(unit.helper(elements), expression(builder, each[expr.source].value, body))
+            body.loop([local], items, place)
+        else:
+            body.add(place.assign(local, expression(builder, expr, body)))
+        body.states.add((query.id, name))
+        if each:  # another value in each turn, which nothing may keep
+            body.moved[query.id, name] = local
+    values = []
+    for name, shape in shapes.items():
+        value = pen.name(unit.states[query.id, name])
+        values.append(value if shape == "scalar" else pen.call(unit.helper(frozen.FREEZERS[shape]), value))
+    if search.first is not None:  # it is a start
+        values.append(pen.constant(True))
+    body.add(pen.assign(start, pen.pack(*values)))
+    body.locals.append(start)
+    body.add(pen.run(pen.call(pen.part(pen.name("starts"), "append"), pen.name(start))))
+    body.moved.clear()
+    for _ in each:
+        body.blocks.pop()
+        body.known.pop()
+
+
+def _define_key_of(builder: Builder, query: plan.Query, owner: Body, shapes: dict[str, Shape]) -> str:
+    """A function that gives the key of a frozen state, where BY names the state."""
+    search, unit, pen = query.search, builder.unit, builder.unit.pen_at(query.span)
+    assert search is not None
+    body = Body(unit, unit.local("key_of"), ["state"], owner)
+    body.states.update((query.id, name) for name in shapes)
+    body.count(search.key)
+    names = names_of_frozen(unit, query, shapes)
+    body.add(pen.unpack([*names.values(), *["_"] * (search.first is not None)], pen.name("state")))
+    computed = [key for key in search.key if not (isinstance(key, plan.State) and key.query == query.id)]
+    for name, shape in shapes.items():
+        if computed and shape != "scalar":
+            value = pen.call(unit.helper(frozen.thaw), pen.name(names[name]))
+            body.add(pen.assign(unit.states[query.id, name], value))
+    keys = []
+    for expr in search.key:
+        if isinstance(expr, plan.State) and expr.query == query.id:
+            keys.append(pen.name(names[expr.name]))
+        else:
+            value = expression(builder, expr, body)
+            keys.append(value if expr.type.only(SCALAR) else pen.call(unit.helper(frozen.freeze_any), value))
+    body.add(pen.back(keys[0] if len(keys) == 1 else pen.pack(*keys)))
     body.define()
     return body.name
 
@@ -108,7 +171,9 @@ def _comes_again(builder: Builder, query: plan.Query) -> bool:
     """Whether the steps of a state are worth keeping: states come again, there are calls, and nobody can notice."""
     search, analysis = query.search, builder.unit.analysis
     assert search is not None
-    if search.repeats not in ("allowed", "no cycle") or analysis.roots[0] is not query or analysis.open_world:
+    if not search.plain or search.repeats not in ("allowed", "no cycle"):
+        return False
+    if analysis.roots[0] is not query or analysis.open_world:
         return False
     clauses = [*(output.expr for output in query.columns), *query.rows, *(expr for _, expr in search.connect)]
     clauses += [c for c in (search.stop, query.where, search.weight, search.heuristic) if c is not None]

@@ -76,7 +76,7 @@ class SingleCall:
         self.begin.append(at.assign(made, at.constant(0)))
         self.end.append(at.run(at.call(count, at.name(made))))
         # The start may be a row as well, so it may be expanded twice.
-        state, start = at.pack(*map(at.name, step.frozen_states.values())), at.name(step.start)
+        state, start = at.pack(*map(at.name, step.frozen_states.values())), at.name(step.form.start)
         if len(step.frozen_states) == 1:
             (only,) = step.frozen_states.values()
             state, start = at.name(only), at.item(start, 0)

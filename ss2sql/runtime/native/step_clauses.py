@@ -6,8 +6,8 @@ A step ends in `yield row, key, goal, goes_on, after, weight, estimate, last`, s
 from __future__ import annotations
 
 import ast
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from functools import partial
 from marshal import dumps
 from typing import TYPE_CHECKING, Any
@@ -22,7 +22,7 @@ from ss2sql.runtime.native.fragments import written
 from ss2sql.runtime.native.loops import Loops, read_by_sources
 from ss2sql.runtime.native.pen import Pen
 from ss2sql.runtime.native.single_calls import SingleCall
-from ss2sql.runtime.native.unit import Body
+from ss2sql.runtime.native.unit import Body, Unit
 from ss2sql.runtime.search.best_first import TAKEN
 
 if TYPE_CHECKING:
@@ -69,41 +69,57 @@ continue
 """
 
 
+@dataclass(frozen=True, slots=True)
+class StepForm:
+    """What the step functions of one search have in common.
+
+    `start` is the name of the frozen state that START WITH gives, the last of several. `keyed`: somebody asks for the
+    last part of a step. `complete`: what leaves no trace is told, see remembered_steps.py; `watched`: the trace of the
+    run hears of it. `key_of` is the name of the
+    function that gives the key of a state, where BY names it.
+    """
+
+    shapes: dict[str, Shape]
+    start: str
+    keyed: bool
+    complete: bool
+    watched: bool
+    key_of: str | None
+
+
 class StepClauses:
     """Writes the clauses of one step into `inner`, the innermost loop of `body`.
 
-    `owner` is where START WITH is evaluated, and `start` the name of the frozen state that it gives. `keyed`: GROUP BY
-    or ORDER BY ask for the last part of a step. `complete`: what leaves no trace is told, see remembered_steps.py.
+    `owner` is where START WITH is evaluated. Steps are made of elements that meet the condition `made`.
     """
 
     def __init__(
-        self, builder: Builder, query: plan.Query, body: Body, loops: Loops, start: str, keyed: bool, complete: bool
+        self, builder: Builder, query: plan.Query, body: Body, loops: Loops, form: StepForm, made: plan.Expr | None
     ) -> None:
         assert query.search is not None
         self.builder, self.unit = builder, builder.unit
         self.query, self.search = query, query.search
         self.body = self.inner = body
         self.loops, self.owner = loops, loops.owner
-        self.start, self.keyed, self.complete = start, keyed, complete
+        self.form, self.made, self.shapes = form, made, form.shapes
         self.pen = self.unit.pen_at(query.span)
         self.outputs = query.rows if query.aggregated else tuple(output.expr for output in query.columns)
         clauses = [self.search.stop, query.where, self.search.weight, self.search.heuristic]
         self.clauses = [clause for clause in clauses if clause is not None]
         self.connect = dict(self.search.connect)
         self.everything = [*self.outputs, *self.clauses, *self.connect.values()]
-        self.compares = self.search.repeats != "allowed"
+        self.compares = self.search.repeats != "allowed" and self.search.by == "row"  # before all else
+        self.by_key = self.search.repeats != "allowed" and self.search.by != "row"  # behind BY, after all else
         self.edges = self.search.repeats == "memorize"
         self.totals = self.search.repeats == "unique" and self.search.weight is not None
         self.steady = all(self.unit.analysis.of(expr).steady for expr in self.everything)
-        types = dict(self.search.states)
-        self.shapes = {name: _shape_of_state(types.get(name, expr.type), expr) for name, expr in self.search.start}
-        self.frozen_states = {
-            name: self.unit.states[query.id, name] if shape == "scalar" else self.unit.local(f"{name}_frozen")
-            for name, shape in self.shapes.items()
-        }
+        self.frozen_states = names_of_frozen(self.unit, query, self.shapes)
         body.states = {(query.id, name) for name in self.shapes}
-        body.count([*read_by_sources(query), *self.everything])
-        self.single = SingleCall.of(self)  # a call that is made once for each step, without a memory
+        conditions = [] if made is None else [made]
+        siblings = [key.expr for key in self.search.siblings]
+        body.count([*read_by_sources(query), *conditions, *siblings, *self.everything, *self.search.key])
+        # a call that is made once for each step, without a memory
+        self.single = None if form.watched else SingleCall.of(self)
         self.columns: list[Shape] = [self._shape_of_column(expr) for expr in self.outputs]
         self.key: ast.expr = self.pen.constant(None)
         self.row: list[ast.expr] = []  # the frozen values of the columns
@@ -113,7 +129,7 @@ class StepClauses:
     def write_clauses(self) -> None:
         """Writes all clauses, and what is given of the step."""
         pen, inner = self.pen, self.inner
-        early = self.totals and self._weighs_early()
+        early = self.totals and self.compares and self._weighs_early()
         if self.compares:
             self._compare(early)
         self._ask()
@@ -125,35 +141,93 @@ class StepClauses:
             self._weigh()
             if self.totals:
                 self._add_up()
-                if self.steady:
+                if self.steady and not self.by_key:
                     self._improve(known=self.search.heuristic is None)
         if self._may_end:
-            inner.add(pen.when(pen.name("stop"), pen.run(pen.give(self._step(None))), pen.next_turn()))
-        self._go_on()
-        if self.totals and not self.steady:
+            inner.add(pen.when(pen.name("stop"), *self._aside(partial(self._finish, True)), pen.next_turn()))
+        self._finish(False)
+
+    def _finish(self, stops: bool) -> None:
+        """HEURISTIC, CONNECT BY, and what is compared behind BY, as far as they are asked for; gives the step."""
+        of_state, after = self.by_key and self.search.by == "state", None
+        if not stops and self.search.heuristic is not None:
+            self.inner.add(self.pen.assign("estimate", self._number(self.search.heuristic, options.heuristic)))
+        if not stops or of_state:
+            self._go_on()
+            after = self._after()
+        if self.by_key:
+            self._find_key(after)
+            if not self.edges:
+                self._add(CLOSED, self.pen, IS_CLOSED=self._is_closed(), LEAVE=self._prune())
+        if self.totals and (self.by_key or not (self.steady or stops)):
             self._improve(known=self.search.heuristic is None)
-        inner.add(pen.run(pen.give(self._step(self._after()))))
+        self.inner.add(self.pen.run(self.pen.give(self._step(after, stops))))
+
+    def _aside(self, write: Callable[[], None]) -> list[ast.stmt]:
+        """The statements that are written, for a place that not every step comes to."""
+        inner, moved = self.inner, dict(self.inner.moved)
+        inner.blocks.append([])
+        inner.known.append({})
+        with inner.unsure():
+            write()
+        inner.known.pop()
+        inner.moved = moved
+        return inner.blocks.pop()
+
+    def _find_key(self, after: ast.expr | None) -> None:
+        """The key that BY names: of the state reached, or of the step and the state before it."""
+        inner, pen = self.inner, self.pen
+        if self.search.by == "state":
+            assert self.form.key_of is not None
+            assert after is not None
+            self.key = pen.name(inner.assigned(pen.call(self.form.key_of, after), pen, "key"))
+            return
+        moved, inner.moved = inner.moved, {}
+        self.key = self._packed_key([self._frozen(expr, self._shape_of_column(expr)) for expr in self.search.key])
+        inner.moved = moved
+
+    def _packed_key(self, values: list[ast.expr]) -> ast.expr:
+        """What stands for the values that are compared."""
+        pen = self.pen
+        return values[0] if len(values) == 1 else pen.name(self.inner.assigned(pen.pack(*values), pen, "key"))
 
     def _add(self, text: str, pen: Pen, **words: ast.expr | list[ast.stmt]) -> None:
         self.inner.add(*written(text, pen, words))
 
     def _prune(self) -> list[ast.stmt]:
-        return written(PRUNE, self.pen, {})
+        return [*self._told("repeated"), *written(PRUNE, self.pen, {})]
 
-    def _step(self, after: ast.expr | None) -> ast.expr:
-        """What is given of a step that leaves a trace; `after` None: it stops."""
+    def _told(self, word: str) -> list[ast.stmt]:
+        """Lets the trace hear of a step that leaves none, with its row where it is known, or nobody could notice."""
+        pen = self.pen
+        if not self.form.watched:
+            return []
+        leave = pen.part(pen.part(pen.name("run"), "trace"), "leave")
+
+        def write() -> None:
+            pairs = zip(self.outputs, self.columns, strict=True)
+            row = self.row or [self._frozen(expr, shape) for expr, shape in pairs]
+            self.inner.add(pen.run(pen.call(leave, pen.constant(word), pen.pack(*row))))
+
+        facts = [self.unit.analysis.of(expr) for expr in self.outputs]
+        if self.row or (not self.query.aggregated and all(one.steady and one.total for one in facts)):
+            return self._aside(write)
+        return [pen.run(pen.call(leave, pen.constant(word), pen.constant(None)))]
+
+    def _step(self, after: ast.expr | None, stops: bool) -> ast.expr:
+        """What is given of a step that leaves a trace."""
         pen, search = self.pen, self.search
         nothing = pen.constant(None)
         weight = pen.name("new_total") if self.totals else pen.name("weight")
         return pen.pack(
             pen.name("row"),
             self.key,
-            pen.constant(True) if after is None or self.query.where is None else pen.name("goal"),
-            pen.constant(after is not None),
+            pen.constant(True) if stops or self.query.where is None else pen.name("goal"),
+            pen.constant(not stops),
             after or nothing,
             nothing if search.weight is None else weight,
-            nothing if search.heuristic is None or after is None else pen.name("estimate"),
-            self._last() if self.keyed else nothing,
+            nothing if search.heuristic is None or stops else pen.name("estimate"),
+            self._last() if self.form.keyed else nothing,
         )
 
     def _last(self) -> ast.expr:
@@ -210,6 +284,9 @@ class StepClauses:
             return
         if not alone:
             self._pack_row()
+        if self.search.key:
+            shown = zip(self.outputs, self.row, strict=True)
+            self.key = self._packed_key([value for expr, value in shown if expr in self.search.key])
         if early:
             self._weigh()
             self._add_up()
@@ -259,19 +336,18 @@ class StepClauses:
 
     def _edge(self) -> list[ast.stmt]:
         """What MEMORIZE is given of a step to a known row: its weight is asked for, and nothing else."""
-        pen, inner = self.pen, self.inner
-        inner.blocks.append([])
-        inner.known.append({})
-        with inner.unsure():
+        pen = self.pen
+
+        def write() -> None:
             if len(self.row) == 1:
                 self._pack_row()
             self._weigh()
-        inner.known.pop()
+
         nothing = pen.constant(None)
         weight = nothing if self.search.weight is None else pen.name("weight")
-        last = self._last() if self.keyed else nothing
+        last = self._last() if self.form.keyed else nothing
         step = [pen.name("row"), self.key, nothing, pen.constant(False), nothing, weight, nothing, last]
-        return [*inner.blocks.pop(), pen.run(pen.give(pen.pack(*step))), pen.next_turn()]
+        return [*self._aside(write), pen.run(pen.give(pen.pack(*step))), pen.next_turn()]
 
     # --- STOP WITH and WHERE ---------------------------------------------------------------------------
 
@@ -283,8 +359,10 @@ class StepClauses:
     def _ask(self) -> None:
         pen, inner, stop, where = self.pen, self.inner, self.search.stop, self.query.where
         leave = [pen.next_turn()]
-        if self.complete:
+        if self.form.complete:
             leave.insert(0, pen.run(pen.call("drop", self.key)))
+        if self.form.watched and stop is not None:
+            leave[:0] = self._told("stopped")
         if stop is not None and where is None:
             pen = self.unit.pen_at(stop.span)
             facts = self.unit.analysis.of(stop)
@@ -314,7 +392,7 @@ class StepClauses:
         probable = self.search.order == "probability"
         inner.add(pen.assign("weight", self._number(weight, options.probability if probable else options.cost)))
         if probable:
-            inner.add(pen.unless(pen.name("weight"), pen.next_turn()))
+            inner.add(pen.unless(pen.name("weight"), *self._told("stopped"), pen.next_turn()))
 
     def _number(self, expr: plan.Expr, check: Callable[[Any], Any]) -> ast.expr:
         pen = self.unit.pen_at(expr.span)
@@ -346,10 +424,8 @@ class StepClauses:
     # --- CONNECT BY ------------------------------------------------------------------------------------
 
     def _go_on(self) -> None:
-        """HEURISTIC, and CONNECT BY in its order."""
+        """CONNECT BY in its order."""
         inner, unit, number = self.inner, self.unit, self.query.id
-        if self.search.heuristic is not None:
-            inner.add(self.pen.assign("estimate", self._number(self.search.heuristic, options.heuristic)))
         for name, expr in self.search.connect:
             pen = unit.pen_at(expr.span)
             inner.moved[number, name] = inner.assigned(expression(self.builder, expr, inner), pen, f"next_{name}")
@@ -373,7 +449,25 @@ class StepClauses:
             else:
                 made = pen.call(self.unit.helper(frozen.FREEZERS[shape]), pen.name(moved))
                 values.append(made if column is None else column)
+        if self.search.first is not None:  # it is no start
+            values.append(pen.constant(False))
+        if self.by_key:  # they are read twice
+            values = [self.inner.variable(value, pen, "after") for value in values]
         return pen.pack(*values)
+
+
+def shapes_of(search: plan.Search) -> dict[str, Shape]:
+    """How the START WITH variables of a search are frozen."""
+    types = dict(search.states)
+    return {name: _shape_of_state(types.get(name, expr.type), expr) for name, expr in search.start}
+
+
+def names_of_frozen(unit: Unit, query: plan.Query, shapes: Mapping[str, Shape]) -> dict[str, str]:
+    """The names of the frozen variables; numbers and strings are their own frozen values."""
+    return {
+        name: unit.states[query.id, name] if shape == "scalar" else unit.local(f"{name}_frozen")
+        for name, shape in shapes.items()
+    }
 
 
 def _shape_of_state(known: Type, start: plan.Expr) -> Shape:

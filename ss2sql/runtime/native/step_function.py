@@ -37,22 +37,27 @@ from __future__ import annotations
 
 import ast
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from heapq import heappop, heappush
 from typing import TYPE_CHECKING, Any
 
 from ss2sql import plan
 from ss2sql.runtime import frozen
 from ss2sql.runtime.native.call_code import is_remembered, keyed_elements
+from ss2sql.runtime.native.expressions import expression
+from ss2sql.runtime.native.flat import placed_conditions
 from ss2sql.runtime.native.fragments import names_read, written
 from ss2sql.runtime.native.inlining import has_text, searching
 from ss2sql.runtime.native.lookups import Lookup, lookups
 from ss2sql.runtime.native.loops import Loops, read_by_sources
 from ss2sql.runtime.native.pace import SHORT, Parts, counts_of, meter_of, steps_pace_of
-from ss2sql.runtime.native.step_clauses import StepClauses
+from ss2sql.runtime.native.step_clauses import StepClauses, StepForm
 from ss2sql.runtime.native.unit import Body
+from ss2sql.runtime.ordering import sort_rows
+from ss2sql.runtime.rows import Row
 from ss2sql.runtime.search.best_first import TAKEN
-from ss2sql.runtime.ways import START, Parents, Trail, path_by_parents, path_to
+from ss2sql.runtime.ways import START, Parents, Trail, path_by_parents, path_to, place_of
 from ss2sql.walk import walk
 
 if TYPE_CHECKING:
@@ -64,6 +69,7 @@ HELPERS: tuple[Callable[..., Any], ...] = (
     heappush,
     path_by_parents,
     path_to,
+    place_of,
     Parents,
     Trail,
 )  # of the loops
@@ -111,6 +117,12 @@ LOOK
 """
 
 
+def in_order(elements: Iterable[tuple[Any, Row]], descending: tuple[bool, ...]) -> list[Any]:
+    """The elements, which come with their keys, as ORDER SIBLINGS BY has them."""
+    pairs = list(elements)
+    return sort_rows([element for element, _ in pairs], [keys for _, keys in pairs], descending)
+
+
 class StepLoops(Loops):
     """The loops over the sources of a search, whose innermost turns are its steps.
 
@@ -130,26 +142,35 @@ class StepFunction(StepClauses):
     loops: StepLoops
 
     def __init__(
-        self, builder: Builder, query: plan.Query, loops: StepLoops, start: str, keyed: bool, complete: bool
+        self, builder: Builder, query: plan.Query, loops: StepLoops, form: StepForm, made: plan.Expr | None
     ) -> None:
         assert query.search is not None
-        more = ["choose"] if query.search.repeats == "memorize" else ["drop"] if complete else []
+        more = ["choose"] if query.search.repeats == "memorize" else ["drop"] if form.complete else []
         if query.search.repeats == "unique" and query.search.weight is not None:
             more = ["best", "total"]
         body = Body(builder.unit, builder.unit.local("expand"), ["state", "closed", *more], loops.owner)
-        super().__init__(builder, query, body, loops, start, keyed, complete)
+        super().__init__(builder, query, body, loops, form, made)
         self.resumed = self.search.order == "depth first" and not self.edges  # the loop is left, and entered again
-        self._look_up()
-        self._accompany()
-        if len(query.sources) > MOST_INSIDE:
-            self._generate()
+        placed: dict[int, list[plan.Expr]] = {}
+        guarded = None
+        if made is None:
+            self._look_up()
         else:
-            self.inner = loops.open(body, {})
+            placed, guarded = placed_conditions(builder, replace(query, where=made), loops)
+            placed[1] = [*placed.pop(0, []), *placed.get(1, [])]  # a step function goes through its elements
+            guarded = None if guarded is None else max(guarded, 1)
+        self._accompany()
+        several = bool(self.search.siblings) or len(query.sources) > MOST_INSIDE
+        if several:
+            self._generate(placed, guarded)
+        else:
+            self.inner = loops.open(body, placed, guarded)
         loop = body.blocks[0][-1]
         assert isinstance(loop, ast.For)
         self.loop = loop
         alone = len(query.sources) == 1 and not isinstance(query.sources[0], plan.WorldSource)
-        self.has_list = alone and not loop.body  # the elements of a state are one list
+        # the elements of a state are one list
+        self.has_list = alone and not several and len(loop.body) == len(placed.get(1, ()))
 
     def write_function(self) -> str:
         """Writes the function and gives its name."""
@@ -162,14 +183,15 @@ class StepFunction(StepClauses):
         }
         code = self._write(LOOK, words, self.has_list)
         begin = [] if self.single is None else self.single.begin
-        states = self.pen.unpack(list(self.frozen_states.values()), self.pen.name("state"))
+        names = list(self.frozen_states.values()) + ["_"] * (self.search.first is not None)
+        states = self.pen.unpack(names, self.pen.name("state"))
         self.body.blocks[0][:] = [*begin, states, *code]
         self.body.define()
         return self.body.name
 
     def write_search(self, loop: Callable[..., Any]) -> str | None:
         """Writes the loop of a search with the function put in, and gives its name; None where it cannot be."""
-        if not has_text(loop) or (self.resumed and not self.has_list):
+        if not has_text(loop) or self.search.first is not None or (self.resumed and not self.has_list):
             return None
         pen, unit, run = self.pen, self.unit, self.pen.name("run")
         meter = unit.bind("meter of steps", "meter", pen.call(unit.helper(steps_pace_of), run), pen)
@@ -183,9 +205,12 @@ class StepFunction(StepClauses):
             "repeats": self.search.repeats,
             "likeliest": self.search.order == "probability",
             "weighed": self.search.weight is not None,
-            "keyed": self.keyed,
+            "keyed": self.form.keyed,
             "alone": len(self.outputs) == 1,
+            "apart": bool(self.search.key),
+            "visits": self.form.key_of is not None,
             "last": self.query.last,
+            "outdated": None,
         }
         expanded = 0 if self.edges else -1  # a search is no step, so its start does not count
         begin = written(f"generated = pruned = due = 0\nexpanded = {expanded}\nturns = iter(())", pen, {})
@@ -260,20 +285,27 @@ class StepFunction(StepClauses):
         made = (ast.Tuple(item.elts, ast.Load(), **self.pen.at) for item in items.elts if isinstance(item, ast.List))
         return self.pen.array(*made)
 
-    def _generate(self) -> None:
-        """Loops over all sources in a generator of its own."""
-        unit, pen, outer = self.unit, self.pen, self.owner
+    def _generate(self, placed: Mapping[int, Sequence[plan.Expr]], guarded: int | None) -> None:
+        """Loops over all sources in a generator of its own, whose elements ORDER SIBLINGS BY may sort."""
+        unit, pen, outer, siblings = self.unit, self.pen, self.owner, self.search.siblings
         states = sorted(self.body.states)
         generator = Body(unit, unit.local("elements"), [unit.states[state] for state in states], outer)
         generator.states = self.body.states
-        generator.count(read_by_sources(self.query))
-        innermost = self.loops.open(generator, {})
+        generator.count([*read_by_sources(self.query), *(key.expr for key in siblings)])
+        innermost = self.loops.open(generator, placed, guarded)
         names = [unit.names[source.id] for source in self.query.sources]
         for known in (self.loops.frozen, unit.keys):
             names += [known[source.id] for source in self.query.sources if source.id in known]
-        innermost.add(pen.run(pen.give(pen.pack(*map(pen.name, names)))))
+        given = pen.pack(*map(pen.name, names)) if len(names) > 1 else pen.name(*names)
+        if siblings:
+            given = pen.pack(given, pen.pack(*(expression(self.builder, key.expr, innermost) for key in siblings)))
+        innermost.add(pen.run(pen.give(given)))
         innermost.define()
-        self.body.loop(names, pen.call(generator.name, *map(pen.name, generator.parameters)), pen)
+        items = pen.call(generator.name, *map(pen.name, generator.parameters))
+        if siblings:
+            descending = pen.name(unit.constant(tuple(key.descending for key in siblings), "descending"))
+            items = pen.call(unit.helper(in_order), items, descending)
+        self.body.loop(names, items, pen)
         self.body.levels.update((source.id, 1) for source in self.query.sources)
 
     def _look_up(self) -> None:
@@ -285,7 +317,8 @@ class StepFunction(StepClauses):
         stop = self.search.stop.parts if isinstance(self.search.stop, plan.Or) else (self.search.stop,)
         where = self.query.where.parts if isinstance(self.query.where, plan.And) else (self.query.where,)
         rows = [self.unit.analysis.of(expr) for expr in self.outputs] if self.compares else []
-        if self.edges or self.complete or not all(facts.steady and facts.total for facts in rows):
+        told = self.edges or self.form.complete or self.form.watched
+        if told or not all(facts.steady and facts.total for facts in rows):
             return
         for part, other in zip(stop, where if self.query.where else stop, strict=False):
             dropped = [] if part is None else lookups(part, self.unit.analysis, "ne")

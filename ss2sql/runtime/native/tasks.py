@@ -10,7 +10,8 @@ from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
 from ss2sql import plan
-from ss2sql.runtime.frozen import Thaw
+from ss2sql.runtime.frozen import State, Thaw
+from ss2sql.runtime.memorize.by_key import ByKey
 from ss2sql.runtime.memorize.growing import memorize
 from ss2sql.runtime.memorize.hunt import Found, Hunt
 from ss2sql.runtime.memorize.pieces import Pieces
@@ -23,6 +24,7 @@ from ss2sql.runtime.run import Run
 from ss2sql.runtime.search import search_of
 from ss2sql.runtime.search.contract import Expand, Problem, exceeds
 from ss2sql.runtime.search.remembered_steps import RememberedSteps, ignore
+from ss2sql.runtime.search.watched import Watched
 from ss2sql.runtime.values import freeze
 
 if TYPE_CHECKING:
@@ -116,26 +118,36 @@ class Task:
     def _found(self, bound: int | None, outer: tuple[Any, ...]) -> Generator[Any, None, None]:
         """The results as they are found; `bound` is MEMORIZE's."""
         search, form = self.form.query.search, self.form.search
-        if search is None:
+        if search is None or form is None:
             return self.find(*outer)  # type: ignore[no-any-return]
-        if form is None:
-            paths = self.find(*outer)
-            next(paths)  # evaluates START WITH, and what is read once
-            return _sent(paths, bound)
-        start, function, keys, pieces = self.find(*outer)
-        likeliest, weighed = search.order == "probability", search.weight is not None
-        alone = len(form.shapes.columns) == 1
-        last = self.form.query.last
-        steps = likeliest, weighed, keys is not None, alone, last
-        problem = Problem(start, function, search.repeats, *steps, self._look)
+        starts, function, keys, key_of, pieces = self.find(*outer)
+        problem = Problem(
+            starts if key_of is None or search.repeats != "unique" else _different_starts(starts, key_of),
+            function,
+            search.repeats,
+            likeliest=search.order == "probability",
+            weighed=search.weight is not None,
+            keyed=keys is not None,
+            alone=len(form.shapes.columns) == 1,
+            apart=bool(search.key),
+            visits=key_of is not None,
+            last=self.form.query.last,
+            key_of=key_of or id,
+            found=self._look,
+        )
+        watched = Watched(self.run.trace, self.form.query, problem) if form.watched else None
+        problem = problem if watched is None else watched.problem
+        if search.repeats == "memorize" and (watched is not None or not search.plain):
+            shown = None if search.plain else pieces
+            found = ByKey(self.form.query, problem, bound, self.run.check, form.shapes.thawing(), shown).paths()
+            return self._paths(found, keys, None)
         if search.repeats == "memorize":
             hunt = self._hunt(search, form, problem, bound, pieces and Pieces(*pieces))
             return self._paths((self.form.find or memorize)(hunt), keys, None)
-        problem = replace(
-            problem, expand=self._expand(form, function), watch=watcher(self.run, form.leveled, self._flush)
-        )
-        loop = function if form.inlined else search_of(search)
-        return self._paths(loop(problem), keys, form.shapes.thawing())
+        expand = problem.expand if form.watched else self._expand(form, function)
+        problem = replace(problem, expand=expand, watch=watcher(self.run, form.leveled, self._flush))
+        found = (function if form.inlined else search_of(search))(problem)
+        return self._paths(found if watched is None else watched.found(found), keys, form.shapes.thawing())
 
     def _look(self, total: Any, guess: Any) -> None:
         self.run.overestimated |= exceeds(guess, total)
@@ -149,7 +161,7 @@ class Task:
     ) -> Hunt:
         """The search that makes the graph of MEMORIZE."""
         return Hunt(
-            start=form.shapes.thaw(problem.start),
+            start=form.shapes.thaw(problem.starts[0]),
             problem=problem,
             shapes=form.shapes,
             grow=problem.expand if form.inlined else None,  # type: ignore[arg-type]
@@ -204,16 +216,12 @@ class Task:
             raise too_many(most, self.form.query.span)
 
 
-def _sent(paths: Generator[Any, int | None, None], bound: int | None) -> Generator[Any, None, None]:
-    """The results of a search that waits for MEMORIZE's bound."""
-    try:
-        yield paths.send(bound)
-    except StopIteration:
-        return
-    try:
-        yield from paths
-    finally:
-        paths.close()
+def _different_starts(starts: list[State], key_of: Callable[[State], Hashable]) -> list[State]:
+    """The first of equal starts."""
+    by_key: dict[Hashable, State] = {}
+    for start in starts:
+        by_key.setdefault(key_of(start), start)
+    return list(by_key.values())
 
 
 def _none_found() -> Generator[Any, None, None]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from ss2sql import plan
-from ss2sql.runtime.search.best_first import best_first, best_first_unique, guided, guided_unique
+from ss2sql.runtime.search.best_first import best_first, best_first_unique, greedy, guided, guided_unique
 from ss2sql.runtime.search.breadth_first import breadth_first, breadth_first_unique
 from ss2sql.runtime.search.contract import Found, Problem
 from ss2sql.runtime.search.depth_first import depth_first
@@ -20,6 +20,8 @@ def search_of(search: plan.Search) -> Callable[[Problem], Iterator[Found]]:
         return depth_first
     if search.order == "breadth first":
         return breadth_first_unique if search.repeats == "unique" else breadth_first
+    if search.order == "greedy":
+        return greedy
     if search.repeats == "unique":
         return guided_unique if search.heuristic is not None else best_first_unique
     return guided if search.heuristic is not None else best_first

@@ -11,18 +11,22 @@ from heapq import heappop, heappush
 from typing import Any
 
 from ss2sql.runtime.search.contract import Found, Problem
-from ss2sql.runtime.ways import START, Parents, Trail, path_by_parents, path_to
+from ss2sql.runtime.ways import START, Parents, Trail, path_by_parents, path_to, place_of
 
 TAKEN = -2  # less than every total
 
 
 def best_first(problem: Problem) -> Iterator[Found]:
-    """Uniform cost: every path, or with NO CYCLE every path on which no row occurs twice."""
+    """Uniform cost: every path, or with NO CYCLE every path on which no key occurs twice."""
     expand, watch, likeliest = problem.expand, problem.watch, problem.likeliest
     trail = Trail() if problem.repeats == "no cycle" else None
     closed: Any = trail.keys if trail else ()
-    queue: list[Any] = [(-1 if likeliest else 0, 0, False, True, problem.start, None, None)]
+    queue: list[Any] = []
     number = 0
+    for state in problem.starts:
+        number += 1
+        path = place_of(problem.key_of(state)) if problem.visits else None
+        queue.append((-1 if likeliest else 0, number, False, True, state, path, None))
     while queue:
         total, _, goal, goes_on, state, path, last = heappop(queue)
         if goal:
@@ -45,8 +49,12 @@ def guided(problem: Problem) -> Iterator[Found]:
     expand, watch, found = problem.expand, problem.watch, problem.found
     trail = Trail() if problem.repeats == "no cycle" else None
     closed: Any = trail.keys if trail else ()
-    queue: list[Any] = [(0, 0, 0, True, 0, problem.start, None, None)]
+    queue: list[Any] = []
     number = highest = 0
+    for state in problem.starts:
+        number += 1
+        path = place_of(problem.key_of(state)) if problem.visits else None
+        queue.append((0, 0, number, True, 0, state, path, None))
     while queue:
         guess, _, _, goes_on, total, state, path, last = heappop(queue)
         if not goes_on:
@@ -65,72 +73,112 @@ def guided(problem: Problem) -> Iterator[Found]:
             number += 1
             new = (path, row, key, path[3] + 1 if path else 1) if trail else (path, row)
             if goal:
-                heappush(queue, (rank, 0, number, False, rank, problem.start, new, last))
+                heappush(queue, (rank, 0, number, False, rank, state, new, last))
             if goes_on:
                 heappush(queue, (rank + estimate, estimate, number, True, rank, after, new, None))
 
 
 def best_first_unique(problem: Problem) -> Iterator[Found]:
-    """Dijkstra: each row once, by its best path. `best` has its total, or TAKEN once it has come out of the queue."""
+    """Dijkstra: each key once, by its best path. `best` has its total, or TAKEN once it has come out of the queue."""
     expand, watch = problem.expand, problem.watch
     best: dict[Any, Any] = {}
-    parents: dict[Any, Any] = {}  # of the rows that have come out
-    rows: dict[Any, Any] | None = {} if problem.alone else None
+    parents: dict[Any, Any] = {}  # of the keys that have come out
+    rows: Any = {} if problem.alone or problem.apart else None
     queue: list[Any] = []
-    number, total, state, key = 0, -1 if problem.likeliest else 0, problem.start, START
-    while True:
-        if watch:
-            watch(Parents(parents, key))
-        before = key
-        for _, key, goal, goes_on, after, rank, _, last in expand(state, best, best, total):
-            best[key] = rank
-            number += 1
-            heappush(queue, (rank, number, key, goal, goes_on, after, before, last))
-        while queue:
-            total, _, key, goal, goes_on, state, before, last = heappop(queue)
+    number = 0
+    for state in problem.starts:
+        number += 1
+        queue.append((-1 if problem.likeliest else 0, number, START, False, True, state, START, None))
+        if problem.visits:
+            best[problem.key_of(state)] = TAKEN
+    while queue:
+        total, _, key, goal, goes_on, state, before, last = heappop(queue)
+        if key is not START:
             if best[key] is TAKEN:
+                if problem.outdated:
+                    problem.outdated(state, last)
                 continue
             best[key] = TAKEN
             parents[key] = before
             if goal:
-                yield ((key,) if problem.alone else key,) if problem.last else path_by_parents(parents, key, rows), last
-            if goes_on:
-                break
-        else:
-            return
+                yield path_by_parents(parents, key, rows, problem.last), last
+            if not goes_on:
+                continue
+        if watch:
+            watch(Parents(parents, key))
+        before = key
+        for row, key, goal, goes_on, after, rank, _, last in expand(state, best, best, total):
+            best[key] = rank
+            if problem.apart:
+                rows[key] = row
+            number += 1
+            heappush(queue, (rank, number, key, goal, goes_on, after, before, last))
 
 
 def guided_unique(problem: Problem) -> Iterator[Found]:
-    """A*. The heuristic may be inconsistent: a row is taken again when a cheaper path to it appears."""
+    """A*. The heuristic may be inconsistent: a key is taken again when a cheaper path to it appears."""
     expand, watch, found = problem.expand, problem.watch, problem.found
-    best: dict[Any, Any] = {}  # the least total of a path to each row so far
-    taken: dict[Any, Any] = {}  # those at which rows came out of the queue
+    best: dict[Any, Any] = {START: 0}  # the least total of a path to each key so far
+    taken: dict[Any, Any] = {}  # those at which keys came out of the queue
     given: set[Any] = set()
     queue: list[Any] = []
-    number, total, state, path, highest = 0, 0, problem.start, None, 0
-    while True:
+    number = highest = 0
+    for state in problem.starts:
+        number += 1
+        queue.append((0, 0, number, True, START, 0, None, None, state))
+        if problem.visits:
+            best[problem.key_of(state)] = taken[problem.key_of(state)] = 0
+    while queue:
+        guess, _, _, goes_on, key, total, path, last, state = heappop(queue)
+        if best[key] < total:
+            if problem.outdated:
+                problem.outdated(state, last)
+            continue
+        taken[key] = total
+        if guess > highest:
+            highest = guess
+        if not goes_on:
+            if key not in given:
+                given.add(key)
+                if guess < highest:
+                    found(guess, highest)
+                yield (path[1],) if problem.last else path_to(path), last
+            continue
         if watch:
             watch(path)
         for row, key, goal, goes_on, after, rank, estimate, last in expand(state, taken, best, total):
             best[key] = rank
             number += 1
             if goal:
-                heappush(queue, (rank, 0, number, False, key, rank, (path, row), last, problem.start))
+                heappush(queue, (rank, 0, number, False, key, rank, (path, row), last, state))
             if goes_on:
                 heappush(queue, (rank + estimate, estimate, number, True, key, rank, (path, row), None, after))
-        while queue:
-            guess, _, _, goes_on, key, total, path, last, state = heappop(queue)
-            if best[key] < total:
-                continue
-            taken[key] = total
-            if guess > highest:
-                highest = guess
+
+
+def greedy(problem: Problem) -> Iterator[Found]:
+    """The step with the smallest estimate is extended first. A result is given out when it is generated."""
+    expand, watch, unique = problem.expand, problem.watch, problem.repeats == "unique"
+    trail = Trail() if problem.repeats == "no cycle" else None
+    closed: Any = trail.keys if trail else set()
+    queue: list[Any] = []
+    number = 0
+    for state in problem.starts:
+        number += 1
+        if unique and problem.visits:
+            closed.add(problem.key_of(state))
+        queue.append((0, number, place_of(problem.key_of(state)) if problem.visits else None, state))
+    while queue:
+        _, _, path, state = heappop(queue)
+        if trail:
+            trail.move_to(path)
+        if watch:
+            watch(path)
+        for row, key, goal, goes_on, after, _, estimate, last in expand(state, closed):
+            if unique:
+                closed.add(key)
+            new = (path, row, key, path[3] + 1 if path else 1)
+            if goal:
+                yield (row,) if problem.last else path_to(new), last
             if goes_on:
-                break
-            if key not in given:
-                given.add(key)
-                if guess < highest:
-                    found(guess, highest)
-                yield (path[1],) if problem.last else path_to(path), last
-        else:
-            return
+                number += 1
+                heappush(queue, (estimate, number, new, after))

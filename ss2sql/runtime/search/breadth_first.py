@@ -10,15 +10,17 @@ from collections.abc import Iterator
 from typing import Any
 
 from ss2sql.runtime.search.contract import Found, Problem
-from ss2sql.runtime.ways import START, Parents, Trail, path_by_parents, path_to
+from ss2sql.runtime.ways import START, Parents, Trail, path_by_parents, path_to, place_of
 
 
 def breadth_first(problem: Problem) -> Iterator[Found]:
-    """Every path, or with NO CYCLE every path on which no row occurs twice."""
+    """Every path, or with NO CYCLE every path on which no key occurs twice."""
     expand, watch = problem.expand, problem.watch
     trail = Trail() if problem.repeats == "no cycle" else None
     closed: Any = trail.keys if trail else ()
-    queue: deque[Any] = deque([(None, problem.start)])
+    queue: deque[Any] = deque()
+    for state in problem.starts:
+        queue.append((place_of(problem.key_of(state)) if problem.visits else None, state))
     while queue:
         path, state = queue.popleft()
         if trail:
@@ -34,21 +36,27 @@ def breadth_first(problem: Problem) -> Iterator[Found]:
 
 
 def breadth_first_unique(problem: Problem) -> Iterator[Found]:
-    """Each row once, by the first of its shortest paths. `parents` is the closed list: the row before each row.
+    """Each key once, by the first of its shortest paths. `parents` is the closed list: the key before each key.
 
     It is a dict, not a chain of tuples, for the garbage collector: half of the time of an 8-puzzle.
     """
     expand, watch = problem.expand, problem.watch
     parents: dict[Any, Any] = {}
-    rows: dict[Any, Any] | None = {} if problem.alone else None
-    queue: deque[Any] = deque([(START, problem.start)])
+    rows: Any = {} if problem.alone or problem.apart else None
+    queue: deque[Any] = deque()
+    for state in problem.starts:
+        queue.append((START, state))
+        if problem.visits:
+            parents[problem.key_of(state)] = START
     while queue:
         before, state = queue.popleft()
         if watch:
             watch(Parents(parents, before))
         for row, key, goal, goes_on, after, _, _, last in expand(state, parents):
             parents[key] = before
+            if problem.apart:
+                rows[key] = row
             if goal:
-                yield (row,) if problem.last else path_by_parents(parents, key, rows), last
+                yield path_by_parents(parents, key, rows, problem.last), last
             if goes_on:
                 queue.append((key, after))

@@ -10,7 +10,8 @@ The generator of step functions (native/step_function.py) writes one Python func
 
 A step is `row, key, goal, goes_on, after, weight, estimate, last`:
 
-    row       the frozen row, see frozen.py; key: what is compared, the value of a row of one column, else the row
+    row       the frozen row, see frozen.py
+    key       what is compared: the value of a row of one column, else the row, or what BY names
     goal      whether a path may end here; goes_on: whether it goes on from the state `after`
     weight    COST or PROBABILITY; with `best` the new total; estimate: HEURISTIC, None where the step stops
     last      the elements and the state before, as values, where GROUP BY or ORDER BY ask for the last step
@@ -22,8 +23,8 @@ UNIQUE n = n + this` the steps from the start are
     (2,), 2, False, True, (2,), None, None, None
 
 **The caller guarantees**
-- `state` is the start or an `after` of this function: a tuple of the frozen values of the START WITH variables in their
-  order. Nobody changes it.
+- `state` is a start or an `after` of this function: a tuple of the frozen values of the START WITH variables in their
+  order, behind them whether it is a start where START WITH has a condition. Nobody changes it.
 - It draws the steps of a state in order, and the next one only when it has done with the one before: what it adds to
   `closed` or `best` meanwhile is seen by the steps that follow, siblings included. It may leave the iterator for other
   states and come back (depth first), or drop it (MAXIMUM).
@@ -31,11 +32,14 @@ UNIQUE n = n + this` the steps from the start are
   on the path to `state` with NO CYCLE (while its steps are drawn). Where there is `best`, it maps rows to the best
   totals so far, and the caller enters a step that it is given at once. With a heuristic `closed` maps rows to the
   totals at which they were taken; else it is `best`, where a row that was taken has TAKEN.
-- With UNIQUE and MEMORIZE it expands a row once. The start has no row, so its state may come once more.
+- With UNIQUE and MEMORIZE it expands a key once. A start has no row, so its state may come once more; where BY names
+  the state its key counts as one that is reached.
 
-**It must return** for each element of the state, in source order, one step or none:
-- none, and one more is `pruned`, if the key is closed (with a heuristic: taken at no more than `total`). STOP WITH and
-  WHERE are not asked then. MEMORIZE is given the step all the same, for it is an edge, with `goal` None and its weight.
+**It must return** for each element of the state that meets the condition of CONNECT BY, in source order or that of
+ORDER SIBLINGS BY, one step or none:
+- none, and one more is `pruned`, if the key is closed (with a heuristic: taken at no more than `total`). Where rows are
+  compared STOP WITH and WHERE are not asked then, and MEMORIZE is given the step all the same, for it is an edge, with
+  `goal` None and its weight. Where BY names a key it is known last, and MEMORIZE is given all steps.
 - none if it stops without being a goal, or if its probability is 0; pruned, if its total is not below `best[key]`.
 
 **Order and laziness.** When a step is drawn its clauses are evaluated in the order of language.md, 7, guards included,
@@ -85,19 +89,24 @@ class Problem:
     """One run of a search: what a loop gets.
 
     `likeliest`: the weights are probabilities. `weighed`, `keyed`: steps have a weight, a last part. `alone`: the key
-    is the only value of its row. `last`: of a path only the last row is wanted. `found(total, guess)` hears of a
-    result of A* that costs less than was expected of a path. `watch(path)`, where there is one, hears to which state
-    the search turns, and `watch(path, False)` to which it comes back: for the line of progress, and for counts by
-    level. The path is one of those of ways.py.
+    is the only value of its row; `apart`: it is no row. `visits`: the starts count as visited, by `key_of(start)`.
+    `last`: of a path only the last row is wanted. `found(total, guess)` hears of a result of A* that costs less than
+    was expected of a path. `watch(path)`, where there is one, hears to which state the search
+    turns, and `watch(path, False)` to which it comes back: for the line of progress, and for counts by level. The path
+    is one of those of ways.py. `outdated(state, last)`, where there is one, hears of steps that waited for nothing.
     """
 
-    start: State
+    starts: Sequence[State]
     expand: Expand
     repeats: plan.Repeats
     likeliest: bool = False
     weighed: bool = False
     keyed: bool = False
     alone: bool = False
+    apart: bool = False
+    visits: bool = False
     last: bool = False
+    key_of: Callable[[State], Any] = id
     found: Callable[[Any, Any], None] = _unheard
     watch: Callable[..., None] | None = None
+    outdated: Callable[[State, Any], None] | None = None

@@ -11,37 +11,44 @@ from ss2sql.runtime.search.contract import Found, Problem
 def depth_first(problem: Problem) -> Iterator[Found]:
     """The results of a depth-first search, in its order.
 
-    `closed` has the rows on the path with NO CYCLE, all rows so far with UNIQUE.
+    `closed` has the keys on the path with NO CYCLE, all keys so far with UNIQUE.
     """
     expand, watch, repeats = problem.expand, problem.watch, problem.repeats
     unique, no_cycle = repeats == "unique", repeats == "no cycle"
     closed: Any = () if repeats == "allowed" else set()
     path: list[Any] = []
     stack: list[Any] = []
-    if watch:
-        watch(path)
-    steps = iter(expand(problem.start, closed))
-    while True:
-        for row, key, goal, goes_on, after, _, _, last in steps:
-            if unique:
-                closed.add(key)
-            if goal:
-                yield (row,) if problem.last else (*path, row), last
-            if goes_on:
-                if no_cycle:
-                    closed.add(key)
-                path.append(row)
-                stack.append((steps, key))
-                if watch:
-                    watch(path)
-                steps = iter(expand(after, closed))
-                break
-        else:
-            if not stack:
-                return
-            steps, key = stack.pop()
-            path.pop()
-            if watch:
-                watch(path, False)
+    for state in problem.starts:
+        if problem.visits:
             if no_cycle:
-                closed.discard(key)
+                closed.clear()
+            elif problem.key_of(state) in closed:
+                continue
+            closed.add(problem.key_of(state))
+        if watch:
+            watch(path)
+        steps = iter(expand(state, closed))
+        while True:
+            for row, key, goal, goes_on, after, _, _, last in steps:
+                if unique:
+                    closed.add(key)
+                if goal:
+                    yield (row,) if problem.last else (*path, row), last
+                if goes_on:
+                    if no_cycle:
+                        closed.add(key)
+                    path.append(row)
+                    stack.append((steps, key))
+                    if watch:
+                        watch(path)
+                    steps = iter(expand(after, closed))
+                    break
+            else:
+                if not stack:
+                    break
+                steps, key = stack.pop()
+                path.pop()
+                if watch:
+                    watch(path, False)
+                if no_cycle:
+                    closed.discard(key)

@@ -1,17 +1,18 @@
 """Watching a search: what its loop does, noted event by event.
 
-The loops of stepwise.py ask `Steps` for every step, so `WatchedSteps` sees all of them; the loops know nothing of it.
+`Watched` stands around the step function, so it sees each step that a loop takes. Of what becomes of it tells what the
+loop hands on unseen: the state after a step, its last part. The step function itself tells of steps without a trace.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterator
+from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 from ss2sql import plan
-from ss2sql.runtime.rows import Row
-from ss2sql.runtime.run import Run
-from ss2sql.runtime.search.stepwise import Last, Seen, State, Step, Steps, Way
+from ss2sql.runtime.frozen import FrozenRow, State, thaw
+from ss2sql.runtime.search.contract import Found, Problem, Step
 from ss2sql.runtime.values import kept
 from ss2sql.told import as_written
 
@@ -36,132 +37,136 @@ class Event(NamedTuple):
 
 
 class Trace:
-    """The first `most` events of a search; `total` counts all.
-
-    `here` is the step whose own steps are made, `row` that of the latest of these, where it is made, and `lost`
-    what happened to it where it leaves no trace.
-    """
+    """The first `most` events of a search; `total` counts all. `here` is the step whose own steps are made."""
 
     def __init__(self, most: int) -> None:
         self.most, self.total = most, 0
         self.events: list[Event] = []
         self.here: Event | None = None
-        self.row: Row | None = None
-        self.lost = "stopped"
-        self._steps: dict[int, tuple[Step | None, Event]] = {}  # by their identity, which they keep while they are here
+        self.names: list[str] = []  # of the values of rows
         self._count = 0
-        self._latest: Step | None = None  # which was generated just now
+        self._latest: Event | None = None  # of the step that was generated just now
 
-    def add(self, word: str, step: Step | None, state: Any, row: Any, g: Any = None, h: Any = None) -> None:
-        """The first event of a step; without one it is that of a start, or of what leaves no trace in the search."""
+    def add(self, word: str, state: Any, row: FrozenRow | None, g: Any = None, h: Any = None) -> Event:
+        """The first event of a step, or of a start where there is no step `here`."""
         parent, depth = (None, 0) if self.here is None else (self.here.n, self.here.depth + 1)
-        event = Event(self._count, parent, depth, word, state, row, g, h)
+        shown = dict(zip(self.names, map(thaw, row), strict=False)) if row else None
+        event = self._latest = Event(self._count, parent, depth, word, state, shown, g, h)
         self._count += 1
-        self._latest = step
-        if self._note(event):
-            self._steps[id(step)] = step, event
+        self._note(event)
+        return event
 
-    def again(self, word: str, step: Step | None) -> Event | None:
-        """One more event of a step, or of the latest start; gives its first one.
+    def leave(self, word: str, row: FrozenRow | None) -> None:
+        """A step leaves no trace in the search; the step function says so."""
+        self.add(word, None, row)
+
+    def again(self, word: str, event: Event) -> None:
+        """One more event of a step.
 
         A step that repeats another and was generated just now has not entered the frontier: this is its first event.
         """
-        known = self._steps.get(id(step), (None, None))[1]
-        if word == "repeated" and step is self._latest:
-            if known is not None:
-                self.events[-1] = known._replace(event=word)
-            return known
+        if word == "repeated" and event is self._latest:
+            if self.total <= self.most:
+                self.events[-1] = event._replace(event=word)
+            return
         self._latest = None
-        self._note(None if known is None else known._replace(event=word))
-        return known
+        self._note(event._replace(event=word))
 
-    def _note(self, event: Event | None) -> bool:
+    def reach(self, event: Event, stops: bool) -> None:
+        """The path of a step is a result."""
+        self.again("goal", event)
+        if stops:
+            self.again("stopped", event)
+
+    def _note(self, event: Event) -> None:
         self.total += 1
-        if event is None or len(self.events) == self.most:
-            return False
-        self.events.append(event)
-        return True
+        if len(self.events) < self.most:
+            self.events.append(event)
 
     def keep(self) -> None:
         """Makes the events independent of values that somebody else may change."""
         self.events = [event._replace(state=kept(event.state), row=kept(event.row)) for event in self.events]
-        self._steps.clear()
 
 
-class WatchedSteps(Steps):
-    """The steps of a search, which `run.trace` hears of."""
+class Reached(tuple[Any, ...]):
+    """A state with the first event of the step to it, None for a start."""
 
-    __slots__ = ()
+    event: Event | None = None
 
-    @property
-    def trace(self) -> Trace:
-        trace: Trace = self.run.trace
-        return trace
 
-    def expand(self, way: Way, state: State, seen: Seen, firsts: dict[Hashable, Step] | None = None) -> Iterator[Step]:
-        trace = self.trace
-        if way.step is None:
+class Token(NamedTuple):
+    """What travels with a step in place of its last part."""
+
+    event: Event
+    stops: bool
+    last: Any
+
+
+class Watched:
+    """A search of which its trace hears."""
+
+    def __init__(self, trace: Trace, query: plan.Query, problem: Problem) -> None:
+        assert query.search is not None
+        self.trace, self.search = trace, query.search
+        self.memorizes = query.search.repeats == "memorize"
+        self.totals = problem.weighed and problem.repeats == "unique"  # the step function adds weights up
+        self._expand, self._likeliest = problem.expand, problem.likeliest
+        trace.names = row_names(query)
+        starts = list(map(Reached, problem.starts))
+        self.problem = replace(problem, starts=starts, expand=self.expand, outdated=self.outdated)
+
+    def expand(self, state: Any, *more: Any) -> Iterator[Step]:
+        trace, here = self.trace, state.event
+        if here is None:
             trace.here = None
-            nothing = None if self.weigh is None else 1 if self._likeliest else 0
-            trace.add("generated", None, self._state(state), None, nothing)
-        here = trace.again("expanded", way.step)
-        for last in self.lasts(way, state):
-            trace.here, trace.row, trace.lost = here, None, "stopped"
-            step = self.step(last, seen) if firsts is None else self.edge(last, firsts)
+            nothing = None if self.search.weight is None else -1 if self._likeliest else 0
+            here = trace.add("generated", self._named(state), None, self._shown(nothing))
+        trace.again("expanded", here)
+        steps = self._expand(state, *more)
+        while True:
+            trace.here = here
+            step = next(steps, None)
             if step is None:
-                row = self.row(last) if trace.row is None and self.tells else trace.row
-                trace.add(trace.lost, None, None, self._row(row))
+                return
+            row, key, goal, goes_on, after, weight, estimate, last = step
+            if goal is None:  # an edge to a row that is known
+                trace.add("repeated", None, row)
+                yield step
                 continue
-            self._generated(step)
-            yield step
+            g = self._shown(weight) if self.totals or weight is None else here.g + weight
+            if self._likeliest and not self.totals:
+                g = here.g * weight
+            reached = Reached(after or ())
+            event = reached.event = trace.add("generated", self._named(after), row, g, estimate)
+            if not self.memorizes:
+                last = Token(event, not goes_on, last)
+            elif goal:  # the paths come when the graph is there
+                trace.reach(event, not goes_on)
+            yield row, key, goal, goes_on, reached, weight, estimate, last
 
-    def _generated(self, step: Step) -> None:
-        trace, g = self.trace, None
-        if self.weigh is not None and trace.here is not None:
-            g = trace.here.g * step.weight if self._likeliest else trace.here.g + step.weight
-        h = None if self.estimate is None or step.stop else step.estimate
-        trace.add("generated", step, self._state(step.state), self._row(step.row), g, h)
-        if self.search.repeats == "memorize":  # the paths come when the graph is there
-            self._reached(step)
+    def outdated(self, state: Any, token: Token | None) -> None:
+        """A step leads to what another one has reached as well."""
+        self.trace.again("repeated", state.event if token is None else token.event)
 
-    def dropped(self) -> None:
-        super().dropped()
-        self.trace.lost = "repeated"
+    def found(self, results: Iterator[Found]) -> Iterator[Found]:
+        """The results as they are without a trace."""
+        for path, token in results:
+            if self.memorizes:
+                yield path, token
+            else:
+                self.trace.reach(token.event, token.stops)
+                yield path, token.last
 
-    def outdated(self, step: Step) -> None:
-        self.trace.again("repeated", step)
+    def _shown(self, total: Any) -> Any:
+        """A total as the script has it; likelihoods are multiplied from -1."""
+        return -total if self._likeliest and total is not None else total
 
-    def found(self, step: Step) -> None:
-        if self.search.repeats != "memorize":
-            self._reached(step)
-
-    def _reached(self, step: Step) -> None:
-        if step.goal:
-            self.trace.again("goal", step)
-            if step.stop:
-                self.trace.again("stopped", step)
-
-    @property
-    def _likeliest(self) -> bool:
-        return self.search.order == "probability"
-
-    def _state(self, state: State) -> dict[str, Any] | None:
+    def _named(self, state: State | None) -> dict[str, Any] | None:
         """The START WITH variables by name; what the search carries beside them has no name."""
+        if not state:
+            return None
         names = [name for name, _ in self.search.start]
-        return {name: value for name, value in zip(names, state, strict=True) if name.isidentifier()} if state else None
-
-    def _row(self, row: Row | None) -> dict[str, Any] | None:
-        return dict(zip(row_names(self.query), row, strict=False)) if row else None
-
-
-def noted(run: Run, row: Callable[[Last], Row]) -> Callable[[Last], Row]:
-    """The function that makes rows, of which the trace of the run hears."""
-
-    def noting(last: Last) -> Row:
-        made = run.trace.row = row(last)
-        return made
-
-    return noting
+        return {name: thaw(value) for name, value in zip(names, state, strict=False) if name.isidentifier()}
 
 
 def row_names(query: plan.Query) -> list[str]:

@@ -1,0 +1,166 @@
+"""MEMORIZE where a step is more than an edge between rows: behind BY, with several starts, or with what a path tells.
+
+A node is a key, with the state of the first step to it that goes on. By rows the first step to a row decides whether it
+stops and is a goal; behind BY each step has a row, stop and goal of its own.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Hashable, Iterator
+from dataclasses import dataclass
+from heapq import heappop, heappush
+from typing import Any, NamedTuple
+
+from ss2sql import plan
+from ss2sql.runtime.frozen import Thaw
+from ss2sql.runtime.memorize.hunt import Found
+from ss2sql.runtime.rows import Row
+from ss2sql.runtime.search.contract import Problem
+
+ByNode = dict[Hashable, list["Edge"]]
+
+
+class Edge(NamedTuple):
+    """A step that leaves a trace, see search/contract.py."""
+
+    row: Row
+    key: Hashable
+    goal: bool
+    goes_on: bool
+    weight: Any
+    last: Any
+
+
+@dataclass(frozen=True, slots=True)
+class ByKey:
+    """One run of such a search.
+
+    `shown` makes rows, and the states after them, of the last parts of steps, where rows ask for the path.
+    """
+
+    query: plan.Query
+    problem: Problem
+    bound: int | None
+    check: Callable[[], None]
+    thaw: Thaw | None
+    shown: tuple[Callable[[Any], tuple[Row, Any]], Callable[[Any, Row], Row]] | None
+
+    def paths(self) -> Iterator[Found]:
+        """The paths without a repeated key: shortest, cheapest or likeliest first, ties in source order.
+
+        A path is extended only by steps from which a goal can be reached in the steps that are left.
+        """
+        problem, bound = self.problem, self.bound
+        nodes, roots = self._graph()
+        left = _distances(nodes)
+        # rank, place in source order, path, its keys, whether it is a result
+        queue: list[tuple[Any, tuple[int, ...], list[Edge], tuple[Hashable, ...], bool]] = []
+        for place, key in enumerate(roots):
+            heappush(queue, (-1 if problem.likeliest else 0, (place,), [], (key,), False))
+        while queue:
+            self.check()
+            rank, places, path, keys, result = heappop(queue)
+            if result:
+                yield self._found(path)
+                continue
+            if bound is not None and len(path) == bound:
+                continue
+            for place, edge in enumerate(nodes.get(keys[-1], ())):
+                if edge.key in keys:
+                    continue
+                new = rank * edge.weight if problem.likeliest else rank + (edge.weight if problem.weighed else 1)
+                longer, at = [*path, edge], (*places, place)
+                if edge.goal:
+                    heappush(queue, (new, at, longer, keys, True))
+                far = left.get(edge.key)
+                if edge.goes_on and far is not None and (bound is None or len(longer) + far <= bound):
+                    heappush(queue, (new, (*at, 0), longer, (*keys, edge.key), False))
+
+    def _graph(self) -> tuple[ByNode, list[Hashable]]:
+        """The steps from each node, built level by level, and the nodes of the starts."""
+        problem = self.problem
+        by_row = self.query.search is not None and self.query.search.by == "row"
+        nodes: ByNode = {}
+        firsts: dict[Hashable, Edge] = {}  # by rows
+        level: dict[Hashable, Any] = {}
+        for start in problem.starts:
+            level.setdefault(problem.key_of(start) if problem.visits else object(), start)
+        roots, seen, depth = list(level), set(level), 0
+        while level and depth != self.bound:
+            following: dict[Hashable, Any] = {}
+            for node, state in level.items():
+                edges = nodes[node] = []
+                for row, key, goal, goes_on, after, weight, _, last in problem.expand(state, firsts, None):
+                    if goal is None:
+                        edges.append(firsts[key]._replace(weight=weight, last=last))
+                        continue
+                    edge = Edge(row, key, goal, goes_on, weight, last)
+                    edges.append(edge)
+                    if by_row:
+                        firsts[key] = edge
+                    if key in seen:
+                        if problem.outdated:
+                            problem.outdated(after, None)
+                    elif goes_on:
+                        seen.add(key)
+                        following[key] = after
+            level, depth = following, depth + 1
+        return nodes, roots
+
+    def _found(self, path: list[Edge]) -> Found:
+        """The result; a step belongs to many paths, and what its row says of the path is said of this one."""
+        frozen = [edge.row for edge in path]
+        rows = list(frozen if self.thaw is None else self.thaw(frozen))
+        last = path[-1].last
+        if self.shown is None:
+            return rows, last
+        search, sources = self.query.search, len(self.query.sources)
+        assert search is not None
+        make_row, follow = self.shown
+        carried = {place: self.problem.starts[0][place] for place, (name, _) in enumerate(search.start) if _tells(name)}
+        # A column that was not compared is that of the step, the others are those of the first step to the row.
+        compared = search.key if search.by == "row" else ()
+        kept = [place for place, output in enumerate(self.query.columns) if output.expr in compared]
+        for number, edge in enumerate(path):
+            state = list(edge.last[sources:])
+            for place, value in carried.items():
+                state[place] = value
+            last = (*edge.last[:sources], *state)
+            row = list(make_row(last)[0])
+            for place in kept:
+                row[place] = rows[number][place]
+            rows[number] = tuple(row)
+            after = follow(last, rows[number])
+            carried = {place: after[place] for place in carried}
+        return rows, last
+
+
+def asks_for_path(search: plan.Search) -> bool:
+    """Whether the rows that are shown are those of one path."""
+    return any(_tells(name) for name, _ in search.start) or (search.by == "row" and bool(search.key))
+
+
+def _tells(variable: str) -> bool:
+    """Whether a variable is carried for what a step says of its path."""
+    return not variable.isidentifier()
+
+
+def _distances(nodes: ByNode) -> dict[Hashable, int]:
+    """How many steps it takes at least from each node to a goal."""
+    before: dict[Hashable, list[Hashable]] = {}
+    found: dict[Hashable, int] = {}
+    for node, edges in nodes.items():
+        for edge in edges:
+            if edge.goal:
+                found[node] = 1
+            if edge.goes_on:
+                before.setdefault(edge.key, []).append(node)
+    queue = deque(found)
+    while queue:
+        key = queue.popleft()
+        for other in before.get(key, ()):
+            if other not in found:
+                found[other] = found[key] + 1
+                queue.append(other)
+    return found
