@@ -128,7 +128,7 @@ def test_a_trace_keeps_so_many_events_and_says_so(ss: ss2sql.Session) -> None:
                                     "row": None, "g": 0, "h": None}  # fmt: skip
     assert ss.compile(script).run(trace=5).trace.value == cut.trace.value
     with pytest.raises(ss2sql.Timeout) as caught:
-        ss.run("SELECT this FROM [1] START WITH n = 0 CONNECT BY n = n + this", timeout=0.05, trace=10)
+        ss.run("SELECT this FROM [1] START WITH n = 0 CONNECT BY n = n + this", timeout=0.2, trace=10)
     assert caught.value.partial is not None
     assert len(caught.value.partial.trace) == 10
 
