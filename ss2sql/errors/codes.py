@@ -32,44 +32,44 @@ CODES: dict[str, Code] = _table(
     (
         "P001", "unexpected text",
         "The text does not fit the grammar at this place.",
-        "What stands in front of the mark was read without trouble; with the marked word it cannot become a statement. "
-        "The mistake is often a little before it: a missing comma, semicolon, operator or parenthesis.",
-        "Look at the mark and at what the message expected there. Clauses have a fixed order: SELECT, FROM, WHERE, "
+        "The text before the mark is valid; with the marked word it cannot become a statement. The mistake is often a "
+        "little earlier: a missing comma, semicolon, operator or parenthesis.",
+        "Read what the message expected at the mark. Clauses have a fixed order: SELECT, FROM, WHERE, "
         "START WITH, CONNECT BY, STOP WITH, then GROUP BY, ORDER BY and LIMIT, and AS at the end.",
     ),
     (
         "P002", "unexpected end",
         "The script ends before a statement is complete, most often a missing parenthesis.",
-        "Every bracket has to be closed, and every operator and clause needs what follows it.",
+        "Every bracket has to be closed, and every operator and clause has to be complete.",
         "Close the bracket that the message marks, or write what is missing at the end.",
     ),
     (
         "P003", "unreadable text",
         "A character, string or comment that the language does not have or that is not closed.",
-        "Before a script is understood it is cut into words, numbers, strings and signs; this is none of them.",
+        "A script is first split into words, numbers, strings and signs; this is none of them.",
         "Close strings on their own line with the quote that opened them, and comments with `*/`. Names consist of "
-        "letters, digits and `_`; any other text stands in quotes.",
+        "letters, digits and `_`; put any other text into quotes.",
     ),
     (
         "P004", "script too large",
         "A script may have at most 256 KiB.",
-        "Such texts are nearly always data. Read as a script they would take long, and every number would be a node of "
-        "a tree.",
-        "Give data to the session from Python: `session.attach(name, list)`, or a variable of `run`.",
+        "Such a script is nearly always data. It would take long to parse, because every number becomes a node of a "
+        "tree.",
+        "Pass data from Python: `session.attach(name, list)`, or a variable of `run`.",
     ),
     (
         "P005", "nested too deeply",
         "Parentheses, queries or operators nested deeper than 200 are refused, and so are chains of one operator with "
         "more than 300 operands.",
-        "A script is walked by functions that call themselves, and the stack of a process is limited; a refusal is "
-        "better than a crash.",
+        "A script is processed by recursive functions, and the stack of a process is limited; an error is better than "
+        "a crash.",
         "Assign inner parts to variables. Long sums are written `sum([...])`, long alternatives `x IN [...]`.",
     ),
     (
         "P006", "a spelling of another language",
         "SQL or Python writes this differently from SelectScript; the error shows the right form.",
         "SelectScript borrows most of its words from SQL and most of its values from Python, but not every word of "
-        "both: `=` assigns and `==` compares, `AS` says the form of the result, there is no JOIN.",
+        "both: `=` assigns and `==` compares, and at the end of a query `AS` names the form of the result.",
         "Write the form that the message shows.",
     ),
     (
@@ -86,46 +86,46 @@ CODES: dict[str, Code] = _table(
     ),
     (
         "P009", "unclosed inner query",
-        "A query inside another stands in parentheses or ends with AS.",
-        "Every comma and clause belongs to the innermost query that is not ended, so nobody could tell where it stops.",
+        "A query inside another has to be in parentheses or end with AS.",
+        "Every comma and clause belongs to the innermost open query, so its end has to be marked.",
         "Put the inner query into parentheses, or end it with `AS list` or another form.",
     ),
     (
         "R001", "unknown name",
-        "No variable, column or START WITH variable of this name is in sight.",
-        "Names are looked up before the first statement runs, so that a slip is found at once and not after an hour.",
-        "Correct the spelling; capitals matter. A text stands in quotes. A value from Python is given by "
-        "`run(script, name=value)`. A column of another source is written `source.column`.",
+        "No variable, column or START WITH variable has this name here.",
+        "Names are resolved before the first statement runs, so a typing error is found at once.",
+        "Correct the spelling; names are case-sensitive. Put strings into quotes. Pass a value from Python with "
+        "`run(script, name=value)`. Write a column of another source as `source.column`.",
     ),
     (
         "R002", "unknown function",
         "No function of this name is built in or registered.",
-        "Scripts cannot define functions; they call those of Python that the session was given.",
+        "Scripts cannot define functions; they call Python functions that are registered with the session.",
         "Register the function with `session.function`, or on the command line with `--functions FILE.py`. `help()` "
         "lists those there are. Values have no methods: write `f(x)`, not `x.f()`.",
     ),
     (
         "R003", "unknown source",
         "FROM names something that is neither a variable, a table nor a world.",
-        "What FROM walks has to be there before the query starts.",
+        "A source has to exist before the query starts.",
         "Assign a list to the name, attach the data with `session.attach(name, data)`, or correct the spelling.",
     ),
     (
         "R004", "ambiguous name",
         "Two sources have a column of this name: write `source.column`.",
-        "The query would mean one thing or another, depending on the order of the sources.",
-        "Write the source in front of the column. Two uses of one source get names: `FROM a = people, b = people`.",
+        "The meaning of the query would depend on the order of its sources.",
+        "Write the source before the column. Name two uses of one source: `FROM a = people, b = people`.",
     ),
     (
         "R005", "wrong number of arguments",
         "The function takes another number of arguments.",
         "Calls are checked before the script runs, from the signature of the function.",
-        "See how it is called: `help('name')` says it. The arguments of IF are separated by semicolons.",
+        "`help('name')` shows the arguments. Those of IF are separated by semicolons.",
     ),
     (
         "R006", "unknown representation",
         "AS names a representation that nobody registered.",
-        "AS stands at the end of a query and says what becomes of its rows; it names no column and no source.",
+        "AS at the end of a query names the form of its rows. In SELECT, AS names a column.",
         "Choose one of the forms that the message lists, or register one with `session.representation`. Columns are "
         "named by `to(x, name)`, sources by `FROM name = source`.",
     ),
@@ -139,7 +139,7 @@ CODES: dict[str, Code] = _table(
     (
         "R008", "aggregate in the wrong place",
         "Aggregates work on lists, or on groups inside GROUP BY.",
-        "`max(age)` in a query without GROUP BY is asked for each row, and one row has one age.",
+        "`max(age)` in a query without GROUP BY is evaluated for each row, and one row has one age.",
         "Collect the values in a list, `max(SELECT age FROM people AS list)`, or add GROUP BY. "
         "`GROUP BY 1` puts all rows into one group.",
     ),
@@ -147,12 +147,12 @@ CODES: dict[str, Code] = _table(
         "R009", "missing parameter",
         "The compiled script has names that must be given a value when it runs.",
         "`session.compile` takes every name that it does not know as a parameter.",
-        "Give the value with the run: `query.run(name=value)`. Attach sources before the script is compiled.",
+        "Pass the value to the run: `query.run(name=value)`. Attach sources before the script is compiled.",
     ),
     (
         "R010", "contradictory options",
         "These options of CONNECT BY do not go together.",
-        "A search has one order, and one rule for rows that repeat.",
+        "A search has one order, and one rule for repeated rows.",
         "Keep one of the two that the message marks. `HEURISTIC` goes with `COST` or alone, `MEMORIZE` with `COST` or "
         "`PROBABILITY`, and with no other order.",
     ),
@@ -184,42 +184,44 @@ CODES: dict[str, Code] = _table(
     ),
     (
         "U001", "not possible in the database",
-        "The engine `database` was demanded for something that only runs natively.",
-        "With `engine=\"database\"` ss2sql promises that SQLite does the work, and keeps to it.",
+        "With the engine `database` something was to run that only runs natively.",
+        "`engine=\"database\"` guarantees that SQLite runs the query; SQLite cannot run this one.",
         "Leave the engine to ss2sql, `engine=\"auto\"`, which runs such queries natively with the same result, or "
         "rewrite the query as the message says.",
     ),
     (
         "X001", "operands do not fit",
         "The operator does not work on values of these types.",
-        "Text is not turned into numbers by itself, and None is no number: a guess would hide a mistake in the data.",
-        "Convert one side with `int`, `float` or `str`. Ask for None first: `age != None AND age > 40`. In ORDER BY "
+        "Strings are not converted to numbers implicitly, and None is not a number: a conversion would hide errors in "
+        "the data.",
+        "Convert one side with `int`, `float` or `str`. Test for None first: `age != None AND age > 40`. In ORDER BY "
         "None comes first and is no error.",
     ),
     (
         "X002", "division by zero",
         "The right operand of / or % is zero.",
-        "There is no such number, and None in its place would spread unnoticed.",
-        "Ask first: `IF(x != 0; y / x; None)`, or leave such rows out with WHERE, in front of the division.",
+        "The result is undefined, and None in its place would propagate unnoticed.",
+        "Test first: `IF(x != 0; y / x; None)`, or exclude such rows in WHERE, before the division.",
     ),
     (
         "X003", "index out of range",
         "The list is shorter than the index, or the dict lacks the key.",
         "Elements are counted from 0: a list of three has 0, 1 and 2, and -1 is the last.",
-        "Ask first, with `len(x)` or `key IN x`. A slice such as `x[:5]` takes what there is and never fails.",
+        "Test first, with `len(x)` or `key IN x`. A slice such as `x[:5]` never fails: it returns the elements that "
+        "exist.",
     ),
     (
         "X004", "value not allowed",
         "NaN, infinities, complex numbers and integers beyond 64 bits are refused.",
         "NaN differs from itself, so rows with it could not be grouped, sorted or found again. SQLite holds integers "
         "of 64 bits.",
-        "Let Python functions return None where there is no value. Make one operand a float where integers grow.",
+        "Let Python functions return None for a missing value. Make one operand a float if integers grow large.",
     ),
     (
         "X005", "not a source",
         "FROM needs a list, a dict of columns, a table, a world or a query.",
-        "A query walks the elements of its sources, and this value cannot be walked as it is.",
-        "Make a list of it. Columns in a dict are lists of equal length.",
+        "A query iterates over the elements of its sources, and this value has no elements.",
+        "Convert it to a list. Columns in a dict have to be lists of equal length.",
     ),
     (
         "X006", "wrong option value",
@@ -258,8 +260,8 @@ CODES: dict[str, Code] = _table(
     (
         "X011", "world cannot be read",
         "A simulator refused, an element is gone, or a table breaks its declarations.",
-        "Worlds are read while the query runs, from a program that has its own life.",
-        "Ask for the elements anew after a body was removed. The exception of the simulator or adapter is the cause of "
+        "Worlds are read while the query runs, from another program that may change meanwhile.",
+        "Query the elements again after a body was removed. The exception of the simulator or adapter is the cause of "
         "the error, `error.__cause__`, with its traceback; `ss2sql.check_world` tries an adapter out.",
     ),
     (
@@ -278,72 +280,72 @@ CODES: dict[str, Code] = _table(
     (
         "X014", "value too large",
         "The script made a text, list or dict of more bytes than `max_size` allows.",
-        "Text that is added to itself forty times is longer than any memory. `l = [l, l]` needs none, but who looks "
-        "at it never comes to an end.",
-        "See whether the value is meant to grow like that. Keep numbers in place of long texts, or raise "
+        "A string that is doubled forty times exceeds any memory. `l = [l, l]` takes little memory, but printing or "
+        "comparing it never ends.",
+        "Check whether the value should grow like that. Keep numbers in place of long texts, or raise "
         "`connect(max_size=...)`.",
     ),
     (
         "X015", "too much output",
         "The script printed more characters than `max_output` allows.",
-        "`print` in WHERE writes a line for every row that is looked at, and a search looks at many.",
-        "Print where it matters, `IF(age > 100; print(name))`, or raise `connect(max_output=...)`.",
+        "`print` in WHERE writes a line for every row that is evaluated, and a search evaluates many.",
+        "Print only selected rows, `IF(age > 100; print(name))`, or raise `connect(max_output=...)`.",
     ),
     (
         "X016", "eval inside of eval",
-        "A text that `eval` runs runs another one, and so on, thirty deep.",
-        "A text that runs itself never ends, and each level takes room on the stack.",
-        "Let the text end, by IF or AND, or write a search: CONNECT BY repeats a step as often as it takes.",
+        "A script that `eval` runs calls `eval` again, and so on, thirty levels deep.",
+        "A script that runs itself never ends, and each level takes room on the stack.",
+        "End the recursion with IF or AND, or write a search: CONNECT BY repeats a step as often as needed.",
     ),
     (
         "V001", "representation failed",
         "The rows do not fit the representation, or its arguments are wrong.",
-        "A form asks something of its rows: a set needs values that can be compared, a plane needs bodies.",
-        "The message says what the form asks for. Choose other columns, or another form.",
+        "A representation has requirements: a set needs values that can be compared, a plane needs bodies.",
+        "The message states the requirement. Choose other columns, or another representation.",
     ),
     (
         "T001", "timeout",
         "The run took longer than its timeout.",
-        "It was asked for, as `timeout=` or `--timeout`. What was found is in `error.partial`.",
+        "The limit was set by `timeout=` or `--timeout`. The results found so far are in `error.partial`.",
         "Raise the timeout, or bound the search: MAXIMUM, STOP WITH, UNIQUE or MEMORIZE with a number.",
     ),
     (
         "T002", "cancelled",
         "The run was interrupted.",
-        "Somebody pressed Ctrl-C or called `session.interrupt`. What was found is in `error.partial`.",
-        "The session works on: run the script again when there is time.",
+        "Ctrl-C was pressed, or `session.interrupt` called. The results found so far are in `error.partial`.",
+        "The session can still be used: run the script again.",
     ),
     (
         "T003", "out of memory",
         "The run took more memory than it may, `max_memory`, or than there is.",
-        "A search keeps the rows that it has reached, and a result all of its rows. What was found until `max_memory` "
-        "is in `error.partial`.",
+        "A search keeps the rows that it has visited, and a result all of its rows. The results found before "
+        "`max_memory` was exceeded are in `error.partial`.",
         "Bound the search: MAXIMUM, STOP WITH or MEMORIZE with a number; bound results with LIMIT or "
         "`max_rows`.",
     ),
     (
         "T004", "out of steps",
         "The searches of the run tried more steps than `max_steps` allows.",
-        "A search whose paths go on and on never ends, and steps are counted the same on every machine, however fast "
-        "it is. What was found is in `error.partial`.",
+        "The limit stops searches that might not terminate. The number of steps is the same on every machine. The "
+        "results found so far are in `error.partial`.",
         "Bound the search: MAXIMUM, STOP WITH, UNIQUE or MEMORIZE with a number; or raise `connect(max_steps=...)`.",
     ),
     (
         "S001", "session is closed",
         "A closed session cannot run scripts.",
-        "`close` or the end of `with` gave its database and its processes back.",
+        "`close` or the end of `with` released its database and its processes.",
         "Open a new session with `ss2sql.connect()`, and run everything inside of `with`.",
     ),
     (
         "S002", "wrong registration",
         "A function, variable, table or representation cannot be registered like this.",
-        "What a session is given from Python has to be something that scripts can name and use.",
-        "The message says what was given and what is taken.",
+        "Scripts have to be able to name and use what is registered with a session.",
+        "The message says what was passed and what is accepted.",
     ),
     (
         "S003", "missing package",
-        "It needs a package that is not installed; the error shows how to install it.",
-        "Simulators, data frames and plots come with packages of their own, which ss2sql does not ask of everybody.",
+        "The call needs a package that is not installed; the error shows how to install it.",
+        "Simulators, data frames and plots need packages that are optional: `docs/install.md` lists them.",
         "Run the line of the message, such as `pip install pybullet`.",
     ),
     (
