@@ -119,7 +119,7 @@ def figures(problems: str) -> str:
         if problem in problems.split():
             shown.append(("" if problem == before else f"`{problem}`: {asked[problem]}", *numbers[:4]))
             before = problem
-    return table("what is asked | size | Python by hand, ms | database | native", shown, numbers=3)
+    return table("problem | size | Python by hand, ms | database | native", shown, numbers=3)
 
 
 def _rows_under(page: str, head: str) -> list[list[str]]:
