@@ -32,12 +32,20 @@ def test_pages_show_what_their_code_gives(page):
         )
 
 
-def test_links_lead_to_files():
+def test_links_lead_to_files_and_headings():
     broken = []
     for page in LINKING:
-        targets = re.findall(r"\]\((?!https?:)([^)#]+)(?:#[\w-]+)?\)", page.read_text("utf-8"))
-        broken += [f"{page.relative_to(ROOT)}: {target}" for target in targets if not (page.parent / target).exists()]
+        for target, heading in re.findall(r"\]\((?!https?:)([^)#]*)(?:#([\w-]+))?\)", page.read_text("utf-8")):
+            file = page.parent / target if target else page
+            if not file.exists() or (heading and heading not in headings(file)):
+                broken.append(f"{page.relative_to(ROOT)}: {target}#{heading}")
     assert broken == []
+
+
+def headings(page):
+    """The headings of a page, as links write them."""
+    found = re.findall(r"^#+ (.*)", page.read_text("utf-8"), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", text.lower()).replace(" ", "-") for text in found}
 
 
 def test_the_picture_of_the_readme_is_complete():
