@@ -153,7 +153,7 @@ REFUSED = [
     ("SELECT x.this FROM x = [1], y = [2] GROUP BY y.this", "GROUP BY that makes parts is no SQL", 46),
     ("SELECT this FROM (SELECT n FROM [1] START WITH n = 0 CONNECT BY UNIQUE n = 1)", "a search in FROM", 18),
     ("SELECT this FROM (SELECT this, 1 FROM [1] AS rows)", "the elements of this query are no rows", 18),
-    ("SELECT this FROM (SELECT this FROM [1] LIMIT 0 AS list)", "LIMIT of a query in FROM is a number above 0", 46),
+    ("SELECT this FROM (SELECT this FROM [1] LIMIT 0 AS list)", "LIMIT of an inner query is a number above 0", 46),
     ("SELECT count(*) FROM a = [1], b = [2] GROUP BY a.this", "groups of several sources have no order in SQL", 48),
     ("SELECT a.this FROM a = [[1]], b = a.this", "what stands in FROM depends on another source", 31),
     ("SELECT sum([this, 1]) FROM [1]", "sum is not known to other databases", 8),

@@ -392,7 +392,9 @@ def _value_type(query: plan.Query) -> Type:
         case "rows":
             rows = Type(Kind.LIST, item=list_of(kinds), columns=())
         case "value":
-            rows = union((kinds[0], NONE)) if kinds else NONE
+            cut = query.search or query.group or query.having or query.limit or query.offset
+            one = query.aggregated and not cut  # of which there is one, even if there are no rows
+            rows = union((kinds[0],) if one else (kinds[0], NONE)) if kinds else NONE
         case "void":
             return NONE
         case _:

@@ -80,20 +80,28 @@ class Portable:
                 return self._conditional(expr, sight)
             case plan.MakeList(items=items):
                 return exp.Array(expressions=[self.value(item, sight) for item in items])
-            case plan.Call(function=function) if function.builtin and (
-                function.name in BY_HAND or OPERATIONS[function.name].portable
-            ):
-                if can_fail(replace(expr, arguments=())):
-                    raise refused("this may fail, which is not the same everywhere", expr.place)
-                node = BY_HAND.get(function.name, forms.written)(self, expr, sight)
-                if node is None:
-                    raise refused(f"{function.name} of such values is not the same everywhere", expr.place)
-                return node
+            case plan.Call(function=function) if function.builtin:
+                return self.called(expr, sight)
             case plan.Call(function=function):
-                what = "not known to other databases" if function.builtin else "a Python function"
-                raise refused(f"{function.name} is {what}", expr.span)
+                raise refused(f"{function.name} is a Python function", expr.span)
             case _:
                 raise refused("this is not SQL that every database has", expr.span)
+
+    def called(self, expr: plan.Call, sight: Sight) -> Node:
+        """The call of a built-in function."""
+        name = expr.function.name
+        if name not in BY_HAND and not OPERATIONS[name].portable:
+            raise refused(f"{name} is not known to other databases", expr.span)
+        if can_fail(replace(expr, arguments=())):
+            raise refused("this may fail, which is not the same everywhere", expr.place)
+        node = BY_HAND.get(name, forms.written)(self, expr, sight)
+        if node is None:
+            raise refused(f"{name} of such values is not the same everywhere", expr.place)
+        return node
+
+    def rows_of(self, query: plan.Query) -> Node:
+        """The rows of a query in an expression, which reads nothing around it."""
+        raise refused("a query inside of an expression", query.span)
 
     def known(self, name: str, span: Span) -> Any:
         """The value that a script variable will have."""

@@ -96,7 +96,7 @@ class FlatWriter:
         one = query.representation.name == "list" and len(query.columns) == 1
         if not one and query.representation.name != "dict":
             raise refused("the elements of this query are no rows of columns", source.span)
-        select = self.inner(query).select(_limit(query))
+        select = self.inner(query).select(limit_inside(query))
         names, found, outputs = Names(), dict[str | None, str](), list[Node]()
         for output, node in zip(query.columns, select.expressions, strict=True):
             name = names.free(output.name, "element")
@@ -160,14 +160,14 @@ class FlatWriter:
         return node if node.find(exp.Column) or kind is None else cast(node, kind)
 
 
-def _limit(query: plan.Query) -> Node | None:
-    """LIMIT of a query in FROM, which is there however many rows the query around it asks for."""
+def limit_inside(query: plan.Query) -> Node | None:
+    """LIMIT of a query inside of another one, which is there however many rows the query around it asks for."""
     match query.limit:
         case None:
             return None
         case plan.Constant(value=int(most)) if most > 0:
             return sql.number(most)
-    raise refused("LIMIT of a query in FROM is a number above 0 there", query.limit.span)
+    raise refused("LIMIT of an inner query is a number above 0 there", query.limit.span)
 
 
 def _places(query: plan.Query, select: exp.Select) -> list[Node]:

@@ -68,6 +68,12 @@ def membership(found: bool) -> Written:
                 return None
             if column_type(item.type) != column_type(inner) and not isinstance(container, plan.Constant):
                 return None
+            if isinstance(container, plan.Subquery):
+                if is_nullable(inner):
+                    return None
+                rows = exp.Subquery(this=of.rows_of(container.query))
+                test = exp.In(this=sql.operand(of.value(item, sight)), query=rows)
+                return test if found else exp.Not(this=test)
             values = of.value(container, sight)
             if isinstance(values, exp.Array):
                 test = exp.In(this=sql.operand(of.value(item, sight)), expressions=values.expressions)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -15,11 +15,13 @@ from sqlglot import exp
 
 from ss2sql import plan
 from ss2sql.kinds import Kind, Type
-from ss2sql.language.operations import GROUPS
+from ss2sql.language.operations import GROUPS, OPERATIONS
 from ss2sql.language.operations.row import without_none
 from ss2sql.lowering import sql
+from ss2sql.lowering.portable import forms
 from ss2sql.lowering.portable.expressions import Node, Portable, Sight
-from ss2sql.lowering.portable.flat import FlatWriter, Grouping
+from ss2sql.lowering.portable.flat import FlatWriter, Grouping, limit_inside
+from ss2sql.lowering.portable.functions import BY_HAND
 from ss2sql.lowering.portable.names import Names, plain
 from ss2sql.lowering.portable.sources import NUMBER, Opened, Opener, columns_of, listed, written_out
 from ss2sql.lowering.portable.types import cast, column_type, is_nullable, is_real, refused
@@ -64,13 +66,13 @@ class Loaded:
 class WrittenHere:
     """A query as a SELECT, the tables that it is given, and by parameters the script variables that are bound in it.
 
-    `functions` are those of EXACT that it calls.
+    `functions` are those of Python that it calls: of each its call in the plan, None for those of EXACT.
     """
 
     select: exp.Select
     loaded: tuple[Loaded, ...]
     parameters: Mapping[str, str]
-    functions: tuple[str, ...]
+    functions: Mapping[str, plan.Call | None]
 
 
 def write_here(query: plan.Query, outside: Callable[[plan.ValueSource], Outside | None]) -> WrittenHere:
@@ -86,7 +88,7 @@ def write_here(query: plan.Query, outside: Callable[[plan.ValueSource], Outside 
     # Keys of ORDER BY that sort nothing are left out, and so are parameters that only they have.
     bound = {node.this for node in select.find_all(exp.Placeholder)}
     parameters = {label: name for label, name in portable.parameters.items() if label in bound}
-    return WrittenHere(select, tuple(sources.loaded), parameters, tuple(portable.functions))
+    return WrittenHere(select, tuple(sources.loaded), parameters, portable.functions)
 
 
 def narrowed(
@@ -203,19 +205,53 @@ class _Sources:
 class _Exact(Grouping):
     """Aggregates of floats: rounded once, whatever the order, and the first of two that are equal.
 
-    `places` sort the sources.
+    `places` sort the sources of the query that `writer` writes. Built-in functions that have no form are called in
+    Python, which costs a microsecond or two.
     """
 
     places: list[Node]
+    writer: FlatWriter
 
     def __init__(self) -> None:
         super().__init__()
         self.names = Names()
         self.names.free(LIMIT, LIMIT)
-        self.functions: dict[str, None] = {}
+        self.functions: dict[str, plan.Call | None] = {}
 
     def label(self, name: str) -> str:
         return self.names.free(name, "value")
+
+    def value(self, expr: plan.Expr, sight: Sight) -> Node:
+        if isinstance(expr, plan.Subquery) and _has_one_row(expr.query):
+            return exp.Subquery(this=self.rows_of(expr.query))
+        return super().value(expr, sight)
+
+    def rows_of(self, query: plan.Query) -> Node:
+        if len(query.columns) > 1 or query.search is not None:
+            raise refused("the elements of this query are no single values", query.span)
+        select = self.writer.inner(query).select(limit_inside(query))
+        if query.limit is None:
+            select.set("order", None)
+        return select
+
+    def called(self, expr: plan.Call, sight: Sight) -> Node:
+        name, row = expr.function.name, OPERATIONS[expr.function.name]
+        written = BY_HAND.get(name, forms.written if row.portable else None)
+        node = None if written is None or can_fail(replace(expr, arguments=())) else written(self, expr, sight)
+        return node or self._of_python(expr, sight) or super().called(expr, sight)
+
+    def _of_python(self, expr: plan.Call, sight: Sight) -> Node | None:
+        """The call of the function itself, where all its values have types in the database."""
+        name = expr.function.name
+        row, kinds = OPERATIONS[name], [column_type(one.type) for one in expr.arguments]
+        if row.value is None or row.volatility != "immutable" or None in kinds or not kinds:
+            return None
+        if can_fail(replace(expr, arguments=())):
+            return None
+        known = (other for other, call in self.functions.items() if call is not None and _is_alike(call, expr))
+        function = next(known, None) or self.names.free(f"{PREFIX}{name}", name)
+        self.functions[function] = expr
+        return exp.Anonymous(this=function, expressions=[self.value(one, sight) for one in expr.arguments])
 
     def _aggregate(self, expr: plan.Aggregate, sight: Sight) -> Node:
         argument = expr.argument
@@ -257,6 +293,19 @@ class _Exact(Grouping):
         return exp.ArgMin(this=node, expression=_in_order(self.places))
 
 
+def _is_alike(one: plan.Call, other: plan.Call) -> bool:
+    """Whether two calls are those of one function in the database."""
+    kinds = [[column_type(part.type) for part in (call, *call.arguments)] for call in (one, other)]
+    return one.function.name == other.function.name and kinds[0] == kinds[1]
+
+
+def _has_one_row(query: plan.Query) -> bool:
+    """Whether the value of a query is that of its only row, or of none."""
+    whole = query.aggregated and not query.group
+    first = isinstance(query.limit, plan.Constant) and query.limit.value == 1
+    return query.representation.name == "value" and (whole or first)
+
+
 def _gives_floats(expr: plan.Aggregate, kind: Type) -> bool:
     """Whether integers, which are floats as well, make a float for which there is no form."""
     row = GROUPS[expr.function]
@@ -271,7 +320,7 @@ class _Writer(FlatWriter):
 
     def __init__(self, query: plan.Query, portable: _Exact, open: Opener) -> None:
         super().__init__(query, portable, open)
-        portable.places = self.places
+        portable.places, portable.writer = self.places, self
 
     def inner(self, query: plan.Query) -> FlatWriter:
         return _Writer(query, copy(self.portable), self.open)

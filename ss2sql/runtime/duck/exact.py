@@ -1,14 +1,19 @@
-"""Sums and averages of floats for DuckDB, which would round after every row, in any order."""
+"""Functions of Python for DuckDB: aggregates of floats, which it would round after every row, and built-in functions
+that it has not, or has with another meaning."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from inspect import Parameter, Signature
 from itertools import chain, pairwise
 from typing import TYPE_CHECKING, Any
 
+from ss2sql import plan
 from ss2sql.errors import ExecutionError
 from ss2sql.language.operations import GROUPS
 from ss2sql.lowering.portable.here import EXACT
+from ss2sql.lowering.portable.types import column_type
+from ss2sql.runtime.run import Run
 
 if TYPE_CHECKING:
     import duckdb
@@ -23,18 +28,39 @@ def _floats(values: Any) -> Iterator[float]:
     return chain.from_iterable(values[n : n + AT_ONCE].tolist() for n in range(0, len(values), AT_ONCE))
 
 
-def give(cursor: duckdb.DuckDBPyConnection, names: Iterable[str]) -> list[str]:
+def give(cursor: duckdb.DuckDBPyConnection, functions: Mapping[str, plan.Call | None], run: Run) -> list[str]:
     """Makes the functions known to the transaction of a cursor. Gives a list of why their values will be no good.
 
     Raises an error of DuckDB where another transaction has them just now.
     """
     failed: list[str] = []
-    for name in names:
-        function = _of_lists(name, failed)
+    for name, call in functions.items():
+        if call is None:
+            function, kinds, result, way = _of_lists(name, failed), ["DOUBLE[]"], "DOUBLE", "arrow"
+        else:
+            function, way = _of_values(call, run, failed), "native"
+            result, *kinds = (str(column_type(part.type)) for part in (call, *call.arguments))
         cursor.create_function(  # type: ignore[call-overload]
-            name, function, ["DOUBLE[]"], "DOUBLE", type="arrow", null_handling="special"
+            name, function, kinds, result, type=way, null_handling="special"
         )
     return failed
+
+
+def _of_values(call: plan.Call, run: Run, failed: list[str]) -> Callable[..., Any]:
+    """The built-in function, which fails where its value becomes larger than one may be."""
+    function = run.host.call(call.function, run)
+
+    def compute(*values: Any) -> Any:
+        try:
+            return None if failed else function(*values)
+        except Exception as error:
+            failed.append(getattr(error, "message", str(error)))
+            return None
+
+    # DuckDB looks how many arguments there are
+    parameters = [Parameter(f"_{n}", Parameter.POSITIONAL_ONLY) for n in range(len(call.arguments))]
+    compute.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
+    return compute
 
 
 def _of_lists(name: str, failed: list[str]) -> Callable[[Any], Any]:

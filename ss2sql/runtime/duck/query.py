@@ -135,7 +135,7 @@ class DuckQuery:
         cursor, functions = reading.cursor, self.written.functions
         for table, columns in given:
             cursor.register(table.name, as_arrow(table, columns))
-        failed = give(cursor, functions)
+        failed = give(cursor, functions, run)
         cursor.execute(self.text, dict(values) or None)
         while block := cursor.fetchmany(BLOCK):
             yield from () if failed else block
