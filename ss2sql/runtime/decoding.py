@@ -18,26 +18,21 @@ def decoder(pool: Pool, shown: Sequence[Shown]) -> Decoder:
 
     Written out column by column it takes 0.5 us for a row of eight numbers, with a call for each value 1.8 us.
     """
-    return _maker(tuple(part.flag for part in shown))(pool.decode)
+    return _maker(tuple(part.flag for part in shown), ())(pool.decode)
 
 
 def row_decoder(pool: Pool, parts: Sequence[int]) -> Decoder:
     """What turns a step's row into values: `parts` says of each column how many of them are a list, 0 for no list."""
-    if not any(parts):
-        return decoder(pool, [Shown(False)] * len(parts))
-
-    def read(raw: Sequence[Any]) -> tuple[Any, ...]:
-        values = map(pool.decode, raw)
-        return tuple([list(islice(values, size)) if size else next(values) for size in parts])
-
-    return read
+    return _maker((False,) * sum(size or 1 for size in parts), tuple(parts))(pool.decode)
 
 
 @cache
-def _maker(flags: tuple[bool, ...]) -> Callable[[Callable[[Any], Any]], Decoder]:
-    forms = {True: "True if {0} else False, ", False: "{0} if type({0}) is not bytes else decode({0}), "}
-    values = [forms[flag].format(f"raw[{place}]") for place, flag in enumerate(flags)]
+def _maker(flags: tuple[bool, ...], parts: tuple[int, ...]) -> Callable[[Callable[[Any], Any]], Decoder]:
+    forms = {True: "True if {0} else False", False: "{0} if type({0}) is not bytes else decode({0})"}
+    values = iter([forms[flag].format(f"raw[{place}]") for place, flag in enumerate(flags)])
+    columns = [f"[{', '.join(islice(values, size))}]" if size else next(values) for size in parts] or list(values)
     made: dict[str, Any] = {}
-    text = f"def maker(decode):\n def read(raw):\n  return ({''.join(values)})\n return read"
+    row = "".join(f"{column}, " for column in columns)
+    text = f"def maker(decode):\n def read(raw):\n  return ({row})\n return read"
     exec(text, made)  # a text of this file, with nothing but numbers in it from elsewhere
     return made["maker"]  # type: ignore[no-any-return]

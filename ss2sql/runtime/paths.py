@@ -5,7 +5,7 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from itertools import islice
+from itertools import chain, islice
 from operator import itemgetter
 from typing import Any, TypeAlias, overload
 
@@ -41,7 +41,7 @@ class Paths(Sequence[list[Row]]):
     ) -> None:
         self._all_kept = kept
         self._kept = None if kept is None else kept.__getitem__
-        self._decode = decode
+        self._decode = decode  # `tuple` for rows that are values already
         self._ends: list[End] = list(ends)
         self._all_ends = self._ends if all_ends is None else all_ends
         self._places: dict[int, int] = {}  # of steps among all results, made when first needed
@@ -68,7 +68,7 @@ class Paths(Sequence[list[Row]]):
             for path, row in self._read(self._ends, flat=True):
                 yield [*path, *row]
             return
-        walk = _Walk(self._step, self._width)
+        walk = self._walk(self._width)
         steps: list[int] = []  # on the path that was made last; depth first, the next one grows from one of them
         made: list[list[Any]] = []
         for end in self._ends:
@@ -150,7 +150,7 @@ class Paths(Sequence[list[Row]]):
         try:
             walk = self._idle.pop()
         except IndexError:
-            walk = _Walk(self._step, 0)
+            walk = self._walk(0)
         path = [*walk.rows_before(end), end[2:]]
         self._idle = [walk]
         return path
@@ -161,18 +161,21 @@ class Paths(Sequence[list[Row]]):
 
     def _read(self, ends: Sequence[End], flat: bool) -> Iterator[tuple[list[Any], Row]]:
         """For each result the rows before its own, as one list that changes from result to result, and its own."""
-        walk = _Walk(self._step, self._width if flat else 0)
+        walk = self._walk(self._width if flat else 0)
         known = self._kept is None  # then the last result may be the parent of the next one
         for end in ends:
             yield walk.rows_before(end), end[2:]
             if known:
                 walk.follow(end[0], end[2:])
 
+    def _walk(self, width: int) -> _Walk:
+        """A walk from path to path that gives cells, `width` of a row, or rows where that is 0."""
+        if self._kept is None:
+            return _Walk(self._step, None, width)
+        return _Walk(self._kept, None if self._decode is tuple else self._decode, width)
+
     def _step(self, step: int) -> tuple[int, Row]:
-        """The parent's number and the row of a step on the way to a result."""
-        if self._kept is not None:
-            parent, row = self._kept(step)
-            return parent, self._decode(row)
+        """The parent's number and the row of a step that is a result."""
         end = self._end(step)
         return end[1], end[2:]
 
@@ -190,39 +193,45 @@ class Paths(Sequence[list[Row]]):
 class _Walk:
     """From path to path: the rows before the end of the one that was read last, or their cells, `width` of a row.
 
-    `step` gives the parent's number and the row of a step.
+    `step` gives the parent's number and the row of a step, which `decode` makes values.
     """
 
-    __slots__ = ("_places", "_shared", "_step", "_steps", "_width")
+    __slots__ = ("_decode", "_places", "_shared", "_step", "_steps", "_width")
 
-    def __init__(self, step: Callable[[int], tuple[int, Row]], width: int) -> None:
+    def __init__(self, step: Callable[[int], tuple[int, Row]], decode: Callable[[Row], Row] | None, width: int) -> None:
         self._step = step
+        self._decode = decode
         self._width = width
         self._shared: list[Any] = []
         self._steps: list[int] = []  # those on the path
-        self._places: dict[int, int] = {}  # of these steps on it
+        self._places: dict[int, int] = {}  # of these on it; the last ones are noted when they are asked for
 
     def rows_before(self, end: End) -> list[Any]:
         """The rows, or the cells, on the path to the parent of a result; the list changes with the next call."""
-        parent, steps, places = end[1], self._steps, self._places
-        if not steps or parent != steps[-1]:
-            new: list[tuple[int, Row]] = []
-            step = parent
-            while step and step not in places:
-                before, row = self._step(step)
-                new.append((step, row))
-                step = before
-            left = places[step] + 1 if step else 0
-            for gone in steps[left:]:
-                del places[gone]
-            del steps[left:], self._shared[left * (self._width or 1) :]
-            for step, row in reversed(new):
-                self.follow(step, row)
+        step, steps, step_of = end[1], self._steps, self._step
+        if steps and step == steps[-1]:
+            return self._shared
+        places = self._places
+        places.update(zip(steps[len(places) :], range(len(places), len(steps)), strict=True))
+        new: list[int] = []
+        rows: list[Row] = []
+        while step and step not in places:
+            new.append(step)
+            step, row = step_of(step)
+            rows.append(row)
+        left = places[step] + 1 if step else 0
+        for gone in steps[left:]:
+            del places[gone]
+        del steps[left:], self._shared[left * (self._width or 1) :]
+        new.reverse()
+        rows.reverse()
+        steps += new
+        decoded = rows if self._decode is None else map(self._decode, rows)
+        self._shared.extend(chain.from_iterable(decoded) if self._width else decoded)
         return self._shared
 
     def follow(self, step: int, row: Row) -> None:
-        """One more step on the path."""
-        self._places[step] = len(self._steps)
+        """One more step on the path, which is a result."""
         self._steps.append(step)
         if self._width:
             self._shared.extend(row)
