@@ -130,15 +130,15 @@ class Caller:
         if memo.plain or memo.exact or memo.failures:  # of an attempt before, or of calls elsewhere
             return list(starmap(self.call, given()))
         body, giver, run, encode = self.function.function, self.giver, execution.run, execution.pool.encode_foreign
-        result = _MISSING
+        timed, add, result = run.bounds.deadline is not None, made.append, _MISSING
         try:
             for arguments in values:
-                if run.interrupted or run.bounds.deadline is not None:
+                if timed or run.interrupted:
                     run.check()
                 result = _MISSING
                 memo.calls += 1
                 result = body(*arguments)
-                made.append(encode(result, giver))
+                add(encode(result, giver))
         except Stopped:
             raise
         except Exception as error:

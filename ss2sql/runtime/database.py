@@ -42,7 +42,7 @@ from ss2sql.runtime.values import truth
 from ss2sql.runtime.vectorized import SqlCaller
 from ss2sql.vtables.frames.frame import Frame
 from ss2sql.vtables.module import WorldModules
-from ss2sql.vtables.sequences import ListModules, Walked
+from ss2sql.vtables.sequences import Columns, ListModules, Walked
 from ss2sql.vtables.snapshots import NO_SNAPSHOT, Snapshot
 from ss2sql.walk import walk
 
@@ -108,7 +108,7 @@ class Database:
         self.guard = guard = Guard(connection)
         self.begun = begun  # the runs of the session, the innermost last
         self.stack: list[Execution] = []
-        self.lists = ListModules(connection, self._walk, self._call)
+        self.lists = ListModules(connection, self._walk, self._calls)
         self.worlds = WorldModules(connection, lambda: self.current)
         self.search = SearchState()
         self.memos: dict[str, Memo] = {}  # of each function of the user, for the execution that runs
@@ -208,19 +208,17 @@ class Database:
             self.search.walks.append((arguments[0], walked.length))
         return walked
 
-    def _call(self, name: str, arguments: tuple[Any, ...], cursor: Any) -> Sequence[Sequence[Any]]:
-        """The columns of a table that calls functions with the elements of a list."""
+    def _calls(self, name: str, cursor: Any) -> Columns:
+        """What gives the columns of a table that calls functions with the elements of a list."""
         execution = self.current
         execution.outermost = execution.outermost or cursor
         calls = execution.element_calls.get(name)
         if calls is None:
             table = execution.modules[name]
             walk = partial(self._elements, execution, table=table)
-            calls = ElementCalls(table, self.callers, self.memo_limit, execution, walk)
+            calls = ElementCalls(table, self.callers, self.memo_limit, execution, walk, self.search)
             execution.element_calls[name] = calls
-        columns = calls.columns(arguments)
-        self.search.generated += len(columns[0])
-        return columns
+        return calls.columns
 
     def _elements(self, execution: Execution, value: Any, table: ListTable) -> Walked:
         """The elements of a value as columns of SQL values; kept, for inner loops ask again and again."""

@@ -14,13 +14,15 @@ from ss2sql.vtables.sequences import Walked
 if TYPE_CHECKING:
     from ss2sql.runtime.calls import Caller
     from ss2sql.runtime.database import Execution
+    from ss2sql.runtime.search_functions import SearchState
 
 Columns: TypeAlias = list[Sequence[Any]]  # of a list, in SQL values
 Arguments: TypeAlias = tuple[Any, ...]  # of the table, the list first
+Results: TypeAlias = Callable[[Arguments], Sequence[Any]]  # gives the values of a call for all elements of one list
 
 
 class ElementCalls:
-    """Those of one table in one execution. `walk` gives the columns of a list."""
+    """Those of one table in one execution. `walk` gives the columns of a list, `search` counts the steps."""
 
     def __init__(
         self,
@@ -29,28 +31,37 @@ class ElementCalls:
         limit: int,
         execution: Execution,
         walk: Callable[[Any], Walked],
+        search: SearchState,
     ) -> None:
         self.walk = walk
+        self.search = search
         self.width = len(table.columns) + 1
-        self.lists: dict[Any, Columns] = {}
+        self.lists: dict[Any, tuple[Columns, list[Results]]] = {}
         numbers = {name: number for number, name in enumerate(("this", *table.columns))}
         self.calls = [_Call(call, callers[call.function], numbers, limit, execution) for call in table.calls]
 
     def columns(self, arguments: Arguments) -> Columns:
         """The columns of the list and those of the calls."""
         try:
-            columns = self.lists[arguments[0]]
+            columns, calls = self.lists[arguments[0]]
         except KeyError:
-            walked = self.walk(arguments[0])
-            columns = self.lists[arguments[0]] = [walked[number] for number in range(self.width)]
-        return columns + [call.results(columns, arguments) for call in self.calls]
+            columns, calls = self._known(arguments[0])
+        self.search.generated += len(columns[0])
+        return columns + [results(arguments) for results in calls]
+
+    def _known(self, value: Any) -> tuple[Columns, list[Results]]:
+        walked = self.walk(value)
+        columns = [walked[number] for number in range(self.width)]
+        known = self.lists[value] = columns, [call.over(columns) for call in self.calls]
+        return known
 
     def __iter__(self) -> Iterator[tuple[str, tuple[Any, ...], Any]]:
         """The calls that were made: the function's name, the arguments, the value, as SQL values."""
         for call in self.calls:
             for key, results in call.made.items():
                 arguments = key if isinstance(key, tuple) else loads(key)
-                for row, result in zip(call.rows(self.lists[arguments[0]], arguments), results, strict=True):
+                columns, _ = self.lists[arguments[0]]
+                for row, result in zip(call.rows(columns, arguments), results, strict=True):
                     yield call.name, row, result
 
 
@@ -71,29 +82,32 @@ class _Call:
         self.limit = limit
         self.execution = execution
         self.made: dict[Arguments | bytes, Sequence[Any]] = {}
-        self.scalars: dict[int, bool] = {}  # whether a column holds no lists or dicts, by its identity
-        self.repeats: dict[Any, bool] = {}  # whether a list gives the same arguments twice
 
-    def results(self, columns: Columns, arguments: Arguments) -> Sequence[Any]:
-        """The values of the call for all elements."""
-        made, caller = self.made, self.caller
-        if len(self.key) < len(arguments):
-            arguments = tuple([arguments[at] if at in self.key else None for at in range(len(arguments))])
-        # 1 and 1.0 are one key, but two arguments.
-        key = arguments if ONE_KIND.issuperset(map(type, arguments)) else dumps(arguments, 2)
-        known = made.get(key)
-        if known is not None:
-            caller.memo.hits += len(known)
-            return known
-        if self._has_repeats(columns, arguments):
-            return list(starmap(caller.call, self.rows(columns, arguments)))
-        results = caller.block(self.execution, self._values(columns, arguments), lambda: self.rows(columns, arguments))
-        pool = self.execution.pool
-        plain = pool.is_plain or all(caller.may_keep(pool, row) for row in self.rows(columns, arguments))
-        if self.limit and plain:
-            if len(made) * (len(results) + 1) >= self.limit:
-                forget_half(made)
-            made[key] = tuple(results)  # which the collector of cycles soon leaves alone
+    def over(self, columns: Columns) -> Results:
+        """What gives the values of the call for all elements of a list, whose columns these are."""
+        made, caller, limit, execution, used = self.made, self.caller, self.limit, self.execution, self.key
+        pool, size, rows = execution.pool, len(used), self.rows
+        if self._has_repeats(columns):
+            return lambda arguments: list(starmap(caller.call, rows(columns, arguments)))
+        values = self._values(columns)
+
+        def results(arguments: Arguments) -> Sequence[Any]:
+            if size < len(arguments):
+                arguments = tuple([arguments[at] if at in used else None for at in range(len(arguments))])
+            # 1 and 1.0 are one key, but two arguments.
+            key = arguments if ONE_KIND.issuperset(map(type, arguments)) else dumps(arguments, 2)
+            known = made.get(key)
+            if known is not None:
+                caller.memo.hits += len(known)
+                return known
+            # A tuple, which the collector of cycles soon leaves alone.
+            found = tuple(caller.block(execution, values(arguments), lambda: rows(columns, arguments)))
+            if limit and (pool.is_plain or all(caller.may_keep(pool, row) for row in rows(columns, arguments))):
+                if len(made) * (len(found) + 1) >= limit:
+                    forget_half(made)
+                made[key] = found
+            return found
+
         return results
 
     def rows(self, columns: Columns, arguments: Arguments) -> Iterable[tuple[Any, ...]]:
@@ -102,29 +116,32 @@ class _Call:
         given = [columns[at] if of_list else repeat(arguments[at], length) for of_list, at in self.places]
         return zip(*given, strict=True)
 
-    def _values(self, columns: Columns, arguments: Arguments) -> Iterable[tuple[Any, ...]]:
+    def _values(self, columns: Columns) -> Callable[[Arguments], Iterable[tuple[Any, ...]]]:
         """The same for Python code: lists anew for each call of a function that may change them."""
         pool, changes = self.execution.pool, self.caller.function.changes
-        convert = pool.fresh if changes else pool.unchanged
-        given: list[Iterable[Any]] = []
-        for of_list, at in self.places:
-            if of_list:
-                given.append(columns[at] if self._is_scalar(columns[at]) else map(convert, columns[at]))
-                continue
-            value = arguments[at]
-            marshalled = pool.marshalled.get(value) if changes else None
-            given.append(map(convert, repeat(value)) if marshalled is None else map(loads, repeat(marshalled)))
-        return zip(*given, strict=False)  # as many as the elements are
+        convert, marshalled = pool.fresh if changes else pool.unchanged, pool.marshalled.get
+        # A column of lists or dicts stands here with what copies them.
+        places = [
+            (columns[at], bytes in map(type, columns[at])) if of_list else (None, at) for of_list, at in self.places
+        ]
 
-    def _has_repeats(self, columns: Columns, arguments: Arguments) -> bool:
-        known = self.repeats.get(arguments[0])
-        if known is None:
-            rows = [dumps(row, 2) for row in self.rows(columns, arguments)]
-            known = self.repeats[arguments[0]] = len(set(rows)) < len(rows)
-        return known
+        def values(arguments: Arguments) -> Iterable[tuple[Any, ...]]:
+            given: list[Iterable[Any]] = []
+            for column, at in places:
+                if column is not None:
+                    given.append(map(convert, column) if at else column)
+                    continue
+                value = arguments[at]
+                if type(value) is not bytes:
+                    given.append(repeat(value))
+                    continue
+                known = marshalled(value) if changes else None
+                given.append(map(convert, repeat(value)) if known is None else map(loads, repeat(known)))
+            return zip(*given, strict=False)  # as many as the elements are
 
-    def _is_scalar(self, column: Sequence[Any]) -> bool:
-        known = self.scalars.get(id(column))
-        if known is None:
-            known = self.scalars[id(column)] = bytes not in map(type, column)
-        return known
+        return values
+
+    def _has_repeats(self, columns: Columns) -> bool:
+        """Whether two elements give the same arguments."""
+        rows = [dumps(row, 2) for row in zip(*[columns[at] for of_list, at in self.places if of_list], strict=True)]
+        return len(set(rows)) < len(rows)

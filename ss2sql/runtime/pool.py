@@ -106,23 +106,31 @@ class Pool:
             ExecutionError: X004, as `normalise` does.
         """
         kind = type(value)
-        if kind is int and INT_MIN <= value <= INT_MAX:
-            return value
         if kind is list:
             if not value:  # what functions of moves say most often
                 return self._handles.get(_EMPTY) or self.encode(value)
-        elif kind is not tuple:
+        elif kind is int and INT_MIN <= value <= INT_MAX:
+            return value
+        elif kind is not tuple or not value:
             return self.encode(normalise(value, giver))
-        if not (_is_flat(value) if type(value[0]) is int else is_shallow(value)):
+        if type(value[0]) is int:
+            try:
+                hash(tuple(value))  # 0.06 us for nine numbers; `dumps` might follow a list inside for ever
+            except TypeError:
+                return self.encode(normalise(value, giver))
+        elif not is_shallow(value):
             return self.encode(normalise(value, giver))
         marshalled = dumps(value, 2)
-        if kind is list and not marshalled[::5].strip(b"[i"):  # lists and small integers: five bytes each
-            return self._handles.get(marshalled) or self._new(marshalled, marshalled, True)
         handle = self._handles.get(marshalled)
-        if handle is None:
-            if kind is list and needs_no_check(marshalled):
-                return self._add(marshalled, marshalled, value)
-            handle = self._handles[marshalled] = self.encode(normalise(value, giver))
+        if handle is not None:
+            return handle
+        if kind is list and not marshalled[::5].strip(b"[i"):  # lists and small integers: five bytes each
+            return self._new(marshalled, marshalled, True)
+        if kind is list and needs_no_check(marshalled):
+            return self._add(marshalled, marshalled, value)
+        handle = self.encode(normalise(value, giver))
+        if is_shallow(value):  # else these bytes may be those of another object, such as a scalar of NumPy
+            self._handles[marshalled] = handle
         return handle
 
     @property
@@ -247,15 +255,6 @@ class Pool:
         if type(frozen) is bytes:  # the marshal bytes of a list, which is the key of all lists that equal it
             return self._handles.get(frozen) or self._add(frozen, frozen, loads(frozen))
         return self._classes.setdefault(frozen, handle)
-
-
-def _is_flat(value: list[Any] | tuple[Any, ...]) -> bool:
-    """Whether nothing in a list is a list or a dict, which `dumps` might follow for ever; 0.08 us for nine numbers."""
-    try:
-        hash(tuple(value))
-    except TypeError:
-        return False
-    return True
 
 
 def _nobody() -> None:

@@ -47,8 +47,10 @@ class Walked(dict[int, Sequence[SqlValue]]):
 
 # Walks a value for the module of this name, given its arguments and the cursor that asks.
 Walk: TypeAlias = Callable[[str, tuple[SqlValue, ...], Any], Walked]
-# Gives the columns of a table with calls: those of the list's elements first, `this` before all others.
-Call: TypeAlias = Callable[[str, tuple[SqlValue, ...], Any], Sequence[Sequence[SqlValue]]]
+# Gives the columns of a table with calls for its arguments: those of the list first, `this` before all others.
+Columns: TypeAlias = Callable[[tuple[SqlValue, ...]], Sequence[Sequence[SqlValue]]]
+# What does so for the module of this name, as long as the statement runs whose cursor asks.
+Calls: TypeAlias = Callable[[str, Any], Columns]
 NOTHING = Walked(None, 0, 0, lambda number: ())
 
 # Elements, as SQLite is told when it plans, without the value. Below 25 it makes no index for a join that is sorted.
@@ -59,9 +61,9 @@ ARGUMENT = "source value"  # the hidden column; the blank keeps it apart from th
 class Elements:
     """The module of this name for one set of columns; `names` are the columns' own in SQL."""
 
-    def __init__(self, walk: Walk, call: Call, name: str, table: ListTable) -> None:
+    def __init__(self, walk: Walk, calls: Calls, name: str, table: ListTable) -> None:
         self.walk = walk
-        self.call = call
+        self.calls = calls
         self.cursor = _CallingCursor if table.calls else _Cursor
         self.name = name
         self.names = (*sql_names(table.columns).values(), *(call.name for call in table.calls))
@@ -80,10 +82,10 @@ class Elements:
 class ListModules:
     """The modules of a connection, one for each set of columns; `walk` walks a value for them."""
 
-    def __init__(self, connection: apsw.Connection, walk: Walk, call: Call) -> None:
+    def __init__(self, connection: apsw.Connection, walk: Walk, calls: Calls) -> None:
         self.connection = connection
         self.walk = walk
-        self.call = call
+        self.calls = calls
         self._made: set[str] = set()
         self._first: set[str] = set()  # those that hide a table of the database
 
@@ -94,7 +96,7 @@ class ListModules:
         """
         for name, table in wanted.items():
             if name not in self._made:
-                module = cast(Any, Elements(self.walk, self.call, name, table))
+                module = cast(Any, Elements(self.walk, self.calls, name, table))
                 self.connection.create_module(
                     name, module, use_bestindex_object=True, eponymous=True, eponymous_only=False, read_only=True
                 )
@@ -183,7 +185,17 @@ class _Cursor:
 class _CallingCursor(_Cursor):
     """Walks the elements and the values of calls with them, which are made for all elements together."""
 
+    def __init__(self, module: Elements) -> None:
+        super().__init__(module)
+        self.columns_for: Columns | None = None
+
     def Filter(self, number: int, name: str, arguments: tuple[SqlValue, ...]) -> None:  # noqa: N802
-        self.columns = self.module.call(self.module.name, arguments, self)
-        self.length = len(self.columns[0])
+        if self.columns_for is None:
+            self.columns_for = self.module.calls(self.module.name, self)
+        self.columns = columns = self.columns_for(arguments)
+        self.length = len(columns[0])
         self.position = 0
+
+    def Close(self) -> None:  # noqa: N802
+        super().Close()
+        self.columns_for = None
