@@ -200,6 +200,23 @@ def _is_empty(t: Type) -> bool:
     return t.item == NOTHING and not t.may(Kind.DICT | Kind.OBJECT)
 
 
+def may_be_equal(a: Type, b: Type) -> bool:
+    """Whether a value of the one type may equal one of the other."""
+    common = _alike(a.kinds) & _alike(b.kinds)
+    if common == Kind.LIST:
+        sizes = [0 if _is_empty(t) else t.size for t in (a, b)]
+        return None in sizes or sizes[0] == sizes[1]
+    if common == Kind.NUMBER:
+        bounds = (a.low, a.high, b.low, b.high)
+        return None in bounds or (a.low <= b.high and b.low <= a.high)  # type: ignore[operator]
+    return bool(common) or bool((a.kinds | b.kinds) & Kind.OBJECT)
+
+
+def _alike(kinds: Kind) -> Kind:
+    """The kinds with all that may equal values of them: 1, 1.0 and True are equal."""
+    return kinds | Kind.NUMBER if kinds & Kind.NUMBER else kinds
+
+
 def list_of(types: Sequence[Type]) -> Type:
     """The type of a list whose elements have these types, one by one; it has columns if all of them may have some."""
     item = union(types)

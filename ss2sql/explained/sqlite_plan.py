@@ -173,8 +173,10 @@ def _scan(found: re.Match[str], names: Names) -> str:
 def _virtual(found: re.Match[str], names: Names) -> str:
     """Tables of worlds tell in their plan what is asked of the adapter."""
     name, asked = found["name"], found["asked"]
-    if asked == "each element":
-        return f"walks the elements of {names.walked.get(name, name)}"
+    if asked.startswith("each element"):
+        left_out = re.fullmatch(r"each element, (.*) IS NOT \?", asked)
+        but = f" but those whose {left_out[1]} is …" if left_out else ""
+        return f"walks the elements of {names.walked.get(name, name)}{but}"
     table = names.tables.get(name, name)
     if asked == "all":
         return f"reads every element of {table}"

@@ -6,14 +6,14 @@ CONNECT BY. Where nobody sees the order, what SQLite does by itself is asked bef
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from sqlglot import exp
 
 from ss2sql import plan
-from ss2sql.kinds import Kind, Type, is_flag
+from ss2sql.kinds import Kind, Type, is_flag, may_be_equal
 from ss2sql.lowering import sql
 from ss2sql.lowering.expressions import Env
 from ss2sql.lowering.sql import Node
@@ -63,8 +63,9 @@ class EnteringStep:
         return self.search.made if other is None else other
 
     def stop(self) -> Node:
-        assert self.search.stop is not None
-        return self.expressions.condition(self.search.stop, self.env)
+        """Whether a step that enters stops."""
+        assert self.of.stops.goals is not None
+        return self.expressions.condition(self.of.stops.goals, self.env)
 
     def goal(self) -> Node:
         assert self.query.where is not None
@@ -96,7 +97,7 @@ class EnteringStep:
             new, weighed = weighed, []
         # What SQLite answers by itself is asked before what calls Python.
         fails = self.search.weight is not None and can_fail(self.search.weight)
-        asks = self._asks_python(alive) or bool(self.of.shared)
+        asks = self._asks_python(alive)
         new_first = asks and not (weighs and fails) and self.search.by == "row"
         made = self._is_made()
         conditions = [*made, *(new + alive if new_first else alive + new), *weighed]
@@ -131,12 +132,12 @@ class EnteringStep:
         return [_not(sql.call(name, *arguments, *self.key()))]
 
     def _is_alive(self) -> list[Node]:
-        """Whether the step goes on or is a goal."""
-        where, stop = self.query.where, dropping_stop(self.query)
-        if stop is None:
-            return []
-        goes_on = _not(self.expressions.condition(stop, self.env))
-        return [goes_on if where is None else sql.disjunction([goes_on, self.goal()])]
+        """Whether the step goes on or is a goal: each part of STOP WITH by itself where it is never true of a goal."""
+        conditions = [_not(self.expressions.condition(part, self.env)) for part in self.of.stops.others]
+        drops = self.of.stops.drops
+        if drops is not None:
+            conditions.append(sql.disjunction([_not(self.expressions.condition(drops, self.env)), self.goal()]))
+        return conditions
 
     def _weighed(self) -> list[Node]:
         """What COST or PROBABILITY ask of a step."""
@@ -158,9 +159,8 @@ class EnteringStep:
             carried[of.goal] = self.goal()
         if of.live is not None:
             # Whatever enters goes on, unless it is a goal: only then STOP WITH is asked once more.
-            where, stop = self.query.where, self.search.stop
-            both = where is not None and not self._asks_python([self.goal()])
-            if where is not None and stop is not None and _unless(stop, where) is not stop and both:
+            both = not self._asks_python([self.goal()])
+            if of.stops.drops is not of.stops.goals and both:
                 carried[of.live] = _not(self.goal())
             else:
                 asks = both and self._asks_python([self.stop()])
@@ -251,20 +251,63 @@ class EnteringStep:
         return sql.binary(kind, of.column(of.total), self.weight())
 
 
-def dropping_stop(query: plan.Query) -> plan.Expr | None:
-    """What drops a step that is no goal; None where each step enters."""
+@dataclass(frozen=True, slots=True)
+class Stops:
+    """STOP WITH as what it says of goals and of other steps.
+
+    `others` are the parts that are true of no goal: whatever they stop does not enter. `goals` is the rest, which may
+    be true of a step that enters, `drops` what of that drops a step that is no goal: `STOP WITH there OR far` drops
+    what is far. Both are None where there is nothing of the kind.
+    """
+
+    others: tuple[plan.Expr, ...] = ()
+    goals: plan.Expr | None = None
+    drops: plan.Expr | None = None
+
+
+def stops_of(query: plan.Query, steady: Sequence[plan.Expr]) -> Stops:
+    """STOP WITH, taken apart; `steady` are calls that cannot fail where they stand, for they are columns."""
     stop = None if query.search is None else query.search.stop
-    return stop if stop is None or query.where is None else _unless(stop, query.where)
-
-
-def _unless(stop: plan.Expr, goal: plan.Expr) -> plan.Expr | None:
-    """STOP WITH for a step that is no goal, None where it never stops: `STOP WITH there OR far` stops only if far."""
-    assert not is_volatile(goal), "a search that calls volatile functions is not lowered"
+    goal = query.where
+    if stop is None:
+        return Stops()
     parts = stop.parts if isinstance(stop, plan.Or) else (stop,)
-    left = tuple(part for part in parts if part != goal)
-    if len(left) == len(parts):
-        return stop
-    return None if not left else left[0] if len(left) == 1 else plan.Or(left, span=stop.span)
+    if goal is None:
+        return Stops(parts if all(_is_steady(part, steady) for part in parts) else (stop,))
+    assert not is_volatile(goal), "a search that calls volatile functions is not lowered"
+    others = tuple(part for part in parts if excludes(part, goal) and _is_steady(part, steady))
+    left = tuple(part for part in parts if part not in others)
+    return Stops(others, _any_of(left, stop), _any_of(tuple(part for part in left if part != goal), stop))
+
+
+def _is_steady(part: plan.Expr, steady: Sequence[plan.Expr]) -> bool:
+    """Whether a part may be asked by itself, at any time."""
+    return all(any(node == known for known in steady) for node in fallible(part))
+
+
+def _any_of(parts: tuple[plan.Expr, ...], whole: plan.Expr) -> plan.Expr | None:
+    if isinstance(whole, plan.Or) and len(parts) == len(whole.parts):
+        return whole
+    return None if not parts else parts[0] if len(parts) == 1 else plan.Or(parts, span=whole.span)
+
+
+def excludes(one: plan.Expr, other: plan.Expr) -> bool:
+    """Whether two conditions are never true together: they demand of something that it equals what is not equal."""
+    return any(
+        a == c and not may_be_equal(b.type, d.type)
+        for part in conjuncts(other)
+        for a, b in _sides(one)
+        for c, d in _sides(part)
+    )
+
+
+def _sides(expr: plan.Expr) -> list[tuple[plan.Expr, plan.Expr]]:
+    """The sides of an equality, in both orders."""
+    match expr:
+        case plan.Call(function=plan.Function(name="eq", builtin=True), arguments=(left, right)):
+            return [(left, right), (right, left)]
+        case _:
+            return []
 
 
 def lies_within(kind: Type, most: float) -> bool:
@@ -273,7 +316,15 @@ def lies_within(kind: Type, most: float) -> bool:
 
 
 def _not(node: Node) -> Node:
-    return node.this.unnest() if isinstance(node, exp.Not) else exp.Not(this=sql.operand(node))
+    match node:
+        case exp.Not():
+            return node.this.unnest()  # type: ignore[no-any-return]
+        case exp.NullSafeEQ(this=left, expression=right):
+            return exp.NullSafeNEQ(this=left, expression=right)
+        case exp.EQ(this=left, expression=right):  # neither of which is NULL, for the node is a flag
+            return exp.NEQ(this=left, expression=right)
+        case _:
+            return exp.Not(this=sql.operand(node))
 
 
 def _plus(left: Node, right: Node) -> Node:

@@ -20,7 +20,7 @@ from ss2sql import plan
 from ss2sql.kinds import is_flag
 from ss2sql.lowering import sql
 from ss2sql.lowering.element_calls import element_calls, with_calls
-from ss2sql.lowering.entering_step import EnteringStep, certain, dropping_stop, fallible
+from ss2sql.lowering.entering_step import EnteringStep, certain, fallible, stops_of
 from ss2sql.lowering.expressions import Env
 from ss2sql.lowering.lookup import lookups, met
 from ss2sql.lowering.names import free_name
@@ -54,6 +54,7 @@ class OnEntering(SearchLowering):
         # A goal that comes out before its turn to be expanded waits as a result first.
         self.ahead = (search.order == "breadth first" and cut) or search.heuristic is not None
         self.shared = element_calls(query) if "calls" not in selects.needs.disabled else ()
+        self.stops = stops_of(query, self.shared)
         self.counted = self.counts == "steps" and not self.shared  # the table of a list with calls counts by itself
         self.depth = self._named("depth") if search.order == "depth first" else None
         self.states = {name: self._named(short(name)) for name in self.variables}
@@ -115,7 +116,8 @@ class OnEntering(SearchLowering):
             return "product"
         if not self.search.each and all(map(self.is_constant, query.sources)) and not has_query(query):
             return "product"
-        drops = dropping_stop(query) is not None or self.search.order == "probability"
+        stops = self.stops
+        drops = bool(stops.others) or stops.drops is not None or self.search.order == "probability"
         return "steps" if drops else "entered"
 
     # --- what is known of a step when it is taken ------------------------------------------------------
@@ -132,8 +134,8 @@ class OnEntering(SearchLowering):
 
     @property
     def asks_both(self) -> bool:
-        """Whether a step may enter that stops: without one of the two clauses whatever enters goes on."""
-        return self.search.stop is not None and self.query.where is not None
+        """Whether a step may enter that stops: a goal."""
+        return self.stops.goals is not None
 
     def sets_anyway(self, name: str) -> bool:
         """Whether CONNECT BY may set a variable for each step that enters, also for one that stops."""

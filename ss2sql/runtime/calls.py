@@ -136,16 +136,18 @@ class Caller:
                 if timed or run.interrupted:
                     run.check()
                 result = _MISSING
-                memo.calls += 1
                 result = body(*arguments)
                 add(encode(result, giver))
         except Stopped:
             raise
         except Exception as error:
+            memo.calls += 1
             rows = list(given())
             for arguments, encoded in zip(rows, made, strict=False):
                 memo.keep(arguments, encoded)
             self._refuse(execution, rows[len(made)], error, result)
+        finally:
+            memo.calls += len(made)
         return made
 
 

@@ -42,7 +42,7 @@ from ss2sql.runtime.values import truth
 from ss2sql.runtime.vectorized import SqlCaller
 from ss2sql.vtables.frames.frame import Frame
 from ss2sql.vtables.module import WorldModules
-from ss2sql.vtables.sequences import Columns, ListModules, Walked
+from ss2sql.vtables.sequences import Asked, ColumnsFor, ListModules, Walked
 from ss2sql.vtables.snapshots import NO_SNAPSHOT, Snapshot
 from ss2sql.walk import walk
 
@@ -208,7 +208,7 @@ class Database:
             self.search.walks.append((arguments[0], walked.length))
         return walked
 
-    def _calls(self, name: str, cursor: Any) -> Columns:
+    def _calls(self, name: str, cursor: Any, asked: Asked) -> ColumnsFor:
         """What gives the columns of a table that calls functions with the elements of a list."""
         execution = self.current
         execution.outermost = execution.outermost or cursor
@@ -218,7 +218,7 @@ class Database:
             walk = partial(self._elements, execution, table=table)
             calls = ElementCalls(table, self.callers, self.memo_limit, execution, walk, self.search)
             execution.element_calls[name] = calls
-        return calls.columns
+        return calls.asking(asked)
 
     def _elements(self, execution: Execution, value: Any, table: ListTable) -> Walked:
         """The elements of a value as columns of SQL values; kept, for inner loops ask again and again."""

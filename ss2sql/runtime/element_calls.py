@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from itertools import repeat, starmap
+from itertools import compress, repeat, starmap
 from marshal import dumps, loads
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from ss2sql.lowering.sql_query import ElementCall, ListTable
 from ss2sql.runtime.functions import ONE_KIND, forget_half
-from ss2sql.vtables.sequences import Walked
+from ss2sql.vtables.sequences import Asked, ColumnsFor, Found, Walked
 
 if TYPE_CHECKING:
     from ss2sql.runtime.calls import Caller
@@ -37,17 +37,45 @@ class ElementCalls:
         self.search = search
         self.width = len(table.columns) + 1
         self.lists: dict[Any, tuple[Columns, list[Results]]] = {}
+        self.limit = limit
         numbers = {name: number for number, name in enumerate(("this", *table.columns))}
         self.calls = [_Call(call, callers[call.function], numbers, limit, execution) for call in table.calls]
 
-    def columns(self, arguments: Arguments) -> Columns:
-        """The columns of the list and those of the calls."""
-        try:
-            columns, calls = self.lists[arguments[0]]
-        except KeyError:
-            columns, calls = self._known(arguments[0])
-        self.search.generated += len(columns[0])
-        return columns + [results(arguments) for results in calls]
+    def asking(self, asked: Asked) -> ColumnsFor:
+        """What gives the number of rows and the columns that are asked for."""
+        lists, search, limit, callers = self.lists, self.search, self.limit, [call.caller for call in self.calls]
+        wanted, without, memo = asked.columns, asked.without, callers[0].memo
+        again: dict[Arguments | bytes, tuple[int, int, Found]] = {}  # what was asked for twice, its calls first
+
+        def columns(arguments: Arguments) -> tuple[int, Found]:
+            known = again.get(_exact(arguments)) if again else None
+            if known is not None:
+                search.generated += known[0]
+                for caller in callers:
+                    caller.memo.hits += known[0]
+                return known[1:]
+            try:
+                of_list, calls = lists[arguments[0]]
+            except KeyError:
+                of_list, calls = self._known(arguments[0])
+            hits, length = memo.hits, len(of_list[0])
+            search.generated += length
+            given = arguments if without is None else arguments[:-1]
+            found = of_list + [results(given) for results in calls]
+            kept, columns = length, {number: found[number] for number in wanted}
+            if without is not None:
+                left_out = arguments[-1]
+                places = [value != left_out for value in found[without]]
+                kept = sum(places)
+                if kept < length:
+                    columns = {number: tuple(compress(column, places)) for number, column in columns.items()}
+            if memo.hits > hits:
+                if len(again) * (length + 1) >= limit:
+                    forget_half(again)
+                again[_exact(arguments)] = length, kept, columns
+            return kept, columns
+
+        return columns
 
     def _known(self, value: Any) -> tuple[Columns, list[Results]]:
         walked = self.walk(value)
@@ -94,8 +122,7 @@ class _Call:
         def results(arguments: Arguments) -> Sequence[Any]:
             if size < len(arguments):
                 arguments = tuple([arguments[at] if at in used else None for at in range(len(arguments))])
-            # 1 and 1.0 are one key, but two arguments.
-            key = arguments if ONE_KIND.issuperset(map(type, arguments)) else dumps(arguments, 2)
+            key = _exact(arguments)
             known = made.get(key)
             if known is not None:
                 caller.memo.hits += len(known)
@@ -120,23 +147,20 @@ class _Call:
         """The same for Python code: lists anew for each call of a function that may change them."""
         pool, changes = self.execution.pool, self.caller.function.changes
         convert, marshalled = pool.fresh if changes else pool.unchanged, pool.marshalled.get
-        # A column of lists or dicts stands here with what copies them.
-        places = [
-            (columns[at], bytes in map(type, columns[at])) if of_list else (None, at) for of_list, at in self.places
-        ]
+        given: list[Iterable[Any]] = [columns[at] if of_list else () for of_list, at in self.places]
+        copied = [place for place, column in enumerate(given) if bytes in map(type, column)]
+        moved = [(place, at) for place, (of_list, at) in enumerate(self.places) if not of_list]
 
         def values(arguments: Arguments) -> Iterable[tuple[Any, ...]]:
-            given: list[Iterable[Any]] = []
-            for column, at in places:
-                if column is not None:
-                    given.append(map(convert, column) if at else column)
-                    continue
+            for place in copied:
+                given[place] = map(convert, columns[self.places[place][1]])
+            for place, at in moved:
                 value = arguments[at]
-                if type(value) is not bytes:
-                    given.append(repeat(value))
-                    continue
                 known = marshalled(value) if changes else None
-                given.append(map(convert, repeat(value)) if known is None else map(loads, repeat(known)))
+                if known is not None:
+                    given[place] = map(loads, repeat(known))
+                else:
+                    given[place] = map(convert, repeat(value)) if type(value) is bytes else repeat(value)
             return zip(*given, strict=False)  # as many as the elements are
 
         return values
@@ -145,3 +169,8 @@ class _Call:
         """Whether two elements give the same arguments."""
         rows = [dumps(row, 2) for row in zip(*[columns[at] for of_list, at in self.places if of_list], strict=True)]
         return len(set(rows)) < len(rows)
+
+
+def _exact(arguments: Arguments) -> Arguments | bytes:
+    """A key: 1 and 1.0 are one for a dict, but two arguments."""
+    return arguments if ONE_KIND.issuperset(map(type, arguments)) else dumps(arguments, 2)

@@ -44,13 +44,14 @@ class Pool:
     """
 
     __slots__ = (
-        *("_classes", "_handles", "_keys", "_made", "_objects", "_tag", "_values"),
+        *("_classes", "_handles", "_keys", "_made", "_objects", "_tags", "_values"),
         *("marshalled", "mixed", "pure", "sizes", "watched"),
     )
 
     def __init__(self, sizes: Sizes | None = None) -> None:
         self.sizes = sizes or Sizes()
-        self._tag = urandom(6)
+        tag = urandom(6)
+        self._tags = (_FALSY + tag, _TRUTHY + tag)
         self._made = 0
         # What tells values apart -> handle: marshal bytes; of objects, which have none, see _exact.
         self._handles: dict[Hashable, bytes] = {}
@@ -91,7 +92,7 @@ class Pool:
     def keep(self, source: Any) -> bytes:
         """A handle for a data frame, which is walked and never compared."""
         self._made += 1
-        handle = _TRUTHY + self._tag + self._made.to_bytes(5, "big")
+        handle = self._tags[True] + self._made.to_bytes(5, "big")
         self._objects[handle] = source
         return handle
 
@@ -205,9 +206,8 @@ class Pool:
 
     def _new(self, exact: Hashable, marshalled: bytes | None, truthy: bool) -> bytes:
         """The same of a value that is equal to no other in another form."""
-        self._made += 1
-        handle = (_TRUTHY if truthy else _FALSY) + self._tag + self._made.to_bytes(5, "big")
-        self._handles[exact] = handle
+        self._made = made = self._made + 1
+        handle = self._handles[exact] = self._tags[truthy] + made.to_bytes(5, "big")
         if marshalled is not None:
             self.marshalled[handle] = marshalled
         return handle

@@ -9,6 +9,7 @@ what makes a source lateral.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, TypeAlias, cast
 
 import apsw
@@ -47,10 +48,21 @@ class Walked(dict[int, Sequence[SqlValue]]):
 
 # Walks a value for the module of this name, given its arguments and the cursor that asks.
 Walk: TypeAlias = Callable[[str, tuple[SqlValue, ...], Any], Walked]
-# Gives the columns of a table with calls for its arguments: those of the list first, `this` before all others.
-Columns: TypeAlias = Callable[[tuple[SqlValue, ...]], Sequence[Sequence[SqlValue]]]
-# What does so for the module of this name, as long as the statement runs whose cursor asks.
-Calls: TypeAlias = Callable[[str, Any], Columns]
+Found: TypeAlias = Mapping[int, Sequence[SqlValue]]  # columns by their numbers
+# Gives the number of rows and the columns of a table with calls, for its arguments.
+ColumnsFor: TypeAlias = Callable[[tuple[SqlValue, ...]], tuple[int, Found]]
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What is asked of a table with calls: these columns, and which of them must not have the last argument's value."""
+
+    columns: tuple[int, ...]
+    without: int | None
+
+
+# Makes it for the module of this name, as long as the statement runs whose cursor asks.
+Calls: TypeAlias = Callable[[str, Any, Asked], ColumnsFor]
 NOTHING = Walked(None, 0, 0, lambda number: ())
 
 # Elements, as SQLite is told when it plans, without the value. Below 25 it makes no index for a join that is sorted.
@@ -67,6 +79,8 @@ class Elements:
         self.cursor = _CallingCursor if table.calls else _Cursor
         self.name = name
         self.names = (*sql_names(table.columns).values(), *(call.name for call in table.calls))
+        self.first_call = len(table.columns) + 1
+        self.asked: list[Asked] = []  # of plans, by their numbers
         self.arguments = table.arguments
 
     def Connect(  # noqa: N802 - the name is SQLite's
@@ -124,10 +138,18 @@ class _Table:
         self.module = module
 
     def BestIndexObject(self, index: Any) -> bool:  # noqa: N802
-        """Demands the arguments; everything else SQLite checks by itself."""
+        """Demands the arguments, and takes over what leaves rows out by the value of one call: `move IS NOT ?`.
+
+        Everything else SQLite checks by itself.
+        """
         first = len(self.module.names) + 1
-        found = 0
+        found, without = 0, None
         for number in range(index.nConstraint):
+            if without is None and self._leaves_out(index, number):
+                index.set_aConstraintUsage_argvIndex(number, self.module.arguments + 2)
+                index.set_aConstraintUsage_omit(number, True)
+                without = index.get_aConstraint_iColumn(number)
+                continue
             argument = index.get_aConstraint_iColumn(number) - first
             if argument < 0 or index.get_aConstraint_op(number) != apsw.SQLITE_INDEX_CONSTRAINT_EQ:
                 continue
@@ -141,7 +163,22 @@ class _Table:
         index.estimatedCost = LENGTH
         index.estimatedRows = LENGTH
         index.idxStr = "each element"
+        if without is not None:
+            index.idxStr += f", {self.module.names[without - 1]} IS NOT ?"
+        asked = Asked(tuple(sorted(number for number in index.colUsed if number < first)), without)
+        if asked not in self.module.asked:
+            self.module.asked.append(asked)
+        index.idxNum = self.module.asked.index(asked)
         return True
+
+    def _leaves_out(self, index: Any, number: int) -> bool:
+        """Whether a condition says which value a call must not have."""
+        calls = range(self.module.first_call, len(self.module.names) + 1)
+        return (
+            index.get_aConstraint_op(number) == apsw.SQLITE_INDEX_CONSTRAINT_ISNOT
+            and index.get_aConstraint_iColumn(number) in calls
+            and bool(index.get_aConstraint_usable(number))
+        )
 
     def Open(self) -> _Cursor:  # noqa: N802
         return self.module.cursor(self.module)
@@ -187,13 +224,12 @@ class _CallingCursor(_Cursor):
 
     def __init__(self, module: Elements) -> None:
         super().__init__(module)
-        self.columns_for: Columns | None = None
+        self.columns_for: ColumnsFor | None = None
 
     def Filter(self, number: int, name: str, arguments: tuple[SqlValue, ...]) -> None:  # noqa: N802
         if self.columns_for is None:
-            self.columns_for = self.module.calls(self.module.name, self)
-        self.columns = columns = self.columns_for(arguments)
-        self.length = len(columns[0])
+            self.columns_for = self.module.calls(self.module.name, self, self.module.asked[number])
+        self.length, self.columns = self.columns_for(arguments)
         self.position = 0
 
     def Close(self) -> None:  # noqa: N802
