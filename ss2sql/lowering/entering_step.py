@@ -17,7 +17,7 @@ from ss2sql.kinds import Kind, Type, is_flag, may_be_equal
 from ss2sql.lowering import sql
 from ss2sql.lowering.expressions import Env
 from ss2sql.lowering.sql import Node
-from ss2sql.walk import can_fail, conjuncts, is_volatile, parts, walk
+from ss2sql.walk import can_fail, conjuncts, is_volatile, parts, sources_read, walk
 
 if TYPE_CHECKING:
     from ss2sql.lowering.on_entering import OnEntering
@@ -266,16 +266,20 @@ class Stops:
 
 
 def stops_of(query: plan.Query, steady: Sequence[plan.Expr]) -> Stops:
-    """STOP WITH, taken apart; `steady` are calls that cannot fail where they stand, for they are columns."""
+    """STOP WITH, taken apart; `steady` are calls that cannot fail where they stand, for they are columns.
+
+    What stands apart reads the last source: of the state alone SQLite would ask it before it makes the steps.
+    """
     stop = None if query.search is None else query.search.stop
     goal = query.where
     if stop is None:
         return Stops()
     parts = stop.parts if isinstance(stop, plan.Or) else (stop,)
+    apart = [part for part in parts if query.sources[-1].id in sources_read(part) and _is_steady(part, steady)]
     if goal is None:
-        return Stops(parts if all(_is_steady(part, steady) for part in parts) else (stop,))
+        return Stops(parts if len(apart) == len(parts) else (stop,))
     assert not is_volatile(goal), "a search that calls volatile functions is not lowered"
-    others = tuple(part for part in parts if excludes(part, goal) and _is_steady(part, steady))
+    others = tuple(part for part in apart if excludes(part, goal))
     left = tuple(part for part in parts if part not in others)
     return Stops(others, _any_of(left, stop), _any_of(tuple(part for part in left if part != goal), stop))
 

@@ -95,6 +95,7 @@ def lower(
         needs.applied["late"] = None
     if selects.copies and (tables := [*needs.collected.values(), *selects.copies.tables_of(select)]):
         select.set("with_", exp.With(expressions=tables))
+    truths = frozenset[str]() if by_value else _asked_as_they_are(select, needs)
     columns = [output.expr for output in query.columns]
     compared = (query.search.key if query.search else ()) or query.rows or columns
     only_walked = frozenset() if query.search is not None else _only_walked(select, needs)
@@ -117,7 +118,42 @@ def lower(
         late=read_late,
         applied=tuple(needs.applied),
         only_walked=only_walked,
+        truths=truths,
+        told_apart=frozenset(name for name in needs.calls if _are_told_apart(query, name)),
     )
+
+
+def _asked_as_they_are(select: exp.Select, needs: Needs) -> frozenset[str]:
+    """Has conditions ask calls of functions of the user without `truth` around them, and gives the functions' names.
+
+    SQLite takes numbers and handles for true or false as Python does, but not texts and None. The run notices when one
+    turns up, and goes over to the statement that compares by value.
+    """
+    users = {needs.function_names.get(name, name): name for name in needs.calls}
+    found: set[str] = set()
+    for node in list(select.find_all(exp.Anonymous)):
+        if node.name != "truth" or not _is_asked(node):
+            continue
+        (call,) = node.expressions
+        if isinstance(call, exp.Anonymous) and call.name in users:
+            node.replace(call)
+            found.add(users[call.name])
+    return frozenset(found)
+
+
+def _is_asked(node: sql.Node) -> bool:
+    """Whether of a node nothing but the truth counts."""
+    parent = node.parent
+    if isinstance(parent, exp.Paren):
+        return _is_asked(parent)
+    condition = isinstance(parent, exp.If) and parent.this is node
+    return condition or isinstance(parent, (exp.And, exp.Or, exp.Not, exp.Where, exp.Having))
+
+
+def _are_told_apart(query: plan.Query, name: str) -> bool:
+    """Whether the arguments of all calls of a function are such that equal ones are the same: 1.0 equals 1."""
+    calls = [node for node in walk(query) if isinstance(node, plan.Call) and node.function.name == name]
+    return not any(argument.type.may(Kind.FLOAT) for call in calls for argument in call.arguments)
 
 
 def _only_walked(select: exp.Select, needs: Needs) -> frozenset[str]:

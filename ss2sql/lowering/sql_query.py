@@ -101,6 +101,8 @@ class SqlQuery:
     that equal theirs, as long as no other form of such a value turns up. `plain_rows` says that the rows consist of
     numbers, strings and None, `plain_keys` that what a search compares does. `snapshot` is that of worlds, `late` what
     makes the rows where the statement gives keys of worlds alone. `applied` names the rewrites of lowering.
+    `truths` are the functions whose calls are conditions as they are, as long as none gives a text or None;
+    `told_apart` those whose equal arguments are the same ones.
     """
 
     query: plan.Query
@@ -121,3 +123,5 @@ class SqlQuery:
     late: Late | None = None
     applied: tuple[str, ...] = ()
     only_walked: frozenset[str] = frozenset()  # parameters whose value nobody asks for as a whole
+    truths: frozenset[str] = frozenset()
+    told_apart: frozenset[str] = frozenset()

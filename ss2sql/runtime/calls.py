@@ -53,7 +53,10 @@ class Caller:
         result = _MISSING
         try:
             result = self.function.function(*values)
-            return pool.encode_foreign(result, self.giver)
+            encoded = pool.encode_foreign(result, self.giver)
+            if (encoded is None or type(encoded) is str) and self.function.name in execution.truths:
+                raise OtherFormError  # SQLite would take it for false
+            return encoded
         except Exception as error:
             self._refuse(execution, arguments, error, result)
 

@@ -72,6 +72,7 @@ class Execution:
         self.book = Bookkeeping()
         self.results: Callable[[], int] = int  # how many paths were found
         self.failed = False  # whether a function has raised
+        self.truths: frozenset[str] = frozenset()  # functions whose values are asked for their truth as they are
         self.ahead: Ahead | None = None  # for functions that take arrays
         self.elements: dict[Any, Walked] = {}
         self.reduced: dict[bytes, Any] = {}  # what was made of inner queries
@@ -340,7 +341,9 @@ class Database:
         most: int | None,
     ) -> list[tuple[Row, Row]]:
         pool = execution.pool
-        execution.book = lowered.bookkeeping
+        execution.book, execution.truths = lowered.bookkeeping, lowered.truths
+        for name in lowered.calls:
+            self.memos[name].told_apart = name in lowered.told_apart
         self.search.begin(pool.frozen, lowered.plain_keys, lowered.bookkeeping.keyed)
         if lowered.bookkeeping.trusts and pool.pure:
             self.search.trust()

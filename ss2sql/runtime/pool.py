@@ -112,6 +112,8 @@ class Pool:
                 return self._handles.get(_EMPTY) or self.encode(value)
         elif kind is int and INT_MIN <= value <= INT_MAX:
             return value
+        elif kind is bool:
+            return self.encode(value)
         elif kind is not tuple or not value:
             return self.encode(normalise(value, giver))
         if type(value[0]) is int:
