@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ss2sql import plan
-from ss2sql.kinds import SCALAR, is_flag
+from ss2sql.kinds import SCALAR, is_flag, type_of
 from ss2sql.lowering import sql
 from ss2sql.lowering.expressions import Env, Expressions, Reader
 from ss2sql.lowering.positions import column_name, position_of
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 MOST = 8  # items, each of which has all clauses of its own
+FEW = 2  # of these where they are numbers
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,9 +73,9 @@ def arms_of(query: plan.Query) -> Arms | None:
         return None
     if not search.plain or not query.gives_paths:
         return None
-    if not isinstance(source, plan.ValueSource) or not isinstance(source.value, plan.MakeList):
+    if not isinstance(source, plan.ValueSource):
         return None
-    items = source.value.items
+    items = _numbers(query, source.value) if isinstance(source.value, plan.Constant) else _written(source.value)
     if not items or len(items) > MOST or any(_calls_python(item) for item in items):
         return None
     if all(item.type.only(SCALAR) for item in items):
@@ -87,7 +88,21 @@ def arms_of(query: plan.Query) -> Arms | None:
     return None if len(source.element.positions or ()) != size else Arms(source, items, size)
 
 
-def _calls_python(item: plan.Expr) -> bool:
+def _written(value: plan.Expr) -> tuple[plan.Expr, ...]:
+    """The items of a list literal."""
+    return value.items if isinstance(value, plan.MakeList) else ()
+
+
+def _numbers(query: plan.Query, value: plan.Constant) -> tuple[plan.Expr, ...]:
+    """Those of a literal of a few numbers, which is a constant; a function that takes one is called with the list."""
+    items = value.value
+    few = type(items) is list and len(items) <= FEW and all(type(item) in (int, float) for item in items)
+    if not few or _calls_python(query):
+        return ()
+    return tuple(plan.Constant(item, type_of(item), span=value.span) for item in items)
+
+
+def _calls_python(item: plan.Expr | plan.Query) -> bool:
     """Whether an item calls a function of the user, or asks a query: every clause would do so."""
     return any(
         isinstance(n, plan.Subquery) or (isinstance(n, plan.Call) and not n.function.builtin) for n in walk(item)

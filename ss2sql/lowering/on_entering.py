@@ -101,10 +101,18 @@ class OnEntering(SearchLowering):
         return not flags and (self.search.repeats != "unique" or self.search.order == "breadth first")
 
     def bookkeeping(self) -> Bookkeeping:
+        book = Bookkeeping(
+            self.counts,
+            self.all_go_on,
+            self.all_results,
+            keyed=self.keyed,
+            unkept=self.unkept,
+            starts=int(not self.has_first_steps),
+        )
         if self.arms is None:
-            return Bookkeeping(self.counts, self.all_go_on, self.all_results, keyed=self.keyed, unkept=self.unkept)
+            return book
         parts = tuple(len(self.parts(output.expr)) for output in self.query.columns)
-        return Bookkeeping(self.counts, self.all_go_on, self.all_results, arms=len(self.arms.items), parts=parts)
+        return replace(book, arms=len(self.arms.items), parts=parts)
 
     @property
     def counts(self) -> Counts:
@@ -289,7 +297,7 @@ class OnEntering(SearchLowering):
             return [*asked, *still]  # which counts the steps that go on
         if not expands:
             return [*asked, *still]
-        counted: Node = sql.call("expand", self.column("step"), *self.guess())
+        counted: Node = sql.call("expand", *self.guess())
         return [*asked, sql.case([(exp.Not(this=still[0]), sql.number(0))], counted) if still else counted]
 
     def still_counts(self) -> list[Node]:

@@ -49,7 +49,7 @@ class Bookkeeping:
     that went on, or as those that entered the queue and those that a guard kept out. `all_go_on` says that whatever
     enters goes on, `all_results` that it also comes out as a result. `trusts` says that rows may be compared as they
     are until the pool has met values that have several forms, `keyed` that something else than rows is compared,
-    `unkept` that steps have numbers and are not kept.
+    `unkept` that steps have numbers and are not kept. Of what goes on, `starts` are no steps.
     `sources` names the parameters that are walked as sources, `members` those that are walked as lists right of IN,
     which make no steps; the value of one may be that of the other. `arms` are the steps from a state that have a
     SELECT of their own; `parts` says of each column of a row how many values are a list, 0 where it is one value.
@@ -65,6 +65,7 @@ class Bookkeeping:
     parts: tuple[int, ...] = ()
     keyed: bool = False
     unkept: bool = False
+    starts: int = 0
 
 
 @dataclass(frozen=True, slots=True)

@@ -123,6 +123,8 @@ class Database:
             guard.scalar(name, getattr(self.search, name), arguments)
         guard.scalar("reached", self.search.reached_value, 1)
         guard.scalar("next_number", self.search.numbers.next, 0)
+        guard.scalar("expand", self.search.expansions.next, 0)
+        guard.scalar("expand", self.search.expand, 1)
         guard.scalar("next_position", Numbers().next, 0)  # of results that are put into groups
         guard.scalar("recall", lambda *key: self.stack[-1].reduced.get(dumps(key, 2)))
         guard.scalar("remember", lambda *given: self.stack[-1].remember(given[:-1], given[-1]))

@@ -34,7 +34,7 @@ RESERVED = SQLITE_FUNCTIONS | {
     *("list", "record", "field"),
     *("truth", "in_turn", "as_key", "recall", "remember", "elements", "search"),
     *("step_cost", "step_heuristic", "step_probability"),
-    *("next_number", "next_position", *SEARCH_FUNCTIONS),
+    *("expand", "next_number", "next_position", *SEARCH_FUNCTIONS),
 }
 
 

@@ -21,7 +21,7 @@ Kept: TypeAlias = tuple[int, tuple[Any, ...]]
 FUNCTIONS = {
     **dict.fromkeys(("count_step", "arrive", "give"), 1),
     "give_once": 2,
-    **dict.fromkeys(("expand", "still_best"), -1),
+    "still_best": -1,
     **dict.fromkeys(("enter", "enter_first", "enter_best", "on_path", "reached", "closed", "improves", "visit"), -1),
     **dict.fromkeys(("enter_keyed", "enter_first_keyed", "enter_best_keyed"), -1),
 }
@@ -62,19 +62,26 @@ def _itself(key: Any) -> Any:
 
 
 class Numbers:
-    """Numbers for steps whose rows nobody has to keep: `next` is a C function, 0.04 us a call.
+    """Numbers from 1 for what nobody has to keep: `next` is a C function, 0.04 us a call.
 
-    They go on from run to run of a connection.
+    They go on from run to run of a connection; `given` counts those of one run, for which it begins `anew`.
     """
 
     def __init__(self) -> None:
         self._count = itertools.count(1)
+        self._before = 0
         self.next = self._count.__next__
+
+    def anew(self, given: int = 0) -> int:
+        """Begins to count, where so many were given already, and says how many were given until now."""
+        before = self.given
+        self._before += before - given
+        return before
 
     @property
     def given(self) -> int:
-        """How many were given."""
-        return int(self._count.__reduce__()[1][0]) - 1
+        """How many were given in this run."""
+        return int(self._count.__reduce__()[1][0]) - 1 - self._before
 
 
 class SearchState:
@@ -96,14 +103,15 @@ class SearchState:
             "highest",
             "key",
             "keyed",
-            "numbered",
+            "expansions",
         ),
         *("numbers", "last_dropped", "late", "members", "met", "overestimated", "plain", "pruned", "rows", "shared"),
         *("taken", "walks", "way"),
     )
 
     def __init__(self) -> None:
-        self.numbers = Numbers()
+        self.numbers = Numbers()  # of steps that are not kept
+        self.expansions = Numbers()  # of steps that went on, the start among them
         self._reset(lambda value: value, True, False)
 
     def begin(self, key: Callable[[Any], Hashable], plain: bool, keyed: bool = False) -> dict[str, Any]:
@@ -113,6 +121,7 @@ class SearchState:
         `trust`. `keyed`: something else than rows is compared, and kept beside them.
         """
         outer = {name: getattr(self, name) for name in self.__slots__}
+        outer |= {"counted": [numbers.anew() for numbers in (self.numbers, self.expansions)]}
         self._reset(key, plain, keyed)
         return outer
 
@@ -121,15 +130,14 @@ class SearchState:
         self.plain = True
 
     def end(self, outer: dict[str, Any]) -> None:
-        given = self.numbers.given - self.numbered
+        for numbers, given in zip((self.numbers, self.expansions), outer.pop("counted"), strict=True):
+            numbers.anew(given)  # those of a statement inside of another are none of that one
         for name, value in outer.items():
             setattr(self, name, value)
-        self.numbered += given  # those of a statement inside of another are none of that one
 
     def _reset(self, key: Callable[[Any], Hashable], plain: bool, keyed: bool) -> None:
         self.key = key
         self.always_plain = self.plain = plain
-        self.numbered = self.numbers.given  # when the search began
         self.asked: tuple[Any, ...] = ()  # the row that a guard was asked about, and let pass
         self.asked_key: Any = ()
         self.generated = 0
@@ -178,11 +186,13 @@ class SearchState:
         return prod(lengths)
 
     def _went_on(self, book: Bookkeeping, results: int) -> int:
-        return self._came_in(book, results) if book.all_go_on else self.expanded
+        if book.all_go_on:
+            return self._came_in(book, results)
+        return self.expanded + max(0, self.expansions.given - book.starts)
 
     def _came_in(self, book: Bookkeeping, results: int) -> int:
         if book.unkept:
-            return self.numbers.given - self.numbered
+            return self.numbers.given
         return results if book.all_results else len(self.rows) - 1
 
     @property
@@ -223,13 +233,14 @@ class SearchState:
         self.generated += 1
         return 1
 
-    def expand(self, step: int, guess: Any = None) -> int:
-        """Counts a step that goes on, which the start is not; always true. `guess` is the total that A* expects."""
-        if step:
-            self.expanded += 1
-            if guess is not None and guess > self.highest:
-                self.highest = guess
-        return 1
+    def expand(self, guess: Any) -> int:
+        """Counts what goes on, the start included; always true. `guess` is the total that A* expects.
+
+        Without one `expand` is a C function, which SQLite picks by the number of arguments.
+        """
+        if guess > self.highest:
+            self.highest = guess
+        return self.expansions.next()
 
     def enter(self, parent: int, *row: Any) -> int:
         """Notes a step that enters the queue and gives its number."""
