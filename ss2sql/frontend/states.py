@@ -28,6 +28,7 @@ Types: TypeAlias = Mapping[str, Type]
 
 # A round resolves FROM and CONNECT BY once more, and in nested queries the rounds multiply.
 _ROUNDS = {1: 6, 2: 3}
+_SETTLING = 3  # more of them, where a number has no bounds else
 
 
 def settle_states(resolver: Resolver, tree: ast.Query, scope: Scope, start: Mapping[str, plan.Expr]) -> None:
@@ -36,7 +37,7 @@ def settle_states(resolver: Resolver, tree: ast.Query, scope: Scope, start: Mapp
     if scope.depth not in _ROUNDS:
         scope.states.update(dict.fromkeys(first, ANY))
         return
-    types = _proved(resolver, tree, scope, first)
+    types = _settled(resolver, tree, scope, first, _proved(resolver, tree, scope, first))
     for _ in range(min(len(first), 2)):  # twice, for a variable may take the value of another
         closer = _narrowed(resolver, tree, scope, first, types)
         types = {name: _meet(closer[name], kind) for name, kind in types.items()}
@@ -129,6 +130,27 @@ def _followed(slots: Sequence[Slot], first: Types, trial: _Trial) -> tuple[list[
             kept.append(slot)
             bounds.append((slot, bound))
     return kept, bounds
+
+
+def _settled(resolver: Resolver, tree: ast.Query, scope: Scope, first: Types, proved: Types) -> Types:
+    """The same with bounds for numbers without a proof, where these settle by themselves: water in a jug, a place.
+
+    They are those of the first state, widened by what a step makes of them, until no step leads out of them.
+    """
+    unknown = [
+        name
+        for name, kind in proved.items()
+        for slot in slots_of(scope.query, name, kind)
+        if (part := slot.part(kind)) is None or part.low is None or part.high is None
+    ]
+    types = {name: first[name] if name in unknown else kind for name, kind in proved.items()}
+    for _ in range(_SETTLING if unknown else 0):
+        trial = _try(resolver, tree, scope, types)
+        wider = {name: union((types[name], *(value.type for value in trial.following(name)))) for name in unknown}
+        if all(covers(types[name], kind) for name, kind in wider.items()):
+            return types
+        types |= wider
+    return proved
 
 
 # --- narrowing -----------------------------------------------------------------------------------------
