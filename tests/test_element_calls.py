@@ -152,4 +152,29 @@ def test_a_function_may_run_a_search_that_calls_it_in_turn() -> None:
 
         ss.function("grow", grow, volatility="immutable")
         script = "SELECT grow(this, n) FROM [1, 2] START WITH n = 0 CONNECT BY n = grow(this, n) STOP WITH n > 0;"
-        assert len(ss.run(script, engine="database").paths) == 2
+        result = ss.run(script, engine="database")
+        assert len(result.paths) == 2
+        assert (result.stats.generated, result.stats.expanded) == (6, 2)  # not those of the search inside
+
+
+@pytest.mark.parametrize("option", ["", "NO CYCLE", "UNIQUE", "BREADTH FIRST", "COST 1"])
+@pytest.mark.parametrize(
+    ("goal", "left_out"), [([4], True), ([], False), (4, True), (None, True), ([1, 2], True), ([None], True)], ids=str
+)
+def test_what_stops_and_is_no_goal_is_left_out_by_the_table(option: str, goal: Any, left_out: bool) -> None:
+    """`goal == next(..)` may be true of what STOP WITH drops only where the two values may be equal."""
+    script = f"""SELECT this, n FROM moves WHERE goal == next(this, n) START WITH n = [0], level = 1
+        CONNECT BY {option} n = next(this, n), level = level + 1 STOP WITH [] == next(this, n) OR level == 4 AS rows;"""
+    found = []
+    for engine in ENGINES:
+        calls = Calls(lambda move, n: [n[0] + move] if n and n[0] + move < 6 else [])
+        with session(calls, [1, 2, 3]) as ss:
+            ss.set("goal", [9])
+            query = ss.compile(script, engine=engine)
+            assert query.run().value == []
+            ss.set("goal", goal)
+            result = query.run()
+            found.append((result.value, len(calls.seen)))
+            if result.engine == "database":
+                assert ("but those whose next is" in query.explain()) == left_out
+    assert found[0] == found[1]

@@ -173,3 +173,40 @@ def test_both_runs_have_one_deadline(ss: ss2sql.Session) -> None:
         ss.run(script, timeout=0.5)
     assert caught.value.partial.engine == "native"
     assert len(seen) == len(set(seen)) == 2
+
+
+SIFTING = {
+    "filter": "SELECT this FROM items WHERE odd(this) AS list;",
+    "not": "SELECT this FROM items WHERE NOT odd(this) AS list;",
+    "and, or": "SELECT this FROM items WHERE (odd(this) OR this == 5) AND NOT (odd(this) AND this > 2) AS list;",
+    "if": "SELECT IF(odd(this); 1; 2) FROM items AS list;",
+    "value": "SELECT odd(this), NOT odd(this), odd(this) AND this > 2 FROM items AS rows;",
+    "xor": "SELECT this FROM items WHERE odd(this) XOR this > 2 AS list;",
+    "search": """SELECT n + this FROM items WHERE NOT odd(n + this) START WITH n = 0 CONNECT BY UNIQUE n = n + this
+        STOP WITH odd(n) AND n > 2 OR n > 6 AS list;""",
+}
+
+
+@pytest.mark.parametrize("script", SIFTING.values(), ids=SIFTING)
+@pytest.mark.parametrize(
+    ("yes", "no"), [(True, False), (3, 0), (0.5, 0.0), ([0], []), ({"a": 1}, {}), ("0", ""), ("a", None), (True, None)]
+)
+def test_conditions_ask_calls_for_their_truth(script: str, yes: Any, no: Any) -> None:
+    """SQLite takes texts for false, and NOT of None for neither; no call is made twice for it."""
+    found = []
+    for engine in ("native", "database"):
+        seen: list[int] = []
+
+        def odd(number: int, seen: list[int] = seen) -> Any:
+            seen.append(number)
+            return yes if number % 2 else no
+
+        with ss2sql.connect() as ss:
+            ss.function("odd", odd, volatility="immutable")
+            ss.set("items", [1, 2, 3, 4, 5])
+            result = ss.run(script, engine=engine)  # type: ignore[arg-type]
+            assert len(seen) == len(set(seen))
+            found.append(repr(result.value))
+            strange = isinstance(yes, str) or no is None or "XOR" in script
+            assert engine == "native" or script == SIFTING["value"] or ("truth(" in result.sql) == strange
+    assert found[0] == found[1]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
@@ -12,7 +13,22 @@ from hypothesis import given
 from hypothesis import strategies as st
 from random_values import ALIKE, VALUES, Thing
 
-from ss2sql.kinds import ANY, INT, LIST, NONE, NOTHING, STR, UNENCODABLE, Kind, Type, covers, list_of, type_of, union
+from ss2sql.kinds import (
+    ANY,
+    INT,
+    LIST,
+    NONE,
+    NOTHING,
+    STR,
+    UNENCODABLE,
+    Kind,
+    Type,
+    covers,
+    list_of,
+    may_be_equal,
+    type_of,
+    union,
+)
 from ss2sql.kinds import without_bounds as unbounded
 from ss2sql.runtime.values import normalise
 
@@ -170,3 +186,23 @@ def test_short_lists_are_described_one_by_one_as_long_as_all_have_one_length() -
     assert union([pair, LIST]) == LIST
     assert list_of([INT, ANY]).positions is None  # an element may be a list itself
     assert list_of([]).positions is None
+
+
+DIFFERENT = [None, 1, 2.5, "a", [], [3], [[], []], [1, 2, 3], {"a": 1}]
+
+
+def test_what_may_be_equal() -> None:
+    """Types of equal values say that these may be equal; those of most others do not."""
+    equal = [(1, 1.0), (True, 1), (0, False), ([1, True], [1.0, 1]), ([[]], [[]]), ({"a": 1}, {"a": 1.0})]
+    equal += [(value, value) for value in DIFFERENT]
+    for a, b in equal:
+        assert a == b
+        assert may_be_equal(type_of(a), type_of(b))
+    for a, b in itertools.permutations(DIFFERENT, 2):
+        assert not may_be_equal(type_of(a), type_of(b))
+        assert may_be_equal(union([type_of(a), type_of(b)]), type_of(b))
+    for value in DIFFERENT:
+        assert may_be_equal(type_of(value), type_of(Place("here")))  # it may equal whatever it says
+        assert may_be_equal(type_of(value), ANY)
+    assert may_be_equal(INT, number(1, 1))
+    assert may_be_equal(LIST, type_of([]))
