@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import starmap
 from marshal import dumps, loads
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias
 
 from ss2sql.errors import Error, Stopped, note_place
 from ss2sql.language.operations import OPERATIONS
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from ss2sql.runtime.element_calls import ElementCalls
 
 
+# Takes the arguments of several calls for Python code, and what gives them as SQL values; gives the calls' values.
+Block: TypeAlias = Callable[[Iterable[tuple[Any, ...]], Callable[[], Iterable[tuple[Any, ...]]]], list[Any]]
 _MISSING = object()
 NONE = object()  # None in a memory where None says that nothing is known
 
@@ -119,39 +121,39 @@ class Caller:
 
         return call_of_memo if self.remembers else call
 
-    def block(
-        self,
-        execution: Execution,
-        values: Iterable[tuple[Any, ...]],
-        given: Callable[[], Iterable[tuple[Any, ...]]],
-    ) -> list[Any]:
-        """The values of several calls, which whoever asks remembers; 0.5 us each.
+    def in_blocks(self, execution: Execution) -> Block:
+        """What makes several calls and gives their values, which whoever asks remembers; 0.5 us each.
 
-        `values` are the arguments for Python code, `given` gives them as SQL values.
+        It takes the arguments for Python code, and what gives them as SQL values.
         """
-        memo, made = self.memo, list[Any]()
-        if memo.plain or memo.exact or memo.failures:  # of an attempt before, or of calls elsewhere
-            return list(starmap(self.call, given()))
-        body, giver, run, encode = self.function.function, self.giver, execution.run, execution.pool.encode_foreign
-        timed, add, result = run.bounds.deadline is not None, made.append, _MISSING
-        try:
-            for arguments in values:
-                if timed or run.interrupted:
-                    run.check()
-                result = _MISSING
-                result = body(*arguments)
-                add(encode(result, giver))
-        except Stopped:
-            raise
-        except Exception as error:
-            memo.calls += 1
-            rows = list(given())
-            for arguments, encoded in zip(rows, made, strict=False):
-                memo.keep(arguments, encoded)
-            self._refuse(execution, rows[len(made)], error, result)
-        finally:
-            memo.calls += len(made)
-        return made
+        memo, body, giver, run = self.memo, self.function.function, self.giver, execution.run
+        encode, timed, call = execution.pool.encode_foreign, run.bounds.deadline is not None, self.call
+
+        def block(values: Iterable[tuple[Any, ...]], given: Callable[[], Iterable[tuple[Any, ...]]]) -> list[Any]:
+            made: list[Any] = []
+            if memo.plain or memo.exact or memo.failures:  # of an attempt before, or of calls elsewhere
+                return list(starmap(call, given()))
+            result: Any = _MISSING
+            try:
+                for arguments in values:
+                    if timed or run.interrupted:
+                        run.check()
+                    result = _MISSING
+                    result = body(*arguments)
+                    made.append(encode(result, giver))
+            except Stopped:
+                raise
+            except Exception as error:
+                memo.calls += 1
+                rows = list(given())
+                for arguments, encoded in zip(rows, made, strict=False):
+                    memo.keep(arguments, encoded)
+                self._refuse(execution, rows[len(made)], error, result)
+            finally:
+                memo.calls += len(made)
+            return made
+
+        return block
 
 
 class CallsMade:

@@ -58,21 +58,20 @@ class ElementCalls:
                 of_list, calls = lists[arguments[0]]
             except KeyError:
                 of_list, calls = self._known(arguments[0])
-            hits, length = memo.hits, len(of_list[0])
-            search.generated += length
+            hits, kept = memo.hits, len(of_list[0])
+            search.generated += kept
             given = arguments if without is None else arguments[:-1]
-            found = of_list + [results(given) for results in calls]
-            kept, columns = length, {number: found[number] for number in wanted}
-            if without is not None:
+            columns = of_list + [results(given) for results in calls]
+            if without is not None and arguments[-1] in columns[without]:
                 left_out = arguments[-1]
-                places = [value != left_out for value in found[without]]
-                kept = sum(places)
-                if kept < length:
-                    columns = {number: tuple(compress(column, places)) for number, column in columns.items()}
+                places = [value != left_out for value in columns[without]]
+                for number in wanted:
+                    columns[number] = tuple(compress(columns[number], places))
+                kept = len(columns[without])
             if memo.hits > hits:
-                if len(again) * (length + 1) >= limit:
+                if len(again) * (len(of_list[0]) + 1) >= limit:
                     forget_half(again)
-                again[_exact(arguments)] = length, kept, columns
+                again[_exact(arguments)] = len(of_list[0]), kept, columns
             return kept, columns
 
         return columns
@@ -113,11 +112,11 @@ class _Call:
 
     def over(self, columns: Columns) -> Results:
         """What gives the values of the call for all elements of a list, whose columns these are."""
-        made, caller, limit, execution, used = self.made, self.caller, self.limit, self.execution, self.key
-        pool, size, rows = execution.pool, len(used), self.rows
+        made, caller, used, rows, pool = self.made, self.caller, self.key, self.rows, self.execution.pool
+        size, most = len(used), self.limit // (len(columns[0]) + 1)
         if self._has_repeats(columns):
             return lambda arguments: list(starmap(caller.call, rows(columns, arguments)))
-        values = self._values(columns)
+        values, block = self._values(columns), caller.in_blocks(self.execution)
 
         def results(arguments: Arguments) -> Sequence[Any]:
             if size < len(arguments):
@@ -128,9 +127,9 @@ class _Call:
                 caller.memo.hits += len(known)
                 return known
             # A tuple, which the collector of cycles soon leaves alone.
-            found = tuple(caller.block(execution, values(arguments), lambda: rows(columns, arguments)))
-            if limit and (pool.is_plain or all(caller.may_keep(pool, row) for row in rows(columns, arguments))):
-                if len(made) * (len(found) + 1) >= limit:
+            found = tuple(block(values(arguments), lambda: rows(columns, arguments)))
+            if most and (pool.is_plain or all(caller.may_keep(pool, row) for row in rows(columns, arguments))):
+                if len(made) >= most:
                     forget_half(made)
                 made[key] = found
             return found

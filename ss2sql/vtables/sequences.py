@@ -48,7 +48,7 @@ class Walked(dict[int, Sequence[SqlValue]]):
 
 # Walks a value for the module of this name, given its arguments and the cursor that asks.
 Walk: TypeAlias = Callable[[str, tuple[SqlValue, ...], Any], Walked]
-Found: TypeAlias = Mapping[int, Sequence[SqlValue]]  # columns by their numbers
+Found: TypeAlias = Sequence[Sequence[SqlValue]]  # columns, of which those hold that are asked for
 # Gives the number of rows and the columns of a table with calls, for its arguments.
 ColumnsFor: TypeAlias = Callable[[tuple[SqlValue, ...]], tuple[int, Found]]
 
