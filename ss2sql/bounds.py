@@ -1,4 +1,7 @@
-"""What a condition says of the numbers that it compares: where `x + dx < 0` is false, `x + dx` is at least 0."""
+"""What a condition says of the numbers in it: where `x + dx < 0` is false, `x + dx` is at least 0.
+
+Where `grid[y][x] == 1` is true or false, y and x were indices of lists, and their lengths bound them.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 from ss2sql import plan
-from ss2sql.kinds import NOTHING, Kind, Type
+from ss2sql.kinds import NOTHING, Kind, Type, type_of
 from ss2sql.language.operations import OPERATIONS
 from ss2sql.walk import is_volatile
 
@@ -34,11 +37,43 @@ def facts_of(condition: plan.Expr, truth: bool) -> Iterator[Fact]:
         case plan.And(parts=parts) if truth:
             for part in parts:
                 yield from facts_of(part, True)
-        case plan.Call(function=plan.Function(name=name, builtin=True), arguments=(left, right)) if name in _ORDERS:
-            if not is_volatile(condition):
+        case plan.Call(function=plan.Function(name=name, builtin=True), arguments=arguments):
+            if is_volatile(condition):
+                return
+            if name in _ORDERS:
+                left, right = arguments
                 sign = name if truth else _ORDERS[name].negated
                 yield Fact(sign, left, right)
                 yield Fact(_ORDERS[sign].mirrored, right, left)
+            elif (name, truth) in (("in", True), ("not_in", False)):
+                yield from _among(arguments[0], arguments[1].type.item)
+            yield from _indices(condition)
+
+
+def _among(expr: plan.Expr, kind: Type | None) -> Iterator[Fact]:
+    """What is so of an expression that equals a value of a type; of a list, what is so of its items."""
+    if isinstance(expr, plan.MakeList) and kind is not None and kind.positions is not None:
+        for item, part in zip(expr.items, kind.positions, strict=False):
+            yield from _among(item, part)
+    elif kind is not None and kind.only(Kind.NUMBER) and kind.low is not None and kind.high is not None:
+        yield from _between(expr, kind.low, kind.high)
+
+
+def _between(expr: plan.Expr, low: float, high: float) -> Iterator[Fact]:
+    for sign, bound in (("ge", low), ("le", high)):
+        yield Fact(sign, expr, plan.Constant(bound, type_of(bound), span=expr.span))
+
+
+def _indices(expr: plan.Expr) -> Iterator[Fact]:
+    """What is so of numbers with which items of lists were found."""
+    match expr:
+        case plan.Call(function=plan.Function(name="item", builtin=True), arguments=(container, index)):
+            size = container.type.size
+            if container.type.only(Kind.LIST) and index.type.only(Kind.INT) and size:
+                yield from _between(index, -size, size - 1)
+    if isinstance(expr, plan.Call) and expr.function.name != "coalesce":  # SQLite asks no further than it has to
+        for argument in expr.arguments:
+            yield from _indices(argument)
 
 
 def narrowed(expr: plan.Expr, facts: Iterable[Fact]) -> Type:

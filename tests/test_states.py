@@ -25,6 +25,7 @@ def session() -> ss2sql.Session:
     ss.attach("edges", [[0, 1], [1, 2], [2, 5]])
     ss.attach("names", [["a", "b"], ["b", "c"]])
     ss.attach("width", 300)
+    ss.attach("wall", [0, 1, 2])
     ss.host.connection.execute("CREATE TABLE links(src, dst); INSERT INTO links VALUES (1, 2), (2, 3)")
     return ss
 
@@ -41,7 +42,6 @@ def shown(kind: Type) -> str:
     return f"[{', '.join(map(shown, kind.positions))}]"
 
 
-LARGE = f"int {-(2**62)}..{2**62}"  # what is assumed of numbers that take each other's values
 FAR = STEPS  # how far a number gets that changes by 1 with every step
 
 
@@ -53,7 +53,7 @@ FAR = STEPS  # how far a number gets that changes by 1 with every step
         ("moves", "x = 5", "x = this[0] + x", "", f"x: int {5 - FAR}..{5 + 2 * FAR}"),
         ("moves", "x = 5", "x = x - this[1]", "", f"x: int 5..{5 + 3 * FAR}"),
         ("moves", "x = 5", "x = x", "", "x: int 5..5"),
-        ("moves", "x = 5", "x = 1 - x", "", "x: int"),
+        ("moves", "x = 5", "x = 1 - x", "", "x: int -4..5"),
         ("moves", "x = 5", "x = x + x", "", "x: int"),
         ("moves", "x = 5", "x = x * 2", "", "x: int"),
         ("steps", "x = 5, n = 0", "n = n + 1, x = x + dx", "", f"x: int {5 - FAR}..{5 + FAR}, n: int 0..{FAR}"),
@@ -79,12 +79,16 @@ FAR = STEPS  # how far a number gets that changes by 1 with every step
         ("moves", "x = False", "x = NOT x", "", "x: bool"),
         ("moves", "x = []", "x = x + [this[0]]", "", "x: list of int"),
         ("moves", "x = []", "x = [x]", "", "x: list of any"),
+        # Bounds that no step leaves.
+        ("moves", "a = 0, b = 0", "a = max([0, a + b - 3]), b = min([3, a + b + 9])", "", "a: int 0..0, b: int 0..3"),
+        ("moves", "a = 0, n = 0", "a = 1 - a, n = n + 1", "", f"a: int 0..1, n: int 0..{FAR}"),
+        ("moves", "a = 1, b = 3", "a = IF(b > a; b - a; a), b = b * 2", "", "a: int, b: int"),
         # Short lists, one by one.
         ("moves", "p = [0, 7]", "p = [p[0] + this[0], p[1]]", "", f"p: [int {-FAR}..{2 * FAR}, int 7..7]"),
         ("moves", "p = ['a', 7]", "p = ['b', p[1] + 1]", "", f"p: [str, int 7..{7 + FAR}]"),
         ("edges", "p = [7, 7]", "p = this", "", "p: [int 0..7, int 1..7]"),
         ("edges", "p = [7, 7]", "p = IF(p[0]; this; p)", "", "p: [int 0..7, int 1..7]"),
-        ("edges", "p = [7, 7]", "p = [p[1], p[0]]", "", f"p: [{LARGE}, {LARGE}]"),
+        ("edges", "p = [7, 7]", "p = [p[1], p[0]]", "", "p: [int 7..7, int 7..7]"),
         ("edges", "p = [7, 7]", "p = [p[0]]", "", "p: list of int"),
         # STOP WITH speaks of every step that goes on.
         ("moves", "x = 5", "x = x + this[0]", "x + this[0] < 0 OR x + this[0] > 299", "x: int 0..299"),
@@ -98,6 +102,12 @@ FAR = STEPS  # how far a number gets that changes by 1 with every step
         ("moves", "x = 5", "x = x * 2", "x * 2 > 99 OR x * 2 < 0", "x: int 0..99"),
         ("moves", "x = 0.5", "x = x * 2", "x > 99 OR x < 0", "x: float 0.0..198.0"),
         ("moves", "p = [5]", "p = [p[0] + this[0]]", "p[0] + this[0] < 0 OR p[0] > 7", "p: [int 0..9]"),
+        ("moves", "x = 1", "x = x + this[0]", "width > 0 OR wall[x + this[0]] == 1", "x: int -3..2"),
+        ("moves", "x = 1", "x = x + this[0]", "[x + this[0], 0] NOT IN edges", "x: int 0..2"),
+        ("moves", "x = 1", "x = x + this[0]", "NOT (x + this[0]) IN wall", "x: int 0..2"),
+        ("moves", "x = 1", "x = x + this[0]", "x > 9 AND wall[x + this[0]] == 1", f"x: int {1 - FAR}..{1 + 2 * FAR}"),
+        ("moves", "x = 1", "x = x + this[0]", "[x + this[0], 0] IN edges", f"x: int {1 - FAR}..{1 + 2 * FAR}"),
+        ("moves", "x = 1", "x = x + this[0]", "coalesce(1, wall[x + this[0]])", f"x: int {1 - FAR}..{1 + 2 * FAR}"),
         # A later assignment sees an earlier one, so what STOP WITH says of the name is about another value.
         ("moves", "x = 0, y = 0", "x = x + 1, y = x + 1", "x + 1 > 5", "x: int 0..5, y: int 0..6"),
         ("moves", "x = 0, y = 0", "x = x + 1, y = x", "x > 5", "x: int 0..6, y: int 0..6"),

@@ -141,7 +141,7 @@ def _settled(resolver: Resolver, tree: ast.Query, scope: Scope, first: Types, pr
         name
         for name, kind in proved.items()
         for slot in slots_of(scope.query, name, kind)
-        if (part := slot.part(kind)) is None or part.low is None or part.high is None
+        if (part := slot.part(kind)) is None or not part.bounded(slot.limit / 2)
     ]
     types = {name: first[name] if name in unknown else kind for name, kind in proved.items()}
     for _ in range(_SETTLING if unknown else 0):
