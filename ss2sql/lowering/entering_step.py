@@ -97,7 +97,7 @@ class EnteringStep:
             new, weighed = weighed, []
         # What SQLite answers by itself is asked before what calls Python.
         fails = self.search.weight is not None and can_fail(self.search.weight)
-        asks = self._asks_python(alive)
+        asks = self._asks_python(alive) or bool(self.of.shared)
         new_first = asks and not (weighs and fails) and self.search.by == "row"
         made = self._is_made()
         conditions = [*made, *(new + alive if new_first else alive + new), *weighed]
