@@ -178,3 +178,14 @@ def test_what_stops_and_is_no_goal_is_left_out_by_the_table(option: str, goal: A
             if result.engine == "database":
                 assert ("but those whose next is" in query.explain()) == left_out
     assert found[0] == found[1]
+
+
+def test_a_list_of_many_columns_loses_none() -> None:
+    """SQLite tells of the first 63 columns which are used."""
+    elements = [{f"c{number}": number * step for number in range(70)} for step in (1, 2, 3)]
+    script = """SELECT c69, c1 FROM moves START WITH n = 0 CONNECT BY n = 1 STOP WITH [] == next(c68, n) AS rows;"""
+    for engine in ENGINES:
+        with session(Calls(lambda move, n: [] if n or move == 68 else [move]), elements) as ss:
+            result = ss.run(script, engine=engine)
+            assert result.value == [[(138, 2)], [(207, 3)]]
+            assert result.engine != "database" or "moves.next IS NOT :p1" in result.sql

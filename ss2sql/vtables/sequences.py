@@ -67,6 +67,7 @@ NOTHING = Walked(None, 0, 0, lambda number: ())
 
 # Elements, as SQLite is told when it plans, without the value. Below 25 it makes no index for a join that is sorted.
 LENGTH = 100
+MANY = 63  # stands for all columns from this one on, where SQLite says which are used
 ARGUMENT = "source value"  # the hidden column; the blank keeps it apart from the names of users
 
 
@@ -165,7 +166,8 @@ class _Table:
         index.idxStr = "each element"
         if without is not None:
             index.idxStr += f", {self.module.names[without - 1]} IS NOT ?"
-        asked = Asked(tuple(sorted(number for number in index.colUsed if number < first)), without)
+        used = range(first) if MANY in index.colUsed else sorted(index.colUsed.intersection(range(first)))
+        asked = Asked(tuple(used), without)
         if asked not in self.module.asked:
             self.module.asked.append(asked)
         index.idxNum = self.module.asked.index(asked)
@@ -225,10 +227,11 @@ class _CallingCursor(_Cursor):
     def __init__(self, module: Elements) -> None:
         super().__init__(module)
         self.columns_for: ColumnsFor | None = None
+        self.number = 0  # of the plan
 
     def Filter(self, number: int, name: str, arguments: tuple[SqlValue, ...]) -> None:  # noqa: N802
-        if self.columns_for is None:
-            self.columns_for = self.module.calls(self.module.name, self, self.module.asked[number])
+        if self.columns_for is None or number != self.number:
+            self.columns_for, self.number = self.module.calls(self.module.name, self, self.module.asked[number]), number
         self.length, self.columns = self.columns_for(arguments)
         self.position = 0
 
