@@ -97,6 +97,12 @@ def count(
         (count(), ["nothing was found before STOP WITH n == 3 ends a path"]),
         (count(stop="n >= 3 OR this == 2"), ["nothing was found before STOP WITH n >= 3 ends a path"]),
         (count(step="this", stop="n >= 3"), ["nothing was found before STOP WITH n >= 3 ends a path"]),
+        (count(stop="False", option="n < 3,"), ["nothing was found before n < 3 in CONNECT BY ends a path"]),
+        (count(stop="False", option="level() <= 3 AND this > 0,"),
+         ["nothing was found before level() <= 3 in CONNECT BY ends a path"]),
+        (count(stop="False", option="UNIQUE BY n, next(n) <= 3,", step="this"),
+         ["nothing was found before next(n) <= 3 in CONNECT BY ends a path"]),
+        (count(stop="False", option="n < 3,", where="WHERE n == 2"), []),
         (count(where="WHERE n == 2"), []),
         (count(stop="this == 1 OR this == 2"), []),
         (count(stop="this > 0", option="MEMORIZE 3"), []),  # it cannot go on

@@ -9,7 +9,7 @@ from ss2sql.frontend.path_functions import FUNCTIONS
 from ss2sql.runtime.rows import Rows
 from ss2sql.runtime.run import Stats
 from ss2sql.told import as_written, growing, missing, stops_of
-from ss2sql.walk import states_read, walk
+from ss2sql.walk import conjuncts, states_read, walk
 
 WORDS = {"unique": "UNIQUE", "no cycle": "NO CYCLE", "memorize": "MEMORIZE"}
 
@@ -51,11 +51,13 @@ def notes_of_empty(query: plan.Query, rows: Rows, stats: Stats, before: int) -> 
         yield f"MEMORIZE {as_written(search.bound)} ended paths before any reached its goal; {_larger('MEMORIZE')}"
         return
     grown = {(query.id, name) for name in growing(query)}
-    for stop in stops_of(query):
-        read = {state for state in states_read(stop) if state[0] == query.id}
+    bounds = [("STOP WITH {}", stop) for stop in stops_of(query)]
+    bounds += [("{} in CONNECT BY", part) for part in conjuncts(search.made)]
+    for place, bound in bounds:
+        read = {state for state in states_read(bound) if state[0] == query.id}
         if read and read <= grown:
-            bound = as_written(stop)
-            yield f"nothing was found before STOP WITH {bound} ends a path; a wider bound in it may let paths go on"
+            words = place.format(as_written(bound))
+            yield f"nothing was found before {words} ends a path; a wider bound in it may let paths go on"
 
 
 def notes_of_estimates(query: plan.Query) -> Iterator[str]:
