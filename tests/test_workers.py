@@ -296,7 +296,7 @@ def _is_alive(pid: int) -> bool:
 
 def by_closure(factor: int) -> Callable[[int, int], int]:
     def onward(state: int, element: int) -> int:
-        return (state * factor + element) % 53
+        return (int(f"{state}") * factor + element) % 53
 
     return onward
 
