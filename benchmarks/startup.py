@@ -1,7 +1,7 @@
 """What it costs to begin: `import ss2sql` and `ss2sql --help`, beside the packages that they rest on.
 
-`python benchmarks/startup.py` prints a table of ratios: `import ss2sql`, and a first session, to the import of apsw,
-sqlglot, lark and numpy; `ss2sql --help` to that of click and rich. Every command runs in a process of its own, all of
+`python benchmarks/startup.py` prints a table of ratios: `import ss2sql`, a first session and first queries, to the import of
+apsw, sqlglot, lark and numpy; `ss2sql --help` to that of click and rich. Every command runs in a process of its own, all of
 them in turn, several times. Seconds are those of the processor, and the least of each command counts: others that use
 the machine disturb neither much.
 """
@@ -18,6 +18,8 @@ MAXIMUM = 1.3  # times what the core packages take
 HELP_MAXIMUM, HELP_MORE = 1.5, 0.1  # times what click and rich take, and seconds beside it
 
 CORE = "import apsw, sqlglot, lark, numpy"
+LIST = "import ss2sql; ss = ss2sql.connect(); ss.run('SELECT this FROM [1, 2] WHERE this > 1;')"
+SEARCH = "ss.run('SELECT this FROM [1, 2] START WITH x = 0 CONNECT BY UNIQUE x = x + this STOP WITH x > 3;')"
 SHELL = "import click, rich"
 
 
@@ -35,6 +37,9 @@ class Measured:
 MEASURED = (
     Measured("import ss2sql", "import ss2sql", CORE, MAXIMUM),
     Measured("ss2sql.connect()", "import ss2sql; ss2sql.connect()", CORE, None),
+    Measured("a query of a list", LIST, CORE, 1.0),
+    Measured("a query in SQLite", LIST.replace("connect()", "connect(engine='database')"), CORE, None),
+    Measured("a search in SQLite", f"import ss2sql; ss = ss2sql.connect(); {SEARCH}", LIST, 2.5),
     Measured("ss2sql --help", "from ss2sql.cli import main; main(['--help'])", SHELL, HELP_MAXIMUM, HELP_MORE),
     Measured(
         "ss2sql run --help", "from ss2sql.cli import main; main(['run', '--help'])", SHELL, HELP_MAXIMUM, HELP_MORE

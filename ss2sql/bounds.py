@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from ss2sql import plan
 from ss2sql.kinds import NOTHING, Kind, Type, type_of
 from ss2sql.language.operations import OPERATIONS
+from ss2sql.records import dataclass
 from ss2sql.walk import is_volatile
 
 _ORDERS = {row.name: row for row in OPERATIONS.values() if row.mirrored and row.mirrored != row.name}

@@ -11,12 +11,12 @@ result = ss.eval(ir)
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 from ss2sql.errors import Source
 from ss2sql.frontend import ast
 from ss2sql.frontend.parser import parse
+from ss2sql.records import dataclass
 from ss2sql.runtime.connecting import connect
 from ss2sql.runtime.session import Session
 

@@ -7,12 +7,14 @@ type is a promise: every value of the expression belongs to one of its kinds and
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Sequence
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import fields, is_dataclass, replace
 from enum import Flag
 from functools import lru_cache, reduce
 from itertools import chain
 from types import FunctionType, ModuleType, NoneType
 from typing import Any
+
+from ss2sql.records import dataclass
 
 
 class Kind(Flag):

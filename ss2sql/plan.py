@@ -7,7 +7,7 @@ left to the executors. An expression carries its `Type`, a promise about its val
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, Literal, TypeAlias
 
 from ss2sql.errors import Span
@@ -23,6 +23,7 @@ from ss2sql.plan_sources import Source as Source
 from ss2sql.plan_sources import TableSource as TableSource
 from ss2sql.plan_sources import ValueSource as ValueSource
 from ss2sql.plan_sources import WorldSource as WorldSource
+from ss2sql.records import dataclass
 
 
 def _span() -> Any:

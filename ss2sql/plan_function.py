@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any, Literal, TypeAlias
+
+from ss2sql.records import dataclass
 
 Volatility: TypeAlias = Literal["immutable", "stable", "volatile"]
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from ss2sql.errors import Span
 from ss2sql.kinds import Type
+from ss2sql.records import dataclass
 
 if TYPE_CHECKING:
     from ss2sql import plan

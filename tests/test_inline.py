@@ -14,8 +14,9 @@ from purity_samples import Load, load
 from sessions import both
 
 import ss2sql
-from ss2sql.frontend.inline import Body, body_of
+from ss2sql.frontend.inline import body_of
 from ss2sql.frontend.inliner import LIMITS
+from ss2sql.frontend.instances import Body
 
 __all__ = ["load"]  # the fixture
 WALL = 4

@@ -114,10 +114,39 @@ def test_the_wheel_without_extras(wheel, tmp_path, arguments, code, told):
     assert (answer.returncode, told in answer.stdout + answer.stderr) == (code, True), answer.stderr
 
 
-def test_import_loads_no_extra():
-    code = "import sys, ss2sql; ss2sql.connect().close(); print(*sorted({name.split('.')[0] for name in sys.modules}))"
-    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
-    assert set(loaded.stdout.split()) & set(HEAVY) == set()
+FIRST_QUERIES = """
+import sys, ss2sql
+ss = ss2sql.connect()
+ss.attach("rows", [{"x": 1}, {"x": 2}])
+def run(text):
+    assert len(ss.run(text).value) == 1
+    print(*sys.modules)
+run("SELECT x FROM rows WHERE x > 1;")
+run("SELECT x, count(*) FROM rows WHERE x > 1 GROUP BY x;")
+ss = ss2sql.connect(engine="database")
+run("SELECT this FROM [1, 2] WHERE this > 1;")
+run("SELECT this FROM [1] START WITH x = 0 CONNECT BY UNIQUE x = x + this STOP WITH x > 1;")
+"""
+PARTS = {  # of what is loaded, and what nothing of it is needed for
+    "sqlglot numpy sqlite3 hashlib difflib importlib.resources ss2sql.lowering.lower ss2sql.lowering.sql": 2,
+    "ss2sql.runtime.search ss2sql.runtime.native.search_code ss2sql.runtime.memorize ss2sql.runtime.remembered": 4,
+    "ss2sql.runtime.duck ss2sql.runtime.levels ss2sql.race ss2sql.scenes ss2sql.shell ss2sql.cli lark numpy": 4,
+    "ss2sql.frontend.purity ss2sql.frontend.inline ss2sql.frontend.syntax_errors ss2sql.results.show": 4,
+    "ss2sql.explained.collect ss2sql.runtime.workers.processes asyncio": 4,
+}
+
+
+def test_first_queries_load_what_they_need():
+    """Flat queries over lists, natively, then one in SQLite, then a search there."""
+    done = subprocess.run([sys.executable, "-c", FIRST_QUERIES], capture_output=True, text=True, check=True, timeout=60)
+    loaded = [set(line.split()) for line in done.stdout.splitlines()]
+    for names, queries in PARTS.items():
+        for known in loaded[:queries]:
+            found = {one for one in known for name in names.split() if one == name or one.startswith(f"{name}.")}
+            assert found == set()
+    assert set(HEAVY) & {name.partition(".")[0] for name in loaded[-1]} == set()
+    own = [len([name for name in known if name.startswith("ss2sql")]) for known in loaded]
+    assert all(count <= most for count, most in zip(own, [192, 192, 231, 240], strict=True)), own
 
 
 def test_lines_that_install_extras_name_their_packages():

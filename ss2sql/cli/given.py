@@ -10,7 +10,7 @@ import runpy
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from functools import partial, wraps
 from pathlib import Path
 from types import SimpleNamespace
@@ -20,6 +20,7 @@ import click
 
 from ss2sql.cli.endings import UserError
 from ss2sql.errors import Error, SessionError, Source, did_you_mean
+from ss2sql.records import dataclass
 
 if TYPE_CHECKING:
     from ss2sql.runtime.session import Session

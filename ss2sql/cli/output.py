@@ -6,7 +6,6 @@ import io
 import sys
 from collections.abc import Callable
 from contextlib import redirect_stdout
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
@@ -15,6 +14,7 @@ import click
 from ss2sql.cli.endings import note, wants_color
 from ss2sql.errors import SessionError
 from ss2sql.errors.visible import visible
+from ss2sql.records import dataclass
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cache
 from typing import Literal, TypeAlias
 
@@ -10,6 +9,7 @@ from ss2sql.frontend.options import ORDERS, REPEATS
 from ss2sql.frontend.table import load
 from ss2sql.frontend.text import RESERVED
 from ss2sql.frontend.trouble import ALONE, CLAUSES, OPTIONS, PAIRS, VALUES
+from ss2sql.records import dataclass
 
 Sort: TypeAlias = Literal["clause", "option", "operator", "constant", "other"]
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from difflib import get_close_matches
 from typing import TypeAlias
 from unicodedata import normalize
 
@@ -17,6 +16,8 @@ FEW = 8  # so many names can all be shown
 
 def similar(name: str, known: Iterable[str]) -> list[str]:
     """The known names, three at most, that are spelt nearly like this one; one that differs in its case is it alone."""
+    from difflib import get_close_matches
+
     lowered = {one.lower(): one for one in sorted(set(known), reverse=True)}
     if name.lower() in lowered:
         return [lowered[name.lower()]]

@@ -15,12 +15,13 @@ says whether there is one.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING
 from unicodedata import bidirectional, category, east_asian_width
 
 from ss2sql.errors.places import Span
 from ss2sql.errors.visible import visible
+from ss2sql.records import dataclass
 
 if TYPE_CHECKING:
     from ss2sql.errors.family import Error

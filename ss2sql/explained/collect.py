@@ -25,8 +25,8 @@ from ss2sql.explained.outline import OutlinedQuery, OutlinedStatement
 from ss2sql.explained.python_plan import plan_in_duckdb, plan_in_python, plan_in_tables
 from ss2sql.explained.sqlite_plan import plan_of
 from ss2sql.explained.words import cut, search_words
-from ss2sql.frontend.inline import Body
 from ss2sql.frontend.inliner import Site
+from ss2sql.frontend.instances import Body
 from ss2sql.lowering.rewrites import REWRITES
 from ss2sql.lowering.rewrites.inline import sites
 from ss2sql.runtime.functions import UserFunction

@@ -6,11 +6,11 @@ A compiled query is made anew when what it relied on has changed, so its parts a
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ss2sql import plan
 from ss2sql.lowering.sql_query import SqlQuery
+from ss2sql.records import dataclass
 from ss2sql.runtime.sql_text import Sql, joined_sql
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import sqlglot
 from sqlglot import TokenType
@@ -17,6 +17,7 @@ from ss2sql.explained.facts import PlanLine
 from ss2sql.explained.outline import OutlinedQuery
 from ss2sql.explained.words import cut, queue_words
 from ss2sql.lowering.sql_query import SqlQuery
+from ss2sql.records import dataclass
 from ss2sql.runtime.pool import Pool
 
 MOST_TEXT = 60  # characters of what is walked

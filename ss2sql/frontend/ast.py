@@ -7,10 +7,11 @@ The tree is closed: code that walks it uses `match` and ends with `assert_never`
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, TypeAlias
 
 from ss2sql.errors import Span
+from ss2sql.records import dataclass
 
 
 def _span() -> Any:

@@ -8,13 +8,13 @@ out of range. Such errors are collected and parsing goes on.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any, Generic, Protocol, TypeAlias, TypeVar
 
 from ss2sql.errors import ParseError, Source, Span
 from ss2sql.frontend import ast, text
 from ss2sql.frontend.table import Table
 from ss2sql.frontend.text import Token
+from ss2sql.records import dataclass
 
 MAX_DEPTH = 300
 OPERATORS = {

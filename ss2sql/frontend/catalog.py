@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 from ss2sql import plan
 from ss2sql.frontend import ast
 from ss2sql.kinds import Type
+from ss2sql.records import dataclass
 
 
 @dataclass(slots=True)

@@ -7,11 +7,11 @@ number of steps. That proof by induction is what types alone cannot give: each s
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 
 from ss2sql import plan
 from ss2sql.kinds import Kind, Type, list_of
 from ss2sql.language.operations.intervals import floats, integers
+from ss2sql.records import dataclass
 from ss2sql.walk import choices
 
 # No path has more steps: each keeps its row until the search ends, at 100 bytes or more, so 2^36 of them take

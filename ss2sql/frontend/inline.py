@@ -14,20 +14,18 @@ from __future__ import annotations
 import ast
 import builtins
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from types import FunctionType
 from typing import Any
 
 from ss2sql import plan
-from ss2sql.errors import Source, Span
+from ss2sql.frontend.instances import NOWHERE, Body, builtin
 from ss2sql.frontend.purity.names import UNKNOWN, Findings, Frame, Unproven
 from ss2sql.frontend.purity.source import FunctionNode, locate
 from ss2sql.kinds import INT_MAX, INT_MIN, Kind, type_of
-from ss2sql.language.operations import OPERATIONS
 from ss2sql.walk import functions
 
-NOWHERE = Span(Source(""), 0, 0)
 MOST_NODES = 200
 MOST_HELPERS = 4  # functions inside functions
 
@@ -66,23 +64,6 @@ _FUNCTIONS: tuple[tuple[Callable[..., Any], str, int, int], ...] = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Body:
-    """A function as an expression of its parameters.
-
-    `defaults` are the values of parameters that a call may leave out, `text` is the expression as Python writes it,
-    `uses` are the built-in functions in it; `gives_tuple` says that a result may be a tuple, which is a list only
-    once it has left Python.
-    """
-
-    parameters: tuple[str, ...]
-    defaults: Mapping[str, plan.Constant]
-    expr: plan.Expr
-    text: str
-    uses: frozenset[str]
-    gives_tuple: bool
-
-
 class Refused(Exception):  # noqa: N818 - it is a finding, not an error
     """A function is not one expression that the language knows; the reason has the function as its subject."""
 
@@ -95,11 +76,6 @@ def body_of(function: Callable[..., Any]) -> Body | str:
         return str(refused)
     except RecursionError:
         return "is nested too deeply to be followed"
-
-
-def builtin(name: str) -> plan.Function:
-    """A built-in function as the plan knows it."""
-    return OPERATIONS[name].function()
 
 
 def _read(function: Any, around: tuple[FunctionType, ...]) -> Body:

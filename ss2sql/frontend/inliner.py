@@ -11,13 +11,13 @@ function, the call stays for those:
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from ss2sql import plan
-from ss2sql.frontend.inline import NOWHERE, builtin
-from ss2sql.frontend.instances import Instance, Refused, may_repeat
+from ss2sql.frontend.instances import NOWHERE, Instance, Refused, builtin, may_repeat
 from ss2sql.kinds import ANY, BOOL, Kind, Type, type_of, union, without_bounds
+from ss2sql.records import dataclass
 from ss2sql.walk import rebuild
 
 # Sums, products of two and of more stay within 64 bits where their parts stay within these.

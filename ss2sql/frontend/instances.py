@@ -14,13 +14,14 @@ from dataclasses import replace
 from typing import Any
 
 from ss2sql import plan
-from ss2sql.errors import Span
-from ss2sql.frontend.inline import NOWHERE, Body
+from ss2sql.errors import Source, Span
 from ss2sql.kinds import Kind, Type, list_of, type_of, union
 from ss2sql.language.operations import OPERATIONS
 from ss2sql.plan_tree import type_text
+from ss2sql.records import dataclass
 from ss2sql.walk import can_fail, is_volatile, parts, walk
 
+NOWHERE = Span(Source(""), 0, 0)
 MOST_NODES = 300
 NUMBER = Kind.INT | Kind.FLOAT
 # What may be evaluated twice: it is no more than a few machine instructions, in SQL too.
@@ -28,6 +29,28 @@ _CHEAP = frozenset(name for name, row in OPERATIONS.items() if row.cheap)
 
 Env = Mapping[str, plan.Expr]
 Reader = Callable[[plan.Element, str], plan.Column | None]
+
+
+@dataclass(frozen=True, slots=True)
+class Body:
+    """A function as an expression of its parameters.
+
+    `defaults` are the values of parameters that a call may leave out, `text` is the expression as Python writes it,
+    `uses` are the built-in functions in it; `gives_tuple` says that a result may be a tuple, which is a list only
+    once it has left Python.
+    """
+
+    parameters: tuple[str, ...]
+    defaults: Mapping[str, plan.Constant]
+    expr: plan.Expr
+    text: str
+    uses: frozenset[str]
+    gives_tuple: bool
+
+
+def builtin(name: str) -> plan.Function:
+    """A built-in function as the plan knows it."""
+    return OPERATIONS[name].function()
 
 
 class Refused(Exception):  # noqa: N818 - it is a finding, not an error

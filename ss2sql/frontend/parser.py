@@ -6,14 +6,16 @@ one run reports the errors of several statements.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors import ParseError, Source, Span, several
-from ss2sql.frontend import ast, syntax_errors, text
+from ss2sql.frontend import ast, text
 from ss2sql.frontend.query_builder import Builder
 from ss2sql.frontend.table import Rule, Table, load
 from ss2sql.frontend.text import Token
-from ss2sql.frontend.trouble import Trouble
+
+if TYPE_CHECKING:
+    from ss2sql.frontend.trouble import Trouble
 
 MAX_ERRORS = 10
 
@@ -43,9 +45,11 @@ def parse(source: Source) -> ast.Script:
         # Before the parser refuses a token it completes rules that only other tokens could follow. A second run
         # that halts in front of the token keeps what belongs to it apart.
         trouble = read(table, Builder(source), tokens, position, outcome.index)
-        assert isinstance(trouble, Trouble)
+        assert not isinstance(trouble, ast.Script)
         # Where a query does not end, the rest of its statement is astray: that is no second error.
         if not builder.unended(max(tokens[position].start, trouble.statement)):
+            from ss2sql.frontend import syntax_errors  # which a script without errors does without
+
             errors.append(syntax_errors.explain(trouble))
         position = resume(trouble)
     else:
@@ -81,12 +85,18 @@ def read(table: Table, builder: Builder, tokens: list[Token], position: int, hal
                 script: ast.Script = values[0]
                 return script
         if target is None:
-            return Trouble(source, table, tokens, index, states, values)
+            return _trouble(source, table, tokens, index, states, values)
         states.append(target)
         values.append(token)
         starts.append(token.start)
         end = token.end
-    return Trouble(source, table, tokens, halt, states, values)
+    return _trouble(source, table, tokens, halt, states, values)
+
+
+def _trouble(*state: Any) -> Trouble:
+    from ss2sql.frontend.trouble import Trouble
+
+    return Trouble(*state)
 
 
 def _children(rule: Rule, symbols: list[Any]) -> list[Any]:

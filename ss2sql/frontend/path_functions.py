@@ -15,7 +15,7 @@ assigns in place of the variables, `leaf()` asks for the next elements by a quer
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import TYPE_CHECKING, Any
 
 from ss2sql import plan
@@ -23,6 +23,7 @@ from ss2sql.errors import ResolveError, Span
 from ss2sql.frontend import ast
 from ss2sql.frontend.scope import Scope
 from ss2sql.kinds import BOOL, Kind, Type, list_of
+from ss2sql.records import dataclass
 from ss2sql.runtime.rows import free_name
 from ss2sql.walk import is_volatile, rebuild, sources_read, walk
 

@@ -7,7 +7,7 @@ here, where the error can name both clauses.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -15,6 +15,7 @@ from ss2sql.errors import Span
 from ss2sql.frontend import ast
 from ss2sql.frontend.builder import ENDINGS, NUMBERED, Deep, Expr, ExpressionBuilder, Part
 from ss2sql.frontend.text import Token, short
+from ss2sql.records import dataclass
 
 FIXED = ("WHERE", "START WITH", "CONNECT BY", "STOP WITH")
 FREE = ("GROUP BY", "ORDER SIBLINGS BY", "ORDER BY", "LIMIT")

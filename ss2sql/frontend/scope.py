@@ -7,12 +7,13 @@ left to right and its START WITH variables one after the other.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING
 
 from ss2sql import plan
 from ss2sql.errors import ResolveError, Span, did_you_mean
 from ss2sql.kinds import Kind, Type
+from ss2sql.records import dataclass
 from ss2sql.walk import walk
 
 if TYPE_CHECKING:

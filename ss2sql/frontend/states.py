@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, TypeAlias
 
 from ss2sql import plan
@@ -19,6 +19,7 @@ from ss2sql.frontend.drift import NUMBER, Slot, is_slot, reach, slots_of, with_s
 from ss2sql.frontend.scope import Scope
 from ss2sql.frontend.sources import open_sources
 from ss2sql.kinds import ANY, NOTHING, Kind, Type, covers, list_of, union, without_bounds
+from ss2sql.records import dataclass
 from ss2sql.walk import states_read
 
 if TYPE_CHECKING:

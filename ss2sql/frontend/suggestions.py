@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ss2sql import plan
 from ss2sql.errors import ResolveError, Span, did_you_mean, similar
 from ss2sql.frontend import ast
 from ss2sql.frontend.builder import COMMENT
+from ss2sql.records import dataclass
 
 if TYPE_CHECKING:
     from ss2sql.frontend.catalog import Catalog

@@ -10,12 +10,12 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import BinaryIO
 
 from ss2sql.errors import ParseError, Source, Span
 from ss2sql.frontend.table import END
+from ss2sql.records import dataclass
 
 MAX_BYTES = 256 * 1024
 MAX_NESTING = 200

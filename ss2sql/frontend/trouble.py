@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -11,6 +10,7 @@ from ss2sql.errors import ParseError, Source, Span
 from ss2sql.frontend import text
 from ss2sql.frontend.table import END, Table
 from ss2sql.frontend.text import CLOSING, OPENING, Token
+from ss2sql.records import dataclass
 
 PAIRS = {
     "START": "WITH", "STOP": "WITH", "CONNECT": "BY", "GROUP": "BY", "ORDER": "BY", "DEPTH": "FIRST",

@@ -10,7 +10,6 @@ it. The water jugs of 1,001 litres take a seventh of their time so.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ss2sql import plan
@@ -19,6 +18,7 @@ from ss2sql.lowering import sql
 from ss2sql.lowering.expressions import Env, Expressions, Reader
 from ss2sql.lowering.positions import column_name, position_of
 from ss2sql.lowering.sql import Node
+from ss2sql.records import dataclass
 from ss2sql.walk import walk
 
 if TYPE_CHECKING:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from sqlglot import exp
 
 from ss2sql.lowering import sql
 from ss2sql.lowering.names import free_name
 from ss2sql.lowering.sql import Node
+from ss2sql.records import dataclass
 
 
 @dataclass(slots=True)

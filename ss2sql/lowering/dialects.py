@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -13,6 +12,7 @@ from sqlglot.errors import TokenError
 from sqlglot.generator import Generator
 
 from ss2sql.lowering.sql import Bare
+from ss2sql.records import dataclass
 
 if TYPE_CHECKING:
     _Base = Generator

@@ -10,7 +10,7 @@ place in the script, for its errors.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import TypeAlias, TypeVar
 
 from sqlglot import exp
@@ -26,6 +26,7 @@ from ss2sql.lowering.operators import BY_HAND
 from ss2sql.lowering.parameters import Needs
 from ss2sql.lowering.reductions import reduction
 from ss2sql.lowering.sql import Node
+from ss2sql.records import dataclass
 from ss2sql.walk import can_fail, walk, walk_own
 
 N = TypeVar("N")

@@ -13,11 +13,11 @@ SQLite's own equality is the language's, `as_key` gives both sides the value tha
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from ss2sql import plan
 from ss2sql.lowering.classes import same_class
 from ss2sql.lowering.expressions import is_fixed
+from ss2sql.records import dataclass
 from ss2sql.walk import can_fail, cuts_off, functions, has_query, is_volatile, sources_read, states_read
 
 OPERATORS = frozenset({"item", "slice", "add", "sub", "mul", "div", "mod", "pow", "neg"})

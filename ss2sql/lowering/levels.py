@@ -9,10 +9,11 @@ sources are known to have elements, for else the written order might never have 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from ss2sql import plan
 from ss2sql.lowering.keys import Key, key_of
+from ss2sql.records import dataclass
 from ss2sql.walk import can_fail, sources_read, walk
 
 MOST_HOISTED = 24

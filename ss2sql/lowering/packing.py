@@ -8,10 +8,10 @@ compared with becomes the number that it equals.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from itertools import chain
 from typing import Any, TypeAlias
 
+from ss2sql.records import dataclass
 from ss2sql.runtime.values import freeze
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 from sqlglot import exp
@@ -16,6 +16,7 @@ from ss2sql.lowering.names import free_name, module_of
 from ss2sql.lowering.packing import Packing
 from ss2sql.lowering.sql import Node
 from ss2sql.lowering.sql_query import ListTable, Parameter
+from ss2sql.records import dataclass
 
 
 @dataclass(slots=True)

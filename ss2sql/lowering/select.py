@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from sqlglot import exp
 
@@ -18,6 +18,7 @@ from ss2sql.lowering.parameters import Needs
 from ss2sql.lowering.product import Product
 from ss2sql.lowering.sources import open_sources
 from ss2sql.lowering.sql import Node
+from ss2sql.records import dataclass
 from ss2sql.walk import conjuncts, sources_read, walk_own
 
 COLLECTORS = {

@@ -8,7 +8,7 @@ where its evaluation cannot be told apart, a derived table where it stands alone
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, assert_never
 
 from sqlglot import exp
@@ -20,6 +20,7 @@ from ss2sql.lowering.copies import in_order, materialized, numbered
 from ss2sql.lowering.expressions import Env, Reader
 from ss2sql.lowering.names import sql_names
 from ss2sql.lowering.sql import Node
+from ss2sql.records import dataclass
 from ss2sql.vtables.names import PLACE
 from ss2sql.walk import can_fail, conjuncts, moves, sources_inside, sources_read, states_read
 

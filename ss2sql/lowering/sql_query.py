@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias
 
 from ss2sql import plan
 from ss2sql.errors import Span
 from ss2sql.lowering.packing import Packing
+from ss2sql.records import dataclass
 from ss2sql.vtables.late import Late
 from ss2sql.vtables.snapshots import NO_SNAPSHOT, Snapshot
 

@@ -7,7 +7,6 @@ and the error of `engine="database"` say.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from itertools import islice
 from typing import Any
 
@@ -18,6 +17,7 @@ from ss2sql.language.operations import GROUPS
 from ss2sql.lowering.names import can_be_text
 from ss2sql.lowering.select import sortable, uniform
 from ss2sql.lowering.strategies import GUARDS
+from ss2sql.records import dataclass
 from ss2sql.walk import sources_read, states_read, walk, walk_own
 
 LANGUAGE_REPRESENTATIONS = ("dict", "list", "rows", "value", "set", "void")

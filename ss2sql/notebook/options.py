@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from ss2sql.errors import did_you_mean
+from ss2sql.records import dataclass
 from ss2sql.runtime.engines import ENGINES, Engine
 
 WORD = re.compile(r"\s*(-o|--?[a-z][\w-]*)(?=\s|=|$)")

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, field
 from statistics import median
 from typing import Any
 
+from ss2sql.records import dataclass
 from ss2sql.runtime.engines import Engine
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any
 
 from ss2sql import plan
@@ -16,6 +16,7 @@ from ss2sql.race.cells import Cell, Rules
 from ss2sql.race.jury import Finished, Jury
 from ss2sql.race.lineup import Strategy, lineup, strategy_of
 from ss2sql.race.timing import compiled, timed
+from ss2sql.records import dataclass
 from ss2sql.results import found_paths
 from ss2sql.runtime.native.deep import with_room
 from ss2sql.runtime.session import Session

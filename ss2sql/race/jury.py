@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from ss2sql import plan
 from ss2sql.race.cells import Cell
 from ss2sql.race.lineup import Strategy
 from ss2sql.race.promises import Answer, Verdict, alike, broken_rule, compared, compared_rows
 from ss2sql.race.whims import whims
+from ss2sql.records import dataclass
 from ss2sql.results import found_paths
 from ss2sql.runtime.result import Result
 from ss2sql.runtime.rows import Row

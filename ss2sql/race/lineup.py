@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 from ss2sql.errors import SessionError, Source
 from ss2sql.frontend import ast
 from ss2sql.frontend.options import ORDERS, REPEATS
 from ss2sql.frontend.parser import parse
+from ss2sql.records import dataclass
 
 WEIGHTS = ("COST", "PROBABILITY")
 FRAME = ("SELECT this FROM [] START WITH x = 0 CONNECT BY ", " x = 0;")

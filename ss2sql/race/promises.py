@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Hashable, Iterable, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from typing import Any, TypeAlias
 
 from ss2sql.race.lineup import WEIGHTS, Strategy
+from ss2sql.records import dataclass
 from ss2sql.runtime.values import freeze
 
 Path: TypeAlias = tuple[tuple[Hashable, ...], ...]

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import datetime
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from itertools import chain
 from typing import Any, Literal, TypeAlias
 
 from ss2sql.kinds import Kind, Type
+from ss2sql.records import dataclass
 
 EXACT = 2**53  # floats hold whole numbers up to this one
 

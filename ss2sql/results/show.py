@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from datetime import date, time
 from html import escape
 from io import StringIO
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
+from ss2sql.records import dataclass
 from ss2sql.results import found_paths, rows_of
 from ss2sql.runtime.rows import Row
 from ss2sql.runtime.values import show as written

@@ -9,11 +9,13 @@ come. It may go wrong, end early or give too much: whatever it does not foretell
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from ss2sql import plan
 from ss2sql.kinds import ANY, BOOL, Kind
+from ss2sql.records import dataclass
+from ss2sql.runtime.run import Places
 from ss2sql.walk import can_fail, conjuncts, functions, is_volatile, parts, sources_read, states_read, walk
 
 SCOUT = 0  # the number of scouts as queries: nothing in them asks for it
@@ -246,3 +248,15 @@ def _reads_outside(query: plan.Query) -> bool:
 
 def _reads_groups(node: Any) -> bool:
     return any(isinstance(part, (plan.GroupKey, plan.Aggregate)) for part in walk(node))
+
+
+def call_places(*roots: Any) -> dict[str, Places]:
+    """Where each function of the user is called; empty where that is not known before the script runs."""
+    found: dict[str, set[tuple[int, int]]] = {}
+    for root in roots:
+        for node in walk(root):
+            if isinstance(node, (plan.Eval, plan.AssignLate)):
+                return {}
+            if isinstance(node, plan.Call) and not node.function.builtin:
+                found.setdefault(node.function.name, set()).add((node.place.start, node.place.end))
+    return {name: frozenset(places) for name, places in found.items()}

@@ -14,13 +14,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import Any
 
 import apsw
 
 from ss2sql.kinds import INT_MAX, INT_MIN, Kind, Type
 from ss2sql.language.operations.intervals import MAX
+from ss2sql.records import dataclass
 
 _KINDS = {
     "null": Kind.NONE,

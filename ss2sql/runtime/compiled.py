@@ -11,12 +11,12 @@ from ss2sql import plan
 from ss2sql.errors import ExecutionError, ResolveError, UnsupportedError, similar
 from ss2sql.frontend import ast
 from ss2sql.kinds import ANY, NOTHING, Type, covers, type_of
+from ss2sql.runtime.call_sites import call_places
 from ss2sql.runtime.compiled_query import CompiledQuery
 from ss2sql.runtime.engines import Engine
 from ss2sql.runtime.framed import framed_answer
 from ss2sql.runtime.native import compile_statement
 from ss2sql.runtime.native.deep import with_room
-from ss2sql.runtime.native.single_calls import call_places
 from ss2sql.runtime.result import Result
 from ss2sql.runtime.run import Places, Run, Stats
 from ss2sql.runtime.sql_text import Sql

@@ -5,11 +5,11 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from ss2sql.errors import Cancelled, Stopped, Timeout
 from ss2sql.explained.outline import outline
+from ss2sql.records import dataclass
 from ss2sql.runtime.calls import HeldError
 from ss2sql.runtime.checking import checking
 from ss2sql.runtime.compiled import CompiledStatement, Query

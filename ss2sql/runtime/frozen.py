@@ -17,10 +17,10 @@ its place is wrapped, so a tuple there is proof of the shape.
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable
-from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias
 
 from ss2sql.kinds import SCALAR, Kind, Type
+from ss2sql.records import dataclass
 from ss2sql.runtime.border import SCALARS, normalise
 from ss2sql.runtime.messages import DEPTH_LIMIT
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import marshal
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from inspect import isasyncgenfunction, iscoroutinefunction
 from itertools import islice
 from types import NoneType
@@ -18,11 +18,11 @@ from typing import Any
 
 from ss2sql import plan
 from ss2sql.errors import SessionError
-from ss2sql.frontend.inline import Body, body_of
-from ss2sql.frontend.purity import arity, infer
+from ss2sql.frontend.instances import Body
 from ss2sql.frontend.text import RESERVED as RESERVED_WORDS
 from ss2sql.language.operations import GROUPS, OPERATIONS
 from ss2sql.lowering.names import SQLITE_FUNCTIONS
+from ss2sql.records import dataclass
 from ss2sql.runtime.search_functions import FUNCTIONS as SEARCH_FUNCTIONS
 
 MEMO_LIMIT = 100_000
@@ -83,6 +83,8 @@ class UserFunction:
     def inverted(self) -> UserFunction:
         """The inverse as a function; nobody has said that it changes nothing."""
         assert self.inverse is not None
+        from ss2sql.frontend.purity import infer
+
         changes = infer(self.inverse).changes
         return replace(self, name=f"inverse of {self.name}", function=self.inverse, inverse=None, changes=changes)
 
@@ -108,6 +110,8 @@ def user_function(
         raise SessionError("S002", f"'{name}' is async: a call gives a coroutine, and no value", hints=(hint,))
     if volatility not in (None, "immutable", "stable", "volatile"):
         raise SessionError("S002", f"volatility is 'immutable', 'stable' or 'volatile', not {volatility!r}")
+    from ss2sql.frontend.purity import arity, infer  # which nobody needs who registers no function
+
     takes = arity(function)
     inferred = volatility is None
     purity = infer(function)  # also where the volatility is declared: who changes nothing needs no copies
@@ -139,6 +143,8 @@ def _body(
         return "stands in for a built-in function"
     if has_inverse or vectorized:
         return "has an inverse" if has_inverse else "takes arrays"
+    from ss2sql.frontend.inline import body_of
+
     return body_of(function)
 
 

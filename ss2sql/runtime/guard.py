@@ -9,18 +9,14 @@ nothing while it runs.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import cache
 from typing import Any
 
 import apsw
 
 from ss2sql.errors import Error, ExecutionError
-from ss2sql.lowering.forms import functions_in_forms
 from ss2sql.runtime.run import Run, no_memory
 from ss2sql.runtime.unreadable import not_utf8
-
-# Functions of SQLite itself that lowering writes.
-OWN = functions_in_forms() | {"char", "coalesce", "count", "glob", "instr", "row_number", "substr", "typeof"}
-
 
 # What reading a file may raise: a text in it may be no UTF-8.
 UNREADABLE = (apsw.Error, UnicodeDecodeError)
@@ -39,7 +35,7 @@ class Guard:
 
     def __init__(self, connection: apsw.Connection) -> None:
         self.connection = connection
-        self.functions = set(OWN)
+        self.functions: set[str] = set()
         self._looks = False
         self._text = ""
         lock_down(connection)
@@ -83,9 +79,18 @@ class Guard:
             return apsw.SQLITE_OK  # of a view, whose definition is the file's, see lock_down
         if action == apsw.SQLITE_READ:
             return apsw.SQLITE_DENY if (first or "").lower().startswith("sqlite_") else apsw.SQLITE_OK
-        if action == apsw.SQLITE_FUNCTION and (second or "").lower() in self.functions:
-            return apsw.SQLITE_OK
+        if action == apsw.SQLITE_FUNCTION:
+            name = (second or "").lower()
+            return apsw.SQLITE_OK if name in self.functions or name in _sqlites_own() else apsw.SQLITE_DENY
         return apsw.SQLITE_DENY
+
+
+@cache
+def _sqlites_own() -> frozenset[str]:
+    """Functions of SQLite itself that lowering writes."""
+    from ss2sql.lowering.forms import functions_in_forms  # loaded by now, if it has written a statement
+
+    return functions_in_forms() | {"char", "coalesce", "count", "glob", "instr", "row_number", "substr", "typeof"}
 
 
 def lock_down(connection: apsw.Connection) -> None:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ss2sql.records import dataclass
 from ss2sql.runtime.engines import table_engine
 from ss2sql.runtime.run import Run
 from ss2sql.vtables.frames import Reader

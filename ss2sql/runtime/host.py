@@ -5,8 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Collection, Container, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
-from functools import cache
+from dataclasses import replace
+from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any
 
 import apsw
@@ -21,6 +21,7 @@ from ss2sql.frontend.resolve import resolve, resolve_text
 from ss2sql.kinds import Type, type_of
 from ss2sql.language.operations import OPERATIONS
 from ss2sql.lowering.rewrites.world import World
+from ss2sql.records import dataclass
 from ss2sql.runtime import representations
 from ss2sql.runtime.column_types import STORED
 from ss2sql.runtime.database import Database
@@ -30,8 +31,6 @@ from ss2sql.runtime.held import Held
 from ss2sql.runtime.limits import Limits
 from ss2sql.runtime.native.calls import native_callable, unremembered_call
 from ss2sql.runtime.native.deep import with_room
-from ss2sql.runtime.remembered.keeper import GraphKeeper
-from ss2sql.runtime.remembered.store import Store
 from ss2sql.runtime.rows import Rows
 from ss2sql.runtime.run import Run
 from ss2sql.runtime.session_functions import SessionFunctions
@@ -50,6 +49,8 @@ from ss2sql.vtables.memories import Memories
 from ss2sql.vtables.schema import failure
 
 if TYPE_CHECKING:
+    from ss2sql.runtime.remembered.keeper import GraphKeeper
+    from ss2sql.runtime.remembered.store import Store
     from ss2sql.runtime.workers.processes import Processes
 
 
@@ -105,22 +106,30 @@ class SessionHost:
         self.triggers = Triggers(self._clock)
         self.listened: list[list[Callable[[], object]]] = []  # to whom scenes tell that they have stepped
         self.graph_store: Store | None = None
-        self.graphs: GraphKeeper | None = None
         if file is not None:
             try:
                 file.load(temporals)
             except BaseException:
                 close_file(connection)
                 raise
+            from ss2sql.runtime.remembered.store import Store
+
             self.graph_store = self.tables.graphs = Store(connection, not read_only)
-            if "remember" not in disabled:
-                self.graphs = GraphKeeper(self.graph_store, self._entry, self._worlds)
         self.names = Variables(temporals, None if read_only else file)
         self.names.let_go = self._detached
         self.own = SessionFunctions(self.names, self.functions, self.world_functions, limits, self.begun)
         for name, row in OPERATIONS.items():
             if name not in ("eq", "ne"):  # of these the database has its own
                 self.database.register_builtin(name, row.value or self.own.function(name))
+
+    @cached_property
+    def graphs(self) -> GraphKeeper | None:
+        """What keeps graphs of searches in the session's file, if it has one and graphs are kept."""
+        if self.graph_store is None or "remember" in self.disabled:
+            return None
+        from ss2sql.runtime.remembered.keeper import GraphKeeper
+
+        return GraphKeeper(self.graph_store, self._entry, self._worlds)
 
     def _entry(self, name: str) -> UserFunction:
         """A function by the name that plans use. Raises ExecutionError X011 where it has gone with its world."""

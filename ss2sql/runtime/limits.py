@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from ss2sql.errors import SessionError
+from ss2sql.records import dataclass
 from ss2sql.runtime.opening import check_bound
 from ss2sql.runtime.run import memory_in_use
 from ss2sql.runtime.sizes import LEAST, MOST

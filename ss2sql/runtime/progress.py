@@ -10,7 +10,6 @@ is known: of the elements of the first source, or of the results that a search e
 from __future__ import annotations
 
 import os
-import shutil
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -51,7 +50,13 @@ def progress_of(run: Run, wanted: str | bool) -> Progress | None:
         return None
     if wanted == "auto" and (not stream.isatty() or os.environ.get("TERM") == "dumb"):
         return None
-    return Progress(run, stream, time.monotonic, lambda: shutil.get_terminal_size().columns)
+    return Progress(run, stream, time.monotonic, _width)
+
+
+def _width() -> int:
+    from shutil import get_terminal_size  # takes 2 ms
+
+    return get_terminal_size().columns
 
 
 class Progress:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
@@ -13,7 +13,8 @@ from ss2sql import plan
 from ss2sql.errors import SessionError, Stopped
 from ss2sql.explained.outline import OutlinedStatement, script_sql
 from ss2sql.kinds import Type
-from ss2sql.results import files, frames, fresh_row, graphs, rows_of, show
+from ss2sql.records import dataclass
+from ss2sql.results import fresh_row, rows_of
 from ss2sql.runtime.checking import Check, checked
 from ss2sql.runtime.opening import check_bound
 from ss2sql.runtime.paths import lengths_of
@@ -200,12 +201,18 @@ class Result:
         if console is not None and not isinstance(console, Console):
             hint = "give a rich.console.Console, or leave it out"
             raise SessionError("S002", f"a console is no {type(console).__name__}", hints=(hint,))
+        from ss2sql.results import show
+
         show.show(self, max_rows, console or Console())
 
     def __repr__(self) -> str:
+        from ss2sql.results import show
+
         return show.text(self)
 
     def _repr_html_(self) -> str:
+        from ss2sql.results import show
+
         return show.html(self)
 
     def df(self) -> Any:
@@ -216,6 +223,8 @@ class Result:
         objects, and columns with values of several kinds. Where all values are None, or there are no rows, the dtype
         is what the script promises of the column. Raises SessionError S003 without pandas.
         """
+        from ss2sql.results import frames
+
         return frames.to_pandas(self)
 
     def pl(self) -> Any:
@@ -224,6 +233,8 @@ class Result:
         Objects, and columns with values of several kinds, are of Polars' type Object. Raises SessionError S003 without
         Polars.
         """
+        from ss2sql.results import frames
+
         return frames.to_polars(self)
 
     def arrow(self) -> Any:
@@ -232,6 +243,8 @@ class Result:
         Raises RepresentationError V001 for a column of objects or with values of several kinds, SessionError S003
         without pyarrow.
         """
+        from ss2sql.results import frames
+
         return frames.to_arrow(self)
 
     def __arrow_c_stream__(self, requested_schema: object = None) -> Any:
@@ -243,6 +256,8 @@ class Result:
 
         None is an empty field; lists, dicts, bools and dates are written as in JSON.
         """
+        from ss2sql.results import files
+
         return files.write(files.csv_text(self), path)
 
     def json(self, path: str | Path | None = None) -> str | None:
@@ -250,10 +265,14 @@ class Result:
 
         Sets and arrays are lists, dates are as in ISO 8601, other objects their repr.
         """
+        from ss2sql.results import files
+
         return files.write(files.json_text(self.value), path)
 
     def parquet(self, path: str | Path) -> None:
         """Writes the rows to a Parquet file. Raises what `arrow` raises."""
+        from ss2sql.results import files
+
         files.write_parquet(self, path)
 
     def graph(self) -> Any:
@@ -266,6 +285,8 @@ class Result:
         often paths take it. Raises RepresentationError V001 where there is no search, SessionError S003 without
         networkx.
         """
+        from ss2sql.results import graphs
+
         return graphs.graph(self)
 
     def animate(self, path: str | Path | None = None, beside: Result | None = None, title: str | None = None) -> Page:

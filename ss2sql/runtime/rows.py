@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from itertools import chain
 from typing import Any, ClassVar, TypeAlias, TypeVar
 
 from ss2sql.errors import ExecutionError, Span
+from ss2sql.records import dataclass
 from ss2sql.runtime.checking import AT_ONCE, Check, checked
 from ss2sql.runtime.values import kept, normalise
 

@@ -6,12 +6,13 @@ import os
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec, Protocol, TypeAlias, TypeVar
 
 from ss2sql import plan
 from ss2sql.errors import Cancelled, OutOfMemory, OutOfSteps, Timeout
+from ss2sql.records import dataclass
 from ss2sql.runtime.rows import Rows
 from ss2sql.runtime.sizes import Sizes
 from ss2sql.runtime.values import kept
@@ -113,7 +114,9 @@ class Host(Protocol):
 
     memories: Memories
     memo_limit: int
-    graphs: GraphKeeper | None
+
+    @property
+    def graphs(self) -> GraphKeeper | None: ...
 
     def variable(self, name: str, run: Run) -> Any: ...
     def assign(self, name: str, value: Any) -> None: ...

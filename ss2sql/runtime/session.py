@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import os
-import sqlite3
+import sys
 import weakref
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import TracebackType
-from typing import Any, TypeVar, overload
+from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 from ss2sql import plan
 from ss2sql.errors import SessionError, Source
@@ -26,7 +26,6 @@ from ss2sql.runtime.limits import NO_LIMITS, Limits
 from ss2sql.runtime.opening import check_known, check_seconds, name_of, open_connection
 from ss2sql.runtime.opening import source_of as source_of
 from ss2sql.runtime.progress import check_progress
-from ss2sql.runtime.remembered.listing import Graphs, listed
 from ss2sql.runtime.result import Result
 from ss2sql.runtime.run import Run, Stats
 from ss2sql.runtime.tables import parquet_of, path_of
@@ -35,8 +34,10 @@ from ss2sql.runtime.triggers import Trigger
 from ss2sql.runtime.turns import in_turn
 from ss2sql.runtime.values import fresh, normalise
 from ss2sql.vtables import adapter_of, attachable, refuse_unknown
-from ss2sql.vtables.describe import described, tables_in_sight
 from ss2sql.vtables.frames import reader_of
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.remembered.listing import Graphs
 
 F = TypeVar("F", bound=Callable[..., Any])
 MOST_TEXTS = 64  # that a session has compiled and keeps
@@ -206,7 +207,8 @@ class Session:
             self.host.tables.attach(name, path)
             self.host.names.forget(name)
             return
-        if isinstance(source, sqlite3.Connection):
+        sqlite3 = sys.modules.get("sqlite3")  # whoever has a connection of it has loaded it
+        if sqlite3 is not None and isinstance(source, sqlite3.Connection):
             self.host.tables.attach_connection(name, source)
             self.host.names.forget(name)
             return
@@ -236,6 +238,8 @@ class Session:
     def tables(self) -> dict[str, tuple[str, ...]]:
         """The columns of all that FROM finds as a table, of the database and of worlds; none of an unreadable view."""
         self._check_open()
+        from ss2sql.vtables.describe import tables_in_sight
+
         return tables_in_sight(self.host.tables, self.host.names.worlds, self.host.names.others)
 
     def describe(self, name: str) -> str:
@@ -248,6 +252,8 @@ class Session:
             self._check_open()
             check_text(name)
             begin_deadline(run, self.host, self.timeout)
+            from ss2sql.vtables.describe import described
+
             return described(name, self.host.tables, self.host.names.worlds, self.host.names.others)
 
         return attended(self.host, work)
@@ -276,6 +282,8 @@ class Session:
         They print as a table. `graphs().drop()` removes all of them, `graphs()[0].drop()` one.
         """
         self._check_open()
+        from ss2sql.runtime.remembered.listing import Graphs, listed
+
         return Graphs(()) if self.host.graph_store is None else listed(self.host.graph_store)
 
     # --- running ---------------------------------------------------------------------------------------

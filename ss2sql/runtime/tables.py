@@ -6,11 +6,10 @@ What the data show of the columns, see `column_types.py`, is kept until the data
 from __future__ import annotations
 
 import os
-import sqlite3
 from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import apsw
 
@@ -18,11 +17,15 @@ from ss2sql import plan
 from ss2sql.errors import ExecutionError, SessionError
 from ss2sql.kinds import Type
 from ss2sql.runtime.column_types import STORED, Column, quoted, types_of_table, types_of_view
-from ss2sql.runtime.copied_databases import CopiedDatabase
 from ss2sql.runtime.file_locks import attach_file, close_file, detach_file, open_file
 from ss2sql.runtime.guard import UNREADABLE, refusal
-from ss2sql.runtime.remembered.store import Store
 from ss2sql.runtime.unreadable import text_of
+
+if TYPE_CHECKING:
+    import sqlite3
+
+    from ss2sql.runtime.copied_databases import CopiedDatabase
+    from ss2sql.runtime.remembered.store import Store
 
 FILES = (".db", ".sqlite", ".sqlite3")  # a text that ends so is a path, any other is a value
 
@@ -144,6 +147,8 @@ class Tables:
         """Makes the tables of a connection of `sqlite3` known as `name.table`, as they are when a script runs."""
         self._check_free(name)
         self._make_room(name)
+        from ss2sql.runtime.copied_databases import CopiedDatabase
+
         copied = CopiedDatabase(self.connection, name, source)
         copied.refresh()
         self.copied[name] = copied

@@ -10,11 +10,11 @@ from __future__ import annotations
 import sys
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from marshal import dumps
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors import Error, ExecutionError, Stopped, note_place
+from ss2sql.records import dataclass
 from ss2sql.runtime.ahead import ROOM, Ahead, Arguments, Kinds, Row
 from ss2sql.runtime.calls import NONE
 from ss2sql.runtime.functions import Memo, Refused, UserFunction, forget_half

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from math import asin, degrees, dist
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ss2sql.records import dataclass
 from ss2sql.scenes.bullet import pybullet
 from ss2sql.scenes.scene import View
 from ss2sql.scenes.solids import Vector

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from colorsys import hsv_to_rgb
-from dataclasses import dataclass
 from importlib import import_module
 from math import cos, dist, pi, sin, sqrt
 from random import Random
 from typing import Any
 
 from ss2sql.errors import SessionError
+from ss2sql.records import dataclass
 from ss2sql.scenes.solids import Box, Capsule, Colour, Cylinder, Solid, Sphere, Vector, reach
 
 HALF = 5.0  # half the edge of the box, whose middle is the origin

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from random import Random
 from types import TracebackType
 from typing import Any, ClassVar, Self
 
 from ss2sql.errors import SessionError, did_you_mean
+from ss2sql.records import dataclass
 from ss2sql.scenes.bullet import connect, pybullet
 from ss2sql.scenes.solids import Colour, Plane, Solid, Vector, collision_shape, visual_shape
 

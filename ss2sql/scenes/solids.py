@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from math import hypot, pi
 from typing import Any
 
 import numpy as np
 
+from ss2sql.records import dataclass
 from ss2sql.scenes.bullet import pybullet
 
 Vector = tuple[float, float, float]

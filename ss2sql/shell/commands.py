@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
@@ -11,6 +10,7 @@ from ss2sql.cli.endings import note
 from ss2sql.cli.given import register, value_of, world_of
 from ss2sql.editor.keywords import keywords
 from ss2sql.errors import Source, did_you_mean
+from ss2sql.records import dataclass
 from ss2sql.runtime.messages import show as written
 from ss2sql.runtime.opening import source_of
 from ss2sql.shell.known import Function, Known

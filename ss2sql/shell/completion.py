@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypeAlias
 
 from ss2sql.editor.keywords import ONE_OF, Keyword, keywords
+from ss2sql.records import dataclass
 from ss2sql.shell.commands import COMMANDS
 from ss2sql.shell.known import Function, Known
 from ss2sql.shell.pieces import piece_at

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +14,7 @@ from ss2sql.errors import Error
 from ss2sql.kinds import Type, type_of
 from ss2sql.language.operations import OF_OPERATORS, WRITTEN, Operation
 from ss2sql.plan_tree import type_text
+from ss2sql.records import dataclass
 from ss2sql.runtime import representations
 from ss2sql.runtime.messages import show as written
 from ss2sql.runtime.values import normalise

@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 from ss2sql.errors import Source
 from ss2sql.frontend.text import CLOSING, COMMENT, OPENING, Token, cut
+from ss2sql.records import dataclass
 
 _NOTHING = re.compile(rf"(?:[\s;]+|{COMMENT})*")
 _COMMAND = re.compile(r"\.[A-Za-z][^\r\n]*")

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 from ss2sql.cli.output import FORMATS, SHOWN
 from ss2sql.cli.run import ENGINES
+from ss2sql.records import dataclass
 
 
 class CommandError(Exception):

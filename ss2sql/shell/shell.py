@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 import sys
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -17,6 +16,7 @@ from ss2sql.errors import Cancelled, Error, Source, Stopped, render_all, respell
 from ss2sql.errors.visible import visible
 from ss2sql.frontend import ast
 from ss2sql.frontend.parser import parse
+from ss2sql.records import dataclass
 from ss2sql.runtime.messages import show as written
 from ss2sql.shell.pieces import Piece, pieces
 from ss2sql.shell.settings import Broken, CommandError, Settings

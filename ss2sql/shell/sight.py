@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from ss2sql.editor.keywords import words
 from ss2sql.editor.marks import marked
@@ -19,6 +19,7 @@ from ss2sql.frontend.query_builder import Builder
 from ss2sql.frontend.table import load
 from ss2sql.frontend.text import CLOSING, OPENING, Token
 from ss2sql.frontend.trouble import CLAUSES, Trouble
+from ss2sql.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

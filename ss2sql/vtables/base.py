@@ -36,10 +36,10 @@ The adapter guarantees:
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, TypeVar, overload
 
 from ss2sql.kinds import Handle
+from ss2sql.records import dataclass
 
 F = TypeVar("F", bound=Callable[..., Any])
 Volatility = Literal["immutable", "stable", "volatile"]

@@ -9,12 +9,13 @@ from __future__ import annotations
 import random
 import warnings
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from math import dist, isclose
 from typing import Any
 
 from ss2sql.errors import Error
 from ss2sql.kinds import Kind
+from ss2sql.records import dataclass
 from ss2sql.vtables import adapter_of
 from ss2sql.vtables.attached import AttachedTable, AttachedWorld
 from ss2sql.vtables.base import Gone, Table, TableFunction, Where, World

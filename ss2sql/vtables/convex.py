@@ -8,11 +8,12 @@ of both that is next to the origin, from better and better simplices.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ss2sql.records import dataclass
 
 Array = NDArray[np.float64]
 PRECISION = 1e-12  # of the squared distance, relative; cores that are nearer than 1e-9 touch

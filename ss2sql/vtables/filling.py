@@ -7,11 +7,11 @@ us, in a loop 0.8; as a generator, which SQLite asks for the next row itself, a 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from ss2sql.kinds import INT_MAX, INT_MIN, Kind, Type
+from ss2sql.records import dataclass
 from ss2sql.vtables.layouts import Place
 from ss2sql.vtables.reading import Reading
 from ss2sql.vtables.schema import Schema

@@ -7,13 +7,13 @@ worlds and their columns, SQLite is asked for the keys alone, and each row is ma
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from ss2sql import plan
 from ss2sql.errors import Span
 from ss2sql.kinds import Kind
+from ss2sql.records import dataclass
 from ss2sql.vtables.layouts import Place
 from ss2sql.vtables.reading import Readings
 

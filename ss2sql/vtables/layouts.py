@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import chain
 from typing import Any
 
 from ss2sql.kinds import Kind, Type
+from ss2sql.records import dataclass
 from ss2sql.vtables.cleaning import Clean, Kinds
 
 _PART = re.compile(r"([^\s()=]+(?:=[^\s()=]+)*)(?:\(([^()]*)\))?(?=\s|$)")

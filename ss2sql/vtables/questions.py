@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import random
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from ss2sql.errors import Error
 from ss2sql.kinds import Kind
+from ss2sql.records import dataclass
 from ss2sql.vtables.attached import AttachedTable
 from ss2sql.vtables.base import Column, World
 from ss2sql.vtables.schema import Schema

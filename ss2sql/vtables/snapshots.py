@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import dataclass
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 from ss2sql import plan
 from ss2sql.errors import Span
+from ss2sql.records import dataclass
 from ss2sql.vtables.memories import Remembered
 from ss2sql.vtables.reading import Readings
 from ss2sql.walk import walk

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from typing import Any, TypeAlias
 
+from ss2sql.records import dataclass
 from ss2sql.results.path_plot import places
 from ss2sql.results.show import cell
 from ss2sql.runtime.search.watched import Event

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from ss2sql.errors import RepresentationError, SessionError, Span
 from ss2sql.frontend import ast
+from ss2sql.records import dataclass
 from ss2sql.runtime.search.watched import Event, Trace
 from ss2sql.told import growing
 

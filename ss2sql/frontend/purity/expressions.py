@@ -7,7 +7,7 @@ import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 from ss2sql.frontend.purity.names import (
@@ -26,6 +26,7 @@ from ss2sql.frontend.purity.names import (
 )
 from ss2sql.frontend.purity.source import Comprehension, FunctionNode, Owner, parameters
 from ss2sql.frontend.purity.tables import CLASSES, METHODS, Kind, Known, known
+from ss2sql.records import dataclass
 
 ANY = VALUE | SET | OBJECT | CODE
 # A field of a format string with a dotted name: `{0.name}`, also inside another field.

@@ -18,7 +18,7 @@ from __future__ import annotations
 import functools
 import inspect
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from types import BuiltinFunctionType, FunctionType, MethodDescriptorType, MethodType
 from typing import Any, Literal, TypeAlias
 
@@ -37,6 +37,7 @@ from ss2sql.frontend.purity.names import (
 from ss2sql.frontend.purity.source import locate, read
 from ss2sql.frontend.purity.statements import Walk
 from ss2sql.frontend.purity.tables import EFFECTS, IMPURE_MODULES, known
+from ss2sql.records import dataclass
 
 Volatility: TypeAlias = Literal["immutable", "stable", "volatile"]
 

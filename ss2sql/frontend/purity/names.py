@@ -12,12 +12,13 @@ import gc
 import importlib
 import sys
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from types import BuiltinFunctionType, FunctionType, MethodType, ModuleType
 from typing import Any, TypeAlias, cast
 
 from ss2sql.frontend.purity.source import Binding, FunctionNode, Located, Names, Owner, bindings, read
 from ss2sql.frontend.purity.tables import CLASSES, IMPURE_MODULES, METHODS, PURE_MODULES, Kind, known
+from ss2sql.records import dataclass
 
 VALUE, SET, OBJECT, CODE = Kind.VALUE, Kind.SET, Kind.OBJECT, Kind.CODE
 NOTHING = Kind(0)

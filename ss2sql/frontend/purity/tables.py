@@ -17,9 +17,10 @@ import itertools
 import math
 import operator
 import sys
-from dataclasses import dataclass
 from types import FunctionType, ModuleType
 from typing import Any
+
+from ss2sql.records import dataclass
 
 
 class Kind(enum.Flag):

@@ -19,13 +19,14 @@ imports sqlglot: forms are texts until an engine compiles one.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from enum import Enum, auto
 from typing import Any, TypeAlias
 
 from ss2sql.kinds import ANY, FLOAT, NOTHING, Kind, Type, type_of, union
 from ss2sql.language.operations.arguments import as_list, kinds_of_numbers
 from ss2sql.plan_function import Function, Volatility
+from ss2sql.records import dataclass
 
 Types: TypeAlias = Sequence[Type]
 When: TypeAlias = Callable[[Types], bool]

@@ -7,7 +7,7 @@ meet: they are written so that their truth is never NULL.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any, TypeAlias
 
 from sqlglot import exp
@@ -20,6 +20,7 @@ from ss2sql.lowering import sql
 from ss2sql.lowering.portable import forms
 from ss2sql.lowering.portable.functions import BY_HAND
 from ss2sql.lowering.portable.types import cast, column_type, is_nullable, refused, typed
+from ss2sql.records import dataclass
 from ss2sql.walk import can_fail
 
 Node: TypeAlias = exp.Expr

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import partial
 from typing import Any
 
@@ -25,6 +25,7 @@ from ss2sql.lowering.portable.functions import BY_HAND
 from ss2sql.lowering.portable.names import Names, plain
 from ss2sql.lowering.portable.sources import NUMBER, Opened, Opener, columns_of, listed, written_out
 from ss2sql.lowering.portable.types import cast, column_type, is_nullable, is_real, refused
+from ss2sql.records import dataclass
 from ss2sql.runtime.rows import free_name
 from ss2sql.walk import can_fail
 

@@ -6,7 +6,6 @@ A source is sorted by its `places`, because SQL promises no order of rows.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from functools import partial
 from typing import Any, TypeAlias
 
@@ -18,6 +17,7 @@ from ss2sql.lowering import sql
 from ss2sql.lowering.portable.expressions import Node, Portable, Read, constant
 from ss2sql.lowering.portable.names import Names
 from ss2sql.lowering.portable.types import cast, column_type, is_nullable, refused
+from ss2sql.records import dataclass
 from ss2sql.walk import sources_read
 
 MOST_ROWS = 1_000  # of a list that are written out

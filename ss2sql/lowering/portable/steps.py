@@ -8,7 +8,7 @@ sources, one row for each combination. A step's `place` is that of its state and
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -22,6 +22,7 @@ from ss2sql.lowering import sql
 from ss2sql.lowering.portable.expressions import Portable, Sight
 from ss2sql.lowering.portable.names import Names
 from ss2sql.lowering.portable.types import column_type, is_nullable, refused, typed
+from ss2sql.records import dataclass
 from ss2sql.walk import set_at_once, walk
 
 ELEMENTS = 1 << 24  # of a state; a place is a step and an element, in 64 bits

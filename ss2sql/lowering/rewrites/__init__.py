@@ -9,11 +9,11 @@ always does the same in its way.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
 
 from ss2sql import plan
 from ss2sql.lowering.rewrites import columns, exists, fold, inline, near, rows, split, unnest
 from ss2sql.lowering.rewrites.world import World
+from ss2sql.records import dataclass
 
 
 def by_lowering(query: plan.Query, world: World) -> plan.Query:

@@ -13,13 +13,14 @@ fewer elements.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from ss2sql import plan
 from ss2sql.kinds import Kind
 from ss2sql.language.operations import OPERATIONS
 from ss2sql.lowering.rewrites.nodes import bottom_up, call, constant
 from ss2sql.lowering.rewrites.world import World
+from ss2sql.records import dataclass
 from ss2sql.walk import can_fail, conjuncts, sources_read, walk
 
 # So much wider is the box: more than what floats lose between the distance and the ends of the box. It can be a factor,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 from ss2sql import plan
@@ -10,6 +9,7 @@ from ss2sql.lowering.rewrites.fold import folded
 from ss2sql.lowering.rewrites.nodes import constant
 from ss2sql.lowering.rewrites.texts import read
 from ss2sql.lowering.rewrites.world import MOST_ELEMENTS, World, is_plain
+from ss2sql.records import dataclass
 from ss2sql.walk import can_fail, rebuild, sources_read, states_read, walk
 
 MOST_NODES = 20_000  # of the conditions and columns of all elements together

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from dataclasses import dataclass, field
+from dataclasses import field
 from marshal import dumps
 from types import NoneType
 from typing import Any
@@ -11,6 +11,7 @@ from typing import Any
 from ss2sql import plan
 from ss2sql.errors import Error
 from ss2sql.kinds import Type, covers, type_of
+from ss2sql.records import dataclass
 
 MOST_ELEMENTS = 1_000
 _PLAIN = frozenset({NoneType, bool, int, float, str})

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import sqlglot
@@ -17,6 +16,7 @@ from ss2sql.kinds import INT_MAX, INT_MIN, Kind, Type
 from ss2sql.language.operations.intervals import MAX
 from ss2sql.lowering.portable.here import identifier
 from ss2sql.lowering.portable.types import cast
+from ss2sql.records import dataclass
 from ss2sql.runtime.column_types import rounded
 from ss2sql.vtables.frames.cells import cell
 

@@ -7,7 +7,7 @@ that takes 22 s and 2 s of the processor, in DuckDB 0.2 s.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -21,6 +21,7 @@ from ss2sql.lowering.dialects import DUCKDB
 from ss2sql.lowering.portable.here import joined
 from ss2sql.lowering.portable.names import Names
 from ss2sql.lowering.portable.types import refused
+from ss2sql.records import dataclass
 from ss2sql.runtime.duck.query import frame_of
 from ss2sql.runtime.duck.tables import DuckFrame
 from ss2sql.runtime.levels.watch import watched

@@ -6,12 +6,13 @@ Values of other rows never reach Python. WHERE stays as it is, so a table with t
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Protocol
 
 from ss2sql import plan
 from ss2sql.errors import UnsupportedError
 from ss2sql.lowering.portable.here import Outside, narrowed
+from ss2sql.records import dataclass
 from ss2sql.runtime.duck.joining import join
 from ss2sql.runtime.duck.query import frame_of
 from ss2sql.runtime.duck.tables import DuckFrame

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from itertools import count
 from marshal import loads
 from typing import Any
 
 from ss2sql import plan
 from ss2sql.lowering.portable.steps import ELEMENTS
+from ss2sql.records import dataclass
 from ss2sql.runtime.levels.trial import Trial, encoded
 from ss2sql.runtime.memorize.hunt import Found, Hunt
 from ss2sql.runtime.run import Level

@@ -15,10 +15,10 @@ takes longer than to keep them; and for each of these steps a row with an `nth` 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 from ss2sql import plan
 from ss2sql.lowering.portable.steps import ELEMENTS
+from ss2sql.records import dataclass
 from ss2sql.runtime.levels.level import KEEP, PATHS, TABLES, WAYS, back_to_start
 from ss2sql.runtime.levels.statements import Add, Ask, Create, Drop, Make, Number, Statement, Walk, columns_of, listed
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Protocol
 
 from ss2sql import plan
 from ss2sql.lowering.portable.steps import write_steps
+from ss2sql.records import dataclass
 from ss2sql.runtime.levels.by_cost import CostSearch
 from ss2sql.runtime.levels.cost_level import QUEUES, CostStatements
 from ss2sql.runtime.levels.graph_level import GraphStatements

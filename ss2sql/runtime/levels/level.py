@@ -12,9 +12,9 @@ out anyway, and not behind the first step to the same row.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 from ss2sql import plan
+from ss2sql.records import dataclass
 from ss2sql.runtime.levels.statements import Add, Ask, Create, Drop, Make, Number, Statement, Walk
 
 TABLES = {

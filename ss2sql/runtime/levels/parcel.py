@@ -11,7 +11,7 @@ import sys
 import sysconfig
 from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import ModuleType
@@ -22,6 +22,7 @@ from ss2sql.errors import Error, ExecutionError, UnsupportedError
 from ss2sql.kinds import ANY, Type
 from ss2sql.language.operations import OPERATIONS
 from ss2sql.lowering.unsupported import Rule
+from ss2sql.records import dataclass
 from ss2sql.runtime.functions import UserFunction
 from ss2sql.runtime.levels.trial import Trial, encoded
 from ss2sql.runtime.memorize.hunt import Hunt

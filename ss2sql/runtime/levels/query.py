@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +12,7 @@ from ss2sql import plan
 from ss2sql.errors import ExecutionError, Span, UnsupportedError
 from ss2sql.lowering.dialects import Dialect
 from ss2sql.lowering.unsupported import Rule
+from ss2sql.records import dataclass
 from ss2sql.runtime.levels.kinds import BY_COST, IN_TABLES, Kind, Written, kinds_of
 from ss2sql.runtime.levels.statements import printed
 from ss2sql.runtime.levels.watch import Opened, watched

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from functools import reduce
 from marshal import loads
 from typing import TYPE_CHECKING, Any
 
+from ss2sql.records import dataclass
 from ss2sql.results.frames import arrow_type
 from ss2sql.results.kinds import NONE, Shape, as_floats, holds_any, merged, shape_of
 from ss2sql.runtime.values import show

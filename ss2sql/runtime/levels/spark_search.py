@@ -10,11 +10,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass
 from itertools import accumulate
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.lowering.portable.steps import ELEMENTS
+from ss2sql.records import dataclass
 from ss2sql.runtime.levels.beginning import Beginning
 from ss2sql.runtime.levels.spark_level import SparkStatements, TypedSparkStatements
 from ss2sql.runtime.levels.spark_steps import Counts, Steps, TypedSteps

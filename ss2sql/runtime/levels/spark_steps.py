@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from marshal import loads
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors import ExecutionError
 from ss2sql.lowering.portable.steps import ELEMENTS, Typed, too_many_elements
+from ss2sql.records import dataclass
 from ss2sql.runtime.levels.beginning import Begun
 from ss2sql.runtime.levels.executor import account, tried
 from ss2sql.runtime.levels.level import TABLES

@@ -7,11 +7,11 @@ follow each other are few jobs.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import reduce
 from typing import TYPE_CHECKING, Any, assert_never
 
 from ss2sql.lowering.portable.steps import Typed
+from ss2sql.records import dataclass
 from ss2sql.runtime.levels.executor import tried
 from ss2sql.runtime.levels.level import STATE_OF
 from ss2sql.runtime.levels.parcel import packed

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cache
 from typing import Any, TypeAlias
 
 import sqlglot
 
 from ss2sql.lowering.dialects import Dialect
+from ss2sql.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

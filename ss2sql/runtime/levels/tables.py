@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any, Protocol
 
+from ss2sql.records import dataclass
 from ss2sql.runtime.levels.level import PATHS, WAYS
 from ss2sql.runtime.levels.statements import AddNumbered, Ask, Drop, Statement, Value, Walk
 from ss2sql.runtime.levels.trial import FAILED, Trial

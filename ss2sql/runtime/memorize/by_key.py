@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Hashable, Iterator
-from dataclasses import dataclass
 from heapq import heappop, heappush
 from typing import Any, NamedTuple
 
 from ss2sql import plan
+from ss2sql.records import dataclass
 from ss2sql.runtime.frozen import Thaw
 from ss2sql.runtime.memorize.hunt import Found
 from ss2sql.runtime.rows import Row

@@ -13,10 +13,11 @@ and the least bound of all is the next length.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from heapq import heappop, heappush
 from typing import Any
 
+from ss2sql.records import dataclass
 from ss2sql.runtime.memorize.graph import FAR, Graph
 
 CHECK_EVERY = 4096  # edges

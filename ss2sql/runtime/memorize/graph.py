@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
+from ss2sql.records import dataclass
 from ss2sql.runtime.memorize.hunt import Found
 from ss2sql.runtime.rows import Row
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Container, Hashable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from ss2sql import plan
+from ss2sql.records import dataclass
 from ss2sql.runtime.frozen import Shapes, State
 from ss2sql.runtime.memorize.pieces import Pieces
 from ss2sql.runtime.rows import Row

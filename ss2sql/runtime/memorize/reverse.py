@@ -8,12 +8,13 @@ lies in FROM must not depend on the state, and the row of a step has to tell the
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
 from typing import TypeAlias
 
 from ss2sql import plan
 from ss2sql.kinds import INT, Kind
+from ss2sql.records import dataclass
 from ss2sql.walk import conjuncts, is_volatile, walk
 
 # A state at the goal: the value of each START WITH variable, None for one that no step changes.

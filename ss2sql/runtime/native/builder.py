@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from ss2sql import plan
 from ss2sql.kinds import SCALAR, Kind
+from ss2sql.records import dataclass
 from ss2sql.runtime.functions import MEMO_LIMIT, forget_half
-from ss2sql.runtime.native import flat, search_code
+from ss2sql.runtime.native import flat
 from ss2sql.runtime.native.aggregates import aggregates_in
 from ss2sql.runtime.native.calls import exact_key
 from ss2sql.runtime.native.endings import Form
@@ -165,6 +166,8 @@ class Builder:
         if query.search is None:
             finder = flat.finder(self, query, part("rows"), own)
         else:
+            from ss2sql.runtime.native import search_code
+
             finder, searched = search_code.finder(self, query, part("rows"), own)
         functions = {
             "settings": self._settings(query, part),

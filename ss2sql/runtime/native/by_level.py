@@ -7,8 +7,9 @@ back, to the steps from another state; what has been counted since the time befo
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 
+from ss2sql.records import dataclass
 from ss2sql.runtime.run import Run, Stats
 from ss2sql.runtime.ways import Path, depth_of
 

@@ -10,8 +10,6 @@ from typing import TYPE_CHECKING, Any
 from ss2sql import plan
 from ss2sql.errors import Error
 from ss2sql.runtime.call_sites import takes_arrays
-from ss2sql.runtime.memorize.hunt import Find
-from ss2sql.runtime.memorize.pieces import Pieces
 from ss2sql.runtime.native.builder import Builder, Dispatch
 from ss2sql.runtime.native.calls import settle_calls
 from ss2sql.runtime.native.deep import deep
@@ -23,6 +21,8 @@ from ss2sql.runtime.rows import Row, Rows
 from ss2sql.runtime.run import Run
 
 if TYPE_CHECKING:
+    from ss2sql.runtime.memorize.hunt import Find
+    from ss2sql.runtime.memorize.pieces import Pieces
     from ss2sql.runtime.scouts import Scouts
 
 
@@ -87,6 +87,8 @@ class NativeQuery:
 
     def taken_apart(self, run: Run) -> tuple[Pieces, Callable[[], None]]:
         """The clauses of a search that can be taken apart, and what brings `run.stats` up to date."""
+        from ss2sql.runtime.memorize.pieces import Pieces
+
         with deep(self.levels):
             task = self._bound(run)
             *_, pieces = task.find()

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterator, Sequence
-from dataclasses import dataclass
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 from ss2sql import plan
 from ss2sql.errors import Error
-from ss2sql.runtime.memorize.hunt import Find
+from ss2sql.records import dataclass
 from ss2sql.runtime.rows import Row, Rows, too_many
 from ss2sql.runtime.values import freeze, places_in_order
 
 if TYPE_CHECKING:
+    from ss2sql.runtime.memorize.hunt import Find
     from ss2sql.runtime.native.search_code import SearchForm
 
 

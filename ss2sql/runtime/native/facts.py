@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Hashable
-from dataclasses import dataclass
 from typing import Any
 
 from ss2sql import plan
 from ss2sql.kinds import Kind
 from ss2sql.language.operations import GROUPS
+from ss2sql.records import dataclass
 from ss2sql.walk import parts
 
 

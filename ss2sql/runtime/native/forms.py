@@ -13,7 +13,6 @@ from __future__ import annotations
 import ast
 import re
 import sys
-from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
@@ -21,6 +20,7 @@ from ss2sql import plan
 from ss2sql.kinds import Kind
 from ss2sql.language.operations import OPERATIONS, PREDICATES, Check, Form
 from ss2sql.language.operations.arithmetic import SMALL
+from ss2sql.records import dataclass
 from ss2sql.runtime.messages import CURES, check
 from ss2sql.runtime.native.pen import Pen
 from ss2sql.runtime.native.unit import Unit

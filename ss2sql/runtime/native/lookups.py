@@ -11,12 +11,12 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Hashable, Iterable, Sequence
-from dataclasses import dataclass
 from operator import itemgetter
 from typing import Any
 
 from ss2sql import plan
 from ss2sql.errors import Stopped
+from ss2sql.records import dataclass
 from ss2sql.runtime.native.facts import Analysis
 from ss2sql.runtime.sources import column_of
 from ss2sql.runtime.values import freeze

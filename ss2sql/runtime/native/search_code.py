@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from copy import copy
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from ss2sql import plan
 from ss2sql.kinds import SCALAR
+from ss2sql.records import dataclass
 from ss2sql.runtime import frozen
 from ss2sql.runtime.frozen import Shape, Shapes, State
 from ss2sql.runtime.memorize.growing import grow

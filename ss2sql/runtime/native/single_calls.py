@@ -11,12 +11,14 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Any
 
 from ss2sql import plan
 from ss2sql.kinds import SCALAR
+from ss2sql.records import dataclass
 from ss2sql.runtime import frozen
+from ss2sql.runtime.call_sites import call_places
 from ss2sql.runtime.frozen import Shape
 from ss2sql.runtime.native.call_code import is_remembered
 from ss2sql.runtime.native.calls import NO_KEY, RememberedCalls, exact_key
@@ -148,18 +150,6 @@ def _is_empty_list(expr: plan.Expr) -> bool:
     if isinstance(expr, plan.MakeList):
         return not expr.items
     return isinstance(expr, plan.Constant) and expr.value == [] and type(expr.value) is list
-
-
-def call_places(*roots: Any) -> dict[str, Places]:
-    """Where each function of the user is called; empty where that is not known before the script runs."""
-    found: dict[str, set[tuple[int, int]]] = {}
-    for root in roots:
-        for node in walk(root):
-            if isinstance(node, (plan.Eval, plan.AssignLate)):
-                return {}
-            if isinstance(node, plan.Call) and not node.function.builtin:
-                found.setdefault(node.function.name, set()).add((node.place.start, node.place.end))
-    return {name: frozenset(places) for name, places in found.items()}
 
 
 def _single_calls(query: plan.Query, analysis: Analysis) -> Iterator[plan.Call]:

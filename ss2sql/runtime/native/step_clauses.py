@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from marshal import dumps
 from typing import TYPE_CHECKING, Any
 
 from ss2sql import plan
 from ss2sql.kinds import SCALAR, Kind, Type
+from ss2sql.records import dataclass
 from ss2sql.runtime import frozen
 from ss2sql.runtime.frozen import Shape
 from ss2sql.runtime.native import options

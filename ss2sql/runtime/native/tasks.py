@@ -3,32 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Hashable, Iterator
-from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice
-from operator import itemgetter
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from ss2sql import plan
-from ss2sql.runtime.frozen import State, Thaw
-from ss2sql.runtime.memorize.by_key import ByKey
-from ss2sql.runtime.memorize.growing import memorize
-from ss2sql.runtime.memorize.hunt import Found, Hunt
-from ss2sql.runtime.memorize.pieces import Pieces
-from ss2sql.runtime.native.by_level import watcher
+from ss2sql.records import dataclass
 from ss2sql.runtime.native.endings import Ending, Form
 from ss2sql.runtime.native.options import least_of
-from ss2sql.runtime.native.pace import counts_of, looks_of
 from ss2sql.runtime.rows import Row, Rows, distinct, too_many
 from ss2sql.runtime.run import Run
-from ss2sql.runtime.search import search_of
-from ss2sql.runtime.search.contract import Expand, Problem, exceeds
-from ss2sql.runtime.search.remembered_steps import RememberedSteps, ignore
-from ss2sql.runtime.search.watched import Watched
 from ss2sql.runtime.values import freeze
-
-if TYPE_CHECKING:
-    from ss2sql.runtime.native.search_code import SearchForm
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +91,7 @@ class Task:
                 self._stream(found, results, settings.limit, settings.offset or 0, most)
         finally:
             every.close()  # so that a search hands on what it has counted
-            self._flush()
+            self.tell()
         return answer
 
     @property
@@ -117,92 +101,16 @@ class Task:
 
     def _found(self, bound: int | None, outer: tuple[Any, ...]) -> Generator[Any, None, None]:
         """The results as they are found; `bound` is MEMORIZE's."""
-        search, form = self.form.query.search, self.form.search
-        if search is None or form is None:
+        if self.form.query.search is None or self.form.search is None:
             return self.find(*outer)  # type: ignore[no-any-return]
-        starts, function, keys, key_of, pieces = self.find(*outer)
-        problem = Problem(
-            starts if key_of is None or search.repeats != "unique" else _different_starts(starts, key_of),
-            function,
-            search.repeats,
-            likeliest=search.order == "probability",
-            weighed=search.weight is not None,
-            keyed=keys is not None,
-            alone=len(form.shapes.columns) == 1,
-            apart=bool(search.key),
-            visits=key_of is not None,
-            last=self.form.query.last,
-            key_of=key_of or id,
-            found=self._look,
-        )
-        watched = Watched(self.run.trace, self.form.query, problem) if form.watched else None
-        problem = problem if watched is None else watched.problem
-        if search.repeats == "memorize" and (watched is not None or not search.plain):
-            shown = None if search.plain else pieces
-            found = ByKey(self.form.query, problem, bound, self.run.check, form.shapes.thawing(), shown).paths()
-            return self._paths(found, keys, None)
-        if search.repeats == "memorize":
-            hunt = self._hunt(search, form, problem, bound, pieces and Pieces(*pieces))
-            return self._paths((self.form.find or memorize)(hunt), keys, None)
-        expand = problem.expand if form.watched else self._expand(form, function)
-        problem = replace(problem, expand=expand, watch=watcher(self.run, form.leveled, self._flush))
-        found = (function if form.inlined else search_of(search))(problem)
-        return self._paths(found if watched is None else watched.found(found), keys, form.shapes.thawing())
+        from ss2sql.runtime.native.searching import found
 
-    def _look(self, total: Any, guess: Any) -> None:
-        self.run.overestimated |= exceeds(guess, total)
+        return found(self, self.form.query.search, self.form.search, bound, outer)
 
-    def _flush(self) -> None:
+    def tell(self) -> None:
+        """Hands on to the run what was counted."""
         if self.flush is not None:
             self.flush()
-
-    def _hunt(
-        self, search: plan.Search, form: SearchForm, problem: Problem, bound: int | None, pieces: Pieces | None
-    ) -> Hunt:
-        """The search that makes the graph of MEMORIZE."""
-        return Hunt(
-            start=form.shapes.thaw(problem.starts[0]),
-            problem=problem,
-            shapes=form.shapes,
-            grow=problem.expand if form.inlined else None,  # type: ignore[arg-type]
-            order=search.order,
-            bound=bound,
-            stats=self.run.stats,
-            check=self.run.check,
-            query=self.form.query,
-            run=self.run,
-            pieces=pieces,
-            flush=self._flush,
-            keyed=problem.keyed,
-        )
-
-    def _expand(self, form: SearchForm, expand: Expand) -> Expand:
-        """The step function, with a memory where states come again."""
-        run, most = self.run, self.run.host.memo_limit
-        if not form.remembered:
-            return expand
-        compares = self.form.query.search is not None and self.form.query.search.repeats == "no cycle"
-        if not most:
-            return (lambda state, closed: expand(state, closed, ignore)) if compares else expand
-        return RememberedSteps(expand, most, looks_of(run), partial(counts_of(run), 0, 0), compares).expand
-
-    def _paths(
-        self, found: Iterator[Found], keys: Callable[[Any], Row] | None, thaw: Thaw | None
-    ) -> Generator[Any, None, None]:
-        """The results, with values in the place of frozen ones."""
-        try:
-            if keys is None and not self.form.query.last:
-                paths = map(itemgetter(0), found)
-                yield from paths if thaw is None else map(thaw, paths)
-            else:
-                for path, last in found:
-                    shown: Any = path if thaw is None or self.form.query.aggregated else thaw(path)
-                    if self.form.query.last:
-                        shown = shown[-1]
-                    yield shown if keys is None else (None if self.form.query.aggregated else shown, keys(last))
-        finally:
-            if isinstance(found, Generator):
-                found.close()  # it may hold tables of a database, and an error that is kept would hold it
 
     def _stream(
         self, found: Iterator[Any], results: list[Any], limit: int | None, offset: int, most: int | None
@@ -214,14 +122,6 @@ class Task:
         results.extend(found if most is None else islice(found, most + 1))
         if most is not None and len(results) > most:
             raise too_many(most, self.form.query.span)
-
-
-def _different_starts(starts: list[State], key_of: Callable[[State], Hashable]) -> list[State]:
-    """The first of equal starts."""
-    by_key: dict[Hashable, State] = {}
-    for start in starts:
-        by_key.setdefault(key_of(start), start)
-    return list(by_key.values())
 
 
 def _none_found() -> Generator[Any, None, None]:

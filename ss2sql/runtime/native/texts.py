@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 from ss2sql import plan
 from ss2sql.errors import ExecutionError
 from ss2sql.kinds import ANY, Type
+from ss2sql.records import dataclass
 from ss2sql.runtime.native.deep import deep
 from ss2sql.runtime.native.facts import Analysis
 from ss2sql.runtime.native.unit import Body, Unit

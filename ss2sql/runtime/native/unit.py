@@ -13,21 +13,24 @@ import ast
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import field
 from types import CodeType, FunctionType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ss2sql import plan
 from ss2sql.errors import Error, Span
 from ss2sql.kinds import Type
 from ss2sql.language.operations import OPERATIONS
-from ss2sql.runtime.memorize.hunt import Find
+from ss2sql.records import dataclass
 from ss2sql.runtime.native.facts import Analysis, Facts
 from ss2sql.runtime.native.locate import PAGE, Page
 from ss2sql.runtime.native.pace import meter_of, pace_of
 from ss2sql.runtime.native.pen import Pen
 from ss2sql.runtime.run import Run
 from ss2sql.walk import parts
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.memorize.hunt import Find
 
 UNSET = object()
 COUNTERS = ("generated", "expanded", "pruned")

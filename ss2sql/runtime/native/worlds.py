@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from ss2sql import plan
 from ss2sql.errors import Span
+from ss2sql.records import dataclass
 from ss2sql.runtime.native.pen import Pen
 from ss2sql.runtime.run import Run
 from ss2sql.vtables.attached import AttachedTable

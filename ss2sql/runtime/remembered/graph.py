@@ -5,11 +5,11 @@ from __future__ import annotations
 import gc
 import math
 from collections.abc import Callable, Hashable, Iterable, Sequence
-from dataclasses import dataclass
 from itertools import islice
 from operator import is_
 from typing import Any
 
+from ss2sql.records import dataclass
 from ss2sql.runtime.frozen import State
 from ss2sql.runtime.remembered.store import Store, spoilt
 from ss2sql.runtime.remembered.texts import text_of, values_of

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from ss2sql import plan
 from ss2sql.errors import Error, Stopped
+from ss2sql.records import dataclass
 from ss2sql.runtime.memorize.hunt import Hunt
 from ss2sql.runtime.messages import show
 from ss2sql.runtime.remembered.graph import Clause, Described, GraphInFile

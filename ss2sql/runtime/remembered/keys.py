@@ -7,12 +7,13 @@ call and the values that they read. Where a search starts, when it stops and wha
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import field, fields, is_dataclass
 from hashlib import sha256
 from typing import TYPE_CHECKING, Any
 
 from ss2sql import plan
 from ss2sql.kinds import Type
+from ss2sql.records import dataclass
 from ss2sql.runtime.remembered.functions import fingerprint
 from ss2sql.runtime.remembered.sources import digest_of, table_digest, world_digest, worlds_in
 from ss2sql.runtime.remembered.texts import NotKept

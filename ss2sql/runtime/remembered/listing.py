@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, overload
 
 import apsw
 
 from ss2sql.errors import ExecutionError
+from ss2sql.records import dataclass
 from ss2sql.runtime.remembered.store import Store, spoilt
 
 _MOST_TEXT = 60

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, Literal, TypeVar
 
 from ss2sql.plan import Fact
+from ss2sql.records import dataclass
 from ss2sql.runtime.checking import Check, checked
 from ss2sql.runtime.rows import distinct
 

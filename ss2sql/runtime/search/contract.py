@@ -64,10 +64,10 @@ beginning, and calls the state `state`, which may stand for several variables in
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 from ss2sql import plan
+from ss2sql.records import dataclass
 from ss2sql.runtime.frozen import FrozenRow, State
 
 Step: TypeAlias = tuple[FrozenRow, Any, bool | None, bool, Any, Any, Any, Any]

@@ -14,11 +14,12 @@ import sys
 import threading
 import weakref
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import field
 from queue import Empty, SimpleQueue
 from typing import Any, TypeAlias
 
 from ss2sql.errors import ExecutionError
+from ss2sql.records import dataclass
 from ss2sql.runtime.workers import IN_WORKER
 from ss2sql.runtime.workers.sending import Sent
 from ss2sql.shipped import path_of

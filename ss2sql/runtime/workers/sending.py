@@ -12,11 +12,11 @@ import ast
 import pickle
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from types import FunctionType
 from typing import Any
 
+from ss2sql.records import dataclass
 from ss2sql.runtime.functions import UserFunction
 from ss2sql.runtime.workers.child import fingerprint
 

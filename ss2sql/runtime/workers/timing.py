@@ -6,9 +6,10 @@ To hand a call to another process and to take back its result costs 10 to 15 us,
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
+from ss2sql.records import dataclass
 from ss2sql.runtime.workers.sending import Kept, Sent
 
 SAMPLES = 3  # calls that are made here, to see what they cost

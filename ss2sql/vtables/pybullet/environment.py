@@ -7,10 +7,10 @@ fast. Damping and motors, which it does not tell, are Bullet's own in the copy.
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
 from math import dist
 from typing import Any, NoReturn
 
+from ss2sql.records import dataclass
 from ss2sql.runtime.representations.arguments import refuse
 from ss2sql.scenes.scene import Scene, View
 from ss2sql.scenes.solids import Sphere, visual_shape
