@@ -1,9 +1,9 @@
 """What it costs to begin: `import ss2sql` and `ss2sql --help`, beside the packages that they rest on.
 
-`python benchmarks/startup.py` prints a table of ratios: `import ss2sql`, a first session and first queries, to the import of
-apsw, sqlglot, lark and numpy; `ss2sql --help` to that of click and rich. Every command runs in a process of its own, all of
-them in turn, several times. Seconds are those of the processor, and the least of each command counts: others that use
-the machine disturb neither much.
+`python benchmarks/startup.py` prints a table of ratios: `import ss2sql`, a first session and first queries, to the
+import of apsw, sqlglot, lark and numpy; `ss2sql --help` to that of click and rich. Every command runs in a process of
+its own, all of them in turn, several times. Seconds are those of the processor, and the least of each command counts:
+others that use the machine disturb neither much.
 """
 
 from __future__ import annotations
