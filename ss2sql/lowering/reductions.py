@@ -22,7 +22,7 @@ from ss2sql import plan
 from ss2sql.kinds import Kind
 from ss2sql.lowering import sql
 from ss2sql.lowering.sql import Node
-from ss2sql.walk import can_fail, sources_inside, sources_read, walk, walks_the_same
+from ss2sql.walk import sources_inside, sources_read, walk, walks_the_same
 
 if TYPE_CHECKING:
     from ss2sql.lowering.expressions import Env, Expressions
@@ -49,7 +49,7 @@ def _aggregate(lowering: Expressions, call: plan.Call, query: plan.Query) -> Cal
     name, column = call.function.name, query.columns[0].expr
     if query.search or query.group or query.limit or len(query.columns) > 1 or query.columns[0].star:
         return None
-    if name == "len" and not can_fail(column):
+    if name == "len":
         return lambda env: exp.Count(this=exp.Star())
     # An aggregate belongs to the innermost query whose columns it mentions.
     own = not sources_read(column).isdisjoint(source.id for source in query.sources)

@@ -39,7 +39,7 @@ def watched(items: Iterable[T]) -> Iterable[T]:
 
 def checked(items: Iterable[T], check: Check | None) -> Iterable[T]:
     """The items, with this check after every few thousand, if there is one."""
-    if check is None or (type(items) is list and len(items) <= AT_ONCE):
+    if check is None or (isinstance(items, (list, tuple)) and len(items) <= AT_ONCE):
         return items
     return chain.from_iterable(_portions(iter(items), check))
 

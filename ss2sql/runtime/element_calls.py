@@ -78,7 +78,7 @@ class ElementCalls:
 
     def _known(self, value: Any) -> tuple[Columns, list[Results]]:
         walked = self.walk(value)
-        columns = [walked[number] for number in range(self.width)]
+        columns = [walked.column(number) for number in range(self.width)]
         known = self.lists[value] = columns, [call.over(columns) for call in self.calls]
         return known
 

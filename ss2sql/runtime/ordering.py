@@ -119,10 +119,11 @@ def places_in_order(
 
     With a `limit` there may be fewer, but not less than that: the first of 10,000 takes a quarter of the time of all.
     """
-    order = list(range(count))
     if limit is not None and len(columns) == 1 and 0 < limit * 8 <= count and _python_sorts(set(map(type, columns[0]))):
-        choose = nlargest if descending[0] else nsmallest
-        return choose(limit, order, columns[0].__getitem__)
+        if limit == 1:
+            return [columns[0].index((max if descending[0] else min)(columns[0]))]
+        return (nlargest if descending[0] else nsmallest)(limit, range(count), columns[0].__getitem__)
+    order = list(range(count))
     for column, reverse in zip(reversed(columns), reversed(descending), strict=True):
         values: Sequence[Any] = column
         kinds = set(map(type, values))

@@ -32,7 +32,7 @@ from ss2sql.runtime.tables import parquet_of, path_of
 from ss2sql.runtime.temporal import TemporalFile
 from ss2sql.runtime.triggers import Trigger
 from ss2sql.runtime.turns import in_turn
-from ss2sql.runtime.values import fresh, normalise
+from ss2sql.runtime.values import fresh, kept, normalise
 from ss2sql.vtables import adapter_of, attachable, refuse_unknown
 from ss2sql.vtables.frames import reader_of
 
@@ -262,8 +262,7 @@ class Session:
     def set(self, name: str, value: Any) -> None:
         """Sets a script variable to a copy of the value. Raises ExecutionError X004 for NaN and its like."""
         self._check_name(name)
-        giver = f"the variable '{name}'"
-        self.host.names.assign(name, normalise(fresh(normalise(value, giver, named=True)), giver))
+        self.host.names.assign(name, kept(normalise(value, f"the variable '{name}'", named=True)))
 
     def get(self, name: str) -> Any:
         """The value of a script variable, a copy. Raises KeyError if there is none."""

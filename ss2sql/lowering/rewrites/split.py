@@ -22,7 +22,7 @@ from ss2sql.kinds import Kind, Type
 from ss2sql.lowering.rewrites.nodes import COMPARISONS, all_of, any_of, as_bool, bottom_up, call, constant, negated
 from ss2sql.lowering.rewrites.world import World, is_plain
 from ss2sql.runtime.values import SCALARS
-from ss2sql.walk import can_fail, conjuncts, is_volatile
+from ss2sql.walk import conjuncts, is_volatile
 
 FEWEST = 3  # comparisons that are worth an IN
 
@@ -101,7 +101,7 @@ def _absorbed(parts: list[plan.Expr], is_or: bool) -> list[plan.Expr]:
         return parts
 
     def is_implied(part: plan.Expr) -> bool:
-        if not isinstance(part, inner) or can_fail(part):
+        if not isinstance(part, inner) or is_volatile(part):
             return False
         same: dict[plan.Constant, set[plan.Expr]] = {}
         for one in part.parts:
@@ -173,7 +173,7 @@ def _compared(expr: plan.Expr, operator: str) -> tuple[plan.Expr, Any] | None:
     match expr:
         case plan.Call(function=plan.Function(name=name, builtin=True), arguments=(one, other)) if name == operator:
             for item, known in ((one, other), (other, one)):
-                if isinstance(known, plan.Constant) and is_plain(known.value) and not can_fail(item):
+                if isinstance(known, plan.Constant) and is_plain(known.value) and not is_volatile(item):
                     return (item, known.value) if _are_alike(item.type, known.type) else None
     return None
 

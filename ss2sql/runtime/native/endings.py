@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from itertools import islice
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
 from ss2sql import plan
@@ -90,7 +91,7 @@ class Ending:
         try:
             whole.extend(self._as_many(found))
             self._room(len(whole))
-            columns = [[row[width + number] for row in whole] for number in range(len(self.form.descending))]
+            columns = [list(map(itemgetter(width + number), whole)) for number in range(len(self.form.descending))]
             whole = [whole[at] for at in self._places(len(whole), columns)[self.kept]]
         finally:
             results += [row[:width] for row in whole]

@@ -54,8 +54,13 @@ class Groups:
         self.lists = self.lists or [pen.constant(1)]
         group = self.groups if self.single else self._group(inner)
         for index, value in enumerate(self.lists):
-            items = pen.name(group) if len(self.lists) == 1 else pen.item(pen.name(group), index)
-            inner.add(pen.run(pen.call(pen.part(items, "append"), value)))
+            append = pen.part(self._list(group, index), "append")
+            if self.single:  # it is the same for all rows
+                name = self.unit.local("append")
+                self.outer.locals.append(name)
+                self.outer.blocks[0].insert(self.place, pen.assign(name, append))
+                append = pen.name(name)
+            inner.add(pen.run(pen.call(append, value)))
         empty = self._empty() if self.single else pen.record((), ())
         self.outer.blocks[0].insert(self.place, pen.assign(self.groups, empty))
         if not self.plain:
@@ -97,6 +102,9 @@ class Groups:
         inner.add(pen.when(pen.compare(pen.name(group), ast.Is(), pen.constant(None)), *fill))
         return group
 
+    def _list(self, group: str, index: int) -> ast.expr:
+        return self.pen.name(group) if len(self.lists) == 1 else self.pen.item(self.pen.name(group), index)
+
     def _empty(self) -> ast.expr:
         lists = [self.pen.array() for _ in self.lists]
         return lists[0] if len(lists) == 1 else self.pen.pack(*lists)
@@ -105,8 +113,7 @@ class Groups:
         """Gives the groups."""
         pen, outer = self.pen, self.outer
         group, key = (self.groups if self.single else self.unit.local("group")), self.unit.local("key")
-        first = pen.name(group) if len(self.lists) == 1 else pen.item(pen.name(group), 0)
-        lists = [pen.name(group) if len(self.lists) == 1 else pen.item(pen.name(group), index) for index in self.of]
+        first, *lists = [self._list(group, index) for index in (0, *self.of)]
         if self.single:
             values = [expression(self.builder, value, outer) for value in self.query.group]
             give = pen.run(pen.give(pen.pack(*lists, *values)))
