@@ -289,3 +289,34 @@ def test_a_cell_that_is_far_away_comes_later() -> None:
         with pytest.raises(ss2sql.ExecutionError) as caught:  # the next step from there adds 1
             work()
         assert caught.value.code == "X004"
+
+
+# --- many whole numbers, which come as arrays ------------------------------------------------------------
+
+FAR = 2**63 - 1
+NUMBERS = [-FAR - 1, FAR, 0, -7, 3, FAR - 1]
+
+
+@pytest.mark.parametrize("table", ["whole numbers", "descending", "without rowid", "descending key", "other key"])
+def test_numbers_come_as_arrays_in_the_order_of_the_table(table: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ss2sql.runtime.tables.MANY", 1)
+    session = ss2sql.connect(engine="native")
+    session.host.connection.execute(TABLES[table])
+    edges = [(NUMBERS[src % 6], NUMBERS[dst % 6]) for src, dst in EDGES]
+    session.host.connection.executemany("INSERT OR IGNORE INTO edge(src, dst) VALUES (?, ?)", edges)
+    rows = session.host.connection.execute("SELECT src, dst FROM edge").fetchall()
+    if table in SORTED:
+        rows.sort(key=lambda row: [row[at] for at in SORTED[table]])
+    read: list[Any] = []
+    arrays = session.host.tables.integers
+    monkeypatch.setattr(session.host.tables, "integers", lambda *given: read.append(given) or arrays(*given))
+    script = "SELECT dst FROM (SELECT * FROM edge WHERE src == node) START WITH node = 0 CONNECT BY UNIQUE node = dst;"
+    reached, queue = set[int](), list[tuple[int, list[int]]]([(0, [])])
+    for node, path in queue:
+        for src, dst in rows:
+            if src == node and dst not in reached:
+                reached.add(dst)
+                queue.append((dst, [*path, dst]))
+    found = session.run(script).paths
+    assert [[row[0] for row in path] for path in found] == [path for _, path in queue[1:]]
+    assert len(read) == 1

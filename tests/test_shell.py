@@ -316,7 +316,7 @@ def test_as_a_process(missing: tuple[str, ...]) -> None:
 def test_ctrl_c_ends_a_pipe(folder: Path) -> None:
     with command_lines.process("repl", "--functions", "functions.py") as answer:
         try:
-            loaded = "SELECT n FROM [1] START WITH n = 0 CONNECT BY UNIQUE n = n;"  # the modules that the endless search needs
+            loaded = "SELECT n FROM [1] START WITH n = 0 CONNECT BY UNIQUE n = n;"  # what the endless one needs
             answer.stdin.write(f"{loaded} begun(); {ENDLESS} 7;\n8;\n")
             answer.stdin.flush()
             command_lines.press_ctrl_c_after(folder / "begun", answer)

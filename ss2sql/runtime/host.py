@@ -392,5 +392,8 @@ class SessionHost:
         run.doubtful = True
         return self.tables.readable_rows(source)
 
+    def integers(self, source: plan.TableSource, *places: int) -> list[Any] | None:
+        return self.tables.integers(source, *places)
+
     def shape(self, query: plan.Query, rows: Rows, arguments: tuple[Any, ...], named: dict[str, Any], run: Run) -> Any:
         return self.shapes.of_inner(query, with_stars(query, rows, run.sizes.pause), arguments, named, run.sizes)

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from ss2sql.runtime.copied_databases import CopiedDatabase
     from ss2sql.runtime.remembered.store import Store
 
+MANY = 50_000  # rows of a table that is read as arrays
+DIGITS = 21  # of an integer in text, with its sign and a comma
 FILES = (".db", ".sqlite", ".sqlite3")  # a text that ends so is a path, any other is a value
 
 
@@ -250,6 +252,22 @@ class Tables:
     def rows(self, source: plan.TableSource) -> list[tuple[Any, ...]]:
         """All rows of a table in its order."""
         return self._fetch(_all_of(source, [quoted(name) for name, _ in source.columns]))
+
+    def integers(self, source: plan.TableSource, *places: int) -> list[Any] | None:
+        """Columns of whole numbers as arrays, in the order of the table; None where rows are as good.
+
+        A million pairs take 0.2 s, as rows 0.5. Of a smaller table it would be the import of NumPy that takes long.
+        """
+        home = f"{quoted(source.schema)}.{quoted(source.table)}"
+        most = self.connection.limit(apsw.SQLITE_LIMIT_LENGTH) // DIGITS
+        if not MANY <= self._fetch(f"SELECT count(*) FROM {home}")[0][0] <= most:
+            return None
+        import numpy as np
+
+        names = [quoted(source.columns[place][0]) for place in places]
+        shown = ", ".join(f"group_concat({name})" for name in names)
+        (texts,) = self._fetch(f"SELECT {shown} FROM ({_all_of(source, names)})")
+        return [np.fromstring(text, np.int64, sep=",") for text in texts]
 
     def readable_rows(self, source: plan.TableSource) -> list[tuple[Any, ...]]:
         """The same where some texts are not UTF-8: an UnreadableText stands for each of these."""

@@ -254,6 +254,9 @@ class _Host:
     def table_rows(self, source: plan.TableSource, run: Run | None = None) -> list[tuple[Any, ...]]:
         return self.parcel.tables[source.id]
 
+    def integers(self, source: plan.TableSource, *places: int) -> None:
+        return None
+
     def shape(self, query: plan.Query, rows: Rows, arguments: tuple[Any, ...], named: dict[str, Any], run: Run) -> Any:
         return self.shapes.of_inner(query, with_stars(query, rows, run.sizes.pause), arguments, named, run.sizes)
 

@@ -18,6 +18,7 @@ from ss2sql import plan
 from ss2sql.errors import Stopped
 from ss2sql.records import dataclass
 from ss2sql.runtime.native.facts import Analysis
+from ss2sql.runtime.run import Run
 from ss2sql.runtime.sources import column_of
 from ss2sql.runtime.values import freeze
 
@@ -71,6 +72,20 @@ def index_of_plain(rows: list[Any], *positions: int) -> dict[Hashable, list[Any]
 def index_of_values(rows: list[Any], value: int, *positions: int) -> dict[Hashable, list[Any]]:
     """The same where but one column is wanted of the rows that are found."""
     return _index(map(itemgetter(*positions), rows), map(itemgetter(value), rows))
+
+
+def index_of_integers(run: Run, table: plan.TableSource, value: int, position: int) -> dict[Hashable, list[Any]]:
+    """The same of a table whose two columns hold whole numbers."""
+    found = run.host.integers(table, position, value)
+    if found is None:
+        return index_of_values(run.host.table_rows(table, run), value, position)
+    import numpy as np
+
+    order = np.argsort(found[0], kind="stable")  # so that the items of a key keep their order
+    keys, items = found[0][order], found[1][order].tolist()
+    starts = np.flatnonzero(np.append(True, keys[1:] != keys[:-1]))
+    bounds = [*starts.tolist(), len(items)]
+    return {key: items[start:end] for key, start, end in zip(keys[starts].tolist(), bounds, bounds[1:], strict=False)}
 
 
 def _index(keys: Iterable[Hashable], items: Iterable[Any]) -> dict[Hashable, list[Any]]:

@@ -27,6 +27,7 @@ from ss2sql.runtime.native.lookups import (
     found_in_several,
     index_of_columns,
     index_of_elements,
+    index_of_integers,
     index_of_keys,
     index_of_plain,
     index_of_tuples,
@@ -351,7 +352,7 @@ class Loops:
         if of_element:
             index = pen.call(unit.helper(index_of_elements), items)
         elif columns is not None and self.finds_rows(source):
-            index = self._index_of_rows(items, names, columns, self.wanted.get(source.id), pen)
+            index = self._index_of_rows(source, items, names, columns, pen)
         elif columns is None:
             index = pen.call(unit.helper(index_of_columns), items, *map(pen.constant, names))
         else:
@@ -399,12 +400,18 @@ class Loops:
         return pen.name(found)
 
     def _index_of_rows(
-        self, items: ast.expr, names: list[str], columns: tuple[str, ...], wanted: str | None, pen: Pen
+        self, source: plan.Source, items: ast.expr, names: list[str], columns: tuple[str, ...], pen: Pen
     ) -> ast.expr:
-        places = [pen.constant(columns.index(name)) for name in names]
+        places, wanted = [pen.constant(columns.index(name)) for name in names], self.wanted.get(source.id)
         if wanted is None:
             return pen.call(self.builder.unit.helper(index_of_plain), items, *places)
         value = pen.constant(columns.index(wanted))
+        kinds = dict(source.columns or ())
+        integers = all(kinds[name].only(Kind.INT) for name in (wanted, *names))
+        if isinstance(source, plan.TableSource) and len(names) == 1 and integers:
+            unit = self.builder.unit
+            table = pen.name(unit.constant(source, "table"))
+            return pen.call(unit.helper(index_of_integers), pen.name("run"), table, value, *places)
         return pen.call(self.builder.unit.helper(index_of_values), items, value, *places)
 
     def _kept(self, source: plan.Source, body: Body, items: ast.expr) -> ast.expr:
