@@ -20,15 +20,14 @@ from ss2sql.runtime.opening import check_bound
 from ss2sql.runtime.progress import progress_of
 from ss2sql.runtime.result import Answer, Result, Status
 from ss2sql.runtime.run import Run, Stats, memory_in_use, out_of_memory
-from ss2sql.runtime.search.watched import Trace
 from ss2sql.runtime.sizes import Sizes
 from ss2sql.runtime.values import fresh, normalise
 from ss2sql.runtime.workers import IN_WORKER
-from ss2sql.watching.traced import notes_of, searched_query, traced_of
 
 if TYPE_CHECKING:
     from ss2sql.runtime.host import SessionHost
     from ss2sql.runtime.workers.foretelling import Foreteller
+    from ss2sql.watching.traced import Traced
 
 T = TypeVar("T")
 
@@ -124,6 +123,8 @@ def _executed(host: SessionHost, query: Query, options: Options, run: Run) -> Re
     engine = options.engine if options.trace is None else "native"
     statements = run.statements = query.statements(engine, run)
     if options.trace is not None:
+        from ss2sql.watching.traced import searched_query
+
         searched_query(statements[-1])
     run.call_places = query.call_places
     run.foreteller = _foreteller(host, run, options.workers)
@@ -153,7 +154,11 @@ def _last_value(host: SessionHost, run: Run, statements: Sequence[CompiledStatem
         run.check()
         run.maximum = options.maximum if statement is statements[-1] else None
         run.framed = options.framed and statement is statements[-1]
-        run.trace = Trace(options.trace) if options.trace and statement is statements[-1] else None
+        run.trace = None
+        if options.trace and statement is statements[-1]:
+            from ss2sql.runtime.search.watched import Trace
+
+            run.trace = Trace(options.trace)
         run.answer = run.sink = run.graph = None
         if run.progress is not None:
             run.progress.begin()
@@ -183,12 +188,20 @@ def _recount(
     return recount
 
 
+def _traced(run: Run, statement: CompiledStatement) -> tuple[Traced | None, tuple[str, ...]]:
+    """What a traced run keeps of its search, and what there is to say of that."""
+    if run.trace is None:
+        return None, ()
+    from ss2sql.watching.traced import notes_of, traced_of
+
+    return traced_of(run.trace, statement), tuple(notes_of(run.trace, statement))
+
+
 def _result(host: SessionHost, run: Run, statements: Sequence[CompiledStatement], value: Any) -> Result:
     answer: Answer | None = run.answer if statements[-1].is_query else None
     if answer is not None:
         answer.begin = run.bounds.left().begin
-    traced = None if run.trace is None else traced_of(run.trace, statements[-1])
-    told = () if run.trace is None else notes_of(run.trace, statements[-1])
+    traced, told = _traced(run, statements[-1])
     engines = [compiled.engine for statement in statements for compiled in statement.queries]
     used = answer.engine if answer is not None else (engines[-1] if engines else "native")
     return Result(
@@ -241,5 +254,5 @@ def _partial(run: Run | None, status: Status) -> Result | None:
     form = None if run.sink.query is None else run.sink.query.representation
     answer = Answer(shown, None, engine, status, form=form)
     outlined, notes = outline(run.statements, run), tuple(run.notes)
-    traced = None if run.trace is None else traced_of(run.trace, run.statements[-1])
+    traced, _ = _traced(run, run.statements[-1])
     return Result(None, engine, status, run.stats, answer, outlined, notes=notes, traced=traced)
