@@ -12,8 +12,8 @@ from math import prod
 from typing import Any, TypeAlias
 
 from ss2sql.lowering.sql_query import Bookkeeping
+from ss2sql.runtime.native.options import exceeds
 from ss2sql.runtime.run import Stats
-from ss2sql.runtime.search.contract import exceeds
 
 Kept: TypeAlias = tuple[int, tuple[Any, ...]]
 

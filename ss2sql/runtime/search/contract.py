@@ -79,11 +79,6 @@ def _unheard(total: Any, guess: Any) -> None:
     """Nobody asks for results that are cheaper than was expected."""
 
 
-def exceeds(guess: Any, total: Any) -> bool:
-    """Whether A* expected more of a path than it costs, by more than sums are rounded."""
-    return bool(guess > total + 1e-9 * max(1, abs(total)))
-
-
 @dataclass(frozen=True, slots=True)
 class Problem:
     """One run of a search: what a loop gets.
