@@ -7,7 +7,7 @@ CONNECT BY. Where nobody sees the order, what SQLite does by itself is asked bef
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from sqlglot import exp
@@ -17,6 +17,7 @@ from ss2sql.kinds import Kind, Type, is_flag, may_be_equal
 from ss2sql.lowering import sql
 from ss2sql.lowering.expressions import Env
 from ss2sql.lowering.sql import Node
+from ss2sql.records import dataclass
 from ss2sql.walk import can_fail, conjuncts, is_volatile, parts, sources_read, walk
 
 if TYPE_CHECKING:

@@ -9,13 +9,13 @@ what makes a source lateral.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, TypeAlias, cast
 
 import apsw
 
 from ss2sql.lowering.names import sql_names
 from ss2sql.lowering.sql_query import ListTable
+from ss2sql.records import dataclass
 from ss2sql.vtables.names import quoted
 
 SqlValue: TypeAlias = Any
