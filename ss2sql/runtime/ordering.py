@@ -141,3 +141,8 @@ def places_in_order(
 def _python_sorts(kinds: set[type]) -> bool:
     """Whether Python's own order of values of these types is the language's."""
     return kinds <= NUMBERS or kinds == {str}
+
+
+def exceeds(guess: Any, total: Any) -> bool:
+    """Whether A* expected more of a path than it costs, by more than sums are rounded."""
+    return bool(guess > total + 1e-9 * max(1, abs(total)))

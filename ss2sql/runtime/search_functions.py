@@ -12,7 +12,7 @@ from math import prod
 from typing import Any, TypeAlias
 
 from ss2sql.lowering.sql_query import Bookkeeping
-from ss2sql.runtime.native.options import exceeds
+from ss2sql.runtime.ordering import exceeds
 from ss2sql.runtime.run import Stats
 
 Kept: TypeAlias = tuple[int, tuple[Any, ...]]

@@ -60,8 +60,3 @@ def _positive(value: Any, word: str) -> Any:
         reason = _AT_LEAST[word] if type(value) in NUMBERS else f"a cost is a number, for example {word} 1"
         raise ExecutionError("X006", message, hints=(reason,))
     return value
-
-
-def exceeds(guess: Any, total: Any) -> bool:
-    """Whether A* expected more of a path than it costs, by more than sums are rounded."""
-    return bool(guess > total + 1e-9 * max(1, abs(total)))

@@ -16,8 +16,8 @@ from ss2sql.runtime.memorize.growing import memorize
 from ss2sql.runtime.memorize.hunt import Found, Hunt
 from ss2sql.runtime.memorize.pieces import Pieces
 from ss2sql.runtime.native.by_level import watcher
-from ss2sql.runtime.native.options import exceeds
 from ss2sql.runtime.native.pace import counts_of, looks_of
+from ss2sql.runtime.ordering import exceeds
 from ss2sql.runtime.rows import Row
 from ss2sql.runtime.run import Run
 from ss2sql.runtime.search import search_of
