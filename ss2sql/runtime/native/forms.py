@@ -146,7 +146,10 @@ class Inline:
         """Tests that always hold, and evaluate operands that the test would evaluate too late."""
         text = test.replace("{value}", str(self.form.text)) + str(self.form.text)
         order = list(dict.fromkeys(int(index) for index in re.findall(r"\{(\d)\}", text)))
-        if order == sorted(order) or sum(operand.first is not operand.again for operand in self.operands) < 2:
+        held = [operand.first for operand in self.operands if operand.first is not operand.again]
+        names = {one.target.id for one in held if isinstance(one, ast.NamedExpr) and isinstance(one.target, ast.Name)}
+        shared = any(isinstance(operand.first, ast.Name) and operand.first.id in names for operand in self.operands)
+        if order == sorted(order) or (len(held) < 2 and not shared):
             return []
         early = self.operands[: max(order)]
         return [self.pen.compare(one.next(), ast.Is(), one.again) for one in early if one.first is not one.again]
