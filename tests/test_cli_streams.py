@@ -101,8 +101,6 @@ assert ".zip" in ss2sql.__file__
 if __name__ == "__main__":
     ss = ss2sql.connect()
     assert ss.eval("SELECT this + 1 FROM [1, 2] AS list;") == [2, 3]
-    from ss2sql.frontend import table
-    assert table.TABLE.is_file()
     import sys
     assert "lark" not in sys.modules
     from ss2sql.shipped import path_of

@@ -108,6 +108,7 @@ class StepClauses:
         clauses = [self.search.stop, query.where, self.search.weight, self.search.heuristic]
         self.clauses = [clause for clause in clauses if clause is not None]
         self.connect = dict(self.search.connect)
+        self.of_before: set[str] = set()  # variables whose assignments read nothing that was assigned before them
         self.everything = [*self.outputs, *self.clauses, *self.connect.values()]
         self.compares = self.search.repeats != "allowed" and self.search.by == "row"  # before all else
         self.by_key = self.search.repeats != "allowed" and self.search.by != "row"  # behind BY, after all else
@@ -429,6 +430,8 @@ class StepClauses:
         inner, unit, number = self.inner, self.unit, self.query.id
         for name, expr in self.search.connect:
             pen = unit.pen_at(expr.span)
+            if not inner.has_moved(unit.analysis.of(expr)):
+                self.of_before.add(name)
             inner.moved[number, name] = inner.assigned(expression(self.builder, expr, inner), pen, f"next_{name}")
 
     def _after(self) -> ast.expr:
@@ -442,7 +445,8 @@ class StepClauses:
         values = []
         for name, shape in self.shapes.items():
             moved = self.inner.moved.get((self.query.id, name))
-            column = None if moved is None else columns.get((analysis.of(self.connect[name]).key, shape))
+            is_column = moved is not None and name in self.of_before
+            column = columns.get((analysis.of(self.connect[name]).key, shape)) if is_column else None
             if moved is None:
                 values.append(pen.name(self.frozen_states[name]))
             elif shape == "scalar":
