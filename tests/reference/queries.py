@@ -60,6 +60,7 @@ def represented(ref: Reference, query: ast.Query, outer: Frame | None) -> Any:
     shape(representation, [])  # an unknown one fails at once
     computed_once(ref, query)
     for column in query.columns:
+        ref.labels.pop(id(column), None)  # of another column, which is gone
         if not isinstance(column, ast.Star):
             with suppress(Failure):  # one that reads the row has a name in each
                 ref.labels[id(column)] = column_name(ref, column, Frame(outer))
