@@ -57,7 +57,7 @@ def hierarchy(c: Choices) -> tuple[str, list[dict[str, Any]]]:
         part for part in c.shuffled([f"{guard} {by}".strip(), order, "MAXIMUM 2" if c.chance(15) else ""]) if part
     ]
     condition = "src == town" if memorizes else c.pick(CONDITIONS)
-    if not memorizes and "level" not in condition and "len(" not in condition:
+    if not memorizes and "level() <" not in condition and "len(" not in condition:
         condition = f"({condition}) AND level() < {5 if guard else 4}"
     starts = c.pick(("town = 0", "town = 1", "EACH town IN [0, 2, 0]", "EACH town IN [1, 0]"))
     first = c.pick(("", "", "", ", src == 0", ", km < 2"))
