@@ -246,10 +246,16 @@ def _copied(node: Any, inline: Inline, value: Operand | None) -> Any:
             return pen.call(name, *(operand.next() for operand in inline.operands))
         case ast.expr():
             parts = {field: _copied(part, inline, value) for field, part in ast.iter_fields(node)}
+            if isinstance(node, ast.Compare) and isinstance(node.ops[0], ast.IsNot) and _is_literal(parts["left"]):
+                return pen.constant(True)  # a literal is no None, and Python warns of `1 is not None`
             return type(node)(**parts, **pen.at)
         case list():
             return [_copied(part, inline, value) for part in node]
     return node
+
+
+def _is_literal(node: ast.expr) -> bool:
+    return isinstance(node, ast.Constant) and node.value is not None
 
 
 @cache
