@@ -12,6 +12,9 @@ from typing import Any
 import pytest
 from agreement import executor_outcome, is_allowed, reference_outcome
 from programs import ProgramCase
+from sessions import both
+
+import ss2sql
 
 VARIABLES: dict[str, Any] = {
     "people": [{"age": 7, "home": 1}, {"age": 8, "home": 2}, {"age": 9, "home": 1}],
@@ -67,3 +70,12 @@ def test_a_query_inside_means_the_same_in_every_clause(query: str) -> None:
         expected = reference_outcome(case)
         for engine in ("native", "database", "auto"):
             assert is_allowed(executor_outcome(case, engine), expected, engine), (case.script, engine)
+
+
+@both
+def test_two_rows_are_enough_to_see_that_a_value_has_several(ss: ss2sql.Session, engine: Any) -> None:
+    called: list[int] = []
+    ss.function("noted", lambda x: called.append(x) or x, volatility="stable")
+    with pytest.raises(ss2sql.ExecutionError, match="several rows"):
+        ss.run("1 + (SELECT noted(this) FROM range(100))", engine=engine)
+    assert called == [0, 1]
