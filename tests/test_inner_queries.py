@@ -65,8 +65,8 @@ QUERIES = (
 @pytest.mark.parametrize("query", QUERIES)
 def test_a_query_inside_means_the_same_in_every_clause(query: str) -> None:
     others = NUMBERS[5:] + NUMBERS[:5]
-    for both in zip(NUMBERS, others, strict=True):
-        case = ProgramCase(query.format(*both), VARIABLES)
+    for pair in zip(NUMBERS, others, strict=True):
+        case = ProgramCase(query.format(*pair), VARIABLES)
         expected = reference_outcome(case)
         for engine in ("native", "database", "auto"):
             assert is_allowed(executor_outcome(case, engine), expected, engine), (case.script, engine)
