@@ -35,6 +35,8 @@ ROWS = [
     (f"SELECT name FROM staff {STEPS.format('A*')}", "A*", None),
     (f"SELECT name FROM staff {STEPS.format('DISTINCT')}", "DISTINCT", None),
     (f"SELECT name FROM staff {STEPS.format('LIMIT 1')}", "LIMIT 1", None),
+    ("SELECT LAST n FROM [1] START WITH EACH n IN 1, 2, 3 CONNECT BY n < 3, n = n + 1 AS list",
+     "EACH n IN 1, 2, 3", [1, 2, 2]),
     ("m.A + 1", "m.A", 2),
     (f"SELECT LAST SYS_CONNECT_BY_PATH(name, '/') FROM staff {TREE} AS list", "SYS_CONNECT_BY_PATH(name, '/')",
      ["Ann", "Ann/Bob", "Ann/Bob/Cy"]),

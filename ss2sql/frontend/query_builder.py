@@ -125,6 +125,11 @@ class Builder(ExpressionBuilder):
     def _only_condition(self, parts: Sequence[Part[Any]], keyword: str) -> ast.Expr | None:
         """The condition among the assignments and options of a clause."""
         found = [part.node for part in parts if not isinstance(part.node, ast.Assign | ast.Each | ast.Option)]
+        each = next((part.node for part in parts if isinstance(part.node, ast.Each)), None)
+        if each and found and all(isinstance(node, ast.Literal) for node in found):
+            values = ", ".join(node.span.text for node in (each.values, *found))
+            self._error("P006", "EACH goes through a list", found[0].span, f"write EACH {each.name} IN [{values}]")
+            return None
         for other in found[1:]:
             text = f"{found[0].span.text} AND {other.span.text}"
             error = self._error("P001", f"{keyword} has two conditions", other.span, f"write {short(text)}")
