@@ -55,6 +55,15 @@ def test_a_graph_does_not_grow_beyond_its_limit(ss: ss2sql.Session) -> None:
     assert len(asked) <= 12
 
 
+def test_a_graph_of_keys_does_not_grow_beyond_its_limit(ss: ss2sql.Session) -> None:
+    script = "SELECT n FROM [1, 2] WHERE n < 0 START WITH n = 1 CONNECT BY MEMORIZE 1000000 BY n n = 2 * n + this;"
+    with pytest.raises(ss2sql.ExecutionError, match="graph of MEMORIZE has more than max_rows=10 rows"):
+        ss.run(script, max_rows=10)
+    assert len(ss.run(TREE, max_rows=14, trace=9).paths) == 1
+    with pytest.raises(ss2sql.ExecutionError, match="max_rows=13"):
+        ss.run(TREE, max_rows=13, trace=9)
+
+
 def test_a_graph_inside_of_another_query(ss: ss2sql.Session) -> None:
     script = f"SELECT this FROM [1] WHERE len({TREE[:-1]} AS list) == 1;"
     assert ss.run(script, max_rows=14).value == ss.run(script).value

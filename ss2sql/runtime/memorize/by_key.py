@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 from ss2sql import plan
 from ss2sql.records import dataclass
 from ss2sql.runtime.frozen import Thaw
+from ss2sql.runtime.memorize.growing import too_many
 from ss2sql.runtime.memorize.hunt import Found
 from ss2sql.runtime.rows import Row
 from ss2sql.runtime.search.contract import Problem
@@ -36,13 +37,15 @@ class Edge(NamedTuple):
 class ByKey:
     """One run of such a search.
 
-    `shown` makes rows, and the states after them, of the last parts of steps, where rows ask for the path.
+    `most` bounds the keys that are reached. `shown` makes rows, and the states after them, of the last parts of steps,
+    where rows ask for the path.
     """
 
     query: plan.Query
     problem: Problem
     bound: int | None
     check: Callable[[], None]
+    most: int | None
     thaw: Thaw | None
     shown: tuple[Callable[[Any], tuple[Row, Any]], Callable[[Any, Row], Row]] | None
 
@@ -87,11 +90,15 @@ class ByKey:
         for start in problem.starts:
             level.setdefault(problem.key_of(start) if problem.visits else object(), start)
         roots, seen, depth = list(level), set(level), 0
+        reached: set[Hashable] = set()
         while level and depth != self.bound:
             following: dict[Hashable, Any] = {}
             for node, state in level.items():
                 edges = nodes[node] = []
                 for row, key, goal, goes_on, after, weight, _, last in problem.expand(state, firsts, None):
+                    reached.add(key)
+                    if self.most is not None and len(reached) > self.most:
+                        raise too_many(self.query, self.most)
                     if goal is None:
                         edges.append(firsts[key]._replace(weight=weight, last=last))
                         continue

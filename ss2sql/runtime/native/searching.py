@@ -54,7 +54,8 @@ def found(
     problem = problem if watched is None else watched.problem
     if search.repeats == "memorize" and (watched is not None or not search.plain):
         shown = None if search.plain else pieces
-        return _paths(task, ByKey(query, problem, bound, run.check, form.shapes.thawing(), shown).paths(), keys, None)
+        graph = ByKey(query, problem, bound, run.check, run.max_rows, form.shapes.thawing(), shown)
+        return _paths(task, graph.paths(), keys, None)
     if search.repeats == "memorize":
         hunt = _hunt(task, search, form, problem, bound, pieces and Pieces(*pieces))
         return _paths(task, (task.form.find or memorize)(hunt), keys, None)
