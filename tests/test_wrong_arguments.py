@@ -80,6 +80,7 @@ def test_methods_of_a_session(ss: ss2sql.Session, name: str) -> None:
 @pytest.mark.parametrize("name", RESULTS)
 def test_methods_of_a_result(ss: ss2sql.Session, name: str, script: str) -> None:
     pyplot = pytest.importorskip("matplotlib.pyplot")
+    pyplot.close("all")
     assert wrong(getattr(ss.run(script), name), 0, (TypeError, OSError) if name in PATHS else ()) == []
     pyplot.close("all")
 
