@@ -11,15 +11,10 @@ from decimal import Decimal
 from typing import Any
 
 import numpy as np
-from hypothesis import settings
 from hypothesis import strategies as st
 
 from ss2sql.kinds import INT_MAX, INT_MIN, Opaque
 from ss2sql.runtime.values import show
-
-# A busy machine is no error of the code under test.
-settings.register_profile("no deadline", deadline=None)
-settings.load_profile("no deadline")
 
 INTEGERS = st.one_of(
     st.integers(-3, 12),
