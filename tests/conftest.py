@@ -15,8 +15,8 @@ from sessions import ENGINES, STAFF, write
 
 import ss2sql
 
-# `make test` draws the same each time; with more programs, as in `make test-slow`, each run draws others. A busy machine
-# is no error of the code under test.
+# `make test` draws the same each time; with more programs, as in `make test-slow`, each run draws others.
+# A busy machine is no error of the code under test.
 settings.register_profile("ss2sql", deadline=None, derandomize="SS2SQL_PROGRAMS" not in os.environ)
 settings.load_profile("ss2sql")
 
