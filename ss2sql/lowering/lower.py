@@ -95,7 +95,7 @@ def lower(
         needs.applied["late"] = None
     if selects.copies and (tables := [*needs.collected.values(), *selects.copies.tables_of(select)]):
         select.set("with_", exp.With(expressions=tables))
-    truths = frozenset[str]() if by_value else _asked_as_they_are(select, needs)
+    truths = frozenset[str]() if by_value else _without_truth(select, needs)
     columns = [output.expr for output in query.columns]
     compared = (query.search.key if query.search else ()) or query.rows or columns
     only_walked = frozenset() if query.search is not None else _only_walked(select, needs)
@@ -123,8 +123,8 @@ def lower(
     )
 
 
-def _asked_as_they_are(select: exp.Select, needs: Needs) -> frozenset[str]:
-    """Has conditions ask calls of functions of the user without `truth` around them, and gives the functions' names.
+def _without_truth(select: exp.Select, needs: Needs) -> frozenset[str]:
+    """Takes `truth` away from calls of functions of the user that are conditions, and gives the functions' names.
 
     SQLite takes numbers and handles for true or false as Python does, but not texts and None. The run notices when one
     turns up, and goes over to the statement that compares by value.
@@ -132,7 +132,7 @@ def _asked_as_they_are(select: exp.Select, needs: Needs) -> frozenset[str]:
     users = {needs.function_names.get(name, name): name for name in needs.calls}
     found: set[str] = set()
     for node in list(select.find_all(exp.Anonymous)):
-        if node.name != "truth" or not _is_asked(node):
+        if node.name != "truth" or not _is_condition(node):
             continue
         (call,) = node.expressions
         if isinstance(call, exp.Anonymous) and call.name in users:
@@ -141,11 +141,11 @@ def _asked_as_they_are(select: exp.Select, needs: Needs) -> frozenset[str]:
     return frozenset(found)
 
 
-def _is_asked(node: sql.Node) -> bool:
+def _is_condition(node: sql.Node) -> bool:
     """Whether of a node nothing but the truth counts."""
     parent = node.parent
     if isinstance(parent, exp.Paren):
-        return _is_asked(parent)
+        return _is_condition(parent)
     condition = isinstance(parent, exp.If) and parent.this is node
     return condition or isinstance(parent, (exp.And, exp.Or, exp.Not, exp.Where, exp.Having))
 

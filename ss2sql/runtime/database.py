@@ -72,7 +72,7 @@ class Execution:
         self.book = Bookkeeping()
         self.results: Callable[[], int] = int  # how many paths were found
         self.failed = False  # whether a function has raised
-        self.truths: frozenset[str] = frozenset()  # functions whose values are asked for their truth as they are
+        self.truths: frozenset[str] = frozenset()  # functions whose values SQLite itself takes for true or false
         self.ahead: Ahead | None = None  # for functions that take arrays
         self.elements: dict[Any, Walked] = {}
         self.reduced: dict[bytes, Any] = {}  # what was made of inner queries

@@ -42,10 +42,10 @@ class ElementCalls:
         self.calls = [_Call(call, callers[call.function], numbers, limit, execution) for call in table.calls]
 
     def asking(self, asked: Asked) -> ColumnsFor:
-        """What gives the number of rows and the columns that are asked for."""
+        """What gives the number of rows and the columns that are wanted."""
         lists, search, limit, callers = self.lists, self.search, self.limit, [call.caller for call in self.calls]
         wanted, without, memo = asked.columns, asked.without, callers[0].memo
-        again: dict[Arguments | bytes, tuple[int, int, Found]] = {}  # what was asked for twice, its calls first
+        again: dict[Arguments | bytes, tuple[int, int, Found]] = {}  # what is wanted again, its calls first
 
         def columns(arguments: Arguments) -> tuple[int, Found]:
             known = again.get(_exact(arguments)) if again else None

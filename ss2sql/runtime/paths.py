@@ -204,7 +204,7 @@ class _Walk:
         self._width = width
         self._shared: list[Any] = []
         self._steps: list[int] = []  # those on the path
-        self._places: dict[int, int] = {}  # of these on it; the last ones are noted when they are asked for
+        self._places: dict[int, int] = {}  # of these on it; the last ones are noted when they are needed
 
     def rows_before(self, end: End) -> list[Any]:
         """The rows, or the cells, on the path to the parent of a result; the list changes with the next call."""

@@ -51,14 +51,14 @@ class Walked:
 
 # Walks a value for the module of this name, given its arguments and the cursor that asks.
 Walk: TypeAlias = Callable[[str, tuple[SqlValue, ...], Any], Walked]
-Found: TypeAlias = Sequence[Sequence[SqlValue]]  # columns, of which those hold that are asked for
+Found: TypeAlias = Sequence[Sequence[SqlValue]]  # columns, of which those hold that are wanted
 # Gives the number of rows and the columns of a table with calls, for its arguments.
 ColumnsFor: TypeAlias = Callable[[tuple[SqlValue, ...]], tuple[int, Found]]
 
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """What is asked of a table with calls: these columns, and which of them must not have the last argument's value."""
+    """What is wanted of a table with calls: these columns; `without` is one that must not have the last argument."""
 
     columns: tuple[int, ...]
     without: int | None

@@ -76,8 +76,7 @@ class StepForm:
 
     `start` is the name of the frozen state that START WITH gives, the last of several. `keyed`: somebody asks for the
     last part of a step. `complete`: what leaves no trace is told, see remembered_steps.py; `watched`: the trace of the
-    run hears of it. `key_of` is the name of the
-    function that gives the key of a state, where BY names it.
+    run hears of it. `key_of` is the name of the function that gives the key of a state, where BY names it.
     """
 
     shapes: dict[str, Shape]
@@ -111,7 +110,7 @@ class StepClauses:
         self.of_before: set[str] = set()  # variables whose assignments read nothing that was assigned before them
         self.everything = [*self.outputs, *self.clauses, *self.connect.values()]
         self.compares = self.search.repeats != "allowed" and self.search.by == "row"  # before all else
-        self.by_key = self.search.repeats != "allowed" and self.search.by != "row"  # behind BY, after all else
+        self.by_key = self.search.repeats != "allowed" and self.search.by != "row"  # by BY, after all else
         self.edges = self.search.repeats == "memorize"
         self.totals = self.search.repeats == "unique" and self.search.weight is not None
         self.steady = all(self.unit.analysis.of(expr).steady for expr in self.everything)
@@ -150,7 +149,7 @@ class StepClauses:
         self._finish(False)
 
     def _finish(self, stops: bool) -> None:
-        """HEURISTIC, CONNECT BY, and what is compared behind BY, as far as they are asked for; gives the step."""
+        """HEURISTIC, CONNECT BY, and what BY compares, as far as somebody needs them; gives the step."""
         of_state, after = self.by_key and self.search.by == "state", None
         if not stops and self.search.heuristic is not None:
             self.inner.add(self.pen.assign("estimate", self._number(self.search.heuristic, options.heuristic)))

@@ -38,8 +38,8 @@ UNIQUE n = n + this` the steps from the start are
 **It must return** for each element of the state that meets the condition of CONNECT BY, in source order or that of
 ORDER SIBLINGS BY, one step or none:
 - none, and one more is `pruned`, if the key is closed (with a heuristic: taken at no more than `total`). Where rows are
-  compared STOP WITH and WHERE are not asked then, and MEMORIZE is given the step all the same, for it is an edge, with
-  `goal` None and its weight. Where BY names a key it is known last, and MEMORIZE is given all steps.
+  compared STOP WITH and WHERE are not evaluated then, and MEMORIZE is given the step all the same, for it is an edge,
+  with `goal` None and its weight. Where BY names a key it is known last, and MEMORIZE is given all steps.
 - none if it stops without being a goal, or if its probability is 0; pruned, if its total is not below `best[key]`.
 
 **Order and laziness.** When a step is drawn its clauses are evaluated in the order of language.md, 7, guards included,
@@ -86,9 +86,9 @@ class Problem:
     `likeliest`: the weights are probabilities. `weighed`, `keyed`: steps have a weight, a last part. `alone`: the key
     is the only value of its row; `apart`: it is no row. `visits`: the starts count as visited, by `key_of(start)`.
     `last`: of a path only the last row is wanted. `found(total, guess)` hears of a result of A* that costs less than
-    was expected of a path. `watch(path)`, where there is one, hears to which state the search
-    turns, and `watch(path, False)` to which it comes back: for the line of progress, and for counts by level. The path
-    is one of those of ways.py. `outdated(state, last)`, where there is one, hears of steps that waited for nothing.
+    was expected of a path. `watch(path)`, where there is one, hears to which state the search turns, and
+    `watch(path, False)` to which it comes back: for the line of progress, and for counts by level. The path is one of
+    those of ways.py. `outdated(state, last)`, where there is one, hears of steps that waited for nothing.
     """
 
     starts: Sequence[State]
