@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import fields, is_dataclass, replace
 from typing import Any, TypeAlias, TypeVar
 
 from ss2sql import plan
+from ss2sql.errors import Span
 from ss2sql.kinds import Type
 
 Node: TypeAlias = Any  # an expression, or any plan dataclass that holds expressions
@@ -91,6 +92,11 @@ def _mapped(value: Any, change: Callable[[Node], Node]) -> Any:
 def conjuncts(condition: plan.Expr | None) -> tuple[plan.Expr, ...]:
     """What has to hold together, in the order in which it is asked; nothing for no condition."""
     return condition.parts if isinstance(condition, plan.And) else () if condition is None else (condition,)
+
+
+def junction(kind: type[plan.And | plan.Or], parts: Sequence[plan.Expr], span: Span) -> plan.Expr:
+    """The parts as one condition, of which there is at least one: itself where it is alone."""
+    return parts[0] if len(parts) == 1 else kind(tuple(parts), span=span)
 
 
 def asks_for_rows(query: plan.Query) -> bool:

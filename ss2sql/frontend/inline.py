@@ -24,7 +24,7 @@ from ss2sql.frontend.instances import NOWHERE, Body, builtin
 from ss2sql.frontend.purity.names import UNKNOWN, Findings, Frame, Unproven
 from ss2sql.frontend.purity.source import FunctionNode, locate
 from ss2sql.kinds import INT_MAX, INT_MIN, Kind, type_of
-from ss2sql.walk import functions
+from ss2sql.walk import functions, junction
 
 MOST_NODES = 200
 MOST_HELPERS = 4  # functions inside functions
@@ -214,7 +214,7 @@ class _Reader:
     def _compare(self, node: ast.Compare) -> plan.Expr:
         operands = (node.left, *node.comparators)
         links = [self._link(left, op, right) for left, op, right in zip(operands, node.ops, operands[1:], strict=False)]
-        return links[0] if len(links) == 1 else plan.And(tuple(links), span=NOWHERE)
+        return junction(plan.And, links, NOWHERE)
 
     def _link(self, left: ast.expr, op: ast.cmpop, right: ast.expr) -> plan.Expr:
         if isinstance(op, ast.Is | ast.IsNot):

@@ -18,7 +18,7 @@ from ss2sql import plan
 from ss2sql.frontend.instances import NOWHERE, Instance, Refused, builtin, may_repeat
 from ss2sql.kinds import ANY, BOOL, Kind, Type, type_of, union, without_bounds
 from ss2sql.records import dataclass
-from ss2sql.walk import rebuild
+from ss2sql.walk import junction, rebuild
 
 # Sums, products of two and of more stay within 64 bits where their parts stay within these.
 LIMITS = (10**15, 10**9, 10**6, 10**4)
@@ -137,5 +137,5 @@ def _guarded(call: plan.Call, instance: Instance, limit: int) -> plan.Expr:
     kind = instance.expr.type
     kind = kind if kind.only(Kind.BOOL) else without_bounds(kind)
     rest = replace(call, function=replace(call.function, body=None), type=kind)
-    condition = plan.And(tuple(conditions), span=call.span) if len(conditions) > 1 else conditions[0]
+    condition = junction(plan.And, conditions, call.span)
     return plan.If(condition, (instance.expr,), (rest,), union((instance.expr.type, kind)), span=call.span)

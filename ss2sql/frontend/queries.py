@@ -19,7 +19,7 @@ from ss2sql.frontend.text import short
 from ss2sql.frontend.worlds import is_function_of_this
 from ss2sql.kinds import ANY, NONE, Kind, Type, list_of, shallow, union
 from ss2sql.runtime.rows import free_name
-from ss2sql.walk import conjuncts, is_volatile, walk
+from ss2sql.walk import conjuncts, is_volatile, junction, walk
 
 if TYPE_CHECKING:
     from ss2sql.frontend.resolve import Resolver
@@ -95,7 +95,7 @@ def _optional(resolver: Resolver, tree: ast.Expr | None, scope: Scope, clause: s
 def _with_joins(joins: tuple[plan.Expr, ...], condition: plan.Expr | None) -> plan.Expr | None:
     """The conditions of JOIN, then that of WHERE; of a search that of CONNECT BY."""
     parts = (*joins, *conjuncts(condition))
-    return condition if not joins else parts[0] if len(parts) == 1 else plan.And(parts, span=parts[-1].span)
+    return junction(plan.And, parts, parts[-1].span) if joins else condition
 
 
 def _search(

@@ -18,7 +18,7 @@ from ss2sql.lowering import sql
 from ss2sql.lowering.expressions import Env
 from ss2sql.lowering.sql import Node
 from ss2sql.records import dataclass
-from ss2sql.walk import can_fail, conjuncts, is_volatile, parts, sources_read, walk
+from ss2sql.walk import can_fail, conjuncts, is_volatile, junction, parts, sources_read, walk
 
 if TYPE_CHECKING:
     from ss2sql.lowering.on_entering import OnEntering
@@ -161,7 +161,7 @@ class EnteringStep:
         if of.live is not None:
             # Whatever enters goes on, unless it is a goal: only then STOP WITH is asked once more.
             both = not self._asks_python([self.goal()])
-            if of.stops.drops is not of.stops.goals and both:
+            if of.stops.drops != of.stops.goals and both:
                 carried[of.live] = _not(self.goal())
             else:
                 asks = both and self._asks_python([self.stop()])
@@ -282,18 +282,13 @@ def stops_of(query: plan.Query, steady: Sequence[plan.Expr]) -> Stops:
     assert not is_volatile(goal), "a search that calls volatile functions is not lowered"
     others = tuple(part for part in apart if excludes(part, goal))
     left = tuple(part for part in parts if part not in others)
-    return Stops(others, _any_of(left, stop), _any_of(tuple(part for part in left if part != goal), stop))
+    drops = tuple(part for part in left if part != goal)
+    return Stops(others, *(junction(plan.Or, some, stop.span) if some else None for some in (left, drops)))
 
 
 def _is_steady(part: plan.Expr, steady: Sequence[plan.Expr]) -> bool:
-    """Whether a part may be asked by itself, at any time."""
+    """Whether a part may be evaluated by itself, at any time."""
     return all(any(node == known for known in steady) for node in fallible(part))
-
-
-def _any_of(parts: tuple[plan.Expr, ...], whole: plan.Expr) -> plan.Expr | None:
-    if isinstance(whole, plan.Or) and len(parts) == len(whole.parts):
-        return whole
-    return None if not parts else parts[0] if len(parts) == 1 else plan.Or(parts, span=whole.span)
 
 
 def excludes(one: plan.Expr, other: plan.Expr) -> bool:

@@ -28,9 +28,14 @@ def plain(text: str) -> str:
     return text.replace("$", r"\$")
 
 
+def cut(text: str, most: int) -> str:
+    """At most so many characters of a text."""
+    return text if len(text) <= most else text[: most - 1] + "…"
+
+
 def short(text: str, most: int) -> str:
     """At most so many characters of a name or a value, as they are shown."""
-    return plain(text if len(text) <= most else text[: most - 1] + "…")
+    return plain(cut(text, most))
 
 
 def styles(number: int, total: int, wider: float) -> dict[str, Any]:

@@ -21,7 +21,7 @@ from ss2sql.runtime.progress import progress_of
 from ss2sql.runtime.result import Answer, Result, Status
 from ss2sql.runtime.run import Run, Stats, memory_in_use, out_of_memory
 from ss2sql.runtime.sizes import Sizes
-from ss2sql.runtime.values import fresh, normalise
+from ss2sql.runtime.values import fresh
 from ss2sql.runtime.workers import IN_WORKER
 
 if TYPE_CHECKING:
@@ -108,13 +108,13 @@ def _cancelled(run: Run | None) -> Cancelled:
 
 
 def execute(host: SessionHost, query: Query, options: Options, variables: Mapping[str, Any], run: Run) -> Result:
-    """Runs a compiled script and gives the result of its last statement."""
+    """Runs a compiled script and gives the result of its last statement. The `variables` are values of the language."""
     options.check()
     host.ready()
     run.bounds.ceiling = _ceiling(host)
     run.max_rows = run.sizes.rows = options.max_rows
     run.steps_left = _steps_left(host)
-    run.arguments = {name: normalise(value, f"the variable '{name}'", named=True) for name, value in variables.items()}
+    run.arguments = dict(variables)
     with checking(run.check):
         return _executed(host, query, options, run)
 

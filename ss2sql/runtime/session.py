@@ -371,7 +371,7 @@ class Session:
         def work(run: Run) -> Result:
             options = replace(self._options(engine, timeout, maximum, workers, max_rows), trace=trace)
             begin_deadline(run, self.host, options.timeout)
-            values = {name: normalise(value, f"the variable '{name}'", named=True) for name, value in variables.items()}
+            values = _normalised(variables)
             query = self._known(script, engine, values, run.stats)
             return execute(self.host, query, options, values, run)
 
@@ -400,7 +400,7 @@ class Session:
             options = self._options(engine, timeout, maximum, workers, max_rows)
             options = replace(options, framed=framed, trace=trace)
             begin_deadline(run, self.host, options.timeout)
-            return execute(self.host, query, options, variables, run)
+            return execute(self.host, query, options, _normalised(variables), run)
 
         return attended(self.host, work)
 
@@ -470,3 +470,8 @@ class Session:
     def _check_name(self, name: str) -> None:
         self._check_open()
         check_name(name)
+
+
+def _normalised(variables: Mapping[str, Any]) -> dict[str, Any]:
+    """Variables of one run as values of the language."""
+    return {name: normalise(value, f"the variable '{name}'", named=True) for name, value in variables.items()}

@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from html import escape
-from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors import SessionError
+from ss2sql.shipped import path_of
 from ss2sql.watching.scenes import Scene, scene_of, text_of
 from ss2sql.watching.traced import Traced, traced_of_result
 
@@ -39,7 +39,7 @@ def page_of(results: Sequence[Result], title: str | None) -> Page:
     traced = [traced_of_result(result, "animate()") for result in results]
     heading = title or " and ".join(dict.fromkeys(one.strategy for one in traced))
     data = json.dumps({"panels": list(map(_panel, traced))}, ensure_ascii=False, separators=(",", ":"))
-    template = (files("ss2sql.watching") / "page.html").read_text("utf-8")
+    template = path_of("ss2sql.watching", "page.html").read_text("utf-8")
     named = template.replace("@TITLE@", escape(heading)).replace("@HEADING@", escape(title or ""))
     before, after = named.split("@DATA@")
     # Between the tags of a script "<" may begin the end of it.

@@ -8,6 +8,7 @@ from itertools import pairwise
 from typing import Any, TypeAlias
 
 from ss2sql.records import dataclass
+from ss2sql.results.looks import cut
 from ss2sql.results.path_plot import places
 from ss2sql.results.show import cell
 from ss2sql.runtime.search.watched import Event
@@ -76,8 +77,8 @@ def scene_of(traced: Traced) -> Scene:
 def text_of(shown: dict[str, Any] | None, named: bool = False) -> str:
     """A row or a state as a short text; the names of several values are `named`."""
     several = named and len(shown or ()) > 1
-    text = ", ".join(f"{key} {cell(value)}" if several else cell(value) for key, value in (shown or {}).items())
-    return text if len(text) <= MOST_TEXT else f"{text[: MOST_TEXT - 1]}…"
+    values = (f"{key} {cell(value)}" if several else cell(value) for key, value in (shown or {}).items())
+    return cut(", ".join(values), MOST_TEXT)
 
 
 def _places(traced: Traced, steps: Sequence[Event]) -> list[Place | None]:

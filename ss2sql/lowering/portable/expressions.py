@@ -90,15 +90,22 @@ class Portable:
 
     def called(self, expr: plan.Call, sight: Sight) -> Node:
         """The call of a built-in function."""
-        name = expr.function.name
-        if name not in BY_HAND and not OPERATIONS[name].portable:
+        name, fails = expr.function.name, can_fail(replace(expr, arguments=()))
+        written = BY_HAND.get(name, forms.written if OPERATIONS[name].portable else None)
+        node = None if fails or written is None else written(self, expr, sight)
+        if node is None and not fails:
+            node = self.of_python(expr, sight)
+        if node is not None:
+            return node
+        if written is None:
             raise refused(f"{name} is not known to other databases", expr.span)
-        if can_fail(replace(expr, arguments=())):
+        if fails:
             raise refused("this may fail, which is not the same everywhere", expr.place)
-        node = BY_HAND.get(name, forms.written)(self, expr, sight)
-        if node is None:
-            raise refused(f"{name} of such values is not the same everywhere", expr.place)
-        return node
+        raise refused(f"{name} of such values is not the same everywhere", expr.place)
+
+    def of_python(self, expr: plan.Call, sight: Sight) -> Node | None:
+        """The call of a built-in function that has no form, where the database can call Python."""
+        return None
 
     def rows_of(self, query: plan.Query) -> Node:
         """The rows of a query in an expression, which reads nothing around it."""

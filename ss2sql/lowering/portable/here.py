@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from copy import copy
-from dataclasses import field, replace
+from dataclasses import field
 from functools import partial
 from typing import Any
 
@@ -18,10 +18,8 @@ from ss2sql.kinds import Kind, Type
 from ss2sql.language.operations import GROUPS, OPERATIONS
 from ss2sql.language.operations.row import without_none
 from ss2sql.lowering import sql
-from ss2sql.lowering.portable import forms
 from ss2sql.lowering.portable.expressions import Node, Portable, Sight
 from ss2sql.lowering.portable.flat import FlatWriter, Grouping, limit_inside
-from ss2sql.lowering.portable.functions import BY_HAND
 from ss2sql.lowering.portable.names import Names, plain
 from ss2sql.lowering.portable.sources import NUMBER, Opened, Opener, columns_of, listed, written_out
 from ss2sql.lowering.portable.types import cast, column_type, is_nullable, is_real, refused
@@ -235,19 +233,11 @@ class _Exact(Grouping):
             select.set("order", None)
         return select
 
-    def called(self, expr: plan.Call, sight: Sight) -> Node:
-        name, row = expr.function.name, OPERATIONS[expr.function.name]
-        written = BY_HAND.get(name, forms.written if row.portable else None)
-        node = None if written is None or can_fail(replace(expr, arguments=())) else written(self, expr, sight)
-        return node or self._of_python(expr, sight) or super().called(expr, sight)
-
-    def _of_python(self, expr: plan.Call, sight: Sight) -> Node | None:
+    def of_python(self, expr: plan.Call, sight: Sight) -> Node | None:
         """The call of the function itself, where all its values have types in the database."""
         name = expr.function.name
         row, kinds = OPERATIONS[name], [column_type(one.type) for one in expr.arguments]
         if row.value is None or row.volatility != "immutable" or None in kinds or not kinds:
-            return None
-        if can_fail(replace(expr, arguments=())):
             return None
         known = (other for other, call in self.functions.items() if call is not None and _is_alike(call, expr))
         function = next(known, None) or self.names.free(f"{PREFIX}{name}", name)

@@ -1,7 +1,7 @@
-"""MEMORIZE where a step is more than an edge between rows: behind BY, with several starts, or with what a path tells.
+"""MEMORIZE where a step is more than an edge between rows: after BY, with several starts, or with what a path tells.
 
 A node is a key, with the state of the first step to it that goes on. By rows the first step to a row decides whether it
-stops and is a goal; behind BY each step has a row, stop and goal of its own.
+stops and is a goal; after BY each step has a row, stop and goal of its own.
 """
 
 from __future__ import annotations
@@ -86,9 +86,7 @@ class ByKey:
         by_row = self.query.search is not None and self.query.search.by == "row"
         nodes: ByNode = {}
         firsts: dict[Hashable, Edge] = {}  # by rows
-        level: dict[Hashable, Any] = {}
-        for start in problem.starts:
-            level.setdefault(problem.key_of(start) if problem.visits else object(), start)
+        level = {problem.key_of(start) if problem.visits else object(): start for start in problem.starts}
         roots, seen, depth = list(level), set(level), 0
         reached: set[Hashable] = set()
         while level and depth != self.bound:

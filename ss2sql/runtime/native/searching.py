@@ -37,7 +37,7 @@ def found(
     run, query = task.run, task.form.query
     starts, function, keys, key_of, pieces = task.find(*outer)
     problem = Problem(
-        starts if key_of is None or search.repeats != "unique" else _different_starts(starts, key_of),
+        starts if key_of is None or search.repeats == "no cycle" else _different_starts(starts, key_of),
         function,
         search.repeats,
         likeliest=search.order == "probability",
