@@ -302,6 +302,14 @@ class Handle:
 
     __slots__ = ()
 
+    def __column__(self, name: str) -> Any:
+        """The value of a column. Raises KeyError where there is none of this name."""
+        raise NotImplementedError
+
+    def __columns__(self) -> Iterable[str]:
+        """The names of its columns."""
+        raise NotImplementedError
+
 
 _WITHOUT_ATTRIBUTES = (Handle, type, ModuleType, FunctionType)
 

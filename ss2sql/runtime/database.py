@@ -26,6 +26,7 @@ from ss2sql.runtime.ahead import ROOM, Ahead
 from ss2sql.runtime.calls import Caller, CallsMade, Members, Parts, builtin_function, located_final
 from ss2sql.runtime.decoding import decoder, row_decoder
 from ss2sql.runtime.element_calls import ElementCalls
+from ss2sql.runtime.element_columns import column_of
 from ss2sql.runtime.functions import MEMO_LIMIT, Memo, UserFunction, forget_half
 from ss2sql.runtime.guard import UNREADABLE, Guard, own_error
 from ss2sql.runtime.native.options import cost, heuristic, probability
@@ -35,7 +36,6 @@ from ss2sql.runtime.rows import Row, Rows, check_room, within
 from ss2sql.runtime.run import Run
 from ss2sql.runtime.scouts import Scouts, looking_ahead
 from ss2sql.runtime.search_functions import FUNCTIONS, Numbers, SearchState
-from ss2sql.runtime.sources import column_of
 from ss2sql.runtime.sql_functions import AGGREGATE_FUNCTIONS, SCALAR_FUNCTIONS, element_columns
 from ss2sql.runtime.sql_text import Sql
 from ss2sql.runtime.values import truth

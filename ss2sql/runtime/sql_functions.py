@@ -8,9 +8,10 @@ from typing import Any
 
 from ss2sql.kinds import Kind
 from ss2sql.language.operations import GROUPS
+from ss2sql.runtime.element_columns import column_of
 from ss2sql.runtime.pool import Pool
 from ss2sql.runtime.representations import Table, sets
-from ss2sql.runtime.sources import column_of, elements
+from ss2sql.runtime.sources import elements
 from ss2sql.runtime.values import normalise
 from ss2sql.vtables.frames.frame import Frame
 from ss2sql.vtables.sequences import Walked

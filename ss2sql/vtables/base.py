@@ -312,5 +312,22 @@ class Element(Handle):
             raise AttributeError(f"{self.table.name} have no column '{name}'", name=name, obj=self)
         return schema.value(self.key, name)
 
+    def __column__(self, name: str) -> Any:
+        """A column, or what a method of its world gives for it."""
+        from ss2sql.vtables.schema import schema_of
+
+        schema = schema_of(self.table)
+        if name in schema.kinds:
+            return schema.value(self.key, name)
+        method = getattr(type(self.world), name, None)
+        if isinstance(getattr(method, "__ss2sql__", None), WorldFunction):
+            return getattr(self.world, name)(self.key)
+        raise KeyError(name)
+
+    def __columns__(self) -> Iterable[str]:
+        from ss2sql.vtables.schema import schema_of
+
+        return schema_of(self.table).kinds
+
     def __setattr__(self, name: str, value: Any) -> None:
         raise AttributeError(f"{self!r} cannot be changed; a function of its world may do that")

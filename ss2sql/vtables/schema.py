@@ -15,7 +15,7 @@ from typing import Any
 from ss2sql.errors import Error, ExecutionError, SessionError, Span, did_you_mean
 from ss2sql.kinds import Kind, Type
 from ss2sql.runtime.messages import show
-from ss2sql.vtables.base import LARGEST, OPERATORS, Column, Element, Gone, Table, TableFunction, World, WorldFunction
+from ss2sql.vtables.base import LARGEST, OPERATORS, Column, Gone, Table, TableFunction, World, WorldFunction
 from ss2sql.vtables.cleaning import Clean, can_be_written, cleaner, kind_of, quick_test
 from ss2sql.vtables.layouts import Layout
 
@@ -298,17 +298,6 @@ def _said_by(error: Exception) -> str:
 def failure(message: str, *hints: str) -> ExecutionError:
     """The error of a world that cannot be read, or does not keep to its declarations."""
     return ExecutionError("X011", message, hints=hints)
-
-
-def element_column(element: Element, name: str) -> Any:
-    """A column of an element, or what a method of its world gives for it; KeyError where it has neither."""
-    schema = schema_of(element.table)
-    if name in schema.kinds:
-        return schema.value(element.key, name)
-    method = getattr(type(element.world), name, None)
-    if isinstance(getattr(method, "__ss2sql__", None), WorldFunction):
-        return getattr(element.world, name)(element.key)
-    raise KeyError(name)
 
 
 def tables_of(world: World) -> tuple[Table | TableFunction, ...]:

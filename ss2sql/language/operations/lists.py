@@ -26,9 +26,9 @@ from ss2sql.language.operations.row import (
     sql_class,
 )
 from ss2sql.runtime.checking import AT_ONCE, watched
+from ss2sql.runtime.element_columns import column_of
 from ss2sql.runtime.messages import show
 from ss2sql.runtime.ordering import NUMBERS, compare, sorted_values
-from ss2sql.runtime.sources import column_of
 from ss2sql.runtime.values import SCALARS, as_key, freeze, is_key, truth
 
 LENGTH = 2**53  # no list and no string is longer: no machine's memory would hold it

@@ -8,8 +8,9 @@ from typing import Any
 from ss2sql.lowering.portable.here import Loaded
 from ss2sql.lowering.portable.sources import NUMBER
 from ss2sql.lowering.portable.types import column_type
+from ss2sql.runtime.element_columns import column_of
 from ss2sql.runtime.levels.arrow import batch
-from ss2sql.runtime.sources import column_of, elements
+from ss2sql.runtime.sources import elements
 from ss2sql.vtables.frames.frame import Frame
 
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeGuard, assert_never
 
 from ss2sql import plan
 from ss2sql.kinds import Kind, Type
+from ss2sql.runtime.element_columns import column_of
 from ss2sql.runtime.native.aggregates import aggregate_of
 from ss2sql.runtime.native.call_code import is_remembered, remembered_call
 from ss2sql.runtime.native.facts import OWN_GROUP
@@ -23,7 +24,6 @@ from ss2sql.runtime.native.unit import Body
 from ss2sql.runtime.native.worlds import column_reader, element_reader
 from ss2sql.runtime.run import Run
 from ss2sql.runtime.sizes import FEW
-from ss2sql.runtime.sources import column_of
 from ss2sql.runtime.values import freeze
 
 if TYPE_CHECKING:

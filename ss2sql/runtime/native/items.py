@@ -7,9 +7,10 @@ from itertools import chain
 from typing import Any
 
 from ss2sql import plan
+from ss2sql.runtime.element_columns import column_of
 from ss2sql.runtime.native.pace import Pace
 from ss2sql.runtime.run import Run
-from ss2sql.runtime.sources import column_of, elements
+from ss2sql.runtime.sources import elements
 from ss2sql.vtables.frames.frame import Frame
 
 

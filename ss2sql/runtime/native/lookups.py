@@ -17,9 +17,9 @@ from typing import Any
 from ss2sql import plan
 from ss2sql.errors import Stopped
 from ss2sql.records import dataclass
+from ss2sql.runtime.element_columns import column_of
 from ss2sql.runtime.native.facts import Analysis
 from ss2sql.runtime.run import Run
-from ss2sql.runtime.sources import column_of
 from ss2sql.runtime.values import freeze
 
 
