@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias
 
 from ss2sql.errors import Error, Stopped, note_place
 from ss2sql.language.operations import OPERATIONS
-from ss2sql.runtime.functions import Memo, Refused, UserFunction
+from ss2sql.runtime.call_memory import Memo, Refused
+from ss2sql.runtime.functions import UserFunction
 from ss2sql.runtime.pool import OtherFormError, Pool
 
 if TYPE_CHECKING:

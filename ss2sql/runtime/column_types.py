@@ -11,7 +11,6 @@ machine: one that is too long for this is so on every machine, and its columns m
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -19,7 +18,7 @@ from typing import Any
 import apsw
 
 from ss2sql.kinds import INT_MAX, INT_MIN, Kind, Type
-from ss2sql.language.operations.intervals import MAX
+from ss2sql.language.operations.intervals import MAX, rounded
 from ss2sql.records import dataclass
 
 _KINDS = {
@@ -154,25 +153,6 @@ def _bounded(
         column.name: rounded(kinds[column.name], low, high)
         for column, low, high in zip(numbers, found[::2], found[1::2], strict=True)
     }
-
-
-def rounded(kinds: Kind, low: float | None, high: float | None) -> Type:
-    """The type of numbers between these, with powers of two as bounds, so that few changes of a table change it."""
-    if low is None or high is None:  # no number is left where SQLite found one, as in a damaged file
-        return Type(kinds)
-    if math.isinf(low) or math.isinf(high):
-        return Type(kinds | Kind.OBJECT)  # no float of the language
-    least, greatest = (-MAX, MAX) if kinds & Kind.FLOAT else (INT_MIN, INT_MAX)
-    below, above = -_power_above(-low), _power_above(high)
-    return Type(kinds, below if least < below else None, above if above < greatest else None)
-
-
-def _power_above(value: float) -> int:
-    """The least that is not below the value of 0, the powers of two from 1 on, and their negatives."""
-    whole = math.ceil(value)
-    if whole == 0:
-        return 0
-    return 1 << (whole - 1).bit_length() if whole > 0 else -1 << ((-whole).bit_length() - 1)
 
 
 # --- the second look -----------------------------------------------------------------------------------

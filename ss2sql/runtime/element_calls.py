@@ -8,7 +8,7 @@ from marshal import dumps, loads
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from ss2sql.lowering.sql_query import ElementCall, ListTable
-from ss2sql.runtime.functions import ONE_KIND, forget_half
+from ss2sql.runtime.call_memory import ONE_KIND, forget_half
 from ss2sql.vtables.sequences import Asked, ColumnsFor, Found, Walked
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
 from ss2sql.errors import SessionError
 from ss2sql.results import package
-from ss2sql.runtime.opening import check_known
+from ss2sql.runtime.option_checks import check_known
 from ss2sql.runtime.run import Run
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from ss2sql.runtime.compiled import CompiledStatement, Query
 from ss2sql.runtime.engines import Engine, check_engine
 from ss2sql.runtime.interrupts import drop_frames, under_way
 from ss2sql.runtime.notes import cure_of_timeout
-from ss2sql.runtime.opening import check_bound
+from ss2sql.runtime.option_checks import check_bound
 from ss2sql.runtime.progress import progress_of
 from ss2sql.runtime.result import Answer, Result, Status
 from ss2sql.runtime.run import Run, Stats, memory_in_use, out_of_memory

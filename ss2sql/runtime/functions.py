@@ -1,41 +1,23 @@
-"""Python functions of the user: registration, and the rules of every call.
+"""Python functions of the user as a session registers them.
 
-A function gets fresh values, so whatever it does to its arguments changes nothing else. A call of an
-immutable or stable function is remembered by its arguments for the length of one run; the memo is bounded.
-What comes back is made a value of the language at the border, where a bad one is refused by the function's
-name. Each executor makes its own calls: calls.py those from SQL, native/calls.py those of generated code.
+A function gets copies, so whatever it does to its arguments changes nothing else. A call of an immutable or stable
+function is evaluated once for its arguments in one run. What comes back becomes a value of the language, or is refused
+by the function's name.
 """
 
 from __future__ import annotations
 
-import marshal
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from inspect import isasyncgenfunction, iscoroutinefunction
-from itertools import islice
-from types import NoneType
 from typing import Any
 
 from ss2sql import plan
 from ss2sql.errors import SessionError
 from ss2sql.frontend.instances import Body
 from ss2sql.frontend.text import RESERVED as RESERVED_WORDS
-from ss2sql.language.operations import GROUPS, OPERATIONS
-from ss2sql.lowering.names import SQLITE_FUNCTIONS
+from ss2sql.language.operations import OPERATIONS
 from ss2sql.records import dataclass
-from ss2sql.runtime.search_functions import FUNCTIONS as SEARCH_FUNCTIONS
-
-MEMO_LIMIT = 100_000
-
-# Names that the SQL made by lowering uses for itself; a user's function of such a name gets another one in SQL.
-RESERVED = SQLITE_FUNCTIONS | {
-    *("collect", "collect_nothing", "collect_records", "collect_rows", "collect_set", "collect_value"),
-    *(f"group_{name}" for name in GROUPS),
-    *("list", "record", "field"),
-    *("truth", "in_turn", "as_key", "recall", "remember", "elements", "search"),
-    *("step_cost", "step_heuristic", "step_probability"),
-    *("expand", "next_number", "next_position", *SEARCH_FUNCTIONS),
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,10 +130,6 @@ def _body(
     return body_of(function)
 
 
-# The built-in functions and operators as the plan knows them.
-BUILT_IN: Mapping[str, plan.Function] = {name: row.function() for name, row in OPERATIONS.items()}
-
-
 def check_text(name: Any) -> None:
     """Raises SessionError S002 for a name that is no text."""
     if not isinstance(name, str):
@@ -168,92 +146,3 @@ def check_name(name: str) -> None:
     else:
         return
     raise SessionError("S002", f"'{name}' is not a name that a script can use", hints=hints)
-
-
-def sql_names(functions: Mapping[str, Any]) -> dict[str, str]:
-    """SQL names for registered functions: their own, but apart where SQL sees no difference or needs the name.
-
-    The order of registration does not matter.
-    """
-    taken, names = {word.lower() for word in RESERVED} | {name.lower().replace(" ", "_") for name in OPERATIONS}, {}
-    for name in sorted(functions, key=lambda word: (word.lower(), word)):
-        candidate = stem = _cut(name)
-        count = 1
-        while candidate.lower() in taken and (name not in OPERATIONS or name in RESERVED):
-            count += 1
-            candidate = f"{stem}_{count}"
-        taken.add(candidate.lower())
-        names[name] = candidate
-    return names
-
-
-def _cut(name: str) -> str:
-    """A name that SQLite takes for a function, which has 255 bytes at most, with room for a number."""
-    return name.encode()[:240].decode(errors="ignore")
-
-
-def forget_half(memory: dict[Any, Any]) -> None:
-    """Makes room by forgetting the older half. One by one, each would cost a walk over those that went before it.
-
-    That walk takes 14 us in a dict of 100,000.
-    """
-    for key in list(islice(memory, (len(memory) + 1) // 2)):
-        del memory[key]
-
-
-class Refused:
-    """In a memory of calls: the error with which the call ended."""
-
-    __slots__ = ("error",)
-
-    def __init__(self, error: Exception) -> None:
-        self.error = error
-
-
-class Memo:
-    """The remembered results of one function, by its SQL arguments; the oldest go when there are too many.
-
-    1 and 1.0 are one key of a dict but two arguments of a function, and so are 0.0 and -0.0: where there are numbers
-    among the arguments, `exact` keeps the result by marshal's bytes of them, where a look costs 0.2 us. Handles and
-    strings need no such care: their results are in `plain`, where it costs 0.1 us, and so are all where the types have
-    `told_apart` the arguments. `calls` counts real calls, `hits` answers from the memo. `failures` keeps what calls
-    have raised, by marshal's bytes: a statement that is run again must not call a second time.
-    """
-
-    __slots__ = ("calls", "exact", "failures", "hits", "limit", "plain", "told_apart")
-
-    def __init__(self, limit: int) -> None:
-        self.plain: dict[Any, Any] = {}
-        self.exact: dict[bytes, Any] = {}
-        self.failures: dict[bytes, Exception] = {}
-        self.hits = 0
-        self.calls = 0
-        self.limit = limit
-        self.told_apart = False
-
-    def begin(self) -> tuple[Any, ...]:
-        """Empties the memo for one more execution and gives what it held, for `end`."""
-        outer = (self.plain, self.exact, self.failures, self.calls, self.hits, self.told_apart)
-        self.plain, self.exact, self.failures, self.calls, self.hits = {}, {}, {}, 0, 0
-        return outer
-
-    def end(self, outer: tuple[Any, ...]) -> tuple[int, int]:
-        """Puts back what the memo held before, and gives the numbers of calls and of hits."""
-        counts = self.calls, self.hits
-        self.plain, self.exact, self.failures, self.calls, self.hits, self.told_apart = outer
-        return counts
-
-    def keep(self, arguments: tuple[Any, ...], result: Any) -> None:
-        """Notes a result."""
-        plain, exact = self.plain, self.exact
-        if len(plain) + len(exact) >= self.limit:
-            if not self.limit:
-                return
-            forget_half(plain if len(plain) > len(exact) else exact)
-        if result is not None and (self.told_apart or ONE_KIND.issuperset(map(type, arguments))):
-            plain[arguments] = result
-        else:
-            exact[marshal.dumps(arguments, 2)] = result
-
-
-ONE_KIND = frozenset({bytes, str, NoneType})  # of SQL values that equal only what they are

@@ -23,10 +23,12 @@ from ss2sql.language.operations import OPERATIONS
 from ss2sql.lowering.rewrites.world import World
 from ss2sql.records import dataclass
 from ss2sql.runtime import representations
+from ss2sql.runtime.call_memory import MEMO_LIMIT
 from ss2sql.runtime.column_types import STORED
 from ss2sql.runtime.database import Database
 from ss2sql.runtime.file_locks import close_file, using
-from ss2sql.runtime.functions import BUILT_IN, MEMO_LIMIT, UserFunction, sql_names
+from ss2sql.runtime.function_names import BUILT_IN, sql_names
+from ss2sql.runtime.functions import UserFunction
 from ss2sql.runtime.held import Held
 from ss2sql.runtime.limits import Limits
 from ss2sql.runtime.native.calls import native_callable, unremembered_call

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ss2sql.errors import SessionError
 from ss2sql.records import dataclass
-from ss2sql.runtime.opening import check_bound
+from ss2sql.runtime.option_checks import check_bound
 from ss2sql.runtime.run import memory_in_use
 from ss2sql.runtime.sizes import LEAST, MOST
 

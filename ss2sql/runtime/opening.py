@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import apsw
 
-from ss2sql.errors import SessionError, Source, did_you_mean
+from ss2sql.errors import SessionError, Source
 from ss2sql.frontend.text import read
 from ss2sql.runtime.file_locks import close_file, open_file
 from ss2sql.runtime.tables import CACHE_SIZE
@@ -27,26 +26,6 @@ def name_of(function: Any) -> str:
     if not name.isidentifier():
         raise SessionError("S002", f"{function!r} has no name of its own", hints=('give one: function("name", f)',))
     return str(name)
-
-
-def check_bound(name: str, value: Any, least: int) -> None:
-    if value is not None and (isinstance(value, bool) or not isinstance(value, int) or value < least):
-        raise SessionError("S002", f"{name} is a whole number of at least {least}, not {value!r}")
-
-
-def check_seconds(timeout: Any) -> None:
-    """Raises SessionError S002 for what is no time to wait."""
-    if timeout is not None and (isinstance(timeout, bool) or not isinstance(timeout, int | float)):
-        raise SessionError("S002", f"timeout is a number of seconds, not {timeout!r}", hints=("write timeout=5.0",))
-
-
-def check_known(what: str, words: Iterable[Any], known: Collection[str]) -> None:
-    """Raises SessionError S002 for a word that is not known."""
-    if not isinstance(words, Iterable):
-        raise SessionError("S002", f"{what}s are named in a list, not {words!r}", hints=('write ["name", ...]',))
-    for word in words:
-        if word not in known:
-            raise SessionError("S002", f"there is no {what} {word!r}", hints=did_you_mean(str(word), known))
 
 
 def open_connection(path: str | os.PathLike[str] | None, read_only: bool) -> apsw.Connection:

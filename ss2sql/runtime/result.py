@@ -16,7 +16,7 @@ from ss2sql.kinds import Type
 from ss2sql.records import dataclass
 from ss2sql.results import fresh_row, rows_of
 from ss2sql.runtime.checking import Check, checked
-from ss2sql.runtime.opening import check_bound
+from ss2sql.runtime.option_checks import check_bound
 from ss2sql.runtime.paths import lengths_of
 from ss2sql.runtime.rows import Row, Rows, checked_paths, free_name, row_maker
 from ss2sql.runtime.run import BoundsLeft, Stats, out_of_memory

@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING, Any
 from ss2sql.errors import Error, ExecutionError, Stopped, note_place
 from ss2sql.records import dataclass
 from ss2sql.runtime.ahead import ROOM, Ahead, Arguments, Kinds, Row
+from ss2sql.runtime.call_memory import Memo, Refused, forget_half
 from ss2sql.runtime.calls import NONE
-from ss2sql.runtime.functions import Memo, Refused, UserFunction, forget_half
+from ss2sql.runtime.functions import UserFunction
 from ss2sql.runtime.messages import show
 from ss2sql.runtime.pool import FALSE, TRUE, OtherFormError, Pool
 from ss2sql.runtime.run import Run

@@ -103,3 +103,22 @@ def whole(t: Type, operation: Callable[[float], int]) -> list[tuple[int, int]]:
         low, high = floats(t)
         parts.append((operation(low), operation(high)))
     return parts
+
+
+def rounded(kinds: Kind, low: float | None, high: float | None) -> Type:
+    """The type of numbers between these, with powers of two as bounds, so that few changes of a table change it."""
+    if low is None or high is None:  # no number is left where SQLite found one, as in a damaged file
+        return Type(kinds)
+    if math.isinf(low) or math.isinf(high):
+        return Type(kinds | Kind.OBJECT)  # no float of the language
+    least, greatest = (-MAX, MAX) if kinds & Kind.FLOAT else (INT_MIN, INT_MAX)
+    below, above = -_power_above(-low), _power_above(high)
+    return Type(kinds, below if least < below else None, above if above < greatest else None)
+
+
+def _power_above(value: float) -> int:
+    """The least that is not below the value of 0, the powers of two from 1 on, and their negatives."""
+    whole = math.ceil(value)
+    if whole == 0:
+        return 0
+    return 1 << (whole - 1).bit_length() if whole > 0 else -1 << ((-whole).bit_length() - 1)

@@ -13,11 +13,10 @@ import sqlglot
 from sqlglot import exp
 
 from ss2sql.kinds import INT_MAX, INT_MIN, Kind, Type
-from ss2sql.language.operations.intervals import MAX
+from ss2sql.language.operations.intervals import MAX, rounded
 from ss2sql.lowering.portable.here import identifier
 from ss2sql.lowering.portable.types import cast
 from ss2sql.records import dataclass
-from ss2sql.runtime.column_types import rounded
 from ss2sql.vtables.frames.cells import cell
 
 _INTEGERS = ("TINYINT", "SMALLINT", "INTEGER", "UTINYINT", "USMALLINT", "UINTEGER")

@@ -14,7 +14,7 @@ from typing import Any
 from ss2sql import plan
 from ss2sql.kinds import SCALAR, Kind
 from ss2sql.records import dataclass
-from ss2sql.runtime.functions import MEMO_LIMIT, forget_half
+from ss2sql.runtime.call_memory import MEMO_LIMIT, forget_half
 from ss2sql.runtime.native import flat
 from ss2sql.runtime.native.aggregates import aggregates_in
 from ss2sql.runtime.native.calls import exact_key

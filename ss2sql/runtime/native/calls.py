@@ -21,7 +21,8 @@ from typing import Any, TypeAlias
 from ss2sql.errors import Stopped
 from ss2sql.kinds import INT_MAX, INT_MIN
 from ss2sql.runtime.border import is_finite
-from ss2sql.runtime.functions import Refused, UserFunction, forget_half
+from ss2sql.runtime.call_memory import Refused, forget_half
+from ss2sql.runtime.functions import UserFunction
 from ss2sql.runtime.pool import Pool
 from ss2sql.runtime.run import Run
 from ss2sql.runtime.values import SCALARS, form_of, fresh, normalise

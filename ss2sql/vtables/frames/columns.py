@@ -13,8 +13,8 @@ import numpy
 
 from ss2sql.errors import ExecutionError
 from ss2sql.kinds import INT_MAX, INT_MIN, Kind, Type, type_of
+from ss2sql.language.operations.intervals import rounded
 from ss2sql.runtime.border import normalise
-from ss2sql.runtime.column_types import rounded
 from ss2sql.vtables.frames.cells import cells
 from ss2sql.vtables.frames.frame import Column
 
