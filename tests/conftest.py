@@ -103,7 +103,7 @@ def staff(file: Path) -> Path:
 @pytest.fixture(scope="module")
 def simulation() -> Iterator[Any]:
     """PyBullet, once for a file of tests: each takes 29 MB that never come back."""
-    from ss2sql.scenes.bullet import connect
+    from ss2sql.vtables.pybullet.loader import connect
 
     made = connect()
     yield made

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 import ss2sql
-from ss2sql.scenes.scene import Scene
+from ss2sql.vtables.pybullet.scene import Scene
 
 GREY = (0.5, 0.5, 0.5)
 

@@ -17,8 +17,8 @@ import pybullet
 from bullet_rooms import ENGINES, Counting, ball, box, furnish, jointed, live, message, values
 
 from ss2sql.scenes import Sensor, chaos
-from ss2sql.scenes.bullet import connect
 from ss2sql.vtables.pybullet import PyBulletWorld
+from ss2sql.vtables.pybullet.loader import connect
 
 
 @pytest.fixture

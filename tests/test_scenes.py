@@ -21,9 +21,10 @@ from pybullet_utils.bullet_client import BulletClient
 
 import ss2sql
 from ss2sql import scenes
-from ss2sql.scenes import Scene, View, bullet
+from ss2sql.scenes import Scene, View
 from ss2sql.scenes.particles import BOUNCE, INSIDE
-from ss2sql.scenes.solids import Sphere
+from ss2sql.vtables.pybullet import loader as bullet
+from ss2sql.vtables.pybullet.solids import Sphere
 
 DIRECTIONS = [(x, y) for x, y in product((-1, 0, 1), repeat=2) if (x, y) != (0, 0)]
 SMALL = (160, 120)

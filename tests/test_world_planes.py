@@ -21,8 +21,8 @@ import ss2sql
 from ss2sql import scenes
 from ss2sql.runtime.representations.grid import Grid
 from ss2sql.runtime.representations.plane import blurred
-from ss2sql.scenes.scene import Scene
-from ss2sql.scenes.solids import Box, Sphere
+from ss2sql.vtables.pybullet.scene import Scene
+from ss2sql.vtables.pybullet.solids import Box, Sphere
 
 # --- plane ---------------------------------------------------------------------------------------------
 

@@ -5,8 +5,8 @@ A compiled query is made anew when what it relied on has changed, so its parts a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Collection, Iterable, Mapping
+from typing import TYPE_CHECKING, Protocol
 
 from ss2sql import plan
 from ss2sql.lowering.sql_query import SqlQuery
@@ -14,13 +14,28 @@ from ss2sql.records import dataclass
 from ss2sql.runtime.sql_text import Sql, joined_sql
 
 if TYPE_CHECKING:
-    from ss2sql.runtime.compiled import CompiledStatement
-    from ss2sql.runtime.compiled_query import CompiledQuery
+    from ss2sql.runtime.database import Database
     from ss2sql.runtime.duck.narrowing import Handed
     from ss2sql.runtime.duck.query import DuckQuery
-    from ss2sql.runtime.host import SessionHost
+    from ss2sql.runtime.functions import UserFunction
     from ss2sql.runtime.levels.query import LevelQuery
-    from ss2sql.runtime.run import Run
+    from ss2sql.runtime.remembered.keeper import GraphKeeper
+
+
+class Owner(Protocol):
+    """The session of a query, as an explanation sees it: rewrites that are off, functions, cached graphs, SQLite."""
+
+    @property
+    def disabled(self) -> Collection[str]: ...
+
+    @property
+    def functions(self) -> Mapping[str, UserFunction]: ...
+
+    @property
+    def database(self) -> Database: ...
+
+    @property
+    def graphs(self) -> GraphKeeper | None: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +48,7 @@ class OutlinedQuery:
     tables of DuckDB instead of these.
     """
 
-    host: SessionHost
+    host: Owner
     written: plan.Query
     query: plan.Query
     engine: str
@@ -72,29 +87,3 @@ class OutlinedStatement:
 def script_sql(statements: Iterable[OutlinedStatement]) -> Sql:
     """The texts of all statements as one, each with its own parameters in `statements`."""
     return joined_sql([statement.sql for statement in statements])
-
-
-def outline(statements: Iterable[CompiledStatement], run: Run | None = None) -> tuple[OutlinedStatement, ...]:
-    """The statements as they are compiled now, with the values that a run has bound."""
-    return tuple(
-        OutlinedStatement(statement.tree.span.text, tuple(_outlined(query, run) for query in statement.queries))
-        for statement in statements
-    )
-
-
-def _outlined(query: CompiledQuery, run: Run | None) -> OutlinedQuery:
-    return OutlinedQuery(
-        query.host,
-        query.written,
-        query.query,
-        query.engine,
-        query.shown(run),
-        query.levels,
-        query.duck,
-        query.passed_on,
-        query.reason,
-        query.cures,
-        query.rewrites,
-        query.sql(run),
-        tuple(query.handed.values()),
-    )

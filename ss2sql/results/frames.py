@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 from ss2sql.errors import RepresentationError
 from ss2sql.results import all_rows_of, package
-from ss2sql.results.kinds import NONE, ListOf, Scalar, Shape, Struct, as_floats, holds_any, merged, shape_of
+from ss2sql.results.kinds import NONE, ListOf, Scalar, Shape, Struct, arrow_type, as_floats, holds_any, merged, shape_of
 from ss2sql.runtime.values import show
 
 if TYPE_CHECKING:
@@ -120,21 +120,6 @@ def to_arrow(result: Result) -> Any:
         arrays.append(arrow.array([as_floats(value, shape) for value in values], type=kind))
         fields.append(arrow.field(name, kind))
     return arrow.Table.from_arrays(arrays, schema=arrow.schema(fields))
-
-
-def arrow_type(arrow: Any, shape: Shape) -> Any:
-    """The type of Arrow for the values of a shape."""
-    match shape:
-        case ListOf(item):
-            return arrow.list_(arrow_type(arrow, item))
-        case Struct(fields):
-            return arrow.struct([(name, arrow_type(arrow, field)) for name, field in fields])
-        case Scalar("datetime"):
-            return arrow.timestamp("us")
-        case Scalar(name):
-            own = {"none": "null", "bool": "bool_", "int": "int64", "float": "float64", "str": "string",
-                   "bytes": "binary", "date": "date32"}  # fmt: skip
-            return getattr(arrow, own[name])()
 
 
 def refuse(name: str, values: Sequence[Any]) -> NoReturn:

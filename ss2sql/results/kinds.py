@@ -175,3 +175,18 @@ def as_floats(value: Any, shape: Shape) -> Any:
             return {name: as_floats(value.get(name), field) for name, field in fields}
         case _:
             return value
+
+
+def arrow_type(arrow: Any, shape: Shape) -> Any:
+    """The type of Arrow for the values of a shape."""
+    match shape:
+        case ListOf(item):
+            return arrow.list_(arrow_type(arrow, item))
+        case Struct(fields):
+            return arrow.struct([(name, arrow_type(arrow, field)) for name, field in fields])
+        case Scalar("datetime"):
+            return arrow.timestamp("us")
+        case Scalar(name):
+            own = {"none": "null", "bool": "bool_", "int": "int64", "float": "float64", "str": "string",
+                   "bytes": "binary", "date": "date32"}  # fmt: skip
+            return getattr(arrow, own[name])()

@@ -211,14 +211,15 @@ class Query:
 
     @property
     def sql(self) -> Sql:
-        from ss2sql.explained.outline import outline, script_sql
+        from ss2sql.explained.outline import script_sql
+        from ss2sql.runtime.outlines import outline
 
         return script_sql(outline(self.statements()))
 
     def explain(self) -> Explanation:
         """What becomes of the script, as `Result.explain` says it, without what only a run can tell."""
         from ss2sql.explained.explanation import explain
-        from ss2sql.explained.outline import outline
+        from ss2sql.runtime.outlines import outline
 
         missing = [name for name in self.parameters if name not in self._host.names]
         return explain(outline(self.statements()), missing=missing)

@@ -8,7 +8,6 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from ss2sql.errors import Cancelled, Stopped, Timeout
-from ss2sql.explained.outline import outline
 from ss2sql.records import dataclass
 from ss2sql.runtime.calls import HeldError
 from ss2sql.runtime.checking import checking
@@ -17,6 +16,7 @@ from ss2sql.runtime.engines import Engine, check_engine
 from ss2sql.runtime.interrupts import drop_frames, under_way
 from ss2sql.runtime.notes import cure_of_timeout
 from ss2sql.runtime.option_checks import check_bound
+from ss2sql.runtime.outlines import outline
 from ss2sql.runtime.progress import progress_of
 from ss2sql.runtime.result import Answer, Result, Status
 from ss2sql.runtime.run import Run, Stats, memory_in_use, out_of_memory
@@ -125,7 +125,7 @@ def _executed(host: SessionHost, query: Query, options: Options, run: Run) -> Re
     if options.trace is not None:
         from ss2sql.watching.traced import searched_query
 
-        searched_query(statements[-1])
+        searched_query(statements[-1].tree)
     run.call_places = query.call_places
     run.foreteller = _foreteller(host, run, options.workers)
     run.progress = None if host.runs else progress_of(run, options.progress)  # one inside of another shows none
@@ -194,7 +194,8 @@ def _traced(run: Run, statement: CompiledStatement) -> tuple[Traced | None, tupl
         return None, ()
     from ss2sql.watching.traced import notes_of, traced_of
 
-    return traced_of(run.trace, statement), tuple(notes_of(run.trace, statement))
+    tree, written = statement.tree, statement.queries[-1].written
+    return traced_of(run.trace, tree, written), tuple(notes_of(run.trace, tree))
 
 
 def _result(host: SessionHost, run: Run, statements: Sequence[CompiledStatement], value: Any) -> Result:

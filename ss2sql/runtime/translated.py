@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ss2sql.errors import UnsupportedError
-from ss2sql.explained.outline import outline, script_sql
+from ss2sql.explained.outline import script_sql
 from ss2sql.lowering.dialects import SQLITE, Dialect
 from ss2sql.lowering.portable.flat import write_flat
 from ss2sql.runtime.compiled import CompiledStatement
 from ss2sql.runtime.compiled_query import CompiledQuery
 from ss2sql.runtime.engines import abilities
 from ss2sql.runtime.levels.query import in_tables
+from ss2sql.runtime.outlines import outline
 from ss2sql.runtime.sql_text import Sql
 
 

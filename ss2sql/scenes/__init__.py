@@ -1,9 +1,8 @@
 """Simulations to ask questions of, and their pictures, all without a window; they need the extra `sim`.
 
 `chaos` is a box of particles that fly, collide and explode, `hall` a factory floor with a robot; `render` makes a
-picture of either. The files, in the order in which a picture comes to be: `bullet` (PyBullet on demand), `solids`,
-`scene` (what scenes are built from), `particles`, `layout`, `factory` (the two scenes), `camera`, `strokes`, `picture`,
-`png` (pictures).
+picture of either. The files, in the order in which a picture comes to be: `particles`, `layout`, `factory` (the two
+scenes), `camera`, `strokes`, `picture`, `png` (pictures). What scenes are built from stands in `vtables/pybullet/`.
 """
 
 from __future__ import annotations
@@ -12,7 +11,7 @@ from ss2sql.errors import SessionError, did_you_mean
 from ss2sql.scenes.factory import hall
 from ss2sql.scenes.particles import chaos
 from ss2sql.scenes.picture import render
-from ss2sql.scenes.scene import Scene, Sensor, View
+from ss2sql.vtables.pybullet.scene import Scene, Sensor, View
 
 __all__ = ["Scene", "Sensor", "View", "chaos", "hall", "render"]
 

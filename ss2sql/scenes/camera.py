@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ss2sql.records import dataclass
-from ss2sql.scenes.bullet import pybullet
-from ss2sql.scenes.scene import View
-from ss2sql.scenes.solids import Vector
+from ss2sql.vtables.pybullet.loader import pybullet
+from ss2sql.vtables.pybullet.scene import View
+from ss2sql.vtables.pybullet.solids import Vector
 
 Floats = NDArray[np.float32]
 LIGHT: Vector = (0.35, -0.5, 1.1)  # the direction from which it comes

@@ -15,7 +15,7 @@ from typing import Any
 
 from ss2sql.errors import SessionError
 from ss2sql.records import dataclass
-from ss2sql.scenes.solids import Box, Capsule, Colour, Cylinder, Solid, Sphere, Vector, reach
+from ss2sql.vtables.pybullet.solids import Box, Capsule, Colour, Cylinder, Solid, Sphere, Vector, reach
 
 HALF = 5.0  # half the edge of the box, whose middle is the origin
 SPEED = 3.0  # of particles at their birth, at most, in m/s

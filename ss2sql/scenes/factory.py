@@ -7,11 +7,11 @@ from math import dist, hypot, pi
 from typing import Any, ClassVar
 
 from ss2sql.scenes import layout
-from ss2sql.scenes.bullet import package, pybullet
 from ss2sql.scenes.layout import Spot
-from ss2sql.scenes.scene import Scene, Sensor, View
-from ss2sql.scenes.solids import Box, Cylinder, Vector
 from ss2sql.shipped import path_of
+from ss2sql.vtables.pybullet.loader import package, pybullet
+from ss2sql.vtables.pybullet.scene import Scene, Sensor, View
+from ss2sql.vtables.pybullet.solids import Box, Cylinder, Vector
 
 ROBOT = "YouBot"
 CLEARANCE = 0.45  # between the ways that stay free and the nearest obstacle: half the diagonal of the robot is 0.35

@@ -6,7 +6,7 @@ or of a whole one has to use the doors.
 
 from __future__ import annotations
 
-from ss2sql.scenes.solids import Colour, Vector
+from ss2sql.vtables.pybullet.solids import Colour, Vector
 
 Spot = tuple[float, float]
 

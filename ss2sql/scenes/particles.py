@@ -5,10 +5,10 @@ from __future__ import annotations
 from math import dist, sqrt
 from typing import Any, ClassVar
 
-from ss2sql.scenes.bullet import pybullet
 from ss2sql.scenes.drawn import HALF, Draws, check_count
-from ss2sql.scenes.scene import Scene, View
-from ss2sql.scenes.solids import Plane, Sphere, Vector
+from ss2sql.vtables.pybullet.loader import pybullet
+from ss2sql.vtables.pybullet.scene import Scene, View
+from ss2sql.vtables.pybullet.solids import Plane, Sphere, Vector
 
 INSIDE = HALF - 0.02  # where the middle of every particle stays
 BOUNCE = 0.3

@@ -13,9 +13,9 @@ import numpy as np
 from ss2sql.errors import SessionError, did_you_mean
 from ss2sql.scenes.camera import Camera, Floats, Shot, lit, sun
 from ss2sql.scenes.png import Pixels, write_png
-from ss2sql.scenes.scene import Scene, View
-from ss2sql.scenes.solids import Colour, Vector
 from ss2sql.scenes.strokes import Point, dots, lines
+from ss2sql.vtables.pybullet.scene import Scene, View
+from ss2sql.vtables.pybullet.solids import Colour, Vector
 
 FINER = 2  # pictures are made twice as large and scaled down, against jagged edges
 SUN_PIXELS = (768, 2048)  # of the light's picture, at least and at most

@@ -35,7 +35,7 @@ GROUP = "ss2sql.worlds"  # of entry points: the name is that of a type, "module.
 # Adapters that ship with the package, by the type that they serve; nothing of them is imported before it is needed.
 SHIPPED: dict[str, str] = {
     "pybullet_utils.bullet_client.BulletClient": "ss2sql.vtables.pybullet:PyBulletWorld",
-    "ss2sql.scenes.scene.Scene": "ss2sql.vtables.pybullet:PyBulletWorld",
+    "ss2sql.vtables.pybullet.scene.Scene": "ss2sql.vtables.pybullet:PyBulletWorld",
     "mujoco._structs.MjData": "ss2sql.vtables.mujoco:MuJoCoWorld",
     "ode.SpaceBase": "ss2sql.vtables.ode:OdeWorld",
     **dict.fromkeys(
@@ -136,7 +136,7 @@ def attachable(name: str, source: Any) -> Any:
     if pybullet is not None and (source is pybullet or (type(source) is int and 0 <= source < PYBULLET_CLIENTS)):
         number = 0 if source is pybullet else source  # the client that its functions mean where none is named
         if pybullet.getConnectionInfo(number)["isConnected"]:
-            return _loaded(SHIPPED["ss2sql.scenes.scene.Scene"])(number)
+            return _loaded(SHIPPED["ss2sql.vtables.pybullet.scene.Scene"])(number)
     from ss2sql.runtime.border import is_read_once
 
     return list(source) if is_read_once(source) else source

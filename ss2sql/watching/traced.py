@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from ss2sql import plan
 from ss2sql.errors import RepresentationError, SessionError, Span
 from ss2sql.frontend import ast
 from ss2sql.records import dataclass
@@ -13,7 +14,6 @@ from ss2sql.runtime.search.watched import Event, Trace
 from ss2sql.told import growing
 
 if TYPE_CHECKING:
-    from ss2sql.runtime.compiled import CompiledStatement
     from ss2sql.runtime.result import Result
 
 MOST_EVENTS = 10_000  # where nobody says how many
@@ -61,17 +61,18 @@ def traced_of_result(result: Result, user: str) -> Traced:
     return result.traced
 
 
-def searched_query(statement: CompiledStatement) -> ast.Query:
+def searched_query(statement: ast.Expr) -> ast.Query:
     """The search that a traced script ends with. Raises SessionError S002 where it does not."""
-    tree = statement.tree.value if isinstance(statement.tree, ast.Assign) else statement.tree
-    if isinstance(tree, ast.Query) and tree.searches and statement.is_query:
+    tree = statement.value if isinstance(statement, ast.Assign) else statement
+    if isinstance(tree, ast.Query) and tree.searches:
         return tree
     hint = "let its last statement be the query with CONNECT BY, alone or as `name = SELECT ...`"
     raise SessionError("S002", "trace= shows a search, and the script does not end with one", hints=(hint,))
 
 
-def traced_of(trace: Trace, statement: CompiledStatement) -> Traced:
-    query, written = searched_query(statement), statement.queries[-1].written
+def traced_of(trace: Trace, statement: ast.Expr, written: plan.Query) -> Traced:
+    """What is kept of a trace: that of the search in the statement, which the plan has as `written`."""
+    query = searched_query(statement)
     trace.keep()
     words = [option.keyword for option in query.options]
     weighed = () if "MEMORIZE" in words else ("COST", "PROBABILITY")
@@ -81,7 +82,7 @@ def traced_of(trace: Trace, statement: CompiledStatement) -> Traced:
     return Traced(trace.events, trace.total, query.span.text, clauses, _strategy(words), weight, counters)
 
 
-def notes_of(trace: Trace, statement: CompiledStatement) -> Iterator[str]:
+def notes_of(trace: Trace, statement: ast.Expr) -> Iterator[str]:
     """What a person should know of a traced run."""
     memorizes = any(option.keyword == "MEMORIZE" for option in searched_query(statement).options)
     alone = ", from its start alone and without a remembered graph" if memorizes else ""

@@ -9,8 +9,7 @@ from marshal import loads
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.records import dataclass
-from ss2sql.results.frames import arrow_type
-from ss2sql.results.kinds import NONE, Shape, as_floats, holds_any, merged, shape_of
+from ss2sql.results.kinds import NONE, Shape, arrow_type, as_floats, holds_any, merged, shape_of
 from ss2sql.runtime.values import show
 
 if TYPE_CHECKING:

@@ -42,7 +42,7 @@ class PyBulletWorld(Representations, Collisions):
     """
 
     tables = (Bodies, Links, Joints, Shapes, Contacts, Closest, Near, Overlaps, Rays, Cameras)
-    serves = ("pybullet_utils.bullet_client.BulletClient", "ss2sql.scenes.scene.Scene")
+    serves = ("pybullet_utils.bullet_client.BulletClient", "ss2sql.vtables.pybullet.scene.Scene")
 
     def __init__(
         self, source: Any, names: Mapping[int, str] | None = None, sensors: Mapping[int, Any] | None = None

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, TypeAlias
 
-from ss2sql.scenes.solids import Box, Capsule, Cylinder, Plane, Solid, Sphere
 from ss2sql.vtables.pybullet.bodies import KINDS
 from ss2sql.vtables.pybullet.poses import Pose
+from ss2sql.vtables.pybullet.solids import Box, Capsule, Cylinder, Plane, Solid, Sphere
 
 UNNAMED = (b"", b"unknown_file")  # the files of meshes that were built from points
 MOST_PARTS = 16  # of one shape: PyBullet leaves out those beyond

@@ -12,12 +12,12 @@ from typing import Any, NoReturn
 
 from ss2sql.records import dataclass
 from ss2sql.runtime.representations.arguments import refuse
-from ss2sql.scenes.scene import Scene, View
-from ss2sql.scenes.solids import Sphere, visual_shape
 from ss2sql.vtables.pybullet.bodies import FIXED, KINDS, box_of
 from ss2sql.vtables.pybullet.copied import UNNAMED, Part, Shapes, part_of, solid_of
 from ss2sql.vtables.pybullet.poses import UPRIGHT, Point, Pose, inside, seen_from
+from ss2sql.vtables.pybullet.scene import Scene, View
 from ss2sql.vtables.pybullet.selected import bounds_of
+from ss2sql.vtables.pybullet.solids import Sphere, visual_shape
 
 NOWHERE: Pose = ((0.0, 0.0, 0.0), UPRIGHT)
 MARK = 0.05  # metres: the radius of balls that stand for what could only be seen

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ss2sql.records import dataclass
-from ss2sql.scenes.bullet import pybullet
+from ss2sql.vtables.pybullet.loader import pybullet
 
 Vector = tuple[float, float, float]
 Colour = tuple[float, float, float]

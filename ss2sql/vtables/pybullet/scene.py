@@ -9,8 +9,8 @@ from typing import Any, ClassVar, Self
 
 from ss2sql.errors import SessionError, did_you_mean
 from ss2sql.records import dataclass
-from ss2sql.scenes.bullet import connect, pybullet
-from ss2sql.scenes.solids import Colour, Plane, Solid, Vector, collision_shape, visual_shape
+from ss2sql.vtables.pybullet.loader import connect, pybullet
+from ss2sql.vtables.pybullet.solids import Colour, Plane, Solid, Vector, collision_shape, visual_shape
 
 TIME_STEP = 1 / 240  # seconds, Bullet's own
 
