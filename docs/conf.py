@@ -7,8 +7,7 @@ from typing import Any
 
 from docutils import nodes
 
-from ss2sql.editor.lexer import SelectScriptLexer
-from ss2sql.editor.sql import BoundSqlLexer
+from ss2sql.editor.lexer import BoundSqlLexer, SelectScriptLexer
 from ss2sql.shell.colors import TranscriptLexer
 
 project = "ss2sql"

@@ -7,7 +7,6 @@ A page asks for a table with `<!-- written by docs/generate.py: NAME -->`, and i
 from __future__ import annotations
 
 import re
-import sys
 from collections.abc import Callable, Iterator
 from inspect import getdoc, signature
 from pathlib import Path
@@ -16,9 +15,10 @@ from typing import Any
 from command_tables import commands
 from function_tables import GROUPS, functions
 from grammar import grammar
+from house import house
 from walk import PACKAGE, forms, walk
 from world_tables import declared, world
-from writing import first, sentence, table
+from writing import first, table
 
 from ss2sql.frontend.queries import SYNONYMS
 from ss2sql.lowering.strategies import GUARDS, ORDERS, Guard
@@ -56,9 +56,7 @@ def representations() -> str:
 def _representations() -> Iterator[tuple[str, str]]:
     for name, function in ALL.items():
         names = [name, *(short for short, long in SYNONYMS.items() if long == name)]
-        module = sys.modules[function.__module__]
-        text = first(module.__doc__ or "").partition(": ")[2]
-        yield ", ".join(f"`{each}{_arguments(function)}`" for each in names), sentence(text)
+        yield ", ".join(f"`{each}{_arguments(function)}`" for each in names), first(getdoc(function) or "")
     for name, method in PyBulletWorld.representations.items():
         function = getattr(PyBulletWorld, method)
         yield f"`{name}{_arguments(function)}`", f"{first(getdoc(function) or '')} (PyBullet)"
@@ -137,6 +135,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "guards": guards,
     "native": native_reasons,
     "walk": walk,
+    "house": house,
     "forms": forms,
     **{f"figures of {name}": lambda names=names: figures(names) for name, names in MEASURED.items()},  # type: ignore[misc]
     "pybullet": lambda: declared(PyBulletWorld(0)),

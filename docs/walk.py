@@ -37,7 +37,7 @@ FUNCTIONS = {
         frontend/sources.py open_sources · frontend/options.py search_options ·
         lowering/rewrites/__init__.py optimise · runtime/executing.py execute ·
         runtime/compiled_query.py CompiledQuery.answer · runtime/shaping.py Shapes.represent ·
-        runtime/representations/dicts.py represent
+        runtime/representations/rows_as_values.py as_dict
     """,
     "database": """
         lowering/lower.py lower · lowering/unsupported.py check · lowering/on_entering.py OnEntering.statement ·

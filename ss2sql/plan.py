@@ -7,16 +7,11 @@ left to the executors. An expression carries its `Type`, a promise about its val
 
 from __future__ import annotations
 
-from dataclasses import field
-from typing import Any, Literal, TypeAlias
+from dataclasses import field, replace
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 
 from ss2sql.errors import Span
 from ss2sql.kinds import ANY, BOOL, Type
-from ss2sql.plan_facts import Fact as Fact
-from ss2sql.plan_function import Function as Function
-from ss2sql.plan_function import Volatility as Volatility
-from ss2sql.plan_program import Program as Program
-from ss2sql.plan_program import Statement as Statement
 from ss2sql.plan_sources import SOURCES as SOURCES
 from ss2sql.plan_sources import QuerySource as QuerySource
 from ss2sql.plan_sources import Source as Source
@@ -24,6 +19,77 @@ from ss2sql.plan_sources import TableSource as TableSource
 from ss2sql.plan_sources import ValueSource as ValueSource
 from ss2sql.plan_sources import WorldSource as WorldSource
 from ss2sql.records import dataclass
+
+if TYPE_CHECKING:
+    from ss2sql import plan
+
+
+@dataclass(frozen=True, slots=True)
+class Statement:
+    """One statement with what its plan relies on.
+
+    `reads` are the script variables and parameters that it reads, with the types that were assumed; `tables` those of
+    the database. `tentative`: columns were unknown, so it is resolved again when the statements before it have run.
+    """
+
+    expr: plan.Expr
+    reads: tuple[tuple[str, Type], ...] = ()
+    tables: tuple[plan.TableSource | plan.WorldSource, ...] = ()
+    tentative: bool = False
+    span: Span = field(compare=False, repr=False, kw_only=True)
+
+
+@dataclass(frozen=True, slots=True)
+class Program:
+    """A resolved script. `parameters` are names that nobody knew: they need a value when the program runs."""
+
+    statements: tuple[Statement, ...]
+    parameters: tuple[str, ...] = ()
+
+
+Volatility: TypeAlias = Literal["immutable", "stable", "volatile"]
+
+
+@dataclass(frozen=True, slots=True)
+class Function:
+    """What the plan knows of a function; the callable stays in the session.
+
+    `raises` is False only if the call cannot fail. `reason` is that of the volatility, `body` see frontend/inline.py.
+    `vectorized` functions take arrays. `of_world` is what scripts call a function that worlds bring along. One that
+    `has_inverse` was registered with it; `inverse_of` names the function whose inverse this is.
+    With GROUP BY one that `collects` gets the list of the values of a group.
+    """
+
+    name: str
+    minimum: int
+    maximum: int | None
+    volatility: Volatility
+    builtin: bool = True
+    raises: bool = True
+    reason: str = field(default="", compare=False)
+    parameters: tuple[str, ...] = field(default=(), compare=False)
+    body: Any = field(default=None, compare=False, repr=False)
+    vectorized: bool = field(default=False, compare=False)
+    of_world: str = field(default="", compare=False)
+    has_inverse: bool = field(default=False, compare=False)
+    inverse_of: str = ""
+    collects: bool = False
+
+    def inverted(self) -> Function:
+        """The inverse: with the value of the function in the place of one of the arguments it gives that argument."""
+        return replace(self, name=f"inverse of {self.name}", has_inverse=False, inverse_of=self.name, body=None)
+
+
+class Fact(NamedTuple):
+    """A column of SELECT as a fact. It holds no expressions, so it is no node of the plan.
+
+    `name` is empty where the column's own is meant, `places` are those of the arguments among the hidden columns, and
+    `valued` says whether the column's value stands behind them.
+    """
+
+    name: str
+    places: tuple[int, ...]
+    valued: bool = True
 
 
 def _span() -> Any:

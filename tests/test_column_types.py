@@ -14,7 +14,7 @@ from sessions import both, code_of, write
 
 import ss2sql
 from ss2sql.errors import Source
-from ss2sql.frontend.names_read import names_read
+from ss2sql.frontend.ast import names_read
 from ss2sql.frontend.parser import parse
 from ss2sql.kinds import Kind, Type, covers, type_of
 from ss2sql.runtime.column_types import STORED

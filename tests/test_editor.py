@@ -15,8 +15,7 @@ from pygments.token import Comment, Error, Keyword, Name, Operator, Punctuation,
 
 from ss2sql.editor import textmate
 from ss2sql.editor.keywords import CONSTANTS, TEXTS, keywords, words
-from ss2sql.editor.lexer import SelectScriptLexer
-from ss2sql.editor.sql import BoundSqlLexer
+from ss2sql.editor.lexer import BoundSqlLexer, SelectScriptLexer
 from ss2sql.errors import ParseError, Source
 from ss2sql.frontend import ast, text
 from ss2sql.frontend.parser import read

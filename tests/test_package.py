@@ -177,18 +177,6 @@ def test_files_stay_small():
     assert [str(path.relative_to(PACKAGE)) for path in large] == []
 
 
-def test_the_architecture_names_every_file_and_no_other():
-    """Each section of a folder lists its files: `### folder/`, then `- `file`: ...`."""
-    text = (PACKAGE / "ARCHITECTURE.md").read_text("utf-8")
-    listed: set[Path] = set()
-    for section in re.split(r"^### ", text, flags=re.MULTILINE)[1:]:
-        folder = re.match(r"`([\w/]+)/`", section)
-        assert folder, section.splitlines()[0]
-        for files in re.findall(r"^- ((?:`[\w.]+`(?:, )?)+)", section, flags=re.MULTILINE):
-            listed |= {ROOT / folder[1] / name for name in re.findall(r"`([\w.]+)`", files)}
-    assert sorted(str(path.relative_to(ROOT)) for path in listed ^ set(sources(PACKAGE))) == []
-
-
 def test_the_stages_of_the_architecture_are_functions():
     text = (PACKAGE / "ARCHITECTURE.md").read_text("utf-8")
     stages = re.findall(r"`([\w.]+)` in `([\w/]+\.py)`", text)

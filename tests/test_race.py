@@ -23,9 +23,9 @@ from ss2sql.frontend import ast
 from ss2sql.frontend.parser import parse
 from ss2sql.race import Heat, Rules, heats, strategy_of
 from ss2sql.race import jury as deciding
+from ss2sql.race.jury import whims
 from ss2sql.race.lineup import lineup
 from ss2sql.race.promises import Answer, Verdict, compared, compared_rows
-from ss2sql.race.whims import whims
 from ss2sql.told import unnamed
 
 QUICK = Rules(repeat=1)

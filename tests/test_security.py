@@ -12,7 +12,7 @@ import pytest
 
 import ss2sql
 from ss2sql.errors import Error, ExecutionError, ResolveError
-from ss2sql.errors.visible import visible
+from ss2sql.errors.render import visible
 
 REFUSED = (
     "ATTACH 'x' AS y", "PRAGMA user_version = 3", "CREATE TABLE u(a)", "CREATE TEMP VIEW u AS SELECT 1",

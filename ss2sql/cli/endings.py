@@ -16,7 +16,7 @@ from typing import Any, NoReturn, TextIO, TypeVar
 import click
 
 from ss2sql.errors import Cancelled, Error, Stopped, Timeout, render_all, respell
-from ss2sql.errors.visible import visible
+from ss2sql.errors.render import visible
 
 F = TypeVar("F", bound=Callable[..., Any])
 

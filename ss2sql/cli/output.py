@@ -13,7 +13,7 @@ import click
 
 from ss2sql.cli.endings import note, wants_color
 from ss2sql.errors import SessionError
-from ss2sql.errors.visible import visible
+from ss2sql.errors.render import visible
 from ss2sql.records import dataclass
 
 if TYPE_CHECKING:

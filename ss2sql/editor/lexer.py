@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from typing import ClassVar
 
 from pygments.lexer import Lexer
+from pygments.lexers.sql import SqlLexer
 from pygments.token import Comment, Error, Keyword, Name, Number, Operator, Punctuation, String, Text, Whitespace
 from pygments.token import _TokenType as Type
 
@@ -76,3 +77,13 @@ def _between(text: str, start: int, end: int) -> Iterator[tuple[int, Type, str]]
         start = stop
     if end > start:
         yield start, Text if text[start] == "\ufeff" else Whitespace, text[start:end]
+
+
+class BoundSqlLexer(SqlLexer):
+    """SQL with names for the values that are bound to it."""
+
+    name = "SQL with parameters"
+    aliases: ClassVar = []
+    filenames: ClassVar = []
+    mimetypes: ClassVar = []
+    tokens: ClassVar = {**SqlLexer.tokens, "root": [(r"[:$][a-zA-Z_]\w*", Name.Variable), *SqlLexer.tokens["root"]]}

@@ -15,16 +15,28 @@ says whether there is one.
 
 from __future__ import annotations
 
+import re
 from dataclasses import field
 from typing import TYPE_CHECKING
 from unicodedata import bidirectional, category, east_asian_width
 
 from ss2sql.errors.places import Span
-from ss2sql.errors.visible import visible
 from ss2sql.records import dataclass
 
 if TYPE_CHECKING:
     from ss2sql.errors.family import Error
+
+OBEYED = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
+
+
+def visible(text: str) -> str:
+    """The text with `\\x1b` for an escape character, and so on. Ends of lines and tabs stay what they are."""
+    return text if text.isascii() and text.isprintable() else OBEYED.sub(_escaped, text)
+
+
+def _escaped(found: re.Match[str]) -> str:
+    return repr(found.group())[1:-1]
+
 
 WIDTH = 120  # cells of a line that are shown; a longer one is cut around its place
 BEFORE = 60  # cells of it that stand before the place

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-from ss2sql.errors.visible import visible
+from ss2sql.errors.render import visible
 from ss2sql.explained.facts import (
     FunctionFacts,
     LevelTable,

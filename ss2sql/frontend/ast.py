@@ -11,6 +11,7 @@ from dataclasses import field
 from typing import Any, TypeAlias
 
 from ss2sql.errors import Span
+from ss2sql.frontend import ast
 from ss2sql.records import dataclass
 
 
@@ -308,3 +309,18 @@ class Script:
 
     statements: tuple[Expr, ...]
     span: Span = _span()
+
+
+def names_read(*trees: ast.Script | ast.Expr) -> frozenset[str] | None:
+    """The names in trees that may be columns; None where any column may be read: by `*`, `this` or `eval`."""
+    names: set[str] = set()
+    waiting: list[Any] = list(trees)
+    while waiting:
+        node = waiting.pop()
+        match node:
+            case ast.Star() | ast.This() | ast.Call(function="eval", owner=None):
+                return None
+            case ast.Name(name=name) | ast.Attribute(name=name):
+                names.add(name)
+        waiting.extend(ast.children(node))
+    return frozenset(names)

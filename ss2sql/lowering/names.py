@@ -6,7 +6,7 @@ import re
 
 import apsw
 
-from ss2sql.errors.visible import OBEYED
+from ss2sql.errors.render import OBEYED
 
 _UNWRITTEN = re.compile("[\0\ud800-\udfff]")
 _SURROGATE = re.compile("[\ud800-\udfff]")

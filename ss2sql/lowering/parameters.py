@@ -10,7 +10,7 @@ from sqlglot import exp
 
 from ss2sql import plan
 from ss2sql.errors import Span
-from ss2sql.errors.visible import visible
+from ss2sql.errors.render import visible
 from ss2sql.lowering import sql
 from ss2sql.lowering.names import free_name, module_of
 from ss2sql.lowering.packing import Packing

@@ -9,7 +9,7 @@ from typing import TypeAlias
 import apsw
 from sqlglot import exp
 
-from ss2sql.errors.visible import OBEYED
+from ss2sql.errors.render import OBEYED
 from ss2sql.lowering.names import SQLITE_FUNCTIONS, written
 
 Node: TypeAlias = exp.Expr

@@ -9,7 +9,7 @@ from IPython.core.error import UsageError
 from IPython.core.magic import Magics, line_cell_magic, magics_class, no_var_expand
 
 from ss2sql.errors import ResolveError, Source, Stopped
-from ss2sql.errors.visible import visible
+from ss2sql.errors.render import visible
 from ss2sql.notebook.endings import told_shortly
 from ss2sql.notebook.names import Offered
 from ss2sql.notebook.options import Options, WrongOption, read

@@ -9,12 +9,26 @@ from ss2sql import plan
 from ss2sql.race.cells import Cell
 from ss2sql.race.lineup import Strategy
 from ss2sql.race.promises import Answer, Verdict, alike, broken_rule, compared, compared_rows
-from ss2sql.race.whims import whims
 from ss2sql.records import dataclass
 from ss2sql.results import found_paths
 from ss2sql.runtime.result import Result
 from ss2sql.runtime.rows import Row
 from ss2sql.told import unnamed
+from ss2sql.walk import walk
+
+
+def whims(query: plan.Query) -> str | None:
+    """Why two runs of a query may give two answers that are both right; None where they may not."""
+    for node in walk(query):
+        match node:
+            case plan.Call(function=function) if function.volatility == "volatile":
+                return f"{function.name} is volatile"
+            case plan.Assign(name=name) | plan.TemporalAssign(name=name):
+                return f"it assigns {name}"
+            case plan.Eval():
+                return "it reads a text with eval"
+    return None
+
 
 AS_WRITTEN, REFERENCE = "as written", "the measure of the others"
 

@@ -14,8 +14,8 @@ import apsw
 from ss2sql import plan
 from ss2sql.errors import Error, ExecutionError, SessionError, Source
 from ss2sql.frontend import ast
+from ss2sql.frontend.ast import names_read
 from ss2sql.frontend.catalog import Catalog
-from ss2sql.frontend.names_read import names_read
 from ss2sql.frontend.parser import parse
 from ss2sql.frontend.resolve import resolve, resolve_text
 from ss2sql.kinds import Type, type_of

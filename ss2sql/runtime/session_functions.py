@@ -7,7 +7,7 @@ from inspect import signature
 from typing import Any
 
 from ss2sql.errors import ExecutionError, did_you_mean
-from ss2sql.errors.visible import visible
+from ss2sql.errors.render import visible
 from ss2sql.language.operations import OPERATIONS, WRITTEN
 from ss2sql.runtime.functions import UserFunction
 from ss2sql.runtime.limits import Limits

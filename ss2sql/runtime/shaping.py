@@ -13,13 +13,13 @@ from ss2sql.runtime import representations
 from ss2sql.runtime.checking import AT_ONCE, Check, checked
 from ss2sql.runtime.messages import show
 from ss2sql.runtime.paths import Paths, lengths_of
-from ss2sql.runtime.representations.base import ASKS
+from ss2sql.runtime.representations.base import ASKS, Table
 from ss2sql.runtime.rows import Row, Rows, checked_paths
 from ss2sql.runtime.sizes import CELL, MOST, Sizes
 from ss2sql.runtime.values import Opaque, fresh, fresh_rows, normalise
 
 # What the language makes of rows so that scripts go on with it: lists where `AS rows` gives tuples.
-SHARED: dict[str, Callable[[representations.Table], Any]] = {
+SHARED: dict[str, Callable[[Table], Any]] = {
     "dict": representations.ALL["dict"],
     "list": representations.ALL["list"],
     "rows": lambda table: list(map(list, table)),
@@ -91,9 +91,7 @@ class Shapes:
                     return list(checked_paths(flat, check))
                 represent, columns = representations.ALL[form.name], rows.columns
                 paths = chosen if rows.plain else map(own_rows, chosen)
-                return [
-                    represent(representations.Table(columns, path, check=check)) for path in checked_paths(paths, check)
-                ]
+                return [represent(Table(columns, path, check=check)) for path in checked_paths(paths, check)]
             return [
                 self._shaped(form, rows.columns, list(path) if rows.plain else own_rows(path), arguments, named, check)
                 for path in checked_paths(chosen, check)
@@ -125,11 +123,11 @@ class Shapes:
         """
         make, columns, check = SHARED[form.name], rows.columns, sizes.pause
         if rows.paths is None:
-            return sizes.checked(make(representations.Table(columns, rows.rows or [], check=check)))
+            return sizes.checked(make(Table(columns, rows.rows or [], check=check)))
         if form.name != "value":
             sizes.room(CELL * len(columns) * sum(checked(lengths_of(rows.paths), check)))
         paths = checked_paths(map(list, rows.paths), check)
-        return sizes.checked([make(representations.Table(columns, path, check=check)) for path in paths])
+        return sizes.checked([make(Table(columns, path, check=check)) for path in paths])
 
     def _shaped(
         self,
@@ -140,11 +138,11 @@ class Shapes:
         named: Mapping[str, Any],
         check: Check | None,
     ) -> Any:
-        table = representations.Table(columns, own, check=check)
+        table = Table(columns, own, check=check)
         if form.hidden:
             shown = -form.hidden
             seen, told = [row[:shown] for row in own], [row[shown:] for row in own]
-            table = representations.Table(columns[:shown], seen, told, form.facts, form.labels, check)
+            table = Table(columns[:shown], seen, told, form.facts, form.labels, check)
         given = {name: fresh(value) for name, value in named.items()}
         try:
             return self.functions[form.name](table, *map(fresh, arguments), **given)

@@ -10,7 +10,8 @@ from ss2sql.kinds import Kind
 from ss2sql.language.operations import GROUPS
 from ss2sql.runtime.element_columns import column_of
 from ss2sql.runtime.pool import Pool
-from ss2sql.runtime.representations import Table, sets
+from ss2sql.runtime.representations.base import Table
+from ss2sql.runtime.representations.rows_as_values import as_set
 from ss2sql.runtime.sources import elements
 from ss2sql.runtime.values import normalise
 from ss2sql.vtables.frames.frame import Frame
@@ -157,7 +158,7 @@ class CollectSet(CollectRows):
 
     def value(self) -> Any:
         rows = [tuple(row) for row in self.values]
-        return self.pool.made(normalise(sets.represent(Table((), rows)), "AS set"))
+        return self.pool.made(normalise(as_set(Table((), rows)), "AS set"))
 
 
 class CollectNothing(Collect):

@@ -13,7 +13,7 @@ from ss2sql.cli.endings import UserError, note, told, wants_color, writes_json
 from ss2sql.cli.output import output_of
 from ss2sql.cli.run import as_data, run_script
 from ss2sql.errors import Cancelled, Error, Source, Stopped, render_all, respell
-from ss2sql.errors.visible import visible
+from ss2sql.errors.render import visible
 from ss2sql.frontend import ast
 from ss2sql.frontend.parser import parse
 from ss2sql.records import dataclass
@@ -123,7 +123,7 @@ class Shell:
             from pygments import highlight
             from pygments.formatters import TerminalFormatter
 
-            from ss2sql.editor.sql import BoundSqlLexer
+            from ss2sql.editor.lexer import BoundSqlLexer
 
             text = highlight(text, BoundSqlLexer(), TerminalFormatter()).rstrip("\n")
         click.echo(text)

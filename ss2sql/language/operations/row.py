@@ -25,7 +25,7 @@ from typing import Any, TypeAlias
 
 from ss2sql.kinds import ANY, FLOAT, NOTHING, Kind, Type, type_of, union
 from ss2sql.language.operations.arguments import as_list, kinds_of_numbers
-from ss2sql.plan_function import Function, Volatility
+from ss2sql.plan import Function, Volatility
 from ss2sql.records import dataclass
 
 Types: TypeAlias = Sequence[Type]

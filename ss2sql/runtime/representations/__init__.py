@@ -1,7 +1,7 @@
-"""Representations: what `AS name` makes of rows. One file each; `ALL` is what the session starts with.
+"""Representations: what `AS name` makes of rows. `ALL` is what a session starts with.
 
-A representation is a function of a `Table` and the arguments of AS. Of a search it is asked once per path.
-Worlds bring along others of their own: see `World.representations`.
+A representation is a function of a `Table` and the arguments of AS. Of a search it is asked once per path. Adapters of
+worlds declare their own, see `World.representations`.
 """
 
 from __future__ import annotations
@@ -9,18 +9,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from ss2sql.runtime.representations import dicts, lists, plane, prolog, rows, sets, value, void
-from ss2sql.runtime.representations.base import Table
+from ss2sql.runtime.representations.plane import as_plane
+from ss2sql.runtime.representations.prolog import as_prolog
+from ss2sql.runtime.representations.rows_as_values import as_dict, as_list, as_rows, as_set, as_value, as_void
 
 ALL: dict[str, Callable[..., Any]] = {
-    "dict": dicts.represent,
-    "list": lists.represent,
-    "rows": rows.represent,
-    "value": value.represent,
-    "set": sets.represent,
-    "void": void.represent,
-    "plane": plane.represent,
-    "prolog": prolog.represent,
+    "dict": as_dict,
+    "list": as_list,
+    "rows": as_rows,
+    "value": as_value,
+    "set": as_set,
+    "void": as_void,
+    "plane": as_plane,
+    "prolog": as_prolog,
 }
-
-__all__ = ["ALL", "Table"]

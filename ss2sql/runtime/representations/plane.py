@@ -24,8 +24,8 @@ MOST_BLUR = 10_000  # cells; no grid whose rows and columns are of one length ha
 
 
 @asks("elements")
-def represent(table: Table, plane: Any, start: Any, size: Any, blur: Any = 0) -> Grid:
-    """A grid with the sum of the last column in each cell, rows along the second axis; what lies outside is left out.
+def as_plane(table: Table, plane: Any, start: Any, size: Any, blur: Any = 0) -> Grid:
+    """The values of the rows, added up in the cells of a grid, whose rows lie along the second axis.
 
     Args:
         table: the last column is what is added up, None counts nothing. The place is the first list of numbers or the

@@ -38,8 +38,11 @@ _STANDARD = frozenset(_WORDS.split())
 
 
 @asks("calls")
-def represent(table: Table) -> str:
-    """The facts, each once, those of one predicate together in the order of their first. Without rows an empty text."""
+def as_prolog(table: Table) -> str:
+    """Every selected call as a fact, in a string that Prolog loads.
+
+    Each fact stands once, those of one predicate together in the order of their first.
+    """
     names = _names_of_elements([*table.rows, *table.hidden])
     predicates: dict[tuple[str, int], dict[str, None]] = {}
     for index, row in enumerate(table.rows):

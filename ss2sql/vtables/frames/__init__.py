@@ -24,7 +24,7 @@ _FILES = {
     ("polars", "DataFrame"): "polars",
     ("pyarrow", "Table"): "arrow",
     ("pyarrow", "RecordBatch"): "arrow",
-    ("numpy", "ndarray"): "numpy",
+    ("numpy", "ndarray"): "columns",
 }
 _CURES = {
     ("polars", "LazyFrame"): "it has no rows yet: attach what its collect() gives",

@@ -7,7 +7,7 @@ ISO 8601, which sort as the times do; durations are seconds.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy
 
@@ -16,7 +16,10 @@ from ss2sql.kinds import INT_MAX, INT_MIN, Kind, Type, type_of
 from ss2sql.language.operations.intervals import rounded
 from ss2sql.runtime.border import normalise
 from ss2sql.vtables.frames.cells import cells
-from ss2sql.vtables.frames.frame import Column
+from ss2sql.vtables.frames.frame import Column, Frame, distinct_names
+
+if TYPE_CHECKING:
+    from ss2sql.vtables.frames import Reader
 
 Array = numpy.ndarray[Any, Any]
 _FRACTIONS = ("s", "ms", "us", "ns")
@@ -132,3 +135,14 @@ def _durations(array: Array, missing: Array | None, place: str) -> Column:
         hints = ("convert it to days or seconds",)
         raise ExecutionError("X004", f"{place} holds durations in months, which have no length", hints=hints)
     return column_of(array / numpy.timedelta64(1, "s"), _either(missing, numpy.isnat(array)), place)
+
+
+def reader(source: Any, name: str) -> Reader | None:
+    """What reads the array; None where it is a list to scripts."""
+    return (lambda: _read(source.copy(), name)) if source.dtype.names and source.ndim == 1 else None
+
+
+def _read(array: Any, name: str) -> Frame:
+    names = distinct_names(array.dtype.names, name)
+    columns = {word: column_of(array[word], None, f"the column '{word}' of '{name}'") for word in names}
+    return Frame(columns, len(array))

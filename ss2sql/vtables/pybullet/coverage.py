@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from ss2sql.runtime.representations.base import Table
 from ss2sql.runtime.representations.arguments import number, refuse
+from ss2sql.runtime.representations.base import Table
 from ss2sql.runtime.representations.grid import Grid
 from ss2sql.vtables.pybullet.pairs import MOST_RAYS
 from ss2sql.vtables.pybullet.selected import area_of, bodies_in

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from ss2sql.runtime.representations.base import Table
 from ss2sql.runtime.representations.arguments import number
+from ss2sql.runtime.representations.base import Table
 from ss2sql.runtime.representations.grid import Grid
 from ss2sql.vtables.pybullet.bodies import KINDS, box_of
 from ss2sql.vtables.pybullet.parts import Stock

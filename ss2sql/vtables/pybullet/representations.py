@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from ss2sql.runtime.representations.base import Table
-from ss2sql.runtime.representations.base import asks
+from ss2sql.runtime.representations.base import Table, asks
 from ss2sql.runtime.representations.grid import Grid
 from ss2sql.vtables.pybullet.selected import bodies_in, world_of
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from math import ceil, dist
 from typing import Any
 
-from ss2sql.runtime.representations.base import Table
 from ss2sql.runtime.representations.arguments import check_cells, number, numbers, refuse
+from ss2sql.runtime.representations.base import Table
 from ss2sql.runtime.values import show
 from ss2sql.vtables.base import Element
 from ss2sql.vtables.pybullet.bodies import box_of

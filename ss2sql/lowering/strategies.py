@@ -1,0 +1,107 @@
+"""Search strategies as data: which waiting step is next, and what becomes of a row that was reached before.
+
+An `Order` sorts the frontier, a `Guard` decides on repeated rows. A strategy is one of each. The lowering reads them,
+and so does whoever lists or explains strategies.
+"""
+
+from __future__ import annotations
+
+from ss2sql import plan
+from ss2sql.records import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """Which step is taken next from the queue of a recursive query.
+
+    `queue` are the columns of the recursive table that sort the queue, with True for descending order; `step`, the
+    number under which a step was generated, decides ties. `total` is the column with the total of the path, where steps
+    have weights. `promise` says what a user can rely on.
+    """
+
+    name: str
+    keyword: str
+    queue: tuple[tuple[str, bool], ...]
+    promise: str
+    total: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Guard:
+    """What happens to a step whose row was reached before; the names are SQL functions of runtime/search_functions.py.
+
+    `entering` tells whether a row was reached (None: rows are not compared), and `number` gives the step its number and
+    notes the row. `lowered` is False for what only Python runs.
+    """
+
+    name: str
+    keyword: str
+    entering: str | None
+    number: str
+    lowered: bool
+    promise: str
+
+
+DEPTH_FIRST = Order(
+    "depth first",
+    "DEPTH FIRST",
+    (("depth", True), ("step", False)),
+    "Finds every path of a finite search; on an infinite one it may follow an endless path for ever.",
+)
+BREADTH_FIRST = Order(
+    "breadth first",
+    "BREADTH FIRST",
+    (("step", False),),
+    "Gives shorter paths before longer ones, and finds a path whenever there is one.",
+)
+# Dijkstra 1959; with HEURISTIC, where a step waits at its cost plus the estimate, A* (Hart, Nilsson and Raphael 1968).
+UNIFORM_COST = Order(
+    "cost",
+    "COST",
+    (("cost", False), ("step", False)),
+    "Gives cheaper paths before more expensive ones; a heuristic that is a lower bound never changes the costs found.",
+    "cost",
+)
+MOST_LIKELY_FIRST = Order(
+    "probability",
+    "PROBABILITY",
+    (("likelihood", True), ("step", False)),
+    "Gives likelier paths before less likely ones.",
+    "likelihood",
+)
+GREEDY_BEST_FIRST = Order(
+    "greedy",
+    "HEURISTIC",
+    (("rank", False), ("step", False)),
+    "Goes on from the step with the smallest estimate; the paths that it finds need not be the cheapest.",
+)
+
+TREE_SEARCH = Guard("allowed", "", None, "enter", True, "Every path, cycles included.")
+NO_CYCLE = Guard("no cycle", "NO CYCLE", "on_path", "enter", True, "Every path without a repeated row.")
+UNIQUE = Guard("unique", "UNIQUE", "reached", "enter_first", True, "One path to every row that can be reached at all.")
+# With weights, the least known total of the row guards the queue, and a step that is no longer the best is dropped
+# when it is taken.
+UNIQUE_BEST = Guard("unique", "UNIQUE", "closed", "enter_best", True, UNIQUE.promise)
+MEMORIZE = Guard(
+    "memorize",
+    "MEMORIZE",
+    None,
+    "enter",
+    False,
+    "Every path without a repeated row up to the bound, shortest first.",
+)
+
+ORDERS: dict[str, Order] = {
+    order.name: order for order in (DEPTH_FIRST, BREADTH_FIRST, UNIFORM_COST, MOST_LIKELY_FIRST, GREEDY_BEST_FIRST)
+}
+GUARDS: dict[str, Guard] = {guard.name: guard for guard in (TREE_SEARCH, NO_CYCLE, UNIQUE, MEMORIZE)}
+
+
+def order_of(search: plan.Search) -> Order:
+    return ORDERS[search.order]
+
+
+def guard_of(search: plan.Search) -> Guard:
+    """The guard of a search; UNIQUE has another one where steps have weights."""
+    best = search.repeats == "unique" and search.weight is not None
+    return UNIQUE_BEST if best else GUARDS[search.repeats]
