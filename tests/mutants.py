@@ -1,11 +1,12 @@
 """Mutation testing: which small changes of the lowering and of the resolver does no test see?
 
 `python tests/mutants.py` draws MUTANTS of them by seed, and prints those that live on and a line of figures. It runs
-the tests of `make test` once, to learn which of them reach which line. Then it goes over the mutants: for each a fork
-of this process puts the changed function in place and runs tests that reach the line, until one fails that passes in
-a fork without it. Those that live on are tried by what `make test-slow` has besides, which is said apart. A mutant that
-lives on needs a test, or a row in mutants_justified.toml that says why no test can see it. More than LIVING in a
-hundred that `make test` lets live fail.
+the tests of `make test` in PROCESSES processes, to learn which of them reach which line; files of tests that are as
+they were keep what was learned of them (out/reached). Then it goes over the mutants: for each a fork of this process
+puts the changed function in place and runs tests that reach the line, quick ones first, until one fails that passes in
+a fork without it. With `--slow` those that live on are tried by what `make test-slow` has besides, which is said apart.
+A mutant that lives on needs a test, or a row in mutants_justified.toml that says why no test can see it. More than
+LIVING in a hundred that `make test` lets live fail.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import os
 import resource
 import select
 import signal
+import subprocess
 import sys
 import time
 import tomllib
@@ -32,19 +34,15 @@ from pathlib import Path
 from types import CodeType, FunctionType
 from typing import Any, TextIO
 
-import coverage
 import mutants_made
 import pytest
 from mutants_made import Mutant, Site
+from reached import FOLDER, Reached, known, stale
 
 TESTS_FOLDER = Path(__file__).parent
 PACKAGE = TESTS_FOLDER.parent / "ss2sql"
 JUSTIFIED = TESTS_FOLDER / "mutants_justified.toml"
-STAGES = [str(PACKAGE / stage) for stage in ("frontend", "lowering")]
-# What the tests reached and took in the last run.
-REACHED = TESTS_FOLDER.parent / "out" / "mutants.coverage"
-TAKEN = TESTS_FOLDER.parent / "out" / "mutants.json"
-LIVED_BEFORE = TESTS_FOLDER.parent / "out" / "mutants_that_lived.txt"
+LIVED_BEFORE = FOLDER.parent / "mutants_that_lived.txt"
 # The lowering, and the stage that resolves.
 MUTATED = (
     "lowering/**/*.py",
@@ -57,7 +55,7 @@ MUTANTS = 300
 SECONDS = 20.0
 """What the tests of one mutant take together without it; cheap tests of every file come first."""
 
-PATIENCE = 30
+PATIENCE = 6
 """How many times as long those are tried that live."""
 
 PROGRAMS = 1000
@@ -72,22 +70,18 @@ MEMORY = 4 << 30
 LIVING = 5
 PROCESSES = 2
 
-Reached = dict[str, dict[int, list[str]]]
 Places = dict[tuple[str, Site], list[FunctionType]]
 KILLED, LIVED, SLOW = "killed", "lived", "timed out"
 PASSED = "all passed"
 
 
 class Mutating:
-    """What pytest runs instead of its tests: once all of them, then those of each mutant in a fork."""
+    """What pytest runs instead of its tests: those of each mutant in a fork."""
 
     def __init__(self, given: Namespace, out: TextIO) -> None:
         self.given = given
         self.out = out
-        self.measure = coverage.Coverage(REACHED, config_file=False, source=STAGES)
         self.seconds: dict[str, float] = defaultdict(float)
-        self.failed: set[str] = set()
-        self.new: list[str] = []  # tests that nothing is known of yet: they are tried on every mutant
         self.passes: dict[str, bool] = {}  # whether a test passes in a fork: threads, as those of Polars, are not there
         self.lived: list[Mutant] = []
         self.counts: Counter[str] = Counter()
@@ -95,26 +89,15 @@ class Mutating:
 
     # --- pytest ----------------------------------------------------------------------------------------
 
-    @pytest.hookimpl
-    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
-        self.seconds[report.nodeid] += report.duration
-        if report.failed:
-            self.failed.add(report.nodeid)
-
     @pytest.hookimpl(tryfirst=True)
     def pytest_runtestloop(self, session: pytest.Session) -> bool:
         drawn = self.draw()
         print(f"{len(drawn)} mutants, {len(session.items)} tests", file=self.out, flush=True)
         started = time.monotonic()
         slow = [item for item in session.items if is_slow(item)]
-        session.items = [item for item in session.items if not is_slow(item)]
-        reached = self.reached(session, sorted({mutant.file for mutant in drawn}))
-        print(
-            f"tests ran in {time.monotonic() - started:.0f} s, failed: {sorted(self.failed)}", file=self.out, flush=True
-        )
-        items = {item.nodeid: item for item in session.items}
-        new = [item for test, item in items.items() if test not in self.seconds]
-        self.new = [item.nodeid for item in new if self.passes_here(item)]
+        items = {item.nodeid: item for item in session.items if not is_slow(item)}
+        reached, usual = known(sorted({mutant.file for mutant in drawn}), items)
+        self.seconds.update(usual)
         places = functions()
         # Those of others hold what a fork must not let go of, such as the threads of a database.
         caches = [one for one in gc.get_objects() if isinstance(one, _lru_cache_wrapper)]
@@ -127,25 +110,27 @@ class Mutating:
             strength[killer] += 1
             return verdict, killer, tests
 
-        for mutant, (verdict, killer, tests) in in_parallel(drawn, judge):
+        for number, (mutant, (verdict, killer, tests)) in enumerate(in_parallel(drawn, judge), 1):
             self.counts[verdict] += 1
             if verdict == LIVED:
                 self.lived.append(mutant)
             if verdict != KILLED or killer == "crash" or self.given.verbose:
                 place = f"ss2sql/{mutant.file}:{mutant.line}"
                 print(f"{verdict}: {mutant.name}  [{place}, {tests} tests] {killer}", file=self.out, flush=True)
+            if not number % 10:
+                seconds, lived = time.monotonic() - started, self.counts[LIVED]
+                print(f"-- {number} of {len(drawn)} in {seconds:.0f} s, {lived} live on", file=self.out, flush=True)
         LIVED_BEFORE.write_text("".join(f"{mutant.name}\n" for mutant in self.lived), encoding="utf-8")
-        later = self.killed_by_slow_tests(slow, places)
+        later = f", of which make test-slow kills {self.killed_by(slow, places)}" if self.given.slow else ""
         taken = time.monotonic() - started
         print(
             f"score: {len(drawn)} mutants, {self.counts[KILLED]} killed, {self.counts[SLOW]} timed out, "
-            f"{self.counts[LIVED]} survived make test, of which make test-slow kills {later}; "
-            f"{taken:.0f} seconds (seed {self.given.seed})",
+            f"{self.counts[LIVED]} survived make test{later}; {taken:.0f} seconds (seed {self.given.seed})",
             file=self.out,
         )
         return True
 
-    def killed_by_slow_tests(self, slow: Sequence[pytest.Item], places: Places) -> int:
+    def killed_by(self, slow: Sequence[pytest.Item], places: Places) -> int:
         """How many mutants that live on a slow test kills."""
 
         def judge(mutant: Mutant) -> tuple[str, str]:
@@ -169,23 +154,6 @@ class Mutating:
         chosen = sorted(among, key=lambda one: hashlib.sha256(f"{self.given.seed} {one.name}".encode()).digest())
         return sorted(chosen[: self.given.mutants], key=lambda one: (one.file, one.number))
 
-    def reached(self, session: pytest.Session, files: list[str]) -> Reached:
-        """Which tests reach the lines of these files: all of them run, unless what they did last time is used again."""
-        if self.given.again:
-            self.measure.load()
-            self.seconds.update(json.loads(TAKEN.read_text(encoding="utf-8")))
-        else:
-            for item, following in zip_longest(session.items, session.items[1:]):
-                self.measure.switch_context(item.nodeid)
-                forget_in(item)  # else what another test has found would count as its own
-                item.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
-            self.measure.stop()
-            self.measure.save()
-            self.seconds.update(dict.fromkeys(self.failed, math.inf))
-            TAKEN.write_text(json.dumps(self.seconds), encoding="utf-8")
-        data = self.measure.get_data()
-        return {file: data.contexts_by_lineno(str(PACKAGE / file)) for file in files}
-
     def chosen(self, reached: Reached, mutant: Mutant, strength: Counter[str], seconds: float) -> Iterator[str]:
         """Tests that reach a mutant: those that have killed others, then cheap ones of every file in turn."""
         lines = reached[mutant.file]
@@ -196,7 +164,6 @@ class Mutating:
         for test in sorted(tests, key=lambda one: (-strength[one], self.seconds[one], one)):
             by_file[test.partition("::")[0]].append(test)
         spent = 0.0
-        yield from self.new
         for turn in zip_longest(*by_file.values()):
             for test in turn:
                 if test and spent + self.seconds[test] <= seconds:
@@ -336,13 +303,6 @@ def virtual_size() -> int:
     return int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0]) * resource.getpagesize()
 
 
-def forget_in(item: pytest.Item) -> None:
-    """Empties the caches of functions in the file of a test."""
-    for one in vars(getattr(item, "module", item)).values():
-        if isinstance(one, _lru_cache_wrapper):
-            one.cache_clear()
-
-
 def run_until_one_fails(tests: Sequence[pytest.Item], begin: Callable[[str], object], most: float = math.inf) -> None:
     """Runs tests until one fails, or so many seconds are over; says which begins, and in the end that all passed."""
     failed: list[str] = []
@@ -401,20 +361,24 @@ def main() -> int:
     parser.add_argument("--seed", default="1", help="which of them")
     parser.add_argument("--only", default="", help="of those whose name has this in it")
     parser.add_argument("--seconds", type=float, default=SECONDS, help="tests of a mutant, in seconds")
-    parser.add_argument("--again", action="store_true", help="what is known of the tests is used again")
+    parser.add_argument("--anew", action="store_true", help="learns of every file of tests what it reaches")
     parser.add_argument("--lived", action="store_true", help="those that lived last time, instead")
+    parser.add_argument("--slow", action="store_true", help="tries those that live by slow tests: minutes each")
     parser.add_argument("--verbose", action="store_true", help="says what killed each")
     given = parser.parse_args()
     with os.fdopen(os.dup(sys.stdout.fileno()), "w") as out:
-        REACHED.parent.mkdir(exist_ok=True)
-        os.environ.setdefault("SS2SQL_PROGRAMS", str(PROGRAMS))
-        mutating = Mutating(given, out)
-        if not given.again:
-            mutating.measure.start()
+        if given.slow:
+            os.environ.setdefault("SS2SQL_PROGRAMS", str(PROGRAMS))
         files = [str(path) for path in sorted(TESTS_FOLDER.rglob("test_*.py"))]
         files = [file for file in files if not any(word in file for word in ELSEWHERE)]
         options = ["-q", "--no-header", "--no-summary", "--timeout=0", "-p", "no:cacheprovider", "-p", "no:randomly"]
-        ended = pytest.main([*options, *files], plugins=[mutating])
+        if changed := stale(files, given.anew):
+            print(f"learning what the tests of {len(changed)} files reach", file=out, flush=True)
+            begun = time.monotonic()
+            parallel = ["-n", str(PROCESSES), "--dist", "loadfile", "-m", "not slow and not drawn", "-p", "reached"]
+            subprocess.run([sys.executable, "-m", "pytest", *options, *parallel, *changed], check=False, stdout=out)
+            print(f"learned in {time.monotonic() - begun:.0f} s", file=out, flush=True)
+        ended = pytest.main([*options, *files], plugins=[mutating := Mutating(given, out)])
     allowed = LIVING * sum(mutating.counts.values()) / 100
     return int(ended) or int(len(mutating.lived) > allowed)
 

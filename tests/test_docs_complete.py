@@ -137,7 +137,6 @@ def test_every_error_code_is_in_the_index():
 
 
 def test_railroad_diagrams_hold_every_word_of_their_rules(monkeypatch):
-    pytest.importorskip("docutils")
     monkeypatch.syspath_prepend(str(DOCS))
     railroad = importlib.import_module("railroad")
     named = [

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import pickle
-import subprocess
-from pathlib import Path
-from shutil import which
 from typing import Any
 
 import numpy as np
@@ -15,6 +12,7 @@ pytest.importorskip("pybullet")
 
 from little_scenes import GREY, ask, refused
 from little_scenes import fixture_scene as fixture_scene
+from prolog_facts import facts
 from sessions import leaping
 
 import ss2sql
@@ -259,35 +257,24 @@ def test_a_terrain_cannot_be_copied(scene: Scene, capfd: pytest.CaptureFixture[s
     assert "cannot copy the shape of 'hills'" in refused(scene, "SELECT obj FROM space AS environment;")
 
 
-# --- prolog: what is written stands in tests/cases/representations/prolog.sheet; SWI-Prolog has to load it ----
-
-needs_prolog = pytest.mark.skipif(which("swipl") is None, reason="SWI-Prolog is not installed")
+# --- prolog: what is written stands in tests/cases/representations/prolog.sheet; here it is read ----------
 
 
-def prolog(folder: Path, text: str, goal: str) -> list[str]:
-    """What SWI-Prolog prints of the solutions of a goal, one a line. It must load the facts without a word."""
-    (folder / "facts.pl").write_text(text, encoding="utf-8")
-    ask = f"forall(({goal}), (print(X), nl))"
-    done = subprocess.run(
-        ["swipl", "-q", "-g", ask, "-t", "halt", str(folder / "facts.pl")],
-        capture_output=True, text=True, timeout=60, check=True, encoding="utf-8",
-    )  # fmt: skip
-    assert done.stderr == ""
-    return done.stdout.splitlines()
+def test_prolog_reads_any_value(ss: ss2sql.Session) -> None:
+    texts = ["", "a", "A b", "it's", "\\", "\n\t", "ü€", "\x07", "[]", "\\x41\\"]
+    values = [*texts, 0, -3, 1e-7, -1e300, 5e-324, 2**62, 1.5, [1, [2, []]], {"k": -1, "it's": [2.0]}]
+    text = ss.run("SELECT to(this[0], v) FROM values AS prolog;", values=[[value] for value in values]).value
+    read = facts(text)
+    assert [[*value.items()] if isinstance(value, dict) else value for value in values] == [one[-1] for one in read]
+    assert {one[0] for one in read} == {"v"}
 
 
-@needs_prolog
-def test_prolog_loads_any_value(tmp_path: Path) -> None:
-    texts = ["", "a", "A b", "it's", "\\", "\n\t", "ü€", "\x07", "[]"]
-    values = [*texts, 0, -3, 1e-7, -1e300, 5e-324, 2**62, [1, [2, []]], {"k": -1}]
-    with ss2sql.connect() as ss:
-        text = ss.run("SELECT to(this[0], v) FROM values AS prolog;", values=[[value] for value in values]).value
-    assert len(prolog(tmp_path, text, "v(_, Y), format(atom(X), '~q', [Y])")) == len(values)
-
-
-@needs_prolog
-@pytest.mark.parametrize("name", ["length", "sort", "atom", "is", "write", "name", "call", "number", "var", "op"])
-def test_facts_may_have_the_names_of_standard_predicates(tmp_path: Path, name: str) -> None:
-    with ss2sql.connect() as ss:
-        text = ss.run(f"SELECT to(this * 2, {name}), to(True, {name}) FROM [4] AS prolog;").value
-    assert prolog(tmp_path, text, f"user:clause({name}(4, X), true)") == ["8"]
+def test_facts_may_have_the_names_of_standard_predicates(ss: ss2sql.Session) -> None:
+    """Those of the standard are defined anew, by their number of arguments."""
+    standard = {"length/2", "sort/2", "is/2", "write/1", "write/2", "call/1", "call/2", "atom/1", "var/1"}
+    for name in ("length", "sort", "atom", "is", "write", "name", "call", "var", "op"):
+        for value, given in (("this * 2", (8,)), ("True", ())):
+            text = ss.run(f"SELECT to({value}, {name}) FROM [4] AS prolog;").value
+            assert facts(text) == [(name, 4, *given)]
+            directive = f":- redefine_system_predicate({name}({', '.join('_' * (1 + len(given)))})).\n"
+            assert text.startswith(directive) == (f"{name}/{1 + len(given)}" in standard)

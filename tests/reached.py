@@ -1,0 +1,133 @@
+"""Which tests reach which line of the package, learned as they run in several processes and kept from run to run.
+
+`pytest -p reached` writes for each file of tests what it reaches, and what it was then; `known` reads it, with lines
+as they are in the package now.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections import defaultdict
+from collections.abc import Container, Iterable
+from difflib import SequenceMatcher
+from functools import _lru_cache_wrapper, cache
+from pathlib import Path
+
+import coverage
+import pytest
+
+TESTS_FOLDER = Path(__file__).parent
+PACKAGE = TESTS_FOLDER.parent / "ss2sql"
+FOLDER = TESTS_FOLDER.parent / "out" / "reached"
+
+Reached = dict[str, dict[int, list[str]]]
+
+
+class Learning:
+    """What pytest does besides: the tests of each file are measured in a file of their own."""
+
+    def __init__(self) -> None:
+        self.file: Path | None = None
+        self.measure = coverage.Coverage(None, config_file=False)
+        self.seconds: dict[str, float] = defaultdict(float)
+        (FOLDER / "texts").mkdir(parents=True, exist_ok=True)
+
+    @pytest.hookimpl(wrapper=True, tryfirst=True)
+    def pytest_runtest_protocol(self, item: pytest.Item) -> object:
+        if item.path != self.file:
+            self.finish()
+            self.file = item.path
+            data = place(item.path, "coverage")
+            data.unlink(missing_ok=True)
+            self.measure = coverage.Coverage(data, config_file=False, source=[str(PACKAGE)])
+            self.measure.start()
+        self.measure.switch_context(item.nodeid)
+        forget_in(item)  # else what another test has found would count as its own
+        return (yield)
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        self.seconds[report.nodeid] += math.inf if report.failed else report.duration
+
+    def pytest_sessionfinish(self) -> None:
+        self.finish()
+
+    def finish(self) -> None:
+        """Writes what is learned of a file."""
+        if self.file is None:
+            return
+        self.measure.stop()
+        self.measure.save()
+        texts = {}
+        for name in self.measure.get_data().measured_files():
+            text = Path(name).read_text(encoding="utf-8")
+            texts[str(Path(name).relative_to(PACKAGE))] = digest(text)
+            (FOLDER / "texts" / digest(text)).write_text(text, encoding="utf-8")
+        row = {"of": digest(self.file.read_text(encoding="utf-8")), "seconds": self.seconds, "texts": texts}
+        place(self.file, "json").write_text(json.dumps(row), encoding="utf-8")
+        self.seconds.clear()
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    if hasattr(config, "workerinput"):
+        config.pluginmanager.register(Learning())
+
+
+def stale(files: Iterable[str], anew: bool) -> list[str]:
+    """The files of tests of which nothing is known, or that are not what they were."""
+    found = []
+    for file in map(Path, files):
+        row = place(file, "json")
+        same = row.exists() and json.loads(row.read_text("utf-8"))["of"] == digest(file.read_text(encoding="utf-8"))
+        if anew or not same:
+            found.append(str(file))
+    return found
+
+
+def known(files: Iterable[str], tests: Container[str]) -> tuple[Reached, dict[str, float]]:
+    """Which of these tests reach the lines of files of the package, and how long each takes."""
+    reached: Reached = {file: defaultdict(list) for file in files}
+    seconds: dict[str, float] = {}
+    for path in FOLDER.glob("*.json"):
+        row = json.loads(path.read_text(encoding="utf-8"))
+        seconds |= row["seconds"]
+        data = coverage.CoverageData(str(path.with_name(f"{path.stem}.coverage")))
+        data.read()
+        for file in reached.keys() & row["texts"].keys():
+            contexts = data.contexts_by_lineno(str(PACKAGE / file))
+            for line, then in enumerate(lines_then(file, row["texts"][file]), 1):
+                reached[file][line] += [test for test in contexts.get(then, ()) if test in tests and test in seconds]
+    return reached, seconds
+
+
+@cache
+def lines_then(file: str, then: str) -> list[int]:
+    """For each line of a file of the package, its line in an earlier text; for a new line, that of the line before."""
+    now = (PACKAGE / file).read_text(encoding="utf-8")
+    if digest(now) == then:
+        return [*range(1, len(now.splitlines()) + 1)]
+    before = (FOLDER / "texts" / then).read_text(encoding="utf-8")
+    matcher = SequenceMatcher(None, before.splitlines(), now.splitlines(), autojunk=False)
+    lines, last = [], 1
+    places = {to + at: of + at for of, to, size in matcher.get_matching_blocks() for at in range(size)}
+    for line in range(len(now.splitlines())):
+        last = places.get(line, last - 1) + 1
+        lines.append(last)
+    return lines
+
+
+def place(file: Path, ending: str) -> Path:
+    """Where it is written what a file of tests reaches."""
+    return FOLDER / f"{'.'.join(file.relative_to(TESTS_FOLDER).with_suffix('').parts)}.{ending}"
+
+
+def digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def forget_in(item: pytest.Item) -> None:
+    """Empties the caches of functions in the file of a test."""
+    for one in vars(getattr(item, "module", item)).values():
+        if isinstance(one, _lru_cache_wrapper):
+            one.cache_clear()
