@@ -10,6 +10,7 @@ from pathlib import Path
 import mutants
 import mutants_made
 import pytest
+import reached
 from mutants_made import Mutant
 
 import ss2sql.lowering.classes
@@ -86,6 +87,17 @@ def test_functions_are_found_by_their_place() -> None:
         if isinstance(function, ast.FunctionDef):
             first = min([function.lineno, *(one.lineno for one in function.decorator_list)])
             assert places[str(path), mutants_made.Site(function.name, first)]
+
+
+def test_lines_are_followed_through_edits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(reached, "PACKAGE", tmp_path)
+    monkeypatch.setattr(reached, "FOLDER", tmp_path)
+    (tmp_path / "texts").mkdir()
+    then, now = "a\nb\nc\nd\n", "new\na\nb\nchanged\nd\n"
+    (tmp_path / "texts" / reached.digest(then)).write_text(then, encoding="utf-8")
+    (tmp_path / "m.py").write_text(now, encoding="utf-8")
+    assert reached.lines_then("m.py", reached.digest(then)) == [1, 1, 2, 2, 4]
+    assert reached.lines_then("m.py", reached.digest(now)) == [1, 2, 3, 4, 5]
 
 
 @pytest.mark.slow  # 4 s alone, minutes in a process that has run all other tests
