@@ -22,8 +22,6 @@ settings.load_profile("ss2sql")
 
 # Of these tests, which take long, `make test` runs the first of so many cases, and `make test-slow` the others.
 SAMPLED = {
-    "test_engines_agree_on_scripts_with_parts_of_others": 4,
-    "test_the_reference_agrees_on_scripts_with_parts_of_others": 2,
     "test_a_built_in_function_asks_every_few_thousand_values": 12,
     "test_a_timeout_ends_a_built_in_function": 6,
     "test_the_paths_are_those_of_brute_force_whenever_care_begins": 8,

@@ -1,21 +1,15 @@
-"""What a program means depends neither on its names nor on orders that the language leaves open; WHERE splits rows.
+"""Programs with parts of each other, sessions with a history, and the steps that a program takes.
 
-WHERE p and WHERE NOT p share the rows of a query between them, whatever p is: truth is Python's, so there is no third
-answer. The rows for which p is None are among those of NOT p. Where p fails for a row, both queries fail, with the same
-error.
-
-Programs with parts of each other come to the same by the reference and both engines. `test_mutated.py` does it with
-golden scripts, which have few functions, tables and values; these have those of five random programs together, so that
-whatever is taken from one of them means something in the others. And what a script comes to depends on the values that
-stand, not on what ran before: one session of each engine lives through scripts, compiled ones run again, and through
-changes of its lists. For each script a fresh session with the same values comes to the same, and leaves the same
-variables behind. `SS2SQL_PROGRAMS` sets how many programs are tried.
+Programs with parts of five random ones, which have the functions, tables and values of all five, come to the same by
+the reference and both engines. And what a script comes to depends on the values that stand, not on what ran before: one
+session of each engine lives through scripts, compiled ones run again, and through changes of its lists. For each script
+a fresh session with the same values comes to the same, and leaves the same variables behind. `SS2SQL_PROGRAMS` sets how
+many programs are tried.
 """
 
 from __future__ import annotations
 
 import re
-from collections import Counter
 from collections.abc import Iterator
 from contextlib import redirect_stdout
 from copy import deepcopy
@@ -28,113 +22,16 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from agreement import Outcome, exact, executor_outcome, is_allowed, outcome, session_for
+from agreement import Outcome, exact, is_allowed, outcome, session_for
 from hypothesis import given, seed
-from hypothesis import strategies as st
 from mutated_scripts import ALONE, LIMITED, LONGEST, Limited, engine_outcomes, is_no_program, mutated, reference_outcome
 from programs import ProgramCase, programs
-from programs.choices import Choices
 from programs.drawn import SEED, amount, drawn
-from programs.expressions import WITH_LISTS, Sight
-from programs.flat import Flat
-from programs.renaming import CASES, RenamedCase, renamed
-from programs.shuffling import product, shuffled
 from sessions import ENGINES
 
 import ss2sql
 
 many = drawn(amount(1 / 25))
-
-
-def with_old_names(case: RenamedCase, outcome: Outcome) -> Outcome:
-    """What a renamed program came to, in the names of the other one."""
-
-    def back(value: Any) -> Any:
-        match value:
-            case ("str", str(text)):
-                return ("str", case.back(text))
-            case tuple() | frozenset():
-                return type(value)(map(back, value))
-            case _:
-                return value
-
-    return Outcome(back(outcome.value), outcome.error, case.back(outcome.printed))
-
-
-def same_with_other_names(case: ProgramCase, other: RenamedCase) -> None:
-    for engine in ENGINES:
-        expected, found = executor_outcome(case, engine), executor_outcome(other, engine)  # type: ignore[arg-type]
-        assert engine == "database" or expected is not None  # the database leaves some of it to the native executor
-        assert (expected is None) == (found is None), other
-        assert found is None or with_old_names(other, found) == expected, other
-
-
-@pytest.mark.drawn
-@seed(SEED)
-@many
-@given(programs(), st.integers(0, 2**16))
-def test_other_names_change_nothing(case: ProgramCase, number: int) -> None:
-    other = renamed(case, Random(number))
-    assert len(set(other.names.values())) == len(other.names)
-    same_with_other_names(case, other)
-
-
-TEMPORAL = """
-    mood{1000} = 1; other{1000.0} = [mood]; mood{1000} = 'a'; mood{1000} = other + [2];
-    places = SELECT p FROM mood{} START WITH p = 0 CONNECT BY UNIQUE p = p + 1 STOP WITH p > 2 AS list;
-    [mood, other, mood{}, other{}, mood{-500}, SELECT this, mood FROM xs WHERE this IN other AS rows, places]
-"""
-
-
-def test_other_names_differ_in_case_alone() -> None:
-    case = ProgramCase(TEMPORAL, {"xs": [1, 2, 3]})
-    assert any(set(renamed(case, Random(number)).names.values()) & set(CASES) for number in range(10))
-
-
-@pytest.mark.parametrize("number", range(10))
-def test_other_names_of_temporal_variables_change_nothing(number: int) -> None:
-    case = ProgramCase(TEMPORAL, {"xs": [1, 2, 3]})
-    other = renamed(case, Random(number))
-    assert {"mood", "other", "places", "xs", "p"} == set(other.names)
-    native = executor_outcome(case, "native")
-    assert native is not None
-    assert native.error is None
-    same_with_other_names(case, other)
-
-
-@pytest.mark.drawn
-@seed(SEED)
-@many
-@given(programs(), st.integers(0, 2**16))
-def test_orders_that_the_language_leaves_open_change_nothing(case: ProgramCase, number: int) -> None:
-    other = shuffled(case, Random(number))
-    for engine in ENGINES:
-        assert executor_outcome(other, engine) == executor_outcome(case, engine), other
-
-
-@pytest.mark.drawn
-@seed(SEED)
-@many
-@given(st.binary(min_size=80, max_size=80), st.integers(0, 2**16))
-def test_rows_follow_the_order_of_from_and_no_other(data: bytes, number: int) -> None:
-    dice, made = Random(number), product(data)
-    written = [name for name, _ in made.sources]
-    names = dice.sample(written, len(written))
-    parts = dice.sample(made.parts, len(made.parts))
-    for engine in ENGINES:
-        rows = rows_of(made.case(written, made.parts), engine)
-        assert rows == rows_of(made.case(written, parts), engine)
-        turned = rows_of(made.case(names, parts), engine)
-        assert sorted(turned, key=repr) == sorted(rows, key=repr)
-        if not made.order:
-            assert rows == sorted(rows, key=lambda row: made.places(row, written))
-            assert turned == sorted(rows, key=lambda row: made.places(row, names))
-
-
-def rows_of(case: ProgramCase, engine: str) -> list[Any]:
-    """The rows of a program that does not fail."""
-    with session_for(case) as ss:
-        return list(ss.run(case.script, engine=engine).value)  # type: ignore[arg-type]
 
 
 @pytest.mark.drawn
@@ -159,44 +56,6 @@ def steps_of(case: ProgramCase, engine: str, **limits: int) -> tuple[Outcome, in
         except Exception as error:
             return Outcome(error=type(error).__name__), 0
         return Outcome(exact(result.value)), result.stats.generated
-
-
-def partition(data: bytes) -> list[ProgramCase]:
-    """The queries of the rows of a product: all, those of a condition, of its NOT, and those where it is None.
-
-    Neither product nor condition, which are made of the bytes, calls what answers otherwise the next time.
-    """
-    writer = Flat(Choices(data))
-    writer.templates = WITH_LISTS
-    text, sight, origins = writer.sources(Sight(), writer.choices.weighted((50, 1), (35, 2), (15, 3)))
-    condition = writer.expr("any" if writer.choices.chance(25) else "bool", sight, 3)
-    if writer.choices.chance(25):
-        condition = writer.condition(sight)
-    shown = ", ".join(["this", *(f"{origin.name}.this" for origin in origins[1:])])
-    return [
-        ProgramCase(f"SELECT {shown} FROM {text}{where} AS rows", writer.variables, tuple(writer.uses), writer.tables)
-        for where in ("", f" WHERE {condition}", f" WHERE NOT ({condition})", f" WHERE ({condition}) == None")
-    ]
-
-
-def counted(outcome: Outcome) -> Counter[Any]:
-    """How often each row occurs."""
-    return Counter(outcome.value[1:])
-
-
-@pytest.mark.drawn
-@seed(2015)
-@drawn(amount(1 / 5))
-@given(st.binary(min_size=160, max_size=160).map(partition))
-def test_a_condition_and_its_opposite_share_the_rows(made: list[ProgramCase]) -> None:
-    for engine in ENGINES:
-        everything, true, false, none = (executor_outcome(case, engine) for case in made)  # type: ignore[arg-type]
-        if everything is None or true is None or false is None or none is None or everything.error is not None:
-            continue  # the engine refuses one of them, or a source itself fails
-        assert true.error == false.error == none.error
-        if true.error is None:
-            assert counted(true) + counted(false) == counted(everything)
-            assert counted(none) <= counted(false)
 
 
 # --- programs with parts of each other, and histories -------------------------------------------------------

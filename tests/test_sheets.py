@@ -40,7 +40,7 @@ from ss2sql.lowering.rewrites import REWRITES
 RUNS: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("database", ()),
     ("database", ("fold",)),
-    ("database", ("split", "unnest", "fold")),
+    ("database", tuple(REWRITES)),
     ("native", ()),
     ("native", tuple(REWRITES)),
     ("duckdb", ()),

@@ -5,8 +5,8 @@ with its variables, functions and tables, `choices` turns drawn bytes into decis
 functions, `expressions` writes expressions, `flat` queries, `searches` hierarchical queries, `scripts` whole
 programs; `drawn` says how many are drawn, `features` reports what a script uses, `score` what a run of many came to.
 
-`renaming` and `shuffling` write a program again with other names and in another order; `scenes` writes programs over a
-world whose bodies come and go, `joins` joins, `failing` queries in which almost every part may fail.
+`scenes` writes programs over a world whose bodies come and go, `joins` joins, `failing` queries in which almost every
+part may fail.
 """
 
 from .case import ProgramCase
