@@ -144,3 +144,10 @@ def test_a_text_that_was_read_early_is_read_again_without_its_variable(ss: ss2sq
 
 def test_a_plan_names_its_parameters(ss: ss2sql.Session) -> None:
     assert plan_tree(ss.compile("SELECT this FROM [1] WHERE this == wanted").plan).startswith("parameters wanted\n")
+
+
+def test_rows_of_a_query_that_gives_a_list_are_not_collected(ss: ss2sql.Session) -> None:
+    ss.set("edges", [[0, 1, "a"], [1, 2, "b"]])
+    query = "SELECT this FROM edges WHERE this[1] > 1 AS list"
+    for script in (f"SELECT this[2], this FROM ({query});", f"SELECT e.this[2], p.this FROM e = ({query}), p = [1];"):
+        assert "collect" not in ss.compile(script).sql
