@@ -11,24 +11,15 @@ from listings import move
 import ss2sql
 from ss2sql.runtime.frozen import Shapes, freeze_any, freeze_flat, freeze_nested, thaw
 from ss2sql.runtime.native import search_code
-from ss2sql.runtime.native.compiled import NativeQuery
 from ss2sql.runtime.native.fragments import copied
 
 ORDERS = ["", "BREADTH FIRST", "DEPTH FIRST", "COST w", "PROBABILITY w / 4", "COST w HEURISTIC IF(dst == 2; 3; 0)"]
 REPEATS = ["", "NO CYCLE", "UNIQUE", "MEMORIZE 4"]
 EDGES = [
     {"src": src, "dst": dst, "w": w}
-    for src, dst, w in [
-        (0, 1, 1),
-        (0, 2, 3),
-        (1, 2, 1),
-        (2, 0, 2),
-        (2, 3, 1),
-        (1, 3, 3),
-        (3, 1, 0),
-        (3, 3, 2),
-        (0, 1, 2),
-    ]
+    for src, dst, w in zip(
+        [0, 0, 1, 2, 2, 1, 3, 3, 0], [1, 2, 2, 0, 3, 3, 1, 3, 1], [1, 3, 1, 2, 1, 3, 0, 2, 2], strict=True
+    )
 ]
 SEARCHES = {
     "table": "SELECT dst FROM edges WHERE src == node AND dst != 1 START WITH node = 0, level = 1 CONNECT BY {}"
@@ -78,20 +69,6 @@ def test_the_loop_with_the_function_put_in_does_what_the_loop_does(
     assert (other is None) == (inlined is None)
     if inlined is not None:
         assert other[:3] == inlined[:3]
-
-
-def test_the_code_of_a_function_stands_in_its_loop(monkeypatch: pytest.MonkeyPatch) -> None:
-    with ss2sql.connect() as session:
-        session.function(add)
-        session.set("edges", EDGES)
-        texts = []
-        for inlines in (True, False):
-            monkeypatch.setattr(search_code, "INLINES", inlines)
-            query = session.compile(SEARCHES["table"].format("UNIQUE"))
-            (statement,) = query._program.statements
-            texts.append(NativeQuery(statement.expr.query).source_text)
-    assert "def expand" not in texts[0]
-    assert "def expand" in texts[1]
 
 
 # --- steps that are remembered -------------------------------------------------------------------------
