@@ -65,7 +65,7 @@ class Canary:
 reached: set[str] = set()
 
 
-# What is asked of an object, of a list and of rows; names, texts, numbers, calls and forms take the place of what stands
+# What is asked of an object, of a list and of rows; names, texts, numbers, calls and forms take the place of what is
 # in braces, each of them once in each.
 SCRIPTS = (
     *(f"{of}.{{name}};" for of in ("canary", "xs", "canary.secret")), "canary[{text}];", "{name};", "{name}(canary);",
