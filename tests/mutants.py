@@ -375,7 +375,17 @@ def main() -> int:
         if changed := stale(files, given.anew):
             print(f"learning what the tests of {len(changed)} files reach", file=out, flush=True)
             begun = time.monotonic()
-            parallel = ["-n", str(PROCESSES), "--dist", "loadfile", "-m", "not slow and not drawn", "-p", "reached"]
+            parallel = [
+                "--timeout=120",
+                "-n",
+                str(PROCESSES),
+                "--dist",
+                "loadfile",
+                "-m",
+                "not slow and not drawn",
+                "-p",
+                "reached",
+            ]
             subprocess.run([sys.executable, "-m", "pytest", *options, *parallel, *changed], check=False, stdout=out)
             print(f"learned in {time.monotonic() - begun:.0f} s", file=out, flush=True)
         ended = pytest.main([*options, *files], plugins=[mutating := Mutating(given, out)])

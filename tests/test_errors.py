@@ -205,30 +205,6 @@ def test_a_missing_parameter_is_named(session: Session) -> None:
     assert query.run(factor=2, offset=1).value == [3]
 
 
-# --- exceptions of the user ----------------------------------------------------------------------------
-
-
-class MishapError(Exception):
-    """An exception of the user's own."""
-
-
-def test_an_exception_keeps_its_type_and_its_traceback(session: Session, engine: Any) -> None:
-    @session.function
-    def fragile(x: int) -> int:
-        if x > 1:
-            raise MishapError(f"{x} is too much")
-        return x
-
-    with pytest.raises(MishapError, match="2 is too much") as caught:
-        session.run("y = 1;\nSELECT this\nFROM [1, 2, 3] WHERE fragile(this) AS list;", engine=engine)
-    notes = "\n".join(caught.value.__notes__)
-    assert notes.count("fragile") == 2  # the sentence and the line
-    assert "<script>:3:22" in notes
-    assert "3 | FROM [1, 2, 3] WHERE fragile(this) AS list;" in notes
-    assert caught.traceback[-1].name == "fragile"
-    still_works(session)
-
-
 @pytest.mark.parametrize("disable", [(), ("fold",), ("split", "unnest", "fold")], ids=str)
 @pytest.mark.parametrize("expression", ["(1 / this > 0) XOR (1 / 0 > 0)", "min(1 / this, 2 / (this + 0))"])
 def test_errors_have_their_place_in_spite_of_rewrites(engine: Any, disable: Any, expression: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable
 from typing import Any
 
@@ -112,15 +113,31 @@ def test_a_note_names_the_place(failing: ss2sql.Session, engine: Any, name: str,
     assert failing.eval("1 - 1;") == 0
 
 
-@pytest.mark.parametrize("kind", [SlottedError, KeyError, StopIteration, ZeroDivisionError, AssertionError])
-def test_an_exception_keeps_its_type_and_gets_one_note(ss: ss2sql.Session, engine: Any, kind: Any) -> None:
-    def broken(x):
-        raise kind("no")
+KINDS = [
+    SlottedError("no"),
+    KeyError("no"),
+    StopIteration(4),
+    ZeroDivisionError(),
+    NameError("no x", name="x"),
+    RuntimeError("generator raised StopIteration"),
+]
 
-    ss.function("broken", broken)
-    notes, name = caught(lambda: ss.run("SELECT this,\n  broken(this) FROM [1, 2];", engine=engine), kind)
-    assert notes == ["raised by the function 'broken', called at <script>:2:3\n  2 |   broken(this) FROM [1, 2];"]
-    assert name == "broken"
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: type(kind).__name__)
+def test_an_exception_stays_itself_and_gets_one_note(ss: ss2sql.Session, engine: Any, kind: Exception) -> None:
+    error = copy.copy(kind)
+
+    def broken(x):
+        raise error
+
+    ss.function("broken", broken, volatility="stable")
+    with pytest.raises(type(error)) as found:
+        ss.run("SELECT this,\n  broken(this) FROM [1, 2];", engine=engine)
+    assert found.value is error
+    assert error.__notes__ == [
+        "raised by the function 'broken', called at <script>:2:3\n  2 |   broken(this) FROM [1, 2];"
+    ]
+    assert found.traceback[-1].name == "broken"
 
 
 def test_one_note_for_several_places_two_scripts_and_a_text(ss: ss2sql.Session, engine: Any) -> None:

@@ -77,18 +77,6 @@ def test_pythons_traceback_shows_the_script() -> None:
     assert re.search(r"\n {10}[~^]{10}\n", text)
 
 
-@pytest.mark.parametrize(
-    "error",
-    [StopIteration(4), RuntimeError("generator raised StopIteration"), NameError("name 'x' is not defined", name="x")],
-    ids=lambda error: type(error).__name__,
-)
-def test_exceptions_that_python_uses_itself_stay_what_they_are(error: Exception) -> None:
-    with pytest.raises(type(error)) as raised:
-        FakeHost({"fail": raising(error)}).run("SELECT fail(this) FROM [4]")
-    assert raised.value is error
-    assert "called at <script>:1:8" in raised.value.__notes__[0]
-
-
 def test_an_error_with_a_place_keeps_it() -> None:
     inner = FakeHost().error("5 / 0")
     error = FakeHost({"other": raising(inner)}).error("SELECT other(this) FROM [1]")
