@@ -37,7 +37,7 @@ from typing import Any, TextIO
 import mutants_made
 import pytest
 from mutants_made import Mutant, Site
-from reached import FOLDER, Reached, known, stale
+from reached import FOLDER, Reached, known, stale, written_off
 
 TESTS_FOLDER = Path(__file__).parent
 PACKAGE = TESTS_FOLDER.parent / "ss2sql"
@@ -52,10 +52,10 @@ MUTATED = (
 ELSEWHERE = ("spark/", "notebook", "workers", "interrupts", "faults", "crashes", "determinism", "package", "mutants")
 
 MUTANTS = 300
-SECONDS = 20.0
+SECONDS = 8.0
 """What the tests of one mutant take together without it; cheap tests of every file come first."""
 
-PATIENCE = 6
+PATIENCE = 4
 """How many times as long those are tried that live."""
 
 PROGRAMS = 1000
@@ -388,6 +388,8 @@ def main() -> int:
             ]
             subprocess.run([sys.executable, "-m", "pytest", *options, *parallel, *changed], check=False, stdout=out)
             print(f"learned in {time.monotonic() - begun:.0f} s", file=out, flush=True)
+            for file in written_off(changed):
+                print(f"nothing is known of the tests of {file}", file=out, flush=True)
         ended = pytest.main([*options, *files], plugins=[mutating := Mutating(given, out)])
     allowed = LIVING * sum(mutating.counts.values()) / 100
     return int(ended) or int(len(mutating.lived) > allowed)

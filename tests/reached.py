@@ -64,8 +64,7 @@ class Learning:
             text = Path(name).read_text(encoding="utf-8")
             texts[str(Path(name).relative_to(PACKAGE))] = digest(text)
             (FOLDER / "texts" / digest(text)).write_text(text, encoding="utf-8")
-        row = {"of": digest(self.file.read_text(encoding="utf-8")), "seconds": self.seconds, "texts": texts}
-        place(self.file, "json").write_text(json.dumps(row), encoding="utf-8")
+        write(self.file, self.seconds, texts)
         self.seconds.clear()
 
 
@@ -74,14 +73,28 @@ def pytest_configure(config: pytest.Config) -> None:
         config.pluginmanager.register(Learning())
 
 
-def stale(files: Iterable[str], anew: bool) -> list[str]:
+def write(file: Path, seconds: dict[str, float], texts: dict[str, str]) -> None:
+    """Notes a file of tests as it is now: how long each of its tests takes, and the texts that they reach."""
+    row = {"of": digest(file.read_text(encoding="utf-8")), "seconds": seconds, "texts": texts}
+    place(file, "json").write_text(json.dumps(row), encoding="utf-8")
+
+
+def stale(files: Iterable[str], anew: bool = False) -> list[str]:
     """The files of tests of which nothing is known, or that are not what they were."""
-    found = []
-    for file in map(Path, files):
-        row = place(file, "json")
-        same = row.exists() and json.loads(row.read_text("utf-8"))["of"] == digest(file.read_text(encoding="utf-8"))
-        if anew or not same:
-            found.append(str(file))
+    return [file for file in files if anew or not is_known(Path(file))]
+
+
+def is_known(file: Path) -> bool:
+    row = place(file, "json")
+    now = digest(file.read_text(encoding="utf-8"))
+    return row.exists() and json.loads(row.read_text(encoding="utf-8"))["of"] == now
+
+
+def written_off(files: Iterable[str]) -> list[str]:
+    """Files that have run and of which nothing was learned, as where all tests are slow; they are known from now on."""
+    found = stale(files)
+    for file in found:
+        write(Path(file), {}, {})
     return found
 
 
@@ -92,7 +105,7 @@ def known(files: Iterable[str], tests: Container[str]) -> tuple[Reached, dict[st
     for path in FOLDER.glob("*.json"):
         row = json.loads(path.read_text(encoding="utf-8"))
         seconds |= row["seconds"]
-        data = coverage.CoverageData(str(path.with_name(f"{path.stem}.coverage")))
+        data = coverage.CoverageData(str(path.with_suffix(".coverage")))
         data.read()
         for file in reached.keys() & row["texts"].keys():
             contexts = data.contexts_by_lineno(str(PACKAGE / file))

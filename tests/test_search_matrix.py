@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import itertools
-import random
 from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
 import pytest
-from agreement import trial
-from programs import ProgramCase
-from programs.drawn import SEED, amount
+from programs.drawn import amount
 from reference import Reference
 from sessions import ENGINES, both
 
@@ -180,71 +177,6 @@ def test_a_function_may_run_another_search_in_the_middle_of_one(
     assert result.paths
     for name in ("generated", "expanded", "pruned"):
         assert getattr(result.stats, name) == getattr(wanted.stats, name), name
-
-
-# --- random edges --------------------------------------------------------------------------------------
-
-NODES: dict[str, list[Any]] = {
-    "whole": [0, 1, 2, 3, 4, 5],
-    "text": ["", "a", "A", "1", "b"],
-    "numbers": [0, 1, 1.0, 2, 2.0, 0.5, -0.0],
-    "mixed": [None, 0, 1, 1.0, "1", "a", 2.5],
-    "lists": [[1], [1.0], [], [[]], [1, 2], 1],
-    "bools": [True, 1, 1.0, False, 0, None],
-}
-IN_TABLES = ("whole", "text", "numbers", "mixed")
-EDGE_ORDERS = (
-    *("", "BREADTH FIRST", "DEPTH FIRST", "COST w", "COST w * 0.1", "COST w HEURISTIC 2 - w"),
-    *(["COST w HEURISTIC IF(dst == {}; 3; 0)"] * 3),  # so a row may be taken before its best step
-    *("PROBABILITY 1 / (1 + w)", "PROBABILITY w / 2"),
-)
-ROWS = ("dst", "src, dst", "dst, w", "src", "to(dst, name)", "node", "node, dst", "dst, level")
-LOOKED_UP = "(SELECT * FROM edges WHERE src == node)"
-# A source, and what has to be true of its steps, or they stop.
-SOURCES = [
-    *([(LOOKED_UP, "", "")] * 3),
-    ("edges", "src == node", "src != node"),
-    ("(SELECT * FROM edges WHERE src == node AND w > 0)", "", ""),
-    (f"{LOOKED_UP}, twice = [0, 1]", "", ""),
-]
-GOALS = ("", "", "dst == {}", "dst != {}", "w == 1", "level > 1", "src == {} OR w > 1")
-STOPS = ("", "", "", "dst == {}", "w == 2", "node == {}")
-
-
-def program(chance: random.Random) -> ProgramCase:
-    """A search over random edges: in a table or a list, looked up, filtered or walked."""
-    kind = chance.choice(list(NODES))
-    nodes, table = NODES[kind], kind in IN_TABLES and chance.random() < 0.6
-    edges = [
-        {"src": chance.choice(nodes), "dst": chance.choice(nodes), "w": chance.randrange(3)}
-        for _ in range(chance.randrange(1, 14))
-    ]
-    row, goal, (source, holds, stops) = chance.choice(ROWS), repr(chance.choice(nodes)), chance.choice(SOURCES)
-    bounded = "level" in row or chance.random() < 0.4
-    where = [part for part in (holds, chance.choice(GOALS).format(goal)) if part]
-    stop = [part for part in ("level == 4" if bounded else "", stops, chance.choice(STOPS).format(goal)) if part]
-    order = chance.choice(EDGE_ORDERS).format(repr(chance.choice(nodes)))
-    options = [order, chance.choice(GUARDS) if bounded and chance.random() < 0.6 else "UNIQUE"]
-    parts = [
-        f"SELECT {row} FROM {source} {'WHERE ' * bool(where)}{' AND '.join(where)}",
-        f"START WITH node = {chance.choice(nodes)!r}, level = 1 CONNECT BY {' '.join(options)}",
-        f"{chance.choice(('', '', 'MAXIMUM 1', 'MAXIMUM 4'))} node = dst, level = level + 1",
-        f"{'STOP WITH ' * bool(stop)}{' OR '.join(stop)}",
-        chance.choice(["", "", "", "ORDER BY w", "GROUP BY w", "LIMIT 2"]),
-        chance.choice(["", "AS list", "AS rows"]),
-    ]
-    return ProgramCase(" ".join(parts) + ";", {} if table else {"edges": edges}, (), {"edges": edges} if table else {})
-
-
-@pytest.mark.drawn
-@pytest.mark.parametrize("part", range(3))
-def test_three_evaluators_agree_on_searches_over_edges(part: int) -> None:
-    in_database = 0
-    for number in range(COUNT):
-        tried = trial(program(random.Random(f"{SEED} {part} {number}")))
-        assert tried.differences == [], tried.case
-        in_database += tried.outcomes["database"] is not None
-    assert in_database > COUNT * 5 / 6
 
 
 # --- errors --------------------------------------------------------------------------------------------

@@ -5,8 +5,7 @@ with its variables, functions and tables, `choices` turns drawn bytes into decis
 functions, `expressions` writes expressions, `flat` queries, `searches` hierarchical queries, `scripts` whole
 programs; `drawn` says how many are drawn, `features` reports what a script uses, `score` what a run of many came to.
 
-`scenes` writes programs over a world whose bodies come and go, `joins` joins, `failing` queries in which almost every
-part may fail.
+`joins` writes joins, `hierarchies` searches over edges, `failing` queries in which almost every part may fail.
 """
 
 from .case import ProgramCase

@@ -12,18 +12,12 @@ from hypothesis import strategies as st
 from .case import ProgramCase
 from .choices import Choices
 
+# Whole numbers most often; numbers in two forms, words, and several kinds.
+NODES = (*[(0, 1, 2, 3, 4)] * 5, (0, 1, 1.0, 2, 0.5), ("", "a", "A", "1", "b"), (None, 0, 1.0, "1", 1))
 BYS = ("", "", "BY town", "BY town", "BY (town, day)", "BY dst", "BY (src, town)", "BY day")
 GUARDS = ("", "", "UNIQUE", "UNIQUE", "NO CYCLE", "MEMORIZE 4", "MEMORIZE 3")
-ORDERS = (
-    "",
-    "",
-    "BREADTH FIRST",
-    "DEPTH FIRST",
-    "COST km",
-    "COST km HEURISTIC",
-    "PROBABILITY km / 4 + 0.1",
-    "HEURISTIC",
-)
+ORDERS = ("", "", "BREADTH FIRST", "DEPTH FIRST", *(f"COST km{more}" for more in ("", " HEURISTIC")), "HEURISTIC",
+          "PROBABILITY km / 4 + 0.1")  # fmt: skip
 ESTIMATES = ("1", "dst", "abs(dst - 2)", "0", "level()", "km")
 CONDITIONS = (
     *("src == town", "src == town AND level() <= 4", "PRIOR dst == src OR level() == 1", "src == town AND km > 0"),
@@ -41,10 +35,9 @@ ENDINGS = ("", "", "", " ORDER BY dst DESC", " LIMIT 2", " ORDER BY level(), dst
 
 def hierarchy(c: Choices) -> tuple[str, list[dict[str, Any]]]:
     """A query over the source `edges`, and these."""
-    nodes = 2 + c.below(4)
+    nodes = c.pick(NODES)[: 2 + c.below(4)]
     edges = [
-        {"src": c.below(nodes), "dst": c.below(nodes), "km": c.pick((1, 1, 2, 0, 3, 0.5))}
-        for _ in range(1 + c.below(8))
+        {"src": c.pick(nodes), "dst": c.pick(nodes), "km": c.pick((1, 1, 2, 0, 3, 0.5))} for _ in range(1 + c.below(8))
     ]
     guard, order = c.pick(GUARDS), c.pick(ORDERS)
     memorizes = guard.startswith("MEMORIZE")
@@ -59,7 +52,8 @@ def hierarchy(c: Choices) -> tuple[str, list[dict[str, Any]]]:
     condition = "src == town" if memorizes else c.pick(CONDITIONS)
     if not memorizes and "level() <" not in condition and "len(" not in condition:
         condition = f"({condition}) AND level() < {5 if guard else 4}"
-    starts = c.pick(("town = 0", "town = 1", "EACH town IN [0, 2, 0]", "EACH town IN [1, 0]"))
+    one, other = nodes[0], nodes[-1]
+    starts = c.pick((*(f"town = {node!r}" for node in (one, other)), f"EACH town IN {[one, other, one]}"))
     first = c.pick(("", "", "", ", src == 0", ", km < 2"))
     connect = c.pick(("town = dst, day = day + 1", "day = day + 1, town = dst", "town = dst, day = town"))
     of_path = not memorizes
