@@ -1,4 +1,4 @@
-"""Limits that count: the steps that searches try, and the characters that a script prints (runtime/limits.py)."""
+"""Limits that count: the steps that searches try, and the characters that a script prints (`Limits`)."""
 
 from __future__ import annotations
 

@@ -252,9 +252,9 @@ def test_a_run_inside_of_another_has_no_more_memory(monkeypatch: pytest.MonkeyPa
 
 
 def test_max_memory_needs_a_system_that_knows_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    from ss2sql.runtime import limits
+    from ss2sql.runtime import option_checks
 
-    monkeypatch.setattr(limits, "memory_in_use", lambda: None)
+    monkeypatch.setattr(option_checks, "memory_in_use", lambda: None)
     with pytest.raises(ss2sql.SessionError):
         ss2sql.connect(max_memory=10**9)
     ss2sql.connect().close()

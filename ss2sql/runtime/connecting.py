@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from ss2sql.runtime.engines import Engine
-from ss2sql.runtime.limits import Limits
+from ss2sql.runtime.option_checks import Limits
 from ss2sql.runtime.session import Session
 from ss2sql.runtime.sizes import MOST
 

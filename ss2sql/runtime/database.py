@@ -25,14 +25,13 @@ from ss2sql.lowering.sql_query import Bookkeeping, ListTable, Parameter, SqlQuer
 from ss2sql.runtime.ahead import ROOM, Ahead
 from ss2sql.runtime.call_memory import MEMO_LIMIT, Memo, forget_half
 from ss2sql.runtime.calls import Caller, CallsMade, Members, Parts, builtin_function, located_final
-from ss2sql.runtime.decoding import decoder, row_decoder
 from ss2sql.runtime.element_calls import ElementCalls
 from ss2sql.runtime.element_columns import column_of
 from ss2sql.runtime.functions import UserFunction
 from ss2sql.runtime.guard import UNREADABLE, Guard, own_error
 from ss2sql.runtime.native.options import cost, heuristic, probability
 from ss2sql.runtime.paths import Paths
-from ss2sql.runtime.pool import FALSE, TRUE, OtherFormError, Pool
+from ss2sql.runtime.pool import FALSE, TRUE, OtherFormError, Pool, decoder, row_decoder
 from ss2sql.runtime.rows import Row, Rows, check_room, within
 from ss2sql.runtime.run import Run
 from ss2sql.runtime.scouts import Scouts, looking_ahead

@@ -30,9 +30,9 @@ from ss2sql.runtime.file_locks import close_file, using
 from ss2sql.runtime.function_names import BUILT_IN, sql_names
 from ss2sql.runtime.functions import UserFunction
 from ss2sql.runtime.held import Held
-from ss2sql.runtime.limits import Limits
 from ss2sql.runtime.native.calls import native_callable, unremembered_call
 from ss2sql.runtime.native.deep import with_room
+from ss2sql.runtime.option_checks import Limits
 from ss2sql.runtime.rows import Rows
 from ss2sql.runtime.run import Run
 from ss2sql.runtime.session_functions import SessionFunctions

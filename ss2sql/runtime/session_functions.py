@@ -10,7 +10,7 @@ from ss2sql.errors import ExecutionError, did_you_mean
 from ss2sql.errors.render import visible
 from ss2sql.language.operations import OPERATIONS, WRITTEN
 from ss2sql.runtime.functions import UserFunction
-from ss2sql.runtime.limits import Limits
+from ss2sql.runtime.option_checks import Limits
 from ss2sql.runtime.run import Run
 from ss2sql.runtime.sizes import Sizes
 from ss2sql.runtime.values import fresh

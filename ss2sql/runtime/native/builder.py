@@ -16,9 +16,8 @@ from ss2sql.kinds import SCALAR, Kind
 from ss2sql.records import dataclass
 from ss2sql.runtime.call_memory import MEMO_LIMIT, forget_half
 from ss2sql.runtime.native import flat
-from ss2sql.runtime.native.aggregates import aggregates_in
 from ss2sql.runtime.native.calls import exact_key
-from ss2sql.runtime.native.endings import Form
+from ss2sql.runtime.native.endings import Form, aggregates_in
 from ss2sql.runtime.native.expressions import expression, group_key
 from ss2sql.runtime.native.facts import Facts
 from ss2sql.runtime.native.options import whole

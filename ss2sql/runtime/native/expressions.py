@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any, TypeGuard, assert_never
 from ss2sql import plan
 from ss2sql.kinds import Kind, Type
 from ss2sql.runtime.element_columns import column_of
-from ss2sql.runtime.native.aggregates import aggregate_of
 from ss2sql.runtime.native.call_code import is_remembered, remembered_call
+from ss2sql.runtime.native.endings import aggregate_of
 from ss2sql.runtime.native.facts import OWN_GROUP
 from ss2sql.runtime.native.forms import inlined
 from ss2sql.runtime.native.pen import Pen

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from ss2sql import plan
-from ss2sql.runtime.native.aggregates import counts_rows
+from ss2sql.runtime.native.endings import counts_rows
 from ss2sql.runtime.native.expressions import PLAIN, expression
 from ss2sql.runtime.native.unit import Body
 from ss2sql.runtime.values import freeze
