@@ -1,6 +1,6 @@
-"""What a condition says of the numbers in it: where `x + dx < 0` is false, `x + dx` is at least 0.
+"""Bounds that a condition implies for the numbers in it: where `x + dx < 0` is false, `x + dx` is at least 0.
 
-Where `grid[y][x] == 1` is true or false, y and x were indices of lists, and their lengths bound them.
+Where `grid[y][x] == 1` could be evaluated, y and x are indices of these lists, so the lengths bound them.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _ORDERS = {row.name: row for row in OPERATIONS.values() if row.mirrored and row.
 
 @dataclass(frozen=True, slots=True)
 class Fact:
-    """`left sign right` holds; the sign is that of an order."""
+    """The comparison `left sign right` holds; `sign` is one of `< <= > >=`."""
 
     sign: str
     left: plan.Expr
@@ -28,7 +28,7 @@ class Fact:
 
 
 def facts_of(condition: plan.Expr, truth: bool) -> Iterator[Fact]:
-    """The comparisons that hold where the condition has this truth, each from both of its sides."""
+    """The comparisons that hold where `condition` is `truth`, each written from both sides."""
     match condition:
         case plan.Not(operand=operand):
             yield from facts_of(operand, not truth)
@@ -52,7 +52,7 @@ def facts_of(condition: plan.Expr, truth: bool) -> Iterator[Fact]:
 
 
 def _among(expr: plan.Expr, kind: Type | None) -> Iterator[Fact]:
-    """What is so of an expression that equals a value of a type; of a list, what is so of its items."""
+    """The bounds of an expression that equals a value of `kind`, and of the items of a list."""
     if isinstance(expr, plan.MakeList) and kind is not None and kind.positions is not None:
         for item, part in zip(expr.items, kind.positions, strict=False):
             yield from _among(item, part)
@@ -66,19 +66,19 @@ def _between(expr: plan.Expr, low: float, high: float) -> Iterator[Fact]:
 
 
 def _indices(expr: plan.Expr) -> Iterator[Fact]:
-    """What is so of numbers with which items of lists were found."""
+    """The bounds of the numbers that index lists in `expr`."""
     match expr:
         case plan.Call(function=plan.Function(name="item", builtin=True), arguments=(container, index)):
             size = container.type.size
             if container.type.only(Kind.LIST) and index.type.only(Kind.INT) and size:
                 yield from _between(index, -size, size - 1)
-    if isinstance(expr, plan.Call) and expr.function.name != "coalesce":  # SQLite asks no further than it has to
+    if isinstance(expr, plan.Call) and expr.function.name != "coalesce":  # SQLite stops at the first value
         for argument in expr.arguments:
             yield from _indices(argument)
 
 
 def narrowed(expr: plan.Expr, facts: Iterable[Fact]) -> Type:
-    """The type of an expression where the facts hold."""
+    """The type of an expression, within the bounds of the comparisons `facts`."""
     kind = expr.type
     for fact in facts:
         if fact.left == expr:
@@ -87,7 +87,7 @@ def narrowed(expr: plan.Expr, facts: Iterable[Fact]) -> Type:
 
 
 def compared(kind: Type, sign: str, other: Type) -> Type:
-    """The values of a type that have this order to one of the other type."""
+    """The values of `kind` that compare so with some value of `other`."""
     whole = kind.only(Kind.BOOL | Kind.INT)
     low, high = other.low, other.high
     match sign:
@@ -102,7 +102,7 @@ def compared(kind: Type, sign: str, other: Type) -> Type:
 
 
 def within(kind: Type, low: float | None, high: float | None) -> Type:
-    """The numbers of a type between two bounds; its other values stay."""
+    """The type with its numbers limited to `low`..`high`; other values are unchanged."""
     if not kind.may(Kind.NUMBER):
         return kind
     lows = [bound for bound in (kind.low, low) if bound is not None]

@@ -1,4 +1,4 @@
-"""Packages that ss2sql does not ask of everybody, and the line that installs them."""
+"""Optional packages, and the command that installs them."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""What is known of a value before the script runs: a set of kinds, and bounds where it is a number.
+"""Static types: the set of kinds that a value may have, with bounds for numbers.
 
-Lowering uses it to choose SQLite's own operators where they provably do what the language demands, so a
-type is a promise: every value of the expression belongs to one of its kinds and lies within its bounds.
+A type is a promise: every value of the expression has one of its kinds and lies within its bounds. Lowering
+chooses SQLite's own operators where the types prove that they compute the same value.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class Opaque:
         return hash(self.key)
 
     def __bool__(self) -> bool:
-        """The object's truth; one that refuses to tell, as a data frame does, counts as true."""
+        """The object's truth; an object whose `bool` raises, such as a data frame, counts as true."""
         try:
             return bool(self.object)
         except Exception:
@@ -75,7 +75,7 @@ class Opaque:
 
 @dataclass(frozen=True, slots=True)
 class Type:
-    """A set of kinds; `low` and `high` bound the numbers among the values (None: not known, or no numbers).
+    """A set of kinds; `low` and `high` bound the numbers among the values (None: unknown, or no numbers).
 
     `item` is the type of the elements of a list, `columns` the names and types of the keys that its
     elements have (of a dict: of its own keys). `positions` are the types of the elements one by one, where
@@ -109,12 +109,12 @@ class Type:
         return self.low is not None and self.high is not None and self.low >= -limit and self.high <= limit
 
     def at_least(self, number: float) -> bool:
-        """Whether the numbers among the values provably do not lie below this one."""
+        """Whether the numbers among the values are provably at least `number`."""
         return self.low is not None and self.low >= number
 
 
 class Typed:
-    """What stands in FROM and knows the type of its value without a look at its values: a data frame."""
+    """A source whose type is known before its values are read: a data frame."""
 
     __slots__ = ("type",)
 
@@ -134,10 +134,10 @@ LIST = Type(Kind.LIST)
 NOTHING = Type(Kind(0))
 UNENCODABLE = Type(Kind.STR | Kind.OBJECT)
 
-# Types look this far into nested lists and dicts; what lies deeper is not described.
+# Types describe nested lists and dicts down to this depth.
 _DETAIL = 8
 # Lists up to this length are described element by element if they hold nothing but scalars: a point, a move with
-# its cost, an edge. Others are as a rule collections, whose length changes.
+# its cost, an edge. Longer lists are usually collections, whose length changes.
 _POSITIONS = 16
 
 
@@ -185,7 +185,7 @@ def _length(a: Type, b: Type) -> int | None:
 
 
 def _columns(a: Type, b: Type) -> tuple[tuple[str, Type], ...] | None:
-    """Columns of a union: those of both, in the order of their first appearance; None where one side lacks it."""
+    """The columns of both types, in the order of their first appearance; a column of one side alone may be None."""
     holders = [t for t in (a, b) if t.may(Kind.STRUCTURED)]
     # An empty list lacks nothing: its elements have whatever columns the others have.
     filled = [t for t in holders if not _is_empty(t)]
@@ -215,7 +215,7 @@ def may_be_equal(a: Type, b: Type) -> bool:
 
 
 def _alike(kinds: Kind) -> Kind:
-    """The kinds with all that may equal values of them: 1, 1.0 and True are equal."""
+    """`kinds` and all kinds that may hold equal values: 1, 1.0 and True are equal."""
     return kinds | Kind.NUMBER if kinds & Kind.NUMBER else kinds
 
 
@@ -231,12 +231,12 @@ def _described(types: Sequence[Type], item: Type) -> tuple[Type, ...] | None:
 
 
 def _counted(length: int, item: Type, positions: tuple[Type, ...] | None) -> int | None:
-    """The length of a list as its type has it: not that of a list of dicts, a table whose rows come and go."""
+    """The length to record in a list's type; None for a list of dicts, a table whose rows come and go."""
     return length if length and positions is None and item.only(SCALAR | Kind.LIST) else None
 
 
 def without_bounds(t: Type) -> Type:
-    """The type without what it says of the size of numbers, those inside lists and dicts included."""
+    """The type without bounds of numbers, inside lists and dicts too."""
     item = None if t.item is None else without_bounds(t.item)
     columns = None if t.columns is None else tuple((name, without_bounds(column)) for name, column in t.columns)
     positions = None if t.positions is None else tuple(map(without_bounds, t.positions))
@@ -244,7 +244,7 @@ def without_bounds(t: Type) -> Type:
 
 
 def shallow(t: Type, detail: int = _DETAIL) -> Type:
-    """The type without what lies deep inside. Columns stand in it twice, so each level doubles who looks at all."""
+    """The type down to a depth of `detail`. Columns occur twice in it, so each level doubles the work of a walk."""
     if t.item is None and t.columns is None and t.positions is None:
         return t
     if not detail:
@@ -255,12 +255,12 @@ def shallow(t: Type, detail: int = _DETAIL) -> Type:
 
 
 def covers(wide: Type, narrow: Type) -> bool:
-    """Whether every value of `narrow` also belongs to `wide`, so that a plan made for the one fits the other."""
+    """Whether every value of `narrow` also belongs to `wide`, so that a plan made for `wide` fits `narrow`."""
     return _union(wide, narrow) == wide
 
 
 def type_of(value: Any) -> Type:
-    """The exact type of a value of the language; lists are read whole, at the speed of C where they are plain."""
+    """The exact type of a value; lists are read whole, plain ones at the speed of C."""
     return _type_of(value, _DETAIL)
 
 
@@ -293,12 +293,12 @@ def _type_of(value: Any, detail: int) -> Type:
             return Type(Kind.OBJECT, columns=_columns_of_items([value], 0))
 
 
-# Modules whose objects are single values: they equal none of other types, and have no columns.
+# Modules whose objects are scalar values: equal only within their type, and without columns.
 EQUAL_TO_THEIR_LIKE = frozenset({"datetime", "uuid", "pathlib", "zoneinfo"})
 
 
 class Handle:
-    """An object that stands for something elsewhere, which tells its columns: an element of a world."""
+    """A reference to something that knows its columns: an element of a world."""
 
     __slots__ = ()
 
@@ -324,7 +324,7 @@ _WITHOUT_COLUMNS = {*_SCALARS, list, bytes}
 
 
 def _type_of_items(items: Sequence[Any], detail: int) -> Type:
-    """The union of the types of `items`, without a look at each where they are alike."""
+    """The union of the types of `items`; items of one plain kind are described at once."""
     classes = set(map(type, items))
     if classes == {list} and detail:
         inner = list(chain.from_iterable(items))
@@ -352,7 +352,7 @@ def _type_of_items(items: Sequence[Any], detail: int) -> Type:
 
 
 def _types_by_position(items: Sequence[list[Any]], inner: list[Any], detail: int) -> list[Type]:
-    """The types of the elements of short lists, one by one; nothing where the lists differ in length.
+    """The types of the elements of short lists, one by one; empty where the lists differ in length.
 
     `inner` are the elements of all lists in a row. Slices of it take a third of the time of `zip` over the lists,
     0.06 s for 200,000 pairs.
@@ -374,7 +374,7 @@ def _encodable(text: str) -> bool:
 
 
 def _columns_of_items(items: Sequence[Any], detail: int) -> tuple[tuple[str, Type], ...]:
-    """The columns of a list of dicts and objects: keys and attributes, by first appearance; a missing one is None."""
+    """The columns of a list of dicts and objects: keys and attributes, by first appearance; missing values are None."""
     classes = set(map(type, items))
     if classes == {dict}:
         names = {key: None for item in items for key in item if isinstance(key, str)}
@@ -398,7 +398,7 @@ def attributes(given: Any) -> tuple[str, ...]:
 
 @lru_cache(1000)
 def _declared(kind: type) -> tuple[str, ...] | None:
-    """The fields and slots of a type's objects; None where these have no attributes that anybody would ask for."""
+    """The fields and slots of a type's objects; None where these have no data attributes."""
     if issubclass(kind, _WITHOUT_ATTRIBUTES) or kind.__module__ in EQUAL_TO_THEIR_LIKE:
         return None
     names = [field.name for field in fields(kind)] if is_dataclass(kind) else []
@@ -409,5 +409,5 @@ def _declared(kind: type) -> tuple[str, ...] | None:
 
 
 def is_flag(kind: Type) -> bool:
-    """Whether an expression of this type is a flag in SQL."""
+    """Whether an expression of this type is a flag (0 or 1) in SQL."""
     return kind.kinds == Kind.BOOL

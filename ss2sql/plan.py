@@ -1,8 +1,8 @@
-"""The plan: a script with every name resolved, the narrow waist between the frontend and the executors.
+"""The plan: a script with every name resolved, the form between the frontend and the executors.
 
-Nothing here belongs to lark or to SQLite. Statements and queries are expressions. Sources are told apart by
-a number that is unique in the program, START WITH variables by the number of their query, so no scoping is
-left to the executors. An expression carries its `Type`, a promise about its values, and the span of its text.
+The plan is independent of lark and of SQLite. Statements and queries are expressions. A source has a number that is
+unique in the program, a START WITH variable the number of its query, so executors need no scopes. An expression has
+a `Type`, a promise about its values, and the span of its text.
 """
 
 from __future__ import annotations
@@ -103,7 +103,7 @@ def _span() -> Any:
 class Constant:
     """A value known from the text: None, bool, int, float, str, or a list of such values.
 
-    [1, 2.0] and [1.0, 2] are equal, but not the same constant.
+    Constants compare by value and type: [1, 2.0] and [1.0, 2] differ.
     """
 
     value: Any
@@ -182,7 +182,7 @@ class Call:
 
 @dataclass(frozen=True, slots=True)
 class And:
-    """Evaluated left to right until a part is false; gives a bool."""
+    """Evaluates its parts from left to right until one is false; gives a bool."""
 
     parts: tuple[Expr, ...]
     type: Type = BOOL
@@ -191,7 +191,7 @@ class And:
 
 @dataclass(frozen=True, slots=True)
 class Or:
-    """Evaluated left to right until a part is true; gives a bool."""
+    """Evaluates its parts from left to right until one is true; gives a bool."""
 
     parts: tuple[Expr, ...]
     type: Type = BOOL
@@ -233,7 +233,7 @@ class MakeList:
 
 @dataclass(frozen=True, slots=True)
 class Assign:
-    """Assigns a script variable and has the value."""
+    """Assigns a script variable; its value is the assigned one."""
 
     name: str
     value: Expr
@@ -264,9 +264,9 @@ class AssignLate:
 
 @dataclass(frozen=True, slots=True)
 class Eval:
-    """`eval(text)`: the text is parsed and resolved when it runs, in the sight of this place.
+    """`eval(text)`: the string is parsed and resolved when it runs, in the scope of this place.
 
-    `scope` belongs to the resolver; `sources` and `states` are all in sight, to be handed to the text.
+    `scope` belongs to the resolver; `sources` and `states` are all that are visible here, for the script in the string.
     """
 
     text: Expr
@@ -279,7 +279,7 @@ class Eval:
 
 @dataclass(frozen=True, slots=True)
 class GroupKey:
-    """The value of a query's GROUP BY expression with this position, in a place that sees its groups."""
+    """The value of GROUP BY expression number `index` of a query, in a clause that sees groups."""
 
     query: int
     index: int
@@ -291,8 +291,7 @@ class GroupKey:
 class Aggregate:
     """`count count_distinct sum min max average` over the rows of a group; `count(*)` has no argument.
 
-    The group `may_be_empty` where there is no GROUP BY. A sum that may overflow is `spared` where it may be that nobody
-    asks for it, as that of a group that HAVING drops.
+    The group `may_be_empty` where there is no GROUP BY.
     """
 
     function: str
@@ -337,9 +336,9 @@ class OrderKey:
 class Representation:
     """`AS name(arguments)`; the arguments may mention script variables and outer queries only.
 
-    The last `hidden` columns of the query are for the representation alone, see frontend/hidden.py. `facts` says of
-    each other column what it is called in facts, and which of the hidden columns it is told of. `labels` are the places
-    of columns whose names are those hidden columns, in each row its own.
+    The last `hidden` columns of the query are for the representation alone, see frontend/hidden.py. `facts` names each
+    other column as a fact, with the hidden columns that are its arguments. `labels` are the positions of columns whose
+    name is the value of a hidden column, one for each row.
     """
 
     name: str
@@ -360,15 +359,15 @@ By: TypeAlias = Literal["row", "step", "state"]
 class Search:
     """The hierarchical part of a query.
 
-    `order` says which step comes next, `repeats` what happens to a row met before. `weight` is the COST or
+    `order` says which step comes next, `repeats` what happens to a repeated row. `weight` is the COST or
     PROBABILITY of a step. `bound` is MEMORIZE's greatest length, `maximum` the number of results (both are
     evaluated once, at the start, and see outer queries and script variables). `stop` None: never. `states`
     are the types that the START WITH variables keep throughout the search.
 
-    `made` is the condition of CONNECT BY, without which there is no step, `first` that of START WITH, which stands in
-    its place for the first steps. `each` are the lists whose elements START WITH takes one by one. `key` is compared in
-    place of the row where there is one: the columns that are left of a row (`by` is "row"), or what BY names,
-    read in the step, or in the state after it. `siblings` order the elements of a step.
+    `made` is the condition of CONNECT BY that a step must meet, `first` that of START WITH, which replaces it for the
+    first steps. `each` are the lists whose elements START WITH takes one by one. `key`, if any, is compared in
+    place of the row: the columns that remain of a row (`by` is "row"), or the expressions of BY, evaluated in the step
+    or in the state after it. `siblings` order the elements of a step.
     """
 
     start: tuple[tuple[str, Expr], ...]
@@ -399,17 +398,16 @@ class Query:
     """A query.
 
     Without GROUP BY: the product of `sources` (the last varies fastest), filtered by `where`, gives one row
-    of `columns` each, sorted by `order`, cut to `limit` behind the first `offset`. With `search` the results are
+    of `columns` each, sorted by `order`, cut to `limit` after the first `offset`. With `search` the results are
     paths, see Search; `where` is then the goal (None: every step that does not stop), and `group`, `order` and
     `limit` act on paths and see their last step.
 
     With `group` and `aggregated`: one row per group; `columns`, `having` and `order` contain GroupKey and
     Aggregate and no Element or Column of this query outside an Aggregate. With `aggregated` alone all rows are one
-    group, even if there are none. With `group` alone: a dict from
-    group value to the partition; `columns` and `order` see elements, `having` groups. Of a search with
-    `aggregated` columns that compares the rows of its paths, `rows` are what these consist of. Of a search that is
-    `distinct` the first of equal paths counts, before `order` and `limit`; a flat query is then one of groups. Of a
-    search with `last` a result is the row of the last step.
+    group, even if there are none. With `group` alone: a dict from group value to the partition; `columns` and `order`
+    see elements, `having` groups. `rows` are the compared rows of a search with `aggregated` columns. In a `distinct`
+    search the first of equal paths counts, before `order` and `limit`; a flat query is then one of groups. In a search
+    with `last` a result is the row of the last step.
     """
 
     id: int
@@ -436,7 +434,7 @@ class Query:
 
     @property
     def gives_paths(self) -> bool:
-        """Whether the results are paths, and no rows."""
+        """Whether the results are paths instead of rows."""
         return self.search is not None and not self.aggregated and not self.last
 
 

@@ -37,7 +37,7 @@ class ValueSource:
     """The elements of a value, which may mention earlier sources, the search's state and outer queries.
 
     `columns` is None where they are known only at run time. `lateral`: as written it reads an earlier source or the
-    state, so it is evaluated again for each; after rewrites it may read them no more.
+    state, so it is evaluated again for each; rewrites may have removed the dependency since.
     """
 
     id: int

@@ -13,7 +13,7 @@ _HIDDEN = frozenset({"span", "place", "type", "scope", "literal", "reads", "tabl
 
 
 def plan_tree(program: plan.Program) -> str:
-    """The text of a program: one node per line, its parts below it, each expression with its type."""
+    """A program as text: one node per line, its parts below it, each expression with its type."""
     lines: list[str] = []
     if program.parameters:
         lines.append(f"parameters {', '.join(program.parameters)}")

@@ -21,7 +21,7 @@ else:
 
 
 def _made(cls: type, frozen: bool = False, eq: bool = True, repr: bool = True, **others: bool) -> Any:
-    """The class with its fields, as the standard library sees to them, and its methods."""
+    """Builds the class: fields by the standard library, methods from here."""
     own, cls.__doc__ = vars(cls), cls.__doc__ or cls.__name__  # the library would write a signature
     made: Any = dataclasses.dataclass(cls, init=False, repr=False, eq=False, **others)
     known = fields(made)

@@ -1,4 +1,4 @@
-"""Files that are shipped with the package and are no code, also where the package lies in a zip file."""
+"""Data files of the package, also where the package lies in a zip file."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 
 @cache
 def path_of(package: str, name: str) -> Path:
-    """The path of a file, for programs that take no other; from a zip file it is unpacked until this process ends."""
+    """The path of a data file; out of a zip file it is unpacked for the lifetime of this process."""
     unpacked = ExitStack()
     atexit.register(unpacked.close)
     return unpacked.enter_context(as_file(files(package) / name))

@@ -1,7 +1,7 @@
-"""What rows tell of the steps behind them.
+"""Whether equal rows of a search mean equal steps.
 
-UNIQUE, NO CYCLE and MEMORIZE know steps by their rows. What they find is promised where equal rows have equal stops,
-goals and next states; whether that is sure can be seen in the plan.
+UNIQUE, NO CYCLE and MEMORIZE identify steps by their rows. Their results are the promised ones where equal rows have
+equal stops, goals and next states; the plan can prove that.
 """
 
 from __future__ import annotations
@@ -20,14 +20,13 @@ _SIGNS = {"eq": ("eq", True), "ne": ("eq", False), "lt": ("lt", True), "ge": ("l
 
 
 def missing(query: plan.Query) -> Missing:
-    """What the clauses of a search read and its rows do not tell, each with the words of the clauses that read it.
+    """What the clauses of a search read beside its rows, each with the names of the clauses that read it.
 
-    Empty: equal rows are sure to have equal stops, goals and next states. So the steps after them have equal costs,
-    which depend on the state that is next.
+    Empty: equal rows are proved to have equal stops, goals and next states, so the steps after them have equal costs.
 
-    Steps that stop and are no goals leave no trace. Of all others something is known beside their rows: the condition
-    of CONNECT BY is true; without WHERE no goal stops; where STOP WITH has `src != town` and WHERE `src == town`,
-    `town` is `src`. What a search carries for `level()` and its like is none of its state.
+    Steps that stop and are no goals leave no trace. For all others more is known than their rows: the condition of
+    CONNECT BY is true; without WHERE no goal stops; with `src != town` in STOP WITH and `src == town` in WHERE, `town`
+    is `src`. The variables that a search carries for `level()` and its like are left out.
     """
     search = query.search
     assert search is not None
@@ -45,22 +44,22 @@ def missing(query: plan.Query) -> Missing:
     for name, expr in search.connect:
         if name.isidentifier():
             reader.read("CONNECT BY", [expr], told)
-        reader.moved.discard(name)  # assignments behind it see its new value, of which all was asked
+        reader.moved.discard(name)  # later assignments see its new value, which has been read
     return {expr: tuple(clauses) for expr, clauses in reader.found.items()}
 
 
 def unnamed(query: plan.Query) -> tuple[str, ...]:
-    """The same as a script says it."""
+    """The same, as expressions in a script's notation."""
     return tuple(dict.fromkeys(map(as_written, missing(query))))
 
 
 def as_written(expr: plan.Expr) -> str:
-    """An expression as a script says it."""
+    """An expression in a script's notation."""
     return expr.name if isinstance(expr, plan.State) else " ".join(expr.span.text.split())
 
 
 def growing(query: plan.Query, evenly: bool = False) -> frozenset[str]:
-    """The variables that each step adds something to or takes it from; `evenly`: a constant."""
+    """The variables to which CONNECT BY adds or subtracts something; `evenly`: a constant."""
     assert query.search is not None
     found: set[str] = set()
     for name, expr in query.search.connect:
@@ -74,7 +73,7 @@ def growing(query: plan.Query, evenly: bool = False) -> frozenset[str]:
 
 
 def stops_of(query: plan.Query) -> Iterator[plan.Expr]:
-    """The conditions in STOP WITH of which each one ends a path."""
+    """The conditions in STOP WITH that each end a path."""
     assert query.search is not None
     return (expr for expr, truth in _simple(query.search.stop, False) if not truth)
 
@@ -114,7 +113,7 @@ class _Reader:
 
 
 def _simple(condition: plan.Expr | None, truth: bool) -> Iterator[Condition]:
-    """Conditions that hold together where this one has that truth; nothing for no condition."""
+    """The conditions that all hold where this one has that truth; none for a missing condition."""
     match condition:
         case None:
             return
@@ -131,7 +130,7 @@ def _simple(condition: plan.Expr | None, truth: bool) -> Iterator[Condition]:
 
 
 def _same(condition: plan.Expr, truth: bool) -> Hashable:
-    """The same for conditions that are written in another form, as `a == b` and the opposite of `b != a`."""
+    """A canonical form: equal for `a == b` and for the opposite of `b != a`."""
     if is_volatile(condition):
         return id(condition)
     match condition:
@@ -146,7 +145,7 @@ def _same(condition: plan.Expr, truth: bool) -> Hashable:
 
 
 def _told(columns: Iterable[plan.Expr]) -> list[plan.Expr]:
-    """What is known with the values of some columns: these, and the items of lists that they write out."""
+    """What the values of some columns determine: these, and the items of list literals in them."""
     found: list[plan.Expr] = []
     for expr in columns:
         found.append(expr)
@@ -156,7 +155,7 @@ def _told(columns: Iterable[plan.Expr]) -> list[plan.Expr]:
 
 
 def _with_equals(told: list[plan.Expr], conditions: Sequence[Condition]) -> list[plan.Expr]:
-    """What is told, and what equals that, or a constant, where the conditions hold."""
+    """`told`, and what equals one of them or a constant where the conditions hold."""
     known, pairs = list(told), list[tuple[plan.Expr, plan.Expr]]()
     for condition, truth in conditions:
         match condition:

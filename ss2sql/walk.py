@@ -1,4 +1,4 @@
-"""Walking plans: the parts of an expression or query, and what it depends on."""
+"""Traversal of plans: the parts of an expression or query, and what it depends on."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def parts(node: Node) -> Iterator[Node]:
 
 
 def _names(kind: Any) -> tuple[str, ...]:
-    """The fields of a class that may hold nodes; kept by class, for plans are walked all the time."""
+    """The fields of a class that may hold nodes; cached by class."""
     names = _fields.get(kind)
     if names is None:
         names = () if kind is plan.Constant else tuple(f.name for f in fields(kind) if f.name not in _PLAIN)
@@ -90,24 +90,24 @@ def _mapped(value: Any, change: Callable[[Node], Node]) -> Any:
 
 
 def conjuncts(condition: plan.Expr | None) -> tuple[plan.Expr, ...]:
-    """What has to hold together, in the order in which it is asked; nothing for no condition."""
+    """The parts of a conjunction, in the order of their evaluation; none for a missing condition."""
     return condition.parts if isinstance(condition, plan.And) else () if condition is None else (condition,)
 
 
 def junction(kind: type[plan.And | plan.Or], parts: Sequence[plan.Expr], span: Span) -> plan.Expr:
-    """The parts as one condition, of which there is at least one: itself where it is alone."""
+    """The parts, at least one, as one condition; a single part is itself the condition."""
     return parts[0] if len(parts) == 1 else kind(tuple(parts), span=span)
 
 
 def asks_for_rows(query: plan.Query) -> bool:
-    """Whether a query only says if there is a row: True, or None without one, see lowering/rewrites/exists.py."""
+    """Whether a query only tests for a row: True, or None without one, see lowering/rewrites/exists.py."""
     constants = [output.expr for output in query.columns] + [query.limit]
     known = [constant.value for constant in constants if isinstance(constant, plan.Constant)]
     return query.representation.name == "value" and known == [True, 1] and not (query.search or query.order)
 
 
 def cuts_off(query: plan.Query) -> bool:
-    """Whether LIMIT ends a flat query before its rows are used up, so that it shows which rows call functions."""
+    """Whether LIMIT may end a flat query early, so that the rows that call functions can be observed."""
     return query.limit is not None and not (query.search or query.order or query.group or asks_for_rows(query))
 
 
@@ -118,7 +118,7 @@ def walks_the_same(query: plan.Query) -> bool:
 
 
 def sources_read(node: Node) -> frozenset[int]:
-    """The numbers of all sources whose element or columns the node reads, its own nested ones included."""
+    """The numbers of all sources whose element or columns the node reads, sources inside it included."""
     found: set[int] = set()
     for part in walk(node):
         match part:
@@ -147,14 +147,14 @@ def states_read(node: Node) -> frozenset[tuple[int, str]]:
 
 
 def moves(node: Node, sources: Collection[int], search: int | None) -> bool:
-    """Whether the node is another one for each row of these sources, or each state of this query's search."""
+    """Whether the node's value may change with the rows of these sources or the states of this query's search."""
     return not sources_read(node).isdisjoint(sources) or any(query == search for query, _ in states_read(node))
 
 
 def set_at_once(query: plan.Query) -> dict[str, plan.Expr]:
-    """The variables that CONNECT BY gives a value of the state before the step, and this value.
+    """The variables that CONNECT BY sets from the state before the step, with their new values.
 
-    Left out are those that it sets again, and those whose value depends on what it has set before.
+    Variables that are set twice, or from a variable that is already set, are left out.
     """
     assert query.search is not None
     moved: set[tuple[int, str]] = set()
@@ -181,7 +181,7 @@ def functions(node: Node) -> Iterator[plan.Function]:
 
 
 def is_volatile(node: Node) -> bool:
-    """Whether evaluating the node once more, or earlier, could be noticed: volatile calls, assignments, `eval`."""
+    """Whether evaluating the node again, or earlier, has an effect: volatile calls, assignments, `eval`."""
     return any(
         isinstance(part, (plan.Assign, plan.TemporalAssign, plan.AssignLate, plan.Eval))
         or (isinstance(part, plan.Call) and part.function.volatility == "volatile")
@@ -190,7 +190,7 @@ def is_volatile(node: Node) -> bool:
 
 
 def can_fail(node: Node) -> bool:
-    """Whether evaluating the expression can raise, or be noticed: then its place in the order matters."""
+    """Whether evaluating the expression can raise or has an effect, so that its place in the order matters."""
     return is_volatile(node) or any(
         (isinstance(part, plan.Call) and part.function.raises)
         or isinstance(part, plan.Subquery)
@@ -200,7 +200,7 @@ def can_fail(node: Node) -> bool:
 
 
 def choices(call: plan.Call) -> tuple[plan.Expr, ...]:
-    """What `min` or `max` chooses from: its arguments or the items of a list literal; nothing where it is a list."""
+    """The candidates of `min` or `max`: its arguments or the items of a list literal; none for another list."""
     match call.arguments:
         case (plan.MakeList(items=items),):
             return items

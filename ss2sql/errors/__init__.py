@@ -1,14 +1,14 @@
 """Errors are data: a code, a sentence, a place and hints; one renderer turns them into text.
 
 Every error that ss2sql raises itself is an `Error`. A Python function of the user that raises keeps its
-own exception type; it only gets a note that names the line of the script (see `note_place`).
+own exception type and gets a note with the line of the script (see `note_place`).
 
-- places.py: scripts, and stretches of them
-- codes.py: the table of codes
-- family.py: the classes of errors
-- hints.py: known names that are nearly the one that was written; hints in the words of a shell
-- notes.py: the note on exceptions of the user
-- render.py: the text of an error
+- errors/places.py: scripts, and stretches of them
+- errors/codes.py: the table of codes
+- errors/family.py: the classes of errors
+- errors/hints.py: known names that are similar to the one that was written; hints in the words of a shell
+- errors/notes.py: the note on exceptions of the user
+- errors/render.py: the text of an error
 """
 
 from ss2sql.errors.codes import CODES as CODES

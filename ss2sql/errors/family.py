@@ -14,7 +14,7 @@ class Error(Exception):
     """The base of all errors of ss2sql.
 
     `code` is a key of `CODES`, `message` one sentence, `span` the place in the script (None where there is
-    none), `hints` a tuple of sentences that say what to do, `related` places that have to do with it.
+    none), `hints` a tuple of sentences that say what to do, `related` further places with labels.
     `errors` holds every error found at once, this one first. `str(error)` is the rendered message.
     """
 
@@ -86,7 +86,7 @@ class ResolveError(Error):
 
 
 class UnsupportedError(Error):
-    """The database was demanded for something that it cannot do."""
+    """The script needs something that the demanded engine lacks."""
 
 
 class ExecutionError(Error):
@@ -94,7 +94,7 @@ class ExecutionError(Error):
 
 
 class RepresentationError(Error):
-    """Rows could not be given the form that AS asks for."""
+    """Rows do not fit the representation that AS asks for."""
 
 
 class Stopped(Error):  # noqa: N818 - not an error of the script
@@ -117,13 +117,13 @@ class Cancelled(Stopped):
 
 
 class OutOfMemory(Stopped):
-    """The run took more memory than it may, or than there is; `partial` holds what was found, where that is known."""
+    """The run exceeded its limit of memory, or the machine's; `partial` holds what was found, if known."""
 
     status = "memory"
 
 
 class OutOfSteps(Stopped):
-    """The searches of the run tried more steps than they may; `partial` holds what was found."""
+    """The searches of the run exceeded the limit of steps; `partial` holds what was found."""
 
     status = "steps"
 
@@ -133,11 +133,11 @@ class SessionError(Error):
 
 
 class WorkersWarning(UserWarning):
-    """`workers` has no effect on a run, or on the calls of one function; the text says why and what to do."""
+    """`workers` has no effect on a run, or on the calls of one function; the message says why and what to do."""
 
 
 def several(errors: Sequence[Error]) -> Error:
-    """One exception that stands for all `errors` (at least one), in the order of their places."""
+    """One exception for all `errors` (at least one), in the order of their places."""
     ordered = sorted(errors, key=lambda e: e.span.start if e.span else -1)
     first = ordered[0]
     first.errors = tuple(ordered)

@@ -1,4 +1,4 @@
-"""Hints: known names that are nearly the one that was written; the words of whoever reads them."""
+"""Hints: known names that are similar to the one that was written; the wording for a shell."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from ss2sql.errors.family import Error
 
 Spellings: TypeAlias = tuple[tuple[re.Pattern[str], str], ...]
 
-FEW = 8  # so many names can all be shown
+FEW = 8  # up to so many names are all shown
 
 
 def similar(name: str, known: Iterable[str]) -> list[str]:
-    """The known names, three at most, that are spelt nearly like this one; one that differs in its case is it alone."""
+    """The known names, three at most, with a similar spelling; a name that differs only in case is returned alone."""
     from difflib import get_close_matches
 
     lowered = {one.lower(): one for one in sorted(set(known), reverse=True)}
@@ -28,7 +28,7 @@ def similar(name: str, known: Iterable[str]) -> list[str]:
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> tuple[str, ...]:
-    """Hints with the closest known names, or all names where there are few."""
+    """Hints with the closest known names, or with all names where there are few."""
     names = sorted(set(known))
     if twins := [one for one in names if one != name and normalize("NFKC", one) == normalize("NFKC", name)]:
         return tuple(f"did you mean '{one}', which is written with {_code_points(one)}?" for one in twins)
@@ -40,12 +40,12 @@ def did_you_mean(name: str, known: Iterable[str]) -> tuple[str, ...]:
 
 
 def _code_points(name: str) -> str:
-    """The characters of a name by their numbers, but for those of ASCII: names that look alike differ in them."""
+    """A name with the code points of its characters beyond ASCII, for names that look the same."""
     return ", ".join(f"U+{ord(char):04X}" if not char.isascii() else char for char in name)
 
 
 def respell(error: Error, spellings: Spellings) -> None:
-    """Makes hints, which speak to users of Python, speak to those of a command line or a shell."""
+    """Rewrites hints for users of Python into hints for a command line or a shell."""
     for one in error.errors:
         for pattern, spelling in spellings:
             one.hints = tuple(pattern.sub(spelling, hint) for hint in one.hints)

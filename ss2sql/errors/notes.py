@@ -1,4 +1,4 @@
-"""The note on a user's exception: it keeps its type and traceback, and says where the script was."""
+"""The note on a user's exception with the place in the script; type and traceback stay."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from ss2sql.errors.places import Span
 def note_place(
     exception: BaseException, called: str, spans: Sequence[Span], kind: str = "function", evals: Sequence[Span] = ()
 ) -> None:
-    """Adds to a user's exception the note that names what raised it and its place in the script, once.
+    """Adds to a user's exception, once, the note with the function that raised it and its place in the script.
 
     Args:
         exception: what was raised; its type and its traceback stay.
         called: the name of what raised it.
         spans: where it is called.
         kind: what it is.
-        evals: where the texts are read that the call stands in, the innermost first.
+        evals: the places of the `eval` calls whose strings contain the call, the innermost first.
     """
     places = ", ".join(dict.fromkeys(span.place for span in spans)) or "<script>"
     lines = [f"raised by the {kind} '{called}', called at {places}", *_shown(spans)]
@@ -27,14 +27,14 @@ def note_place(
 
 
 def note_once(exception: BaseException, note: str) -> None:
-    """Adds the note, unless the exception has one that says more precisely where it comes from."""
+    """Adds the note, unless the exception already has a more precise one."""
     if getattr(exception, "_ss2sql_noted", False):
         return
     exception.add_note(note)
     try:
         exception._ss2sql_noted = True  # type: ignore[attr-defined]
     except AttributeError:
-        return  # exceptions with __slots__ cannot be marked; a second note does no harm
+        return  # exceptions with __slots__ cannot be marked and may get a second note
 
 
 def _shown(spans: Sequence[Span]) -> list[str]:

@@ -1,4 +1,4 @@
-"""Places in scripts: a text with its name, and stretches of it."""
+"""Places in scripts: a script's source with its name, and spans of it."""
 
 from __future__ import annotations
 

@@ -9,8 +9,7 @@
       |    opened here
       = help: write the missing ')'
 
-The place of an error is marked with `^`, what has to do with it with `-`. Colour is for terminals, and whoever calls
-says whether there is one.
+The place of an error is marked with `^`, related places with `-`. The caller decides about colour.
 """
 
 from __future__ import annotations
@@ -88,7 +87,7 @@ class _Mark:
 
 
 def _stands_beside(one: _Mark, other: _Mark) -> bool:
-    """Whether both can be marked below the same line: they are on it, apart, and near enough to be seen together."""
+    """Whether both can be marked below the same line: they are on it, apart, and close to each other."""
     first, second = sorted((one.span, other.span), key=lambda span: span.start)
     return (
         first.source is second.source
@@ -132,7 +131,7 @@ class _Page:
         self.lines.append(self.paint(BLUE, f"{head} |") + (f" {text}" if text else ""))
 
     def show(self, mark: _Mark, beside: list[_Mark] | None = None) -> None:
-        """The line of a mark, or its lines, with the mark and those that stand beside it."""
+        """The line or lines of a mark, with the mark and those beside it."""
         self.row("")
         if _last_line(mark.span) > mark.span.line:
             self._stretch(mark)
@@ -161,7 +160,7 @@ class _Page:
             self.row(bars + " " * (place - used) + self.paint(one.style, one.label))
 
     def _bars(self, hanging: list[tuple[int, _Mark]]) -> str:
-        """The lines that lead from marks down to what is said of them."""
+        """The lines from marks down to their labels."""
         text, at = "", 0
         for place, one in hanging:
             text += " " * (place - at) + self.paint(one.style, "|")
@@ -192,7 +191,7 @@ class _Page:
 
 
 class _Cut:
-    """What is shown of a line, and in which cell of the terminal each of its characters stands."""
+    """The shown part of a line, with the terminal's cell of each character."""
 
     def __init__(self, text: str, at: int) -> None:
         fits = len(text) <= WIDTH and sum(_seen(char)[1] for char in text) <= WIDTH
@@ -222,8 +221,8 @@ class _Cut:
 def _seen(char: str) -> tuple[str, int]:
     """How a character is shown, and how many cells it takes.
 
-    East Asian characters take two, combining ones none. A control character would do something to the terminal, and
-    one that turns the direction of writing would show another script than the one that runs: both get a picture.
+    East Asian characters take two, combining ones none. Control characters, which would act on the terminal, and those
+    that change the direction of writing, which would show another script than the one that runs, are shown as symbols.
     """
     if " " <= char <= "~":
         return char, 1

@@ -1,4 +1,4 @@
-"""Whether two expressions are written alike: the numbers of the queries and sources inside of them do not count."""
+"""Structural equality of expressions, whatever the numbers of the queries and sources inside."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ss2sql.walk import rebuild, walk
 
 
 def alike(one: plan.Expr, other: plan.Expr) -> bool:
-    """Whether both mean the same: they are equal once what is inside of them is numbered in the same way."""
+    """Whether both are equal once the queries and sources inside have the same numbers."""
     if type(one) is not type(other) or one == other:
         return one == other
     ones, others = _numbers_inside(one), _numbers_inside(other)
@@ -19,12 +19,12 @@ def alike(one: plan.Expr, other: plan.Expr) -> bool:
 
 
 def _numbers_inside(node: plan.Expr) -> list[int]:
-    """The numbers of the queries and sources inside, in the order of the plan. No two of a script share theirs."""
+    """The numbers of the queries and sources inside, in the order of the plan; they are unique in a script."""
     return [part.id for part in walk(node) if isinstance(part, (plan.Query, *plan.SOURCES))]
 
 
 def _renumbered(node: Any, numbers: Mapping[int, int]) -> Any:
-    """The node with other numbers of queries and sources; what is not in `numbers` keeps its own."""
+    """The node with the numbers of queries and sources replaced by `numbers`, as far as that names them."""
     node = rebuild(node, lambda part: _renumbered(part, numbers))
     match node:
         case plan.Query(id=number) | plan.TableSource(id=number) | plan.ValueSource(id=number):

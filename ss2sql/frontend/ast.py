@@ -1,6 +1,6 @@
 """The syntax tree: one frozen dataclass per construct, each with the span of its text.
 
-Spans do not take part in comparisons, so two trees are equal when their scripts mean the same text.
+Comparisons ignore spans, so two trees are equal when their scripts differ only in layout.
 The tree is closed: code that walks it uses `match` and ends with `assert_never`.
 """
 
@@ -204,7 +204,7 @@ class Named:
 class From:
     """One source of FROM, `name = expr`; without a written name the name is None.
 
-    Behind JOIN it has a condition `on`, which sees the sources up to it; behind LEFT JOIN it is `optional`.
+    After JOIN it has a condition `on`, which sees the sources up to it; after LEFT JOIN it is `optional`.
     """
 
     name: str | None
@@ -229,7 +229,7 @@ class Option:
     """An option of CONNECT BY.
 
     `keyword` is one of `DEPTH FIRST`, `BREADTH FIRST`, `COST`, `HEURISTIC`, `PROBABILITY`, `MEMORIZE`,
-    `NO CYCLE`, `UNIQUE`, `MAXIMUM`, in upper case with one blank. `by` is the key behind BY.
+    `NO CYCLE`, `UNIQUE`, `MAXIMUM`, in upper case with one blank. `by` is the key after BY.
     """
 
     keyword: str

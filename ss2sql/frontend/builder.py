@@ -1,8 +1,7 @@
-"""From grammar rules to the syntax tree: one method per rule of `grammar.lark` (queries: query_builder.py).
+"""From grammar rules to the syntax tree: one method per rule of `grammar.lark` (queries: frontend/query_builder.py).
 
-The parser calls a method when its rule is complete, with the span of its text and its children. Besides making
-the node, a method refuses what the grammar cannot: queries that nothing ends, assignments as conditions, numbers
-out of range. Such errors are collected and parsing goes on.
+The parser calls a method when its rule is complete, with the span of its text and its children. A method makes the
+node and collects errors that the grammar accepts: queries without an end, assignments as conditions, large numbers.
 """
 
 from __future__ import annotations
@@ -33,7 +32,7 @@ _N = TypeVar("_N")
 
 @dataclass(slots=True, eq=False)
 class Part(Generic[_N]):
-    """A node on its way into the tree: `depth` counts its levels.
+    """A node that is not yet in the tree: `depth` counts its levels.
 
     `query` is the query without parentheses that stands at the right end of its text, if there is one.
     """
@@ -58,7 +57,7 @@ class ExpressionBuilder:
     def __init__(self, source: Source) -> None:
         self.script_source = source
         self._errors: list[ParseError] = []
-        # 9223372036854775808 is in range only behind a minus: its error waits here, by the number's offset.
+        # 9223372036854775808 is in range only after a minus: its error waits here, by the number's offset.
         self._too_large: dict[int, ParseError] = {}
         self._number: Expr | None = None
 
@@ -67,13 +66,11 @@ class ExpressionBuilder:
         return [getattr(self, rule.action) if rule.action else None for rule in table.rules]
 
     def errors(self) -> list[ParseError]:
-        """What was found wrong so far."""
+        """The errors found so far."""
         return [*self._errors, *self._too_large.values()]
 
     def unended(self, start: int) -> bool:
-        """Whether a query behind the offset `start` was found not to be ended, to run into a comment of SQL, or else to
-        go on where nobody knows it.
-        """
+        """Whether a query after the offset `start` was found without an end: it runs into what follows."""
         found = (e for e in self._errors if e.code == "P009" or COMMENT in e.hints or e.message.startswith(NUMBERED))
         return any(e.span is not None and e.span.end > start for e in found)
 
@@ -280,7 +277,7 @@ class ExpressionBuilder:
         return Span(self.script_source, token.start, token.end)
 
     def _part(self, node: Any, *parts: Deep, query: ast.Query | None = None) -> Part[Any]:
-        """A node with its depth. Raises ParseError (P005) for a tree that later stages could not walk."""
+        """A node with its depth. Raises ParseError (P005) for a tree that is too deep for later stages."""
         depth = 1 + max([part.depth for part in parts], default=0)
         if depth > MAX_DEPTH:
             raise _too_deep(node)
@@ -292,7 +289,7 @@ class ExpressionBuilder:
         return error
 
     def _operands(self, parts: Sequence[Expr], sign: str, place: Span | None = None) -> tuple[ast.Expr, ...]:
-        """The operands of `sign`. On its left a bare query must be ended by AS, and is not compared at all."""
+        """The operands of `sign`. A bare query on its left must end with AS; a comparison refuses it."""
         for query in [part.query for part in parts[:-1] if part.query is not None]:
             shape = query.representation
             if shape is None and sign in COMPARISONS and _ends_in_comparison(query):
@@ -312,7 +309,7 @@ class ExpressionBuilder:
         return tuple(part.node for part in parts)
 
     def _condition(self, part: Expr, keyword: str) -> ast.Expr:
-        """The condition behind `keyword`. Parentheses let an assignment through: as the whole it is refused."""
+        """The condition after `keyword`; an assignment is refused, unless in parentheses."""
         node = part.node
         if isinstance(node, ast.Assign):
             self._error("P006", f"= assigns, but {keyword} needs a condition", node.span,
@@ -321,7 +318,7 @@ class ExpressionBuilder:
 
 
 def _ends_in_comparison(query: ast.Query) -> bool:
-    """Whether the last clause that is written is a condition that ends in a comparison."""
+    """Whether the last written clause is a condition that ends in a comparison."""
     last = query.having or query.stop or query.where
     while isinstance(last, ast.And | ast.Or):
         last = last.parts[-1]
@@ -330,7 +327,7 @@ def _ends_in_comparison(query: ast.Query) -> bool:
 
 
 def _too_deep(node: Any) -> ParseError:
-    """The error for a node that has too many below it: a chain of one operator is long rather than deep."""
+    """The error for a node with too many levels below it; a chain of one operator is called long."""
     if isinstance(node, ast.Operator) and node.place is not None:
         first = node.operands[0]
         if isinstance(first, ast.Operator) and first.function == node.function:

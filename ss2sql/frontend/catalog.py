@@ -1,4 +1,4 @@
-"""What exists when a script is resolved: functions, variables with their types, tables, representations."""
+"""The catalog: functions, variables with their types, tables and representations that scripts can name."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from ss2sql.records import dataclass
 
 @dataclass(slots=True)
 class Catalog:
-    """The world that a script is resolved in.
+    """All names that a script can refer to.
 
     `functions` holds the built-in and the registered ones, a registered one in place of a built-in of the
-    same name. `variable_type` gives the type of a script variable's current value (it is asked only for
+    same name. `variable_type` gives the type of a script variable's current value (it is called only for
     names in `variables`). `table` finds a table or view by schema (None: any) and name. `late` are variables
     bound to list literals that are resolved where they are used. With `open_names` an unknown name becomes a
-    parameter, without it is an error. `worlds` are those attached, with the names of their tables; `world_functions`
-    their columns and methods, which are meant where an argument may be an element. `other_table` finds `name` or
-    `schema.name` in the engine's own database, and says as what variable it is read. `frames` are the variables that
-    are data frames, `files` the names of attached SQLite files. `asked` says what representations ask for beside the
+    parameter, else it is an error. `worlds` are those attached, with the names of their tables; `world_functions`
+    their columns and methods, which apply where an argument may be an element. `other_table` finds `name` or
+    `schema.name` in the engine's own database and gives the variable that it is read as. `frames` are the variables
+    that are data frames, `files` the names of attached SQLite files. `asked` says what representations need beside the
     columns: "elements" or "calls".
     """
 

@@ -1,7 +1,7 @@
-"""How far a number in the state of a search can get: `x = x + dx` adds a little with every step.
+"""Bounds of the numbers in a search's state: `x = x + dx` adds a bounded amount with every step.
 
-Where every step moves a number by bounded amounts, or sets it to a bounded value, its size follows from the
-number of steps. That proof by induction is what types alone cannot give: each step widens the last one's bounds.
+Where every step changes a number by bounded amounts, or sets it to a bounded value, its size follows from the number
+of steps, by induction. Types alone cannot prove it: each step would widen the bounds of the last one.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ STEPS = 2**36
 
 NUMBER = Kind.INT | Kind.FLOAT
 
-# What is assumed of a number until it is proved. Integers of this size can be added without leaving 64 bits.
+# The bounds that are assumed until they are proved. Integers of this size can be added without leaving 64 bits.
 _LARGEST_INT, _LARGEST_FLOAT = 2**62, 1e300
 _EXACT = 2**53  # integers up to here are floats, too
 
@@ -43,7 +43,7 @@ class Slot:
         return Type(self.kinds, -self.limit, self.limit)
 
     def part(self, variable: Type) -> Type | None:
-        """The type of the number, in a type of its variable; None where the variable may be something else."""
+        """The type of the number within a type of its variable; None where the variable may hold something else."""
         if self.position is None:
             return variable if variable.only(NUMBER) else None
         if not variable.only(Kind.LIST) or variable.positions is None or self.position >= len(variable.positions):
@@ -53,7 +53,7 @@ class Slot:
 
 
 def slots_of(query: int, name: str, first: Type) -> Iterator[Slot]:
-    """The numbers in a START WITH variable, by the type of its first value."""
+    """The numbers in a START WITH variable, found by the type of its first value."""
     candidates = [Slot(query, name, None, first.kinds)]
     candidates += [Slot(query, name, at, part.kinds) for at, part in enumerate(first.positions or ())]
     return (slot for slot in candidates if slot.part(first) is not None)
@@ -74,7 +74,7 @@ Interval = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class _Drift:
-    """A value lies in the interval `fixed`, or in the interval `shift` around the number before the step."""
+    """A value in the interval `fixed`, or in the interval `shift` around the number before the step."""
 
     shift: Interval | None = None
     fixed: Interval | None = None
@@ -87,7 +87,7 @@ def reach(slot: Slot, first: Type, following: plan.Expr) -> Type | None:
     """The type of a number throughout the search, None where no bound is proved.
 
     Args:
-        slot: the number, whose present kinds are all that it ever has.
+        slot: the number, with all kinds that it ever has.
         first: its type in the START WITH state.
         following: what CONNECT BY assigns to its variable.
     """
@@ -97,7 +97,7 @@ def reach(slot: Slot, first: Type, following: plan.Expr) -> Type | None:
     if slot.kinds == NUMBER and not -_EXACT <= low <= high <= _EXACT:
         return None  # an integer that becomes a float could be rounded beyond it
     if drift.shift is not None:
-        # Each addition of floats is rounded, by no more than what it adds; so is an integer that becomes a float.
+        # Rounding changes a sum of floats by at most what was added, an integer that becomes a float as well.
         steps = STEPS * 4 if slot.kinds & Kind.FLOAT else STEPS
         low, high = low + min(drift.shift[0], 0) * steps, high + max(drift.shift[1], 0) * steps
     return Type(slot.kinds, low, high) if -slot.limit <= low <= high <= slot.limit else None
@@ -109,7 +109,7 @@ def _interval(kind: Type) -> Interval | None:
 
 
 def _of_variable(expr: plan.Expr, slot: Slot) -> _Drift:
-    """The drift of a number, from what its whole variable becomes."""
+    """The change of a number, from the expression that its whole variable is set to."""
     if slot.position is None:
         return _of_number(expr, slot)
     match expr:
@@ -146,7 +146,7 @@ def is_slot(expr: plan.Expr, slot: Slot) -> bool:
 
 
 def _moved(expr: plan.Expr, slot: Slot) -> _Drift | None:
-    """The drift of an expression whose operands may be the number; None where its type has to say it all."""
+    """The change that an expression over the number makes; None where only its type is known."""
     match expr:
         case plan.If(then=then, otherwise=otherwise):
             return _either(_of_number(branch[-1], slot) for branch in (then, otherwise))

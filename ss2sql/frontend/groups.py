@@ -1,4 +1,4 @@
-"""GROUP BY: which expressions are values of a group, which aggregate its rows, and what that makes of the query."""
+"""GROUP BY: group keys and aggregates in place of the expressions that mean them."""
 
 from __future__ import annotations
 
@@ -18,10 +18,9 @@ if TYPE_CHECKING:
 
 
 def with_groups(resolver: Resolver, query: plan.Query) -> plan.Query:
-    """The query with group values and aggregates in the places that see groups.
+    """The query with group keys and aggregates in the clauses that see groups.
 
-    A query whose columns are made of these alone gives one row per group. Of a search that compares rows they are
-    the rows, too; of another one nobody asks for rows.
+    A query whose columns consist of these alone gives one row per group. A search that compares rows keeps them too.
     """
     columns = tuple(replace(output, expr=_lifted(resolver, output.expr, query)) for output in query.columns)
     aggregates = any(isinstance(node, plan.Aggregate) for output in columns for node in walk_own(output.expr))
@@ -58,7 +57,7 @@ COUNTED = Type(Kind.INT, 0, 2**53)
 
 
 def counts_all(columns: tuple[ast.Expr | ast.Named | ast.Star, ...]) -> bool:
-    """Whether SELECT without GROUP BY counts all rows, by `count(*)` or `count(DISTINCT x)`, queries inside apart."""
+    """Whether SELECT without GROUP BY has `count(*)` or `count(DISTINCT x)`, outside of inner queries."""
     return any(map(_counts, columns))
 
 
@@ -73,7 +72,7 @@ def _counts(tree: Any) -> bool:
 
 
 def with_star(function: plan.Function, grouped: bool, span: Span) -> plan.Aggregate:
-    """`count(*)` of a group. Raises ResolveError R008 for the star of another function, and where there is no group."""
+    """`count(*)` of a group. Raises ResolveError R008 for another function, and without a group."""
     if not function.builtin:
         hint = f"give arguments to {function.name}, which is a function of yours"
     elif function.name != "count":
@@ -100,10 +99,7 @@ def with_distinct(function: plan.Function, grouped: bool, argument: plan.Expr, s
 
 
 def _with_spared(query: plan.Query) -> plan.Query:
-    """The query with a mark on the sums that are not computed of every group.
-
-    Equal aggregates become the one that is evaluated first, so that SQL computes them once.
-    """
+    """The query with equal aggregates replaced by the first of them, so that SQL computes each once."""
     exprs = [output.expr for output in query.columns] + [key.expr for key in query.order]
     exprs = exprs if query.having is None else [query.having, *exprs]
     firsts: dict[plan.Aggregate, plan.Aggregate] = {}
@@ -113,7 +109,7 @@ def _with_spared(query: plan.Query) -> plan.Query:
 
     def marked(node: Any) -> Any:
         if isinstance(node, plan.Aggregate):
-            # One with a volatile argument stays a node of its own, so that its calls are made again.
+            # An aggregate with a volatile argument stays a node of its own, so that its calls are made again.
             return replace(firsts[node], span=node.span) if is_volatile(node) else firsts[node]
         return node if isinstance(node, plan.Query) else rebuild(node, marked)
 
@@ -126,9 +122,9 @@ def _with_spared(query: plan.Query) -> plan.Query:
 
 
 def _lifted(resolver: Resolver, expr: plan.Expr, query: plan.Query, inside: bool = False) -> plan.Expr:
-    """The expression with GroupKey and Aggregate where it means a group value or an aggregate.
+    """The expression with GroupKey and Aggregate in place of group keys and aggregates.
 
-    `inside` another query the group values are in sight, but its calls of `sum` and its kin are its own.
+    `inside` another query the group keys are visible, but its calls of `sum` and other aggregates are its own.
     """
     for index, key in enumerate(query.group):
         if not isinstance(key, plan.Constant) and alike(expr, key):
@@ -154,7 +150,7 @@ def _lifted(resolver: Resolver, expr: plan.Expr, query: plan.Query, inside: bool
 
 
 def _typed(resolver: Resolver, expr: plan.Expr) -> plan.Expr:
-    """The expression with the type that it has now: of an aggregate other things are known than of a list."""
+    """The expression with its type computed again, since an aggregate's type differs from a list's."""
     match expr:
         case plan.Call(function=function, arguments=arguments) if function.builtin:
             return resolver.call(function.name, arguments, expr.span, expr.place)
@@ -170,7 +166,7 @@ def _typed(resolver: Resolver, expr: plan.Expr) -> plan.Expr:
 
 
 def _sees_rows(node: object, query: plan.Query, inside: bool = False) -> bool:
-    """Whether the node reads the query's own elements or state outside its aggregates; `inside` see `_lifted`."""
+    """Whether the node reads the query's own elements or state outside its aggregates; `inside` as in `_lifted`."""
     own = {source.id for source in query.sources}
     match node:
         case plan.Aggregate() if not inside:
@@ -192,7 +188,7 @@ def _refuse(resolver: Resolver, query: plan.Query, reason: str) -> None:
 
 
 def _refuse_star(resolver: Resolver, query: plan.Query) -> None:
-    """`count(*)` where ORDER BY sorts single rows."""
+    """Refuses `count(*)` where ORDER BY sorts single rows."""
     for key in query.order:
         if any(isinstance(node, plan.Aggregate) for node in walk_own(key.expr)):
             message = "ORDER BY sorts rows here, because SELECT mentions them, so it cannot count those of a group"
@@ -201,7 +197,7 @@ def _refuse_star(resolver: Resolver, query: plan.Query) -> None:
 
 
 def _refuse_star_within(resolver: Resolver, aggregate: plan.Call) -> None:
-    """`count(*)` as what an aggregate is computed of."""
+    """Refuses `count(*)` inside an aggregate."""
     for node in walk_own(aggregate.arguments[0]):
         if isinstance(node, plan.Aggregate):
             message = f"{aggregate.function.name} is computed of single rows, so it cannot count those of a group"
@@ -210,7 +206,7 @@ def _refuse_star_within(resolver: Resolver, aggregate: plan.Call) -> None:
 
 
 def _refuse_mixture(resolver: Resolver, query: plan.Query, columns: tuple[plan.Output, ...]) -> None:
-    """An aggregate beside a value of single rows: name both."""
+    """Refuses an aggregate beside a value of single rows; the error names both."""
     single = next(output for output in columns if _sees_rows(output.expr, query))
     message = f"'{single.name}' belongs to a row, not to a group, so it cannot stand beside an aggregate"
     text = single.expr.span.text

@@ -1,8 +1,8 @@
-"""Columns that a representation asks for although SELECT does not name them.
+"""Hidden columns: those that a representation needs beside SELECT's.
 
-`SELECT mass FROM space AS plane(...)` has to know where the bodies are, `SELECT mass FROM space AS prolog` whose mass
-it is, `SELECT to(mass, name(this)) FROM space AS dict` what it is called in each row. Such columns stand behind those
-of SELECT, and nobody but the representation sees them.
+`SELECT mass FROM space AS plane(...)` needs the bodies' positions, `SELECT mass FROM space AS prolog` the bodies
+themselves, `SELECT to(mass, name(this)) FROM space AS dict` the name in each row. Such columns follow those of SELECT,
+and only the representation sees them.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from ss2sql.walk import sources_read, states_read, walk
 if TYPE_CHECKING:
     from ss2sql.frontend.resolve import Resolver
 
-_SIGNS = {*OPERATORS.values(), "neg", "not_in", "item", "slice", "like"}  # calls that are not written as such
+_SIGNS = {*OPERATORS.values(), "neg", "not_in", "item", "slice", "like"}  # calls that are written as operators
 
 
 def with_hidden_columns(resolver: Resolver, query: plan.Query) -> plan.Query:
-    """The query with what its representation asks for. Rows of searches and of groups belong to no single element."""
+    """The query with its representation's columns. Rows of searches and groups belong to no single element."""
     query = _with_labels(resolver, query)
     form = query.representation
     wanted = resolver.catalog.asked.get(form.name)
@@ -45,7 +45,7 @@ def with_hidden_columns(resolver: Resolver, query: plan.Query) -> plan.Query:
 def _with_labels(resolver: Resolver, query: plan.Query) -> plan.Query:
     """The query with the names that `to` gives to columns row by row, which `AS dict` alone shows.
 
-    They are not compared: `to(this, "step" + str(level))` repeats where `this` does.
+    UNIQUE and NO CYCLE ignore them: `to(this, "step" + str(level))` repeats where `this` does.
     """
     own = {source.id for source in query.sources}
     named: dict[int, plan.Expr] = {}
@@ -76,7 +76,7 @@ def _elements(sources: tuple[plan.Source, ...]) -> list[plan.Expr]:
 
 
 def _fact(output: plan.Output, sources: tuple[plan.Source, ...], hidden: list[plan.Expr]) -> plan.Fact:
-    """How a column is told as a fact; what it is told of is added to the hidden columns, once for all facts."""
+    """A column as a fact; the fact's arguments are added to the hidden columns, each once."""
     name, arguments, valued = "", _elements(sources), True
     match output.expr:
         case plan.Element() as element:
@@ -95,7 +95,7 @@ def _fact(output: plan.Output, sources: tuple[plan.Source, ...], hidden: list[pl
 
 
 def _steady(arguments: tuple[plan.Expr, ...]) -> bool:
-    """Whether arguments can be evaluated a second time without being noticed."""
+    """Whether evaluating the arguments a second time has no effect."""
     nodes = [node for argument in arguments for node in walk(argument)]
     return not any(
         isinstance(node, plan.Assign | plan.TemporalAssign | plan.AssignLate | plan.Eval)

@@ -1,12 +1,11 @@
-"""The body of a Python function as an expression of the plan, where it is one expression of its arguments.
+"""Python functions whose body is one expression, translated to an expression of the plan.
 
-`body_of` reads `return <expression>`, a lambda, and chains of `if` that return. It knows the operators and the few
-functions that do in the language what they do in Python; everything else it refuses, with the reason. Whether
-they also fail alike depends on the arguments and is decided call by call, see instances.py.
+`body_of` reads `return <expression>`, a lambda, and chains of `if` that return. It knows the operators and
+functions that mean the same in the language and in Python, and refuses everything else with the reason. Whether
+both also fail alike depends on the arguments and is decided call by call, see frontend/instances.py.
 
-In the expression a `plan.Variable` stands for a parameter, a call of a function that is not built in for a
-helper, whose own body it carries, and `And` and `Or` for Python's, which give one of their operands. Nothing in it
-has a place in a script.
+In the expression a `plan.Variable` is a parameter, a call of a function that is not built in is a helper with its
+own body, and `And` and `Or` are Python's, which give one of their operands. Its spans are empty.
 """
 
 from __future__ import annotations
@@ -47,7 +46,7 @@ _COMPARISONS: dict[type[ast.cmpop], str] = {
     ast.In: "in",
     ast.NotIn: "not_in",
 }
-# Python's functions with the least and greatest number of arguments for which a built-in one does the same.
+# Python's functions with the least and greatest number of arguments for which the built-in one is equal.
 _FUNCTIONS: tuple[tuple[Callable[..., Any], str, int, int], ...] = (
     (builtins.abs, "abs", 1, 1),
     (builtins.min, "min", 2, 99),
@@ -65,7 +64,7 @@ _FUNCTIONS: tuple[tuple[Callable[..., Any], str, int, int], ...] = (
 
 
 class Refused(Exception):  # noqa: N818 - it is a finding, not an error
-    """A function is not one expression that the language knows; the reason has the function as its subject."""
+    """The function is no expression of the language; the reason has the function as its subject."""
 
 
 def body_of(function: Callable[..., Any]) -> Body | str:
@@ -120,7 +119,7 @@ def _as_expression(node: FunctionNode) -> ast.expr:
 
 
 def _chain(statements: Sequence[ast.stmt], left: list[int]) -> ast.expr:
-    """Statements that do nothing but choose what to return; `left` counts how many may still be looked at."""
+    """Statements that only choose what to return; `left` counts how many more may be read."""
     left[0] -= 1
     if left[0] < 0:
         raise Refused("is too long")
@@ -138,7 +137,7 @@ def _chain(statements: Sequence[ast.stmt], left: list[int]) -> ast.expr:
 
 
 def _constant(value: Any) -> plan.Constant:
-    """A value that Python and the language have in common."""
+    """Whether Python and the language have the value in common."""
     fits = value is None or type(value) in (bool, str)
     fits |= type(value) is int and INT_MIN <= value <= INT_MAX
     fits |= type(value) is float and math.isfinite(value)
@@ -157,7 +156,7 @@ class _Reader:
         self.size = 0
 
     def read(self, node: ast.expr, result: bool = False) -> plan.Expr:
-        """The expression in the language's words; where it is the function's `result`, a tuple will do for a list."""
+        """The translated expression; as the function's `result` a tuple becomes a list."""
         self.size += 1
         if self.size > MOST_NODES:
             raise Refused("is too long")
@@ -229,7 +228,7 @@ class _Reader:
         return _list_of(tuple(self.read(item, result) for item in items))
 
     def _sequence(self, node: ast.expr, result: bool = False) -> plan.Expr:
-        """A list, or a tuple where it is only searched or indexed, so that a list does the same."""
+        """A list; also a tuple that is only searched or indexed, for which a list is equal."""
         if isinstance(node, ast.Tuple):
             return self._list(node.elts, result)
         if isinstance(node, ast.Name | ast.Attribute) and not self._is_local(node):
@@ -261,7 +260,7 @@ class _Reader:
         raise Refused(f"calls {text}, which the language does not have")
 
     def _helper(self, node: ast.Call, target: FunctionType, text: str, result: bool) -> plan.Expr:
-        """A call of another function of Python, whose body comes along."""
+        """A call of another Python function, with its body."""
         try:
             body = _read(target, self.around)
         except (Refused, Unproven) as refused:
@@ -298,7 +297,7 @@ def _builtin_call(name: str, *arguments: plan.Expr) -> plan.Call:
 
 
 def _word(node: ast.expr) -> str:
-    """What an expression is called."""
+    """The name of a kind of expression in messages."""
     match node:
         case ast.BinOp(op=op) | ast.UnaryOp(op=op):
             return f"the operator {_SIGNS.get(type(op), type(op).__name__)}"

@@ -1,10 +1,8 @@
-"""Calls of functions whose bodies are known: what they compute, and so the types of their results.
+"""Inlining: calls of functions with known bodies, replaced by the expressions that they compute.
 
-The resolver asks for the types, so that what it proves of the variables of a search holds for `x = move(x)` as for
-`x = x + 1`; the rewrite `inline` puts the expressions in place of the calls.
-
-Where only large numbers stand in the way, because integers beyond 64 bits and infinite floats are errors of the
-function, the call stays for those:
+The resolver uses the types, so that it can prove as much of `x = move(x)` as of `x = x + 1`; the rewrite `inline` uses
+the expressions. Integers beyond 64 bits and infinite floats are errors of the function, so where only large numbers
+prevent inlining, the call remains for them:
 
     IF(x <= limit AND x >= -limit; x + 1; inc(x))
 """
@@ -34,9 +32,9 @@ class Site:
 
 
 class Inliner:
-    """Puts bodies in place of calls. `sources` are those that elements belong to, by their numbers.
+    """Replaces calls by bodies. `sources` are those that elements belong to, by their numbers.
 
-    `sites` tells what became of each call, by its place in the script.
+    `sites` records what became of each call, by its place in the script.
     """
 
     def __init__(self) -> None:
@@ -46,7 +44,7 @@ class Inliner:
         self._read: dict[tuple[int, str, Type], plan.Column] = {}
 
     def expr(self, node: Any) -> Any:
-        """The node with every call in it inlined that can be."""
+        """The node with every possible call in it inlined."""
         known = self._known.get(id(node))
         if known is not None:
             return known[1]
@@ -56,12 +54,12 @@ class Inliner:
         return self._note(node, changed)
 
     def _note(self, node: Any, changed: Any) -> Any:
-        """Remembers what became of a node, which has to live on for that: it is known by its identity."""
+        """Caches the result for a node by its identity, and keeps the node alive for that."""
         self._known[id(node)] = (node, changed)
         return changed
 
     def typed(self, call: plan.Call) -> plan.Call:
-        """A call with the type of what it computes, where that is known."""
+        """A call with the type of the inlined expression, if any."""
         if call.function.body is None:
             return call
         changed = self.expr(replace(call, type=ANY))
@@ -70,7 +68,7 @@ class Inliner:
         return call
 
     def call(self, call: plan.Call) -> plan.Expr:
-        """What becomes of a call, in whose arguments all is done."""
+        """The replacement of a call whose arguments are already processed."""
         limit: int | None = None
         reason: str | None = None
         result: plan.Expr | None = None
@@ -85,7 +83,7 @@ class Inliner:
         return call if result is None else result
 
     def _limited(self, call: plan.Call) -> tuple[int | None, plan.Expr | None]:
-        """The call inlined for numbers within a limit, and the limit; None where no limit helps."""
+        """The call inlined for numbers within a limit, with the limit; None where no limit suffices."""
         if not all(map(may_repeat, call.arguments)):
             return None, None
         for limit in LIMITS:
@@ -101,27 +99,27 @@ class Inliner:
             return None
 
     def _least(self, call: plan.Call, instance: Instance, limit: int) -> Instance:
-        """The instance with the limit on no more numbers than it takes."""
+        """The instance with the limit on as few numbers as possible."""
         for key in list(instance.limited):
             instance = self._attempt(call, limit, instance.spared | {key}) or instance
         return instance
 
     def _column(self, element: plan.Element, name: str) -> plan.Column | None:
-        """The column of a row that is sure to have it; always the same node, because limits go by identity."""
+        """The column of a row that certainly has it; always the same node, because limits go by identity."""
         source = self.sources.get(element.source)
         kind = dict(source.columns or ()).get(name) if source is not None else None
         if source is None or kind is None or not kind.kinds or kind.may(Kind.OBJECT):
             return None
         if not isinstance(source, plan.TableSource):
             made = isinstance(source, plan.QuerySource) and source.query.representation.name == "dict"
-            # A key that some elements lack counts as None where it lacks.
+            # A key that an element lacks counts as None.
             if not source.element.only(Kind.DICT) or (kind.may(Kind.NONE) and not made):
                 return None
         return self._read.setdefault((source.id, name, kind), plan.Column(source.id, name, kind, span=element.span))
 
 
 def _guarded(call: plan.Call, instance: Instance, limit: int) -> plan.Expr:
-    """The instance for numbers within the limit, the call for all others."""
+    """The inlined expression for numbers within the limit, the call for all others."""
     bounds = {
         "le": plan.Constant(limit, type_of(limit), span=NOWHERE),
         "ge": plan.Constant(-limit, type_of(-limit), span=NOWHERE),

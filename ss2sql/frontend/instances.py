@@ -1,9 +1,9 @@
-"""A function's body with the arguments of one call in the place of its parameters.
+"""Substitution: a function's body with the arguments of one call in place of its parameters.
 
-The expression is made only if it provably does what the call does: no operator in it can fail with the types of
-these arguments, for it would fail with another error than Python's and in another place; every argument that can
-fail or be noticed is evaluated exactly once and in the written order; and no argument that is costly is
-evaluated twice. The types of the result are those that the resolver would have found.
+The expression is made only if it is provably equivalent to the call. No operator in it can fail with the types of
+these arguments, since its error would differ from Python's. Every argument that can fail or has an effect is
+evaluated exactly once and in the written order, and no costly argument is evaluated twice. Types of the result are
+those that the resolver would have found.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from ss2sql.walk import can_fail, is_volatile, parts, walk
 NOWHERE = Span(Source(""), 0, 0)
 MOST_NODES = 300
 NUMBER = Kind.INT | Kind.FLOAT
-# What may be evaluated twice: it is no more than a few machine instructions, in SQL too.
+# Operations that may be evaluated twice: a few machine instructions, in SQL too.
 _CHEAP = frozenset(name for name, row in OPERATIONS.items() if row.cheap)
 
 Env = Mapping[str, plan.Expr]
@@ -54,7 +54,7 @@ def builtin(name: str) -> plan.Function:
 
 
 class Refused(Exception):  # noqa: N818 - it is a finding, not an error
-    """The call stays a call; the reason is a clause. `fallible`: because an operator can fail."""
+    """The call cannot be inlined; the reason is a clause. `fallible`: because an operator can fail."""
 
     def __init__(self, reason: str, fallible: bool = False) -> None:
         super().__init__(reason)
@@ -64,9 +64,9 @@ class Refused(Exception):  # noqa: N818 - it is a finding, not an error
 class Instance:
     """The expression for one call.
 
-    `column` reads the column of an element that has one of the name for certain. With a `limit`, numbers from
-    outside the body count as if they lay within -limit..limit; `limited` are those for which that mattered, those
-    in `spared` apart. The caller guarantees that the arguments fit the parameters.
+    `column` reads a column that an element certainly has. With a `limit`, numbers from outside the body are taken to
+    lie within -limit..limit; `limited` are those that needed it, those in `spared` are excluded. The caller
+    guarantees that the arguments fit the parameters.
     """
 
     def __init__(
@@ -79,20 +79,20 @@ class Instance:
         self.limit = limit
         self.spared = spared
         self.limited: dict[int, plan.Expr] = {}
-        self._own: dict[int, plan.Expr] = {}  # what the body has made, kept alive because it goes by identity
+        self._own: dict[int, plan.Expr] = {}  # made from the body, kept alive because lookups go by identity
         names = (*body.parameters, *(name for name in body.defaults if name not in body.parameters))
         env: dict[str, plan.Expr] = {**body.defaults, **dict(zip(names, call.arguments, strict=False))}
         for name, argument in env.items():
             if argument.type.may(Kind.OBJECT) or not argument.type.kinds:
                 raise Refused(f"nothing is known of the argument '{name}'")
         built = self._build(body.expr, env)
-        # What was written in Python has no place in the script: the whole has that of the call.
+        # Expressions from Python have no place in the script, so all get the place of the call.
         self.expr = replace(built, span=call.span) if isinstance(built, plan.Constant) else built
         _check_size(self.expr)
         _check_uses(call.arguments, self.expr)
 
     def type(self, expr: plan.Expr) -> Type:
-        """The type of an expression as far as the limit goes."""
+        """The type of an expression for numbers within the limit."""
         kind = expr.type
         if self.limit is None or id(expr) in self._own or id(expr) in self.spared or kind.bounded(self.limit):
             return kind
@@ -110,7 +110,7 @@ class Instance:
         return expr
 
     def _build(self, node: plan.Expr, env: Env, asked: bool = False) -> plan.Expr:
-        """The instance of a part of the body; `asked` says that only its truth matters."""
+        """The instance of a part of the body; `asked`: only its truth matters."""
         match node:
             case plan.Constant():
                 return self._made(node)
@@ -149,7 +149,7 @@ class Instance:
         return result
 
     def _tested(self, both: bool, tested: tuple[plan.Expr, ...]) -> plan.Expr:
-        """Whether both, or one, of several conditions hold; what is known beforehand is left out."""
+        """The conjunction (`both`) or disjunction of conditions; constants are folded."""
         known = [bool(part.value) for part in tested if isinstance(part, plan.Constant)]
         if (not both) in known:
             return self._constant(not both)
@@ -167,7 +167,7 @@ class Instance:
         return self._made(plan.If(condition, (then,), (otherwise,), kind, span=self.span))
 
     def _choice(self, condition: plan.Expr, then: plan.Expr, otherwise: plan.Expr, env: Env, asked: bool) -> plan.Expr:
-        if isinstance(condition, plan.Constant):  # a default, mostly; what is not chosen need not work
+        if isinstance(condition, plan.Constant):  # usually a default; the other branch may be invalid
             return self._build(then if condition.value else otherwise, env, asked)
         return self._if(condition, self._build(then, env, asked), self._build(otherwise, env, asked))
 
@@ -206,7 +206,7 @@ class Instance:
         return self._made(made)
 
     def _picked(self, container: plan.Expr, index: plan.Expr) -> plan.Expr | None:
-        """An element that is known by its place: of a list literal, or a column of a row."""
+        """An element with a known position: of a list literal, or a column of a row."""
         match container, index:
             case plan.MakeList(items=items), plan.Constant(value=int(place)) if -len(items) <= place < len(items):
                 return items[place]
@@ -226,14 +226,14 @@ def _is_square(exponent: plan.Expr, base: Type) -> bool:
 
 
 def _is_plain(kind: Type) -> bool:
-    """Whether the values are scalars, or lists of such to a depth that the type tells."""
+    """Whether the values are scalars, or lists of scalars down to a depth that the type describes."""
     if kind.may(Kind.OBJECT | Kind.DICT):
         return False
     return not kind.may(Kind.LIST) or (kind.item is not None and _is_plain(kind.item))
 
 
 def _compares_plainly(name: str, arguments: tuple[plan.Expr, ...], types: tuple[Type, ...]) -> bool:
-    """Whether `==` or `in` asks no object what it thinks, and no dict for a key that Python refuses."""
+    """Whether `==` or `in` compares without methods of objects and without unhashable keys of dicts."""
     if name in ("eq", "ne") and any(isinstance(one, plan.Constant) and one.value is None for one in arguments):
         return not any(kind.may(Kind.OBJECT) for kind in types)
     return all(map(_is_plain, types))
@@ -243,12 +243,12 @@ def _compares_plainly(name: str, arguments: tuple[plan.Expr, ...], types: tuple[
 
 
 def may_repeat(argument: plan.Expr) -> bool:
-    """Whether nobody would notice that the argument is evaluated more than once."""
+    """Whether evaluating the argument more than once is cheap and has no effect."""
     return all(_is_cheap(atom) and not _is_delicate(atom) for atom in _atoms(argument))
 
 
 def _check_size(expr: plan.Expr) -> None:
-    """Raises Refused for an expression that is too long once it is written out; in memory its parts are shared."""
+    """Raises Refused for an expression that is too long as text; in memory its parts are shared."""
     sizes: dict[int, int] = {}
 
     def size(node: Any) -> int:
@@ -261,7 +261,7 @@ def _check_size(expr: plan.Expr) -> None:
 
 
 def _check_uses(arguments: tuple[plan.Expr, ...], expr: plan.Expr) -> None:
-    """Raises Refused unless `expr` evaluates the arguments as a call would, as far as that can be noticed."""
+    """Raises Refused unless `expr` evaluates the arguments with the same effects as a call."""
     atoms: dict[int, plan.Expr] = {}
     lists: dict[int, plan.Expr] = {}
     for argument in arguments:
@@ -280,7 +280,7 @@ def _check_uses(arguments: tuple[plan.Expr, ...], expr: plan.Expr) -> None:
 
 
 def _atoms(argument: plan.Expr) -> Iterator[plan.Expr]:
-    """What an argument consists of when list literals are taken apart; constants do not count."""
+    """The parts of an argument with list literals taken apart, without constants."""
     if isinstance(argument, plan.MakeList):
         for item in argument.items:
             yield from _atoms(item)
@@ -289,7 +289,7 @@ def _atoms(argument: plan.Expr) -> Iterator[plan.Expr]:
 
 
 def _uses(node: Any, counted: Collection[int], conditional: bool) -> Iterator[tuple[int, bool]]:
-    """The nodes to be counted in the order of evaluation, each with whether a condition stands before it."""
+    """The nodes to be counted in the order of evaluation, each with whether it is conditional."""
     if id(node) in counted:
         yield id(node), conditional
         if not isinstance(node, plan.MakeList):
@@ -312,7 +312,7 @@ def _is_cheap(atom: plan.Expr) -> bool:
                 if not function.builtin or function.name not in _CHEAP:
                     return False
             case plan.Element(type=kind):
-                if kind.may(Kind.DICT):  # the row of a table is put together for each reading
+                if kind.may(Kind.DICT):  # every read of a table's row builds a dict
                     return False
             case plan.MakeList():
                 return False

@@ -1,4 +1,4 @@
-"""The options of CONNECT BY: which go together, and what they make of a search."""
+"""The options of CONNECT BY: their meaning for a search, and their contradictions."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ RULES: tuple[tuple[str, plan.Repeats], ...] = (("NO CYCLE", "no cycle"), ("UNIQU
 def search_options(
     resolver: Resolver, tree: ast.Query, scope: Scope, outer: Scope | None, search: plan.Search
 ) -> plan.Search:
-    """The search with the options of the query; contradictions are kept as errors R010."""
+    """The search with the options of the query; contradictions are recorded as errors R010."""
     given: dict[str, ast.Option] = {}
     for option in tree.options:
         if option.keyword in given:
@@ -90,7 +90,7 @@ def with_compared_columns(resolver: Resolver, tree: ast.Query, query: plan.Query
 
 
 def _check_memorize(resolver: Resolver, tree: ast.Query) -> None:
-    """With MEMORIZE a step belongs to many paths, so that only what is shown can ask for the one that is shown."""
+    """Refuses path functions beside MEMORIZE outside the result: a step belongs to many paths."""
     asked = [tree.made, tree.first, tree.stop, tree.where, *(option.argument for option in tree.options)]
     asked += [*(assign.value for assign in tree.connect), *(key.expr for key in tree.siblings)]
     for expr in asked:
@@ -101,7 +101,7 @@ def _check_memorize(resolver: Resolver, tree: ast.Query) -> None:
 
 
 def outside(resolver: Resolver, tree: ast.Expr, outer: Scope | None, what: str) -> plan.Expr:
-    """What is read once for the whole query, as LIMIT is: its elements and columns are not in sight."""
+    """An expression that is evaluated once for the query, such as LIMIT; it sees none of its elements and columns."""
     before = len(resolver.errors)
     found = resolver.guarded(resolver.expression, tree, outer)
     for error in resolver.errors[before:]:

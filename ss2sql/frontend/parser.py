@@ -1,7 +1,7 @@
-"""The parser: runs the LALR table over the tokens of a script and has the builder make the tree.
+"""The parser: runs the LALR table over the tokens of a script; the builder makes the tree.
 
-Nothing here recurses. After an error the parser goes on behind the next `;` that stands outside brackets, so that
-one run reports the errors of several statements.
+It works without recursion. After an error it resumes after the next `;` outside brackets, so that one run reports the
+errors of several statements.
 """
 
 from __future__ import annotations
@@ -46,9 +46,9 @@ def parse(source: Source) -> ast.Script:
         # that halts in front of the token keeps what belongs to it apart.
         trouble = read(table, Builder(source), tokens, position, outcome.index)
         assert not isinstance(trouble, ast.Script)
-        # Where a query does not end, the rest of its statement is astray: that is no second error.
+        # The rest of a statement whose query does not end is misread: that is no second error.
         if not builder.unended(max(tokens[position].start, trouble.statement)):
-            from ss2sql.frontend import syntax_errors  # which a script without errors does without
+            from ss2sql.frontend import syntax_errors  # needed for errors alone
 
             errors.append(syntax_errors.explain(trouble))
         position = resume(trouble)
@@ -67,7 +67,7 @@ def read(table: Table, builder: Builder, tokens: list[Token], position: int, hal
     for index in range(position, halt):
         token = tokens[index]
         if token.keyword is not None and token.keyword in rows[states[-1]]:
-            token.kind = token.keyword  # the grammar asks for the keyword here; else it is a name
+            token.kind = token.keyword  # the grammar expects the keyword here; else it is a name
         kind = token.kind
         while (target := rows[states[-1]].get(kind)) is not None and target < 0:
             rule, action = rules[~target]
@@ -100,7 +100,7 @@ def _trouble(*state: Any) -> Trouble:
 
 
 def _children(rule: Rule, symbols: list[Any]) -> list[Any]:
-    """The children of a complete rule. A list that only grows is extended, so that long lists stay linear."""
+    """The children of a complete rule. Growing lists are extended in place, in linear time."""
     children: list[Any] = []
     for index in rule.children:
         if index >= 0:
@@ -113,10 +113,10 @@ def _children(rule: Rule, symbols: list[Any]) -> list[Any]:
 
 
 def resume(trouble: Trouble) -> int:
-    """The index of the token at which parsing goes on after an error: behind the next `;` outside brackets.
+    """The index of the token at which parsing resumes after an error: after the next `;` outside brackets.
 
-    Where a bracket is never closed, that is behind the next `;` outside the brackets that follow the error; where
-    a string is not closed, it has most likely swallowed the `;`.
+    Where a bracket is never closed, only brackets after the error count; a string that is not closed has most likely
+    swallowed the `;`.
     """
     tokens = trouble.tokens
     if trouble.found.kind == "OPEN_STRING" and trouble.found.text.rstrip().endswith(";"):

@@ -1,15 +1,15 @@
-"""What a step can say of its path: `level() prior(e) root(e) path(e) next(e) cycle(e) leaf()`.
+"""Path functions: `level() prior(e) root(e) path(e) next(e) cycle(e) leaf()`.
 
-All but `next` and `leaf` are told by variables that the search carries beside those of START WITH, which scripts cannot
-name. They are assigned before CONNECT BY changes anything else:
+All but `next` and `leaf` read hidden variables that the search carries beside those of START WITH. They are assigned
+before CONNECT BY changes anything else:
 
     level()    START WITH "level()" = 1              CONNECT BY "level()" = "level()" + 1
     prior(e)   START WITH "prior(e)" = None          CONNECT BY "prior(e)" = e
     root(e)    START WITH "root(e)" = None           CONNECT BY "root(e)" = IF("level()" == 1; e; "root(e)")
     path(e)    START WITH "path(e)" = None           CONNECT BY "path(e)" = a cell of "path(e)" and e
 
-`path(e)` is a linked list, so that a step costs the same however long its path is. `next(e)` is e with what CONNECT BY
-assigns in place of the variables, `leaf()` asks for the next elements by a query.
+`path(e)` is a linked list, so that a step costs the same on paths of any length. `next(e)` is e with the assignments of
+CONNECT BY in place of the variables, `leaf()` is a query for the next elements.
 """
 
 from __future__ import annotations
@@ -40,10 +40,10 @@ SHOWN = ("SELECT", "GROUP BY", "HAVING", "ORDER BY")
 
 @dataclass(slots=True)
 class PathFunctions:
-    """What the clauses of one search say of paths. `clause` is the one that is being resolved.
+    """The path functions in the clauses of one search. `clause` is the one that is being resolved.
 
-    `variables` are the names of the variables that are carried, by the function and its argument; `search` is what is
-    known of the search when CONNECT BY is resolved.
+    `variables` are the names of the hidden variables, by the function and its argument; `search` is the search as it is
+    known after CONNECT BY.
     """
 
     variables: dict[tuple[str, ast.Expr | None], str] = field(default_factory=dict)
@@ -53,7 +53,7 @@ class PathFunctions:
 
 
 def is_path_function(resolver: Resolver, tree: Any) -> bool:
-    """Whether a call is one of these: a function that the user has registered comes first."""
+    """Whether a call is one of these; a function that the user has registered comes first."""
     if not isinstance(tree, ast.Call) or tree.function not in FUNCTIONS or tree.owner is not None or tree.star:
         return False
     registered = resolver.catalog.functions.get(tree.function)
@@ -61,10 +61,10 @@ def is_path_function(resolver: Resolver, tree: Any) -> bool:
 
 
 def with_variables(resolver: Resolver, tree: ast.Query) -> tuple[ast.Query, PathFunctions]:
-    """The query with the variables that are carried, and what knows them."""
+    """The query with the hidden variables, and their names."""
     found = PathFunctions()
     calls = [call for call in _calls(tree) if is_path_function(resolver, call)]
-    # What stands around another one is assigned first, for it reads that one as it was before the step.
+    # An outer call is assigned first, because it reads the inner one as it was before the step.
     calls.sort(key=lambda call: -_height(resolver, call))
     start: list[ast.Assign] = []
     connect: list[ast.Assign] = []
@@ -147,9 +147,9 @@ def list_of_any(item: Type) -> Type:
 
 
 def after_step(scope: Scope, expr: plan.Expr) -> Any:
-    """The expression as it is in the state after a step: with what CONNECT BY assigns in place of the variables."""
+    """The expression in the state after a step: the assignments of CONNECT BY in place of the variables."""
     assert scope.said is not None
-    if scope.said.search is None:  # types are tried out
+    if scope.said.search is None:  # an attempt with assumed types
         raise ResolveError("R014", "what CONNECT BY assigns is not known yet")
     values: dict[str, plan.Expr] = {}
 
@@ -164,7 +164,7 @@ def after_step(scope: Scope, expr: plan.Expr) -> Any:
 
 
 def says_path(resolver: Resolver, tree: ast.Expr | ast.Named | ast.Star) -> bool:
-    """Whether an expression asks for the path."""
+    """Whether an expression calls a path function."""
     return any(is_path_function(resolver, node) for node in _nodes(tree))
 
 
@@ -186,7 +186,7 @@ def _check_place(tree: ast.Call, said: PathFunctions) -> None:
 
 
 def _argument(resolver: Resolver, tree: ast.Call, own: Scope) -> plan.Expr:
-    """The argument, which belongs to the search whatever query stands around the call."""
+    """The argument, resolved in the search, even inside an inner query."""
     argument = resolver.expression(tree.arguments[0], own)
     if is_volatile(argument):
         hint = "assign what it gives to a variable of START WITH in CONNECT BY"
@@ -195,7 +195,7 @@ def _argument(resolver: Resolver, tree: ast.Call, own: Scope) -> plan.Expr:
 
 
 def _leaf(resolver: Resolver, span: Span, own: Scope) -> plan.Expr:
-    """Whether the step stops, or no element meets the condition of CONNECT BY in the state reached."""
+    """The expression of `leaf()`: the step stops, or no element meets CONNECT BY in the state after it."""
     assert own.said is not None
     assert own.said.search is not None
     search = own.said.search
@@ -249,7 +249,7 @@ def _if_first(then: ast.Expr, otherwise: ast.Expr) -> ast.Expr:
 
 
 def _calls(tree: ast.Query) -> list[ast.Call]:
-    """The calls in the clauses of a search, those of searches inside apart."""
+    """The calls in the clauses of a search, outside of inner searches."""
     return [node for node in _nodes(tree) if isinstance(node, ast.Call)]
 
 
@@ -265,6 +265,6 @@ def _parts(tree: Any) -> Iterator[Any]:
 
 
 def _height(resolver: Resolver, tree: Any) -> int:
-    """How many of these calls stand inside of each other."""
+    """The depth of nesting of these calls."""
     inside = max((_height(resolver, part) for part in _parts(tree)), default=0)
     return inside + is_path_function(resolver, tree)

@@ -12,7 +12,7 @@ from ss2sql.frontend.trouble import VALUES, Trouble
 _FUNCTION = "functions are written in Python, and session.function(f) registers them"
 _ASSIGN = "an assignment has no word in front: {found} = ..."
 
-# Words at the beginning of a statement, and what to write; {found} is the text behind the word.
+# Words at the beginning of a statement, and what to write; {found} is the text after the word.
 _FIRST = {
     "FOR": "a loop is a query: SELECT ... FROM {found} = list",
     "WHILE": "a loop that goes on is a search: START WITH n = 0 CONNECT BY n = n + 1 STOP WITH n == 9",
@@ -24,7 +24,7 @@ _FIRST = {
 
 
 def explain(t: Trouble) -> ParseError | None:
-    """The error for a known spelling of a programming language; None where the text is none."""
+    """The error for a known spelling of a programming language; None for anything else."""
     checks: tuple[Callable[[Trouble], ParseError | None], ...] = (
         _statement, _from_first, _lambda, _comprehension, _slice, _element, _prefix, _range, _quotes,
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Queries: sources, the search, columns and groups, resolved clause by clause in the order of their sight."""
+"""Queries: sources, search, columns and groups, resolved in the order in which clauses see each other."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SYNONYMS = {"val": "value"}
 
 
 def resolve_query(resolver: Resolver, tree: ast.Query, outer: Scope | None) -> plan.Subquery:
-    """The plan of a query; errors of its clauses are kept, so that all of them are found."""
+    """The plan of a query; errors of its clauses are collected."""
     scope = Scope(outer, resolver.number())
     scope.shown = {name: expr.span.text for name, expr in map(_named, tree.columns) if name and expr}
     search, joins = _search(resolver, tree, scope, outer)
@@ -93,7 +93,7 @@ def _optional(resolver: Resolver, tree: ast.Expr | None, scope: Scope, clause: s
 
 
 def _with_joins(joins: tuple[plan.Expr, ...], condition: plan.Expr | None) -> plan.Expr | None:
-    """The conditions of JOIN, then that of WHERE; of a search that of CONNECT BY."""
+    """The conditions of JOIN, then that of WHERE, or of CONNECT BY in a search."""
     parts = (*joins, *conjuncts(condition))
     return junction(plan.And, parts, parts[-1].span) if joins else condition
 
@@ -103,7 +103,7 @@ def _search(
 ) -> tuple[plan.Search | None, tuple[plan.Expr, ...]]:
     """Opens the sources and, where there is CONNECT BY, resolves the hierarchical clauses.
 
-    Gives the conditions of JOIN, too, which a search has in its own.
+    Also gives the conditions of JOIN, which a search has in its own.
     """
     if not tree.searches:
         _refuse_without_search(resolver, tree)
@@ -133,7 +133,7 @@ def _search(
 
 
 def _refuse_without_search(resolver: Resolver, tree: ast.Query) -> None:
-    """Clauses of a search in a query that is none."""
+    """Refuses clauses of a search in a query without CONNECT BY."""
     parts = (("START WITH", (*tree.start, tree.first)), ("STOP WITH", (tree.stop,)))
     for clause, given in (*parts, ("ORDER SIBLINGS BY", tuple(key.expr for key in tree.siblings))):
         place = next((part.span for part in given if part is not None), None)
@@ -167,7 +167,7 @@ def _start(
 
 
 def _not_started(tree: ast.Query, scope: Scope) -> list[ast.Assign]:
-    """What CONNECT BY assigns and START WITH does not; other clauses may mention it without an error of their own."""
+    """Reports what CONNECT BY assigns and START WITH does not; other clauses may then mention it."""
     known = {item.name for item in tree.start}
     unset = [assign for assign in tree.connect if assign.name not in known]
     scope.states.update((assign.name, ANY) for assign in unset)
@@ -175,7 +175,7 @@ def _not_started(tree: ast.Query, scope: Scope) -> list[ast.Assign]:
 
 
 def _unset(assign: ast.Assign, tree: ast.Query, scope: Scope) -> ResolveError:
-    """The error for such an assignment, which may be meant as a comparison."""
+    """The error for such an assignment, perhaps meant as a comparison."""
     name = assign.name
     message = f"CONNECT BY sets '{name}', which START WITH does not"
     hints = did_you_mean(name, [item.name for item in tree.start]) or (f"add START WITH {name} = ...",)
@@ -185,7 +185,7 @@ def _unset(assign: ast.Assign, tree: ast.Query, scope: Scope) -> ResolveError:
 
 
 def _check_names(resolver: Resolver, tree: ast.Query, scope: Scope) -> None:
-    """A variable that hides a column and never changes was meant as a comparison."""
+    """Refuses a constant variable that hides a column: it was meant as a comparison."""
     assigned = {assign.name for assign in tree.connect}
     for item in tree.start:
         owner = next((s for s in scope.sources if any(name == item.name for name, _ in s.columns or ())), None)
@@ -235,7 +235,7 @@ def _columns(resolver: Resolver, tree: ast.Query, scope: Scope) -> tuple[plan.Ou
             case _:
                 outputs.append(plan.Output(_column_name(column), _key(resolver, column, scope)))
     if any(output.label for output in outputs):
-        return tuple(outputs)  # the names are complete only when the query runs, and are told apart then
+        return tuple(outputs)  # names that are complete only when the query runs are made unique then
     taken: dict[str, None] = {}
     for output in outputs:
         taken[free_name(output.name, taken)] = None
@@ -317,7 +317,7 @@ def _key(resolver: Resolver, tree: ast.Expr, scope: Scope) -> plan.Expr:
 def _order_key(
     resolver: Resolver, tree: ast.Query, written: ast.OrderKey, scope: Scope, columns: tuple[plan.Output, ...]
 ) -> plan.OrderKey:
-    """A key of ORDER BY. A literal, which SQL takes for a column of SELECT, would order nothing."""
+    """A key of ORDER BY. Refuses a literal, which SQL takes for the number of a column."""
     key = written.expr
     if isinstance(key, ast.Literal):
         shown = [_shown(column) for column in tree.columns]
@@ -341,7 +341,7 @@ def _order_key(
 
 
 def _check_once(resolver: Resolver, expr: plan.Expr, tree: ast.Expr, scope: Scope, clause: str) -> None:
-    """Refuses the name of a column whose value would be computed once more, and be another one."""
+    """Refuses the name of a column whose value would differ when it is computed again."""
     for name, column in scope.columns.items():
         if is_volatile(column) and any(node is column for node in walk(expr)):
             message = f"{clause} would compute '{name}' once more, and it may be another value then"
@@ -352,7 +352,7 @@ def _check_once(resolver: Resolver, expr: plan.Expr, tree: ast.Expr, scope: Scop
 
 
 def _shown(column: ast.Expr | ast.Named | ast.Star) -> str:
-    """What a column of SELECT is called in ORDER BY."""
+    """The name of a column of SELECT in ORDER BY."""
     return _named(column)[0] or column.span.text
 
 
@@ -378,7 +378,7 @@ def _representation(resolver: Resolver, tree: ast.Representation | None, outer: 
 
 
 def _value_type(query: plan.Query) -> Type:
-    """The type of what the query gives, where a representation of the language makes it."""
+    """The type of the query's value, for representations of the language."""
     kinds = [shallow(output.expr.type) for output in query.columns]
     if query.representation.labels or any(output.label for output in query.columns):
         return ANY
@@ -388,12 +388,12 @@ def _value_type(query: plan.Query) -> Type:
             columns = tuple((output.name, kind) for output, kind in zip(query.columns, kinds, strict=True))
             rows = Type(Kind.LIST, item=Type(Kind.DICT, columns=columns), columns=columns)
         case "list" | "set":
-            rows = replace(list_of(kinds), positions=None)  # they are those of one row after the other
+            rows = replace(list_of(kinds), positions=None)  # for any number of rows
         case "rows":
             rows = Type(Kind.LIST, item=list_of(kinds), columns=())
         case "value":
             cut = query.search or query.group or query.having or query.limit or query.offset
-            one = query.aggregated and not cut  # of which there is one, even if there are no rows
+            one = query.aggregated and not cut  # one group, even without rows
             rows = union((kinds[0],) if one else (kinds[0], NONE)) if kinds else NONE
         case "void":
             return NONE

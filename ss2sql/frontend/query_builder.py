@@ -1,7 +1,7 @@
 """The builder's second half: queries and their clauses.
 
-The grammar lets the clauses of a query stand in any order and number; what language and reader expect is checked
-here, where the error can name both clauses.
+The grammar accepts the clauses of a query in any order and number; their order is checked here, where the error can
+name both clauses.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Builder(ExpressionBuilder):
     """Makes the tree of one script."""
 
     def query(self, span: Span, *clauses: Clause) -> Expr:
-        """The node of a query from its clauses, of which each may stand once and in its place."""
+        """The node of a query from its clauses, each at most once and in its place."""
         fields: dict[str, Any] = {}
         seen: dict[str, Clause] = {}
         ordered = True
@@ -48,7 +48,7 @@ class Builder(ExpressionBuilder):
         return self._part(node, *clauses, query=node)
 
     def _check_order(self, clause: Clause, seen: dict[str, Clause]) -> bool:
-        """Refuses a clause that stands twice, or behind one that it must precede; False if it does."""
+        """Refuses a clause that occurs twice, or after one that it must precede; False if it does."""
         keyword = clause.keyword
         later = (*FIXED[FIXED.index(keyword) + 1 :], *FREE) if keyword in FIXED else ()
         wrong = next((other for other in seen if other in later), None)

@@ -1,8 +1,8 @@
-"""From syntax tree to plan: every name gets its meaning, every call its function, every expression its type.
+"""The resolver, from syntax tree to plan: names are bound, calls get their functions, expressions their types.
 
-`resolve` is the stage; `resolve_text` does the same for the text of an `eval`, in the scope that the plan
-kept for it. Expressions are resolved here, queries in queries.py. Several errors are collected: an
-expression that fails is replaced by a placeholder and the search for further errors goes on.
+`resolve` is the stage; `resolve_text` does the same for the string of an `eval`, in the scope that the plan kept for
+it. Expressions are resolved here, queries in frontend/queries.py. All errors are collected: an expression that fails
+is replaced by a placeholder.
 """
 
 from __future__ import annotations
@@ -51,11 +51,11 @@ def resolve(script: ast.Script, catalog: Catalog) -> plan.Program:
     return plan.Program(statements, tuple(resolver.parameters))
 
 
-OF_TEXTS = 1_000_000  # numbers of scripts are below it
+OF_TEXTS = 1_000_000  # the first number in strings of `eval`; scripts have smaller ones
 
 
 def resolve_text(script: ast.Script, scope: Scope | None, catalog: Catalog) -> tuple[plan.Expr, ...]:
-    """The statements of a text given to `eval`, resolved where the eval stands; they see a row, never its group."""
+    """The statements of a string given to `eval`, resolved in its place; they see a row, never its group."""
     levels = list(scope.outwards()) if scope else []
     around = [number for level in levels for number in (level.query, *(source.id for source in level.sources))]
     resolver, scope = Resolver(catalog, max(OF_TEXTS, *around, 0)), scope and replace(scope, grouped=False)
@@ -65,7 +65,7 @@ def resolve_text(script: ast.Script, scope: Scope | None, catalog: Catalog) -> t
 
 
 class Resolver:
-    """The state of one resolution: what was found wrong, and what the statement at hand relies on."""
+    """The state of one resolution: the errors so far, and what the current statement relies on."""
 
     def __init__(self, catalog: Catalog, base: int = 0) -> None:
         self.catalog = catalog
@@ -73,7 +73,7 @@ class Resolver:
         self.parameters: dict[str, None] = {}
         self.assigned: dict[str, Type] = {}  # variables that earlier statements assign
         self.late = dict(catalog.late)
-        self.reading: list[str] = []  # the late lists that are being read, each by the one before
+        self.reading: list[str] = []  # the late lists that are being resolved, outermost first
         self.reads: dict[str, Type] = {}
         self.tables: dict[int, plan.TableSource | plan.WorldSource] = {}
         self.tentative = False
@@ -81,7 +81,7 @@ class Resolver:
         self.inliner = Inliner()
 
     def number(self) -> int:
-        """A new number for a source or query. Those of a text that `eval` reads are above all that it sees."""
+        """A new number for a source or query, larger than all that are visible."""
         self.numbers += 1
         return self.numbers
 
@@ -92,7 +92,7 @@ class Resolver:
     def guarded(
         self, function: Callable[[ast.Expr, Scope | None], plan.Expr], tree: ast.Expr, scope: Scope | None
     ) -> plan.Expr:
-        """`function(tree, scope)`; a ResolveError is kept and a placeholder returned."""
+        """`function(tree, scope)`; a ResolveError is recorded and a placeholder returned."""
         try:
             return function(tree, scope)
         except ResolveError as error:
@@ -100,11 +100,11 @@ class Resolver:
             return plan.Constant(None, ANY, span=tree.span)
 
     def statement(self, tree: ast.Expr, scope: Scope | None = None) -> plan.Statement:
-        """The plan of a statement; what it assigns is known to those after it."""
+        """The plan of a statement; later statements know what it assigns."""
         self.reads, self.tables, self.tentative = {}, {}, False
         nested = [node.name for node in _assignments(tree) if node is not tree]
         for name in nested:
-            # Its value changes while the statement runs, so nothing is known of its type.
+            # Its value changes while the statement runs, so its type is unknown.
             self.assigned[name] = ANY
             self.late.pop(name, None)
         expr = self.guarded(self.expression, tree, scope)
@@ -118,7 +118,7 @@ class Resolver:
     # --- expressions -----------------------------------------------------------------------------------
 
     def expression(self, tree: ast.Expr, scope: Scope | None) -> plan.Expr:
-        """The plan of an expression; raises the first ResolveError of its own, keeps those of its parts."""
+        """The plan of an expression. Raises its first own ResolveError, records those of its parts."""
         span = tree.span
         match tree:
             case ast.Literal(value=value):
@@ -187,7 +187,7 @@ class Resolver:
         )
 
     def values(self, trees: Sequence[ast.Expr], scope: Scope | None) -> tuple[plan.Expr, ...]:
-        """Operands of an operator. A query without AS is one value among them, see `as_value`."""
+        """Operands of an operator; a query without AS is one value, see `as_value`."""
         pairs = list(zip(trees, self.operands(map(as_value, trees), scope), strict=True))
         lists = any(value.type.only(Kind.LIST) for tree, value in pairs if not is_value(tree))
         for tree in filter(is_value, trees if lists else ()):
@@ -197,7 +197,7 @@ class Resolver:
         return tuple(self.single(value) if is_value(tree) else value for tree, value in pairs)
 
     def single(self, value: plan.Expr) -> plan.Expr:
-        """The value of a query that gives a list, where it may have more or less than one."""
+        """A query's list as one value: its only element, None of an empty list."""
         if not isinstance(value, plan.Subquery) or value.query.representation.name == "value":
             return value
         row = OPERATIONS["single"]
@@ -205,7 +205,7 @@ class Resolver:
         return plan.Call(row.function((value.type,)), (value,), kind, span=value.span, place=value.span)
 
     def operand(self, tree: ast.Expr, scope: Scope | None) -> plan.Expr:
-        """A name where a text without quotes may be meant."""
+        """An operand; an unknown name may be meant as a string without quotes."""
         assert isinstance(tree, ast.Name)
         return self.name(tree.name, scope, tree.span, operand=True)
 
@@ -252,7 +252,7 @@ class Resolver:
                 ((self.late[name].span, "the list stands here"),),
             )
         if name in self.assigned:
-            # A function of the user may run a script that assigns it, too: the statement relies on its type.
+            # A user's function may run a script that assigns it: the statement relies on its type.
             self.reads.setdefault(name, self.assigned[name])
             return plan.Variable(name, self.assigned[name], span=span)
         if name in self.catalog.variables:
@@ -262,7 +262,7 @@ class Resolver:
         return None
 
     def source(self, tree: ast.Attribute, name: str, scope: Scope | None) -> plan.Source:
-        """The source that a column is read of."""
+        """The source that a column belongs to."""
         try:
             return source_named(scope, name, tree.span)
         except ResolveError as error:
@@ -288,7 +288,7 @@ class Resolver:
         return plan.MakeList(items, list_of([item.type for item in items]), span=tree.span)
 
     def between(self, tree: ast.Between, scope: Scope | None) -> plan.Expr:
-        """`low <= value AND value <= high`; of a value that is not to be read twice, in a query over this one alone."""
+        """`low <= value AND value <= high`; a value that must be evaluated once becomes the source of a query."""
         value, low, high = self.values((tree.value, tree.low, tree.high), scope)
         if not is_volatile(value) and not any(isinstance(node, plan.Query) for node in walk(value)):
             return self._within(value, low, high, tree)
@@ -345,7 +345,7 @@ class Resolver:
         if name in PATH_FUNCTIONS and is_path_function(self, tree):
             return path_function(self, tree, scope)
         function = self.catalog.functions.get(name)
-        known: tuple[plan.Expr, ...] | None = None  # resolved once: calls in calls would double with every level
+        known: tuple[plan.Expr, ...] | None = None  # resolved once: nested calls would double the work with every level
         if name in self.catalog.world_functions and (function is None or function.builtin):
             known = (self.all if function is None else self.operands)(tree.arguments, scope)
             if function is None or any(a.type.may(Kind.OBJECT) or a.type.only(Kind.STR) for a in known):  # or its name
@@ -428,7 +428,7 @@ def is_aggregate(function: plan.Function) -> bool:
 
 
 def _assignments(tree: Any) -> list[ast.Assign]:
-    """Every assignment to a script variable inside a syntax tree; those of a query's search are not."""
+    """Every assignment to a script variable inside a syntax tree, without those of START WITH and CONNECT BY."""
     found: list[ast.Assign] = []
     stack: list[Any] = [tree]
     while stack:
@@ -448,7 +448,7 @@ def _assignments(tree: Any) -> list[ast.Assign]:
 
 
 def _mentions_sources(tree: ast.Expr) -> bool:
-    """Whether a list literal outside any query mentions `this` or `source.column`, nested queries apart."""
+    """Whether a list literal outside any query mentions `this` or `source.column`, outside of nested queries."""
     match tree:
         case ast.This() | ast.Attribute():
             return True
@@ -463,7 +463,7 @@ def is_value(tree: ast.Expr) -> bool:
 
 
 def as_value(tree: ast.Expr) -> ast.Expr:
-    """An operand: a query without AS is the value of its single column, None without a row. Two rows are enough to see.
+    """An operand: a query without AS is the value of its single column, None without a row; two rows are an error.
 
     Raises ResolveError where it has several columns, or is a search.
     """
@@ -483,7 +483,7 @@ def as_value(tree: ast.Expr) -> ast.Expr:
 
 
 def as_list(tree: ast.Expr) -> ast.Expr:
-    """What stands right of IN: a query without AS is the list of its single column."""
+    """The right operand of IN: a query without AS is the list of its single column."""
     if not isinstance(tree, ast.Query) or tree.representation is not None:
         return tree
     hint = "write AS list for a list of all values"

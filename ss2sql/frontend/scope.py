@@ -1,7 +1,7 @@
 """Lexical scopes: what a name means in the place where it stands.
 
-A query opens one scope. While its clauses are resolved one after the other, its sources come into sight from
-left to right and its START WITH variables one after the other.
+A query opens one scope. While its clauses are resolved, its sources become visible from left to right, then its START
+WITH variables one by one.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ class Scope:
     query: int
     sources: list[plan.Source] = field(default_factory=list)
     states: dict[str, Type] = field(default_factory=dict)
-    grouped: bool = False  # whether aggregates of rows are in place: SELECT, HAVING and ORDER BY of a GROUP BY
-    # What columns mean by their names, where these are known: in ORDER BY and HAVING; behind all else, in GROUP BY.
+    grouped: bool = False  # whether rows can be aggregated: in SELECT, HAVING and ORDER BY of a GROUP BY
+    # The columns of SELECT by their names: in ORDER BY and HAVING; `later`, after all else, in GROUP BY.
     columns: dict[str, plan.Expr] = field(default_factory=dict)
     later: Callable[[str], plan.Expr | None] | None = None
     shown: dict[str, str] = field(default_factory=dict)  # the texts of these columns
-    said: PathFunctions | None = None  # of a search: what its steps say of their paths
+    said: PathFunctions | None = None  # of a search: its path functions
 
     def enter(self, clause: str) -> str:
-        """Notes which clause of a search is resolved next, for the functions that ask for the path; the one before."""
+        """Sets the clause of a search that is resolved next, for the path functions; gives the one before."""
         if self.said is None:
             return ""
         before, self.said.clause = self.said.clause, clause
@@ -50,7 +50,7 @@ class Scope:
             scope = scope.parent
 
     def copy(self) -> Scope:
-        """The scope as it is now, with those around it; `eval` keeps it for the text that it will meet."""
+        """A copy of the scope and those around it, which `eval` keeps for its string."""
         parent = None if self.parent is None else self.parent.copy()
         found = Scope(parent, self.query, list(self.sources), dict(self.states), self.grouped, dict(self.columns))
         found.said = self.said
@@ -91,7 +91,7 @@ def source_named(scope: Scope | None, name: str, span: Span) -> plan.Source:
 
 def column_of(source: plan.Source, name: str, span: Span) -> plan.Column:
     """`source.name`."""
-    if source.columns is None:  # of a row that is missing it is None, as is a column that a row lacks
+    if source.columns is None:  # a column of a missing row is None, as is one that a row lacks
         missing = isinstance(source, plan.QuerySource) and source.optional
         return plan.Column(source.id, name, declared=missing, span=span)
     for column, kind in source.columns:
@@ -125,7 +125,7 @@ def bound_name(scope: Scope | None, name: str, span: Span) -> plan.Expr | None:
 
 
 def value_named(scope: Scope | None, name: str, span: Span) -> plan.Expr | None:
-    """The column or variable of a search in front of a dot: `address` in `address.city`, where it is no source."""
+    """The column or search variable before a dot, where it is no source: `address` in `address.city`."""
     levels = scope.outwards() if scope else ()
     if any(source.name == name for level in levels for source in level.sources):
         return None
@@ -140,7 +140,7 @@ def is_open(source: plan.Source) -> bool:
 def open_source(scope: Scope | None, name: str, span: Span) -> plan.Source | None:
     """The source that a name must be a column of if it is nothing else: the innermost one whose columns are unknown.
 
-    Raises ResolveError R004 where there are several that no variable will tell apart.
+    Raises ResolveError R004 where there are several that no variable can distinguish.
     """
     for level in scope.outwards() if scope else ():
         candidates = [source for source in level.sources if is_open(source)]
@@ -154,10 +154,9 @@ def open_source(scope: Scope | None, name: str, span: Span) -> plan.Source | Non
 
 
 def is_settled(scope: Scope | None, found: plan.Expr | None) -> bool:
-    """Whether a bare name means what was found for good.
+    """Whether the meaning of a bare name is final.
 
-    A source whose columns depend on a variable may turn out to have one of this name, when the variable has
-    its value, and then that one comes first.
+    A source whose columns depend on a variable may have one of this name at run time, and then that one comes first.
     """
     for level in scope.outwards() if scope else ():
         if found is not None and any(found is column for column in level.columns.values()):

@@ -1,4 +1,4 @@
-"""FROM: what a source is, by its name and by the type of its value."""
+"""FROM: sources, by their names and by the types of their values."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
 
 def open_sources(resolver: Resolver, tree: ast.Query, scope: Scope) -> tuple[plan.Expr, ...]:
-    """Brings the sources into sight, one after the other.
+    """Makes the sources visible, one after the other.
 
-    Gives the conditions of JOIN that are parts of WHERE, which in a search asks for goals only.
+    Gives the conditions of JOIN: parts of WHERE, or of CONNECT BY in a search.
     """
     conditions: list[plan.Expr] = []
     for part in tree.sources:
@@ -61,7 +61,7 @@ def _left_joined(resolver: Resolver, source: plan.Source, on: plan.Expr, span: S
 
 
 def _placed(source: plan.Source, scope: Scope) -> plan.Source:
-    """The source, marked where it reads those before it or the state."""
+    """The source, marked as `lateral` where it reads earlier sources or the state."""
     if not isinstance(source, (plan.ValueSource, plan.QuerySource)) or not (scope.sources or scope.states):
         return source
     lateral = moves(source, {one.id for one in scope.sources}, scope.query)
@@ -152,13 +152,13 @@ def _named_source(resolver: Resolver, name: str, word: str, scope: Scope, span: 
 
 
 def _is_file(resolver: Resolver, name: str) -> bool:
-    """Whether a name is that of an attached SQLite file, or `main`, the session's own, and nothing else."""
+    """Whether a name can only mean an attached SQLite file, or `main`, the session's own."""
     others = (resolver.assigned, resolver.catalog.variables, resolver.late)
     return name in resolver.catalog.files and not any(name in known for known in others)
 
 
 def _variable(resolver: Resolver, word: str, span: Span) -> plan.Variable | None:
-    """The script variable of this name; a data frame stays one, and is not read whole."""
+    """The script variable of this name; a data frame stays one instead of being read whole."""
     value = resolver.variable(word, span)
     if value is None or word in resolver.assigned or word not in resolver.catalog.frames:
         return value
@@ -206,7 +206,7 @@ def _table_source(resolver: Resolver, name: str, schema: str, word: str, span: S
 
 
 def _table(resolver: Resolver, schema: str | None, word: str, span: Span) -> plan.TableSource | None:
-    """The table or view of this name; what keeps it from being read is an error at its place."""
+    """The table or view of this name; problems with it are errors at its place."""
     try:
         return resolver.catalog.table(schema, word)
     except Error as error:
@@ -237,7 +237,7 @@ def value_source(resolver: Resolver, name: str, value: plan.Expr, span: Span) ->
 
 
 def _name_of(tree: ast.Expr) -> str:
-    """The name of a source that has none written: the variable's, table's or function's, else `this`."""
+    """The default name of a source: the variable's, table's or function's, else `this`."""
     match tree:
         case ast.Name(name=name) | ast.Attribute(name=name) | ast.Call(function=name):
             return name

@@ -15,7 +15,7 @@ _JOIN = "write FROM a JOIN b ON a.id == b.id, or FROM a LEFT JOIN b ON a.id == b
 _LIKE = "write {x} LIKE ..., where % is any text, _ any character, and case counts; or register a Python function"
 _IF = "write IF(condition; then; else)"
 
-# Words behind a complete expression, which is {x}, and what to write instead.
+# Words after a complete expression {x}, and what to write instead.
 _BEHIND = {
     "ISNULL": "write {x} IS NULL", "NOTNULL": "write {x} IS NOT NULL", "GLOB": _LIKE, "REGEXP": _LIKE,
     "ILIKE": "write lower({x}) LIKE lower({y})", "MATCH": _LIKE, "INNER": "write JOIN without INNER",
@@ -31,7 +31,7 @@ _BEHIND = {
     "CYCLE": "write NO CYCLE BY {y}, right behind CONNECT BY", "UNTIL": "a search ends with STOP WITH condition",
     "MOD": "write {x} % {y}", "DIV": "write int({x} / {y})",
 }  # fmt: skip
-# Words that were read as a name, with something behind them that does not fit.
+# Words that were read as a name before something that does not fit.
 _AHEAD = {
     "CONNECT_BY_ROOT": "write root({x})", "ALL": "leave it out: a query gives all rows",
     "TOP": "write LIMIT n behind the other clauses", "CASE": "write CASE WHEN {x} == ... THEN ... ELSE ... END",
@@ -53,7 +53,7 @@ _SIGNS = {
 
 
 def explain(t: Trouble) -> ParseError | None:
-    """The error for a known foreign spelling; None where the text is none."""
+    """The error for a known foreign spelling; None for anything else."""
     checks: tuple[Callable[[Trouble], ParseError | None], ...] = (
         _comment, _sign, _concatenated, _cast, _sets, _siblings, _option, _each, _unpacked, _assignment,
         _modifier, _column_name, _behind_as, _statement, _word, _star, _dot, _list,
@@ -63,7 +63,7 @@ def explain(t: Trouble) -> ParseError | None:
 
 
 def _comment(t: Trouble) -> ParseError | None:
-    """`-- comment` reads as two minus signs; the trouble comes later on the same line, or right behind it."""
+    """`-- comment` reads as two minus signs; parsing fails later on the same line, or right after it."""
     line = t.source.text.rfind("\n", 0, t.before().start) + 1
     for index in range(t.index, 0, -1):
         first, second = t.tokens[index - 1], t.tokens[index]
@@ -109,7 +109,7 @@ def _cast(t: Trouble) -> ParseError | None:
     return t.error("P006", "there is no CAST in SelectScript", hint, at=t.tokens[call])
 
 
-# What two queries with a word between them are; ALL keeps equal rows.
+# Set operations of two queries; ALL keeps equal rows.
 _SETS = {
     "UNION": "uniq({0} + {1})", "UNION ALL": "{0} + {1}", "EXCEPT": "uniq(difference({0}, {1}))",
     "MINUS": "uniq(difference({0}, {1}))", "INTERSECT": "uniq(SELECT this FROM {0} WHERE this IN {1} AS list)",
@@ -117,7 +117,7 @@ _SETS = {
 
 
 def _sets(t: Trouble) -> ParseError | None:
-    """`SELECT ... UNION SELECT ...`, and what else there is of sets."""
+    """`SELECT ... UNION SELECT ...`, and other set operations."""
     word = t.found.text.upper()
     every = word == "UNION" and t.next.text.upper() == "ALL"
     behind = t.index + (2 if every else 1)
@@ -154,14 +154,14 @@ def _each(t: Trouble) -> ParseError | None:
     return t.error("P006", "EACH goes through a list", f"write EACH {t.before().text} IN {t.side(forward=True)}")
 
 
-# Options of searches as they are called elsewhere.
+# Other names for options of searches.
 _OPTIONS = {"BFS": "BREADTH FIRST", "DFS": "DEPTH FIRST", "DISTINCT": "UNIQUE", "LIMIT": "MAXIMUM", "TOP": "MAXIMUM",
             "ASTAR": "COST 1 HEURISTIC 0", "DIJKSTRA": "COST 1", "A": "COST 1 HEURISTIC 0", "GREEDY": "HEURISTIC 0",
             "NOCYCLE": "NO CYCLE"}  # fmt: skip
 
 
 def _option(t: Trouble) -> ParseError | None:
-    """Options of CONNECT BY by other names, or with a `=` behind them."""
+    """Options of CONNECT BY by other names, or followed by a `=`."""
     if t.clause != "CONNECT BY":
         return None
     begin = max((i for i in range(t.index) if t.tokens[i].kind == "CONNECT"), default=t.index) + 2
@@ -195,7 +195,7 @@ def _unpacked(t: Trouble) -> ParseError | None:
 
 
 def _assignment(t: Trouble) -> ParseError | None:
-    """`=` where nothing can be assigned: in a condition, in a column, behind something that is not a name."""
+    """`=` where nothing can be assigned: in a condition, in a column, after something that is not a name."""
     if t.found.kind != "=" or "+" not in t.expected:
         return None
     tested = t.clause in ("WHERE", "HAVING", "STOP WITH", "IF(", "ON", "WHEN")
@@ -223,7 +223,7 @@ def _assignment(t: Trouble) -> ParseError | None:
 
 
 def _value_behind(t: Trouble) -> str:
-    """The literal, name or column behind the token that does not fit; `...` for anything longer."""
+    """The literal, name or column after the token that does not fit; `...` for anything longer."""
     last = t.index + 1
     while t.tokens[last].kind in VALUES and [token.kind for token in t.tokens[last + 1 : last + 3]] == [".", "NAME"]:
         last += 2
@@ -321,7 +321,7 @@ def _modifier(t: Trouble) -> ParseError | None:
 
 
 def _word(t: Trouble) -> ParseError | None:
-    """Words behind an expression: operators, joins, set operations."""
+    """Words after an expression: operators, joins, set operations."""
     upper = t.found.text.upper()
     if (
         t.found.kind not in ("NAME", upper)
@@ -371,7 +371,7 @@ def _list(t: Trouble) -> ParseError | None:
 
 
 def _items(t: Trouble) -> str:
-    """What stands in the parentheses that were meant as a list, if it is short."""
+    """The contents of parentheses that were meant as a list, if short."""
     depth = 0
     for token in t.tokens[t.index :] if t.clause == "(" else ():
         depth += (token.kind in OPENING) - (token.kind in CLOSING)

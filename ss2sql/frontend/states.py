@@ -1,8 +1,8 @@
-"""The types of START WITH variables: what holds in the first state and in every one that CONNECT BY makes.
+"""The types of START WITH variables, valid in the first state and in every one that CONNECT BY makes.
 
-A type is found by trial: CONNECT BY is resolved with assumed types and has to keep within them. Numbers that
-change a little with every step are proved in drift.py. What has been proved is then narrowed: a state is the
-first one, or was made by a step that STOP WITH has let pass.
+Types are found by a fixpoint: CONNECT BY is resolved with assumed types and has to stay within them. Bounds of numbers
+that change with every step are proved in frontend/drift.py. The types are then narrowed: a state is the first one, or
+the result of a step that did not stop.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ Types: TypeAlias = Mapping[str, Type]
 
 # A round resolves FROM and CONNECT BY once more, and in nested queries the rounds multiply.
 _ROUNDS = {1: 6, 2: 3}
-_SETTLING = 3  # more of them, where a number has no bounds else
+_SETTLING = 3  # further rounds for numbers without bounds
 
 
 def settle_states(resolver: Resolver, tree: ast.Query, scope: Scope, start: Mapping[str, plan.Expr]) -> None:
-    """Gives the START WITH variables in `scope` the types that they keep throughout the search."""
+    """Sets the types of the START WITH variables in `scope` that hold throughout the search."""
     first = {name: value.type for name, value in start.items()}
     if scope.depth not in _ROUNDS:
         scope.states.update(dict.fromkeys(first, ANY))
@@ -50,19 +50,19 @@ def settle_states(resolver: Resolver, tree: ast.Query, scope: Scope, start: Mapp
 
 @dataclass(frozen=True, slots=True)
 class _Trial:
-    """CONNECT BY as it is where the variables have the types in `scope`."""
+    """CONNECT BY, resolved with the types of variables in `scope`."""
 
     scope: Scope
     connect: tuple[tuple[str, plan.Expr], ...]
 
     def following(self, name: str) -> list[plan.Expr]:
-        """What is assigned to a variable."""
+        """The expression that is assigned to a variable."""
         return [value for assigned, value in self.connect if assigned == name]
 
 
 @contextmanager
 def _on_trial(resolver: Resolver) -> Iterator[None]:
-    """Keeps nothing of what is resolved: neither errors, nor names, nor numbers of sources."""
+    """Discards all findings of the block: errors, names and numbers of sources."""
     errors = len(resolver.errors)
     kept = (dict(resolver.parameters), dict(resolver.tables), resolver.tentative, resolver.numbers)
     yield
@@ -77,7 +77,7 @@ def _try(resolver: Resolver, tree: ast.Query, scope: Scope, types: Types) -> _Tr
         open_sources(resolver, tree, trial)
         before = trial.enter("CONNECT BY")
         values = ((a.name, resolver.guarded(resolver.expression, a.value, trial)) for a in tree.connect)
-        # A proof sees what the functions of the user compute.
+        # A proof sees through the user's functions.
         connect = tuple((name, resolver.inliner.expr(value)) for name, value in values)
         trial.enter(before)
     return _Trial(trial, connect)
@@ -87,9 +87,9 @@ def _try(resolver: Resolver, tree: ast.Query, scope: Scope, types: Types) -> _Tr
 
 
 def _proved(resolver: Resolver, tree: ast.Query, scope: Scope, first: Types) -> dict[str, Type]:
-    """Types that CONNECT BY keeps within.
+    """Types that CONNECT BY stays within.
 
-    A type that grows loses its bounds first; what is still moving after the last round is taken as unknown.
+    A type that grows first loses its bounds; one that still changes in the last round is unknown.
     """
     assigned = [assign.name for assign in tree.connect]
     slots = [s for name, kind in first.items() if assigned.count(name) == 1 for s in slots_of(scope.query, name, kind)]
@@ -117,7 +117,7 @@ def _assumed(slots: Sequence[Slot], name: str) -> list[tuple[Slot, Type]]:
 
 
 def _followed(slots: Sequence[Slot], first: Types, trial: _Trial) -> tuple[list[Slot], list[tuple[Slot, Type]]]:
-    """The numbers that stay numbers, with all kinds that they take; of those that a proof bounds, the types."""
+    """The slots that stay numbers, with all their kinds, and the types of those with proved bounds."""
     kept: list[Slot] = []
     bounds: list[tuple[Slot, Type]] = []
     for slot in slots:
@@ -134,9 +134,9 @@ def _followed(slots: Sequence[Slot], first: Types, trial: _Trial) -> tuple[list[
 
 
 def _settled(resolver: Resolver, tree: ast.Query, scope: Scope, first: Types, proved: Types) -> Types:
-    """The same with bounds for numbers without a proof, where these settle by themselves: water in a jug, a place.
+    """Adds bounds of numbers without a proof that reach a fixpoint: water in a jug, a place on a map.
 
-    They are those of the first state, widened by what a step makes of them, until no step leads out of them.
+    The first state's bounds are widened by the results of a step until no step leaves them.
     """
     unknown = [
         name
@@ -158,10 +158,10 @@ def _settled(resolver: Resolver, tree: ast.Query, scope: Scope, first: Types, pr
 
 
 def _narrowed(resolver: Resolver, tree: ast.Query, scope: Scope, first: Types, types: Types) -> dict[str, Type]:
-    """The types of the states that there are: of the first one, and of those that follow a step that goes on."""
+    """The types of the reachable states: the first one, and those after a step that did not stop."""
     trial = _try(resolver, tree, scope, types)
     facts: list[Fact] = []
-    # Of the first steps another condition may be true.
+    # The first steps have a condition of their own.
     for clause, truth in ((tree.stop, False), (tree.made if tree.first is None else None, True)):
         if clause is not None:
             with _on_trial(resolver):
@@ -183,14 +183,14 @@ def _narrowed(resolver: Resolver, tree: ast.Query, scope: Scope, first: Types, t
 
 
 def _clamped(value: plan.Expr, facts: Sequence[Fact]) -> Type:
-    """The type of a value that CONNECT BY computes, with what the facts say of the same expression."""
+    """The type of a value that CONNECT BY computes, within the bounds that the facts imply."""
     if isinstance(value, plan.MakeList) and value.type.positions is not None:
         return list_of([_clamped(item, facts) for item in value.items])
     return narrowed(value, facts)
 
 
 def _clamped_state(query: int, name: str, kind: Type, facts: Sequence[Fact]) -> Type:
-    """The type of a variable in the steps that go on."""
+    """The type of a variable in the steps that do not stop."""
     for slot in slots_of(query, name, kind):
         for fact in facts:
             if is_slot(fact.left, slot):
@@ -201,7 +201,7 @@ def _clamped_state(query: int, name: str, kind: Type, facts: Sequence[Fact]) -> 
 
 
 def _meet(a: Type, b: Type) -> Type:
-    """The closer bounds of two types of the same values, those of short lists one by one."""
+    """The intersection of two types of the same values, element by element for short lists."""
     if a.only(NUMBER) and b.only(NUMBER):
         return within(a, b.low, b.high)
     one, other = a.positions or (), b.positions or ()

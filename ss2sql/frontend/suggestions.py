@@ -1,4 +1,4 @@
-"""What to write instead of a name that nothing has: functions of SQL and Python, methods, texts without quotes."""
+"""Suggestions for unknown names: functions of SQL and Python, methods, strings without quotes."""
 
 from __future__ import annotations
 
@@ -63,9 +63,9 @@ _ORACLE = {
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where a name stands: inside a query, where there is a `this`; as an operand, where it may be a text.
+    """Where a name stands: inside a query, where there is a `this`; as an operand, where it may be a string.
 
-    `sources` are those in sight, `key` is what the search compares.
+    `sources` are the visible ones, `key` is what the search compares.
     """
 
     inside: bool
@@ -74,13 +74,13 @@ class Place:
     key: str = "key"
 
     def quoted(self) -> str | None:
-        """A source that is a text, which would be a table in other languages."""
+        """The name of a source that is a string, a table's name in other languages."""
         values = (source.value for source in self.sources if isinstance(source, plan.ValueSource))
         return next((one.value for one in values if isinstance(one, plan.Constant) and type(one.value) is str), None)
 
 
 def unknown_function(tree: ast.Call, catalog: Catalog, variables: Collection[str]) -> ResolveError:
-    """The error for a call of a function that there is not."""
+    """The error for a call of an unknown function."""
     name = tree.function
     every = (*catalog.functions, *catalog.world_functions)
     known = [one for one in every if one not in _HIDDEN and "." not in one]
@@ -95,7 +95,7 @@ def unknown_function(tree: ast.Call, catalog: Catalog, variables: Collection[str
 
 
 def _elsewhere(name: str, arguments: Sequence[ast.Expr]) -> tuple[str, ...]:
-    """What stands here for a function of another language."""
+    """The equivalent of a function of another language."""
     lowered = name.lower()
     if lowered in OF_PYTHON:
         return (f"session.function('{name}', {OF_PYTHON[lowered]}) registers Python's",)
@@ -112,7 +112,7 @@ def _elsewhere(name: str, arguments: Sequence[ast.Expr]) -> tuple[str, ...]:
 
 
 def unknown_method(tree: ast.Call, catalog: Catalog, variables: Collection[str]) -> ResolveError:
-    """The error for `owner.function(...)`, where the owner is no world or has no such function."""
+    """The error for `owner.function(...)` where the owner is no world or lacks the function."""
     owner, name = tree.owner or "", tree.function
     place = word(tree.span, f"{owner}.{name}")
     world = catalog.worlds.get(owner)
@@ -135,7 +135,7 @@ def unknown_method(tree: ast.Call, catalog: Catalog, variables: Collection[str])
 
 
 def _call(tree: ast.Call, catalog: Catalog) -> tuple[str, ...]:
-    """What is written for the method of a value."""
+    """The call that replaces a method of a value."""
     owner, name = tree.owner or "", tree.function
     subject = ast.Name(owner, span=word(tree.span, owner))
     there = _elsewhere(name, (subject, *tree.arguments))
@@ -146,7 +146,7 @@ def _call(tree: ast.Call, catalog: Catalog) -> tuple[str, ...]:
 
 
 def unknown_name(name: str, span: Span, catalog: Catalog, known: Sequence[str], place: Place) -> ResolveError:
-    """The error for a bare name."""
+    """The error for an unknown bare name."""
     if name in catalog.functions:
         hints: tuple[str, ...] = (f"'{name}' is a function: write {name}({'this' if place.inside else '...'})",)
         hints += (f"its name as a text is '{name}'",) if place.operand and not place.inside else ()
@@ -171,12 +171,12 @@ def unknown_name(name: str, span: Span, catalog: Catalog, known: Sequence[str], 
 
 
 def word(span: Span, name: str) -> Span:
-    """The name that a stretch begins with, where it is written like this."""
+    """The span of `name`, if `span` begins with it."""
     return Span(span.source, span.start, span.start + len(name)) if span.text.startswith(name) else span
 
 
 def over_all_rows(tree: ast.Call, scope: Scope | None) -> str:
-    """The function of one argument as it is called for all rows of its query, where that is short."""
+    """The query that calls a function of one argument for all rows, if short."""
     value, sources = tree.arguments[0].span.text, scope.sources if scope else []
     if len(sources) != 1 or sources[0].name != sources[0].span.text or len(value) > 40:
         return f"{tree.function}(SELECT ... AS list)"

@@ -1,7 +1,7 @@
-"""What the parser says about text that does not fit the grammar: the reason in words of the language, and the cure.
+"""Messages for scripts that do not fit the grammar: the reason in words of the language, and the cure.
 
-`explain` asks one question after the other: is the second word of a keyword missing, is it a spelling of SQL, a
-misspelt keyword, a bracket, a clause in the wrong place? Else it says what could stand there.
+`explain` tries one explanation after the other: a missing second word of a keyword, a spelling of SQL, a misspelt
+keyword, a bracket, a clause in the wrong place. The last one lists what could stand there.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from ss2sql.frontend.table import END
 from ss2sql.frontend.text import CLOSING, OPENING, Token
 from ss2sql.frontend.trouble import CLAUSES, OPTIONS, PAIRS, VALUES, Trouble, either, named
 
-# What a clause or a bracket wants, and what it looks like.
+# What a clause or a bracket expects, with an example.
 _WANTED = {
     "SELECT": ("a column", "for instance SELECT this, mass FROM space"),
     "FROM": ("a source", "for instance FROM space, or FROM n = [1, 2, 3]"),
@@ -36,7 +36,7 @@ _WANTED = {
     "x[": ("an index", "for instance x[0], x[1:3] or x['key']"),
 }
 _VALUE = ("a value", "a value is a name, a number, a string, a list, a call, a query or an operation on values")
-# What is meant by a sign that stands behind something complete, in a clause or anywhere.
+# The likely meaning of a sign after something complete, in a clause or anywhere.
 _BETWEEN = {
     ("WHERE", ","): "conditions are joined by AND or OR, and a list stands in square brackets",
     ("[", ":"): "a list of numbers in a row is range(from, to)",
@@ -105,7 +105,7 @@ def _similar(word: str, fitting: frozenset[str]) -> list[str]:
             spelt[keyword] = spelt[f"{keyword} {PAIRS[keyword]}"] = f"{keyword} {PAIRS[keyword]}"
     if word in keywords:
         return []
-    if len(word) <= 3:  # too short for a measure: the same letters in another order, or the beginning of a long word
+    if len(word) <= 3:  # too short for a distance: the same letters in another order, or the beginning of a long word
         begun = [
             spelt[keyword] for keyword in spelt if len(word) == 3 and len(keyword) > 6 and keyword.startswith(word)
         ]
@@ -177,7 +177,7 @@ def _missing(t: Trouble) -> ParseError | None:
 
 
 def _search(t: Trouble) -> ParseError | None:
-    """In START WITH and CONNECT BY: assignments without =, options with commas or behind the assignments."""
+    """In START WITH and CONNECT BY: assignments without =, options with commas or after the assignments."""
     name, word = t.before(), t.found.keyword or t.found.kind
     late = name if t.before(2).kind == "," and name.keyword in OPTIONS else t.found if word in OPTIONS else None
     if t.clause == "CONNECT BY" and late is not None:
@@ -266,7 +266,7 @@ def _descending(t: Trouble) -> ParseError | None:
 
 
 def _between(t: Trouble) -> ParseError:
-    """Something stands behind a complete expression: what could stand between the two?"""
+    """Something follows a complete expression: what could stand between the two?"""
     fitting = []
     if "+" in t.expected and t.clause != "FROM":
         fitting.append("an operator")
@@ -319,7 +319,7 @@ def _code(t: Trouble) -> str:
 
 
 def _opened(t: Trouble, error: ParseError) -> ParseError:
-    """The error, with the place where the innermost bracket was opened."""
+    """Adds the place where the innermost bracket was opened."""
     if t.bracket is not None:
         error.related = ((Span(t.source, t.bracket.start, t.bracket.end), "opened here"),)
     return error

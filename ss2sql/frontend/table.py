@@ -1,7 +1,7 @@
 """The LALR table: lark compiles `grammar.lark`, the result ships as `grammar_table.json` and runs without lark.
 
-Reading the file takes a tenth of the time in which lark builds its parser, and lark itself is not imported. The
-file says which grammar it was made from; when the grammar has changed since, the table is built anew in memory.
+Reading the file takes a tenth of the time that lark needs to build its parser, without importing lark. The file has a
+fingerprint of its grammar; when the grammar has changed since, the table is built anew in memory.
 `python -m ss2sql.frontend.table` writes the file.
 """
 
@@ -66,12 +66,12 @@ def load() -> Table:
 
 
 def write_table() -> None:
-    """Builds the table and writes it beside the grammar, the same bytes on every machine."""
+    """Writes the table beside the grammar, with the same bytes on every machine."""
     TABLE.write_text(json.dumps(build(), separators=(",", ":"), sort_keys=True) + "\n", encoding="utf-8")
 
 
 def _content(file: Path) -> bytes:
-    """What is in a file of the package, also where that lies in a zip file; importlib.resources takes 6 ms to load."""
+    """A file of the package, also from a zip file; importlib.resources would take 6 ms to load."""
     content: bytes = __loader__.get_data(str(file))  # type: ignore[name-defined]
     return content
 
@@ -112,7 +112,7 @@ def build() -> dict[str, Any]:
 
 
 def _walk(actions: Mapping[int, Mapping[str, tuple[int, Any]]], start: int) -> dict[int, int]:
-    """New numbers of all states: in the order in which a walk from `start`, by symbol, meets them."""
+    """New numbers of all states: the order of a walk from `start`, by symbol."""
     order = {start: 0}
     queue = [start]
     for state in queue:

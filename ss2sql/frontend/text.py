@@ -1,8 +1,7 @@
-"""From text to tokens: size and nesting limits, names, numbers, strings, comments.
+"""The tokenizer: limits on size and nesting, names, numbers, strings, comments.
 
-All of this happens before the parser sees the script and without recursion, so that no text, however large or
-odd, reaches it unprepared. What cannot be read becomes a token of a kind that the grammar does not have; the parser
-stops there, and `unreadable` says what is wrong.
+It works without recursion, so any text, however large or odd, is safe. Unreadable characters become tokens of a kind
+that the grammar lacks; the parser stops there, and `unreadable` gives the error.
 """
 
 from __future__ import annotations
@@ -32,9 +31,9 @@ CLOSING = {")": "(", "]": "[", "}": "{"}
 
 @dataclass(slots=True)
 class Token:
-    """A piece of the script: `kind` is the symbol that it is in the grammar.
+    """A token: `kind` is its symbol in the grammar.
 
-    A contextual keyword starts as a NAME with `keyword` set; the parser changes `kind` where it asks for the
+    A contextual keyword starts as a NAME with `keyword` set; the parser changes `kind` where the grammar expects the
     keyword. Signs and keywords have their own text, in upper case, as kind.
     """
 
@@ -94,9 +93,9 @@ def tokens(source: Source) -> list[Token]:
 
 
 def read(stream: BinaryIO, name: str) -> Source:
-    """The script that a stream of bytes gives; no more of it is read than a script may have.
+    """The script in a stream of bytes, read up to the greatest size of a script.
 
-    Raises ParseError P004 for a script that is larger, UnicodeDecodeError for what is no text, and OSError.
+    Raises ParseError P004 for a larger script, UnicodeDecodeError for bytes that are no text, and OSError.
     """
     found = stream.read(MAX_BYTES + 1)
     if len(found) > MAX_BYTES:
@@ -125,11 +124,11 @@ def _check_text(source: Source) -> None:
 
 
 def cut(text: str, start: int = 0) -> Iterator[Token]:
-    """The tokens of any text from `start` on, one after the other, so that who needs a few does not pay for all."""
+    """The tokens of any text from `start` on, read one at a time."""
     last: Token | None = None
     for match in _TOKEN.finditer(text, 1 if start == 0 and text.startswith("\ufeff") else start):
         kind = match.lastgroup or ""
-        if kind == "SKIP" or (last is not None and match.start() < last.end):  # the letters behind a number
+        if kind == "SKIP" or (last is not None and match.start() < last.end):  # the letters after a number
             continue
         found, begin, end = match[0], match.start(), match.end()
         if kind == "WORD":
@@ -147,7 +146,7 @@ def cut(text: str, start: int = 0) -> Iterator[Token]:
         yield last
 
 
-# Words that stand where a name could stand, too, and what has to follow for them to be keywords.
+# Words that could be names, and what has to follow for them to be keywords.
 _OPERANDS = frozenset(("NAME", "INTEGER", "FLOAT", "STRING", "THIS", "TRUE", "FALSE", "NONE"))
 _BEGINS = _OPERANDS | {"SELECT", "NOT", "IF"}
 _FOLLOWED = {
@@ -164,7 +163,7 @@ _INFIX = frozenset(("==", "!=", "<>", "<", "<=", ">", ">=", "+", "*", "/", "%", 
 
 
 def _settle(found: list[Token]) -> None:
-    """Makes names of words that something follows as it follows names: `cost + 1`, `last(x)`, `SELECT prior, a`."""
+    """Makes names of words that are followed like names: `cost + 1`, `last(x)`, `SELECT prior, a`."""
     for place, (token, after) in enumerate(pairwise(found)):
         word = token.keyword
         if word in _FOLLOWED:
@@ -195,7 +194,7 @@ def _begins_clause(token: Token, after: Token) -> bool:
 
 
 def _words(text: str, start: int) -> Iterator[Token]:
-    """A word as the token that it is; one with characters that names do not have as two."""
+    """A word as a token; as two where it has characters that are not allowed in names."""
     if text.isascii():
         upper = text.upper()
         if upper in RESERVED:
@@ -213,7 +212,7 @@ def _words(text: str, start: int) -> Iterator[Token]:
 
 
 def unreadable(source: Source, token: Token) -> ParseError | None:
-    """The error (P003, P006) for a token that the language does not have; None for any other."""
+    """The error (P003, P006) for a token that the language lacks; None for any other."""
     span = Span(source, token.start, token.end)
     text = token.text
     if token.kind == "OPEN_COMMENT":
@@ -230,7 +229,7 @@ def unreadable(source: Source, token: Token) -> ParseError | None:
         return None
     hints = [_INSTEAD.get(text, "leave it out, or put it into a string")]
     if text == "||":
-        return None  # sql_spellings.py shows the right form
+        return None  # frontend/sql_spellings.py shows the right form
     if text in _SQL_SIGNS:
         return ParseError("P006", f"there is no operator {text}", span, hints)
     return ParseError("P003", f"the language has no character {_shown(text)}", span, hints)
@@ -256,8 +255,8 @@ _POWER_PARTS = _OPERAND_ENDS | {"(", "[", "{", "."}
 
 def _check_nesting(source: Source, found: list[Token]) -> None:
     """Refuses what would nest deeper than `MAX_NESTING`: brackets, bare queries, prefix operators, powers."""
-    opened = [0]  # per open bracket: the bare queries, beyond the first, that nothing has ended yet
-    selects: list[list[bool]] = [[]]  # per open bracket: the bare queries, and whether they have come to FROM
+    opened = [0]  # per open bracket: the bare queries, beyond the first, without an end so far
+    selects: list[list[bool]] = [[]]  # per open bracket: the bare queries, and whether they have reached FROM
     prefixes = powers = 0
     before = ""
     for token in found:

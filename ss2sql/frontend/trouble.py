@@ -1,4 +1,4 @@
-"""The place where parsing stopped: the token that does not fit, what stands before it, and what would fit."""
+"""A parse failure: the token that does not fit, what stands before it, and what would fit."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Trouble:
 
     @property
     def next(self) -> Token:
-        """The token behind it; the last one has itself behind it."""
+        """The token after it; after the last one the last itself."""
         return self.tokens[min(self.index + 1, len(self.tokens) - 1)]
 
     def before(self, distance: int = 1) -> Token:
@@ -59,7 +59,7 @@ class Trouble:
         return self.tokens[self.index - distance] if self.index >= distance else Token(";", "", 0, 0)
 
     def back(self) -> Trouble:
-        """The trouble if the token ahead, which was only read, were the one that does not fit."""
+        """The failure with the token before it, which was only read, as the one that does not fit."""
         return Trouble(self.source, self.table, self.tokens, self.index - 1, self.states[:-1], self.values[:-1])
 
     @cached_property
@@ -87,7 +87,7 @@ class Trouble:
 
     @cached_property
     def _open(self) -> list[int]:
-        """The positions in `values` of tokens that are no part of a bracket that is closed, the last one first."""
+        """The positions in `values` of tokens outside of closed brackets, the last one first."""
         found: list[int] = []
         depth = 0
         for position in range(len(self.values) - 1, -1, -1):
@@ -100,7 +100,7 @@ class Trouble:
 
     @property
     def statement(self) -> int:
-        """The offset behind the `;` in front of this statement; 0 in the first statement that was read."""
+        """The offset of the beginning of this statement, after the `;` before it; 0 in the first one."""
         for value in self.values:
             if isinstance(value, Token) and value.kind in (";", *OPENING):
                 return value.end if value.kind == ";" else 0
@@ -152,7 +152,7 @@ class Trouble:
         return position >= 0 and (not kind or kind in VALUES or kind in CLOSING)
 
     def operand(self) -> str:
-        """The text of the name, call, literal or bracket that ends in front of the trouble."""
+        """The text of the name, call, literal or bracket that ends before the failure."""
         index = self.index - 1
         while index > 0:
             depth = 0
@@ -171,7 +171,7 @@ class Trouble:
         return self.text(self.tokens[max(index, 0)].start, self.before().end)
 
     def side(self, forward: bool = False) -> str:
-        """The text of the side of a comparison that ends in front of the trouble, or `forward` of that behind it."""
+        """The text of the side of a comparison that ends before the failure, or with `forward` of the one after it."""
         index, depth, step = self.index + (1 if forward else -1), 0, 1 if forward else -1
         first = index
         while 0 <= index < len(self.tokens):
@@ -186,7 +186,7 @@ class Trouble:
         return self.source.text[self.tokens[low].start : self.tokens[high].end]
 
     def column(self) -> str:
-        """The text of the column of SELECT that ends in front of the trouble."""
+        """The text of the column of SELECT that ends before the failure."""
         ahead = [v.end for v in self.values if isinstance(v, Token) and v.kind in ("SELECT", ",")]
         return self.text(ahead[-1], self.before().end)
 

@@ -1,4 +1,4 @@
-"""Worlds in scripts: their tables in FROM, their columns and methods as functions of elements."""
+"""References to worlds: their tables in FROM, their columns and methods as functions of elements."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def _refuse_call(table: Any, arguments: tuple[ast.Expr, ...], span: Span) -> Non
 def world_call(
     resolver: Resolver, name: str, arguments: tuple[plan.Expr, ...], scope: Scope | None, span: Span
 ) -> plan.Expr:
-    """A call of a world's function; of an element that walks here the column itself, or an item of it."""
+    """A call of a world's function; for the current element of a source the column itself, or an item of it."""
     source = _walked(arguments[0], scope) if arguments else None
     if source is not None and any(column == name for column, _ in source.columns):
         if len(arguments) == 1:
@@ -91,7 +91,7 @@ def world_call(
 
 
 def _is_item(resolver: Resolver, source: plan.WorldSource, name: str, behind: tuple[plan.Expr, ...]) -> bool:
-    """Whether a function promises to give an item of the column of its name for what stands behind the element."""
+    """Whether a function is declared to give the item of the column of its name at the second argument."""
     note = resolver.catalog.worlds[source.table.world_name].note_of(name)
     length = dict(source.columns)[name].size
     match behind:
@@ -110,7 +110,7 @@ def _walked(expr: plan.Expr, scope: Scope | None) -> plan.WorldSource | None:
 
 
 def keys_of(arguments: tuple[plan.Expr, ...], scope: Scope | None) -> tuple[plan.Expr, ...]:
-    """What `==` and `!=` compare: of two elements of one table, their keys where these are numbers or strings."""
+    """The operands of `==` and `!=`: two elements of one table are replaced by keys that are numbers or strings."""
     sources = [_walked(argument, scope) for argument in arguments]
     match sources:
         case [plan.WorldSource(table=one) as first, plan.WorldSource(table=other) as second]:
@@ -124,7 +124,7 @@ def keys_of(arguments: tuple[plan.Expr, ...], scope: Scope | None) -> tuple[plan
 def is_function_of_this(resolver: Resolver, name: str, scope: Scope) -> bool:
     """Whether a bare name may be a function that is applied to `this`.
 
-    Where columns are known only when a source is read, a column of elements is read as one.
+    Where the columns of a source are known only at run time, the name of a column is read as one.
     """
     assert scope.sources, "a query has a source, and one that is unknown ends it"
     if name in resolver.catalog.functions:

@@ -1,1 +1,1 @@
-"""What everybody else speaks: the operations of the language."""
+"""The language itself, which all other rooms use: its operations."""

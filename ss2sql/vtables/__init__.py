@@ -1,8 +1,8 @@
-"""Python objects as virtual tables of SQLite: lists (`sequences.py`), and worlds.
+"""Python objects as virtual tables of SQLite: lists (vtables/sequences.py), and worlds.
 
-For worlds, in the order in which a reader meets them: `base.py` is what an adapter says of an object, `schema.py`
-checks it, `attached.py` is what a session makes of it, `reading.py` what one query reads, `module.py` how SQLite
-reads it, `conformance.py` the judge of adapters. `adapter_of` finds the adapter for an object by the object's type.
+For worlds, in the order of reading: vtables/base.py is the contract of adapters, vtables/schema.py checks their
+declarations, vtables/attached.py holds the worlds of a session, vtables/reading.py reads for one query,
+vtables/module.py serves SQLite, vtables/conformance.py tests adapters. `adapter_of` finds an object's adapter.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 GROUP = "ss2sql.worlds"  # of entry points: the name is that of a type, "module.Class", the value its adapter
 
-# Adapters that ship with the package, by the type that they serve; nothing of them is imported before it is needed.
+# Adapters that ship with the package, by the type that they serve, imported on demand.
 SHIPPED: dict[str, str] = {
     "pybullet_utils.bullet_client.BulletClient": "ss2sql.vtables.pybullet:PyBulletWorld",
     "ss2sql.vtables.pybullet.scene.Scene": "ss2sql.vtables.pybullet:PyBulletWorld",
@@ -49,7 +49,7 @@ SHIPPED: dict[str, str] = {
     ),
 }
 
-PYBULLET_CLIENTS = 1024  # more than PyBullet has at once; numbers beyond 32 bits it cannot even be asked about
+PYBULLET_CLIENTS = 1024  # PyBullet's own limit; its functions fail for numbers beyond 32 bits
 
 _registered: dict[str, type[World]] = {}
 
@@ -68,7 +68,7 @@ def known_types() -> tuple[str, ...]:
 
 
 def _entry_points() -> Iterable[EntryPoint]:
-    from importlib.metadata import entry_points  # 10 ms, which sessions without worlds need not pay
+    from importlib.metadata import entry_points  # 10 ms, for sessions with worlds only
 
     return entry_points(group=GROUP)
 
@@ -112,7 +112,7 @@ def has_adapter(value: Any) -> bool:
 
 @lru_cache(1000)
 def _has_adapter(kind: type) -> bool:
-    """The same of a type: to look for entry points takes 10 ms, and FROM may walk many objects."""
+    """The same for a type, cached: reading entry points takes 10 ms, and FROM may walk many objects."""
     if issubclass(kind, World) or hasattr(kind, "__world__"):
         return True
     return kind.__module__ not in ("builtins", "numpy") and not set(known_types()).isdisjoint(_names_of(kind))
@@ -124,7 +124,7 @@ def _names_of(kind: type) -> list[str]:
 
 
 def attachable(name: str, source: Any) -> Any:
-    """What is attached where this is given: an iterator is read into a list, a number may mean a client of PyBullet.
+    """The object to attach for `source`: an iterator becomes a list, a number may mean a client of PyBullet.
 
     Raises SessionError S002 for the path of a file that cannot be attached.
     """
@@ -132,9 +132,9 @@ def attachable(name: str, source: Any) -> Any:
     if ending is not None and ending not in ATTACHED:
         path = os.fspath(source)
         raise SessionError("S002", f"a file {ending} cannot be attached by its path", hints=(cure_for(path, name),))
-    pybullet = sys.modules.get("pybullet")  # where nobody imported it, there are no clients
+    pybullet = sys.modules.get("pybullet")  # without this import there are no clients
     if pybullet is not None and (source is pybullet or (type(source) is int and 0 <= source < PYBULLET_CLIENTS)):
-        number = 0 if source is pybullet else source  # the client that its functions mean where none is named
+        number = 0 if source is pybullet else source  # the default client of its functions
         if pybullet.getConnectionInfo(number)["isConnected"]:
             return _loaded(SHIPPED["ss2sql.vtables.pybullet.scene.Scene"])(number)
     from ss2sql.runtime.border import is_read_once
@@ -143,7 +143,7 @@ def attachable(name: str, source: Any) -> Any:
 
 
 def refuse_unknown(source: Any) -> None:
-    """Raises SessionError S002 for an object that is no value and has no columns: most likely it lacks an adapter."""
+    """Raises SessionError S002 for an object that is no value and has no columns, as it probably lacks an adapter."""
     from ss2sql.runtime.border import normalise
 
     kind = type(source)
@@ -152,7 +152,7 @@ def refuse_unknown(source: Any) -> None:
     try:
         plain = normalise(source, "the source")
     except ExecutionError:
-        return  # whoever reads it hears of it
+        return  # reading it raises the error
     if isinstance(plain, (bool, int, float, str, list, dict, bytes, NoneType)):
         return
     known = ", ".join(known_types())

@@ -1,4 +1,4 @@
-"""Worlds as a session holds them: their tables as sources of plans, their columns and methods as functions."""
+"""The worlds of a session: their tables as sources of plans, their columns and methods as functions."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _OBJECT = Type(Kind.OBJECT)
 
 
 class AttachedTable:
-    """A table as plans know it. `module` is the name of its virtual table, `title` what scripts call it."""
+    """A table as plans know it. `module` is the name of its virtual table, `title` its name in scripts."""
 
     __slots__ = ("columns", "element", "module", "schema", "table", "title", "world", "world_name")
 
@@ -36,14 +36,14 @@ class AttachedTable:
 
     @property
     def signature(self) -> tuple[Any, ...]:
-        """What a virtual table has to be made anew for."""
+        """What identifies a virtual table; another signature needs a new one."""
         schema = self.schema
         filters = tuple((column.name, column.operators) for column in schema.columns)
         return filters, schema.parameters, schema.required, self.key
 
     @property
     def key(self) -> str:
-        """The column that is the key, if one is."""
+        """The column that is the key, if any."""
         return "" if self.schema.keyed is None else self.schema.keyed.key
 
     def __repr__(self) -> str:
@@ -65,7 +65,7 @@ class AttachedWorld:
         self.functions = dict(_functions_of(world))
 
     def time(self) -> Any:
-        """What the world's clock says. Raises ExecutionError X011 where that fails."""
+        """The time of the world's clock. Raises ExecutionError X011 where that fails."""
         try:
             return self.world.time
         except Error:
@@ -74,7 +74,7 @@ class AttachedWorld:
             raise broken(self.principal.schema, error) from error
 
     def note_of(self, name: str) -> WorldFunction:
-        """What the method of this name declares of itself."""
+        """The declaration of the method of this name."""
         note = getattr(getattr(type(self.world), name, None), "__ss2sql__", None)
         return note if isinstance(note, WorldFunction) else WorldFunction()
 
@@ -98,17 +98,17 @@ _WEAKNESS: tuple[Volatility, ...] = ("immutable", "stable", "volatile")
 
 
 class WorldFunctions:
-    """The functions that the attached worlds bring along: a column or method of each name, found by its element."""
+    """The functions of the attached worlds: for each name a column or method, dispatched by the element."""
 
     def __init__(self, worlds: Mapping[str, AttachedWorld], memories: Memories) -> None:
         self.worlds = worlds
         self.memories = memories
 
     def all(self) -> dict[str, UserFunction]:
-        """By the name that scripts use; a name that is built in has another one in plans and SQL."""
+        """The functions by their names in scripts; one named like a built-in has another name in plans and SQL."""
         names = {name: None for world in self.worlds.values() for name in self._names(world)}
         found = {name: self._function(name, self.worlds.values()) for name in names}
-        if len(self.worlds) > 1:  # then `space.move(...)` may be needed to tell them apart
+        if len(self.worlds) > 1:  # then `space.move(...)` distinguishes them
             owned = ((world, name) for world in self.worlds.values() for name in world.functions)
             found.update((f"{world.name}.{name}", self._function(name, (world,))) for world, name in owned)
         return found

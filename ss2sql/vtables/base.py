@@ -1,7 +1,7 @@
-"""Worlds: what an object has to say of itself to be a set of tables. This is the contract of adapters.
+"""Worlds: Python objects as sets of tables. This is the contract of adapters.
 
 A *world* wraps one Python object (a simulator, a handle, an object of one's own) and has *tables*. A table walks the
-*keys* of its elements and gives their columns when they are asked for, group by group: a *group* is what one call of
+*keys* of its elements and gives their columns when they are read, group by group: a *group* is what one call of
 the simulator gives. The first table is the principal one, `FROM space`; the others are `FROM space.joints`::
 
     class Balls(Table):
@@ -22,15 +22,15 @@ the simulator gives. The first table is the principal one, `FROM space`; the oth
 
 The caller guarantees that `keys` and groups are called within one thread and that nothing moves the world between
 the rows of a query unless the query does so itself; such a query reads from a copy made at its start. Within one
-query a group is asked once for each key, `keys` once for each `where`.
+query a group is called once for each key, `keys` once for each `where`.
 
 The adapter guarantees:
 
-- Keys are hashable, unique, and the same for the same element as long as it lives. Where `key` names a column, the
-  key is that column's value. Elements that die may take their keys along; what no longer exists raises `Gone`.
+- Keys are hashable, unique, and constant as long as their element lives. Where `key` names a column, the key is that
+  column's value. The key of a dead element may vanish; an element that no longer exists raises `Gone`.
 - `keys(where)` gives the keys in an order that does not depend on `where`, and at least all that `where` allows.
-- Values fit the declared types. NumPy's scalars become numbers by themselves; arrays stand in list columns only.
-- Reading changes nothing. What changes something is a function declared volatile.
+- Values fit the declared types. NumPy's scalars are converted to numbers; arrays are for list columns only.
+- Reading changes nothing. Functions that change something are declared volatile.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 Volatility = Literal["immutable", "stable", "volatile"]
 
 OPERATORS = ("=", "<", "<=", ">", ">=")
-LARGEST = 1e100  # of floats in columns: so large that no world needs it, and squares and sums stay finite
+LARGEST = 1e100  # of floats in columns: squares and sums stay finite
 
 
 class Gone(Exception):  # noqa: N818 - it is the adapter's word for what it has found out
@@ -80,9 +80,9 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class Filter:
-    """What a query demands of one column: to be `equal` to a value, or to lie in `low`..`high`, both included.
+    """A condition on one column: `equal` to a value, or within `low`..`high`, both included.
 
-    None stands for nothing demanded. With `equal`, `low` and `high` are that value, too.
+    None means no condition. With `equal`, `low` and `high` are that value, too.
     """
 
     equal: Any = None
@@ -97,10 +97,10 @@ class Filter:
 
 
 class Where(dict[str, Filter]):
-    """What a query demands, by column: only those comparisons that the columns declare, all of which have to hold.
+    """The conditions of a query by column, limited to the comparisons that the columns declare; all have to hold.
 
-    Bounds are included even where the query excludes them, for every row is tested again. A name that is none of a
-    column belongs to a filter of another kind; an adapter leaves alone what it does not know.
+    Bounds are included even where the query excludes them, since every row is tested again. Names of other than
+    columns belong to filters of another kind; adapters ignore those that they do not know.
     """
 
     def equal(self, column: str) -> Any:
@@ -133,17 +133,16 @@ class Table:
     value. Every column is in one group, but the one named by `key`, which is the key itself. Without a `key`
     column, keys may be any hashable value, for example a pair of numbers.
 
-    `arrays` does the same for simulators that hold everything in arrays: `def pose(self, keys)` gets the keys of
-    all elements that are wanted and returns one array per column (a group of one column: the array itself).
-    `blocks` does it for simulators that answer quickly, with values that are numbers, strings or None of just the
-    declared types: `def pose(self, keys)` gets the keys of the next few elements and returns a list of tuples, one
-    for each (a block of one column: a list of values). These values are taken as they are; only that floats lie
-    within 1e100 is looked after.
+    `arrays` is for simulators that hold everything in arrays: `def pose(self, keys)` gets the keys of all wanted
+    elements and returns one array per column (a group of one column: the array itself). `blocks` is for simulators
+    that answer quickly, with values that are numbers, strings or None of exactly the declared types: `def pose(self,
+    keys)` gets the keys of the next few elements and returns a list of tuples, one for each (a block of one column:
+    a list of values). These values are used unchanged; only floats are checked to be within 1e100.
 
-    `places` says what stands where: `{"this": "x y z", "pos": "x y z"}`. With "this" the world promises that its
-    function `distance` measures the straight way from the point [x, y, z] of an element, to a point, to one of two
-    numbers on the floor plan, or to another element that has a place; any other name is a list column that holds
-    just this point. What is near something is then asked of `keys` by ranges of x, y and z.
+    `places` maps elements to coordinates: `{"this": "x y z", "pos": "x y z"}`. With "this" the world promises that
+    its function `distance` measures the straight distance from the point [x, y, z] of an element to a point, to a
+    point of two numbers on the floor plan, or to another element with a place; any other name is a list column that
+    holds this point. Queries for what is near then call `keys` with ranges of x, y and z.
     """
 
     name: ClassVar[str] = ""
@@ -198,23 +197,22 @@ class World:
     imported for it. `representations` maps the names of representations (`AS plane(...)`) to the names of methods,
     which are called as those of `Session.representation` are.
 
-    `self.memory` is for `keys`, `rows` and functions: what they put there is theirs until the query that asks has
-    ended, such as an index of all positions. Each query begins with an empty one. Outside of queries, and in a query
-    that may move the world itself, each call of a function begins with an empty one.
+    `self.memory` is a cache for `keys`, `rows` and functions, such as an index of all positions. It is empty at the
+    start of each query; outside of queries, and in a query that may move the world, at the start of each call.
     """
 
     tables: ClassVar[Sequence[type[Table] | type[TableFunction]]] = ()
     serves: ClassVar[Sequence[str]] = ()
     representations: ClassVar[Mapping[str, str]] = {}
     text: ClassVar[str] = ""
-    remembered: dict[str, Any] | None = None  # the memory, while it is lent; see memories.py
+    remembered: dict[str, Any] | None = None  # the cache of the current query; see vtables/memories.py
 
     def __init__(self, source: Any = None) -> None:
         self.source = self if source is None else source
 
     @property
     def memory(self) -> dict[str, Any]:
-        """What is remembered for the time of a query; what nobody asks for in a query is forgotten at once."""
+        """The cache of the current query; outside of queries an empty one."""
         return {} if self.remembered is None else self.remembered
 
     @property
@@ -223,10 +221,10 @@ class World:
         return None
 
     def fingerprint(self) -> str:
-        """What tells the world as it is now from any other, in any process; graphs are remembered by it.
+        """Identifies the world's present contents in any process; the graph cache uses it as a key.
 
-        By default it is made of all columns of all elements. An adapter whose functions depend on more writes its own,
-        and raises NotImplementedError with the reason where there is none.
+        By default it is a hash of all columns of all elements. An adapter whose functions depend on more writes its
+        own, or raises NotImplementedError with the reason.
         """
         from ss2sql.vtables.contents import contents
 
@@ -238,7 +236,7 @@ class World:
 
 @dataclass(frozen=True, slots=True)
 class WorldFunction:
-    """What `@function` notes of a method."""
+    """The declaration by `@function`."""
 
     volatility: Volatility = "stable"
     indexed: bool = False
@@ -253,11 +251,11 @@ def function(volatility: Volatility, /, indexed: bool = False) -> Callable[[F], 
 def function(volatility: Any = "stable", /, indexed: bool = False) -> Any:
     """Decorator for methods of a World: a function of scripts, `linearVelocity(this, 2)`.
 
-    Elements of the same world arrive as their keys, all else as it is. `@function` alone says that it is stable: the
-    same arguments give the same value within one query. `@function("volatile")` is for what moves or steps the world,
-    or looks at a clock; `@function("immutable")` for what never changes. `indexed=True` promises that the function is a
-    column: of an element it gives the list column of its name, and with 0, 1, ... behind the element one item of that
-    list. Such calls are read as columns.
+    Elements of the same world arrive as their keys, other values unchanged. `@function` alone declares it stable: equal
+    arguments give equal values within one query. `@function("volatile")` is for functions that move or step the world,
+    or read a clock; `@function("immutable")` for constant ones. `indexed=True` promises that the function equals the
+    list column of its name: of an element it gives the list, and with an index 0, 1, ... after the element one item.
+    Such calls are read as columns.
     """
     if callable(volatility):
         return function("stable")(volatility)
@@ -270,9 +268,9 @@ def function(volatility: Any = "stable", /, indexed: bool = False) -> Any:
 
 
 class Element(Handle):
-    """An element of a world: what `this` is. It knows its table and its key, and holds nothing else.
+    """An element of a world: the value of `this`. It consists of its table and its key.
 
-    In Python its columns are attributes, read when they are asked for: `element.mass`. Two elements are equal if they
+    In Python its columns are attributes, read at each access: `element.mass`. Two elements are equal if they
     are of the same table of the same source and have the same key.
     """
 

@@ -1,7 +1,7 @@
-"""The columns that worlds of bodies have in common: their names, their types, and how they follow from each other.
+"""The columns that worlds of bodies share: names, types, and columns that are computed from others.
 
-The simulators differ in what they can tell. A name that two of them have means the same in both, so a query that runs
-over one of them runs over the other.
+Simulators provide different columns. A name that two of them have means the same in both, so a query runs over
+either.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ _COLUMNS = (
 
 
 def body_columns(without: str = "", unknown: str = "") -> tuple[Column, ...]:
-    """The columns of bodies, but for those that a simulator knows nothing of; `unknown` are None for some bodies."""
+    """The columns of bodies except `without`; those in `unknown` may be None."""
     left_out, optional = without.split(), unknown.split()
     return tuple(
         replace(column, type=_optional(column.type)) if column.name in optional else column
@@ -110,11 +110,11 @@ def euler(x: float, y: float, z: float, w: float) -> Vector:
 
 
 def finite(values: Iterable[float]) -> Vector:
-    """A corner of a box, with ends."""
+    """A corner of a box, with infinite coordinates replaced by FAR."""
     x, y, z = (max(-FAR, min(FAR, float(value))) for value in values)
     return x, y, z
 
 
 def gone(what: str, key: Any) -> Gone:
-    """The error for a key that stands for nothing."""
+    """The error for a key without an element."""
     return Gone(f"no {what} has the id {key!r}")

@@ -1,4 +1,4 @@
-"""The functions and tables with parameters that worlds of bodies have in common. All follow from columns of bodies."""
+"""The functions and tables with parameters that worlds of bodies share, computed from columns of bodies."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ PAIR = (
     Column("idB", int, "", "the id of b"),
 )
 AXES = ("x", "y", "z")
-SLACK = 1e-9  # relative: a distance that is computed in another way differs by less
+SLACK = 1e-9  # relative: distances from different formulas differ by less
 
 
 def wrong(name: str, wanted: str, value: Any) -> ExecutionError:
-    """The error of an argument."""
+    """The error for an argument."""
     return ExecutionError("X007", f"'{name}' needs {wanted}, not {show(value)}")
 
 
@@ -51,9 +51,9 @@ class BodyWorld(World):
 
     @abstractmethod
     def gap(self, one: int, other: int) -> float:
-        """The shortest way from the surface of one body to that of the other; 0 or less where they touch.
+        """The shortest distance between the surfaces of two bodies; 0 or less where they touch.
 
-        Infinite where there is no such way.
+        Infinite where it is undefined.
         """
 
     def meets(self, one: int, other: int) -> bool:
@@ -90,7 +90,7 @@ class BodyWorld(World):
         return self.column(body, "pos"), self.column(body, "quat")
 
     def within_ranges(self, where: Where) -> list[int]:
-        """The bodies that conditions on x, y and z leave over. Positions are asked for once in a query."""
+        """The bodies that meet conditions on x, y and z. Positions are read once in a query."""
         known = self.memory
         if "positions" not in known:
             known["positions"] = self.positions()
@@ -102,7 +102,7 @@ class BodyWorld(World):
         return [ids[place] for place in np.flatnonzero(inside)]
 
     def body(self, wanted: Any) -> int:
-        """The id of a body that a script means: by its element, its id or its name."""
+        """The id of a body, given by its element, its id or its name."""
         if isinstance(wanted, int) and not isinstance(wanted, bool):
             return wanted
         if not isinstance(wanted, str):
@@ -114,7 +114,7 @@ class BodyWorld(World):
         return int(names[wanted])
 
     def point(self, value: Any) -> Sequence[float]:
-        """A point that a script means: itself, or where a body is."""
+        """A point, given by coordinates or by a body."""
         if isinstance(value, Element):  # of another world
             return tuple(value.pos)
         if not isinstance(value, (list, tuple)):
@@ -125,7 +125,7 @@ class BodyWorld(World):
         return found
 
     def box(self, name: str, value: Any) -> Box:
-        """A box that a script gives: two opposite corners, or a body that has one around it."""
+        """A box, given by two opposite corners, or by a body with a box around it."""
         if isinstance(value, Element):
             low, high = value.aabb
             return low, high
@@ -139,7 +139,7 @@ class BodyWorld(World):
         return [min(pair) for pair in pairs], [max(pair) for pair in pairs]
 
     def place(self, name: str, body: int, value: Any) -> tuple[Vector, Quaternion]:
-        """A pose that a script means; what is missing is taken from the body as it is."""
+        """A pose; missing parts are taken from the body's present pose."""
         given = numbers(value, 2, 3, 7)
         if given is None:
             raise wrong(name, "a place [x, y], [x, y, z] or [x, y, z, qx, qy, qz, qw]", value)
@@ -229,13 +229,13 @@ class BodyWorld(World):
 
 
 class Asked:
-    """The pairs of bodies that a script asks for: all, those of body a, or those between a and b."""
+    """The requested pairs of bodies: all, those of body a, or those between a and b."""
 
     def __init__(self, world: BodyWorld, a: Any, b: Any) -> None:
         self.a, self.b = (None if body is None else world.body(body) for body in (a, b))
 
     def in_order(self, one: int, other: int) -> tuple[int, int] | None:
-        """Two bodies as a and b; None if they are not asked for."""
+        """Two bodies as a and b; None if they are not requested."""
         for a, b in ((one, other), (other, one)):
             if self.a in (None, a) and self.b in (None, b):
                 return a, b

@@ -1,7 +1,7 @@
-"""The types that columns are declared with, and what makes values of adapters values of these types.
+"""The declared types of columns, and the conversion of adapters' values to them.
 
 Every value of a world passes through the cleaner of its column: NumPy's scalars become numbers, integers in float
-columns floats, tuples lists. What does not fit is refused with the name of the column.
+columns floats, tuples lists. Values that do not fit are refused with the name of the column.
 """
 
 from __future__ import annotations
@@ -45,14 +45,14 @@ def kind_of(declared: Any) -> Type:
 
 
 def type_name(declared: Any) -> str:
-    """A declared type as one would write it."""
+    """A declared type as it is written in Python."""
     if isinstance(declared, tuple):
         return f"({', '.join(map(type_name, declared))})"
     return declared.__name__ if isinstance(declared, type) else str(declared)
 
 
 def unfit(message: str, *hints: str) -> ExecutionError:
-    """The error of a value that is none of its column."""
+    """The error for a value that does not fit its column."""
     return ExecutionError("X004", message, hints=hints)
 
 
@@ -60,7 +60,7 @@ def unfit(message: str, *hints: str) -> ExecutionError:
 
 
 def cleaner(kind: Type, giver: str) -> Clean:
-    """The function that makes values of one declared type values of the language; `giver` names the column."""
+    """The function that converts values of one declared type to values of the language; `giver` names the column."""
     match kind:
         case Type(kinds=Kind.FLOAT):
             return _floats(giver)
@@ -116,7 +116,7 @@ def _exactly(wanted: type, giver: str) -> Clean:
 
 
 def _others(kind: Type, giver: str) -> Clean:
-    """Types of several kinds, and structured ones."""
+    """The cleaner of types of several kinds, and of structured ones."""
     if kind.kinds == Kind.LIST and kind.positions:
         return _lists(kind.positions, giver)
     optional = kind.may(Kind.NONE)
@@ -138,7 +138,7 @@ def _others(kind: Type, giver: str) -> Clean:
 
 
 def _lists(kinds: Sequence[Type], giver: str) -> Clean:
-    """Lists of a fixed length."""
+    """The cleaner of lists of a fixed length."""
     parts = [cleaner(part, giver) for part in kinds]
     fits = quick_test(tuple(kind.kinds for kind in kinds)) or (lambda value: False)
 
@@ -180,7 +180,7 @@ Kinds: TypeAlias = "tuple[Kind | tuple[Kind, ...], ...]"  # of values; a tuple f
 
 @cache
 def quick_test(kinds: Kinds) -> Callable[[Any], bool] | None:
-    """A function that tells whether all values of a tuple are clean, all scalars of plain types; None for others.
+    """A test that all values of a tuple are clean scalars of these kinds; None for other kinds.
 
     As one function of plain tests it takes 0.2 us for four values, a call for each value 0.6 us.
     """
@@ -203,7 +203,7 @@ def quick_test(kinds: Kinds) -> Callable[[Any], bool] | None:
         return None
     lines.append(f" return {' and '.join(tests)}")
     made: dict[str, Any] = dict(_NAMES)
-    exec("\n".join(lines), made)  # a text of this file, with nothing in it from elsewhere
+    exec("\n".join(lines), made)  # the code comes from this file alone
     return made["fits"]  # type: ignore[no-any-return]
 
 

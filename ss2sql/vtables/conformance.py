@@ -1,7 +1,7 @@
-"""The judge of adapters: `check_world` asks a world many things in many ways and compares the answers.
+"""The conformance test of adapters: `check_world` reads a world in many ways and compares the results.
 
-First every table is read once by hand and the rules of base.py are tried one by one. Then random queries run over the
-world, on both engines, and over a plain copy of its tables: lists of dicts, which know nothing of filters and groups.
+First every table is read directly and the rules of vtables/base.py are tested one by one. Then random queries run over
+the world, on both engines, and over a plain copy of its tables: lists of dicts, without filters and groups.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class BrokenRuleError(AssertionError):
 
 @dataclass(slots=True)
 class Report:
-    """What was tried: the number of queries and of elements by table, and table functions that nobody could call."""
+    """What was tested: the number of queries and of elements by table, and table functions without arguments."""
 
     queries: int = 0
     elements: dict[str, int] = field(default_factory=dict)
@@ -105,7 +105,7 @@ class _Judge:
     # --- one rule after the other ----------------------------------------------------------------------
 
     def rules(self) -> None:
-        """Everything that can be seen without a query."""
+        """All rules that can be tested without a query."""
         for table in self.attached.tables.values():
             if isinstance(table.table, Table):
                 self._table(table.table, table.schema)
@@ -115,7 +115,7 @@ class _Judge:
         self._functions()
 
     def warn_of_size(self) -> None:
-        """Warns of a table that is so large that the random queries may not end in anybody's time."""
+        """Warns of a table that is so large that the random queries may take very long."""
         name, most = max(self.report.elements.items(), key=lambda item: item[1], default=("", 0))
         if most > MANY:
             message = (
@@ -167,7 +167,7 @@ class _Judge:
             raise _refused("values fit their columns", table.name, error) from error
 
     def _blocks(self, table: Table, schema: Schema, keys: list[Any]) -> None:
-        """Blocks, which queries take as they are, are lists of tuples with values of the declared types."""
+        """Blocks, which queries use unchecked, are lists of tuples with values of the declared types."""
         for group in sorted(schema.blocks):
             try:
                 found = list(getattr(table, group)(keys))
@@ -179,11 +179,11 @@ class _Judge:
                 raise BrokenRuleError("blocks fit their columns", table.name, detail)
             single = len(schema.groups[group].parts) == 1
             for row, wanted in zip(zip(found, strict=True) if single else found, clean, strict=True):
-                if repr(row) != repr(wanted):  # which shows types, too
+                if repr(row) != repr(wanted):  # `repr` distinguishes types, too
                     raise BrokenRuleError("blocks fit their columns", table.name, f"{group} gives {row}, not {wanted}")
 
     def _arrays(self, table: Table, schema: Schema, keys: list[Any], rows: list[dict[str, Any]]) -> None:
-        """Arrays and blocks give what belongs to the keys that were asked for, in their order."""
+        """Arrays and blocks have the values of the requested keys, in their order."""
         if not (schema.arrays or schema.blocks) or not keys:
             return
         known = dict(zip(keys, rows, strict=True))
@@ -195,7 +195,7 @@ class _Judge:
                     raise BrokenRuleError("values belong to their keys", table.name, detail)
 
     def _filter(self, table: Table, schema: Schema, keys: list[Any], rows: list[dict[str, Any]]) -> None:
-        """`keys(where)` leaves out nothing that `where` allows, and keeps the order."""
+        """`keys(where)` has all keys that `where` allows, in the same order."""
         usable = [(column.name, sorted(column.operators)) for column in schema.columns if column.operators]
         if not usable or not rows:
             return
@@ -283,7 +283,7 @@ class _Judge:
             yield tuple(row[name] for name in needed)
 
     def _functions(self) -> None:
-        """Functions that claim to be stable give the same twice."""
+        """Functions that are declared stable give the same value twice."""
         principal = self.attached.principal
         assert isinstance(principal.table, Table)
         for key in self._keys(principal.table, Where())[:5]:
@@ -294,7 +294,7 @@ class _Judge:
                 try:
                     one, other = method(own_key(element, self.world)), method(own_key(element, self.world))
                 except TypeError:
-                    continue  # it takes something else than an element
+                    continue  # its argument is no element
                 if repr(one) != repr(other):
                     detail = f"{name}({element!r}) is {one!r}, then {other!r}"
                     raise BrokenRuleError("functions keep what they declare", principal.table.name, detail)
@@ -337,7 +337,7 @@ class _Judge:
                     raise BrokenRuleError("missing arguments are an error", table.title, f"the error is {missing}")
 
     def changed(self, change: Callable[[random.Random], Any]) -> None:
-        """Lets the world change, and asks for the elements that are no more."""
+        """Changes the world, and reads elements that no longer exist."""
         tables = [t for t in tables_of(self.world) if isinstance(t, Table)]
         before = [(table, self._keys(table, Where())) for table in tables]
         change(self.dice)

@@ -1,4 +1,4 @@
-"""What a world holds, as one short text: equal for equal contents, in any process."""
+"""A digest of a world's contents, equal for equal contents in any process."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from ss2sql.vtables.schema import tables_of
 
 
 def contents(world: World, without: Collection[str] = ()) -> str:
-    """A hash of all columns of all elements, those apart that are named in `without` as "table.column".
+    """A hash of all columns of all elements, except those named in `without` as "table.column".
 
-    Raises NotImplementedError where an element holds what has no text.
+    Raises NotImplementedError for values that have no canonical text.
     """
     readings, made = Readings(), sha256()
     for table in tables_of(world):
@@ -33,7 +33,7 @@ def contents(world: World, without: Collection[str] = ()) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """A value with the keys of elements in place of these."""
+    """A value with elements replaced by their keys."""
     kind = type(value)
     if value is None or kind in (bool, int, float, str):
         return value

@@ -1,8 +1,8 @@
-"""The distance of convex solids, for simulators that tell only whether solids touch.
+"""The distance of convex solids, for simulators that only test whether solids touch.
 
 A solid is a core (a point, a line, a box or a disc that is drawn out to a cylinder) with a layer of constant thickness
-around it. The distance of two cores is found by the method of Gilbert, Johnson and Keerthi: the point of the difference
-of both that is next to the origin, from better and better simplices.
+around it. The distance of two cores is found by the method of Gilbert, Johnson and Keerthi: the point of their
+Minkowski difference that is nearest to the origin, approximated by simplices.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class Convex:
     disc: float = 0.0
 
     def furthest(self, direction: Array) -> Array:
-        """The point of the core that lies furthest in a direction."""
+        """The support point of the core: the furthest one in a direction."""
         along = direction @ self.axes
         local = np.where(along >= 0, self.half, -self.half)
         if self.disc:
@@ -106,7 +106,7 @@ def _foot(points: tuple[Array, ...]) -> Array | None:
     edges = np.array([point - first for point in points[1:]])
     gram = edges @ edges.T
     if abs(np.linalg.det(gram)) < 1e-14 * float(np.prod(np.diag(gram))) or not np.all(np.diag(gram)):
-        return None  # the points lie in a line, or in a plane: fewer of them do as well
+        return None  # the points lie in a line, or in a plane: fewer of them suffice
     weights = np.linalg.solve(gram, -edges @ first)
     if np.any(weights < 0) or weights.sum() > 1:
         return None

@@ -1,7 +1,7 @@
-"""Walks over one table of a world, as SQLite asks for them: Filter, then Eof, Column and Next for each row.
+"""The cursor of a world's table, by SQLite's protocol: Filter, then Eof, Column and Next for each row.
 
-What is called for every row and column is a method of a dict or list, or of a generator, where possible: a call of
-Python code takes as long as three of these.
+The calls for every row and column are methods of a dict, a list or a generator where possible: a call of Python code
+takes as long as three of these.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Read: TypeAlias = Callable[[Any], SqlValue]
 
 @lru_cache(maxsize=1000)
 def demands_of(plan: str) -> tuple[tuple[str, str], ...]:
-    """The columns and comparisons, or the parameters, that the arguments of a plan stand for, in their order."""
+    """The columns and comparisons, or the parameters, of a plan's arguments, in their order."""
     if plan == "all":
         return ()
     parts = (text.split(" ") for text in plan.split(", "))
@@ -31,7 +31,7 @@ def demands_of(plan: str) -> tuple[tuple[str, str], ...]:
 
 
 class Cursor:
-    """One walk. Its row is what the query has read of the current element."""
+    """One walk. Its row is a buffer of the current element's columns."""
 
     def __init__(self, module: WorldModule) -> None:
         self.module = module
@@ -58,7 +58,7 @@ class Cursor:
             found = self.reading.asked(demands, arguments) if demands else self.reading.keys(NOTHING)
         self.count = len(found)
         self.over.clear()
-        if len(found) == 1:  # a lookup in a join; to make a generator for it would take 0.3 us more
+        if len(found) == 1:  # a lookup in a join; a generator would take 0.3 us more
             self.keys, self.Next = _NO_MORE, self._end
             self.row.fill(found[0])
         else:
@@ -67,12 +67,12 @@ class Cursor:
             self.Next()
 
     def walk_on(self) -> None:
-        """Goes on with the rest of the walk as the row is filled now."""
+        """Continues the walk with the present set of buffered columns."""
         if self.keys is not _NO_MORE:
             self.Next = self.row.walk(self.keys).__next__
 
     def _rows(self, reading: Reading, demands: Sequence[tuple[str, str]], arguments: Sequence[SqlValue]) -> list[Any]:
-        """The rows of a table function, whatever is demanded of its columns."""
+        """The rows of a table function, without filters on its columns."""
         assert self.pool is not None
         pairs = zip(demands, arguments, strict=True)
         self.given = {name: value for (name, operator), value in pairs if operator == ":="}
@@ -85,12 +85,12 @@ class Cursor:
         return self.count - int(self.keys.__length_hint__()) - 1
 
     def Rowid(self) -> int:  # noqa: N802
-        """The identity of the row, the same in every plan: SQLite puts OR together by it."""
+        """The identity of the row, the same in every plan: SQLite combines the parts of OR by it."""
         assert self.reading is not None
         return self.place if self.reading.schema.keyed is None else self.reading.number(self.row.key)
 
     def Close(self) -> None:  # noqa: N802
-        # All that was read goes with the query, and does not wait for the collector of cycles.
+        # Frees all that was read at the end of the query, before the collector of cycles runs.
         self.keys, self.reading, self.pool, self.Next = _NO_MORE, None, None, self._end
         self.row.let_go()
 
@@ -125,10 +125,10 @@ class Cursor:
 
 
 class Row(dict[int, SqlValue]):
-    """The columns of the current row that have been read so far, by number.
+    """The buffer of the current row: its columns that have been read so far, by number.
 
-    SQLite asks for them by the dict's own method, and what is missing comes to Python code. Each row begins with what
-    is known already, see filling.py; `key` is that of its element, or the row of a table function itself.
+    SQLite reads them by the dict's own method; missing ones are computed by Python code. Each row starts with its known
+    columns, see vtables/filling.py; `key` is that of its element, or the row of a table function itself.
     """
 
     __slots__ = ("alone", "cursor", "fill", "filled", "key", "numbers", "readers", "together", "walk")
@@ -140,7 +140,7 @@ class Row(dict[int, SqlValue]):
         super().__init__()
         self.cursor = cursor
         self.key: Any = None
-        self.alone: list[int] = []  # the columns of this row that `fill` does not look after
+        self.alone: list[int] = []  # the columns of this row that `fill` does not set
         self.let_go()
 
     def let_go(self) -> None:
@@ -154,7 +154,7 @@ class Row(dict[int, SqlValue]):
         self.fill, self.walk = _no_fill, _no_walk
 
     def expect(self, numbers: tuple[int, ...]) -> None:
-        """From now on the columns with these numbers are filled in."""
+        """Buffers the columns with these numbers from now on."""
         cursor = self.cursor
         assert cursor.reading is not None
         self.numbers = numbers
@@ -163,7 +163,7 @@ class Row(dict[int, SqlValue]):
         self.fill, self.walk = filling.bound(self, cursor.over, cursor.reading)
 
     def forget(self) -> None:
-        """Lets go of the columns that `fill` does not look after."""
+        """Removes the columns that `fill` does not set."""
         for number in self.alone:
             self.pop(number, None)
         self.alone.clear()

@@ -1,4 +1,4 @@
-"""Worlds for people: tables of their columns and functions, made of the declarations."""
+"""Descriptions of worlds: their tables, columns and functions, from the declarations."""
 
 from __future__ import annotations
 
@@ -50,9 +50,9 @@ def column_rows(table: AttachedTable) -> Iterator[tuple[str, str, str, str, str]
 def tables_in_sight(
     tables: Tables, worlds: Mapping[str, AttachedWorld], others: OtherTables | None
 ) -> dict[str, tuple[str, ...]]:
-    """The columns of the tables of databases and of worlds, by what they are called in FROM.
+    """The columns of the tables of databases and of worlds, by their names in FROM.
 
-    A view that cannot be read, because what it reads is gone, has none; the others are told all the same.
+    A view that cannot be read, because one of its tables is gone, has none.
     """
     found: dict[str, tuple[str, ...]] = {}
     tables.refresh()
@@ -67,7 +67,7 @@ def tables_in_sight(
 
 
 def described(name: str, tables: Tables, worlds: Mapping[str, AttachedWorld], others: OtherTables | None) -> str:
-    """What is known of a world or a table. Raises SessionError S002 where there is none of the name."""
+    """The description of a world or a table. Raises SessionError S002 for an unknown name."""
     owner, _, rest = name.partition(".")
     if owner in worlds and not rest:
         return description(worlds[owner])
@@ -84,7 +84,7 @@ def described(name: str, tables: Tables, worlds: Mapping[str, AttachedWorld], ot
 
 
 def called(table: AttachedTable) -> str:
-    """What a table is called in FROM, with the parameters of a table function."""
+    """The name of a table in FROM, with the parameters of a table function."""
     return f"{table.world_name}.{table.schema.signature}" if table.schema.parameters else table.title
 
 

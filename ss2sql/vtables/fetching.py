@@ -1,4 +1,4 @@
-"""How groups of columns are asked for: element by element, in blocks that grow, or as whole arrays."""
+"""Fetching groups of columns: element by element, in blocks that grow, or as whole arrays."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ if TYPE_CHECKING:
 
 Values: TypeAlias = tuple[Any, ...]
 Fetch: TypeAlias = Callable[[Any], Values]
-LARGEST_BLOCK = 64  # elements: what a simulator has read of them is still in the cache when the next group is asked for
+LARGEST_BLOCK = 64  # elements: their data are still in the processor's cache when the next group is fetched
 
 
 def fetcher(reading: Reading, table: Table, group: str, rows: dict[Hashable, Values]) -> Fetch:
-    """A function that asks the world for a group of the element with a key, and notes in `rows` what it was given."""
+    """A function that fetches a group of the element with a key, and stores its values in `rows`."""
     method = getattr(table, group)
     if group in reading.schema.arrays:
         return _of_all(reading, group, method, rows)
@@ -48,7 +48,7 @@ def _one_by_one(reading: Reading, group: str, method: Callable[[Any], Any], rows
 
 
 def _of_all(reading: Reading, group: str, method: Callable[[Any], Any], rows: dict[Hashable, Values]) -> Fetch:
-    """Asks for all keys that were given last."""
+    """Fetches the group for all keys that were given last."""
     schema = reading.schema
 
     def fetch(key: Hashable) -> Values:
@@ -64,11 +64,11 @@ def _of_all(reading: Reading, group: str, method: Callable[[Any], Any], rows: di
 
 
 class Blocks:
-    """Asks for the next elements along with the one that is wanted.
+    """Fetches the next elements along with the one that is wanted.
 
     The first block is one element. As long as the query reads one element after the other, each block is twice as long
-    as the one before; where it leaves some out, it begins anew. So hardly more is asked for than is read: of the first
-    three elements that LIMIT wants three, of others at most as many again.
+    as the one before; where it skips some, blocks start with one again. So at most about twice the elements that are
+    read are fetched, and exactly three for `LIMIT 3`.
     """
 
     def __init__(
@@ -92,17 +92,17 @@ class Blocks:
                 if self.single:
                     found = list(zip(islice(found, len(block) + 1), strict=True))
                 if len(found) == len(block) and self.first_fits(found[0]) and self.fit(found):
-                    if self.reading.once:  # the same memory again is still in the cache: a scan takes 20 % less
+                    if self.reading.once:  # reused memory is still in the cache: a scan takes 20 % less
                         self.rows.clear()
                     self.rows.update(zip(block, found, strict=True))
                     return self.rows[key]
             except Exception:
-                pass  # perhaps of another element, which the query never reads; else it is raised again below
+                pass  # perhaps of an element that the query never reads; else it is raised again below
             self.size = 1
         return self.alone(key)
 
     def _block(self, key: Hashable) -> Sequence[Hashable]:
-        """The keys to ask for."""
+        """The keys to fetch."""
         keys, place = self.reading.given, self.end
         if len(keys) == 1:
             return keys

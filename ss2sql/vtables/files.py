@@ -1,4 +1,4 @@
-"""Paths of files as sources: which endings say that a text is a path, and what can be done with such a file."""
+"""Paths of files as sources: the endings that mark a string as a path, and hints for such files."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ ATTACHED = (".db", ".sqlite", ".sqlite3", ".parquet")
 
 
 def ending_of(source: Any) -> str | None:
-    """The ending that makes a text or path one of a file; None where it is no path, or one of no known kind."""
+    """The known ending of a string or path; None where it is no path, or has another ending."""
     if not isinstance(source, (str, os.PathLike)):
         return None
     ending = os.path.splitext(os.fspath(source))[1]
@@ -31,7 +31,7 @@ def ending_of(source: Any) -> str | None:
 
 
 def cure_for(path: str, name: str) -> str:
-    """How a file becomes a source."""
+    """The hint for a file: how it becomes a source."""
     ending = ending_of(path)
     if ending is None or ending in ATTACHED:
         return f'attach("{name}", "{path}")'

@@ -1,4 +1,4 @@
-"""What adapters give as keys and rows, made lists: they may give whatever can be walked, even what never ends."""
+"""Checked input: keys and rows of adapters as lists. Adapters may give any iterable, even an endless one."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Any
 from ss2sql.runtime.messages import show
 from ss2sql.vtables.schema import Schema, failure
 
-BLOCK = 1000  # elements between two looks at whether the run has to end
+BLOCK = 1000  # elements between two checks of whether the run has to end
 
 
 def listed(given: Iterable[Any], check: Callable[[], None]) -> list[Any]:
-    """The elements. `check` raises where the run has to end, for an iterator may have no end."""
+    """The elements as a list. `check` raises where the run has to end, since an iterator may be endless."""
     if isinstance(given, Sized):
         return list(given)
     found: list[Any] = []
@@ -25,9 +25,9 @@ def listed(given: Iterable[Any], check: Callable[[], None]) -> list[Any]:
 
 
 def listed_keys(given: Iterable[Any], check: Callable[[], None], schema: Schema) -> list[Any]:
-    """The keys. Raises ExecutionError X011 for one that cannot be hashed, by which all that is read is found again.
+    """The keys as a list. Raises ExecutionError X011 for one that cannot be hashed, since caches use them.
 
-    Putting a thousand numbers into a set takes 10 us, a hundredth of what it takes to walk over them.
+    Putting a thousand numbers into a set takes 10 us, a hundredth of the time of a walk over them.
     """
     found = listed(given, check)
     try:

@@ -1,7 +1,7 @@
-"""Columns of worlds that are only shown: they are read when SQLite has found a row, and do not travel through it.
+"""Late materialization: columns of worlds that are only shown are read after SQLite has found a row.
 
-To hand a value to SQLite and take it back costs 0.3 us, a list 4 us. Where all that a query shows are elements of
-worlds and their columns, SQLite is asked for the keys alone, and each row is made of what has been read of these.
+Passing a value through SQLite costs 0.3 us, a list 4 us. Where a query shows only elements of worlds and their columns,
+SQLite selects the keys alone, and each row is made from these.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Cell: TypeAlias = tuple[int, int | None, Place | None]  # source, group; a key h
 
 @dataclass(frozen=True, slots=True)
 class Late:
-    """What makes the rows of a query from keys, which its SQL asks for.
+    """Makes the rows of a query from keys, which its SQL selects.
 
     `tables` are the tables of the sources, with the places where errors show them; `groups` are (source, group), in
     the order in which they are first shown.
@@ -46,9 +46,9 @@ class Late:
 
 
 def late_columns(query: plan.Query) -> tuple[plan.Column, ...]:
-    """The columns of keys that SQLite has to be asked for, where the rest of a query is better read late; else none.
+    """The columns of keys that SQL selects where the other columns are better read late; else none.
 
-    Nothing but elements and columns may be shown, for what can fail fails in the order in which it is written.
+    The query may show elements and columns only, since expressions must fail in their written order.
     """
     worlds = {source.id: source for source in query.sources if isinstance(source, plan.WorldSource)}
     shown = [output.expr for output in query.columns]
@@ -66,7 +66,7 @@ def late_columns(query: plan.Query) -> tuple[plan.Column, ...]:
 
 
 def late(query: plan.Query, keys: Sequence[plan.Column]) -> Late:
-    """How the rows of a query are made of these keys."""
+    """How the rows of a query are made from these keys."""
     worlds = {source.id: source for source in query.sources if isinstance(source, plan.WorldSource)}
     number_of = {key.source: number for number, key in enumerate(keys)}
     groups: dict[tuple[int, str], int] = {}
@@ -107,5 +107,5 @@ def _maker(
             shown.append(f"key{source}" if group is None else place.code(f"values{group}"))
     lines += [f"   yield ({', '.join(shown)},)", " return rows"]
     made: dict[str, Any] = {}
-    exec("\n".join(lines), made)  # a text of this file, with nothing but numbers in it from elsewhere
+    exec("\n".join(lines), made)  # the code comes from this file, apart from numbers
     return made["make"]  # type: ignore[no-any-return]

@@ -1,8 +1,8 @@
-"""How columns lie in what a group gives: side by side, or inside of tuples.
+"""The layout of a group: columns side by side, or inside of tuples.
 
 "mass friction" are two values. "pos(x=posX y z) quat" are a tuple of three and another value: the tuple is the column
-`pos`, as a list, and its values are columns, too; the first has two names. So a group may give what one call of a
-simulator gives, as it is, and what nobody reads is not taken apart.
+`pos`, as a list, and its values are columns, too; the first has two names. So a group may return the result of one
+call of a simulator unchanged, and only what is read is unpacked.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ class Part:
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where a column lies: in the value with a number, or in one of the values of this tuple; `whole` is the tuple."""
+    """The place of a column: the value with a number, or one of the values of this tuple; `whole` is the tuple."""
 
     number: int
     inner: int | None = None
     whole: bool = False
 
     def code(self, values: str) -> str:
-        """Python code for the value of the column; `values` is code for what the group gave."""
+        """Python code for the value of the column; `values` is code for the group's value."""
         if self.inner is not None:
             return f"{values}[{self.number}][{self.inner}]"
         return f"[*{values}[{self.number}]]" if self.whole else f"{values}[{self.number}]"
@@ -69,7 +69,7 @@ class Layout:
 
     @property
     def is_flat(self) -> bool:
-        """Whether every column is a value of its own, without a second name."""
+        """Whether every column is a value of its own with one name."""
         return len(self.parts) == len(self.names)
 
     @property
@@ -84,14 +84,14 @@ class Layout:
         return tuple(part.names[0] for part in self.parts)
 
     def tested(self, kinds: Mapping[str, Type]) -> Kinds:
-        """What a quick test has to look for."""
+        """The kinds that a quick test checks."""
         return tuple(
             tuple(kinds[names[0]].kinds for names in part.inner) if part.inner else kinds[part.names[0]].kinds
             for part in self.parts
         )
 
     def contradiction(self, kinds: Mapping[str, Type]) -> str | None:
-        """What in it does not go with the types of the columns, if anything."""
+        """The contradiction between the layout and the types of the columns, if any."""
         for part in self.parts:
             for names in (part.names, *part.inner):
                 if len({kinds[name] for name in names}) > 1:
@@ -102,7 +102,7 @@ class Layout:
         return None
 
     def cleaned(self, cleaners: Mapping[str, Clean], raw: Sequence[Any]) -> tuple[Any, ...]:
-        """What the group gave as values of the language; tuples stay tuples. Raises TypeError, ValueError: too few."""
+        """The group's values, converted; tuples stay tuples. Raises TypeError, ValueError for too few."""
         return tuple(
             [
                 tuple(cleaners[part.names[0]](value)) if part.inner else cleaners[part.names[0]](value)

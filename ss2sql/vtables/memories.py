@@ -1,4 +1,4 @@
-"""What worlds remember while a query runs: `World.memory`."""
+"""The query caches of worlds: `World.memory`."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ Remembered: TypeAlias = dict[World, dict[str, Any]]
 
 
 class Memories:
-    """What the worlds of a session remember, for each query that runs; the innermost is the last.
+    """The caches of a session's worlds, for each running query; the innermost is the last.
 
-    A query that may move worlds itself, and whoever calls a function outside of queries, has to see the worlds as they
-    are: None stands for that, and every call then begins with an empty memory.
+    A query that may move worlds itself, and a call outside of queries, have to read the present world: None stands for
+    that, and every call then starts with an empty cache.
     """
 
     def __init__(self) -> None:
@@ -23,7 +23,7 @@ class Memories:
 
     @contextmanager
     def query(self, moves: bool) -> Iterator[None]:
-        """The time in which a query runs."""
+        """The duration of a query."""
         self._queries.append(None if moves else {})
         try:
             yield
@@ -32,17 +32,17 @@ class Memories:
 
     @property
     def now(self) -> Remembered | None:
-        """Those of the query that runs."""
+        """The caches of the running query."""
         return self._queries[-1]
 
     def of(self, world: World) -> dict[str, Any]:
-        """The memory for a call of a function."""
+        """The cache for a call of a function."""
         known = self._queries[-1]
         return {} if known is None else known.setdefault(world, {})
 
 
 class Remembering:
-    """For as long as it lasts a world has this memory. 0.2 us, a third of what a generator would take."""
+    """A context in which a world has this cache. It takes 0.2 us, a third of a generator's time."""
 
     __slots__ = ("memory", "outer", "world")
 

@@ -1,8 +1,8 @@
 """Tables of worlds as virtual tables of SQLite: one module for each set of columns, for all worlds.
 
-A table has the columns `this`, those that it declares, and hidden ones: its parameters, and the place of a row in the
-walk, by which results keep the order of the table. What SQLite tells of conditions is passed on to the adapter, and
-tested again by SQLite.
+A table has the columns `this`, those that it declares, and hidden ones: its parameters, and the position of a row in
+the walk, by which results keep the order of the table. Conditions are passed on to the adapter, and tested again by
+SQLite.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ _OPERATORS = {
     apsw.SQLITE_INDEX_CONSTRAINT_GT: ">",
     apsw.SQLITE_INDEX_CONSTRAINT_GE: ">=",
 }
-_ROWS = 1000.0  # that a table is taken to have
+_ROWS = 1000.0  # the estimate for a table
 
 
 class WorldModules:
-    """The modules of a connection: one for each name and set of columns, for SQLite keeps what it knows of columns.
+    """The modules of a connection: one for each name and set of columns, since SQLite caches the columns.
 
     `current` gives the execution that runs.
     """
@@ -51,7 +51,7 @@ class WorldModules:
         self._signatures: dict[str, object] = {}
 
     def name_for(self, wanted: str, table: AttachedTable) -> str:
-        """The name of the module that a table is read by, which is registered if there is none yet."""
+        """The name of the module for a table, registered at the first request."""
         name, count = wanted, 1
         while self._signatures.get(name, table.signature) != table.signature or self._is_taken(name):
             count += 1
@@ -86,7 +86,7 @@ class WorldModules:
         self._signatures[name] = table.signature
 
     def _current(self, name: str) -> tuple[Reading, Pool]:
-        """What the query that runs reads of a table, and its pool."""
+        """The running query's reading of a table, and its interning pool."""
         table = self.tables.get(name)
         if table is None:
             raise failure(f"the table '{name}' is not attached any more")
@@ -95,7 +95,7 @@ class WorldModules:
         return readings.of(table.table, readings.places.get(table)), execution.pool
 
     def forget(self, tables: Iterable[AttachedTable]) -> None:
-        """Lets go of tables that are attached no longer."""
+        """Releases tables that are no longer attached."""
         for table in tables:
             if self.tables.get(table.module) is table:
                 del self.tables[table.module]
@@ -135,7 +135,7 @@ class WorldModule:
         return len(self.columns) + 1
 
     def filling(self, schema: Schema, numbers: tuple[int, ...]) -> Filling:
-        """How the columns with these numbers are noted for each row; made once, 0.1 ms."""
+        """The row buffer for the columns with these numbers; making it takes 0.1 ms, once."""
         known = self._fillings.get(numbers)
         if known is None:
             known = self._fillings[numbers] = filling_for(schema, numbers)
@@ -156,7 +156,7 @@ class _Table:
         self.module = module
 
     def BestIndexObject(self, index: Any) -> bool:  # noqa: N802
-        """Passes conditions on; a parameter that is not known in this plan makes the plan impossible."""
+        """Passes conditions on; a plan in which a parameter is unknown is rejected."""
         module = self.module
         given: dict[int, int] = {}
         texts: list[str] = []
@@ -184,7 +184,7 @@ class _Table:
         for column, number in sorted(given.items()):
             texts.append(f"{module.parameters[column - first]} := ?")
             index.set_aConstraintUsage_argvIndex(number, len(texts))
-            index.set_aConstraintUsage_omit(number, True)  # SQLite ignores this behind sixteen other conditions
+            index.set_aConstraintUsage_omit(number, True)  # SQLite ignores this after sixteen other conditions
         if module.parameters:
             rows = 10.0
         index.estimatedCost = max(rows, 1.0)
@@ -193,7 +193,7 @@ class _Table:
         return True
 
     def _passes(self, index: Any, number: int, column: int, operator: str | None) -> bool:
-        """Whether the adapter can use a condition. Of IN SQLite would ask value by value, and mix up the order."""
+        """Whether the adapter can use a condition. For IN SQLite would filter value by value, and change the order."""
         return operator in self.module.columns[column - 1][1] and not index.get_aConstraintUsage_in(number)
 
     def Open(self) -> Cursor:  # noqa: N802

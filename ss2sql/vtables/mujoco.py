@@ -1,8 +1,7 @@
 """MuJoCo as a world: `ss.attach("space", data)` for a `mujoco.MjData`, or `MuJoCoWorld(model, data)`.
 
-Columns are what MuJoCo has computed last: after `mj_step` positions are those at the beginning of the step, as
-everywhere in MuJoCo, and `mj_forward` brings them up to date. Reading computes nothing anew, for that would change
-contacts and sensors under the user's hands.
+Columns are MuJoCo's latest results: after `mj_step` positions are those at the beginning of the step, as everywhere in
+MuJoCo, and `mj_forward` updates them. Reading computes nothing anew, because that would change contacts and sensors.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ from ss2sql.vtables.mujoco_shapes import Shapes
 from ss2sql.vtables.mujoco_tables import Bodies, Contacts, Geoms, Joints, Sensors
 
 Array = NDArray[Any]
-FURTHEST = 1e9  # m, up to which distances are looked for
+FURTHEST = 1e9  # m, the greatest measured distance
 _FREE = 0  # of mjtJoint
 
 
@@ -32,7 +31,7 @@ class MuJoCoWorld(BodyWorld):
     """MuJoCo: bodies, geoms, joints, contacts and sensors of a model and its data.
 
     Args:
-        model: the `mujoco.MjModel`; may be left out, for data know their model: `MuJoCoWorld(data)`.
+        model: the `mujoco.MjModel`; optional, since data know their model: `MuJoCoWorld(data)`.
         data: the `mujoco.MjData`.
     """
 
@@ -55,7 +54,7 @@ class MuJoCoWorld(BodyWorld):
         return float(self.data.time)
 
     def check(self) -> None:
-        """Raises where nothing has been computed yet, and all positions would be 0."""
+        """Raises where MuJoCo has computed nothing yet, and all positions would be 0."""
         if not self.data.xquat[0, 0]:
             message = "MuJoCo has not computed these data yet: call mujoco.mj_forward(model, data)"
             raise ExecutionError("X011", message)
@@ -110,7 +109,7 @@ class MuJoCoWorld(BodyWorld):
         return list(range(self.model.nbody)), self.data.xpos
 
     def point(self, value: Any) -> Sequence[float]:
-        """Of a body by its id it takes 1 us here, and 20 us by its column; joins ask for two in each pair."""
+        """A body's position by its id takes 1 us, by its column 20 us; joins read two for each pair."""
         if type(value) is int and 0 <= value < self.model.nbody:
             return tuple(self.data.xpos[value].tolist())
         return super().point(value)
@@ -138,7 +137,7 @@ class MuJoCoWorld(BodyWorld):
         return bool((owners == body).any())
 
     def would_touch(self, body: int, position: Vector, turn: Quaternion) -> bool:
-        """Tried out in a copy of the positions."""
+        """Tests the pose in a copy of the data."""
         mujoco, copy = import_module("mujoco"), self._copy
         for name in ("qpos", "mocap_pos", "mocap_quat"):
             getattr(copy, name)[:] = getattr(self.data, name)

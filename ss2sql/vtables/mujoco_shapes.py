@@ -67,7 +67,7 @@ class Shapes:
 
     @cached_property
     def mesh_volumes(self) -> list[float]:
-        """Of each mesh: the sum of the pyramids from the origin to its faces."""
+        """The volume of each mesh: the sum of the pyramids from the origin to its faces."""
         model, found = self.model, []
         for mesh in range(model.nmesh):
             points, faces = model.mesh_vertadr[mesh], model.mesh_faceadr[mesh]
@@ -83,7 +83,7 @@ class Shapes:
         return found
 
     def boxes(self) -> Array:
-        """Of each shape the two corners of the box around it: an array of (shape, corner, axis)."""
+        """The two corners of the box around each shape: an array of (shape, corner, axis)."""
         model, data = self.model, self.data
         kind, size = model.geom_type, model.geom_size
         axes = data.geom_xmat.reshape(-1, 3, 3)
@@ -106,7 +106,7 @@ class Shapes:
         return found
 
     def _end_planes(self, boxes: Array) -> None:
-        """A plane along two axes has nothing in front of it."""
+        """Ends the box of a plane along two axes at its front."""
         for plane in np.flatnonzero(self.model.geom_type == PLANE):
             normal = self.data.geom_xmat[plane].reshape(3, 3)[:, 2]
             axis = int(np.argmax(np.abs(normal)))

@@ -1,4 +1,4 @@
-"""The tables of MuJoCo: columns are fetched for all elements at once, for MuJoCo keeps everything in arrays."""
+"""The tables of MuJoCo: columns are fetched for all elements at once, since MuJoCo has everything in arrays."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _SHAPES = ("sphere", "box", "capsule", "cylinder", "plane", "mesh")
 
 
 def _named(names: Sequence[str], where: Where, count: int) -> Iterable[int]:
-    """The numbers that conditions on `id` and `name` leave over."""
+    """The numbers that meet conditions on `id` and `name`."""
     number, name = where.equal("id"), where.equal("name")
     if number is not None:
         return [int(number)] if number == int(number) and 0 <= number < count else []
@@ -52,7 +52,7 @@ class _Numbered(Table):
     """A table whose keys are the numbers that MuJoCo gives to its elements."""
 
     key = "id"
-    count: ClassVar[str]  # the attribute of the model that says how many there are
+    count: ClassVar[str]  # the attribute of the model with their number
     kind: ClassVar[str]  # of elements, as MuJoCo calls it
     world: MuJoCoWorld
 
@@ -80,11 +80,11 @@ class _Numbered(Table):
 
 
 class _Turned(_Numbered, ABC):
-    """Elements that are turned in some way."""
+    """Elements with an orientation."""
 
     @abstractmethod
     def quaternions(self, keys: Keys) -> Array:
-        """How they are turned; MuJoCo's quaternions begin with the real part."""
+        """Their orientations; MuJoCo's quaternions begin with the real part."""
 
     def turn(self, keys: Keys) -> tuple[Array, ...]:
         quaternions = self.quaternions(keys)
@@ -150,7 +150,7 @@ class Bodies(_Turned):
     def itself(self, keys: Keys) -> list[Any]:
         return [self.element(int(key)) for key in self.checked(keys)]
 
-    # Columns that say the same are groups of their own: each that is made although nobody reads it costs as much.
+    # Equal columns are groups of their own, because an unread column costs as much as a read one.
 
     point = _from_data("xpos")
 
@@ -165,7 +165,7 @@ class Bodies(_Turned):
 
     def velocity(self, keys: Keys) -> Array:
         model, data, index = self.world.model, self.world.data, self.checked(keys)
-        known = data.cvel[index]  # of the point that is now in the common centre of mass of all that hangs together
+        known = data.cvel[index]  # of the point that is now at the centre of mass of the whole kinematic tree
         lever = data.xpos[index] - data.subtree_com[model.body_rootid[index]]
         linear: Array = known[:, 3:] + np.cross(known[:, :3], lever)
         return linear

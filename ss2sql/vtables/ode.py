@@ -1,8 +1,8 @@
 """ODE, the Open Dynamics Engine, as a world: `ss.attach("space", space)` for an `ode.Space` of Debian's python3-pyode.
 
 A space holds geoms, the shapes; most of them belong to a body, which has mass and velocity. There is no list of bodies
-in ODE, so a row of the principal table is a geom with what its body adds, as in the paper. Neither have numbers in ODE:
-each geom gets one when it is first seen, which it keeps as long as it lives.
+in ODE, so a row of the principal table is a geom with its body's columns, as in the paper. ODE has no numbers for them:
+each geom gets one when it is first seen, for its lifetime.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _COPIED = ("GeomSphere", "GeomBox", "GeomCapsule", "GeomCCylinder", "GeomCylinde
 
 
 class Numbers:
-    """The numbers of the geoms of one space. It keeps no geom alive: ODE destroys one when Python forgets it."""
+    """The numbers of the geoms of one space, by weak references: ODE destroys a geom when Python frees it."""
 
     def __init__(self) -> None:
         self.by_geom: WeakKeyDictionary[Any, int] = WeakKeyDictionary()
@@ -51,7 +51,7 @@ class OdeWorld(BodyWorld):
 
     Args:
         source: the `ode.Space`, of any kind; spaces within it belong to it.
-        clock: gives the seconds of simulation, for `ode.World` keeps no time.
+        clock: gives the seconds of simulation, since `ode.World` has no clock.
     """
 
     tables = (Bodies, Contacts, Closest, Near, Overlaps)
@@ -70,9 +70,9 @@ class OdeWorld(BodyWorld):
     # --- geoms by their numbers ------------------------------------------------------------------------
 
     def found(self) -> dict[int, Any]:
-        """All geoms, by number. ODE changes their order in every step, so it is the numbers that order them."""
+        """All geoms, ordered by number, since ODE changes their order in every step."""
         walked = list(_walk(self.space))
-        return {self.numbers.of(geom): geom for geom in reversed(walked)}  # a space gives its youngest geom first
+        return {self.numbers.of(geom): geom for geom in reversed(walked)}  # a space lists its newest geom first
 
     def geom(self, key: Any) -> Any:
         """The geom with a number. Raises Gone where it is none of this space any more."""
@@ -85,11 +85,11 @@ class OdeWorld(BodyWorld):
         """Whether there is a geom with this number."""
         geom = self.numbers.by_number.get(number)
         if geom is None:
-            return number in self.found()  # which may see it for the first time
+            return number in self.found()  # a new geom gets its number here
         return self._holds(geom)
 
     def _holds(self, geom: Any) -> bool:
-        # What getSpace says stays the same when a geom is removed, and of spaces within a space it is None.
+        # getSpace is stale for a removed geom, and None for spaces within a space.
         return bool(self.space.query(geom) or any(space.query(geom) for space in _spaces(self.space)))
 
     # --- collisions ------------------------------------------------------------------------------------
@@ -97,7 +97,7 @@ class OdeWorld(BodyWorld):
     def near(self) -> list[tuple[int, int]]:
         """The pairs of geoms whose boxes overlap and which may touch, ordered by number."""
         collide2, of = import_module("ode").collide2, self.numbers.of
-        self.found()  # geoms that are new get their numbers in the order in which they were made
+        self.found()  # new geoms get their numbers in the order of their creation
         pairs = set()
 
         def note(_: object, one: Any, other: Any) -> None:
@@ -122,11 +122,11 @@ class OdeWorld(BodyWorld):
         return ids, np.array([position_of(found[number]) for number in ids], float).reshape(len(ids), 3)
 
     def touching(self, body: int) -> bool:
-        self.geom(body)  # which must exist
+        self.geom(body)  # raises Gone
         return any(body in pair and self.touches(*pair) for pair in self.near())
 
     def would_touch(self, body: int, position: Vector, turn: Quaternion) -> bool:
-        """Tried out with a copy of the geom, for moving the geom itself would wake up its body."""
+        """Tests the pose with a copy of the geom, since moving the geom itself would wake up its body."""
         ode, geom = import_module("ode"), self.geom(body)
         kind = type(geom).__name__
         if kind not in _COPIED:
@@ -147,7 +147,7 @@ class OdeWorld(BodyWorld):
         return bool(self.touches(one, other))
 
     def gap(self, one: int, other: int) -> float:
-        """Exact for spheres, boxes, capsules, cylinders and planes; ODE itself knows only whether geoms touch.
+        """Exact for spheres, boxes, capsules, cylinders and planes; ODE itself only tests whether geoms touch.
 
         It is 0 where they touch, and infinite between two planes.
         """
@@ -190,7 +190,7 @@ def _spaces(space: Any) -> Iterator[Any]:
 
 
 def _may_touch(one: Any, other: Any) -> bool:
-    """Whether the categories of two geoms let them collide, by the rule of ODE."""
+    """Whether the categories of two geoms let them collide, by ODE's rule."""
     forth = one.getCategoryBits() & other.getCollideBits()
     back = other.getCategoryBits() & one.getCollideBits()
     return bool(forth or back)

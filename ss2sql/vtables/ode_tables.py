@@ -46,7 +46,7 @@ class Bodies(Placed):
         return str(given) if given else f"{shape_of(geom)}_{key}"
 
     def itself(self, key: int) -> Any:
-        self.geom(key)  # which must exist
+        self.geom(key)  # raises Gone
         return self.element(key)
 
     def kind_of(self, key: Any) -> str:

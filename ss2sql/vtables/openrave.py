@@ -1,6 +1,6 @@
 """OpenRAVE as a world: `ss.attach("space", env)` for an `openravepy.Environment`.
 
-It keeps to the documented interface of openravepy, in the spelling that the versions from 0.9 on have in common. Poses
+It uses the documented interface of openravepy, in the spelling that the versions from 0.9 on have in common. Poses
 may come as matrices or, after `openravepy.options.SetReturnTransformQuaternions(True)`, as quaternion and position.
 """
 
@@ -56,7 +56,7 @@ class _Solids(Placed):
 
     @abstractmethod
     def motion(self, key: Any) -> list[float]:
-        """How it moves: three numbers for its velocity, three for its spin."""
+        """Its velocity and its spin, three numbers each."""
 
     def called(self, key: Any) -> str:
         return str(self.thing(key).GetName())
@@ -261,12 +261,12 @@ class OpenRaveWorld(BodyWorld):
 
     def would_touch(self, body: int, position: Vector, turn: Quaternion) -> bool:
         found = self.thing(body)
-        with found:  # OpenRAVE puts it back at the end
+        with found:  # OpenRAVE restores its pose at the end
             self.put(body, position, turn)
             return bool(self.environment.CheckCollision(found))
 
     def gap(self, one: int, other: int) -> float:
-        """As the collision checker of the environment measures it; not every one does."""
+        """Measured by the environment's collision checker, if that can."""
         openravepy, checker = import_module("openravepy"), self.environment.GetCollisionChecker()
         before, report = checker.GetCollisionOptions(), openravepy.CollisionReport()
         if not checker.SetCollisionOptions(openravepy.CollisionOptions.Distance):
@@ -293,7 +293,7 @@ def pose(transform: Any) -> tuple[tuple[float, ...], Vector]:
 
 
 def _quaternion(matrix: NDArray[Any]) -> tuple[float, ...]:
-    """Of a rotation matrix, by the largest of the four parts, for that is not lost by rounding."""
+    """The quaternion of a rotation matrix, from its largest part, which rounding affects least."""
     xx, yy, zz = np.diag(matrix)
     squares = np.array([1 + xx + yy + zz, 1 + xx - yy - zz, 1 - xx + yy - zz, 1 - xx - yy + zz])
     a, b, c = matrix[2, 1] - matrix[1, 2], matrix[0, 2] - matrix[2, 0], matrix[1, 0] - matrix[0, 1]

@@ -1,6 +1,6 @@
-"""Tables of what has a place, a turn and a movement, one thing at a time: the columns that follow from these.
+"""Tables of things with a pose and a velocity: the columns that follow from these, one thing at a time.
 
-For simulators that are asked thing by thing. Those that hold arrays have the same columns from whole arrays.
+Simulators that hold arrays compute the same columns from whole arrays.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Random queries over the tables of a world, and the same queries over plain copies of them."""
+"""Random queries over the tables of a world, and over plain copies of them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Outcome = tuple[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Copy:
-    """A table as a list of dicts: `title` is what scripts call the table, `plain` are its columns of scalars."""
+    """A table as a list of dicts: `title` is its name in scripts, `plain` are its columns of scalars."""
 
     title: str
     schema: Schema
@@ -27,7 +27,7 @@ class Copy:
 
     @property
     def name(self) -> str:
-        """What scripts call the copy."""
+        """The copy's name in scripts."""
         return "copy_of_" + self.title.replace(".", "_")
 
 
@@ -41,7 +41,7 @@ class Script:
 
 
 class Questions:
-    """Makes random queries, and asks them."""
+    """Generates random queries, and runs them."""
 
     def __init__(self, dice: random.Random, copies: Sequence[Copy], world: World) -> None:
         from ss2sql.runtime.connecting import connect
@@ -51,26 +51,26 @@ class Questions:
         self.session = connect()
         self.session.attach("world", world)
         self.session.attach("numbers", [1, 2, 3])
-        for copy in self.copies:  # no more columns than are asked for: each query looks at the types of all values
+        for copy in self.copies:  # only the needed columns: each query reads the types of all values
             columns = [column.name for column in copy.plain]
             rows = [{name: row[name] for name in columns} for row in copy.rows]
             self.session.attach(copy.name, rows or {name: [] for name in columns})
-        self._turned: list[Script] = []  # joins whose other order has not been asked yet
+        self._turned: list[Script] = []  # joins whose other order is still to come
         self._compiled: tuple[str, Any] = ("", None)
 
     # --- asking ----------------------------------------------------------------------------------------
 
     def of_world(self, script: Script, engine: Any) -> Outcome:
-        """What a query over the world comes to."""
+        """The outcome of a query over the world."""
         return self._outcome(script.text, engine)
 
     def of_copy(self, script: Script) -> Outcome:
-        """What it comes to over the copies."""
+        """The outcome over the copies."""
         return self._outcome(script.copied, "native")
 
     def _outcome(self, text: str, engine: Any) -> Outcome:
         try:
-            if self._compiled[0] != text:  # both engines start from one reading of the text
+            if self._compiled[0] != text:  # both engines share one compilation
                 self._compiled = text, self.session.compile(text)
             return "value", exact(self._compiled[1].run(engine=engine).value)
         except Error as error:
@@ -138,7 +138,7 @@ class Questions:
         return f"{left} {operator} {right}" if dice.random() < 0.8 else f"{right} {_TURNED[operator]} {left}"
 
     def _filtered(self, copy: Copy) -> Column:
-        """A column, rather one that the adapter can filter by."""
+        """A column, preferably one that the adapter can filter by."""
         filtered = [column for column in copy.plain if column.filter]
         return self.dice.choice(filtered if filtered and self.dice.random() < 0.7 else copy.plain)
 
@@ -161,7 +161,7 @@ class Questions:
 
 
 def _over(sources: Sequence[tuple[str, Copy | None]], start: str, end: str) -> Script:
-    """A query over these sources, as text over the world and over its copies."""
+    """A query over these sources, as scripts for the world and for its copies."""
     table = next(copy.title for _, copy in sources if copy is not None)
     items = [(name, copy.title if copy else "numbers", copy.name if copy else "numbers") for name, copy in sources]
     texts = (start + ", ".join(f"{item[0]} = {item[place]}" for item in items) + end for place in (1, 2))
@@ -183,7 +183,7 @@ def literal(value: Any) -> str:
 
 
 def exact(value: Any) -> Any:
-    """A value that equals another only if the types are the same as well."""
+    """A value that equals another only if the types are equal as well."""
     if isinstance(value, (list, tuple)):
         return (type(value).__name__, *map(exact, value))
     if isinstance(value, dict):

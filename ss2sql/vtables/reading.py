@@ -1,7 +1,7 @@
-"""What one query reads of worlds. Both executors read here, so both see the same.
+"""The reading of worlds by one query, for both executors.
 
-Within a query every key list and every group is asked for once and kept: the inner loops of joins come back for them
-again and again. A query that may move the world itself reads from a copy, which is made at its start.
+Within a query every key list and every group is fetched once and cached, since the inner loops of joins read them
+again. A query that may move the world itself reads from a copy, made at its start.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ MOST_KEPT = 10_000  # lists of keys, and of rows of table functions
 
 
 def never_ended() -> None:
-    """What is asked where nothing can end the reading."""
+    """The check for readings that nothing can end."""
 
 
 class Readings:
-    """The tables that one query reads. What adapters remember meanwhile is in `remembered`, by world.
+    """The tables that one query reads. `remembered` has the caches of adapters, by world.
 
-    `once` says that the query walks one table, once; `places` are those of tables in its text. `check` raises where
-    the run has to end.
+    `once` says that the query walks one table, once; `places` are the spans of tables in FROM. `check` raises where the
+    run has to end.
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class Readings:
         self._memories: Remembered = {} if remembered is None else remembered
 
     def of(self, table: Table | TableFunction, span: Span | None = None) -> Reading:
-        """The reading of a table; that of a table function which gives keys shares what its table has read.
+        """The reading of a table; a table function that gives keys shares the data of its table.
 
         Errors get `span`, the place where the table first stands in FROM.
         """
@@ -67,7 +67,7 @@ class Readings:
 
 
 class Reading:
-    """What one query reads of one table."""
+    """The reading of one table by one query."""
 
     def __init__(
         self,
@@ -80,11 +80,11 @@ class Reading:
     ) -> None:
         self.schema = schema
         self.check = check
-        self.once = once  # whether the query is through with an element when it comes to the next block
+        self.once = once  # whether the query has finished with an element at the next block
         self.span = span
         self.memory = {} if memory is None else memory
         self.table = schema.table
-        self._lists: dict[Hashable, list[Any]] = {}  # keys, or rows, by what was asked for
+        self._lists: dict[Hashable, list[Any]] = {}  # keys, or rows, by the request
         self._rows: dict[str, dict[Hashable, tuple[Any, ...]]] = {name: {} for name in schema.groups}
         self._fetches: dict[str, Fetch] = {}
         self._elements: dict[Hashable, Element] = {}
@@ -93,17 +93,17 @@ class Reading:
         self.given: Sequence[Hashable] = ()  # the keys that were given last, of which columns will be read
         self._taken: list[Any] | None = None
         self._shared = shared
-        self._checked = False  # whether the world can be read, which is asked once
-        self._lookup = (getattr(self.table, "key", ""), "=")  # what is demanded to look up a key
+        self._checked = False  # whether the world has been checked
+        self._lookup = (getattr(self.table, "key", ""), "=")  # the demand of a lookup by key
 
     # --- keys and rows ---------------------------------------------------------------------------------
 
     def asked(self, demands: Sequence[tuple[str, str]], values: Sequence[Any]) -> list[Any]:
         """The keys of the elements whose columns compare so with these values, and perhaps others.
 
-        A key that is looked up takes a way of its own: a join does it for each of its rows.
+        A lookup by key has code of its own: a join does it for each of its rows.
         """
-        self.once = False  # SQLite may ask for the parts of an OR one after the other
+        self.once = False  # SQLite may evaluate the parts of an OR one after the other
         if len(values) == 1 and type(values[0]) is int and demands[0] == self._lookup and self._taken is None:
             key = values[0]
             found = self._lists.get(key)
@@ -127,7 +127,7 @@ class Reading:
         return found
 
     def _ask(self, where: Where) -> list[Any]:
-        # As one `with` for what goes wrong and one for the memory it takes 0.4 us more, a tenth of a lookup.
+        # Two `with` blocks, for errors and for the cache, would take 0.4 us more, a tenth of a lookup.
         table = self.table
         assert isinstance(table, Table)
         world = table.world
@@ -145,7 +145,7 @@ class Reading:
             world.remembered = outer
 
     def expect(self, keys: Sequence[Hashable]) -> None:
-        """Takes these keys as given: columns will be read of them."""
+        """Announces that columns of these keys will be read."""
         self.given = keys
 
     def rows(self, arguments: Sequence[Any]) -> list[Any]:
@@ -194,7 +194,7 @@ class Reading:
         return numbers.setdefault(key, len(numbers))
 
     def reader(self, name: str) -> Read:
-        """A function from a key to the value of a column; of rows that are tuples, from the row."""
+        """A function from a key to the value of a column; where rows are tuples, from the row."""
         if self._shared is not None:
             return self._shared.reader(name)
         schema, table = self.schema, self.table
@@ -208,7 +208,7 @@ class Reading:
         return _reader(schema.groups[group].places[name])(known, self.fetch(group))
 
     def fetch(self, group: str) -> Fetch:
-        """What asks the world for a group; one for all its columns, for blocks grow with what is read."""
+        """The fetcher of a group; its columns share one, since blocks grow with what is read."""
         if self._shared is not None:
             return self._shared.fetch(group)
         found = self._fetches.get(group)
@@ -218,19 +218,19 @@ class Reading:
         return found
 
     def known(self, group: str) -> Callable[[Any], tuple[Any, ...] | None]:
-        """What has been read of a group, by key."""
+        """The values of a group that have been read, by key."""
         return (self if self._shared is None else self._shared)._rows[group].get
 
     def handles(self, name: str) -> dict[Hashable, Any]:
-        """The SQL values of a column, or of the elements, by key: for columns whose values do not travel as they are.
+        """The SQL values of a column, or of the elements, by key, for values that are passed as handles.
 
-        To encode a value takes 1 to 2 us, and joins come back for the same elements.
+        Encoding a value takes 1 to 2 us, and joins read the same elements again.
         """
         return (self if self._shared is None else self._shared)._handles.setdefault(name, {})
 
     @property
     def clean_key(self) -> Clean | None:
-        """What makes a key a value of the column that it is, if it is one."""
+        """The function that converts a key to a value of the key column, if there is one."""
         return self.schema.cleaners.get(getattr(self.schema.keyed, "key", ""))
 
     # --- the snapshot ----------------------------------------------------------------------------------
@@ -252,11 +252,11 @@ class Reading:
 
 @cache
 def _reader(place: Place) -> Callable[[Callable[[Any], Any], Fetch], Read]:
-    """Makes what reads the column at a place, of what is known, else of what it fetches."""
+    """Generates the function that reads the column at a place, from known values or by a fetch."""
     lines = ["def make(known, fetch):", " def read(key):", "  values = known(key)", "  if values is None:"]
     lines += ["   values = fetch(key)", f"  return {place.code('values')}", " return read"]
     made: dict[str, Any] = {}
-    exec("\n".join(lines), made)  # a text of this file, with nothing but numbers in it from elsewhere
+    exec("\n".join(lines), made)  # the code comes from this file, apart from numbers
     return made["make"]  # type: ignore[no-any-return]
 
 
@@ -274,9 +274,9 @@ _NUMBERS = (int, float)
 
 
 def where_of(demands: Iterable[tuple[tuple[str, str], Any]], schema: Schema) -> Where:
-    """What comparisons ((column, operator), value) demand together.
+    """The conjunction of comparisons ((column, operator), value).
 
-    A value that the column could not be compared with restricts nothing, for the row is tested again.
+    A value that cannot be compared with the column is ignored, since the row is tested again.
     """
     bounds: dict[str, list[Any]] = {}  # equal, low, high
     for (name, operator), value in demands:

@@ -1,7 +1,7 @@
-"""What the declarations of a table come to: types of columns, and how their values leave the adapter.
+"""The schema of a table: the types of its columns, and the conversion of their values.
 
 Every value of a world passes through `schema_of(table)`, on both executors: NumPy's scalars become numbers, integers
-in float columns floats, tuples lists. What does not fit the declaration is refused with the names of table and column.
+in float columns floats, tuples lists. Values that do not fit are refused with the names of table and column.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class Schema:
         self.blocks: frozenset[str] = frozenset()
         self.group_of: dict[str, str] = {}
         self.places: dict[str, tuple[str, ...]] = {}  # of `this`, or of a column, the columns of its coordinates
-        self.items: dict[str, tuple[str, ...]] = {}  # of a list column the columns that its items are
+        self.items: dict[str, tuple[str, ...]] = {}  # the columns that are the items of a list column
         if self.walked is not None:
             walked = schema_of(self.walked)
             self.groups, self.group_of, self.places = walked.groups, walked.group_of, walked.places
@@ -173,7 +173,7 @@ class Schema:
     # --- values ----------------------------------------------------------------------------------------
 
     def row(self, group: str, raw: Any) -> tuple[Any, ...]:
-        """What a group has given for one key, as values of the language; tuples within it stay tuples."""
+        """The group's values for one key, converted; tuples within them stay tuples."""
         layout = self.groups[group]
         if len(layout.parts) == 1:
             return layout.cleaned(self.cleaners, (raw,))
@@ -183,11 +183,11 @@ class Schema:
             raise self._miscounted(layout.heads, raw, f"the group '{group}'") from None
 
     def quick_test(self, group: str) -> Callable[[Any], bool]:
-        """Whether a tuple is what `row` would make of it; in doubt it is not. It takes 0.2 us, `row` 1.1."""
+        """A test whether `row` would leave a tuple unchanged; False if unsure. It takes 0.2 us, `row` 1.1."""
         return self.quick_tests[group]
 
     def block_test(self, group: str) -> Callable[[Sequence[Any]], bool]:
-        """The same for a block of tuples, whose values are of the right types; only how large they are is seen."""
+        """The same for a block of tuples with values of the right types; only sizes are tested."""
         return self.block_tests[group]
 
     def _block_test(self, layout: Layout) -> Callable[[Sequence[Any]], bool]:
@@ -202,7 +202,7 @@ class Schema:
         return lambda rows: all(map(fits, rows))
 
     def cleaned(self, names: Sequence[str], raw: Any, giver: str) -> tuple[Any, ...]:
-        """Values of several columns, which have come together."""
+        """Converts the values of several columns."""
         cleaners = self.cleaners
         try:
             return tuple([cleaners[name](value) for name, value in zip(names, raw, strict=True)])
@@ -215,7 +215,7 @@ class Schema:
         return failure(text)
 
     def rows_of_arrays(self, group: str, raw: Any, keys: Sequence[Hashable]) -> Iterator[tuple[Any, ...]]:
-        """What a group of arrays has given, key by key."""
+        """The rows of a group of arrays, key by key."""
         names = self.groups[group].names
         arrays = [raw] if len(names) == 1 else list(islice(raw, len(names) + 1))
         if len(arrays) != len(names):
@@ -248,7 +248,7 @@ _HAVE_SIZE = {Kind.FLOAT, Kind.BOOL}
 
 
 def _within_limits(rows: Iterable[Any]) -> bool:
-    """Whether floats are as large as they may be. 0.1 us for six of them, a test of each value takes 0.3."""
+    """Whether floats are within the limit. Six take 0.1 us, by a test of each value 0.3."""
     return sum(starmap(hypot, rows)) <= LARGEST  # false where one is NaN
 
 
@@ -257,7 +257,7 @@ def _never(values: Any) -> bool:
 
 
 class Guarded:
-    """A context in which the adapter works: what it raises becomes an error of ours, with the reason and a place."""
+    """A context for calls of the adapter: its exceptions become errors of ours with the reason and a place."""
 
     __slots__ = ("key", "schema", "span")
 
@@ -277,7 +277,7 @@ class Guarded:
 
 
 def broken(schema: Schema, error: Exception, key: Hashable = None) -> Error:
-    """The error for what an adapter has raised while it read the element with a key, or the keys."""
+    """The error for an adapter's exception while it read the element with a key, or the keys."""
     what = schema.title if key is None else f"{schema.title}[{show(key)}]"
     reason = _said_by(error)
     if isinstance(error, Gone):
@@ -287,7 +287,7 @@ def broken(schema: Schema, error: Exception, key: Hashable = None) -> Error:
 
 
 def _said_by(error: Exception) -> str:
-    """What an exception says, behind a colon; nothing where it says nothing, or fails when it is asked."""
+    """An exception's message after a colon; empty where it has none, or raises itself."""
     try:
         text = str(error)
     except Exception:  # its class is the adapter's
@@ -296,7 +296,7 @@ def _said_by(error: Exception) -> str:
 
 
 def failure(message: str, *hints: str) -> ExecutionError:
-    """The error of a world that cannot be read, or does not keep to its declarations."""
+    """The error for a world that cannot be read, or breaks its declarations."""
     return ExecutionError("X011", message, hints=hints)
 
 

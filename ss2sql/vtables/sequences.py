@@ -2,8 +2,7 @@
 
 `elements(value)` has one row per element, in order; its column `this` is the element. For lists whose
 elements have columns there is one module per set of columns, with these columns after `this`, and then those of calls
-that are made with each element. The arguments are hidden columns, so they may come from a table to the left: that is
-what makes a source lateral.
+with each element. The arguments are hidden columns, so they may come from a table to the left: the source is lateral.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ SqlValue: TypeAlias = Any
 class Walked:
     """The elements of a value as `columns` of SQL values: `this` is the first, those of the module follow.
 
-    After them stand the value itself and the numbers of the rows. None stands for a column that nobody has read yet:
+    After them follow the value itself and the numbers of the rows. None is a column that has not been read yet:
     `column` gives it, and `make` one of the first `width`.
     """
 
@@ -49,29 +48,29 @@ class Walked:
         return column
 
 
-# Walks a value for the module of this name, given its arguments and the cursor that asks.
+# Walks a value for the module of this name, given its arguments and the cursor.
 Walk: TypeAlias = Callable[[str, tuple[SqlValue, ...], Any], Walked]
-Found: TypeAlias = Sequence[Sequence[SqlValue]]  # columns, of which those hold that are wanted
+Found: TypeAlias = Sequence[Sequence[SqlValue]]  # columns; the requested ones are filled
 # Gives the number of rows and the columns of a table with calls, for its arguments.
 ColumnsFor: TypeAlias = Callable[[tuple[SqlValue, ...]], tuple[int, Found]]
 
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """What is wanted of a table with calls: these columns; `without` is one that must not have the last argument."""
+    """A request to a table with calls: these columns, without rows whose column `without` is the last argument."""
 
     columns: tuple[int, ...]
     without: int | None
 
 
-# Makes it for the module of this name, as long as the statement runs whose cursor asks.
+# Makes it for the module of this name, for the duration of the cursor's statement.
 Calls: TypeAlias = Callable[[str, Any, Asked], ColumnsFor]
 NOTHING = Walked(None, 0, 0, lambda number: ())
 
-# Elements, as SQLite is told when it plans, without the value. Below 25 it makes no index for a join that is sorted.
+# The estimate of elements for SQLite's planner. Below 25 it makes no index for a join that is sorted.
 LENGTH = 100
-MANY = 63  # stands for all columns from this one on, where SQLite says which are used
-ARGUMENT = "source value"  # the hidden column; the blank keeps it apart from the names of users
+MANY = 63  # all columns from this one on, in SQLite's mask of used columns
+ARGUMENT = "source value"  # the hidden column; the blank distinguishes it from users' names
 
 
 class Elements:
@@ -121,10 +120,9 @@ class ListModules:
                 self._made.add(name)
 
     def come_first(self, wanted: Iterable[str]) -> bool:
-        """Has the modules hide tables of the same names; whether there are any that they have not hidden before.
+        """Makes the modules shadow tables of the same names; whether there are any that were not shadowed before.
 
-        SQLite looks for a name among temporary tables before it looks elsewhere. Scripts still find the table that is
-        hidden: its schema stands before its name.
+        SQLite looks a name up among temporary tables first. Scripts still find the shadowed table, by its schema.
         """
         found = [name for name in wanted if name not in self._first and self._is_table(name)]
         for name in found:
@@ -142,9 +140,9 @@ class _Table:
         self.module = module
 
     def BestIndexObject(self, index: Any) -> bool:  # noqa: N802
-        """Demands the arguments, and takes over what leaves rows out by the value of one call: `move IS NOT ?`.
+        """Requires the arguments, and applies a filter by the value of one call: `move IS NOT ?`.
 
-        Everything else SQLite checks by itself.
+        SQLite tests everything else.
         """
         first = len(self.module.names) + 1
         found, without = 0, None
@@ -158,9 +156,9 @@ class _Table:
             if argument < 0 or index.get_aConstraint_op(number) != apsw.SQLITE_INDEX_CONSTRAINT_EQ:
                 continue
             if not index.get_aConstraint_usable(number):
-                return False  # the table that the argument comes from stands further to the right in this plan
+                return False  # the argument's table is further to the right in this plan
             index.set_aConstraintUsage_argvIndex(number, argument + 1)
-            index.set_aConstraintUsage_omit(number, True)  # SQLite ignores this behind sixteen other conditions
+            index.set_aConstraintUsage_omit(number, True)  # SQLite ignores this after sixteen other conditions
             found += 1
         if found <= self.module.arguments:
             raise apsw.SQLError(f"{self.module.name} needs all of its arguments")
@@ -177,7 +175,7 @@ class _Table:
         return True
 
     def _leaves_out(self, index: Any, number: int) -> bool:
-        """Whether a condition says which value a call must not have."""
+        """Whether a condition excludes a value of a call."""
         calls = range(self.module.first_call, len(self.module.names) + 1)
         return (
             index.get_aConstraint_op(number) == apsw.SQLITE_INDEX_CONSTRAINT_ISNOT
@@ -213,7 +211,7 @@ class _Cursor:
         return self.position >= self.length
 
     def Column(self, number: int) -> SqlValue:  # noqa: N802
-        column = self.columns[number]  # 0.1 us for a value, of which every look-up is a fifth
+        column = self.columns[number]  # 0.1 us for a value, a fifth of it for each look-up
         if column is None:
             column = self.walked.column(number)
         return column[self.position]
@@ -229,7 +227,7 @@ class _Cursor:
 
 
 class _CallingCursor(_Cursor):
-    """Walks the elements and the values of calls with them, which are made for all elements together."""
+    """Walks the elements and the values of calls, which are computed for all elements together."""
 
     def __init__(self, module: Elements) -> None:
         super().__init__(module)

@@ -1,4 +1,4 @@
-"""Which tables a query has to copy when it begins, because it may move the world while it walks over it."""
+"""Snapshots: the tables that a query copies at its start, because it may move the world during the walk."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
-    """The columns that a query copies when it begins, by table; none where it reads the world as it is.
+    """The columns that a query copies at its start, by table; none where it reads the world directly.
 
-    `once` says that it reads each element in one go: of what it has read nothing has to be kept. `places` are those
-    where the query first has its tables in FROM.
+    `once` says that it reads each element once, so that nothing is cached. `places` are the first spans of its tables
+    in FROM.
     """
 
     columns: tuple[tuple[AttachedTable, Span | None, tuple[str, ...]], ...] = ()
@@ -30,7 +30,7 @@ class Snapshot:
     places: tuple[tuple[AttachedTable, Span | None], ...] = ()
 
     def begin(self, remembered: Remembered | None, check: Callable[[], None]) -> Readings:
-        """What a run of the query reads, with the copy made. Worlds put what they remember into `remembered`.
+        """The readings of a run of the query, with the copy made. `remembered` gets the caches of worlds.
 
         `check` raises where the run has to end.
         """
@@ -45,9 +45,9 @@ _SOURCES = (plan.ValueSource, plan.TableSource, plan.QuerySource, plan.WorldSour
 
 
 def snapshot_for(roots: Collection[Any]) -> Snapshot:
-    """What has to be copied for these parts of a plan, which run together.
+    """The snapshot for these parts of a plan, which run together.
 
-    Only functions of the user or of a world can move it. The text of an `eval` may call any, and read any column.
+    Only functions of the user or of a world can move it. The string of an `eval` may call any, and read any column.
     """
     nodes = list(chain.from_iterable(map(walk, roots)))
     sources = [node for node in nodes if isinstance(node, plan.WorldSource)]
@@ -70,7 +70,7 @@ def snapshot_for(roots: Collection[Any]) -> Snapshot:
 
 
 def _reads_once(nodes: Sequence[Any]) -> bool:
-    """Whether these parts of a plan have one source, which is walked once, and no function that looks ahead in it."""
+    """Whether these parts of a plan have one source, walked once, and no function that reads ahead in it."""
     queries = [node for node in nodes if isinstance(node, plan.Query)]
     return (
         len(queries) == 1
@@ -82,7 +82,7 @@ def _reads_once(nodes: Sequence[Any]) -> bool:
 
 
 def first_place(table: AttachedTable, roots: Iterable[Any]) -> Span | None:
-    """Where these parts of a plan first have the table in FROM."""
+    """The first span of the table in FROM in these parts of a plan."""
     nodes = chain.from_iterable(walk(root) for root in roots if root is not None)
     return next((node.span for node in nodes if isinstance(node, plan.WorldSource) and node.table is table), None)
 

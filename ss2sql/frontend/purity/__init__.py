@@ -1,8 +1,8 @@
-"""Purity: how far a Python function can be relied on to repeat itself, and how many arguments it takes.
+"""Volatility of Python functions, proved from their source, and the number of their arguments.
 
-In order of control flow: `infer` opens the functions that a proof follows; `statements` and `expressions` walk a
-function's body; `names` tells what its names stand for; `source` finds the body in its file; `tables` holds what is
-known of Python's own functions.
+In order of control flow: purity/infer.py opens the functions that a proof follows; purity/statements.py and
+purity/expressions.py walk a function's body; purity/names.py finds what its names stand for, purity/source.py the
+body in its file; purity/tables.py describes Python's own functions.
 """
 
 from ss2sql.frontend.purity.infer import Arity, Purity, Volatility, arity, infer

@@ -1,4 +1,4 @@
-"""The walk over a function's expressions: what is called, and where sets, iterators and functions may stand."""
+"""The proof for a function's expressions: what is called, and where sets, iterators and functions may occur."""
 
 from __future__ import annotations
 
@@ -36,10 +36,9 @@ _SINGLES = (None, True, False)
 
 @dataclass(slots=True)
 class Expressions(ABC):
-    """The part of the walk that looks at expressions.
+    """The part of the proof that checks expressions.
 
-    `follow` proves another Python object that is called under a name. Every check raises `Unproven` where the proof
-    fails.
+    `follow` proves another Python object that is called by a name. Every check raises `Unproven` where the proof fails.
     """
 
     frame: Frame
@@ -67,7 +66,7 @@ class Expressions(ABC):
                 self.check(node, allowed)
 
     def check(self, node: ast.expr, allowed: Kind) -> None:
-        """Walks an expression whose value may be of the `allowed` kinds where it stands."""
+        """Checks an expression whose value may be of the `allowed` kinds."""
         try:
             self.expression(node, allowed)
             excess = self.frame.kind(node, self.scope) & ~allowed
@@ -103,7 +102,7 @@ class Expressions(ABC):
                 self.check(test, ANY)
                 self.checks([body, orelse], allowed)
             case ast.NamedExpr(value=value):
-                # A value that a comprehension computes is not followed to the names around it.
+                # Values computed by a comprehension are not traced to the names around it.
                 computed = not isinstance(self.scope.owner, ast.FunctionDef | ast.Lambda)
                 self.check(value, VALUE if computed else allowed)
             case ast.Compare():
@@ -130,7 +129,7 @@ class Expressions(ABC):
                 raise Unproven(f"uses '{type(node).__name__.lower()}'")
 
     def element(self, node: ast.expr, also: Kind) -> None:
-        """Checks an element of a display or an argument; a starred one is read through."""
+        """Checks an element of a display or an argument; a starred one is iterated."""
         if isinstance(node, ast.Starred):
             self.check(node.value, VALUE | OBJECT | also)
         else:
@@ -320,7 +319,7 @@ class Expressions(ABC):
         self.keywords(node, f"the method '{name}'", method.keywords)
 
     def template(self, node: ast.expr) -> None:
-        """Checks that a format string is known and reads no attributes: what a method looks like is never the same."""
+        """Checks that a format string is constant and reads no attributes: the text of a method has an address."""
         text = node.value if isinstance(node, ast.Constant) else self.frame.static(node, self.scope)
         if not isinstance(text, str):
             raise Unproven("formats with a text that is not constant")

@@ -1,16 +1,16 @@
-"""How far a Python function can be relied on to repeat itself, read from its source.
+"""The volatility of a Python function, inferred from its source.
 
-Calls of an immutable function are remembered, shared and moved about, so `infer` calls a function immutable only where
-its source proves it, and volatile in every other case. The proof takes for granted that
+Calls of an immutable function are cached, shared and reordered, so `infer` calls a function immutable only where its
+source proves it, and volatile in every other case. The proof assumes that
 
-- arguments are plain values (None, bool, int, float, string, list, dict), fresh for each call: what a user's own class
-  does in `+` or `len` is not looked into, so a call with an opaque object must not be remembered on this proof alone;
+- arguments are plain values (None, bool, int, float, string, list, dict), fresh for each call: the methods of a user's
+  class are not examined, so a call with an opaque object must not be cached on this proof alone;
 - a name that is bound once in its file is not rebound from elsewhere afterwards (`module.helper = other`, a debugger,
   the next cell of a notebook that defines a helper again);
 - the memory and the stack suffice, and the locale stays what it is.
 
-A function behind `functools.cache` is judged as the function itself, although the cache takes 1, 1.0 and True for one
-argument: whoever wrote it asked for that.
+A function in `functools.cache` is judged as the function itself, although the cache takes 1, 1.0 and True for one
+argument: its author chose that.
 """
 
 from __future__ import annotations
@@ -47,11 +47,11 @@ _MOST_DEPTH = 25
 
 @dataclass(frozen=True, slots=True)
 class Purity:
-    """What a function was taken for and why.
+    """The volatility of a function, and the reason.
 
     `reason` is a clause with the function as its subject, such as "calls print"; `line` is the line in the function's
-    own source file that the reason is about, where there is one. `changes` is false where it is proven that the
-    function changes nothing at all, its arguments included.
+    own source file that the reason is about, where there is one. `changes` is false where it is proven to
+    change nothing, its arguments included.
     """
 
     volatility: Volatility
@@ -71,7 +71,7 @@ class Arity:
 
 @dataclass(slots=True)
 class Proof:
-    """One proof: the functions that it has followed, and what they do that matters together."""
+    """One proof: the functions that it has followed, and their findings together."""
 
     frames: dict[int, Frame] = field(default_factory=dict)
     findings: Findings = field(default_factory=Findings)
@@ -84,12 +84,12 @@ class Proof:
             raise Unproven(f"calls {self.findings.cached}, whose remembered values it may change")
 
     def frame_of(self, function: FunctionType) -> Frame:
-        """The names of a function; its body is walked when it is met first."""
+        """The names of a function; its body is walked at the first request."""
         if id(function) not in self.frames:
             if self.depth >= _MOST_DEPTH or len(self.frames) >= _MOST_FUNCTIONS:
                 raise Unproven("calls more functions than are followed")
             frame = self._open(function)
-            # Called again while it is walked, a function is taken for proven: if it is not, the walk fails anyway.
+            # A recursive call counts as proven: if the function is not, the walk fails anyway.
             self.frames[id(function)] = frame
             self.depth += 1
             Walk(frame, self.follow).run()
@@ -149,7 +149,7 @@ def infer(function: Callable[..., object]) -> Purity:
 
 
 def _proven(function: Any) -> tuple[str, bool]:
-    """Why a callable is immutable, and whether it may change its arguments; `Unproven` where it is not proven."""
+    """Why a callable is immutable, and whether it may change its arguments. Raises `Unproven`."""
     entry = known(function)
     if entry is not None:
         if entry.gives & ~(VALUE | SET):
@@ -201,7 +201,7 @@ def arity(function: Callable[..., object]) -> Arity:
         raise SessionError("S002", f"{function!r} cannot be called.", hints=("register a Python function",))
     target: Any = wrapped(function) if type(function) is CACHED else function
     try:
-        # Without following __wrapped__: what counts is the function that is called, not the one it claims to be.
+        # Without __wrapped__: the function that is called counts, not the one that it claims to be.
         signature = inspect.signature(target, follow_wrapped=False)
     except (TypeError, ValueError):
         return Arity(0, None, ())

@@ -1,4 +1,4 @@
-"""What the names of a Python function stand for: locals by scope, and the settled values of the names outside it.
+"""The bindings of a Python function's names: locals by scope, and the settled values of outer names.
 
 `Frame` answers three questions for one function, without judging: which object a name or dotted name is (`static`),
 which functions a call may reach (`targets`), and of what kind the value of an expression is (`kind`).
@@ -40,12 +40,12 @@ class Unproven(Exception):  # noqa: N818 - it is a finding, not an error
 
 @dataclass(slots=True)
 class Findings:
-    """What the walks of one proof find: the constants that are read, in order, and what matters of all together."""
+    """The findings of one proof: the constants that are read, in order, and facts about all functions together."""
 
     constants: dict[str, None] = field(default_factory=dict)
     changes: bool = False  # values are changed in place
-    cached: str | None = None  # a function is called whose values are remembered by a cache
-    steps: int = 0  # how much was looked at
+    cached: str | None = None  # a function with a cache is called
+    steps: int = 0  # the work so far
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,7 +99,7 @@ def is_code(value: object) -> bool:
 
 @dataclass(slots=True, eq=False)
 class Frame:
-    """The names of one Python function. `frame_of` gives that of another that it calls, where calls are followed."""
+    """The names of one Python function. `frame_of` gives those of another function, where calls are followed."""
 
     function: FunctionType
     located: Located
@@ -155,7 +155,7 @@ class Frame:
         return value
 
     def _member(self, module: ModuleType, name: str) -> Any:
-        """What a module holds under a name; see `outside`."""
+        """A module's value of a name; see `outside`."""
         namespace = vars(module)
         what = f"'{module.__name__}.{name}'"
         if name not in namespace:
@@ -194,7 +194,7 @@ class Frame:
         return UNKNOWN
 
     def targets(self, node: ast.expr, scope: Scope, active: Active = frozenset()) -> Iterator[Target]:
-        """Every function that `node` may stand for where it is called. Raises `Unproven` where that is open."""
+        """Every function that a call of `node` may reach. Raises `Unproven` where that is unknown."""
         match node:
             case ast.Lambda():
                 yield Local(node, scope)
@@ -224,7 +224,7 @@ class Frame:
                 yield value
 
     def kind(self, node: ast.expr, scope: Scope, active: Active = frozenset()) -> Kind:
-        """What an expression may give. Names count with all values that they have anywhere in the function."""
+        """The kinds of an expression's value. A name has the kinds of all its values in the function."""
         self.findings.steps += 1
         if self.findings.steps > _MOST_STEPS:
             raise Unproven("is too long to be followed")
@@ -287,7 +287,7 @@ class Frame:
         return result
 
     def given(self, target: Target, active: Active = frozenset()) -> Kind:
-        """What a call of one of the `targets` may give."""
+        """The kinds of the value of a call of one of the `targets`."""
         if isinstance(target, Local):
             key = (id(target.node), "")
             inner = self.scope_of(target.node, target.scope)
@@ -310,13 +310,13 @@ def wrapped(value: Any) -> Any:
     """The function inside a partial or a cache."""
     if type(value) is functools.partial:
         return value.func
-    # `__wrapped__` can be set to anything: it counts only where it is the function that the cache really holds.
+    # `__wrapped__` can be set to anything: it counts only where the cache really holds it.
     claimed = getattr(value, "__wrapped__", None)
     return next((held for held in gc.get_referents(value) if held is claimed), UNKNOWN)
 
 
 def returned(node: FunctionNode) -> Iterator[ast.expr]:
-    """The expressions that a function may return; a None for a missing `return` stands for a plain value."""
+    """The expressions that a function may return; None for a missing `return`."""
     if isinstance(node, ast.Lambda):
         yield node.body
         return

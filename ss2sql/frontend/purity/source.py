@@ -1,7 +1,7 @@
-"""Where a Python function was written: its node in the syntax tree of its file, and what names are bound to.
+"""The source of a Python function: its node in the syntax tree of its file, and the bindings of names.
 
-A file on disk need not be what runs. So a node is only taken for a function's source when it compiles to the very code
-of the function; this also tells apart several lambdas on one line.
+The file on disk may differ from what runs. So a node counts as a function's source only when it compiles to the very
+code of the function; this also distinguishes several lambdas on one line.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _FUTURE = 0
 for _feature in __future__.all_feature_names:
     _FUTURE |= getattr(__future__, _feature).compiler_flag
 
-# The nodes that bind names, loop or open a scope; a walk passes through all others quickly.
+# The nodes that bind names, loop or open a scope.
 _BINDING = frozenset(
     [
         *(ast.Assign, ast.AnnAssign, ast.NamedExpr, ast.AugAssign, ast.Name, ast.Import, ast.ImportFrom),
@@ -42,7 +42,7 @@ _BINDING = frozenset(
 
 @dataclass(frozen=True, slots=True)
 class Binding:
-    """One place that gives a name a value.
+    """A place that gives a name a value.
 
     `node` is the value's expression for "value", the statement for "update" (`x += 1`) and "import", the definition for
     "function", and None otherwise; "other" is a loop variable, a part of a tuple, a deletion and the like.
@@ -91,7 +91,7 @@ class Located:
 
 
 def locate(function: FunctionType) -> Located | None:
-    """The source of a function, or None when there is none or when it is not what runs."""
+    """The source of a function; None where there is none, or where it differs from what runs."""
     code = function.__code__
     module = read(code.co_filename, function.__globals__)
     if module is None:
@@ -105,7 +105,7 @@ def locate(function: FunctionType) -> Located | None:
 
 
 def read(filename: str, namespace: dict[str, Any]) -> Module | None:
-    """What the file holds, or None when it is not there or is not Python."""
+    """The contents of a Python file; None where it is missing or has a syntax error."""
     linecache.checkcache(filename)
     text = "".join(linecache.getlines(filename, namespace))
     return _parse(text) if text else None
@@ -146,7 +146,7 @@ def _compiles_to(node: FunctionNode, code: CodeType, imports: Sequence[ast.stmt]
     body: list[ast.stmt] = [node if isinstance(node, ast.FunctionDef) else ast.copy_location(ast.Expr(node), node)]
     try:
         if code.co_flags & inspect.CO_NESTED:
-            # The names that the function takes from around it become parameters of a function around it.
+            # The free names of the function become parameters of a function around it.
             wrapper = ast.parse(f"def _({', '.join(code.co_freevars)}): pass").body[0]
             assert isinstance(wrapper, ast.FunctionDef)
             wrapper.body = body
@@ -214,7 +214,7 @@ def _origin(name: str, place: Binding) -> object:
 
 
 def _scan(nodes: Sequence[ast.AST], found: Names, looped: bool) -> None:
-    """Adds what `nodes` bind in their own scope; the bodies of inner functions and classes are not theirs."""
+    """Adds what `nodes` bind in their own scope, without the bodies of inner functions and classes."""
     for node in nodes:
         match node:
             case _ if type(node) not in _BINDING:

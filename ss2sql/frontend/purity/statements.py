@@ -1,8 +1,8 @@
-"""The proof that a Python function is immutable: a walk over its source that refuses whatever it does not know.
+"""The proof that a Python function is immutable: a walk over its source that refuses everything unknown.
 
 A function is immutable when equal arguments give equal values and nothing but its arguments and their parts is changed.
 The walk keeps one invariant: parameters, and what lists and dicts hold, are plain values. Sets, iterators and functions
-are followed through local names and refused wherever they would be stored, passed on or put in an order.
+are traced through local names and refused wherever they would be stored, passed on or put in an order.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""What is known of Python's own functions and methods, for the inference of purity.
+"""Python's own functions and methods that are pure.
 
-A function stands here when it gives the same value for the same plain arguments and changes nothing but them. What it
-does with sets and iterators is told too: the order of a set depends on the hash seed, and an iterator is used up.
+A function is listed when it gives the same value for the same plain arguments and changes nothing but them. Its use of
+sets and iterators is described too: the order of a set depends on the hash seed, and an iterator is used up.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from ss2sql.records import dataclass
 
 
 class Kind(enum.Flag):
-    """What an expression may give; several flags where it may give one or the other."""
+    """The kinds of value that an expression may have, as flags."""
 
     VALUE = enum.auto()  # a plain value: a number, a string, a list and the like, made of plain values
     SET = enum.auto()  # a set, whose order is not fixed
@@ -77,12 +77,12 @@ class Method:
 
 METHODS: dict[str, Method] = {}
 
-# By the function's identity, so that a function put in its place under the same name is not mistaken for it.
+# By the function's identity, so that a replacement under the same name is not mistaken for it.
 _KNOWN: dict[int, Known] = {}
 
 
 def known(value: object) -> Known | None:
-    """What is known of a function object, or None. Costly modules are looked at once they are loaded."""
+    """The entry of a function object, or None. Costly modules are read once they are loaded."""
     found = _KNOWN.get(id(value))
     if found is None and _LATE and isinstance(value, FunctionType):
         for name in [name for name in _LATE if name in sys.modules]:
@@ -158,7 +158,7 @@ _add(collections, "defaultdict", reads=REST, function=0, keywords=("*",))
 _add(collections, "Counter OrderedDict", reads=FIRST)
 _add(copy, "copy deepcopy", most=1)
 
-# Modules that are looked at once they are loaded: their functions and the keywords that these may be given.
+# Modules that are read once they are loaded: their functions, and the keywords that these accept.
 _LATE = {
     "json": ("dumps loads", ("ensure_ascii", "indent", "separators", "sort_keys")),
     "statistics": (

@@ -46,14 +46,14 @@ def total_of_integers(values: list[int]) -> int:
 
 
 def total_of_floats(values: list[float]) -> float:
-    """The sum of numbers among which are floats."""
+    """The sum of numbers, some of them floats."""
     return float(check(_sum_of_floats(values)))
 
 
 def _sum_of_floats(values: list[float]) -> float:
     try:
         return math.fsum(values)
-    except OverflowError:  # on the way only, perhaps
+    except OverflowError:  # perhaps of an intermediate sum only
         return _float(_exact_sum(values))
 
 
@@ -71,7 +71,7 @@ def _float(value: Fraction) -> float:
 
 
 def _sum_of_kind(kind: Type) -> Type:
-    """Of a group, which has a value."""
+    """The type of the sum of a group, which is never empty."""
     return FLOAT if kind.kinds == Kind.FLOAT else Type(Kind.INT | (kind.kinds & Kind.FLOAT))
 
 
@@ -80,12 +80,12 @@ def _small_integers(types: Types) -> bool:
 
 
 def _bounded_floats(types: Types) -> bool:
-    """Floats of which no sum is infinite; SQLite's own sum of them is compensated, too."""
+    """Floats so small that every sum is finite; SQLite's own sum is compensated, too."""
     return types[0].kinds == Kind.FLOAT and types[0].bounded(1e280)
 
 
 def _items(kinds: Kind) -> When:
-    """Lists with elements of these kinds, and not empty ones alone."""
+    """Lists with elements of these kinds, at least one of them not empty."""
 
     def when(types: Types) -> bool:
         item = types[0].item
@@ -95,7 +95,7 @@ def _items(kinds: Kind) -> When:
 
 
 def _are_floats(types: Types) -> bool:
-    """Of no floats the sum would be an integer."""
+    """Whether the values are floats: the sum of none is an integer."""
     return _items(Kind.FLOAT)(types) and bool(types[0].positions)
 
 
@@ -141,7 +141,7 @@ def mean(values: list[Any]) -> float:
 
 
 def _averaged(types: Types) -> bool:
-    """Integers of which 2^32 add up to one that a float holds."""
+    """Integers so small that a float holds the sum of 2^32 of them."""
     return types[0].kinds & ~Kind.NONE == Kind.INT and types[0].bounded(2**21)
 
 
@@ -153,12 +153,12 @@ def _different(values: list[Any]) -> int:
 
 
 def _one_of(*kinds: Kind) -> When:
-    """Values of one of these kinds, None among them perhaps."""
+    """Tests whether all values are of one of these kinds, or None."""
     return lambda types: types[0].kinds & ~Kind.NONE in kinds
 
 
 def _variance(values: list[Any]) -> float | None:
-    """Of a sample; None of fewer than two values, which have none."""
+    """The variance of a sample; None for fewer than two values."""
     if len(values) < 2:
         return None
     middle = mean(values)
@@ -172,14 +172,14 @@ def _deviation(values: list[Any]) -> float | None:
 
 
 def _median(values: list[Any]) -> float:
-    """The middle one of the numbers in order, the mean of two."""
+    """The middle number, or the mean of the two in the middle."""
     ordered = sorted(values)
     half = len(ordered) // 2
     return float(ordered[half]) if len(ordered) % 2 else mean(ordered[half - 1 : half + 1])
 
 
 def _percentile(values: Any, part: Any) -> float | None:
-    """The number below which this part of the others lies, on the line between two of them."""
+    """The number that has this part of the others below it, interpolated between two of them."""
     kinds_of_numbers("percentile", as_list("percentile", values))
     if not 0 <= number("percentile", part) <= 1:
         raise wrong(f"percentile of {show(part)}", "the part is a number from 0 to 1: percentile(x, 0.9)")
@@ -193,7 +193,7 @@ def _percentile(values: Any, part: Any) -> float | None:
 
 
 def _end(name: str, place: int, about: str, example: str) -> Operation:
-    """The first or the last element of a list, None of none."""
+    """The row of `first` or `last`: an end of a list, None of an empty one."""
 
     def value(values: Any) -> Any:
         return as_list(name, values)[place] if values or type(values) is not list else None
@@ -207,7 +207,7 @@ def _end(name: str, place: int, about: str, example: str) -> Operation:
 
 
 def _collect() -> Group:
-    """The values of a group as a list, for functions of a list that ask for their order or take more arguments."""
+    """The row of `collect`: the values of a group as a list, for functions that need their order or more arguments."""
 
     def result(kind: Type) -> Type:
         return Type(Kind.LIST, item=kind, columns=kind.columns)

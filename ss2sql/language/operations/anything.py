@@ -17,7 +17,7 @@ def _coalesce(*values: Any) -> Any:
 
 
 def _first_known(types: Types) -> Type:
-    """What comes behind one that is never None does not count."""
+    """The type of `coalesce`: arguments after one that is never None are ignored."""
     found: list[Type] = []
     for kind in types:
         found.append(without_none(kind) if kind.may(Kind.NONE) else kind)
@@ -27,7 +27,7 @@ def _first_known(types: Types) -> Type:
 
 
 def _in_sql(types: Types) -> bool:
-    """A bool travels as a flag where there is nothing else, and as a handle beside None."""
+    """Whether all arguments are of one class in SQL; a bool is none: a flag alone, a handle beside None."""
     return one_sql_class(types) and not any(kind.may(Kind.BOOL) for kind in types)
 
 

@@ -1,4 +1,4 @@
-"""What values of operations share: tests of their arguments, with the language's errors."""
+"""Checks of arguments, with the language's errors."""
 
 from __future__ import annotations
 

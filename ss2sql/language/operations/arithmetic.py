@@ -62,7 +62,7 @@ def misfit(left: Any, symbol: str, right: Any) -> ExecutionError:
 
 
 def of_times(left: Any, symbol: str, right: Any, compute: Callable[[Any, Any], Any]) -> Any:
-    """The sum, difference or ratio of times and the time between them; all else is a misfit."""
+    """The sum, difference or ratio of times and timedeltas. Raises the error for operands that do not fit."""
     if not isinstance(left, TIMES) or not isinstance(right, TIMES) or symbol not in "+-/":
         raise misfit(left, symbol, right)
     try:
@@ -102,7 +102,7 @@ def integers_of_sql(types: Types) -> bool:
 
 
 def reals(types: Types) -> bool:
-    """Numbers that are the same as floats, whichever of both they are: DOUBLE."""
+    """Numbers that are equal as floats, integers or not: DOUBLE."""
     return all(kind.kinds == Kind.FLOAT or (kind.kinds == Kind.INT and kind.bounded(EXACT)) for kind in types)
 
 
@@ -122,7 +122,7 @@ def _are_numbers(types: Types) -> bool:
 
 
 def _of_numbers(name: str, symbol: str, compute: intervals.Operation, about: str, example: str) -> Operation:
-    """The row of an operator that takes its extremes over two intervals at their ends."""
+    """The row of an operator that is monotonic, so that its extremes lie at the ends of the intervals."""
 
     def result(types: Types) -> Type:
         times = Type(Kind.OBJECT) if name != "mul" and all(kind.may(Kind.OBJECT) for kind in types) else NOTHING
@@ -142,7 +142,7 @@ def _of_numbers(name: str, symbol: str, compute: intervals.Operation, about: str
 
 
 def add(left: Any, right: Any) -> Any:
-    """The sum of numbers; strings or lists one behind the other."""
+    """The sum of numbers; the concatenation of strings or lists."""
     kind, other = type(left), type(right)
     if kind in NUMBERS and other in NUMBERS:
         return check(left + right)
@@ -218,7 +218,7 @@ def _quotients(types: Types) -> list[float] | None:
 
 
 def _quotient(types: Types) -> Type:
-    if all(t.may(Kind.OBJECT) for t in types):  # the time between two, in numbers of another such time
+    if all(t.may(Kind.OBJECT) for t in types):  # the ratio of two timedeltas
         return Type(Kind.FLOAT)
     if not all(t.may(Kind.NUMBER) for t in types):
         return NOTHING
@@ -261,7 +261,7 @@ def _is_exact(kind: Type) -> bool:
 
 
 def _divided(*exact: bool, whole_divisor: bool = False) -> When:
-    """Numbers of which these are exact as floats, the others perhaps not, else SQLite would round twice."""
+    """Tests that floats hold the operands exactly; otherwise SQLite would round twice."""
 
     def when(types: Types) -> bool:
         whole = types[1].only(INTEGER | Kind.NONE)
@@ -285,11 +285,11 @@ _INSIDE = _between("{value}", 1e308)
 
 
 def _power(base: Any, exponent: Any) -> Any:
-    """An integer where both are and the exponent is not negative, else a float."""
+    """An integer for integers and an exponent of at least 0, else a float."""
     if type(base) not in NUMBERS or type(exponent) not in NUMBERS:
         raise misfit(base, "^", exponent)
     if type(base) in INTEGERS and type(exponent) in INTEGERS and exponent > 63 and not -1 <= base <= 1:
-        # Too large whatever it is, and Python would take its time to find out.
+        # Certainly too large, and Python would compute it slowly.
         message = f"integer overflow: {base} ^ {exponent} does not fit into 64 bits"
         raise ExecutionError("X004", message, hints=("make the base a float, for example with float(...)",))
     try:
@@ -340,7 +340,7 @@ def _powers(types: Types) -> list[int] | None:
 
 
 def _float_powers(types: Types) -> list[float] | None:
-    """Bounds of floats raised to a known power: a whole one, or a root of what is not negative; else None.
+    """Bounds of floats raised to a known power: a whole one, or a root of numbers from 0; else None.
 
     Python leaves powers to the C library, which rounds them nearly, not exactly.
     """
@@ -372,7 +372,7 @@ def _power_can_fail(types: Types) -> bool:
 
 
 def _times(count: int, base: When) -> When:
-    """The exponent is this integer, and the base is one of these."""
+    """Tests for this integer as exponent, and for such a base."""
     known = Type(Kind.INT, count, count)
     return lambda types: types[1] == known and base(types[:1])
 

@@ -17,7 +17,7 @@ from ss2sql.runtime.values import as_key, is_key
 
 
 def _equality(name: str, symbol: str, negated: str, about: str, example: str) -> Operation:
-    """`==` or `!=`, of any two values. In SQL values are compared by handles, indexes and worlds: by hand."""
+    """The row of `==` or `!=`, for any two values; the SQL compiler has code of its own for handles and worlds."""
     values: dict[str, Callable[[Any, Any], bool]] = {
         "eq": lambda left, right: bool(left == right),
         "ne": lambda left, right: not left == right,  # noqa: SIM201 - an object may have no !=

@@ -15,7 +15,7 @@ OBJECT = Type(Kind.OBJECT)
 
 
 def _made(name: str, kind: Callable[..., Any], numbers: list[Any]) -> Any:
-    """A date or a time of its parts."""
+    """A date or a time from its parts."""
     if len(numbers) < 3:
         raise wrong(f"{name} of {show(numbers[0])}", f"{name}(2024, 5, 31) takes a year, a month and a day")
     try:
@@ -64,7 +64,7 @@ def _timedelta(days: Any, seconds: Any = 0) -> Any:
 
 
 def _part(name: str, kinds: tuple[type, ...], low: int, high: int, about: str, example: str) -> Operation:
-    """The row of a part of a date or time."""
+    """The row of a function that gives a part of a date or time."""
     what = "dates" if datetime.date in kinds else "times"
 
     def value(given: Any) -> int:

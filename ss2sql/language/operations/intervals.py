@@ -41,7 +41,7 @@ def floats(t: Type) -> tuple[float, float]:
 
 
 def numbers(kinds: Kind, corners: Sequence[float]) -> Type:
-    """The type of numbers between the least and the greatest corner; a bound beyond all values says nothing."""
+    """The type of numbers between the least and the greatest corner; a bound beyond all values is dropped."""
     low, high = min(corners), max(corners)
     least, greatest = (-MAX, MAX) if kinds & Kind.FLOAT else (INT_MIN, INT_MAX)
     return Type(kinds, low if least < low <= greatest else None, high if least <= high < greatest else None)
@@ -72,7 +72,7 @@ def as_text(types: Types) -> Type:
 
 
 def comparable(a: Type, b: Type) -> bool:
-    """Whether all values of both types have an order among each other."""
+    """Whether any two values of both types can be ordered."""
     if any(a.only(kinds) and b.only(kinds) for kinds in (Kind.NUMBER, Kind.STR)):
         return True
     if not (a.only(Kind.LIST) and b.only(Kind.LIST)) or a.item is None or b.item is None:
@@ -81,7 +81,7 @@ def comparable(a: Type, b: Type) -> bool:
 
 
 def results(operation: Operation, types: Types) -> list[tuple[Kind, list[float]]]:
-    """The kinds of numbers that the operation gives with their corners: of two integers, and where a float is in it.
+    """The kinds of results with their corners: of two integers, and of operands with a float.
 
     The operation must take its extremes over two intervals at their ends.
     """

@@ -36,12 +36,12 @@ RANGE_LIMIT = 10_000_000
 
 
 def are_not_lists(types: Types) -> bool:
-    """Whether a function that works on all lists can fail."""
+    """Whether a function of lists can fail: an argument may be no list."""
     return not each(Kind.LIST)(types)
 
 
 def same_list(types: Types) -> Type:
-    """A list with elements of the first argument."""
+    """The type of a list with the elements of the first argument."""
     return intervals.as_list(types[0])
 
 
@@ -49,7 +49,7 @@ def same_list(types: Types) -> Type:
 
 
 def _item(container: Any, index: Any) -> Any:
-    """An element of a list or string, negative from the end, a dict's key, or an object's public data attribute."""
+    """An element of a list or string (negative: from the end), a dict's value, or an object's public data attribute."""
     kind = type(container)
     if kind is list or kind is str:
         if type(index) not in INTEGERS:
@@ -110,7 +110,7 @@ def _item_can_fail(types: Types) -> bool:
 
 
 def _found_in(kind: Kind, index: When, inside: str) -> tuple[Form, ...]:
-    """Forms of `container[index]` with such indexes, where the container is of this kind, and where it may be."""
+    """The forms of `container[index]` for such indexes: for containers of this kind, and for those that may be."""
     name = "dict" if kind is Kind.DICT else "list"
     return (
         Form("{0}[{1}]", lambda types: types[0].only(kind) and index(types[1:]), inside),
@@ -131,7 +131,7 @@ def _from_end(types: Types) -> bool:
 
 
 def _places(types: Types) -> bool:
-    """Places in a list or string that are counted from its start."""
+    """Tests for integers of at least 0: places counted from the start."""
     return integers_of_sql(types) and all(kind.at_least(0) for kind in types)
 
 
@@ -171,12 +171,12 @@ def length_type(types: Types) -> Type:
 
 
 def of_one_kind(kind: Type) -> bool:
-    """Whether equal values are the same value: not 1 beside 1.0 and True."""
+    """Whether equal values are identical, unlike 1, 1.0 and True."""
     return kind.kinds == Kind.BOOL or any(kind.only(one | Kind.NONE) for one in (Kind.INT, Kind.FLOAT, Kind.STR))
 
 
 def _extreme(name: str, pick: Callable[[Any], Any], sign: int, keeps: str, last: str, **others: str) -> Operation:
-    """The row of `min` or `max`. Of equal ones the first is taken: so does SQLite's max, its min takes the last."""
+    """The row of `min` or `max`. The first of equal values wins, as in SQLite's max; its min takes the last."""
 
     def value(first: Any, *others: Any) -> Any:
         values = (first, *others) if others else as_list(name, first)
@@ -235,12 +235,12 @@ def _extreme(name: str, pick: Callable[[Any], Any], sign: int, keeps: str, last:
 
 
 def _chosen(types: Types) -> Types:
-    """What is chosen from: several arguments, or the elements of a list, known one by one."""
+    """The types of the candidates: several arguments, or the elements of a list, known one by one."""
     return types if len(types) > 1 else types[0].positions or types
 
 
 def _in_sql(types: Types) -> bool:
-    """A bool beside a number could be the value: SQL has a flag for the one, and a handle for one of both."""
+    """Whether all have one form in SQL: a bool alone is a flag, beside a number a handle."""
     return sql_class(union(types)) is not None
 
 
@@ -253,12 +253,12 @@ def _list_of_alike(types: Types) -> bool:
 
 
 def _same_everywhere(types: Types) -> bool:
-    """Of 0.0 and -0.0 it would matter which is the first."""
+    """Whether equal values are identical, so that their order is irrelevant: 0.0 and -0.0 differ."""
     return union(types).kinds & ~Kind.NONE in (Kind.INT, Kind.STR)
 
 
 def _bounds(types: Types, smallest: bool) -> Type:
-    """The numbers among the values. The least of several is not above any one of their upper bounds."""
+    """The type of the least or greatest number; the least of several is at most each one's upper bound."""
     if not all(kind.may(Kind.NUMBER) for kind in types):
         return NOTHING
     kinds = union(types).kinds & Kind.NUMBER
@@ -282,7 +282,7 @@ def _unique(values: Any) -> list[Any]:
 
 
 def _sorted(values: Any, descending: Any = False) -> list[Any]:
-    """The elements in their order, equal ones as they came."""
+    """The sorted elements; the sort is stable."""
     return sorted_values(as_list("sorted", values), truth(descending))
 
 
@@ -291,7 +291,7 @@ def _sorting_can_fail(types: Types) -> bool:
 
 
 def zipped(*lists: Any) -> list[list[Any]]:
-    """Lists of the first elements, of the second ones, and so on, as far as the shortest list goes."""
+    """Lists of the first elements, of the second ones, and so on, up to the length of the shortest list."""
     rows = zip(*(as_list("zip", values) for values in lists), strict=False)
     return list(map(list, rows if len(lists[0]) <= AT_ONCE else watched(rows)))
 
@@ -377,7 +377,7 @@ def _difference(left: Any, right: Any) -> list[Any]:
 
 
 def _single(values: Any) -> Any:
-    """The only element of a list, None of an empty one: what a query is worth as an operand."""
+    """The only element of a list, None of an empty one: the value of a query as an operand."""
     found = as_list("single", values)
     if len(found) > 1:
         hint = "write AS list to compare with a list, or LIMIT 1 for the first row"

@@ -77,7 +77,7 @@ def _rounded(value: Any, digits: Any = None) -> Any:
             return check(round(value, places))
     except OverflowError:
         raise float_overflow() from None
-    # Beyond 20 digits before the point nothing is left of 64 bits; Python would compute the power of 10.
+    # Rounding to more than 20 digits before the point gives 0; Python would compute the power of 10.
     return check(round(int(value), places)) if places >= -20 else 0
 
 
@@ -134,7 +134,7 @@ def _distance(left: Any, right: Any) -> float:
 
 
 def _norm(value: Any) -> float:
-    """The Euclidean length of a list of numbers; of a number its size."""
+    """The Euclidean length of a list of numbers; the absolute value of a number."""
     coordinates = value if type(value) is list else [value]
     kinds_of_numbers("norm", coordinates)
     return float(check(math.hypot(*coordinates)))
@@ -160,7 +160,7 @@ def _too_long(vectors: Sequence[tuple[Type, ...]]) -> bool:
 
 
 def _exact_difference(types: Types) -> bool:
-    """SQLite subtracts integers exactly, within 64 bits."""
+    """Tests for integers, which SQLite subtracts exactly within 64 bits."""
     return sql_numbers(types) and all(not kind.may(Kind.INT) or kind.bounded(2**61) for kind in types)
 
 
@@ -175,7 +175,7 @@ def _points(types: Types) -> bool:
 
 
 def _rounding(name: str, compute: Callable[[float], int], about: str, example: str) -> Operation:
-    """`floor` or `ceil`: an integer."""
+    """The row of `floor` or `ceil`, which give an integer."""
 
     def value(given: Any) -> int:
         return int(check(compute(number(name, given)), CURES["int"]))
@@ -204,7 +204,7 @@ def _rounding(name: str, compute: Callable[[float], int], about: str, example: s
 def _of_angles(
     name: str, compute: Callable[..., float], bounds: tuple[float | None, float | None], about: str, example: str
 ) -> Operation:
-    """A function of the C library, which every engine would round in its own way: Python's decides, always."""
+    """The row of a function of the C library. Engines round it differently, so Python always computes it."""
 
     def value(*given: Any) -> float:
         kinds_of_numbers(name, given)
@@ -253,7 +253,7 @@ def _clamp(value: Any, low: Any, high: Any) -> Any:
 
 
 def _clamped(types: Types) -> Type:
-    """One of the three; what has no order would fail."""
+    """The type of one of the three arguments that can be ordered."""
     kinds = [kind for kind in (Kind.NUMBER, Kind.LIST, Kind.OBJECT) if all(t.may(kind) for t in types)]
     found = [as_text(types)]
     if Kind.NUMBER in kinds:
@@ -267,7 +267,7 @@ def _clamped(types: Types) -> Type:
 
 
 def _to_integer(value: Any) -> int:
-    """The integer that a string stands for; of a number, its whole part."""
+    """The integer that a string represents; of a number, its whole part."""
     if type(value) in NUMBERS:
         return int(check(int(value), CURES["int"]))
     try:
@@ -278,7 +278,7 @@ def _to_integer(value: Any) -> int:
 
 
 def _to_float(value: Any) -> float:
-    """The float that a string stands for, or that is nearest to a number."""
+    """The float that a string represents, or that is nearest to a number."""
     if type(value) in NUMBERS:
         return float(value)
     try:

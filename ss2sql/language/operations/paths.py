@@ -1,6 +1,6 @@
-"""The path of a step as a linked list: what `path(e)` and `cycle(e)` are told by, see frontend/path_functions.py.
+"""The path of a step as a linked list, for `path(e)` and `cycle(e)`, see frontend/path_functions.py.
 
-Scripts cannot write the names of these operations.
+The names of these operations have blanks, so scripts cannot call them.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from ss2sql.runtime.messages import show
 
 
 class Cell:
-    """What an expression was in a step, behind what it was in the steps before."""
+    """The value of an expression in a step, linked to its values in the steps before."""
 
     __slots__ = ("before", "value")
 
@@ -24,7 +24,7 @@ class Cell:
 
 
 def values(cell: Cell | None) -> list[Any]:
-    """What the expression was in each step, from the first on."""
+    """The values of the expression in each step, from the first on."""
     found: list[Any] = []
     while cell is not None:
         found.append(cell.value)
@@ -33,7 +33,7 @@ def values(cell: Cell | None) -> list[Any]:
 
 
 def text(cell: Cell | None, between: Any) -> str:
-    """The same as one text."""
+    """The same values joined to one string."""
     if type(between) is not str:
         raise wrong(
             f"path puts a text between values, not {show(between)}", 'write a text between two values: path(x, "/")'

@@ -1,19 +1,18 @@
-"""What a row of the table of operations says.
+"""A row of the table of operations.
 
-A row has the *value*, a Python function, which decides in all cases. Everything else is a promise about it (`result`,
-`can_fail`) or a faster *form* of it, a text that an engine's compiler puts in place of the call:
+Its *value*, a Python function, always decides. Everything else is a promise about the value (`result`, `can_fail`) or
+a faster *form* of it, code that an engine's compiler puts in place of the call:
 
     Form("{0} || {1}", exactly(Kind.STR))                    right wherever `when` holds for the types of the arguments
     Form("{0} + {1}", sql_numbers, check=Check.SIZE)         where the call may fail, the sum counts if it is a number
     Form("sqrt({0})", sql_numbers, check="{0} >= 0")         where the call may fail, it counts if the check holds
     Form("upper({0})", exactly(Kind.STR), only="...")        it counts only where this holds, so it is always asked
 
-Where no form fits, or a check does not hold, the engine calls the value. So a missing form costs time, never an answer.
-The first form that fits is taken; one without a check only where the call cannot fail.
+The first form that fits is taken; one without a check only where the call cannot fail. Where no form fits, or a check
+does not hold, the engine calls the value, so a missing form costs only time.
 
-In a text `{0}` and `{1}` stand for arguments, `{*}` for all of them, `{reversed}` for all of them backwards, `{value}`,
-in a check, for the text of the form. Nothing here
-imports sqlglot: forms are texts until an engine compiles one.
+In a form `{0}` and `{1}` are arguments, `{*}` all of them, `{reversed}` all of them backwards, and `{value}`, in a
+check, the form itself. Forms are plain text until an engine compiles one, so this module needs no sqlglot.
 """
 
 from __future__ import annotations
@@ -33,20 +32,20 @@ When: TypeAlias = Callable[[Types], bool]
 
 
 class Check(Enum):
-    """Checks that engines know by name, because they see more than a text could: bounds, the limits of the run."""
+    """Checks that engines know by name, because they depend on bounds or the limits of the run."""
 
     SIZE = auto()  # a number lies within 64 bits, or is finite; asked once for a whole sum
     NOT_NULL = auto()  # SQL found a value
-    NUMBERS = auto()  # the arguments turn out to be two integers or two floats, and their value is a small number
-    ROOM = auto()  # a string or a list is no larger than the run allows; asked always
+    NUMBERS = auto()  # the arguments are two integers or two floats at run time, and their value is a small number
+    ROOM = auto()  # a string or a list is no larger than the run allows; always checked
     ITSELF = auto()  # none is needed: the form fails as the value does
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Form:
-    """One way to compute an operation in SQL or Python, see above. `spread`: of what min and max choose from."""
+    """One form of an operation in SQL or Python, see above. `spread`: it takes the candidates of min and max."""
 
-    text: str | Callable[..., Any]  # of Python: a function that is called with the arguments
+    text: str | Callable[..., Any]  # in Python also a function that is called with the arguments
     when: When = lambda types: True
     check: str | Check | None = None
     only: str | None = None
@@ -55,7 +54,7 @@ class Form:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Group:
-    """What makes a function of a list an aggregate of GROUP BY. The values of a group are those that are not None."""
+    """An aggregate of GROUP BY: a function of the list of a group's values that are not None."""
 
     value: Callable[..., Any]  # of a list of one value at least
     nothing: Any  # of no values
@@ -110,7 +109,7 @@ class Operation:
     collects: bool = False  # with GROUP BY the first argument is the list of the values of a group
 
     def function(self, types: Types | None = None) -> Function:
-        """What the plan knows of the function; with `types` of one call."""
+        """The function as the plan knows it; with `types` those of one call."""
         raises = types is None or self.can_fail(types)
         return Function(
             self.name, *self.arity, self.volatility, raises=raises, reason="built in", collects=self.collects
@@ -125,7 +124,7 @@ def operation(
     can_fail: bool | Callable[[Types], bool],
     **others: Any,
 ) -> Operation:
-    """A row; a result or a `can_fail` that is always the same is given itself."""
+    """Makes a row; a constant `result` or `can_fail` is passed itself."""
     return Operation(
         name=name,
         arity=(arity, arity) if isinstance(arity, int) else arity,
@@ -151,7 +150,7 @@ def aggregate(
     of_list: dict[str, Any] | None = None,
     **forms: Any,
 ) -> Operation:
-    """The row of an aggregate, which is a function of one list, too: both have one value and one type.
+    """The row of an aggregate, which is also a function of one list with the same value and type.
 
     Args:
         name: the function.
@@ -159,10 +158,10 @@ def aggregate(
         result: the type of the value for the type of the elements.
         about, example: see Operation.
         nothing: the value of an empty list.
-        accepts: raises what is wrong with the values, which are numbers where nothing is said.
-        can_fail: whether a value of such elements can fail; where nothing is said: if they may be no numbers.
+        accepts: raises the error for wrong values; by default they must be numbers.
+        can_fail: whether a value of such elements can fail; by default if they may be no numbers.
         in_sql, of_floats: see Group.
-        of_list: what the function of a list has besides, as its forms.
+        of_list: fields of the function of a list, such as its forms.
         **forms: those of the aggregate.
     """
 
@@ -200,24 +199,24 @@ def aggregate(
 
 
 def each(kinds: Kind) -> When:
-    """All arguments are of these kinds."""
+    """Tests that all arguments are of these kinds."""
     return lambda types: all(kind.only(kinds) for kind in types)
 
 
 def exactly(kind: Kind) -> When:
-    """All arguments are of this one kind."""
+    """Tests that all arguments are of this one kind."""
     return lambda types: all(one.kinds == kind for one in types)
 
 
 def alike(types: Types) -> bool:
-    """All are numbers, or all are strings."""
+    """Tests that all are numbers, or all are strings."""
     return each(Kind.NUMBER)(types) or each(Kind.STR)(types)
 
 
 def sql_class(kind: Type, none: bool = False) -> str | None:
     """`number` or `text` if all values are of that class in SQL, None apart if allowed.
 
-    A bool is a number where there is nothing else; beside other kinds it travels as a handle, which is none.
+    A bool alone is a number; beside other kinds it is a handle, which has no class.
     """
     allowed = Kind.NONE if none else Kind(0)
     real = Kind.INT | Kind.FLOAT
@@ -227,7 +226,7 @@ def sql_class(kind: Type, none: bool = False) -> str | None:
 
 
 def sql_numbers(types: Types) -> bool:
-    """Numbers in SQL, None among them perhaps, for which the check looks."""
+    """Numbers in SQL, or None, which the check looks for."""
     return all(sql_class(kind, none=True) == "number" for kind in types)
 
 
@@ -236,7 +235,7 @@ def sql_integers(types: Types) -> bool:
 
 
 def one_sql_class(types: Types) -> bool:
-    """All are numbers in SQL, or all are text, None among them perhaps."""
+    """Tests that all are numbers or None in SQL, or all are text or None."""
     classes = {sql_class(kind, none=True) for kind in types}
     return len(classes) == 1 and None not in classes
 

@@ -1,4 +1,4 @@
-"""Functions that need the session, which binds their values, and constructs that are written as calls."""
+"""Functions whose value the session binds, and constructs that are written as calls."""
 
 from __future__ import annotations
 

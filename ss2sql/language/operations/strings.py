@@ -18,7 +18,7 @@ from ss2sql.runtime.messages import show
 MOST_WIDTH = 1000  # characters of a value that `format` writes
 _PLAIN = each(Kind.NONE | Kind.NUMBER | Kind.STR)
 _STRINGS, _STRING = each(Kind.STR), exactly(Kind.STR)
-# SQLite knows the letters of ASCII alone, and other databases one capital for each: of a sharp s Python makes SS.
+# SQLite changes the case of ASCII letters alone; Python makes SS of a sharp s, other databases one letter.
 _ASCII = "{0} NOT GLOB '*[^ -~]*' AND instr({0}, char(0)) = 0"
 
 
@@ -27,7 +27,7 @@ def _not_strings(types: Types) -> bool:
 
 
 def _of_strings(name: str, compute: Callable[..., Any], arity: int | tuple[int, int], **others: Any) -> Operation:
-    """A row of a function that takes strings alone and is Python's method."""
+    """The row of a function that is a method of Python's strings."""
 
     def value(*given: Any) -> Any:
         return compute(*(string(name, one) for one in given))
@@ -75,7 +75,7 @@ _FIELD = re.compile(r"\{\{|\}\}|\{(\d*)(?::([^{}]*))?\}|[{}]")
 
 
 def _formatted(pattern: Any, *values: Any) -> str:
-    """The string with values in the places of `{}`, `{0}` or `{:.2f}`: Python's, without attributes of values."""
+    """Python's `format` with `{}`, `{0}` or `{:.2f}`; attributes and items of values are refused."""
     count = 0
 
     def field(found: re.Match[str]) -> str:
@@ -107,13 +107,13 @@ def _written(value: Any, spec: str) -> str:
 
 @lru_cache(maxsize=256)
 def _pieces(pattern: str) -> list[re.Pattern[str]]:
-    """What stands between the % of a pattern. Each has one length, so that no text makes it try again and again."""
+    """The parts between the % of a pattern. Each has a fixed length, so matching never backtracks."""
     pieces = ("".join("." if char == "_" else re.escape(char) for char in piece) for piece in pattern.split("%"))
     return [re.compile(piece, re.DOTALL) for piece in pieces]
 
 
 def like(value: Any, pattern: Any) -> bool:
-    """Whether a string is what the pattern says: % stands for any text, _ for any character, and case counts."""
+    """Whether a string matches the pattern: % is any text, _ any character, and case counts."""
     if type(value) is not str or type(pattern) is not str:
         hint = "LIKE compares strings: ask x IS NOT NULL AND ... before, or make a string with str(...)"
         raise ExecutionError("X001", f"cannot compute {show(value)} LIKE {show(pattern)}", hints=(hint,))
@@ -149,10 +149,10 @@ OPERATIONS = (
         "['Oslo' LIKE 'O%', 'Oslo' LIKE 'o___']",
     ),
     _likeness("not_like", "NOT LIKE", _unlike, "like", "a NOT LIKE b", "'Oslo' NOT LIKE 'A%'"),
-    operation(  # what an object writes of itself may be anything
+    operation(  # an object's own text may be anything
         "str", 1, str, lambda types: STR if _PLAIN(types) else UNENCODABLE, lambda types: types[0].may(Kind.STRUCTURED),
         call="str(x)", about="the value as text", example="str([1, 2.0])", grows=True,
-        # Integers look the same everywhere; Python's floats, bools and None do not.
+        # Integers have the same text everywhere; Python's floats, bools and None have their own.
         sqlite=(Form("{0}", _STRING), Form("cast({0} AS TEXT)", exactly(Kind.INT))),
         python=(Form("str({0})", _PLAIN),),
         portable=(Form("{0}", _STRING), Form("cast({0} AS VARCHAR)", exactly(Kind.INT))),

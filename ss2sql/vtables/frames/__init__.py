@@ -1,8 +1,8 @@
 """Data frames as sources: pandas, Polars, Arrow, and structured arrays of NumPy.
 
-`frame.py` is what a frame is to the rest of the package: named columns of known types, whose values become those of
-Python when they are first read. `columns.py` makes such columns of arrays, `cells.py` values of single cells. The
-other files know one library each; one is imported when an object of its library is attached.
+frames/frame.py is the common form: named columns of known types, whose values become Python's when they are first
+read. frames/columns.py makes such columns from arrays, frames/cells.py converts single cells. Each other file supports
+one library and is imported when an object of it is attached.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ _CURES = {
 
 
 def reader_of(source: Any, name: str) -> Reader | None:
-    """What reads an object as a data frame; None where it is none.
+    """The function that reads an object as a data frame; None for other objects.
 
     Args:
         source: anything.
-        name: what scripts call it, for errors.
+        name: its name in scripts, for errors.
 
     Raises:
         SessionError: S002 for a part of a frame, a frame without rows, and where pyarrow is needed and missing.
@@ -61,7 +61,7 @@ def _file(name: str) -> Any:
 
 
 def _table(source: Any) -> Any:
-    """What gives Arrow data may give it only once, so it is read here and now."""
+    """Arrow data, which some objects give only once, are read here and now."""
     try:
         pyarrow = import_module("pyarrow")
     except ImportError:

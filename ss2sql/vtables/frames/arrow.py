@@ -1,4 +1,4 @@
-"""Tables and record batches of Arrow, and whatever gives its data as such a table."""
+"""Tables and record batches of Arrow, and objects that export such tables."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ pyarrow: Any = import_module("pyarrow")
 
 
 def reader(source: Any, name: str) -> Reader:
-    """What reads the table: once, for nobody can change it."""
+    """The reader of a table, which reads it once, since it is immutable."""
     known: list[Frame] = []
 
     def read() -> Frame:
@@ -63,6 +63,6 @@ def column_of_arrow(given: Any, place: str) -> Column:
 
 
 def _counted(array: Any, bits: int) -> Any:
-    """What a time is counted by, as integers of 64 bits, which are NaT where they are missing."""
+    """The ticks of times as integers of 64 bits, NaT where they are missing."""
     counted = array.cast(pyarrow.int32()).cast(pyarrow.int64()) if bits == 32 else array.cast(pyarrow.int64())
     return counted.fill_null(INT_MIN).to_numpy(zero_copy_only=False)

@@ -1,4 +1,4 @@
-"""Single cells of data frames as values of the language, for columns that no array of numbers holds."""
+"""Conversion of single cells of data frames, for columns that are no arrays of numbers."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _PLAIN = frozenset({type(None), bool, int, str})
 
 
 def cells(values: list[Any]) -> list[Any]:
-    """The values of a column, what stands for a missing one as None."""
+    """The values of a column, with None for missing ones."""
     return values if set(map(type, values)) <= _PLAIN else list(map(cell, values))
 
 
@@ -40,7 +40,7 @@ def cell(value: Any) -> Any:
 
 
 def number(value: Decimal) -> int | float | None:
-    """A decimal as a number: an integer where it has no places behind the point."""
+    """A decimal as a number: an integer if it has no decimal places."""
     if value.is_nan():
         return None
     exponent = value.as_tuple().exponent
@@ -48,7 +48,7 @@ def number(value: Decimal) -> int | float | None:
 
 
 def _of_numpy(value: Any) -> Any:
-    """Arrays in cells, and scalars of NumPy; anything else is left to the border."""
+    """Converts arrays in cells, and scalars of NumPy; other values are converted later."""
     numpy = sys.modules.get("numpy")
     if numpy is None or not isinstance(value, (numpy.ndarray, numpy.generic)):
         return value

@@ -1,7 +1,7 @@
 """Columns of data frames from arrays of NumPy: their types from the arrays, their values when they are read.
 
-Missing values are None: NaN, NaT, and what the library of the frame says is missing. Dates and times are texts in
-ISO 8601, which sort as the times do; durations are seconds.
+Missing values are None: NaN, NaT, and what the library of the frame marks as missing. Dates and times are strings in
+ISO 8601, which sort like the times; durations are seconds.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ def column_of(array: Array, missing: Array | None, place: str, suffix: str = "")
 
     Args:
         array: the values, in one dimension.
-        missing: True where there is no value, whatever the array holds there; None where nothing is missing.
+        missing: True where there is no value; None where no value is missing.
         place: "the column 'x' of 't'", for errors.
-        suffix: what follows every time, that of a time zone.
+        suffix: the time zone after every time.
 
     Raises:
         ExecutionError: X004 for infinities, complex numbers, and integers beyond 64 bits.
@@ -59,7 +59,7 @@ def objects(values: list[Any], place: str) -> Column:
 
 
 def texts(missing: Array | None, make: Callable[[], list[Any]]) -> Column:
-    """The column for texts that can be written as UTF-8. `make` gives them, with anything where they are missing."""
+    """The column for strings that UTF-8 can encode. `make` gives them, with any value where they are missing."""
     return Column(Type(Kind.STR | _gaps(missing)), lambda: _without(make(), missing))
 
 
@@ -69,7 +69,7 @@ def nothing(length: int) -> Column:
 
 
 def clock_times(array: Array, missing: Array | None) -> Column:
-    """The column for times of the day, which are given as times of the first day."""
+    """The column for times of the day, given as times of the first day."""
     return texts(missing, lambda: [text.partition("T")[2] for text in _times(array, "")])
 
 
@@ -103,7 +103,7 @@ def _either(missing: Array | None, also: Array) -> Array | None:
 
 
 def _without(values: list[Any], missing: Array | None) -> list[Any]:
-    """The values, which nobody else has, with None where they are missing."""
+    """The values with None where they are missing; the list is changed in place."""
     if missing is not None:
         for row in numpy.flatnonzero(missing).tolist():
             values[row] = None

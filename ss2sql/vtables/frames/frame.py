@@ -1,4 +1,4 @@
-"""What a data frame is to scripts: named columns of one length, whose types are known before their values are."""
+"""Data frames as scripts see them: named columns of one length, with types that are known before the values."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Column:
 
 
 class Frame(Typed):
-    """A data frame as it was when it was read. Its value is a dict of columns, its elements are the rows."""
+    """A snapshot of a data frame. Its value is a dict of columns, its elements are the rows."""
 
     __slots__ = ("columns", "length")
 
@@ -68,7 +68,7 @@ def _type_of_rows() -> Type:
 
 
 def distinct_names(labels: Iterable[Hashable], owner: str) -> list[str]:
-    """The names of columns: texts as they are, the parts of a tuple joined by `_`, all else as text.
+    """The names of columns: strings unchanged, the parts of a tuple joined by `_`, other labels as strings.
 
     Raises ExecutionError X005 where two columns have one name.
     """

@@ -15,13 +15,13 @@ pandas: Any = import_module("pandas")
 
 
 def reader(source: Any, name: str) -> Reader:
-    """What reads the frame, anew every time, for anybody may change it in place."""
+    """The reader of a frame, which reads it anew every time, since it is mutable."""
     return lambda: _read(source, name)
 
 
 def _read(source: Any, name: str) -> Frame:
-    """The frame now. An index with a name is a column, one without is not."""
-    # Where pandas copies on write, a shallow copy stays what it is; it costs nothing.
+    """The present frame. An index with a name is a column."""
+    # Where pandas copies on write, a shallow copy is a snapshot at no cost.
     frame = source.copy(deep=int(pandas.__version__.partition(".")[0]) < 3)
     levels = [level for level in range(frame.index.nlevels) if frame.index.names[level] is not None]
     parts = [frame.index.get_level_values(level).to_series() for level in levels]

@@ -16,7 +16,7 @@ polars: Any = import_module("polars")
 
 
 def reader(source: Any, name: str) -> Reader:
-    """What reads the frame, anew every time, for it may be changed in place."""
+    """The reader of a frame, which reads it anew every time, since it is mutable."""
     return lambda: _read(source.clone(), name)
 
 
@@ -51,5 +51,5 @@ def _column(series: Any, place: str) -> Column:
 
 
 def _counted(series: Any) -> Any:
-    """What a time is counted by, as integers of 64 bits, which are NaT where they are missing."""
+    """The ticks of times as integers of 64 bits, NaT where they are missing."""
     return series.to_physical().cast(polars.Int64).fill_null(INT_MIN).to_numpy()

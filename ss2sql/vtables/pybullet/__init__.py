@@ -1,9 +1,9 @@
 """PyBullet as a world: `ss.attach("space", client)`.
 
-`client.py` is how the simulator is called. The tables: `bodies.py`, `links.py`, `joints.py`, `shapes.py`, `cameras.py`
-and `pairs.py`; `places.py` finds bodies by their places, `collision_shapes.py` asks what links collide with where that
-is safe. The functions of scripts: `functions.py`, `collision.py` with `parts.py`, `boxes.py` and `posture.py`;
-`poses.py` turns and moves points for them.
+pybullet/client.py calls the simulator. The tables are pybullet/bodies.py, pybullet/links.py, pybullet/joints.py,
+pybullet/shapes.py, pybullet/cameras.py and pybullet/pairs.py, with pybullet/places.py as spatial index and
+pybullet/collision_shapes.py for safe queries of shapes. The functions of scripts are in pybullet/functions.py and
+pybullet/collision.py, based on pybullet/parts.py, pybullet/boxes.py, pybullet/posture.py and pybullet/poses.py.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class PyBulletWorld(Representations, Collisions):
         sensors: what the bodies that are sensors see, by their ids: objects with `position`, `direction`, `range` and
             `angle`, as `ss2sql.scenes.Sensor`.
 
-    A scene brings along names, sensors, forces, cameras and a clock.
+    A scene has names, sensors, forces, cameras and a clock.
     """
 
     tables = (Bodies, Links, Joints, Shapes, Contacts, Closest, Near, Overlaps, Rays, Cameras)
@@ -57,11 +57,11 @@ class PyBulletWorld(Representations, Collisions):
         self._info = self.calls.numbered("getBodyInfo")
         self.names: Mapping[int, str] = names if names is not None else getattr(source, "names", {})
         self.sensors: Mapping[int, Any] = sensors if sensors is not None else getattr(source, "sensors", {})
-        self._ids: dict[str, int] = {}  # by name, where they were found last
+        self._ids: dict[str, int] = {}  # by name, from the last search
 
     @property
     def time(self) -> float | None:
-        """The clock of a scene; PyBullet itself has none that could be read."""
+        """The clock of a scene; PyBullet itself has no readable one."""
         return None if self.scene is None else self.scene.time
 
     def check(self) -> None:
@@ -70,7 +70,7 @@ class PyBulletWorld(Representations, Collisions):
             raise failure("the PyBullet client is disconnected", "connect anew, and attach the new client")
 
     def fingerprint(self) -> str:
-        """All tables, but for what cameras see: rendering takes longer than all else and tells nothing new."""
+        """A hash of all tables without the cameras' pictures, which follow from the rest and take longest."""
         words = ("position", "direction", "range", "angle")
         seen = [(body, *(getattr(one, word) for word in words)) for body, one in sorted(self.sensors.items())]
         return f"{contents(self, without=('cameras.sees',))} {seen}"
@@ -86,7 +86,7 @@ class PyBulletWorld(Representations, Collisions):
         return True
 
     def present(self, body: int) -> None:
-        """Raises Gone where there is no such body: many of PyBullet's functions then answer as if it were empty."""
+        """Raises Gone for a missing body, for which many of PyBullet's functions answer as if it were empty."""
         if not self.has(body):
             self.check()
             raise Gone("it was removed")
@@ -99,7 +99,7 @@ class PyBulletWorld(Representations, Collisions):
         return self.calls.getBodyInfo(body)[1].decode(errors="replace") or f"body_{body}"
 
     def body(self, wanted: Any) -> int:
-        """The id of a body that a script means: by its element, its id or its name; of a link that of its body."""
+        """The id of a body, given by its element, its id, its name, or one of its links."""
         match wanted:
             case bool():
                 pass
@@ -115,7 +115,7 @@ class PyBulletWorld(Representations, Collisions):
         raise failure(f"{shown} is no body", "give an element of this world, the id of a body, or its name")
 
     def _named(self, name: str) -> int:
-        """The id of the body with a name. A search over all bodies takes a microsecond for each: it is remembered."""
+        """The id of the body with a name, cached: a search takes a microsecond for each body."""
         known = self._ids.get(name)
         if known is not None and self.has(known) and self.name_of(known) == name:
             return known
@@ -129,7 +129,7 @@ class PyBulletWorld(Representations, Collisions):
         return found[0]
 
     def element(self, body: int) -> Element | None:
-        """A body as scripts see it; None for the -1 that PyBullet writes where there is none."""
+        """A body as scripts see it; None for PyBullet's -1."""
         from ss2sql.vtables.schema import tables_of
 
         principal: Any = tables_of(self)[0]

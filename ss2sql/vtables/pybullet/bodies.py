@@ -26,8 +26,8 @@ FIXED = 4  # PyBullet's JOINT_FIXED
 class Bodies(Table):
     """One row for each body. Positions are those of its centre of mass, as PyBullet gives them.
 
-    Of a soft body PyBullet does not tell velocity, mass, friction, restitution, shape and volume: these are None. Where
-    one asks nevertheless, it gives the numbers of the body that it was asked about before.
+    PyBullet does not know velocity, mass, friction, restitution, shape and volume of a soft body: these are None. Its
+    functions would return the numbers of the body of the call before.
     """
 
     name, key = "bodies", "id"
@@ -62,7 +62,7 @@ class Bodies(Table):
     def __init__(self, world: Any) -> None:
         super().__init__(world)
         self.calls = world.calls
-        self.error = world.calls.error  # what PyBullet raises, above all for bodies that are gone
+        self.error = world.calls.error  # PyBullet's exception, mostly for bodies that are gone
         self._client = world.calls.number
         self._where = world.calls.numbered("getBasePositionAndOrientation")
         self._velocity = world.calls.numbered("getBaseVelocity")
@@ -165,7 +165,7 @@ class Bodies(Table):
         return list(scene.forces.get(key, (0.0, 0.0, 0.0))), [0.0, 0.0, 0.0]  # scenes push at the centre of mass
 
     def look(self, key: int) -> Any:
-        self.world.present(key)  # what is gone is only invisible to PyBullet
+        self.world.present(key)  # PyBullet takes a missing body for an invisible one
         seen = self.calls.getVisualShapeData(key)
         return list(seen[0][7]) if seen else None
 
@@ -177,7 +177,7 @@ class Bodies(Table):
             return SINGLE_ROWS[shapes[0][2][2]]
         robot = any(calls.getJointInfo(key, joint)[2] != FIXED for joint in joints)
         kinds = {KINDS.get(shape[2], "mesh") for _, _, shape in shapes}
-        if len(shapes) == 1 or (kinds == {"mesh"} and not joints):  # PyBullet takes meshes of files apart
+        if len(shapes) == 1 or (kinds == {"mesh"} and not joints):  # PyBullet splits meshes of files
             return FORM_ROWS[kinds.pop(), robot]
         if shapes:
             return FORM_ROWS["compound", robot]
@@ -190,7 +190,7 @@ class Bodies(Table):
         return self.element(key)
 
     def _is_terrain(self, key: int) -> bool:
-        """Of height fields PyBullet gives no shapes, but a box; the box of what cannot be touched has no size."""
+        """Whether a body is a height field: PyBullet lists no shapes, but a box with a size."""
         low, high = box_of(self.world, key)
         return low != high
 

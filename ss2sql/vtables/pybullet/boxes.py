@@ -1,6 +1,6 @@
-"""Boxes around bodies and shapes: what is far away needs not be asked about.
+"""Bounding boxes of bodies and shapes, which exclude distant ones from tests.
 
-PyBullet's own boxes fit, but those of links are where these were before the last step, unlike what it collides with.
+PyBullet's own boxes fit, but those of links are one step old, unlike the shapes that it collides with.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class Extent(NamedTuple):
 
 
 def extent_of(kind: str, size: Any) -> Extent:
-    """That of a sphere, box, cylinder or capsule with the measures that PyBullet gives."""
+    """The extent of a sphere, box, cylinder or capsule with PyBullet's measures."""
     a, b, c = size
     match kind:
         case "sphere":
@@ -62,7 +62,7 @@ def extent_of(kind: str, size: Any) -> Extent:
 
 
 def extent_of_corners(corners: Iterable[Point]) -> Extent:
-    """That of a mesh."""
+    """The extent of a mesh."""
     x, y, z = (max(map(abs, values)) for values in zip(*corners, strict=True))
     return Extent((x, y, z), ball=SLACK)
 
@@ -75,7 +75,7 @@ def reach_of_link(world: Any, body: int, link: int, box: Box) -> float:
 
 
 def solid_box(world: Any, body: int) -> Box:
-    """A box around what PyBullet collides with: where links are by their joints, and where it shows them."""
+    """A box around all that PyBullet collides with: links by their joints, and links as it shows them."""
     calls = world.calls
     base: Box = calls.getAABB(body, -1)
     if not calls.getNumJoints(body):
@@ -91,14 +91,14 @@ def solid_box(world: Any, body: int) -> Box:
 
 
 class Surroundings:
-    """The boxes around all bodies at one moment. To find those near a robot takes 3 us among 55 of them."""
+    """The boxes around all bodies at one moment. Finding those near a robot takes 3 us among 55 of them."""
 
     def __init__(self, world: Any) -> None:
         self.boxes = {body: solid_box(world, body) for body in world.ids()}
         self._flat = [(body, *low, *high) for body, (low, high) in self.boxes.items()]
 
     def near(self, box: Box, margin: float) -> list[tuple[int, float, float, float, float, float, float]]:
-        """The bodies whose boxes come nearer to this one than a margin, each with its box."""
+        """The bodies whose boxes are closer to this one than a margin, each with its box."""
         far = max(margin, 0.0) + SLACK
         (ax, ay, az), (bx, by, bz) = box
         ax, ay, az, bx, by, bz = ax - far, ay - far, az - far, bx + far, by + far, bz + far

@@ -10,7 +10,7 @@ import numpy as np
 from ss2sql.vtables.base import Column, Gone, Table, Where
 from ss2sql.vtables.bodies import VECTOR
 
-WIDTH, HEIGHT = 160, 120  # pixels of the pictures in which bodies are looked for
+WIDTH, HEIGHT = 160, 120  # pixels of the pictures that show which bodies are visible
 NEAR, FAR = 0.05, 1000.0  # metres
 
 

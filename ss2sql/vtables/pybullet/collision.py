@@ -1,4 +1,4 @@
-"""Collisions of a robot with everything else, at any pose, without anything being moved."""
+"""Collision tests of a robot with everything else, at any pose, without moving anything."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Collisions(Functions):
         return self.touching(self.body(body), _margin("checkCollision", margin))
 
     def gap(self, one: int, other: int) -> float:
-        """The shortest way between the surfaces of two bodies."""
+        """The shortest distance between the surfaces of two bodies."""
         points = self.calls.getClosestPoints(one, other, 1e6)
         return min((point[8] for point in points), default=float("inf"))
 
@@ -54,8 +54,8 @@ class Collisions(Functions):
     def would_touch(self, body: int, position: Vector, turn: Quaternion, margin: float = 0.0) -> bool:
         """Whether a part of a body, put to a pose, comes nearer to any other body than a margin.
 
-        Only bodies whose boxes are near the robot's are asked, and only about the parts whose boxes are near theirs.
-        PyBullet's own search for what is near would miss what the last step has moved.
+        Only bodies and parts with boxes near each other are tested. PyBullet's own search would miss bodies that the
+        last step has moved.
         """
         closest = self.calls.getClosestPoints
         robot = self._robot(body).at(turn)

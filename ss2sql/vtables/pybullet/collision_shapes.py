@@ -1,9 +1,9 @@
-"""What links collide with, asked of PyBullet only where it answers.
+"""The collision shapes of links, read from PyBullet only where that is safe.
 
-`getCollisionShapeData` takes a capsule that an MJCF file gives by its two ends (`fromto`) for another kind of shape,
-reads memory that is none of its own, and mostly ends the process. Nothing else that PyBullet tells has this fault. So
-the capsules of these files are known by what can be seen: MJCF makes one and the same shape visible and touchable, and
-hangs each link on a joint of a name of its own. What a body of unknown origin collides with is measured first.
+`getCollisionShapeData` takes a capsule that an MJCF file defines by its two ends (`fromto`) for another kind of shape,
+reads foreign memory, and mostly crashes the process. No other function has this fault. So the capsules of these files
+are taken from the visual shapes: MJCF uses the same shape for both, and attaches each link to a joint with a special
+name. The collision shapes of a body of unknown origin are measured first.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from ss2sql.vtables.pybullet.links import SOFT, pose_of
 from ss2sql.vtables.pybullet.poses import Point, seen_from
 
 CAPSULE = 7  # PyBullet's GEOM_CAPSULE
-MJCF_JOINT = re.compile(rb"jointfix_\d+_\d+")  # on which PyBullet hangs every link with shapes of an MJCF file
+MJCF_JOINT = re.compile(rb"jointfix_\d+_\d+")  # PyBullet's joint for every link with shapes of an MJCF file
 MARGIN = 0.04  # m, by which Bullet makes the box around a capsule of two ends larger, if it is a part of a shape
-NEAR = 1e-4  # how exactly boxes are compared, as a part of the shape
-BLIND = 1e-3  # a part of what directions add to a box; what adds less adds nothing
+NEAR = 1e-4  # the tolerance of comparisons of boxes, as a part of the shape
+BLIND = 1e-3  # a part of what directions add to a box; smaller parts are ignored
 ORIGIN: Point = (0.0, 0.0, 0.0)
 
-# As getCollisionShapeData gives a shape, and of two Nones in place of its pose where that is not known.
+# A shape as from getCollisionShapeData, with two Nones for an unknown pose.
 Shape = tuple[Any, ...]
 
 
 class CollisionShapes:
-    """What a world tells of the shapes of its bodies."""
+    """The shapes of a world's bodies."""
 
     def __init__(self, world: Any) -> None:
         self._world, self._client = world, world.calls.number
@@ -38,13 +38,13 @@ class CollisionShapes:
         self._seen = world.calls.numbered("getVisualShapeData")
 
     def is_soft(self, body: int) -> bool:
-        """Whether a body is soft: PyBullet knows where it is, and little else."""
+        """Whether a body is soft, so that PyBullet knows little but its position."""
         return self._dynamics(body, -1, self._client)[10] == SOFT  # type: ignore[no-any-return]
 
     def of(self, body: int) -> list[tuple[int, int, Shape]]:
-        """The collision shapes of a body: link, number within the link, and what PyBullet tells; none of soft ones.
+        """The collision shapes of a body: link, number within the link, and PyBullet's data; none for soft bodies.
 
-        What it tells of body and link is wrong from the second shape of a link on.
+        The data's own body and link are wrong from the second shape of a link on.
         """
         self._world.present(body)  # PyBullet writes warnings about bodies that are gone
         if self.is_soft(body):
@@ -58,7 +58,7 @@ class CollisionShapes:
         return [(link, n, shape) for link in links for n, shape in enumerate(ask(body, link, client))]
 
     def of_link(self, body: int, link: int) -> Sequence[Shape]:
-        """Those of one link."""
+        """The collision shapes of one link."""
         self._world.present(body)
         return () if self.is_soft(body) else self._safely(body, link, self._seen(body, 0, self._client))
 
@@ -70,7 +70,7 @@ class CollisionShapes:
 
 
 def _answers(world: Any, body: int, link: int, visible: Sequence[Shape]) -> bool:
-    """Whether PyBullet can be asked what a link collides with, of which this is visible."""
+    """Whether it is safe to read the collision shapes of a link with these visual shapes."""
     if not any(shape[2] == CAPSULE for shape in visible):
         return True
     if link >= 0 and not MJCF_JOINT.fullmatch(world.calls.getJointInfo(body, link)[1]):
@@ -82,7 +82,7 @@ def _answers(world: Any, body: int, link: int, visible: Sequence[Shape]) -> bool
 
 
 class _Measured:
-    """A link of which one capsule is visible, and the box around what it collides with."""
+    """A link with one visual capsule, and the box around its collision shapes."""
 
     def __init__(self, world: Any, body: int, link: int, capsule: Shape) -> None:
         calls = world.calls
@@ -93,11 +93,11 @@ class _Measured:
         self.half = tuple((b - a) / 2 for a, b in zip(low, high, strict=True))
         at, self.turn = seen_from((info[3], info[4]), (capsule[5], capsule[6]))  # as seen from the centre of mass
         self.own = pose_of(world, (body, link))[1]
-        self.alone = dist(at, ORIGIN) < NEAR and abs(self.turn[3]) > 1 - NEAR**2  # else it is put into another shape
+        self.alone = dist(at, ORIGIN) < NEAR and abs(self.turn[3]) > 1 - NEAR**2  # else it is part of a compound shape
         self.near = NEAR * (self.length + self.radius + MARGIN)
 
     def is_plain(self) -> bool:
-        """Whether it collides with just this capsule, along its own z axis, around which Bullet leaves no margin."""
+        """Whether its collision shape is this capsule alone, along its own z axis, without Bullet's margin."""
         margin = self.margin
         if self.alone:
             if abs(margin - self.radius) > self.near:
@@ -107,7 +107,7 @@ class _Measured:
         return all(abs(a + margin - b) < self.near for a, b in zip(box, self.half, strict=True))
 
     def may_have_ends(self) -> bool:
-        """Whether it could collide with a capsule from one end to another, of this length in any direction."""
+        """Whether its collision shape could be a capsule between two ends, of this length in any direction."""
         import numpy as np
 
         adds = np.transpose([self._around(axis) for axis in ((1, 0, 0), (0, 1, 0), (0, 0, 1))])

@@ -1,4 +1,4 @@
-"""Shapes that PyBullet has told of, made once more in another simulation."""
+"""Copies of PyBullet's shapes in another simulation."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from ss2sql.vtables.pybullet.solids import Box, Capsule, Cylinder, Plane, Solid,
 
 UNNAMED = (b"", b"unknown_file")  # the files of meshes that were built from points
 MOST_PARTS = 16  # of one shape: PyBullet leaves out those beyond
-SIDE = 10.0  # metres: the edge of the squares that pictures show of endless planes
+SIDE = 10.0  # metres: the edge of the squares that represent endless planes in pictures
 
-Part: TypeAlias = dict[str, Any]  # a shape as PyBullet wants to be told of it
+Part: TypeAlias = dict[str, Any]  # the keywords of a shape for PyBullet
 
 
 def part_of(kind: int, size: Sequence[float], file: bytes, corners: Sequence[Any]) -> Part | None:
-    """A shape from what PyBullet tells of one; None for those that it does not tell enough of."""
+    """A shape from PyBullet's data; None where these are incomplete."""
     a, b, c = size
     match KINDS.get(kind):
         case "sphere":
@@ -37,7 +37,7 @@ def part_of(kind: int, size: Sequence[float], file: bytes, corners: Sequence[Any
 
 
 def solid_of(kind: int, size: Sequence[float]) -> Solid | None:
-    """A shape as scenes know it."""
+    """A shape as one of the solids of scenes."""
     a, b, c = size
     match KINDS.get(kind):
         case "sphere":
@@ -61,7 +61,7 @@ class Shapes:
         self.client = client
 
     def collision(self, parts: list[tuple[Part, Pose]]) -> list[int]:
-        """Shapes to collide with, as few as PyBullet makes of the parts."""
+        """Collision shapes, as few as PyBullet allows for the parts."""
         one, several = self.client.createCollisionShape, self.client.createCollisionShapeArray
         plain = [part for part in parts if "vertices" not in part[0]]
         some = [plain[first : first + MOST_PARTS] for first in range(0, len(plain), MOST_PARTS)]
@@ -69,7 +69,7 @@ class Shapes:
         return [self._made(group, "collision", one, several) for group in some]
 
     def visual(self, parts: list[tuple[Part, Pose]]) -> int:
-        """A shape to look at, -1 without parts; of very many only the first are seen."""
+        """A visual shape, -1 without parts; PyBullet shows the first MOST_PARTS parts."""
         parts = [({_VISUAL.get(name, name): value for name, value in part.items()}, pose) for part, pose in parts]
         return self._made(parts, "visual", self.client.createVisualShape, self.client.createVisualShapeArray)
 
@@ -82,7 +82,7 @@ class Shapes:
         if len(parts) == 1:
             placed = {f"{word}FramePosition": places[0], f"{word}FrameOrientation": turns[0]}
             return int(one(**parts[0][0], **placed))
-        # Of each list PyBullet takes the entry of a shape, whether this kind of shape needs it or not.
+        # PyBullet reads every list for each shape, whether its kind needs the entry or not.
         lists = {
             plural: [part.get(name, part.get(_VISUAL.get(name, name), default)) for part, _ in parts]
             for name, plural, default in _LISTS

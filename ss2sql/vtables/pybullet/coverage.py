@@ -1,8 +1,8 @@
 """`AS sensorgrid(z, cell, area)`, also `sensormap`: how many of the selected sensors see each cell.
 
 A sensor sees a cell if the middle of the cell, at the height z, is within its range and its angle, and if nothing
-stands between the two: no body of the world, selected or not, but its own. The middle of a cell may lie on a surface,
-such as the floor: that is seen.
+stands between the two: no body of the world, selected or not, except the sensor's own. A middle on a surface, such as
+the floor, is seen.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from ss2sql.runtime.representations.grid import Grid
 from ss2sql.vtables.pybullet.pairs import MOST_RAYS
 from ss2sql.vtables.pybullet.selected import area_of, bodies_in
 
-NEAR = 1e-4  # metres before its end where a ray may end as well: there is the surface that was aimed at
-BEHIND = 1e-4  # metres behind the surface of the sensor's own body where a ray goes on: it misses shapes it starts in
+NEAR = 1e-4  # metres before the end of a ray where a hit counts as the surface that was aimed at
+BEHIND = 1e-4  # metres after the surface of the sensor's own body where a ray continues: it misses shapes it starts in
 LAYERS = 16  # of its own body that a ray passes at most
 
 
@@ -68,7 +68,7 @@ def _open(world: Any, body: int, sensor: Any, ends: Any) -> Any:
 
 
 def _cast(world: Any, starts: Any, ends: Any) -> tuple[Any, Any]:
-    """What rays hit first, -1 for nothing, and after which part of their way. A ray takes 1 us."""
+    """The first body on each ray, -1 for none, and the part of the ray before it. A ray takes 1 us."""
     hits = np.full(len(ends), -1)
     fractions = np.ones(len(ends))
     for first in range(0, len(ends), MOST_RAYS):

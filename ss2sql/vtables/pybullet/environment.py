@@ -1,7 +1,7 @@
 """`AS environment`: a new simulation with only the selected bodies.
 
-Each body is made anew from what PyBullet tells of it: shapes, colours, masses, friction, joints, where it is and how
-fast. Damping and motors, which it does not tell, are Bullet's own in the copy.
+Each body is made anew from PyBullet's data: shapes, colours, masses, friction, joints, pose and velocity. Damping and
+motors, which PyBullet does not expose, have Bullet's defaults in the copy.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from ss2sql.vtables.pybullet.selected import bounds_of
 from ss2sql.vtables.pybullet.solids import Sphere, visual_shape
 
 NOWHERE: Pose = ((0.0, 0.0, 0.0), UPRIGHT)
-MARK = 0.05  # metres: the radius of balls that stand for what could only be seen
+MARK = 0.05  # metres: the radius of balls for bodies without collision shapes
 
 
 class Environment(Scene):
     """A copy of some bodies of a simulation, in a simulation of its own, which takes 29 MB.
 
-    It is a scene: it has the names of its bodies, and what the scene that they come from knows of them and of itself.
-    Bodies have other ids than before. It goes on from the time of the original when it is stepped. `close` ends it.
+    It is a scene: it has the names of its bodies, and the original scene's data of them and of itself. Bodies have new
+    ids. Steps continue from the time of the original. `close` ends it.
     """
 
     def __init__(self, world: Any, bodies: list[int]) -> None:
@@ -72,8 +72,7 @@ def _settings(calls: Any, client: Any) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """A link as PyBullet wants to be told of it: shapes to collide with and to look at, its pose within its parent,
-    and its centre of mass as seen from there."""
+    """A link for PyBullet: collision and visual shapes, its pose within its parent, its centre of mass seen from it."""
 
     mass: float
     shapes: tuple[int, int]
@@ -85,10 +84,10 @@ class Link:
 
 
 class _Copy:
-    """One body on its way from one simulation to another.
+    """The copy of one body in another simulation.
 
-    The poses of links are those of the original's files; `local` are the centres of mass, seen from there. Bullet gives
-    collision shapes as seen from the centre of mass, and what can be seen as seen from the link.
+    The poses of links are those of the original's files; `local` are the centres of mass in them. Bullet gives
+    collision shapes relative to the centre of mass, and visual shapes relative to the link.
     """
 
     def __init__(self, world: Any, body: int, client: Any) -> None:
@@ -104,11 +103,11 @@ class _Copy:
         """Makes the body; gives its new id."""
         low, high = box_of(self.world, self.body)
         if self.world.shapes.is_soft(self.body) or (low != high and not self.world.shapes.of(self.body)):
-            self._refuse()  # soft, or a terrain, of which PyBullet tells nothing else
+            self._refuse()  # soft, or a terrain, without data in PyBullet
         try:
             base, *links = [self._link(link) for link in self.links]
         except self.calls.error:
-            self._refuse()  # PyBullet does not make all shapes a second time that it has made from a file
+            self._refuse()  # PyBullet cannot make all shapes again that it has made from a file
         links += self.more
         pose = inside(self.calls.getBasePositionAndOrientation(self.body), seen_from(base.local, NOWHERE))
         made: int = self.client.createMultiBody(
@@ -137,7 +136,7 @@ class _Copy:
         return made
 
     def _link(self, link: int) -> Link:
-        """A link of the copy. Shapes of more parts than PyBullet takes at once go on in links without mass."""
+        """A link of the copy. Parts beyond PyBullet's limit for a shape go into links without mass."""
         shape, *more = self._collision(link) or [-1]
         for other in more:
             self.more.append(Link(0.0, (other, -1), NOWHERE, self.local[link], link, FIXED))
@@ -147,12 +146,12 @@ class _Copy:
             return Link(mass, shapes, NOWHERE, local, -1, FIXED)
         info = self.calls.getJointInfo(self.body, link)
         x, y, z, w = info[15]
-        turn = (-x, -y, -z, w)  # PyBullet gives how the parent is turned as seen from the link
+        turn = (-x, -y, -z, w)  # PyBullet gives the parent's orientation seen from the link
         parent = info[16]
         return Link(mass, shapes, inside(self.local[parent], (info[14], turn)), local, parent, info[2], info[13])
 
     def _move(self, made: int) -> None:
-        """Puts the copy to where the original is, as fast as it is, with its joints as they are."""
+        """Gives the copy the original's pose, velocity and joint states."""
         pose = self.calls.getBasePositionAndOrientation(self.body)
         self.client.resetBasePositionAndOrientation(made, *pose)
         self.client.resetBaseVelocity(made, *self.calls.getBaseVelocity(self.body))
@@ -170,7 +169,7 @@ class _Copy:
                 self.client.changeDynamics(made, joint, jointLowerLimit=low, jointUpperLimit=high)
 
     def _collision(self, link: int) -> list[int]:
-        """What a link collides with."""
+        """The collision parts of a link."""
         parts = [
             (self._solid(link, number, data), inside(self.local[link], (data[5], data[6])))
             for of, number, data in self.world.shapes.of(self.body)
@@ -181,7 +180,7 @@ class _Copy:
     def _solid(self, link: int, number: int, data: Any) -> Part:
         corners = ()
         if data[5] is None:
-            self._refuse()  # nothing tells where it is
+            self._refuse()  # its place is unknown
         if KINDS.get(data[2]) == "mesh" and data[4] in UNNAMED:
             _, corners = self.calls.getMeshData(self.body, link, collisionShapeIndex=number)
         return part_of(data[2], data[3], data[4], corners) or self._refuse()
@@ -191,10 +190,10 @@ class _Copy:
         refuse("environment", f"cannot copy the shape of '{name}'", "leave it out with WHERE")
 
     def _visual(self, link: int) -> int:
-        """What can be seen of a link, as one shape of the copy; -1 for nothing.
+        """The visual shape of a link of the copy; -1 for none.
 
-        Meshes that were built from points cannot be read. What scenes build of them looks like what is touched, so
-        that is made in their place, or a small ball where nothing can be touched.
+        Meshes that were built from points cannot be read. In scenes they look like the collision shape, which replaces
+        them, or a small ball where there is none.
         """
         seen = [shape for shape in self.seen if shape[1] == link]
         if any(shape[2] == self.calls.GEOM_MESH and shape[4] in UNNAMED for shape in seen):

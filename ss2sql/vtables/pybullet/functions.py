@@ -1,4 +1,4 @@
-"""Functions of bodies that PyBullet answers in its own way; the others are those of all worlds of bodies."""
+"""The functions of bodies that PyBullet implements itself; the others are those of all worlds of bodies."""
 
 from __future__ import annotations
 
@@ -33,16 +33,16 @@ class Functions(BodyWorld):
         return ids, np.array([where(body)[0] for body in ids], dtype=float).reshape(len(ids), 3)
 
     def point(self, value: Any) -> Sequence[float]:
-        """A point that a script means: itself, or where a body or one of its links is."""
+        """A point, given by coordinates, by a body or by a link."""
         if isinstance(value, (list, Element)):
             return super().point(value)
-        known = self.memory.get("places")  # within a query that moves nothing
+        known = self.memory.get("places")  # in a query that moves nothing
         if known is not None and type(value) is int and value in known.at:
             return known.at[value]  # type: ignore[no-any-return]
         return pose_of(self, (self.body(value), value[1] if isinstance(value, tuple) else -1))[0]
 
     def box(self, name: str, value: Any) -> Any:
-        """A box that a script gives: two opposite corners, or a body that has one around it."""
+        """A box, given by two opposite corners, or by a body with a box around it."""
         if isinstance(value, (list, Element)):
             return super().box(name, value)
         found: Box = box_of(self, self.body(value))
@@ -72,7 +72,7 @@ class Functions(BodyWorld):
 
     def _is_open(self, start: Any, end: Any, wanted: int) -> bool:
         hit = self.calls.rayTest(start, end)[0][0]
-        return hit in (-1, wanted)  # -1: what has no shape to hit, or is hollow there, is seen if nothing hides it
+        return hit in (-1, wanted)  # -1: a body without a shape, or hollow there, is seen if nothing hides it
 
 
 def _in_cone(eye: Any, point: Any) -> bool:

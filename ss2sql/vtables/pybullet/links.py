@@ -13,7 +13,7 @@ Key = tuple[int, int]
 
 UNSURE = (float | None, float | None, float | None)
 UNKNOWN = ((None, None, None), (None, None, None))  # the velocities of soft bodies
-SOFT = 3  # PyBullet's number for soft bodies in what getDynamicsInfo tells
+SOFT = 3  # PyBullet's number for soft bodies in getDynamicsInfo
 
 
 class OfBodies(Table):
@@ -35,19 +35,19 @@ class OfBodies(Table):
         return key
 
     def alive(self, key: Key) -> None:
-        """Raises Gone for what is gone: the simulator often answers as if it were empty."""
+        """Raises Gone for a missing body or link, for which the simulator often answers as if it were empty."""
         self.world.present(key[0])
         if key[1] >= self.world.calls.getNumJoints(key[0]):
             raise Gone("its body has fewer links now")
 
     def ask(self, function: Any, key: Key, *more: Any) -> Any:
-        """What the simulator answers."""
+        """The result of a function of the simulator; raises Gone for a missing body or link."""
         self.alive(key)
         return function(key[0], key[1], *more)
 
 
 def bodies_of(world: Any, where: Where) -> list[int]:
-    """The bodies that a demand of the column `body` leaves."""
+    """The bodies that meet a condition on the column `body`."""
     wanted = where.equal("body")
     if wanted is None:
         return world.ids()  # type: ignore[no-any-return]
@@ -57,7 +57,7 @@ def bodies_of(world: Any, where: Where) -> list[int]:
 class Links(OfBodies):
     """One row for each link. The base is the link -1; a body without joints has no other.
 
-    After a step PyBullet shows all links but the base where they were before it.
+    PyBullet's poses of all links but the base are one step old.
     """
 
     name = "links"

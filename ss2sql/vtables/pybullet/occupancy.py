@@ -1,10 +1,10 @@
-"""`AS occupancygrid(z, cell, area)`: where the selected bodies stand.
+"""`AS occupancygrid(z, cell, area)`: the cells that the selected bodies occupy.
 
-A cell is occupied where a body reaches into its square at the height z; what only touches its edge does not. So a wall
-that is thinner than the cells stays closed for whoever plans a way. It is the shape itself that is tried, not the box
-around it: a thin plate of the size of the cell is put to its place, and Bullet says whether it meets the body. Plates
-of the size of 2 x 2, 4 x 4 ... cells are tried first: where they meet nothing, their cells need no look. In a convex
-body the cells of a row lie side by side, so only the two ends of each row are looked for.
+A cell is occupied where a body reaches into its square at the height z, beyond touching its edge, so a wall that is
+thinner than the cells stays closed for path planning. The shape itself is tested, not its bounding box: Bullet tests
+whether a thin plate of the size of the cell meets the body. Plates of 2 x 2, 4 x 4 ... cells come first: where they
+meet nothing, their cells are free. The cells of a convex body in a row are contiguous, so only the two ends of each row
+are searched.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from ss2sql.vtables.pybullet.parts import Stock
 from ss2sql.vtables.pybullet.poses import Box
 from ss2sql.vtables.pybullet.selected import area_of, bodies_in
 
-GAP = 1e-3  # parts of a cell by which plates are smaller than cells, so that what touches a cell is not in it
+GAP = 1e-3  # parts of a cell by which plates are smaller than cells, so that touching a cell is not occupying it
 THIN = 1e-3  # the thickness of plates, in parts of a cell
 LARGEST = 6  # the largest plate has 2^6 cells along its edges
 CONVEX = ("sphere", "box", "cylinder", "capsule")
@@ -55,7 +55,7 @@ def _plates(world: Any, edge: float) -> list[int]:
 
 
 def _tester(world: Any, plates: list[int], body: int, origin: list[float], edge: float, height: float) -> Meets:
-    """A function that says whether a plate, given by its level, column and row, meets a body. It takes 3 us."""
+    """A test whether a plate, given by its level, column and row, meets a body. It takes 3 us."""
     closest = world.calls.getClosestPoints
     x, y = origin
 
@@ -81,7 +81,7 @@ def _is_convex(world: Any, body: int, edge: float) -> bool:
 
 
 def _cells_of(box: Box, origin: list[float], edge: float, columns: int, rows: int) -> Ranges:
-    """What the box around a body covers."""
+    """The columns and rows that the box around a body covers."""
     (x1, y1, _), (x2, y2, _) = box
     ranges = []
     for low, high, start, count in ((x1, x2, origin[0], columns), (y1, y2, origin[1], rows)):
@@ -92,13 +92,13 @@ def _cells_of(box: Box, origin: list[float], edge: float, columns: int, rows: in
 
 
 def _mark(cells: Any, meets: Meets, ranges: Ranges) -> None:
-    """Marks the cells in which a body is."""
+    """Marks the cells that a body occupies."""
     for column, row in _found(meets, ranges, cells):
         cells[row, column] = True
 
 
 def _found(meets: Meets, ranges: Ranges, known: Any = None) -> Iterator[tuple[int, int]]:
-    """The cells in which a body is, but for known ones, from the largest plates to single cells."""
+    """The cells that a body occupies, except known ones, from the largest plates to single cells."""
     left, right, lower, upper = ranges
     level = min(LARGEST, max(0, max(right - left, upper - lower) - 1).bit_length())
     step = 2**level
@@ -120,7 +120,7 @@ def _found(meets: Meets, ranges: Ranges, known: Any = None) -> Iterator[tuple[in
 
 
 def _mark_rows(cells: Any, meets: Meets, ranges: Ranges) -> None:
-    """Marks the cells in which a convex body is, from one of them upwards and downwards row by row."""
+    """Marks the cells of a convex body, from one of them upwards and downwards row by row."""
     left, right, lower, upper = ranges
     middle = ((left + right) // 2, (lower + upper) // 2)
     inside = left < right and lower < upper and meets(0, *middle)
@@ -140,18 +140,18 @@ def _mark_rows(cells: Any, meets: Meets, ranges: Ranges) -> None:
 
 
 def _any(meets: Meets, row: int, ends: tuple[int, int], limits: tuple[int, int]) -> int | None:
-    """A cell of a row in which a convex body is; `ends` are those of the row beside it."""
+    """A cell of a convex body in a row; `ends` are those of the adjacent row."""
     tried = tuple(dict.fromkeys((sum(ends) // 2, *ends)))
     for column in tried:
         if meets(0, column, row):
             return column
-    # The parts of a convex body in two rows have a point in common, so what is far off comes last.
+    # A convex body is connected across adjacent rows, so distant cells come last.
     rest = sorted(set(range(limits[0], limits[1] + 1)) - set(tried), key=lambda x: max(ends[0] - x, x - ends[1]))
     return next((column for column in rest if meets(0, column, row)), None)
 
 
 def _row(meets: Meets, row: int, inside: int, ends: tuple[int, int], limits: tuple[int, int]) -> tuple[int, int]:
-    """The first and the last cell of a row in which a convex body is. `inside` is one, `ends` may be near them."""
+    """The first and the last cell of a convex body in a row. `inside` is one of them, `ends` may be near."""
     first = _end(meets, row, inside, ends[0], limits[0], -1)
     return first, _end(meets, row, inside, ends[1], limits[1], 1)
 

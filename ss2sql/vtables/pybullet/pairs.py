@@ -88,7 +88,7 @@ class Overlaps(TableFunction):
     def rows(self, box: Any) -> list[int]:
         world = self.world
         low, high = world.box("overlaps", box)
-        known = world.memory.setdefault("boxes", {})  # PyBullet's own boxes are those before the last step
+        known = world.memory.setdefault("boxes", {})  # PyBullet's own boxes are one step old
         found = []
         for body in world.ids():
             least, most = known.get(body) or known.setdefault(body, box_of(world, body))

@@ -1,4 +1,4 @@
-"""The parts of a robot as shapes that can be tried at any place, without anything being moved."""
+"""The parts of a robot as shapes that can be tested at any pose without moving the robot."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ss2sql.vtables.pybullet.posture import poses_of
 from ss2sql.vtables.schema import failure
 
 ORIGIN: Point = (0.0, 0.0, 0.0)
-MOST_TURNS = 1000  # in which one robot is kept, each about 6 kB
+MOST_TURNS = 1000  # cached orientations of one robot, each about 6 kB
 
 
 class Part(NamedTuple):
@@ -28,7 +28,7 @@ class Part(NamedTuple):
 
 
 class Robot:
-    """What a body consists of, with its base turned in some way, and the box around all as seen from the base."""
+    """The parts of a body for one orientation of its base, and the box around them relative to the base."""
 
     def __init__(self, turn: Turn, parts: Iterable[tuple[int, Extent, Pose]]) -> None:
         self.turn = turn
@@ -38,13 +38,13 @@ class Robot:
         self._turned: dict[Turn, Robot] = {turn: self}
 
     def at(self, turn: Turn) -> Robot:
-        """The same robot with its base turned in another way."""
+        """The same robot with another orientation of its base."""
         known = self._turned.get(turn)
         if known is None:
             if len(self._turned) >= MOST_TURNS:
                 self._turned.clear()
             _, way = seen_from((ORIGIN, self.turn), (ORIGIN, UPRIGHT))
-            more = ORIGIN, product(turn, way)  # from the one turn to the other
+            more = ORIGIN, product(turn, way)  # from the one orientation to the other
             parts = [(shape, extent, inside(more, pose)) for shape, extent, pose in self._shapes]
             known = self._turned[turn] = Robot(turn, parts)
         return known
@@ -56,10 +56,10 @@ def _around(place: Point, reach: Point) -> Box:
 
 
 class Stock:
-    """Shapes that were made in a simulator. Bullet keeps them until it is reset, so equal ones are made once.
+    """A cache of shapes in a simulator. Bullet keeps shapes until it is reset, so equal ones are made once.
 
-    A reset leaves numbers behind that mean other shapes, or none. So the first one is a sphere of a random radius: as
-    long as two of them keep the right distance, all others are still what they were.
+    After a reset their numbers mean other shapes, or none. To detect that, the first one is a sphere of a random
+    radius: as long as two of them have the right distance, all others are valid.
     """
 
     def __init__(self, calls: Any) -> None:
@@ -70,7 +70,7 @@ class Stock:
         self._sphere = -1
 
     def check(self) -> None:
-        """Begins anew where the simulation was reset."""
+        """Clears the cache if the simulation was reset."""
         if self._sphere >= 0 and self._is_valid():
             return
         self._made.clear()
@@ -89,7 +89,7 @@ class Stock:
         return bool(found) and abs(found[0][8] - (1 - 2 * self._radius)) < 1e-12
 
     def shape(self, body: int, link: int, number: int, data: Any) -> int:
-        """A shape that is equal to a part of a body."""
+        """The shape for a part of a body."""
         calls, (a, b, c), file = self._calls, data[3], data[4]
         kind = KINDS.get(data[2])
         key = (kind, a, b, c, file)
@@ -146,7 +146,7 @@ def robot_of(world: Any, stock: Stock, body: int) -> Robot:
         pose = poses[link]
         if data[5] is None:
             raise _unmovable(body, f"PyBullet does not tell how the capsules of its link {link} lie")
-        if data[4] != b"unknown_file":  # those are made of corners, which are given as the link sees them
+        if data[4] != b"unknown_file":  # others consist of corners, which are relative to the link
             pose = inside(pose, (data[5], data[6]))
         shape = stock.shape(body, link, number, data)
         extent = stock.extents[shape]

@@ -1,6 +1,6 @@
-"""Where bodies are, for a whole query: neighbours are found without asking the simulator again and again.
+"""A spatial index of bodies for one query, so that neighbours are found without the simulator.
 
-PyBullet's own search, `getOverlappingObjects`, would lose bodies: those that cannot be touched, those whose centre lies
+PyBullet's own search, `getOverlappingObjects`, misses bodies: those without collision shapes, those with a centre
 outside of their shape, and, until the next step, those that the last step moved.
 """
 
@@ -15,15 +15,15 @@ import numpy as np
 from ss2sql.vtables.bodies import FAR
 
 AXES = ("x", "y", "z")
-MOST = 60  # bodies in cells: a look at each takes 0.1 us
-SIDES = 1e-6, 1e9  # metres: between these are those of cells
-SLACK = 1e-6  # metres and parts: distances that are computed in two ways differ by less
+MOST = 60  # bodies in cells: a test of each takes 0.1 us
+SIDES = 1e-6, 1e9  # metres: the limits of the width of cells
+SLACK = 1e-6  # metres and parts: distances from two formulas differ by less
 
 
 class Places:
-    """The ids and positions of all bodies at one moment. Asking for neighbours takes 4 us among 1,000.
+    """The ids and positions of all bodies at one moment. Finding neighbours takes 4 us among 1,000.
 
-    Small boxes are looked up in cells, as wide as the first box that was asked for; others in arrays.
+    Small boxes are looked up in cells as wide as the first requested box, others in arrays.
     """
 
     def __init__(self, world: Any) -> None:
@@ -32,7 +32,7 @@ class Places:
         self._points = [where(body, number)[0] for body in self.ids]
         self.at = dict(zip(self.ids, self._points, strict=True))
         points = np.array(self._points, dtype=float).reshape(len(self.ids), 3)
-        self._order = np.argsort(points[:, 0], kind="stable")  # along x, where a range leaves few of them
+        self._order = np.argsort(points[:, 0], kind="stable")  # along x, where a range contains few of them
         self._axes = points[self._order].T.copy()
         self._along = self._axes[0].tolist()
         self._numbers = np.array(self.ids, dtype=np.int64)
@@ -46,7 +46,7 @@ class Places:
                 self._cells.setdefault((floor(x / side), floor(y / side), floor(z / side)), []).append(place)
 
     def _in_cells(self, *ranges: tuple[float, float]) -> list[int] | None:
-        """The same as `_within`; None where the box is large, or what it holds: arrays take 15 us then as before."""
+        """The same as `_within`; None for a large box or many bodies in it, where arrays take 15 us."""
         (ax, bx), (ay, by), (az, bz) = ranges
         widest = max(bx - ax, by - ay, bz - az)
         if not (SIDES[0] <= widest <= SIDES[1] and max(map(abs, (ax, ay, az))) <= 1e6 * widest):
@@ -101,7 +101,7 @@ class Places:
 
 
 def places(world: Any) -> Places:
-    """The places at the moment when the query that asks first asked for them."""
+    """The index of the running query, made at the first request."""
     known = world.memory
     if "places" not in known:
         known["places"] = Places(world)

@@ -1,4 +1,4 @@
-"""Points and turns: a turn is a quaternion (x, y, z, w), a pose a point and a turn."""
+"""Points and rotations: a turn is a quaternion (x, y, z, w), a pose a point and a turn."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ UPRIGHT: Turn = (0.0, 0.0, 0.0, 1.0)
 
 
 def turned(turn: Sequence[float], point: Sequence[float]) -> Point:
-    """A point, turned around the origin."""
+    """A point, rotated around the origin."""
     x, y, z, w = turn
     px, py, pz = point
     tx, ty, tz = 2 * (y * pz - z * py), 2 * (z * px - x * pz), 2 * (x * py - y * px)
@@ -34,14 +34,14 @@ def product(first: Sequence[float], second: Sequence[float]) -> Turn:
 
 
 def inside(pose: Pose, local: Pose) -> Pose:
-    """A pose that is given within another one, as one of the world."""
+    """A pose relative to another one, as a pose of the world."""
     (x, y, z), turn = pose
     dx, dy, dz = turned(turn, local[0])
     return (x + dx, y + dy, z + dz), product(turn, local[1])
 
 
 def seen_from(pose: Pose, other: Pose) -> Pose:
-    """A pose of the world, as one within another: the reverse of `inside`."""
+    """A pose of the world, relative to another one: the inverse of `inside`."""
     (x, y, z), (a, b, c, w) = pose
     back = (-a, -b, -c, w)
     (px, py, pz), turn = other

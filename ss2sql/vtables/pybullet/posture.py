@@ -1,7 +1,7 @@
-"""Where the links of a robot are by the angles of its joints.
+"""Forward kinematics: the poses of a robot's links from the angles of its joints.
 
-After a step PyBullet shows links, and collides with them, where they were before it, until something is reset; asking
-it to compute them anew would move what other queries see. So this is computed here, to within 1e-14 m of Bullet's own.
+PyBullet's poses of links, also those for collisions, are one step old until something is reset; recomputing them would
+change the results of other queries. So they are computed here, to within 1e-14 m of Bullet's own.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ def posture(calls: Any, body: int, base: Pose) -> dict[int, Pose]:
 
 
 def poses_of(world: Any, body: int) -> dict[int, Pose]:
-    """The same for a body as it is now, computed once in a query: a robot with nine joints takes 130 us."""
+    """The same for a body's present state, computed once in a query: a robot with nine joints takes 130 us."""
     known = world.memory.setdefault("postures", {})
     if body not in known:
         known[body] = posture(world.calls, body, world.calls.getBasePositionAndOrientation(body))

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class Representations:
-    """What worlds of PyBullet make of selected bodies; those of another simulation are asked there."""
+    """The representations of selected bodies; bodies of another simulation are read there."""
 
     representations: ClassVar[Mapping[str, str]] = {
         "occupancygrid": "occupancygrid", "sensorgrid": "sensorgrid", "sensormap": "sensorgrid",

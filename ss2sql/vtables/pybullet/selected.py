@@ -1,4 +1,4 @@
-"""What the representations of a simulation have in common: which bodies are meant, and which area."""
+"""The selected bodies and the area of a representation."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ss2sql.vtables.base import Element
 from ss2sql.vtables.pybullet.bodies import box_of
 from ss2sql.vtables.pybullet.poses import Box, union
 
-FAR = 1000.0  # metres: bodies with larger boxes, such as endless planes, do not make an area larger
+FAR = 1000.0  # metres: bodies with larger boxes, such as endless planes, do not extend an area
 
 
 def bodies_in(world: Any, form: str, table: Table) -> list[int]:
@@ -41,8 +41,8 @@ def world_of(world: Any, table: Table) -> Any:
 def area_of(world: Any, form: str, cell: Any, area: Any) -> tuple[list[float], float, int, int]:
     """The lower corner of a grid, the edge of its cells, its columns and its rows.
 
-    Without an area it is that of the scene, else the box around all bodies of the world. Its upper end may lie up to
-    one cell farther away.
+    Without an area it is that of the scene, else the box around all bodies of the world. The grid may extend one cell
+    beyond it.
     """
     edge = number(form, "the edge of a cell", cell, above=0)
     if area is None:
@@ -60,7 +60,7 @@ def area_of(world: Any, form: str, cell: Any, area: Any) -> tuple[list[float], f
 
 
 def bounds_of(world: Any) -> Box:
-    """The lowest and the highest corner of a scene; of a client that belongs to none those of all bodies."""
+    """The lowest and the highest corner of a scene; for other clients those of all bodies."""
     known: Box | None = getattr(world.scene, "bounds", None)
     if known is not None:
         return known
