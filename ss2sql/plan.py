@@ -29,7 +29,7 @@ class Statement:
     """One statement with what its plan relies on.
 
     `reads` are the script variables and parameters that it reads, with the types that were assumed; `tables` those of
-    the database. `tentative`: columns were unknown, so it is resolved again when the statements before it have run.
+    the database. `tentative`: columns were unknown, so it is resolved again after the statements before it have run.
     """
 
     expr: plan.Expr
@@ -41,7 +41,7 @@ class Statement:
 
 @dataclass(frozen=True, slots=True)
 class Program:
-    """A resolved script. `parameters` are names that nobody knew: they need a value when the program runs."""
+    """A resolved script. `parameters` are its unknown names: they need a value when the program runs."""
 
     statements: tuple[Statement, ...]
     parameters: tuple[str, ...] = ()
@@ -54,10 +54,10 @@ Volatility: TypeAlias = Literal["immutable", "stable", "volatile"]
 class Function:
     """What the plan knows of a function; the callable stays in the session.
 
-    `raises` is False only if the call cannot fail. `reason` is that of the volatility, `body` see frontend/inline.py.
-    `vectorized` functions take arrays. `of_world` is what scripts call a function that worlds bring along. One that
-    `has_inverse` was registered with it; `inverse_of` names the function whose inverse this is.
-    With GROUP BY one that `collects` gets the list of the values of a group.
+    `raises` is False only if the call cannot fail. `reason` explains the volatility, `body` see frontend/inline.py.
+    `vectorized` functions take arrays. `of_world` is the name in scripts of a function that worlds bring along.
+    `has_inverse`: it was registered with an inverse; `inverse_of` names the function whose inverse this is.
+    `collects`: with GROUP BY it gets the list of the values of a group.
     """
 
     name: str
@@ -76,15 +76,15 @@ class Function:
     collects: bool = False
 
     def inverted(self) -> Function:
-        """The inverse: with the value of the function in the place of one of the arguments it gives that argument."""
+        """The inverse: from the value of the function and the other arguments it computes the missing one."""
         return replace(self, name=f"inverse of {self.name}", has_inverse=False, inverse_of=self.name, body=None)
 
 
 class Fact(NamedTuple):
-    """A column of SELECT as a fact. It holds no expressions, so it is no node of the plan.
+    """A column of SELECT as a fact. It has no expressions inside, so walks over the plan skip it.
 
-    `name` is empty where the column's own is meant, `places` are those of the arguments among the hidden columns, and
-    `valued` says whether the column's value stands behind them.
+    An empty `name` means the column's own, `places` are the arguments' positions among the hidden columns, and `valued`
+    says whether the column's value is the last argument.
     """
 
     name: str
