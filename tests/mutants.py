@@ -53,10 +53,10 @@ ELSEWHERE = ("spark/", "notebook", "workers", "interrupts", "faults", "crashes",
 
 MUTANTS = 300
 SECONDS = 8.0
-"""What the tests of one mutant take together without it; cheap tests of every file come first."""
+"""Of a processor: what the tests of one mutant take together without it, cheap ones of every file in turn."""
 
 PATIENCE = 4
-"""How many times as long those are tried that live."""
+"""How many times as long those are tried that live, by the cheapest of all tests that reach them."""
 
 PROGRAMS = 1000
 """How many programs tests draw, as in `make test-slow`."""
@@ -154,21 +154,23 @@ class Mutating:
         chosen = sorted(among, key=lambda one: hashlib.sha256(f"{self.given.seed} {one.name}".encode()).digest())
         return sorted(chosen[: self.given.mutants], key=lambda one: (one.file, one.number))
 
-    def chosen(self, reached: Reached, mutant: Mutant, strength: Counter[str], seconds: float) -> Iterator[str]:
-        """Tests that reach a mutant: those that have killed others, then cheap ones of every file in turn."""
+    def chosen(self, reached: Reached, mutant: Mutant, strength: Counter[str]) -> tuple[list[str], list[str]]:
+        """Tests that reach a mutant: those that have killed others, and cheap ones of every file in turn; then all."""
         lines = reached[mutant.file]
         # Constants are folded into their statement, which may begin some lines above.
         near = [line for line in range(mutant.begin, mutant.line + 1) if lines.get(line)]
-        tests = lines[near[-1]] if near else []
+        tests = sorted(lines[near[-1]], key=lambda one: (self.seconds[one], one)) if near else []
         by_file: dict[str, list[str]] = defaultdict(list)
-        for test in sorted(tests, key=lambda one: (-strength[one], self.seconds[one], one)):
+        for test in sorted(tests, key=lambda one: -strength[one]):
             by_file[test.partition("::")[0]].append(test)
-        spent = 0.0
-        for turn in zip_longest(*by_file.values()):
-            for test in turn:
-                if test and spent + self.seconds[test] <= seconds:
-                    spent += self.seconds[test]
-                    yield test
+        return [test for turn in zip_longest(*by_file.values()) for test in turn if test], tests
+
+    def within(self, tests: Sequence[str], seconds: float) -> Iterator[str]:
+        """The first of some tests, as many as take so long together."""
+        for test in tests:
+            if self.seconds[test] <= seconds:
+                seconds -= self.seconds[test]
+                yield test
 
     # --- one mutant ------------------------------------------------------------------------------------
 
@@ -181,11 +183,11 @@ class Mutating:
         """
         tried: dict[str, None] = {}
         verdict, killer = LIVED, ""
-        for seconds in (self.given.seconds, PATIENCE * self.given.seconds):
+        seconds = self.given.seconds
+        for tests, most in zip(self.chosen(reached, mutant, strength), (seconds, PATIENCE * seconds), strict=True):
             if verdict != LIVED:
                 break
-            chosen = self.chosen(reached, mutant, strength, seconds)
-            names = [one for one in chosen if one in items and one not in tried]
+            names = [one for one in self.within(tests, most) if one in items and one not in tried]
             tried.update(dict.fromkeys(names))
             verdict, killer = self.verdict(mutant, [items[one] for one in names], places)
         return verdict, killer, len(tried)
@@ -207,7 +209,7 @@ class Mutating:
                     cache.cache_clear()
                 run_until_one_fails(some, begin, seconds or math.inf)
 
-            usual = 20 + 4 * sum(self.seconds[one.nodeid] for one in some)
+            usual = 60 + 4 * sum(self.seconds[one.nodeid] for one in some)
             return forked(run, 2 * seconds if seconds else usual)
 
         left = list(tests)
@@ -228,7 +230,7 @@ class Mutating:
     def passes_here(self, test: pytest.Item) -> bool:
         """Whether a test passes in a fork without a mutant."""
         if test.nodeid not in self.passes:
-            allowed = 20 + 4 * self.seconds.get(test.nodeid, 0)
+            allowed = 60 + 4 * self.seconds.get(test.nodeid, 0)
             last, _ = forked(lambda begin: run_until_one_fails([test], begin), allowed)
             self.passes[test.nodeid] = last == PASSED
             if last != PASSED:

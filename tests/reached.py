@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import time
 from collections import defaultdict
 from collections.abc import Container, Iterable
 from difflib import SequenceMatcher
@@ -45,10 +46,14 @@ class Learning:
             self.measure.start()
         self.measure.switch_context(item.nodeid)
         forget_in(item)  # else what another test has found would count as its own
-        return (yield)
+        begun = time.process_time()
+        done = yield
+        self.seconds[item.nodeid] += time.process_time() - begun
+        return done
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
-        self.seconds[report.nodeid] += math.inf if report.failed else report.duration
+        if report.failed:
+            self.seconds[report.nodeid] = math.inf
 
     def pytest_sessionfinish(self) -> None:
         self.finish()

@@ -65,10 +65,8 @@ def _counts(tree: Any) -> bool:
     match tree:
         case ast.Call(function="count", owner=None) if tree.star or tree.distinct:
             return True
-        case ast.Query():
-            return False
         case _:
-            return any(map(_counts, ast.children(tree)))
+            return not isinstance(tree, ast.Query) and any(map(_counts, ast.children(tree)))
 
 
 def with_star(function: plan.Function, grouped: bool, span: Span) -> plan.Aggregate:
@@ -88,7 +86,7 @@ def with_distinct(function: plan.Function, grouped: bool, argument: plan.Expr, s
     """`count(DISTINCT x)` of a group. Raises ResolveError R008 as `with_star` does."""
     name, text = function.name, argument.span.text
     if function.builtin and name == "count" and grouped:
-        return plan.Aggregate("count_distinct", argument, COUNTED, True, span=span)
+        return plan.Aggregate("count_distinct", argument, COUNTED, span=span)
     if function.builtin and name in GROUPS and name != "count":
         hint = f"write {name}(uniq(SELECT {text} FROM ... AS list))"
     elif function.builtin and name == "count":

@@ -194,8 +194,6 @@ def _search(t: Trouble) -> ParseError | None:
         if t.found.kind in COMPARISONS and t.before(2).kind != ",":
             first = max((i for i in range(t.index) if t.tokens[i].kind in OPTIONS), default=0)
             hint = f"write {t.source.text[t.tokens[first].start : t.before(2).end]}, {name.text}"
-        elif t.found.kind == "==":
-            hint = f"one = assigns: {clause} {name.text} = ..."
         return t.error(_code(t), f"expected '=' after {named(name)}, found {named(t.found)}", hint)
     return None
 

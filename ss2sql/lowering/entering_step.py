@@ -278,7 +278,7 @@ def stops_of(query: plan.Query, steady: Sequence[plan.Expr]) -> Stops:
     parts = stop.parts if isinstance(stop, plan.Or) else (stop,)
     apart = [part for part in parts if query.sources[-1].id in sources_read(part) and _is_steady(part, steady)]
     if goal is None:
-        return Stops(parts if len(apart) == len(parts) else (stop,))
+        return Stops((stop,))
     assert not is_volatile(goal), "a search that calls volatile functions is not lowered"
     others = tuple(part for part in apart if excludes(part, goal))
     left = tuple(part for part in parts if part not in others)
