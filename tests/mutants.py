@@ -209,7 +209,7 @@ class Mutating:
                     cache.cache_clear()
                 run_until_one_fails(some, begin, seconds or math.inf)
 
-            usual = 60 + 4 * sum(self.seconds[one.nodeid] for one in some)
+            usual = 10 + 4 * sum(self.seconds[one.nodeid] for one in some)
             return forked(run, 2 * seconds if seconds else usual)
 
         left = list(tests)
@@ -230,7 +230,7 @@ class Mutating:
     def passes_here(self, test: pytest.Item) -> bool:
         """Whether a test passes in a fork without a mutant."""
         if test.nodeid not in self.passes:
-            allowed = 60 + 4 * self.seconds.get(test.nodeid, 0)
+            allowed = 10 + 4 * self.seconds.get(test.nodeid, 0)
             last, _ = forked(lambda begin: run_until_one_fails([test], begin), allowed)
             self.passes[test.nodeid] = last == PASSED
             if last != PASSED:
@@ -267,22 +267,27 @@ def is_slow(item: pytest.Item) -> bool:
 
 
 def forked(action: Callable[[Callable[[str], object]], None], seconds: float) -> tuple[str, bool]:
-    """The last line that an action says in a fork of this process, and whether it ended in time."""
+    """The last line that an action says in a fork of this process, and whether it ended within seconds of a processor.
+
+    Ten times as long by the clock is too long, too.
+    """
     reading, writing = os.pipe()
     child = os.fork()
     if not child:
         os.setpgid(0, 0)
         most = virtual_size() + MEMORY
         resource.setrlimit(resource.RLIMIT_AS, (most, most))
+        if seconds < math.inf:
+            resource.setrlimit(resource.RLIMIT_CPU, (math.ceil(seconds), math.ceil(seconds) + 5))
         action(lambda line: os.write(writing, f"{line}\n".encode()))
         os._exit(0)
     os.close(writing)
-    said = heard(reading, seconds)
+    last, ended = heard(reading, 10 * seconds)
     os.close(reading)
     with suppress(ProcessLookupError, PermissionError):
         os.killpg(child, signal.SIGKILL)
-    os.waitpid(child, 0)
-    return said
+    _, status = os.waitpid(child, 0)
+    return last, ended and not (os.WIFSIGNALED(status) and os.WTERMSIG(status) == signal.SIGXCPU)
 
 
 def heard(reading: int, seconds: float) -> tuple[str, bool]:

@@ -144,8 +144,6 @@ def _without_truth(select: exp.Select, needs: Needs) -> frozenset[str]:
 def _is_condition(node: sql.Node) -> bool:
     """Whether of a node nothing but the truth counts."""
     parent = node.parent
-    if isinstance(parent, exp.Paren):
-        return _is_condition(parent)
     condition = isinstance(parent, exp.If) and parent.this is node
     return condition or isinstance(parent, (exp.And, exp.Or, exp.Not, exp.Where, exp.Having))
 

@@ -150,9 +150,9 @@ class SearchLowering(ABC):
         results.set("with_", exp.With(expressions=tables, recursive=True))
         return results
 
+    @abstractmethod
     def queue(self) -> Iterable[tuple[str, bool]]:
         """The columns that sort the queue."""
-        return self.order.queue
 
     # --- the START WITH state --------------------------------------------------------------------------
 
