@@ -18,6 +18,7 @@ from click.testing import CliRunner, Result
 
 import ss2sql
 from ss2sql.cli import main
+from ss2sql.shell import piped as pipes
 from ss2sql.shell.commands import COMMANDS
 from ss2sql.shell.pieces import is_ready, pieces
 from ss2sql.shell.piped import run_piped
@@ -298,7 +299,7 @@ def test_a_pipe_is_read_line_by_line(shell: Shell, capsys, monkeypatch) -> None:
     run_piped(shell, Stream())  # type: ignore[arg-type]
     assert seen == ["", "1\n", "", "2\n"]
     cuts = []
-    monkeypatch.setattr("ss2sql.shell.piped.pieces", lambda text: cuts.append(text) or pieces(text))
+    monkeypatch.setattr(pipes, "pieces", lambda text: cuts.append(text) or pieces(text))
     run_piped(shell, io.BytesIO(b"x = [\n" + b"1,\n" * 1000 + b"1];\n"))
     assert len(cuts) <= 2
     assert capsys.readouterr().err.startswith("x = [1, 1, 1")

@@ -1,8 +1,8 @@
 """The command line, one module per command, imported when the command is run.
 
 Results go to stdout, everything else to stderr. Exit codes: 0 for success, 1 for an error of the script, 2 for wrong
-usage, 124 for a timeout, 130 for Ctrl-C. `given` has the options that say which script is meant and makes the session
-for it, `endings` turns errors into messages and exit codes, `output` prints results.
+usage, 124 for a timeout, 130 for Ctrl-C. cli/given.py has the options that select a script and makes its session,
+cli/endings.py turns errors into messages and exit codes, cli/output.py prints results.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from typing import Any, NoReturn
 
 import click
 
-# One row per command: its name, its module, and what `ss2sql --help` says of it without importing the module, which
-# would take half a second. A test compares the texts with those of the commands.
+# One row per command: its name, its module, and its line in `ss2sql --help`, where importing the modules would take
+# half a second. A test compares the lines with those of the commands.
 COMMANDS = {
     "run": ("ss2sql.cli.run", "Runs a script: FILE, - for standard input, or -e TEXT."),
     "sql": ("ss2sql.cli.sql", "Shows what a script becomes: its syntax tree, its plan, or the SQL that runs."),
@@ -41,7 +41,7 @@ COMMANDS = {
 
 
 class Commands(click.Group):
-    """A group whose commands are imported when they are asked for; each module has one, `command`."""
+    """A group whose commands are imported on demand; each module has one, `command`."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(COMMANDS)
@@ -89,7 +89,7 @@ class Commands(click.Group):
             try:
                 self._run(given, *others, **named)
             finally:
-                sys.stdout.flush()  # at the end of the process nothing could be said of what fails
+                sys.stdout.flush()  # at the end of the process errors could not be reported
         except OSError as error:
             from ss2sql.cli import endings
 
@@ -108,10 +108,10 @@ class Commands(click.Group):
 
 
 def _open_streams() -> None:
-    """Puts something into the place of each standard stream that is closed: with `<&-` or `>&-` Python has none.
+    """Replaces each standard stream that is closed, by `<&-` or `>&-`.
 
-    Reading from it and writing to it fails, as with any stream that is broken, and no file that is opened later gets
-    its number. Only messages for a closed stderr go nowhere.
+    Reading from it and writing to it fails, as with any broken stream, and no file that is opened later gets its
+    number. Messages for a closed stderr are discarded.
     """
     for number, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
         if getattr(sys, name) is None:

@@ -1,4 +1,4 @@
-"""`ss2sql bench`: races the engines and the search strategies on a script, and compares their answers."""
+"""`ss2sql bench`: times engines and search strategies on a script, and compares their answers."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def command(
 
 @contextmanager
 def _of_the_user() -> Iterator[None]:
-    """What is raised in here, and is no error of ours, comes from functions of the user."""
+    """Marks exceptions in the block that are no errors of ours as the user's."""
     try:
         yield
     except (Error, UserError):
@@ -110,7 +110,7 @@ def _of_the_user() -> Iterator[None]:
 
 @contextmanager
 def _shown(heat: Heat, rules: Rules) -> Iterator[None]:
-    """Prints the table of a heat when it is over, also when it was broken off."""
+    """Prints the table of a statement at the end, also after an interruption."""
     from ss2sql.race import show
 
     try:
@@ -121,7 +121,7 @@ def _shown(heat: Heat, rules: Rules) -> Iterator[None]:
 
 
 def _watch(heat: Heat) -> None:
-    """Runs a heat; on a terminal a line says who is running."""
+    """Runs a statement; on a terminal a line shows the running strategy."""
     told = 0
     try:
         for cell in heat.run():
@@ -135,7 +135,7 @@ def _watch(heat: Heat) -> None:
 
 
 def _write(run: Sequence[Heat], rules: Rules, json_file: Path | None, plot_file: Path | None) -> None:
-    """Writes the files that were asked for."""
+    """Writes the requested files."""
     from ss2sql.race import draw, outcome
 
     for path in (json_file, plot_file):

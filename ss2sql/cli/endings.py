@@ -1,4 +1,4 @@
-"""How a command ends: errors as messages on stderr, and the exit code that belongs to them."""
+"""The end of a command: errors as messages on stderr, and exit codes."""
 
 from __future__ import annotations
 
@@ -44,9 +44,9 @@ COMMON_OPTIONS = (
 
 
 def reports_errors(command: F) -> F:
-    """Prints errors to stderr and ends with the exit code that belongs to them.
+    """Prints errors to stderr and ends with their exit code.
 
-    It also adds the options that all commands have; they are read here and in output.py, not by the command.
+    It also adds the options that all commands have, which are read here and in cli/output.py.
     """
 
     @wraps(command)
@@ -66,7 +66,7 @@ def reports_errors(command: F) -> F:
 
 
 class UserError(Exception):
-    """What Python code of the user raised, as text; without the frames of ss2sql."""
+    """An exception of the user's Python code as text, without the frames of ss2sql."""
 
     def __init__(self, error: Exception) -> None:
         shown = traceback.TracebackException.from_exception(error)
@@ -78,7 +78,7 @@ class UserError(Exception):
         self.frame = frames[-1] if frames else None
 
     def as_dict(self) -> dict[str, Any]:
-        """The same keys that errors of scripts have; the place is that in the user's file."""
+        """The same keys as for errors of scripts, with the place in the user's file."""
         place = dict.fromkeys(PLACE) if self.frame is None else _place_of(self.frame)
         message = f"{type(self.error).__name__}: {self.error}"
         return _entry("exception", message, place, notes=getattr(self.error, "__notes__", []))
@@ -92,7 +92,7 @@ def _place_of(frame: traceback.FrameSummary) -> dict[str, Any]:
 
 
 def _entry(title: str, message: str, place: dict[str, Any] | None = None, **more: Any) -> dict[str, Any]:
-    """What is no error of a script, with the keys that these have."""
+    """Another error, with the same keys as for errors of scripts."""
     where = dict.fromkeys(PLACE) if place is None else place
     return {"code": None, "title": title, "message": message, **where, "hints": [], "related": [], **more}
 
@@ -100,7 +100,7 @@ def _entry(title: str, message: str, place: dict[str, Any] | None = None, **more
 # --- endings -------------------------------------------------------------------------------------------
 
 
-# Hints speak to users of Python; this is the same on a command line.
+# Hints are for users of Python; these are their forms for a command line.
 SPELLINGS = (
     (
         re.compile(r"^register it with session\.function; help\(\) lists"),
@@ -131,7 +131,7 @@ def _end_with(error: Error) -> NoReturn:
 
 
 def _found(stopped: Stopped) -> dict[str, int] | None:
-    """How much a run had found that ended early; None where there was nothing to print."""
+    """The size of the partial result of a run that ended early; None where there is nothing to print."""
     if stopped.partial is None:
         return None
     paths = len(stopped.partial.answer.rows.paths or ())
@@ -147,13 +147,13 @@ def _counted(stopped: Stopped) -> str:
 
 
 def told(error: Error) -> str:
-    """The line that follows the message of a run that ended early: how much it had found."""
+    """The line after the message of a run that ended early: the size of its partial result."""
     counted = _counted(error) if isinstance(error, Stopped) else ""
     return counted and f"\nbroken off{counted}"
 
 
 def end_by_hand() -> NoReturn:
-    """Ends after Ctrl-C where no run was going on."""
+    """Ends after Ctrl-C outside of a run."""
     end("cancelled", _entry("cancelled", "cancelled"), CTRL_C)
 
 
@@ -167,7 +167,7 @@ def end_of_usage(error: click.ClickException, arguments: Sequence[str]) -> NoRet
 
 
 def _wants_json(arguments: Sequence[str]) -> bool:
-    """Whether errors are written as JSON, where no option has been read, or no longer, so that `arguments` say it."""
+    """Whether errors are written as JSON, by `arguments`, where the options have not been parsed."""
     return writes_json() or "--error-format json" in " ".join(arguments).replace("=", " ")
 
 
@@ -175,7 +175,7 @@ def end_of_output(error: OSError, arguments: Sequence[str]) -> NoReturn:
     """Ends where a result cannot be written: a full disk, a closed stream. One line says so."""
     if error.filename is not None:
         raise error  # a file that is no stream
-    # What is still waiting to be written would fail once more when the process ends.
+    # Buffered output would fail once more at the end of the process.
     with suppress(OSError, ValueError), open(os.devnull, "w") as nowhere:
         os.dup2(nowhere.fileno(), sys.stdout.fileno())
     message = f"the result cannot be written: {error.strerror or error}"
@@ -184,18 +184,18 @@ def end_of_output(error: OSError, arguments: Sequence[str]) -> NoReturn:
 
 
 def end(text: str, entry: dict[str, Any], code: int) -> NoReturn:
-    """Ends with what went wrong as text or as JSON."""
+    """Ends with an error as text or as JSON."""
     _say(json.dumps(entry, ensure_ascii=False) if writes_json() else text)
     sys.exit(code)
 
 
 def note(text: str) -> None:
-    """Says something beside the result that is no error."""
+    """Prints a note to stderr."""
     _say(json.dumps(_entry("note", text), ensure_ascii=False) if writes_json() else visible(text))
 
 
 def _say(text: str) -> None:
-    with suppress(OSError):  # where stderr cannot be written the exit code has to tell
+    with suppress(OSError):  # where stderr cannot be written, the exit code is enough
         click.echo(text, err=True, color=True if wants_color(sys.stderr) else None)
 
 
@@ -206,7 +206,7 @@ def writes_json() -> bool:
 
 
 def wants_color(stream: TextIO) -> bool:
-    """Whether a stream gets colors: as the option says, else if it is a terminal and NO_COLOR is not set."""
+    """Whether a stream gets colors: by the option, else if it is a terminal and NO_COLOR is not set."""
     context = click.get_current_context(silent=True)
     if context is not None and context.color is not None:
         return context.color

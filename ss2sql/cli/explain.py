@@ -1,4 +1,4 @@
-"""`ss2sql explain`: tells what becomes of a script, and with --analyze what a run of it has done."""
+"""`ss2sql explain`: explains how a script is run, and with --analyze what a run of it did."""
 
 from __future__ import annotations
 

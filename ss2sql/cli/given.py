@@ -1,4 +1,4 @@
-"""What a command is given: the options for a script and what it may use, and the session made from them."""
+"""The inputs of a command: the options for a script and what it may use, and the session made from them."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ SCRIPT_OPTIONS = (
 
 @dataclass(frozen=True, slots=True)
 class Given:
-    """What the options say: what scripts may use and take, values for their names, and the script, if one is meant."""
+    """The values of the options: what scripts may use, their parameters and limits, and the script, if any."""
 
     function_files: tuple[Path, ...] = ()
     worlds: tuple[str, ...] = ()
@@ -99,8 +99,8 @@ class Given:
             raise SessionError("S002", f"the script on standard input cannot be read: {error}") from error
 
     def session(self, progress: bool | None = None) -> Session:
-        """A session with all of it; without a word about `progress` it is shown on a terminal."""
-        # Half a second, which completion and --help need not wait for.
+        """A session with all of it; by default progress is shown on a terminal."""
+        # These imports take half a second, which completion and --help avoid.
         from ss2sql.runtime.connecting import connect
         from ss2sql.runtime.sizes import MOST
 
@@ -129,17 +129,17 @@ NOTHING_GIVEN = Given()
 
 
 def script_options(command: F) -> F:
-    """Adds the options that say which script is meant and what it may use; the command takes them as `given`."""
+    """Adds the options for a script and what it may use; the command takes them as `given`."""
     return _given(SCRIPT_OPTIONS, command)
 
 
 def uses_options(command: F) -> F:
-    """Adds those that say what scripts may use, where there is no script."""
+    """Adds the options for what scripts may use, without a script."""
     return _given(USES_OPTIONS, command)
 
 
 def session_options(command: F) -> F:
-    """Adds those that say what scripts may use, and values for their names, where the scripts come later."""
+    """Adds the options for what scripts may use and for parameters, where the scripts come later."""
     return _given((*USES_OPTIONS, PARAMETER, *LIMITS), command)
 
 
@@ -156,7 +156,7 @@ def _given(options: tuple[Callable[[F], F], ...], command: F) -> F:
 
 @contextmanager
 def beside_results() -> Iterator[None]:
-    """Sends what Python code prints to stderr, also where it is C that prints: results alone go to stdout."""
+    """Redirects the output of Python and C code to stderr, so that only results go to stdout."""
     with redirect_stdout(sys.stderr):
         if os.name != "posix":
             yield
@@ -168,7 +168,7 @@ def beside_results() -> Iterator[None]:
             os.dup2(2, 1)
             yield
         finally:
-            flush(None)  # what C has kept back until now
+            flush(None)  # C's own buffers
             os.dup2(kept, 1)
             os.close(kept)
 
@@ -198,7 +198,7 @@ def _names_of(path: Path) -> dict[str, Any]:
 
 
 def file_of(text: str) -> tuple[str, Path]:
-    """What `--attach` names: what a file is called in scripts, and its path."""
+    """The value of `--attach`: the name of a file in scripts, and its path."""
     name, _, path = text.partition("=")
     if not name or not path:
         raise click.UsageError(f"--attach takes NAME=FILE, not {text}", _context())
@@ -210,7 +210,7 @@ def file_of(text: str) -> tuple[str, Path]:
 
 @dataclass(frozen=True, slots=True)
 class _Place:
-    """What `--world` names: an object of a module, or of a Python file, and what it is called with, if anything."""
+    """The value of `--world`: an object of a module or a Python file, with its arguments if it is called."""
 
     module: str
     names: tuple[str, ...]
@@ -240,7 +240,7 @@ def world_of(text: str) -> tuple[str, Any]:
 
 
 def _place(text: str) -> _Place | None:
-    """The parts of `MODULE:OBJECT`; None where the text is nothing of the kind. Arguments are literals of Python."""
+    """The parts of `MODULE:OBJECT`, with Python literals as arguments; None for other strings."""
     module, _, wanted = text.partition(":")
     try:
         tree = python_ast.parse(wanted.strip(), mode="eval").body
@@ -256,7 +256,7 @@ def _place(text: str) -> _Place | None:
 
 
 def _object(place: _Place, text: str) -> Any:
-    """What the names lead to. Raises SessionError S002 where there is no such thing."""
+    """The object of the names. Raises SessionError S002 for a missing one."""
     found = _module(place.module, text)
     for name in place.names:
         try:
@@ -289,7 +289,7 @@ def _missing(text: str, error: Exception, hints: tuple[str, ...] = ()) -> Sessio
 
 
 def value_of(text: str) -> Any:
-    """The value of a Python literal; any other text is itself."""
+    """The value of a Python literal; any other text stays a string."""
     try:
         return python_ast.literal_eval(text)
     except (ValueError, SyntaxError, TypeError, MemoryError, RecursionError):

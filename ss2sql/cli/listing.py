@@ -1,4 +1,4 @@
-"""`ss2sql list`: what there is to be used in scripts, and what may go wrong."""
+"""`ss2sql list`: what scripts can use, and the errors."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ss2sql.runtime.functions import UserFunction
     from ss2sql.runtime.session import Session
 
-Entry: TypeAlias = dict[str, str]  # the first key is the name; the last is text that may be long
+Entry: TypeAlias = dict[str, str]  # the first value is the name, the last may be long
 
 
 # --- what there is -------------------------------------------------------------------------------------
@@ -116,7 +116,7 @@ FIXED: dict[str, Callable[[], Iterable[Entry]]] = {
 
 
 def entries_of(topic: str, given: Given = NOTHING_GIVEN) -> list[Entry]:
-    """What there is of a topic, with what the user names."""
+    """The entries of a topic, with those of the user's inputs."""
     if topic in FIXED:
         return list(FIXED[topic]())
     with given.session() as session:
@@ -127,7 +127,7 @@ def entries_of(topic: str, given: Given = NOTHING_GIVEN) -> list[Entry]:
 
 
 def _complete_name(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
-    """Names of the topic that begin like this; nothing of the user is run for them."""
+    """Names of the topic with this prefix, without running the user's code."""
     from click.shell_completion import CompletionItem
 
     topic = context.params.get("topic")
@@ -157,7 +157,7 @@ def command(
 
     TOPIC is one of these words; without it they are told. With NAME only the one of that name.
     """
-    name = " ".join(words) or None  # as NO CYCLE
+    name = " ".join(words) or None  # such as NO CYCLE
     if topic == "worlds" and given.worlds:
         with given.session() as session:
             _describe(session, name, form)
@@ -188,14 +188,14 @@ def _named(entries: list[Entry], name: str | None, topic: str) -> list[Entry]:
 
 
 def _describe(session: Session, name: str | None, form: str) -> None:
-    """The tables of the worlds that were attached, as `Session.describe` tells them."""
+    """Prints the tables of attached worlds, as `Session.describe` does."""
     names = list(session.host.names.worlds) if name is None else [name]
     texts = {word: session.describe(word) for word in names}
     echo(json.dumps(texts, ensure_ascii=False, indent=2) if form == "json" else "\n\n".join(texts.values()))
 
 
 def _print(entries: Sequence[Entry]) -> None:
-    """A table: on a terminal its texts are wrapped, elsewhere an entry is a line."""
+    """Prints a table: on a terminal with wrapped texts, elsewhere with a line for each entry."""
     keys = list(entries[0])
     if sys.stdout.isatty():
         from rich.table import Table

@@ -72,7 +72,7 @@ def output_options(command: F) -> F:
 
 @dataclass(frozen=True, slots=True)
 class Output:
-    """Where results go and what they look like there."""
+    """The destination and the format of results."""
 
     form: str
     path: Path | None
@@ -91,7 +91,7 @@ class Output:
 
 
 def output_of(form: str | None, path: Path | None, shown: int = SHOWN) -> Output:
-    """What the options ask for, checked before anything runs."""
+    """The output that the options request, checked before anything runs."""
     if path is not None:
         check_folder(path)
     if form is None:
@@ -109,7 +109,7 @@ def output_of(form: str | None, path: Path | None, shown: int = SHOWN) -> Output
             _refuse(
                 f"{form} is not for terminals: write it to a file, --output FILE.{form}, or on into another program"
             )
-        package("pyarrow", "df", f"--format {form}")  # else it would be missed when all has been computed
+        package("pyarrow", "df", f"--format {form}")  # raises before the script runs
     return Output(form, path, shown)
 
 
@@ -118,7 +118,7 @@ def _refuse(message: str) -> NoReturn:
 
 
 def check_folder(path: Path) -> None:
-    """Raises SessionError S002 for a file that could not be written once there is something to write."""
+    """Raises SessionError S002 for a file that cannot be written."""
     if not path.parent.is_dir():
         raise SessionError("S002", f"{path} cannot be written: there is no folder {path.parent}")
 
@@ -128,7 +128,7 @@ def not_written(path: Path, error: OSError) -> SessionError:
 
 
 def counted(result: Result) -> str:
-    """How many rows a result has, and paths."""
+    """The numbers of rows and paths of a result."""
     rows = f"{len(result):,} row{'' if len(result) == 1 else 's'}"
     if result.answer is None or result.answer.rows.paths is None:
         return rows
@@ -145,7 +145,7 @@ def echo(text: str) -> None:
 
 
 def console() -> Console:
-    """What prints tables on stdout, in colors where these are wanted."""
+    """The console for tables on stdout, with colors where these are wanted."""
     from rich.console import Console
 
     if not wants_color(sys.stdout):
@@ -165,7 +165,7 @@ def _print(result: Result, form: str, shown: int) -> None:
 
 
 def _table(result: Result, shown: int, target: Console) -> None:
-    """A table, or the value of a script that does not end with a query."""
+    """Prints a table, or the value of a script that does not end with a query."""
     if result.answer is None:
         target.file.write(visible(f"{result.value}\n"))
     else:
@@ -175,7 +175,7 @@ def _table(result: Result, shown: int, target: Console) -> None:
 
 
 def _bytes(result: Result, form: str, stream: bool) -> bytes:
-    """A result in a format of data, whose text is UTF-8 whatever the terminal is: other programs read it."""
+    """Writes a result in a data format for other programs, always in UTF-8."""
     if form == "json":
         return _encoded(f"{result.json()}\n")
     if form == "csv":

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ss2sql.runtime.session import Session
 
 ENGINES = ("auto", "database", "native", "duckdb", "spark")
-MOST_BROKEN_OFF = 1_000_000  # rows of a result that a run had when it was broken off: a search may have had no end
+MOST_BROKEN_OFF = 1_000_000  # rows of a partial result: the search may have been endless
 
 RUN_OPTIONS = (
     click.option("--engine", type=click.Choice(ENGINES), default="auto", show_default=True, help="Where queries run."),
@@ -70,8 +70,8 @@ def command(
 def run_script(session: Session, source: str | Path | Source, **options: Any) -> Result:
     """Runs a script with the options of `run_options`; what it prints goes to stderr."""
     try:
-        with beside_results(), warnings.catch_warnings():  # what the script prints is not its result
-            warnings.simplefilter("ignore", WorkersWarning)  # told below, without a place in Python code
+        with beside_results(), warnings.catch_warnings():  # the script's own output is no result
+            warnings.simplefilter("ignore", WorkersWarning)  # printed below, without a place in Python code
             result = session.run(source, **options)
     except Error:
         raise
@@ -86,9 +86,9 @@ def run_script(session: Session, source: str | Path | Source, **options: Any) ->
 
 
 def as_data(session: Session, found: Result) -> Result:
-    """What a run had found, with the value that AS makes of it; no more than can be written.
+    """A partial result with the value that AS makes of it, limited in size.
 
-    A representation that may fail, or that needs more than the rows, gives way to that of the language.
+    A representation that may fail, or that needs more than the rows, is replaced by the language's default.
     """
     from ss2sql.plan import Representation
     from ss2sql.runtime.paths import lengths_of

@@ -1,4 +1,4 @@
-"""`ss2sql sql`: shows what a script becomes."""
+"""`ss2sql sql`: shows the stages of a script's compilation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The keywords for people: each as it is written, what it is, and a line about it. The words are the grammar's."""
+"""The keywords of the grammar with a description each."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ss2sql.records import dataclass
 
 Sort: TypeAlias = Literal["clause", "option", "operator", "constant", "other"]
 
-# What is said of a keyword where it is offered or asked for. A test compares the keys with the grammar.
+# The descriptions of keywords in completions and help. A test compares the keys with the grammar.
 TEXTS = {
     "SELECT": "the columns of the result",
     "FROM": "the sources; the last one varies fastest",

@@ -33,7 +33,7 @@ class SelectScriptLexer(Lexer):
     mimetypes: ClassVar = ["text/x-selectscript"]
 
     def get_tokens_unprocessed(self, text: str) -> Iterator[tuple[int, Type, str]]:
-        """Every piece of the text with its place and its kind."""
+        """Every token of the text with its place and its kind."""
         position = 0
         tokens = marked(text)
         for index, token in enumerate(tokens):
@@ -80,7 +80,7 @@ def _between(text: str, start: int, end: int) -> Iterator[tuple[int, Type, str]]
 
 
 class BoundSqlLexer(SqlLexer):
-    """SQL with names for the values that are bound to it."""
+    """SQL with named parameters."""
 
     name = "SQL with parameters"
     aliases: ClassVar = []

@@ -1,8 +1,8 @@
-"""The tokens of any text, each word marked as the keyword that it is where it stands.
+"""The tokens of any text, with words marked as keywords where they are.
 
-`maximum` is a keyword among the options of CONNECT BY and a name elsewhere; only the grammar knows. So its automaton
-runs over the text, and goes on behind the next `;` where something does not fit. From there to the `;` words are judged
-by themselves: text that is being written rarely fits.
+`maximum` is a keyword among the options of CONNECT BY and a name elsewhere; only the grammar can decide. So its
+automaton runs over the text, and resumes after the next `;` where something does not fit. Words up to that `;` are
+classified by themselves, since text that is being written rarely fits.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def comments(script: str, start: int, end: int) -> Iterator[tuple[int, int]]:
 
 
 def _judge(tokens: list[Token], start: int, end: int) -> None:
-    """Marks what is most likely a keyword: one of two words beside the other one, and every one that stands alone."""
+    """Marks likely keywords: both words of a pair beside each other, and single ones."""
     for index in range(start, end):
         token = tokens[index]
         word = token.keyword

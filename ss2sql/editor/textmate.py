@@ -1,8 +1,8 @@
 """The TextMate grammar, for VS Code, Sublime Text, GitHub and others that read such grammars.
 
-`python -m ss2sql.editor.textmate` writes it; a test compares the file with what would be written. Regular expressions
-do not know where a word is a keyword: those that may also be names count as keywords unless a `=`, or at once a `.`,
-`[` or `{` follows, and those of two words only together.
+`python -m ss2sql.editor.textmate` writes it; a test compares the file with the output. Regular expressions cannot
+decide where a word is a keyword: words that may be names count as keywords unless a `=`, or immediately a `.`, `[` or
+`{` follows, and pairs of words only together.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def grammar() -> dict[str, Any]:
 
 
 def text() -> str:
-    """The file."""
+    """The contents of the file."""
     return json.dumps(grammar(), indent=2, ensure_ascii=False) + "\n"
 
 
@@ -54,7 +54,7 @@ def _strings() -> list[dict[str, Any]]:
 
 
 def _string(quote: str, name: str) -> dict[str, Any]:
-    """A string ends with its quote, or with a line whose end no backslash hides."""
+    """A string ends with its quote, or with a line without a backslash at its end."""
     escape = r"\\(?:x\h{2}|u\h{4}|U\h{8}|N\{[^}]*\}|.|$)"
     return {
         "name": _scope(f"string.quoted.{name}"),

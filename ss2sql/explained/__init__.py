@@ -1,6 +1,6 @@
-"""What became of a script, for people and as data.
+"""Explanations of compiled scripts, as text and as data.
 
-`outline.py` keeps what there is to explain. Only when it is asked for, `collect.py` finds the facts (`facts.py`), with
-SQLite's plan in words (`sqlite_plan.py`) and a look at whether a search ends (`endless.py`); `text.py` writes them down
-with `words.py`, and `explanation.py` is what users get.
+explained/outline.py keeps what can be explained. On request explained/collect.py finds the facts of explained/facts.py,
+with plans in words (explained/sqlite_plan.py, explained/python_plan.py), whether a search ends (explained/endless.py)
+and explained/levels.py; explained/text.py and explained/words.py write them, explained/explanation.py is the value.
 """

@@ -1,4 +1,4 @@
-"""Finds out what there is to tell of a script: engines, rewrites, functions, SQLite's plan, the run."""
+"""Collects the facts about a script: engines, rewrites, functions, SQLite's plan, the run."""
 
 from __future__ import annotations
 
@@ -42,13 +42,13 @@ from ss2sql.walk import functions
 if TYPE_CHECKING:
     from ss2sql.runtime.result import Result
 
-MOST_TEXT = 70  # characters of a value that is bound, and of what the script says
+MOST_TEXT = 70  # characters of a bound value, and of its expression
 
 
 def facts_of(
     outlined: Sequence[OutlinedStatement], result: Result | None, missing: Sequence[str] = (), levels: bool = False
 ) -> ScriptFacts:
-    """Everything about the statements, and about the run that has given a result, with its `levels` counted."""
+    """All facts about the statements, and about the run of a result, with its `levels` counted."""
     stats = None if result is None else result.stats
     statements = tuple(
         StatementFacts(statement.text, tuple(_query(query, stats) for query in statement.queries))
@@ -86,12 +86,12 @@ def _reason(outlined: OutlinedQuery) -> str:
 
 
 def _cure(hint: str) -> str:
-    """What can be done, where the hint of `engine="database"` knows more than to ask for less."""
+    """The cure in a hint of `engine="database"`, if it has one."""
     return hint.removesuffix("leave the engine to ss2sql").removesuffix(", or ")
 
 
 def _plan(outlined: OutlinedQuery) -> tuple[tuple[PlanLine, ...], str | None]:
-    """What the engine does; SQLite's plan, or why there is none any more."""
+    """The engine's plan, or the reason why SQLite's plan is gone."""
     if outlined.levels is not None:
         return plan_in_tables(outlined.query, outlined.levels.in_tables), None
     if outlined.duck is not None:
@@ -116,7 +116,7 @@ def _parameters(outlined: OutlinedQuery) -> Iterator[ParameterFacts]:
 
 
 def _afterwards(outlined: OutlinedQuery) -> Iterator[str]:
-    """What SQL has left over."""
+    """The post-processing after SQL."""
     lowered, query = outlined.lowered, outlined.query
     if lowered is None:
         return

@@ -1,4 +1,4 @@
-"""What `explain()` gives: a text that is also data."""
+"""The value of `explain()`: a text that is also data."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Explanation(str):
 
 
 def _with_lists(value: Any) -> Any:
-    """The value with lists in the place of tuples."""
+    """The value with lists in place of tuples."""
     if isinstance(value, dict):
         return {key: _with_lists(item) for key, item in value.items()}
     return list(map(_with_lists, value)) if isinstance(value, tuple) else value
@@ -48,5 +48,5 @@ def explain(
     missing: Sequence[str] = (),
     levels: bool = False,
 ) -> Explanation:
-    """For every statement and query which engine runs it and why, what became of it, and what the run has done."""
+    """For every statement and query the engine and the reason, the plan, and the facts of the run."""
     return Explanation(facts_of(outlined, result, missing, levels))

@@ -1,4 +1,4 @@
-"""What is told of a script, as data: `collect.py` finds it, `text.py` writes it down, `as_dict` hands it out."""
+"""The facts of an explanation, as data: found by explained/collect.py, written by explained/text.py."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ss2sql.records import dataclass
 
 @dataclass(frozen=True, slots=True)
 class PlanLine:
-    """One line of what is done: how deep it is nested, in words, and as SQLite's EXPLAIN QUERY PLAN says it."""
+    """One line of a plan: its depth, in words, and as in SQLite's EXPLAIN QUERY PLAN."""
 
     depth: int
     words: str
@@ -18,7 +18,7 @@ class PlanLine:
 
 @dataclass(frozen=True, slots=True)
 class ParameterFacts:
-    """A value that is bound in the SQL: its name there, what the script says, and the value as text, once known."""
+    """A bound value of the SQL: its name, its expression in the script, and the value as text, once known."""
 
     name: str
     written: str
@@ -27,10 +27,10 @@ class ParameterFacts:
 
 @dataclass(frozen=True, slots=True)
 class FunctionFacts:
-    """What became of the calls of one function.
+    """The calls of one function.
 
-    `inlined` are the expressions that calls became, `called` the reasons why there still are calls. `calls` counts
-    those of the whole run, of a function that takes arrays the rows, in `blocks` calls; None where nothing has run.
+    `inlined` are the expressions that replace calls, `called` the reasons for remaining calls. `calls` counts those of
+    the whole run, for a function of arrays the rows, in `blocks` calls; None before a run.
     """
 
     name: str
@@ -47,9 +47,9 @@ class FunctionFacts:
 class QueryFacts:
     """One query.
 
-    `cures` say what would let SQLite run it. `search` and `rewrites` map names to what they mean, `notes` are about the
-    search. `plan` is what the engine does, `afterwards` what is left over for Python; `plan_missing` says why there is
-    no plan. `parameters` are what is bound in `sql`.
+    `cures` would let SQLite run it. `search` and `rewrites` map names to descriptions, `notes` are about the search.
+    `plan` is the engine's plan, `afterwards` the post-processing in Python; `plan_missing` is the reason for a missing
+    plan. `parameters` are the bound values of `sql`.
     """
 
     text: str
@@ -76,7 +76,7 @@ class StatementFacts:
 
 @dataclass(frozen=True, slots=True)
 class LevelTable:
-    """What a search did level by level: the names of the columns, and one row of numbers for each level."""
+    """Counts of a search level by level: the names of the columns, and one row of numbers for each level."""
 
     title: str
     columns: tuple[str, ...]
@@ -85,7 +85,7 @@ class LevelTable:
 
 @dataclass(frozen=True, slots=True)
 class RunFacts:
-    """What a run did: how it ended, its steps where there was a search, seconds per stage, notes of what went amiss."""
+    """A run: its status, the steps of a search, seconds per stage, notes on problems."""
 
     status: str
     engine: str
@@ -101,7 +101,7 @@ class RunFacts:
 
 @dataclass(frozen=True, slots=True)
 class ScriptFacts:
-    """A script, and its run if it was run; `missing` are the names that a run would have to be given values for."""
+    """A script, and its run, if any; `missing` are the parameters that a run would need."""
 
     statements: tuple[StatementFacts, ...]
     run: RunFacts | None = None

@@ -1,7 +1,7 @@
-"""What a search did level by level, counted by going through it once more.
+"""Counts of a search level by level, from a second run.
 
-While a search runs its steps are counted together: to tell their levels apart would cost time in its innermost loop.
-So a second, native run of the same search counts them, where nobody can notice that functions are called again.
+A search counts all its steps together, because counting by level would cost time in its innermost loop. So a second,
+native run of the same search counts them, where calling functions again has no effect.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def levels_of(result: Result) -> list[LevelCount] | str:
-    """The steps of the result's search by level, or why they cannot be counted."""
+    """The steps of the result's search by level, or the reason why they cannot be counted."""
     query = result.outline[-1].queries[-1].query if result.outline and result.outline[-1].queries else None
     if result.answer is None or query is None or query.search is None:
         return "the result is not that of a search"

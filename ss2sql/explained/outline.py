@@ -1,6 +1,6 @@
-"""What a result keeps of the compiled queries behind it, so that it can be explained later on.
+"""Outlines: what a result keeps of its compiled queries, so that it can be explained later.
 
-A compiled query is made anew when what it relied on has changed, so its parts are noted as they were in this run.
+A compiled query is replaced when its assumptions change, so an outline has its parts as they were in this run.
 """
 
 from __future__ import annotations
@@ -40,12 +40,11 @@ class Owner(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class OutlinedQuery:
-    """One query: as it is written and after the rewrites; what SQLite runs, or why it does not, and what would help.
+    """One query: as written and after the rewrites; SQLite's statement, or the reason against it and the cure.
 
-    `levels` is a search that goes by levels in another database, `duck` a query that is none, in DuckDB. `sql` is the
-    text that runs, or that SQLite would run, with the values that are bound in it, as far as they are known; `tell`
-    makes it. `passed_on` says why the engine that was asked for does not run the query. `handed` are what it reads of
-    tables of DuckDB instead of these.
+    `levels` is a search by levels in another database, `duck` another query in DuckDB. `sql` is the text that runs, or
+    that SQLite would run, with its bound values as far as they are known; `tell` makes it. `passed_on` is the reason
+    why the requested engine does not run the query. `handed` are the reads that replace tables of DuckDB.
     """
 
     host: Owner

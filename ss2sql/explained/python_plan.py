@@ -1,4 +1,4 @@
-"""What is done for a query that SQLite does not run, in the same words as SQLite's plan."""
+"""The plan of a query that SQLite does not run, in the same words as SQLite's plan."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ss2sql.explained.words import cut, queue_words
 from ss2sql.lowering.portable.here import WrittenHere
 from ss2sql.runtime.levels.query import InTables
 
-LONGEST = 60  # characters of what is walked
+LONGEST = 60  # characters of a source
 
 
 def plan_in_python(query: plan.Query) -> tuple[PlanLine, ...]:
@@ -36,7 +36,7 @@ def plan_in_python(query: plan.Query) -> tuple[PlanLine, ...]:
 
 
 def plan_in_tables(query: plan.Query, tables: InTables) -> tuple[PlanLine, ...]:
-    """The search as it goes from level to level in tables."""
+    """The plan of a search from level to level in tables."""
     search, kind = query.search, tables.kind
     assert search
     because = "" if tables.hindrance is None else f": {tables.hindrance}"
@@ -51,7 +51,7 @@ def plan_in_tables(query: plan.Query, tables: InTables) -> tuple[PlanLine, ...]:
 
 
 def plan_in_duckdb(query: plan.Query, written: WrittenHere) -> tuple[PlanLine, ...]:
-    """The sources of a query that is one SELECT."""
+    """The plan of a query that is one SELECT in DuckDB."""
     given = {id(table.value) for table in written.loaded}
     return (
         PlanLine(0, "finds the rows with one SELECT over"),
@@ -61,7 +61,7 @@ def plan_in_duckdb(query: plan.Query, written: WrittenHere) -> tuple[PlanLine, .
 
 
 def _in_duckdb(source: plan.Source, given: set[int], depth: int) -> Iterator[PlanLine]:
-    """A source, and if it is a query those of the query."""
+    """The lines of a source, and of a query's sources."""
     if isinstance(source, plan.QuerySource):
         yield PlanLine(depth, f"the rows of ({cut(source.query.span.text, LONGEST)}), over")
         for inner in source.query.sources:

@@ -1,7 +1,7 @@
 """SQLite's plan in words.
 
-`EXPLAIN QUERY PLAN` gives a tree of short lines such as `SEARCH edge USING INDEX i (src=?)`. Each kind of line that
-lowered queries lead to has its sentence here; any other is shown as SQLite says it.
+`EXPLAIN QUERY PLAN` gives a tree of short lines such as `SEARCH edge USING INDEX i (src=?)`. Each kind of line for
+lowered queries has its sentence here; any other is shown unchanged.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from ss2sql.lowering.sql_query import SqlQuery
 from ss2sql.records import dataclass
 from ss2sql.runtime.pool import Pool
 
-MOST_TEXT = 60  # characters of what is walked
+MOST_TEXT = 60  # characters of a source
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +33,7 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class Names:
-    """What the names of a statement stand for: those of walked values and of other tables; which next in a queue."""
+    """The meaning of a statement's names: values and tables; and the order of its queue."""
 
     walked: Mapping[str, str]
     tables: Mapping[str, str]
@@ -41,7 +41,7 @@ class Names:
 
 
 def plan_of(outlined: OutlinedQuery) -> tuple[PlanLine, ...]:
-    """What SQLite does for a query. Raises apsw.Error where it cannot tell: the session is closed, a table is gone."""
+    """SQLite's plan of a query. Raises apsw.Error where it is unavailable: the session is closed, a table is gone."""
     assert outlined.lowered is not None
     rows = _asked(outlined)
     names = _names(outlined.lowered, queue_words(outlined.query))
@@ -63,7 +63,7 @@ def _tree(rows: list[tuple[int, int, int, str]], parent: int) -> tuple[Line, ...
 
 
 def _in_words(lines: tuple[Line, ...], names: Names, depth: int, recursive: bool = False) -> list[PlanLine]:
-    """The lines in words. Loops over tables are nested in each other: a later one runs for each row of the former."""
+    """The lines in words. Loops over tables are nested: a later one runs for each row of the one before."""
     made: list[PlanLine] = []
     loops = 0
     for line in lines:
@@ -90,7 +90,7 @@ def _names(lowered: SqlQuery, queue: str) -> Names:
 
 
 def _sources(text: str) -> Iterator[tuple[str, str, str]]:
-    """What stands behind FROM and JOIN: a name, what is in parentheses behind it, and the name that it gets."""
+    """The sources after FROM and JOIN: a name, its arguments in parentheses, and its alias."""
     tokens = sqlglot.tokenize(text, read="sqlite")
     kinds = [token.token_type for token in tokens]
     for index, kind in enumerate(kinds):
@@ -109,7 +109,7 @@ def _sources(text: str) -> Iterator[tuple[str, str, str]]:
 
 
 def _closing(kinds: list[TokenType], opening: int) -> int:
-    """The place of the parenthesis that closes the one at a place."""
+    """The index of the parenthesis that closes the one at an index."""
     depth = 0
     for place in range(opening, len(kinds)):
         depth += (kinds[place] == TokenType.L_PAREN) - (kinds[place] == TokenType.R_PAREN)
@@ -119,19 +119,19 @@ def _closing(kinds: list[TokenType], opening: int) -> int:
 
 
 def _as_written(argument: str, texts: Mapping[str, str]) -> str:
-    """What is walked, as the script says it where it is a value that is bound."""
+    """A source; a bound value in the script's notation."""
     alone = re.fullmatch(r":(\w+)(?: /\*.*\*/)?", argument.strip(), re.DOTALL)
     return cut(texts.get(alone[1], alone[1]) if alone else argument, MOST_TEXT)
 
 
 def _called(name: str, alias: str) -> str:
-    """A source and its other name, unless that says nothing new."""
+    """A source and its alias, unless they are equal."""
     return name if alias in ("", "this", name, name.rpartition(".")[2]) else f"{name} (as {alias})"
 
 
 # --- sentences -----------------------------------------------------------------------------------------
 
-# With HEURISTIC, a step waits twice in the queue: as a result at its cost, and to be expanded with the estimate.
+# With HEURISTIC a step is in the queue twice: as a result at its cost, and to be expanded with the estimate.
 GUIDED = {
     "COMPOUND QUERY": "each step waits twice, for its own turn and for that of the steps after it:",
     "LEFT-MOST SUBQUERY": "the steps after it:",
@@ -160,7 +160,7 @@ def _table(found: re.Match[str], names: Names) -> str:
 
 
 def _conditions(text: str) -> str:
-    """`src=? AND n>?` with what is not known yet as an ellipsis."""
+    """`src=? AND n>?` with an ellipsis for each unknown value."""
     return re.sub(r"(\S+?)(<=|>=|=|<|>)\?", r"\1 \2 …", text).replace(" AND ", " and ")
 
 
@@ -172,7 +172,7 @@ def _scan(found: re.Match[str], names: Names) -> str:
 
 
 def _virtual(found: re.Match[str], names: Names) -> str:
-    """Tables of worlds tell in their plan what is asked of the adapter."""
+    """A virtual table; those of worlds list the adapter's filters in their plan."""
     name, asked = found["name"], found["asked"]
     if asked.startswith("each element"):
         left_out = re.fullmatch(r"each element, (.*) IS NOT \?", asked)

@@ -1,4 +1,4 @@
-"""An explanation as text for somebody who reads one for the first time."""
+"""An explanation as text, for first-time readers."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def _nested(plan: Iterable[PlanLine]) -> Iterator[str]:
 
 
 def _bound(parameters: Sequence[ParameterFacts], sign: str) -> Iterator[str]:
-    """The values that the SQL has as `:name` or `$name`, beside them what the script says, if it differs."""
+    """The values of `:name` or `$name` in the SQL, with the script's expressions where these differ."""
     if parameters:
         yield "values that are bound in it:"
     for parameter in parameters:
@@ -137,7 +137,7 @@ def _seconds(seconds: Mapping[str, float]) -> Iterator[str]:
 
 
 def _table(table: LevelTable) -> Iterator[str]:
-    """The rows of a table under its names, those in the middle left out if there are many, and the sums of all."""
+    """The rows of a table under its names, without the middle ones if there are many, and the sums."""
     sums = ("all", *(sum(column) for column in list(zip(*table.rows, strict=True))[1:]))
     rows: list[Sequence[int | str]] = [*table.rows]
     if len(rows) > MOST_LEVELS:

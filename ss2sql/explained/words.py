@@ -1,4 +1,4 @@
-"""The words for rewrites, searches and stages."""
+"""The vocabulary for rewrites, searches and stages."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ QUEUES = {
 
 
 def search_words(query: plan.Query) -> dict[str, str]:
-    """The strategy of a search: each of its keywords, and what can be relied on."""
+    """The strategy of a search: each of its keywords with its promise."""
     search = query.search
     if search is None:
         return {}
     order, guard = order_of(search), guard_of(search)
     found = {}
     if search.repeats != "memorize" or search.weight is not None:
-        found[order.keyword] = _sentence(order.promise.partition(";")[0])  # behind it is something about HEURISTIC
+        found[order.keyword] = _sentence(order.promise.partition(";")[0])  # the rest is about HEURISTIC
     if search.repeats == "memorize" and search.weight is not None:
         promise = "every path without a repeated row up to the bound"
         found[guard.keyword] = f"{promise}, {'the cheapest' if search.order == 'cost' else 'the likeliest'} first"
@@ -44,7 +44,7 @@ def search_words(query: plan.Query) -> dict[str, str]:
 
 
 def queue_words(query: plan.Query) -> str:
-    """Which of the steps that wait is taken next."""
+    """The step that is taken next from the queue."""
     search = query.search
     if search is None:
         return "the oldest first"

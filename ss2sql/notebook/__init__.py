@@ -1,7 +1,7 @@
 """SelectScript in notebooks: `%load_ext ss2sql` gives the magics `%%ss` and `%ss`.
 
-`magic` is the magics, `options` reads their first line, `names` finds what a script means by names of the notebook,
-`endings` has errors shown as messages. Only this package imports IPython.
+notebook/magic.py has the magics, notebook/options.py parses their first line, notebook/names.py finds names of the
+notebook for scripts, notebook/endings.py shows errors as messages. Only this package imports IPython.
 """
 
 from __future__ import annotations
@@ -10,14 +10,14 @@ from typing import Any
 
 
 def load_ipython_extension(shell: Any) -> None:
-    """What `%load_ext ss2sql` calls."""
+    """Called by `%load_ext ss2sql`."""
     from ss2sql.notebook.magic import ScriptMagics
 
     shell.register_magics(ScriptMagics(shell))
 
 
 def unload_ipython_extension(shell: Any) -> None:
-    """What `%unload_ext ss2sql` calls: the magics are gone, and the session that was theirs is closed."""
+    """Called by `%unload_ext ss2sql`: removes the magics and closes their session."""
     from ss2sql.notebook.magic import ScriptMagics
 
     magics = shell.magics_manager.registry.pop(ScriptMagics.__name__, None)

@@ -1,4 +1,4 @@
-"""How a cell ends that fails: errors of scripts as our message alone, those of the user's functions by their frames."""
+"""Errors of cells: those of scripts as a message alone, those of the user's functions with their own frames."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ OWN = (str(Path(__file__).parent.parent), "src/")  # src/ is apsw
 
 
 def told_shortly(error: Exception, shell: Any) -> Exception:
-    """The same exception, which IPython shows as we want: it asks exceptions for `_render_traceback_`."""
+    """The same exception, with a short traceback in IPython by its method `_render_traceback_`."""
     lines: Callable[[], list[str]]
     if isinstance(error, Error):
         color = getattr(shell, "colors", "nocolor").lower() != "nocolor"
         lines = lambda: [rendered(error, color)]  # noqa: E731
     elif not getattr(error, "_ss2sql_noted", False):
-        return error  # it does not come out of a function of the user
+        return error  # it comes from outside of the user's functions
     else:
         frames = users_frames(error.__traceback__)
         lines = lambda: shell.InteractiveTB.structured_traceback(type(error), error, frames)  # noqa: E731
     try:
         error._render_traceback_ = lines  # type: ignore[attr-defined]
     except AttributeError:
-        return error  # exceptions with __slots__ take nothing; IPython then shows all frames
+        return error  # exceptions with __slots__ cannot be marked; IPython then shows all frames
     return error
 
 
 def users_frames(traceback: TracebackType | None) -> TracebackType | None:
-    """The frames of a traceback that are neither ours nor IPython's on the way to us."""
+    """The frames of a traceback without ours and IPython's."""
     frames = []
     while traceback is not None:
         frames.append(traceback)

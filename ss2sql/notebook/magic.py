@@ -91,7 +91,7 @@ class ScriptMagics(Magics):
         return result if cell is None else None
 
     def _run(self, session: Session, source: Source, options: Options, shown: bool) -> Result:
-        """Runs the script, stores the result and shows it; also what there is of it when the run was broken off."""
+        """Runs the script, stores the result and shows it; a partial result as well."""
         try:
             trace = MOST_EVENTS if options.play else None
             result = session.run(source, options.engine, options.timeout, options.maximum, trace=trace)
@@ -114,14 +114,14 @@ class ScriptMagics(Magics):
             self._shell.user_ns[options.output] = result
 
     def _choose(self, options: Options) -> None:
-        """Has all cells from here on run in a session."""
+        """Makes a session the default of all later cells."""
         if options.session is None:
             raise UsageError("%ss needs a script: %ss SELECT this FROM [1, 2], or a cell that begins with %%ss")
         self._session(options.session)
         self._chosen = options.session
 
     def _session(self, name: str | None) -> Offered:
-        """The session of a variable, or the notebook's own, with what it was given of the notebook."""
+        """The session of a variable, or the notebook's own, with the names that it got from the notebook."""
         if name is None:
             if self._own is None:
                 self._own = connect()

@@ -1,7 +1,7 @@
-"""What a script means by the names that it does not know: functions and values of the notebook.
+"""Functions and values of the notebook for unknown names of a script.
 
-Only names that stand in the script are looked up, and only where the session has no meaning for them, so a variable
-`add` of the notebook never becomes the operator `+`.
+Only names in the script that the session does not know are looked up, so a variable `add` of the notebook never becomes
+the operator `+`.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from ss2sql.runtime.session import Session
 from ss2sql.runtime.values import SCALARS
 
 MISSING = object()
-UNKNOWN = ("R001", "R002", "R003")  # the codes of names, functions and sources that there are not
+UNKNOWN = ("R001", "R002", "R003")  # the codes for unknown names, functions and sources
 
 
 class Offered:
-    """What one session was given of a notebook's names, so that it hears of changes.
+    """The names that one session got from a notebook, so that changes are passed on.
 
     `names` is the notebook's namespace, `hidden` are the names in it that are IPython's own.
     """
@@ -36,10 +36,10 @@ class Offered:
         self._hidden = hidden
         self._functions: dict[str, Any] = {}
         self._values: dict[str, Any] = {}  # as they are in the notebook
-        self._kept: dict[str, Any] = {}  # and as the session holds them
+        self._kept: dict[str, Any] = {}  # the same in the session
 
     def offer(self, script: Source) -> None:
-        """Gives the session what the script uses of the notebook and the session does not know otherwise.
+        """Gives the session the notebook's values for names of the script that it does not know.
 
         Raises ParseError, and SessionError for what a session cannot take.
         """
@@ -50,7 +50,7 @@ class Offered:
             if callable(found) and self._is_new(name, found):
                 self._give_function(name, found)
         given = True
-        while given:  # what is known by now may have columns, so other names are unknown
+        while given:  # new values may have columns, which changes the unknown names
             given = self._give_all(self._unknown(tree))
 
     def told(self, error: ResolveError) -> ResolveError:
@@ -64,13 +64,13 @@ class Offered:
         return error
 
     def _find(self, name: str) -> Any:
-        """The notebook's meaning of a name; MISSING where it has none that a script could use."""
+        """The notebook's value of a name; MISSING where it has none that a script could use."""
         found = self._names.get(name, MISSING)
         own = name in self._hidden and found is self._hidden[name]
         return MISSING if own or name.startswith("_") or isinstance(found, ModuleType) else found
 
     def _is_new(self, name: str, function: Any) -> bool:
-        """Whether the session knows no function of the name, or has another one from the notebook."""
+        """Whether the session has no function of the name, or a former one from the notebook."""
         host = self.session.host
         if name in self._functions:
             current = host.functions.get(name)
@@ -83,13 +83,13 @@ class Offered:
         try:
             return with_room(lambda: resolve(tree, catalog)).parameters
         except ResolveError:
-            return ()  # running the script says what is wrong
+            return ()  # running the script raises the error
 
     def _give_all(self, names: Iterable[str]) -> bool:
         return sum(map(self._give, names)) > 0
 
     def _give(self, name: str) -> bool:
-        """Gives the session one name; False where the notebook does not know it either."""
+        """Gives the session one name; False where the notebook does not have it."""
         found = self._find(name)
         if found is MISSING:
             return False
@@ -111,7 +111,7 @@ class Offered:
         self._functions[name] = function
 
     def _take_back(self) -> None:
-        """Forgets the values that the notebook does not have any more; those that a script has set stay as they are."""
+        """Removes values that the notebook no longer has; values set by a script stay."""
         for name, value in list(self._values.items()):
             if self._held(name) is not self._kept[name]:
                 del self._values[name], self._kept[name]  # it is the session's own now

@@ -1,4 +1,4 @@
-"""The first line of `%%ss`: options, a name for the result, and what belongs to the script already."""
+"""The first line of `%%ss`: options, a name for the result, and the beginning of the script."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ TARGET = re.compile(r"\s*([^\W\d]\w*)\s*<<(?=\s|$)")
 
 
 class WrongOption(Exception):  # noqa: N818 - told by IPython as wrong usage
-    """An option that there is not, or with a value that it does not take."""
+    """An unknown option, or an invalid value of one."""
 
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """What the first line asks for.
+    """The options of the first line.
 
-    `output` is the variable for the result; `quiet`: it was named with `<<`, so nothing is shown. `rest` is what
-    stands behind the options.
+    `output` is the variable for the result; `quiet`: it was named with `<<`, so nothing is shown. `rest` follows the
+    options.
     """
 
     engine: Engine = "auto"
@@ -72,7 +72,7 @@ def _name(text: str) -> str:
     return text
 
 
-# What makes a value of each option's text; None for those without one.
+# The parser of each option's value; None for those without one.
 READERS: dict[str, tuple[str, Callable[[str], Any] | None]] = {
     "--engine": ("engine", _engine),
     "--timeout": ("timeout", _seconds),

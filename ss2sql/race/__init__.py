@@ -1,8 +1,8 @@
-"""The race of `ss2sql bench`: the same search by every engine and strategy, timed, and its answers compared.
+"""`ss2sql bench`: the same search by every engine and strategy, timed, and its answers compared.
 
-`heats` finds the statements that are raced and runs them, `lineup` says by which strategies, `timing` runs one. `jury`
-compares the answers, by what `promises` knows that they owe each other; `../told.py` reads from the plan what rows tell
-of a state. `cells` holds what came out, `sheet` and `picture` show it.
+race/heats.py finds the searches of a script and runs them, race/lineup.py lists the strategies, race/timing.py runs one
+statement. race/jury.py compares the answers by the laws of race/promises.py; ss2sql/told.py decides whether equal rows
+are equal steps. race/cells.py has the results, race/sheet.py and race/picture.py show them.
 """
 
 from __future__ import annotations

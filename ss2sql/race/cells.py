@@ -1,4 +1,4 @@
-"""How a race is run, and what comes of it."""
+"""The settings and the results of a comparison."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from ss2sql.runtime.engines import Engine
 
 @dataclass(frozen=True, slots=True)
 class Rules:
-    """How a race is run: who takes part, how often each runs after a first time, and for how many seconds at most.
+    """The settings: engines, strategies, the number of runs after a first one, and a limit in seconds.
 
-    `strategies` are options of CONNECT BY as a user writes them; "all" stands for all that suit the search. With
-    `memory` each runs once more, slowly, to see how much memory it takes.
+    `strategies` are options of CONNECT BY as a user writes them; "all" means all that suit the search. With `memory`
+    each runs once more, slowly, to measure its memory.
     """
 
     engines: tuple[Engine, ...] = ("database", "native")
@@ -27,11 +27,11 @@ class Rules:
 
 @dataclass(slots=True)
 class Cell:
-    """What one strategy came to on one engine.
+    """The result of one strategy on one engine.
 
-    `seconds` are those of its runs, `missing` says why there are none. `answer` is its answer in a few words: `same` if
-    it is that of the script as written, in whatever order, `forbidden` if the language forbids it. `paths` is None of
-    what is no search. `steps` and `calls` are those of one run.
+    `seconds` are those of its runs, `missing` the reason why there are none. `answer` is its answer in a few words:
+    `same` if it equals that of the script as written, in any order, `forbidden` if the language forbids it. `paths` is
+    None for statements that are no search. `steps` and `calls` are those of one run.
     """
 
     strategy: str

@@ -1,4 +1,4 @@
-"""The heats of a race, one for each statement that is a search: who runs, and when."""
+"""The runs of a comparison, for each statement that is a search."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ NO_SEARCH = ""  # in place of a strategy
 
 @dataclass(slots=True)
 class Heat:
-    """One statement of a script, `tree`, with its plan; its cells as they come, and what else there is to say."""
+    """The runs of one statement, `tree`, with its plan, its results so far, and notes."""
 
     session: Session
     rules: Rules
@@ -46,12 +46,12 @@ class Heat:
 
     @property
     def search(self) -> ast.Query | None:
-        """The search that is the statement, or what it assigns."""
+        """The search of the statement, perhaps assigned to a variable."""
         tree = self.tree.value if isinstance(self.tree, ast.Assign) else self.tree
         return tree if isinstance(tree, ast.Query) and tree.searches else None
 
     def run(self) -> Iterator[Cell]:
-        """Runs the cells; each is given out twice, when it begins and when it is done."""
+        """Runs strategies on engines; yields each result twice, at its start and at its end."""
         search = self.search
         own = Strategy(search.options if search else ())
         name = own.name if search else NO_SEARCH
@@ -64,7 +64,7 @@ class Heat:
         self._explain(own, jury)
 
     def _others(self, search: ast.Query, own: Strategy, jury: Jury) -> list[Strategy]:
-        """The strategies beside the script's own; the longest path that that has found bounds MEMORIZE."""
+        """The strategies beside the script's own, whose longest path bounds MEMORIZE."""
         first = jury.reference
         paths = found_paths(first.result) if first is not None and first.result is not None else None
         longest = max(map(len, paths), default=None) if paths is not None else None
@@ -98,7 +98,7 @@ class Heat:
             yield cell
 
     def _finished(self, strategy: Strategy, cell: Cell, jury: Jury) -> Finished | None:
-        """Runs a cell; the cell tells what kept it from giving an answer. The first error of the script is raised."""
+        """Runs a strategy on an engine and records the reason for a missing answer. Raises the script's first error."""
         engine: Any = cell.engine
         try:
             started = time.perf_counter()
@@ -127,7 +127,7 @@ class Heat:
         return None
 
     def _bound(self, stopped: Stopped) -> str:
-        """What a run has come up against."""
+        """The limit that ended a run."""
         if isinstance(stopped, Timeout):
             return f"over {self.rules.timeout:g} s"
         if isinstance(stopped, OutOfSteps):
@@ -144,15 +144,15 @@ class Heat:
 
 
 def _query(expr: plan.Expr) -> plan.Query | None:
-    """The query that a statement is, or that it assigns."""
+    """The query of a statement, perhaps assigned to a variable."""
     value = expr.value if isinstance(expr, plan.Assign) else expr
     return value.query if isinstance(value, plan.Subquery) else None
 
 
 def heats(session: Session, source: Source, rules: Rules) -> Iterator[Heat]:
-    """The heats of a script, in its order; each has to be run before the next one is asked for.
+    """The runs of a script's statements in order; each has to run before the next one is requested.
 
-    Its statements are the searches; the last query where there is none. The statements between them run as they are.
+    They are those of the searches, or of the last query where there is none. Other statements run once.
     Raises SessionError S002 where there is no query, and what compiling and running the script raises.
     """
     tree = parse(source)

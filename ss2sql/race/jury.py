@@ -1,4 +1,4 @@
-"""Judges the answers of one heat: those of two engines are the same, those of two strategies what the language says."""
+"""Comparison of answers: equal for two engines, related by the language's laws for two strategies."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from ss2sql.walk import walk
 
 
 def whims(query: plan.Query) -> str | None:
-    """Why two runs of a query may give two answers that are both right; None where they may not."""
+    """The reason why two runs of a query may differ, or None."""
     for node in walk(query):
         match node:
             case plan.Call(function=function) if function.volatility == "volatile":
@@ -35,7 +35,7 @@ AS_WRITTEN, REFERENCE = "as written", "the measure of the others"
 
 @dataclass(frozen=True, slots=True)
 class Finished:
-    """What a strategy gave on an engine: the result, or the error that it ended with, as text. `query` is its plan."""
+    """The outcome of a strategy on an engine: the result, or its error as text. `query` is its plan."""
 
     strategy: Strategy
     cell: Cell
@@ -57,17 +57,17 @@ class Finished:
 
 
 def _fits(limit: plan.Expr | None, number: int) -> bool:
-    """Whether so many results are certainly all that there are."""
+    """Whether a limit has certainly cut nothing from so many results."""
     return limit is None or (isinstance(limit, plan.Constant) and type(limit.value) is int and limit.value > number)
 
 
 @dataclass(slots=True)
 class Jury:
-    """Compares what comes in with the first that came in, the reference, and with the same strategy elsewhere."""
+    """Compares each outcome with the first one, the reference, and with the same strategy on another engine."""
 
-    own: str  # the strategy of the script as it is written
-    whim: str | None  # why two runs may rightly differ
-    unnamed: Sequence[str]  # what rows do not tell, see told.py
+    own: str  # the strategy of the script as written
+    whim: str | None  # the reason why two runs may differ
+    unnamed: Sequence[str]  # what clauses read beside the rows, see ss2sql/told.py
     reference: Finished | None = None
     _answer: Answer | None = None
     _by_strategy: dict[str, Finished] = field(default_factory=dict)
@@ -78,7 +78,7 @@ class Jury:
         return cls(own, whims(query) if query else None, unnamed(query) if query and searched else ())
 
     def judge(self, finished: Finished) -> None:
-        """Writes into the cell what is to be said of its answer."""
+        """Records the comparison of its answer in the result."""
         cell = finished.cell
         twin = self._by_strategy.setdefault(cell.strategy, finished)
         verdict = self._beside_reference(finished) if twin is finished else self._beside_twin(finished, twin)
@@ -87,7 +87,7 @@ class Jury:
         cell.answer, cell.same, cell.forbidden = verdict.words, verdict.same, verdict.forbidden
 
     def _beside_twin(self, finished: Finished, twin: Finished) -> Verdict:
-        """The same strategy on another engine has to give the same, errors included."""
+        """Compares with the same strategy on another engine, which must be equal, errors included."""
         if finished.failure or twin.failure:
             if finished.failure == twin.failure:
                 return Verdict("")
@@ -115,7 +115,7 @@ class Jury:
 
 
 def _same(one: Result, other: Result) -> bool:
-    """Whether two results are the same: the same rows or paths in the same order, the same value of anything else."""
+    """Whether two results are equal: rows or paths in the same order, or values."""
     if one.columns != other.columns or one.status != other.status:
         return False
     if one.answer is None or other.answer is None:

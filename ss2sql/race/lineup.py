@@ -1,4 +1,4 @@
-"""The strategies that take part: the script's own, and those that find the same paths or a promised part of them."""
+"""Strategies for a search: the script's own, and those that find the same paths or a promised part of them."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Strategy:
 
     @property
     def order(self) -> str:
-        """The order, written or not."""
+        """The order, also the default one."""
         written = next((option.keyword for option in self.options if option.keyword in ORDERS), None)
         return written or ("BREADTH FIRST" if self.repeats == "UNIQUE" else "DEPTH FIRST")
 
@@ -37,7 +37,7 @@ class Strategy:
 
     @property
     def name(self) -> str:
-        """The options as a script writes them; the order only where it does not go without saying."""
+        """The options as a script writes them, without a default order."""
         usual = "BREADTH FIRST" if self.repeats == "UNIQUE" else "DEPTH FIRST"
         words = [] if self.order in WEIGHTS or (self.repeats and self.order == usual) else [self.order]
         chosen = map(self.option, (*WEIGHTS, "HEURISTIC", self.repeats, "MAXIMUM"))
@@ -54,12 +54,11 @@ def _text(option: ast.Option) -> str:
 
 
 def lineup(query: ast.Query, longest: int | None) -> list[Strategy]:
-    """The strategies that a search can run by without losing its meaning, its own one apart.
+    """The other strategies that keep the meaning of a search.
 
-    Rows that may repeat are also searched without those that do, and once each; where a search is told not to repeat
-    rows, the others keep to that. A cost or probability stays where the results are cut, for it chooses them then.
-    `longest` is the number of steps of the longest path that the search's own strategy has found, which bounds
-    MEMORIZE; None where that is not known.
+    A search with repeated rows also runs without them, and with each row once; a search without repeated rows keeps its
+    rule. A cost or probability stays where the results are cut, since it chooses them. `longest` is the number of steps
+    of the longest path that the search's own strategy has found, which bounds MEMORIZE; None if unknown.
     """
     own = Strategy(query.options)
     found: list[Strategy] = []
@@ -118,7 +117,7 @@ def _maximum(own: Strategy) -> tuple[ast.Option, ...]:
 
 
 def strategy_of(text: str, own: Sequence[ast.Option]) -> Strategy:
-    """The strategy that a user has written out, `UNIQUE COST km`; the script's MAXIMUM stays unless it names one.
+    """The strategy that a user has written, `UNIQUE COST km`; the script's MAXIMUM stays unless it names one.
 
     Raises ParseError, and SessionError S002 for text with more than options in it.
     """

@@ -1,4 +1,4 @@
-"""The race as bars: one for each strategy and engine, the time of its best run."""
+"""A bar chart: the time of the best run of each strategy and engine."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from ss2sql.results import package
 from ss2sql.results.looks import BLUE, ORANGE, RED, open_frame, short
 
 COLOURS = {"database": BLUE, "native": ORANGE}
-WIDE = 50  # times the fastest from which on the bars are drawn on a logarithmic scale
+WIDE = 50  # the multiple of the fastest time above which the scale is logarithmic
 MOST_TEXT = 75
 
 
 def draw(heats: Sequence[Heat], path: Path) -> None:
-    """Writes the picture of a race, one field for each statement. Raises SessionError S003 without matplotlib."""
+    """Writes the chart, one field for each statement. Raises SessionError S003 without matplotlib."""
     package("matplotlib", "plot", "bench --plot").use("Agg")
     pyplot = package("matplotlib.pyplot", "plot", "bench --plot")
     raced = [heat for heat in heats if any(cell.best for cell in heat.cells)] or list(heats)
@@ -62,7 +62,7 @@ def _field(heat: Heat, field: Any) -> None:
 
 
 def _places(cells: Sequence[Cell]) -> tuple[list[float], list[tuple[float, str]]]:
-    """Where the bars are, those of one strategy beside each other; where its name is."""
+    """The positions of the bars, grouped by strategy, and of the strategies' names."""
     places: list[float] = []
     of: dict[str, list[float]] = {}
     here = -1.0
@@ -74,7 +74,7 @@ def _places(cells: Sequence[Cell]) -> tuple[list[float], list[tuple[float, str]]
 
 
 def _label(cell: Cell) -> str:
-    """The time, and the answer where it is another one."""
+    """The time, and the answer where it differs."""
     assert cell.best is not None
     told = "" if cell.same else f", {cell.answer}"
     return f"{milliseconds(cell.best)} ms{short(told, MOST_TEXT)}"

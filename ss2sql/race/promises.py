@@ -1,4 +1,4 @@
-"""What the language promises of two answers to the same search, found by two strategies, and whether it is kept."""
+"""Laws: how the answers of two strategies to the same search are related, and whether they obey."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Path: TypeAlias = tuple[tuple[Hashable, ...], ...]
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """An answer in a few words: the `same` in whatever order, another one, or one that the language forbids."""
+    """An answer in a few words: the `same` in any order, another one, or one that the language forbids."""
 
     words: str
     forbidden: bool = False
@@ -32,7 +32,7 @@ REORDERED = Verdict("same, other order", same=True)
 class Answer:
     """The paths that a strategy has found. `bound` is that of MEMORIZE, `cut`: there may be more than these.
 
-    `sorted`: the query says in which order they come.
+    `sorted`: the query fixes their order.
     """
 
     strategy: Strategy
@@ -51,7 +51,7 @@ class Answer:
 
 
 def alike(one: Any, other: Any) -> bool:
-    """Whether two values are the same in every respect: 1 and 1.0 are not."""
+    """Whether two values are identical, unlike 1 and 1.0."""
     if isinstance(one, (list, tuple)):
         return type(one) is type(other) and len(one) == len(other) and all(map(alike, one, other))
     if isinstance(one, dict):
@@ -60,7 +60,7 @@ def alike(one: Any, other: Any) -> bool:
 
 
 def broken_rule(answer: Answer) -> str | None:
-    """What an answer does that its own strategy promises not to, whatever others find."""
+    """The law of its own strategy that an answer breaks, if any."""
     rule, lengths = answer.strategy.repeats, [len(path) for path in answer.paths]
     if rule and any(len(set(path)) < len(path) for path in answer.paths):
         return f"a row repeats on a path of {rule}"
@@ -75,10 +75,10 @@ def broken_rule(answer: Answer) -> str | None:
 
 
 def compared(own: Answer, other: Answer, unnamed: Sequence[str]) -> Verdict:
-    """The answer of a strategy beside that of the script's own.
+    """The verdict on a strategy's answer beside that of the script's own strategy.
 
-    `unnamed` is what SELECT does not name although other clauses read it, see told.py: with any of it the language
-    promises nothing of MEMORIZE, nor which rows UNIQUE reaches.
+    `unnamed` is what other clauses read beside SELECT, see ss2sql/told.py: with any of it the language promises
+    nothing for MEMORIZE, nor which rows UNIQUE reaches.
     """
     broken = broken_rule(other)
     if broken is not None:
@@ -98,7 +98,7 @@ def compared(own: Answer, other: Answer, unnamed: Sequence[str]) -> Verdict:
 
 
 def compared_rows(own: Sequence[Sequence[Any]], other: Sequence[Sequence[Any]]) -> Verdict:
-    """The rows of groups, found by another order of the same search; sums of floats may depend on it."""
+    """The verdict on rows of groups from another order of the same search, on which sums of floats may depend."""
     one, two = ([tuple(map(freeze, row)) for row in rows] for rows in (own, other))
     if one == two:
         return SAME
@@ -113,7 +113,7 @@ def _weighted(answer: Answer) -> bool:
 
 
 def _of_selections(own: Answer, other: Answer) -> Verdict:
-    """Two answers of which one was cut; where the strategies find the same paths, the same number is left."""
+    """The verdict on two answers of which one was cut: strategies with the same paths have the same number."""
     same_rule = own.strategy.repeats == other.strategy.repeats and own.strategy.repeats in ("", "NO CYCLE")
     dropping = "PROBABILITY" in (own.strategy.order, other.strategy.order)
     if same_rule and not dropping and own.cut and other.cut and len(own.paths) != len(other.paths):
@@ -140,7 +140,7 @@ def _difference(own: Answer, other: Answer, settled: bool) -> str | None:
 
 
 def _unlike_unique(unique: Answer, wider: Answer, settled: bool) -> str | None:
-    """What contradicts that UNIQUE takes some of the paths, one to every row."""
+    """A contradiction to the law that UNIQUE finds some of the paths, one to every row."""
     if wider.strategy.repeats in ("", "NO CYCLE") and not _drops(wider):
         foreign = set(unique.paths) - set(wider.paths)
         if foreign:
@@ -162,7 +162,7 @@ def _drops(answer: Answer) -> bool:
 
 
 def _allowed_by(answer: Answer, paths: Iterable[Path]) -> Counter[Path]:
-    """Those of some paths that the strategy of an answer could find."""
+    """The paths that the strategy of an answer could find."""
     bound = answer.bound
     simple = bool(answer.strategy.repeats)
     return Counter(
@@ -171,7 +171,7 @@ def _allowed_by(answer: Answer, paths: Iterable[Path]) -> Counter[Path]:
 
 
 def _words(own: Answer, other: Answer) -> str:
-    """A difference that the language promises."""
+    """A difference that the language allows, in words."""
     here, there = len(own.paths), len(other.paths)
     if own.strategy.repeats == other.strategy.repeats == "UNIQUE":
         return "other paths to the same rows"

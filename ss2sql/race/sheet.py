@@ -1,4 +1,4 @@
-"""What a race came to, as a table for people and as data."""
+"""The report of a comparison, as a table for people and as data."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ def title(heat: Heat) -> str:
 
 
 def ratios(cells: Sequence[Cell]) -> list[float | None]:
-    """How many times as long as the fastest each took, by its best run."""
+    """The ratio of each best run to the fastest one."""
     fastest = min((cell.best for cell in cells if cell.best is not None), default=None)
     return [cell.best / fastest if cell.best is not None and fastest else None for cell in cells]
 
 
 def show(heat: Heat, rules: Rules, console: Console) -> None:
-    """Prints the table of one statement and what is to be said of it."""
+    """Prints the table of one statement with its notes."""
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
     from rich.text import Text
@@ -58,7 +58,7 @@ def show(heat: Heat, rules: Rules, console: Console) -> None:
 
 
 def _summary(heat: Heat) -> list[str]:
-    """The fastest with the same answer, and how much that gains over the script as it is written."""
+    """The fastest with the same answer, and its speedup over the script as written."""
     same = [cell for cell in heat.cells if cell.same and cell.best]
     if len(same) < 2:
         return []
@@ -75,7 +75,7 @@ def _summary(heat: Heat) -> list[str]:
 
 
 def _reasons(cells: Sequence[Cell]) -> list[str]:
-    """Why cells are empty, one line for each reason."""
+    """The reasons for missing results, one line each."""
     places: dict[str, list[str]] = {}
     for cell in cells:
         if cell.missing is not None:
@@ -99,7 +99,7 @@ def _figures(cell: Cell, ratio: float | None, memory: bool) -> list[str]:
 
 
 def _answer(cell: Cell, above: Cell | None) -> str:
-    """The answer in a few words; those of the same strategy above it are not said again."""
+    """The answer in a few words, unless the same strategy has it in the row above."""
     if above is not None and cell.answer == above.answer and len(cell.answer) > len(SAME.words):
         return f"as {above.engine}"
     return "FORBIDDEN: " * cell.forbidden + cell.answer or ("not run" if cell.missing else "")
@@ -111,7 +111,7 @@ def milliseconds(seconds: float) -> str:
 
 
 def outcome(heats: Sequence[Heat], rules: Rules) -> dict[str, Any]:
-    """All that was measured, for JSON."""
+    """All measurements, for JSON."""
     from ss2sql import __version__
 
     machine = {

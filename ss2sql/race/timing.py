@@ -23,7 +23,7 @@ from ss2sql.walk import walk
 
 
 def compiled(session: Session, statement: ast.Expr, engine: Engine) -> Query:
-    """One statement, compiled for an engine. Raises what compiling raises, UnsupportedError among it."""
+    """One statement, compiled for an engine. Raises the errors of compilation, such as UnsupportedError."""
     tree = ast.Script((statement,), span=statement.span)
     program = with_room(lambda: resolve(tree, session.host.catalog()))
     query = Query(session.host, session.execute, tree, program, engine)
@@ -32,10 +32,10 @@ def compiled(session: Session, statement: ast.Expr, engine: Engine) -> Query:
 
 
 def timed(session: Session, query: Query, rules: Rules, cell: Cell) -> Result:
-    """Runs a statement again and again, puts what that took into the cell, and gives the result of the first run.
+    """Runs a statement repeatedly, records the times in the cell, and gives the result of the first run.
 
-    The first run finds nothing ready, so it does not count, unless it alone took more than half of the time that there
-    is. No further run begins when the time is over. Every run finds the variables as the first one did.
+    The first run has cold caches and does not count, unless it took more than half of the time limit. No further run
+    begins after the limit. Every run starts with the variables of the first one.
     """
     keeper = _Variables(session, query)
     first, seconds = _run(query, rules)
@@ -57,7 +57,7 @@ def timed(session: Session, query: Query, rules: Rules, cell: Cell) -> Result:
 
 
 def _run(query: Query, rules: Rules) -> tuple[Result, float]:
-    """One run, with the value that AS makes; what the script prints is not seen."""
+    """One run, with the value that AS makes; the script's output is hidden."""
     with open(os.devnull, "w", encoding="utf-8") as nowhere, redirect_stdout(nowhere):
         started = time.perf_counter()
         result = query.run(timeout=rules.timeout)
@@ -66,7 +66,7 @@ def _run(query: Query, rules: Rules) -> tuple[Result, float]:
 
 
 def _memory(query: Query, rules: Rules) -> int:
-    """The bytes that a run takes at most, Python's and SQLite's, the largest of each."""
+    """The peak memory of a run in bytes, the largest of Python's and SQLite's each."""
     apsw.memory_high_water(True)
     before = apsw.memory_used()
     tracemalloc.start()

@@ -1,7 +1,7 @@
-"""What a result can become: text (`show`), frames (`kinds`, `frames`), files (`files`), graphs and plots.
+"""Conversions of results: to text (`show`), frames (`kinds`, `frames`), files (`files`), graphs and plots.
 
 All of them read the table of a result, its `columns` and the tuples of its iteration, or the paths of a search.
-Packages of the extras are imported by the functions that need them, and `package` says so where one is missing.
+Packages of the extras are imported by the functions that need them; `package` raises for a missing one.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def package(name: str, extra: str, user: str) -> Any:
-    """A package of an extra, or the error S003 that says how to install it; `user` is what needs it."""
+    """A package of an extra. Raises SessionError S003 with the install command; `user` is what needs it."""
     try:
         return import_module(name)
     except ImportError as reason:
@@ -33,7 +33,7 @@ def package(name: str, extra: str, user: str) -> Any:
 
 
 def rows_of(result: Result) -> Iterator[Row]:
-    """The rows that a result gives, which are the caller's own, as plain tuples."""
+    """Copies of the rows of a result as plain tuples."""
     if result.answer is None:
         yield (result.value,)
     elif result.answer.rows.paths is not None:
@@ -46,7 +46,7 @@ def rows_of(result: Result) -> Iterator[Row]:
 
 
 def all_rows_of(result: Result) -> list[Row]:
-    """All these rows at once. Raises Timeout or OutOfMemory where this takes more than the run has left for it."""
+    """All these rows at once. Raises Timeout or OutOfMemory beyond the remaining limits of the run."""
     with result.reading() as check:
         return list(checked(rows_of(result), check))
 
@@ -57,5 +57,5 @@ def fresh_row(row: Row) -> Row:
 
 
 def found_paths(result: Result) -> Sequence[Sequence[Row]] | None:
-    """The paths of a search as the executor left them, not to be changed; None of anything else."""
+    """The paths of a search without copies, not to be changed; None of other results."""
     return None if result.answer is None else result.answer.rows.paths

@@ -19,7 +19,7 @@ MOMENTS = (datetime.date, datetime.time)  # a datetime is a date
 
 
 def csv_text(result: Result) -> str:
-    """A line of names and one for each row; None is empty, a list or a dict the text of its JSON."""
+    """A line of names and one for each row; None is empty, lists and dicts are JSON."""
     lines = _Lines()
     writer = csv.writer(lines, lineterminator="\r\n")
     writer.writerow(result.columns)
@@ -29,7 +29,8 @@ def csv_text(result: Result) -> str:
 
 
 class _Lines(list[str]):
-    """Lines that end with a newline, of a writer that quotes what its own end of a line has: a carriage return, too."""
+    """Lines with newlines from a writer whose line ends are "\\r\
+", so that it quotes carriage returns, too."""
 
     def write(self, line: str) -> None:
         self.append(line.removesuffix("\r\n") + "\n")
@@ -49,9 +50,7 @@ def json_text(value: Any) -> str:
 
 
 def plain(value: Any) -> Any:
-    """The value in the forms of JSON: sets and arrays as lists, keys of several values as the text of a list, dates as
-    ISO 8601 writes them, other objects as text.
-    """
+    """The value for JSON: sets and arrays as lists, tuples as keys as JSON lists, dates in ISO 8601, others as text."""
     match value:
         case None | bool() | int() | float() | str():
             return value
@@ -77,7 +76,7 @@ def _key(key: Any) -> Any:
 def write(text: str, path: str | Path | None) -> str | None:
     """Writes the text to a file, or gives it back where there is no path.
 
-    A lone surrogate, which no encoding has, becomes its escape, which JSON reads back.
+    A lone surrogate, which cannot be encoded, becomes its escape, which JSON reads back.
     """
     if path is None:
         return text
@@ -86,6 +85,6 @@ def write(text: str, path: str | Path | None) -> str | None:
 
 
 def write_parquet(result: Result, path: str | Path) -> None:
-    """Writes a Parquet file. Raises RepresentationError V001 for a column that Arrow has no type for."""
+    """Writes a Parquet file. Raises RepresentationError V001 for a column without a type in Arrow."""
     parquet = package("pyarrow.parquet", "df", "parquet()")
     parquet.write_table(to_arrow(result), path)

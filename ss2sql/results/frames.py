@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def columns_of(result: Result) -> list[tuple[str, list[Any], Shape]]:
-    """The columns of a result: their names, their values and what these consist of."""
+    """The columns of a result: names, values and shapes."""
     rows = all_rows_of(result)
     parts = zip(*rows, strict=True) if rows else [()] * len(result.columns)
     types = {} if result.answer is None else result.answer.types
@@ -29,7 +29,7 @@ def columns_of(result: Result) -> list[tuple[str, list[Any], Shape]]:
 
 
 def to_pandas(result: Result) -> Any:
-    """A pandas DataFrame: bool, int64, float64 and text where every value is one, Int64 and boolean beside None."""
+    """A pandas DataFrame: bool, int64, float64 and text for columns without None, Int64 and boolean with None."""
     pandas = package("pandas", "df", "df()")
     columns = [_pandas_series(pandas, values, shape) for _, values, shape in columns_of(result)]
     frame = pandas.DataFrame(dict(enumerate(columns)), index=pandas.RangeIndex(len(columns[0])))
@@ -68,7 +68,7 @@ def _objects(pandas: Any, values: Sequence[Any]) -> Any:
 
 
 def to_polars(result: Result) -> Any:
-    """A Polars DataFrame; columns that Polars has no type for are of its type Object."""
+    """A Polars DataFrame; columns without a type in Polars get its type Object."""
     polars = package("polars", "df", "pl()")
     columns = []
     for name, values, shape in columns_of(result):
@@ -110,7 +110,7 @@ def _has_empty_struct(shape: Shape) -> bool:
 
 
 def to_arrow(result: Result) -> Any:
-    """A table of pyarrow. Raises RepresentationError V001 for a column that Arrow has no type for."""
+    """A table of pyarrow. Raises RepresentationError V001 for a column without a type in Arrow."""
     arrow = package("pyarrow", "df", "arrow()")
     arrays, fields = [], []
     for name, values, shape in columns_of(result):
@@ -123,7 +123,7 @@ def to_arrow(result: Result) -> Any:
 
 
 def refuse(name: str, values: Sequence[Any]) -> NoReturn:
-    """The error for a column that Arrow has no type for: the value that it is, or the first that does not fit."""
+    """The error for a column without a type in Arrow; it shows the first value that does not fit."""
     hint = "select what can be told of it, such as its name, or take df(), whose columns hold any object"
     so_far: Shape = NONE
     first = next(value for value in values if value is not None)

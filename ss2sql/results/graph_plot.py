@@ -17,11 +17,11 @@ if TYPE_CHECKING:
     from ss2sql.runtime.result import Result
 
 MOST_NODES = 150
-MOST_NAMED = 40  # nodes that are written at
+MOST_NAMED = 40  # nodes with labels
 MOST_TEXT = 22
 MOST_LINES = 2  # in the text of a node, one for each column
 WIDEST = 18.0  # inches of a picture
-LONGER = 2  # times the layers by steps that the other ones may be
+LONGER = 2  # layers with all edges to the right, at most this multiple of the layers by steps
 SWEEPS = 4  # over the layers, to draw neighbours close to each other
 RING = 2.2  # points of the ring around a first step
 TALL = 0.5  # inches that a row of a tree takes
@@ -46,7 +46,7 @@ def draw_graph(result: Result, ax: Any, most: int | None, own: bool) -> str:
 
 
 def draw_tree(result: Result, ax: Any, most: int | None, own: bool) -> str:
-    """Draws the tree of the first paths: those that begin with the same rows share these; gives the title."""
+    """Draws the tree of the first paths, with common beginnings shared; gives the title."""
     networkx = package("networkx", "plot", "plot()")
     paths = found_paths(result)
     assert paths is not None
@@ -82,7 +82,7 @@ def tree(networkx: Any, paths: Sequence[Sequence[Row]], most: int | None) -> tup
 
 
 def branched(made: Any, roots: list[int]) -> dict[Any, tuple[int, float]]:
-    """A place for each node of trees: the ends one under the other, every other node in the middle of its children."""
+    """A position for each node of trees: leaves one under the other, others in the middle of their children."""
     places: dict[Any, tuple[int, float]] = {}
     ends = 0
     depths = dict.fromkeys(roots, 1)
@@ -113,7 +113,7 @@ def _draw(
     size: tuple[int, float] | None,
     arrows: bool = True,
 ) -> None:
-    """Nodes, edges and texts; `size` is the number of layers and the height in inches of a figure of ours."""
+    """Draws nodes, edges and labels; `size` is the number of layers and the height in inches of our own figure."""
     layers = size[0] if size else max(across for across, _ in places.values())
     widest = max(len(line) for text in texts.values() for line in text.splitlines())
     wide = 1.5 + layers * max(0.7, 0.09 * widest)  # inches
@@ -137,7 +137,7 @@ def _draw(
 def _draw_nodes(
     networkx: Any, made: Any, places: Mapping[Any, tuple[int, float]], ax: Any, size: int, arrows: bool
 ) -> None:
-    """The nodes and the edges: straight ones to the next layer, others bent around the nodes between."""
+    """Draws nodes and edges: straight ones to the next layer, others bent around the nodes between."""
     told = [data for _, data in made.nodes(data=True)]
     networkx.draw_networkx_nodes(
         made, places, ax=ax, node_size=size,
@@ -165,7 +165,7 @@ def _fitting(result: Result, total: int) -> tuple[Any, int]:
 
 
 def layers_of(networkx: Any, made: Any) -> list[list[Any]]:
-    """The nodes from left to right: if possible so that every edge leads to the right, else by least steps."""
+    """The layers from left to right: if possible with all edges to the right, else by least steps."""
     steps: defaultdict[int, list[Any]] = defaultdict(list)
     for node, data in made.nodes(data=True):
         steps[data["step"]].append(node)
@@ -177,7 +177,7 @@ def layers_of(networkx: Any, made: Any) -> list[list[Any]]:
 
 
 def layered(made: Any, layers: list[list[Any]]) -> dict[Any, tuple[int, float]]:
-    """A place for each node: across by its layer, up and down near its neighbours."""
+    """A position for each node: its layer's x, and a y near its neighbours."""
     heights: dict[Any, float] = {}
     for nodes in layers:
         heights.update(_spread(nodes))

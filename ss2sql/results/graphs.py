@@ -18,7 +18,7 @@ NONE: Any = type(None)
 
 
 def graph(result: Result, most: int | None = None) -> Any:
-    """A networkx.DiGraph of the rows of the first `most` paths: what `Result.graph` describes."""
+    """A networkx.DiGraph of the rows of the first `most` paths, see `Result.graph`."""
     networkx = package("networkx", "plot", "graph()")
     paths = found_paths(result)
     if paths is None:
@@ -47,7 +47,7 @@ def graph(result: Result, most: int | None = None) -> Any:
 def node(row: Row) -> Hashable:
     """The node of a row: its value where it has one column, else a tuple of its values; equal rows are one node.
 
-    None alone, which networkx takes for no node, is NoneType.
+    None alone, which is no node for networkx, becomes NoneType.
     """
     if len(row) != 1:
         return tuple(map(_hashable, row))

@@ -1,7 +1,7 @@
-"""What the columns of a result consist of: what frames and files need to know before they take the values.
+"""The shapes of result columns: the types that frames and files need before they take the values.
 
-The values decide; where there are none, or only None, the plan's promise does. `ANY` is what no frame has a type for:
-objects, values of several kinds in one column, whole numbers beyond 2^53 beside floats.
+The values decide; where there are none, or only None, the plan's promise does. `ANY` has no type in frames: objects,
+values of several kinds in one column, whole numbers beyond 2^53 beside floats.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ EXACT = 2**53  # floats hold whole numbers up to this one
 
 @dataclass(frozen=True, slots=True)
 class Scalar:
-    """Values of one kind; `large` says that whole numbers among them are no floats."""
+    """Values of one kind; `large`: some whole numbers have no exact float."""
 
     name: Literal["none", "bool", "int", "float", "str", "bytes", "date", "datetime", "any"]
     large: bool = False
@@ -50,13 +50,13 @@ PLAN = ((Kind.BOOL, BOOL), (Kind.INT, INT), (Kind.NUMBER & ~Kind.BOOL, FLOAT), (
 
 
 def shape_of(values: Sequence[Any], promised: Type | None = None) -> Shape:
-    """What the values of a column have in common; `promised` is what the plan says of them."""
+    """The common shape of the values of a column; `promised` is the plan's type."""
     found = _of_values(values)
     return found if promised is None else promised_shape(found, promised)
 
 
 def promised_shape(found: Shape, promised: Type) -> Shape:
-    """What was found of a column, and what the plan says of it where nothing was."""
+    """The shape found, completed by the plan's type where no values were."""
     return _filled(found, _of_type(promised))
 
 
@@ -103,7 +103,7 @@ def _encodable(texts: Iterable[str]) -> bool:
 
 
 def merged(left: Shape, right: Shape) -> Shape:
-    """What has room for the values of both."""
+    """The smallest shape for the values of both."""
     match left, right:
         case _ if left == right:
             return left
@@ -138,7 +138,7 @@ def _of_type(promised: Type) -> Shape:
 
 
 def _filled(found: Shape, promised: Shape) -> Shape:
-    """What was found, and what is promised where nothing was."""
+    """The shape found, completed by the promised one where no values were."""
     match found, promised:
         case Scalar("none"), _:
             return promised
@@ -152,7 +152,7 @@ def _filled(found: Shape, promised: Shape) -> Shape:
 
 
 def holds_any(shape: Shape) -> bool:
-    """Whether there are values in it, however deep, that no frame has a type for."""
+    """Whether it contains, at any depth, values without a type in frames."""
     match shape:
         case ListOf(item):
             return holds_any(item)
@@ -163,7 +163,7 @@ def holds_any(shape: Shape) -> bool:
 
 
 def as_floats(value: Any, shape: Shape) -> Any:
-    """The value with whole numbers as floats where its shape says float, since not every library does that itself."""
+    """The value with whole numbers as floats where its shape is float, for libraries that do not convert."""
     match shape:
         case _ if value is None:
             return None

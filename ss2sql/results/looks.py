@@ -1,4 +1,4 @@
-"""What all pictures have in common: colours that colour-blind people tell apart, titles, legends, refusals.
+"""The style of all plots: colours for colour-blind people too, titles, legends, errors.
 
 The colours are those of Okabe and Ito, https://jfly.uni-koeln.de/color/.
 """
@@ -24,7 +24,7 @@ def refuse(message: str, *hints: str) -> NoReturn:
 
 
 def plain(text: str) -> str:
-    """A name or a value as it is shown: two dollars would make a formula of what is between them."""
+    """A name or a value with escaped dollars, which would enclose a formula."""
     return text.replace("$", r"\$")
 
 
@@ -34,14 +34,14 @@ def cut(text: str, most: int) -> str:
 
 
 def short(text: str, most: int) -> str:
-    """At most so many characters of a name or a value, as they are shown."""
+    """At most so many characters of a name or a value, with escaped dollars."""
     return plain(cut(text, most))
 
 
 def styles(number: int, total: int, wider: float) -> dict[str, Any]:
-    """How the line of a path looks: few have a colour each, among many only the first one has.
+    """The style of a path's line: few paths have a colour each, of many only the first one.
 
-    Where few may lie on each other, the later ones are `wider` and stand out at the sides.
+    Few lines that may lie on each other become `wider`, so that the later ones are visible at the sides.
     """
     if total <= FEW:
         width = 1.8 + wider * (number - 1)
@@ -52,14 +52,14 @@ def styles(number: int, total: int, wider: float) -> dict[str, Any]:
 
 
 def ends(ax: Any, starts: Any, goals: Any, width: int = 2) -> None:
-    """The marks of first and last steps."""
+    """Marks first and last steps."""
     if starts is not None:
         ax.scatter(*starts.T[:width], s=55, color=GREEN, edgecolor="white", zorder=40, label="first step")
     ax.scatter(*goals.T[:width], s=120, marker="*", color=INK, edgecolor="white", zorder=41, label="last step")
 
 
 def legend(ax: Any) -> None:
-    """The names of the lines, the first path first; beside the picture unless a map has its colours there."""
+    """Draws the legend of the lines, beside the picture unless a map has its colours there."""
     handles, labels = ax.get_legend_handles_labels()
     named = dict(sorted(zip(labels, handles, strict=True), key=lambda pair: (not pair[0].startswith("path"), pair[0])))
     if ax.images:
@@ -92,5 +92,5 @@ def paths_drawn(total: int, drawn: int) -> str:
 
 
 def ended(result: Result) -> str:
-    """The status in a title, if it is worth a word."""
+    """The status for a title, unless the run is complete."""
     return "" if result.status == "complete" else f" ({result.status})"

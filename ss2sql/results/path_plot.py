@@ -40,7 +40,7 @@ MOST_BARS = 100
 
 @dataclass(frozen=True, slots=True)
 class Places:
-    """Where rows are: what finds it, the names of the axes, and whether these are of one unit."""
+    """The coordinates of rows: the function that reads them, the names of the axes, and whether these have one unit."""
 
     of: Callable[[Row], Sequence[float]]
     names: tuple[str, ...] = ()
@@ -48,10 +48,10 @@ class Places:
 
 
 def places(columns: Sequence[str], rows: Sequence[Row]) -> Places | None:
-    """Where rows are; None where they are nowhere.
+    """The coordinates of rows; None where they have none.
 
-    It is the only list of two or three numbers in the rows, or else two or three columns of numbers. Rows with other
-    lists or dicts are nowhere: they are states of a puzzle, and the lists of two numbers in them its moves.
+    They are the only list of two or three numbers in the rows, or else two or three columns of numbers. Rows with other
+    lists or dicts have none: they are states of a puzzle, and lists of two numbers in them are its moves.
     """
     if not rows:
         return None
@@ -80,7 +80,7 @@ def is_number(value: Any) -> bool:
 
 
 def draw_paths(result: Result, paths: Found, where: Places, ax: Any, most: int | None) -> str:
-    """One line for each path, over whatever the Axes show; the first one lies on top, and so do the ends of all."""
+    """Draws a line for each path over the contents of the Axes; the first one and all ends are on top."""
     drawn = [np.array([where.of(row) for row in path], dtype=float) for path in islice(paths, most or MOST_PATHS)]
     solid = getattr(ax, "name", "") == "3d" and all(line.shape[1] == 3 for line in drawn)
     width = 3 if solid else 2
@@ -99,7 +99,7 @@ def draw_paths(result: Result, paths: Found, where: Places, ax: Any, most: int |
 
 
 def _lines(ax: Any, lines: Sequence[Any], wider: float = 0.0) -> None:
-    """The lines, the first one on top; a map, whose colours may be theirs, is kept away by white."""
+    """Draws the lines, the first one on top, with a white border on a map, which may have their colours."""
     total = len(lines)
     for number, line in reversed(list(enumerate(lines, 1))):
         style = styles(number, total, wider)
@@ -114,7 +114,7 @@ def _lines(ax: Any, lines: Sequence[Any], wider: float = 0.0) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Weights:
-    """The column that says what a step costs, or how likely it is."""
+    """The column with the cost or the probability of a step."""
 
     index: int
     name: str
@@ -122,7 +122,7 @@ class Weights:
 
 
 def weights(result: Result, paths: Found) -> Weights | str:
-    """The weights of steps: the column with what COST or PROBABILITY says, or the one named `cost`; else a hint."""
+    """The weights of steps: the column with the expression of COST or PROBABILITY, or named `cost`; else a hint."""
     names = result.columns[2:]
     query = _query(result)
     search = None if query is None else query.search
@@ -146,7 +146,7 @@ def _query(result: Result) -> plan.Query | None:
 
 
 def draw_costs(result: Result, paths: Found, given: Weights, ax: Any, most: int | None) -> str:
-    """For each path what it comes to, step by step: the sum of its costs, or the product of its probabilities."""
+    """Draws for each path, step by step, the sum of its costs or the product of its probabilities."""
     rows = [[row[given.index] for row in path] for path in islice(paths, most or MOST_PATHS)]
     totals = [
         list(accumulate(steps, mul, initial=1.0) if given.likely else accumulate(steps, initial=0)) for steps in rows
@@ -165,7 +165,7 @@ def draw_costs(result: Result, paths: Found, given: Weights, ax: Any, most: int 
 
 
 def chosen_weights(result: Result, paths: Found) -> Weights:
-    """The weights, or the error that says how to have some."""
+    """The weights. Raises the error with a hint where there are none."""
     found = weights(result, paths)
     if isinstance(found, str):
         refuse("plot() does not find what the steps cost", found)
@@ -179,7 +179,7 @@ def draw_lengths(result: Result, paths: Found, ax: Any) -> str:
     counts = Counter(lengths_of(paths))
     if len(counts) <= MOST_BARS:
         ax.bar_label(ax.bar(list(counts), list(counts.values()), color=BLUE), padding=2)
-    else:  # a bar takes 0.2 ms and 10 KB, and an endless search finds a length for each path
+    else:  # a bar takes 0.2 ms and 10 KB, and an endless search has a length for each path
         ax.hist(list(counts), MOST_BARS, weights=list(counts.values()), color=BLUE)
     whole_numbers(ax.xaxis)
     whole_numbers(ax.yaxis)

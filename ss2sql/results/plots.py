@@ -1,4 +1,4 @@
-"""Pictures of results: what can be drawn of which, and those of flat results: heat maps, bars, lines, points."""
+"""Plots of results: the choice of a plot, and those of flat results: heat maps, bars, lines, points."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Draw: TypeAlias = Callable[[Any, int | None], str]  # on Axes, at most so many p
 
 
 def plot(result: Result, ax: Any, kind: str, most: int | None, title: str | None) -> Any:
-    """Draws a result and gives the Axes: what `Result.plot` describes."""
+    """Draws a result and gives the Axes, see `Result.plot`."""
     if kind not in KINDS:
         refuse(f"plot() knows no kind {kind!r}", f"the kinds are {', '.join(KINDS)}")
     pyplot = package("matplotlib.pyplot", "plot", "plot()")
@@ -42,7 +42,7 @@ def plot(result: Result, ax: Any, kind: str, most: int | None, title: str | None
 
 
 def _chosen(result: Result, kind: str, own: bool) -> Draw:
-    """What draws the picture; `own`: on a figure of ours."""
+    """The function that draws the plot; `own`: on our own figure."""
     if kind == "search":
         return lambda ax, most: draw_search(result, ax, most, own)
     paths = found_paths(result)
@@ -101,7 +101,7 @@ def _heat(result: Result, ax: Any) -> str:
 
 
 def _axes(result: Result) -> tuple[str, str]:
-    """The names of the axes of an area: `AS plane` says which plane it is, other grids lie on the floor."""
+    """The names of the axes of an area: `AS plane` names its plane, other grids are on the floor."""
     for query in (query for statement in result.outline[-1:] for query in statement.queries):
         arguments = query.written.representation.arguments
         given = arguments[0] if arguments else None
@@ -111,7 +111,7 @@ def _axes(result: Result) -> tuple[str, str]:
 
 
 def _flat(result: Result, kind: str) -> Draw:
-    """Bars, lines or points, by the columns that there are."""
+    """The function that draws bars, lines or points, by the columns."""
     columns, rows = list(map(plain, result.columns)), list(result)
     kinds = [{type(row[index]) for row in rows} - {type(None)} for index in range(len(columns))]
     numbers = [index for index, found in enumerate(kinds) if found and found <= {int, float}]

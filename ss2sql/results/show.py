@@ -31,7 +31,7 @@ FRAME = 3  # characters that a column needs beside its text
 
 @dataclass(frozen=True, slots=True)
 class Sheet:
-    """The cells of a table as texts; `right` says which columns hold numbers, `caption` what is not seen."""
+    """The cells of a table as strings; `right` marks columns of numbers, `caption` describes what is not shown."""
 
     headings: tuple[str, ...]
     rows: list[tuple[str, ...]]
@@ -40,7 +40,7 @@ class Sheet:
 
 
 def show(result: Result, most: int, console: Console, noted: bool = True) -> None:
-    """Prints the table and the line under it, and the notes, where they are told nowhere else."""
+    """Prints the table with its caption, and the notes if `noted`."""
     from rich.table import Table
     from rich.text import Text
 
@@ -65,7 +65,7 @@ def text(result: Result, most: int = MOST_ROWS) -> str:
     """The table as `repr` shows it."""
     from rich.console import Console
 
-    # In a notebook rich would publish what it prints, wherever it is told to print it.
+    # In a notebook rich would publish its output, whatever its destination.
     console = Console(width=REPR_WIDE, color_system=None, record=True, file=StringIO(), force_jupyter=False)
     show(result, most, console)
     return console.export_text().rstrip()
@@ -93,8 +93,8 @@ def html(result: Result, most: int = MOST_ROWS) -> str:
 def sheet(result: Result, most: int, wide: int, arrow: str, most_columns: int | None = None) -> Sheet:
     """The table of a result, with no more columns than have room.
 
-    A path of a search is one line. Where a line would have to leave out steps although the steps of all paths are no
-    more than `most`, there is one line for each step, so that nothing is hidden.
+    A path of a search is one line. Where a line would have to omit steps although all paths together have at most
+    `most` steps, there is one line for each step.
     """
     paths = found_paths(result)
     if paths is not None:
@@ -111,7 +111,7 @@ def sheet(result: Result, most: int, wide: int, arrow: str, most_columns: int | 
 
 
 def _paths(result: Result, paths: Sequence[Sequence[Row]], most: int, wide: int, arrow: str) -> Sheet | None:
-    """The paths one by one; None where their steps are better shown one by one."""
+    """The paths, one per line; None where one line per step is better."""
     first = list(islice(paths, most))
     number = len(str(len(first)))
     room = wide - 1 - 2 * FRAME - max(number, len("path"))
@@ -137,7 +137,7 @@ def _drawn(path: Sequence[Row], room: int, arrow: str) -> str | None:
 
 
 def _shortened(path: Sequence[Row], room: int, arrow: str) -> str:
-    """The path without steps in its middle, as many as there is no room for; its last step is always there."""
+    """The path without the middle steps that do not fit; the last step is always shown."""
     from rich.cells import cell_len
 
     most = min(len(path) - 1, room // (1 + len(arrow)))
@@ -161,7 +161,7 @@ def _together(texts: Sequence[str]) -> str:
 
 
 def cell(value: Any) -> str:
-    """A value as text of one line; what a terminal would take for more than text is shown as in a script."""
+    """A value as a string of one line, with control characters escaped."""
     if isinstance(value, (date, time)):
         return value.isoformat()
     if not isinstance(value, str):
@@ -178,7 +178,7 @@ def _are_numbers(values: Sequence[Any]) -> bool:
 
 
 def _caption(result: Result, shown: int, unit: str, hidden: int) -> str:
-    """One line under the table: how many rows and paths, what is not shown, and where they came from."""
+    """The line under the table: the numbers of rows and paths, what is not shown, and the engine."""
     total, paths = len(result), found_paths(result)
     parts = [_counted(total, "row")]
     if paths is not None:
@@ -208,7 +208,7 @@ def _chosen_columns(count: int, most: int) -> list[int | None]:
 
 
 def _naturals(made: Sheet) -> list[int]:
-    """How wide each column would be if there was room."""
+    """The natural width of each column."""
     from rich.cells import cell_len
 
     return [
@@ -217,7 +217,7 @@ def _naturals(made: Sheet) -> list[int]:
 
 
 def _fitted(naturals: Sequence[int], room: int) -> list[int]:
-    """Widths that fit into the room: the widest columns give way, all down to the same width."""
+    """Widths that fit into the room: the widest columns shrink to a common width."""
     cap = max(naturals)
     while cap > 1 and sum(min(natural, cap) for natural in naturals) > room:
         cap -= 1

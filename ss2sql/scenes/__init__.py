@@ -1,8 +1,9 @@
-"""Simulations to ask questions of, and their pictures, all without a window; they need the extra `sim`.
+"""Simulations to query, and their pictures, without a window; they need the extra `sim`.
 
 `chaos` is a box of particles that fly, collide and explode, `hall` a factory floor with a robot; `render` makes a
-picture of either. The files, in the order in which a picture comes to be: `particles`, `layout`, `factory` (the two
-scenes), `camera`, `strokes`, `picture`, `png` (pictures). What scenes are built from stands in `vtables/pybullet/`.
+picture of either. In the order of a picture's creation: scenes/particles.py and scenes/drawn.py (chaos),
+scenes/layout.py and scenes/factory.py (hall), scenes/camera.py, scenes/strokes.py, scenes/picture.py (pictures). Scenes
+are built from the solids in `vtables/pybullet/`.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ __all__ = ["Scene", "Sensor", "View", "chaos", "hall", "render"]
 
 
 class UnknownSceneError(SessionError, AttributeError):
-    """A scene that does not exist: an error like any other here, and for `hasattr` a missing attribute."""
+    """An unknown scene: an error like any other here, and for `hasattr` a missing attribute."""
 
 
 def __getattr__(name: str) -> object:

@@ -1,4 +1,4 @@
-"""Cameras: what one sees of a simulation, and from points in space to pixels and back."""
+"""Cameras: pictures of a simulation, and conversion between points in space and pixels."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from ss2sql.vtables.pybullet.solids import Vector
 Floats = NDArray[np.float32]
 LIGHT: Vector = (0.35, -0.5, 1.1)  # the direction from which it comes
 TAPS = (-1.2, 0.0, 1.2)  # pixels of the light's picture around a point, for soft edges of shadows
-SLACK = 0.08  # metres that a surface may be behind itself in the light's picture
+SLACK = 0.08  # metres of tolerance for the depth of a surface in the light's picture
 
 
 @dataclass(frozen=True, slots=True)
 class Shot:
-    """What a camera saw, per pixel: the colour from 0 to 1, the depth from 0 to 1, and the body, or -1."""
+    """A camera's picture, per pixel: the colour from 0 to 1, the depth from 0 to 1, and the body, or -1."""
 
     colours: Floats
     depth: Floats
@@ -75,11 +75,11 @@ class Camera:
         return (x / away + 1) / 2 * self.width, (1 - y / away) / 2 * self.height, distance
 
     def distance(self, depth: Floats) -> Floats:
-        """Metres along the line of sight, from depths as shots have them."""
+        """Metres along the line of sight, from the depths of a shot."""
         return self.near * self.far / (self.far - depth * (self.far - self.near))
 
     def positions(self, depth: Floats) -> Floats:
-        """The points in space that the pixels show, for a picture of their depths."""
+        """The points in space of all pixels, from their depths."""
         back = np.linalg.inv(self._matrix).astype(np.float32)
         x = (np.arange(self.width, dtype=np.float32) + 0.5) / self.width * 2 - 1
         y = 1 - (np.arange(self.height, dtype=np.float32) + 0.5) / self.height * 2
@@ -89,7 +89,7 @@ class Camera:
 
 
 def sun(low: Vector, high: Vector, pixels: int) -> Camera:
-    """The camera that sees a scene as the light does. It is far away, so that the rays are almost parallel."""
+    """The camera at the light's position, far away, so that the rays are almost parallel."""
     middle = tuple((a + b) / 2 for a, b in zip(low, high, strict=True))
     around = dist(low, high) / 2
     away = 8 * around
@@ -100,7 +100,7 @@ def sun(low: Vector, high: Vector, pixels: int) -> Camera:
 
 
 def lit(shot: Shot, seen: Camera, light: Shot, source: Camera) -> Floats:
-    """How much light each pixel gets: 1, or 0 in the shadow, with soft edges."""
+    """The light of each pixel: 1, or 0 in the shadow, with soft edges."""
     height, width = shot.depth.shape
     column, row, distance = source.project(seen.positions(shot.depth).reshape(-1, 3))
     surface = source.distance(light.depth)

@@ -1,7 +1,7 @@
-"""The particles of the scene `chaos`, drawn from a seed: the same draws in every simulator.
+"""The particles of the scene `chaos`, drawn from a seed.
 
-Where there is room for a particle PyBullet tells for its own scene, and spheres around the particles for those of other
-simulators, so the same seed gives other particles there.
+PyBullet itself finds room for its particles, other simulators use bounding spheres, so one seed gives other particles
+there.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Particle:
 
 
 class Draws:
-    """All that is left to chance. `name` gives the next name of a kind: `box_1`, `box_2` and so on."""
+    """The random choices. `name` gives the next name of a kind: `box_1`, `box_2` and so on."""
 
     def __init__(self, random: Random, name: Callable[[str], str] | None = None) -> None:
         self.random = random
@@ -46,7 +46,7 @@ class Draws:
         self._counts: dict[str, int] = {}
 
     def particles(self, count: int) -> Iterator[Particle]:
-        """Particles that do not touch each other, at most so many: where there is no more room there are fewer."""
+        """Particles that do not touch each other, at most so many, fewer where there is no more room."""
         check_count(count)
         taken: list[tuple[Vector, float]] = []
         for _ in range(count):
@@ -56,7 +56,7 @@ class Draws:
                 yield particle
 
     def particle(self, is_free: Callable[[Vector, float], bool]) -> Particle | None:
-        """One particle at a random place where there is room, if one is found; `is_free` is asked of spheres."""
+        """One particle at a random free place, if one is found; `is_free` tests spheres."""
         solid, kind = self._solid()
         around = reach(solid)
         for _ in range(100):
@@ -75,7 +75,7 @@ class Draws:
         return f"{kind}_{self._counts[kind]}"
 
     def force(self, mass: float) -> Vector:
-        """What pushes a particle for a while."""
+        """A random force on a particle."""
         return self.within(mass * ACCELERATION)
 
     def _solid(self) -> tuple[Solid, str]:
@@ -109,7 +109,7 @@ class Draws:
 
 
 def check_count(bodies: int) -> None:
-    """Refuses numbers of bodies that no scene can have."""
+    """Refuses invalid numbers of bodies."""
     if bodies < 0:
         raise SessionError("S002", f"a scene cannot have {bodies} bodies", hints=("give a number from 0 on",))
 
@@ -131,7 +131,7 @@ def quaternion(turned: Vector) -> tuple[float, float, float, float]:
 
 
 def simulator(name: str, install: str) -> Any:
-    """The module of a simulator, or the error that says how to install it."""
+    """The module of a simulator. Raises the error with the install command."""
     try:
         return import_module(name)
     except ImportError as reason:

@@ -14,7 +14,7 @@ from ss2sql.vtables.pybullet.scene import Scene, Sensor, View
 from ss2sql.vtables.pybullet.solids import Box, Cylinder, Vector
 
 ROBOT = "YouBot"
-CLEARANCE = 0.45  # between the ways that stay free and the nearest obstacle: half the diagonal of the robot is 0.35
+CLEARANCE = 0.45  # between the free paths and the nearest obstacle: half the diagonal of the robot is 0.35
 
 
 class Hall(Scene):
@@ -46,7 +46,7 @@ class Hall(Scene):
         self.outlines = [((x, 0.0, 0.0), (x, layout.DEPTH, 0.0)) for x in range(1, int(layout.WIDTH))]
         self.outlines += [((0.0, y, 0.0), (layout.WIDTH, y, 0.0)) for y in range(1, int(layout.DEPTH))]
         for (x1, y1), (x2, y2) in layout.WALLS:
-            # Walls along y end where those along x begin, so that no two surfaces lie in one place.
+            # Walls along y end where those along x begin, so that no two surfaces coincide.
             shape = (x2 - x1 + layout.THICKNESS, layout.THICKNESS) if y1 == y2 else (layout.THICKNESS, y2 - y1)
             self._stand("wall", ((x1 + x2) / 2, (y1 + y2) / 2), (*shape, layout.HEIGHT), layout.WALL)
         for spot in layout.COLUMNS:
@@ -64,7 +64,7 @@ class Hall(Scene):
             self._round("tank", spot, 0.5, 1.5, layout.TANK)
 
     def _things(self) -> None:
-        """What has mass and could be moved: crates on the conveyor, then crates and barrels at random places."""
+        """Adds the movable bodies: crates on the conveyor, then crates and barrels at random places."""
         (x, y), (length, depth, height) = layout.CONVEYOR
         self._stand("conveyor", (x, y), (length, depth, height), layout.BELT)
         for number in range(3):
@@ -96,7 +96,7 @@ class Hall(Scene):
         self.add(self.next_name("crate"), Box(size, size, size), (*spot, height + size / 2), colour, mass, turned)
 
     def _stand(self, kind: str, spot: Spot, size: Vector, colour: Vector) -> None:
-        """A box that stands on the floor and cannot be moved."""
+        """Adds a fixed box on the floor."""
         self.add(self.next_name(kind), Box(*size), (*spot, size[2] / 2), colour)
         self._taken.append((spot, size[0] / 2, size[1] / 2))
 
@@ -105,14 +105,14 @@ class Hall(Scene):
         self._taken.append((spot, radius, radius))
 
     def _put(self, body: int, kind: str, spot: Spot, half: Spot) -> None:
-        """Moves a body that was read from a file to its place."""
+        """Moves a body from a file to its place."""
         (_, _, z), turned = self.client.getBasePositionAndOrientation(body)
         self.client.resetBasePositionAndOrientation(body, (*spot, z), turned)
         self.adopt(body, self.next_name(kind))
         self._taken.append((spot, *half))
 
     def _spot(self, radius: float) -> Spot:
-        """A random place for something of this radius, off the ways that stay free and clear of everything else."""
+        """A random place for something of this radius, away from the free paths and everything else."""
         while True:
             x = self.random.uniform(radius + 0.2, layout.WIDTH - radius - 0.2)
             y = self.random.uniform(radius + 0.2, layout.DEPTH - radius - 0.2)
@@ -139,7 +139,7 @@ def _distance(spot: Spot, start: Spot, end: Spot) -> float:
 def hall(seed: int = 0, client: Any = None) -> Hall:
     """A factory floor with four rooms, doors, obstacles, sensors and the robot `YouBot`.
 
-    The seed moves crates and barrels; a way from `places["start"]` to `places["target"]` always stays free. It builds
+    The seed moves crates and barrels; a path from `places["start"]` to `places["target"]` always stays free. It builds
     in a simulation of its own, or in `client`, which it empties.
     """
     return Hall(seed, client)

@@ -1,7 +1,7 @@
 """The plan of the scene `hall`: a floor of 16 x 12 m with four rooms. Lengths are in metres, the origin is a corner.
 
-Inner walls stand on whole numbers, with doors around whole numbers, so that a robot that moves by steps of half a metre
-or of a whole one has to use the doors.
+Inner walls and the middles of doors have whole coordinates, so that a robot that moves by half or whole metres has to
+use the doors.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ CONVEYOR: tuple[Spot, Vector] = ((4.0, 4.5), (2.6, 0.5, 0.6))
 CRATES = 13  # three of them on the conveyor, the others at random places
 BARRELS = 4
 
-# These ways stay free, whatever the seed: the short one through two doors, and the long one round the other side.
+# These paths stay free for every seed: the short one through two doors, and the long one round the other side.
 WAYS: tuple[tuple[Spot, ...], ...] = (
     ((4, 3), (5, 3), (6, 4), (6, 8), (7, 9), (10, 9)),
     ((4, 3), (5, 3), (6, 2), (12, 2), (13, 3), (13, 7), (11, 9), (10, 9)),

@@ -1,6 +1,6 @@
 """The scene `chaos` in MuJoCo: the same box of particles, written as a model in MuJoCo's own language, MJCF.
 
-MuJoCo's models are finished before they run, so nobody is born here, and nothing explodes.
+MuJoCo's models cannot grow while they run, so there are no births and explosions.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class MuJoCoChaos:
                 self.data.xfrc_applied[body, :3] = force
             self.mujoco.mj_step(self.model, self.data)
             self.steps += 1
-        # What follows of positions and velocities is that of the beginning of the step; this changes no later step.
+        # Updates what depends on positions and velocities; later steps stay the same.
         self.mujoco.mj_kinematics(self.model, self.data)
         self.mujoco.mj_comPos(self.model, self.data)
         self.mujoco.mj_comVel(self.model, self.data)
@@ -104,7 +104,7 @@ def _body(particle: Particle) -> str:
 
 
 def _shape(solid: Solid) -> tuple[str, tuple[float, ...]]:
-    """The type of a shape, and its size as MuJoCo has it: half edges, half lengths."""
+    """The type of a shape, and its size for MuJoCo: half edges, half lengths."""
     match solid:
         case Sphere(radius):
             return "sphere", (radius,)

@@ -66,7 +66,7 @@ class OdeChaos:
             for geom, force in self._forces.items():
                 geom.getBody().addForce(force)
             self.space.collide(None, self._touch)
-            self.world.step(TIME_STEP)  # quickStep would draw from a source of random numbers of its own
+            self.world.step(TIME_STEP)  # quickStep uses random numbers of its own
             self._joints.empty()
             self.steps += 1
             self._explode_some()
@@ -86,7 +86,7 @@ class OdeChaos:
 
     @staticmethod
     def _speed(one: Any, other: Any, place: Vector, normal: Vector) -> float:
-        """How fast two geoms come together at a point."""
+        """The speed at which two geoms approach at a point."""
         first, second = one.getBody().getPointVel(place), other.getBody().getPointVel(place)
         return float(sum((b - a) * n for a, b, n in zip(first, second, normal, strict=True)))
 
@@ -97,7 +97,7 @@ class OdeChaos:
                 self.explode(geom)
 
     def explode(self, geom: Any) -> None:
-        """Puts white splinters with its mass and its movement in the place of a particle."""
+        """Replaces a particle by white splinters with its mass and its movement."""
         body, draws = geom.getBody(), self._draws
         position, velocity, mass = body.getPosition(), body.getLinearVel(), body.getMass().mass
         self.remove(geom)
@@ -128,7 +128,7 @@ class OdeChaos:
         self.deaths += 1
 
     def __del__(self) -> None:
-        # Where world and bodies become garbage together, pyode may destroy the world first, and crashes on the bodies.
+        # If world and bodies become garbage together, pyode may destroy the world first and crash on the bodies.
         for geom in getattr(self, "particles", ()):
             geom.setBody(None)
 

@@ -14,12 +14,12 @@ INSIDE = HALF - 0.02  # where the middle of every particle stays
 BOUNCE = 0.3
 PUSH_EVERY = 120  # steps; then every force has a new direction and strength
 BIRTH_EVERY = 90
-LOOK_EVERY = 4  # steps between looks at who touches whom
+LOOK_EVERY = 4  # steps between checks of contacts
 HARD = 300.0  # a contact of this force, in N, can make a particle explode
-EXPLODES = 0.03  # how likely it does
+EXPLODES = 0.03  # the probability that it does
 FULL = 4  # no births beyond this multiple of the bodies at the beginning
 SPLINTER = Sphere(0.07)
-SPLINTER_STEPS = (2 * 240, 10 * 240)  # that a splinter exists, at least and at most
+SPLINTER_STEPS = (2 * 240, 10 * 240)  # the lifetime of a splinter, at least and at most
 WHITE = (1.0, 1.0, 1.0)
 WALLS: dict[str, Vector] = {
     "wall_left": (1, 0, 0), "wall_right": (-1, 0, 0), "wall_front": (0, 1, 0), "wall_back": (0, -1, 0),
@@ -44,7 +44,7 @@ class Chaos(Scene):
         self.ends: dict[int, int] = {}  # the step in which a splinter vanishes
         corners = [(x, y, z) for x in (-HALF, HALF) for y in (-HALF, HALF) for z in (-HALF, HALF)]
         self.outlines = [(a, b) for a in corners for b in corners if a < b and dist(a, b) == 2 * HALF]
-        self.client.setPhysicsEngineParameter(erp=0.8, contactERP=0.8)  # pushes what overlaps apart at once
+        self.client.setPhysicsEngineParameter(erp=0.8, contactERP=0.8)  # separates overlapping bodies at once
         for name, normal in WALLS.items():
             colour = (0.84, 0.86, 0.9) if name == "wall_floor" else (1.0, 1.0, 1.0)
             wall = self.add(name, Plane(normal, 2 * HALF), _scaled(normal, -HALF), colour)
@@ -75,7 +75,7 @@ class Chaos(Scene):
                 self._bring_back(body)
 
     def _bring_back(self, body: int) -> Vector:
-        """Mirrors at its wall what was hit so hard that its middle is about to leave the box."""
+        """Reflects a body at the wall where its middle is about to leave the box."""
         position, turned = self.client.getBasePositionAndOrientation(body)
         velocity, spin = self.client.getBaseVelocity(body)
         x, y, z = (max(-INSIDE, min(INSIDE, p)) for p in position)
@@ -98,7 +98,7 @@ class Chaos(Scene):
         return body
 
     def explode(self, body: int) -> None:
-        """Puts white splinters with its mass and its movement in the place of a particle."""
+        """Replaces a particle by white splinters with its mass and its movement."""
         position, _ = self.client.getBasePositionAndOrientation(body)
         velocity, _ = self.client.getBaseVelocity(body)
         mass = self.client.getDynamicsInfo(body, -1)[0]
@@ -131,7 +131,7 @@ class Chaos(Scene):
             self.remove(body)
 
     def _bouncy(self, body: int) -> None:
-        # Bullet multiplies the values of the two bodies that meet, and slows bodies down unless told not to.
+        # Bullet multiplies the values of the two bodies, and has damping by default.
         self.client.changeDynamics(body, -1, restitution=sqrt(BOUNCE), linearDamping=0.0, angularDamping=0.02)
 
 

@@ -170,7 +170,7 @@ def _over(colours: Floats, cover: Floats, colour: Colour, strength: float) -> Fl
 
 
 def _faded(colours: Floats, shot: Shot, alone: Shot, highlight: Collection[int]) -> Floats:
-    """Everything pale but the highlighted bodies, which shimmer through what stands before them."""
+    """Everything pale except the highlighted bodies, which shine through others."""
     grey = colours.mean(axis=-1, keepdims=True)
     pale = (0.5 * colours + 0.5 * grey) * (1 - PALE) + PALE
     kept = np.isin(shot.bodies, list(highlight))[..., None]
@@ -181,7 +181,7 @@ def _faded(colours: Floats, shot: Shot, alone: Shot, highlight: Collection[int])
 
 @contextmanager
 def _alone(client: Any, highlight: set[int]) -> Iterator[None]:
-    """Hides all other bodies for a while. TinyRenderer knows no other transparency than being invisible."""
+    """Hides all other bodies in the block; TinyRenderer has no partial transparency."""
     before: list[tuple[int, int, int, tuple[float, ...]]] = []
     for number in range(client.getNumBodies()):
         body = client.getBodyUniqueId(number)

@@ -1,4 +1,4 @@
-"""Lines and dots over a picture, behind what stands before them."""
+"""Lines and dots over a picture, hidden by what stands before them."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from ss2sql.scenes.camera import Camera, Floats
 
 Point = Sequence[float]  # x and y, or x, y and z
 ABOVE = 0.06  # metres over the floor, for points without z
-HIDDEN = 0.3  # how strong a line remains behind something
-SLACK = 0.08  # metres that a line may be behind a surface without being hidden by it
+HIDDEN = 0.3  # the strength of a hidden line
+SLACK = 0.08  # metres of tolerance before a surface hides a line
 
 
 def point3(point: Point) -> tuple[float, float, float]:
@@ -34,7 +34,7 @@ def point3(point: Point) -> tuple[float, float, float]:
 def lines(
     distance: Floats, camera: Camera, paths: Iterable[Sequence[Point]], width: float, hidden: float = HIDDEN
 ) -> Floats:
-    """How strong each pixel is covered by paths. Pieces that many paths share are drawn once, and stronger."""
+    """The coverage of each pixel by paths. Segments that many paths share are drawn once, and stronger."""
     pieces: Counter[tuple[tuple[float, float, float], ...]] = Counter()
     for path in paths:
         points = [point3(point) for point in path]
@@ -49,7 +49,7 @@ def lines(
 
 
 def dots(distance: Floats, camera: Camera, points: Iterable[Point], width: float) -> Floats:
-    """How strong each pixel is covered by round dots at points."""
+    """The coverage of each pixel by round dots at points."""
     places = {point3(point) for point in points}
     if not places:
         return np.zeros(distance.shape, np.float32)
@@ -59,7 +59,7 @@ def dots(distance: Floats, camera: Camera, points: Iterable[Point], width: float
 def _along(
     ends: NDArray[np.float64], strength: NDArray[np.float64], camera: Camera
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Points so close along pieces (n x 2 x 3) that no pixel is left out, and the strength of each."""
+    """Points along segments (n x 2 x 3), close enough for every pixel, and the strength of each."""
     column, row, distance = camera.project(ends.reshape(-1, 3))
     seen = (distance > camera.near).reshape(-1, 2).all(axis=1)
     ends, strength = ends[seen], strength[seen]
@@ -86,7 +86,7 @@ def _stamp(
 
 
 def _spread(covered: Floats, width: float) -> Floats:
-    """Every pixel becomes a disc of this width."""
+    """Widens every pixel to a disc of this width."""
     radius = int(width / 2)
     padded = np.pad(covered, radius)
     height, across = covered.shape

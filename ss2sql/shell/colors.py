@@ -1,4 +1,4 @@
-"""Colors of what is typed: names of the terminal's own colors, so that they suit light and dark ones."""
+"""Colors of the input: names of the terminal's own colors, which suit light and dark ones."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class ShellLexer(Lexer):
     name = "ss2sql shell"
 
     def get_tokens_unprocessed(self, text: str) -> Iterator[tuple[int, Type, str]]:
-        """Every piece of the text with its place and its kind."""
+        """Every token of the text with its place and its kind."""
         position = 0
         for piece in pieces(text):
             if piece.is_command:
@@ -50,12 +50,12 @@ class ShellLexer(Lexer):
 
 
 class TranscriptLexer(Lexer):
-    """What was typed into the shell, behind its prompts, and what it printed."""
+    """A session of the shell: input after prompts, and output."""
 
     name = "ss2sql transcript"
 
     def get_tokens_unprocessed(self, text: str) -> Iterator[tuple[int, Type, str]]:
-        """Every piece of the text with its place and its kind. Lines that belong together are colored together."""
+        """Every token of the text with its place and its kind. The lines of one input are colored together."""
         for part in re.finditer(r"(?:^(?:ss|\.\.)> .*\n?)+|(?:^(?!(?:ss|\.\.)> ).*\n?)+", text, re.MULTILINE):
             if not part[0].startswith(PROMPTS):
                 yield part.start(), Generic.Output, part[0]
@@ -63,7 +63,7 @@ class TranscriptLexer(Lexer):
             lines = part[0].splitlines(keepends=True)
             found = ShellLexer().get_tokens_unprocessed("".join(line[4:] for line in lines))
             place, prompts = part.start(), [line[:4] for line in lines]
-            starts = True  # whether a line of what was typed starts here
+            starts = True  # whether a line of input starts here
             for _, kind, piece in found:
                 for line in piece.splitlines(keepends=True):
                     if starts:

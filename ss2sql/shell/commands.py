@@ -1,4 +1,4 @@
-"""The dot commands, a row each: what is written behind them, what they are for, and what they do."""
+"""The dot commands, a row each: arguments, description and function."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ MOST_READ = 20  # files that read each other
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """A dot command: `form` is how it is written, `takes` what stands behind it, `about` a line for lists."""
+    """A dot command: `form` is its syntax, `takes` the kind of its argument, `about` a line for lists."""
 
     form: str
     about: str
@@ -43,7 +43,7 @@ class Command:
 
 
 def run_command(shell: Shell, line: str) -> None:
-    """Does what a line says. Raises CommandError, what the script of the command raises, and Leave."""
+    """Runs a line. Raises CommandError, what the command's script raises, and Leave."""
     name, _, rest = line.strip().partition(" ")
     command = COMMANDS.get(name) or COMMANDS.get(name.lower())
     if command is None:
@@ -73,7 +73,7 @@ def _help(shell: Shell, name: str) -> None:
 
 
 def overview() -> str:
-    """What there is, for somebody who has never seen the shell."""
+    """An overview for somebody who has never seen the shell."""
     lines = ["A statement ends with ; and may take several lines. For example:", "", f"  {EXAMPLE}", ""]
     lines += _columns((entry.form, entry.about) for entry in COMMANDS.values())
     lines += ["", ".sql, .explain and .plot without more are about the last statement.",
@@ -120,7 +120,7 @@ def _described(entries: Iterable[Function]) -> list[str]:
 
 
 def _columns(rows: Iterable[tuple[str, str]], cut: bool = False) -> list[str]:
-    """Lines of two columns."""
+    """Rows as lines of two columns."""
     table = list(rows)
     width = max((len(first) for first, _ in table if len(first) < WIDE // 3), default=0)
     lines = [f"  {first:<{width}}  {second}".rstrip() for first, second in table]
@@ -225,7 +225,7 @@ def _plot(shell: Shell, rest: str) -> None:
 
 
 def draw(shell: Shell, result: Result, kind: str, path: Path | None) -> None:
-    """Draws a result: into a file, else into a window, else, where there is no screen, into a new file."""
+    """Draws a result into a file, else into a window, else, without a screen, into a new file."""
     from ss2sql.results import package
 
     pyplot = package("matplotlib.pyplot", "plot", ".plot")

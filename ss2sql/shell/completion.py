@@ -1,4 +1,4 @@
-"""What could stand at the cursor: keywords that the grammar takes there, and the names that are in sight."""
+"""Completions at the cursor: keywords that the grammar accepts there, and visible names."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ Kind: TypeAlias = Literal["keyword", "function", "variable", "table", "column", 
 
 IN_ORDER = ("WHERE", "START", "CONNECT", "STOP")  # clauses that stand in this order
 SORTS = ("clause", "option", "other", "operator", "constant")  # the order of keywords in lists
-ANY_ORDER = ("GROUP", "ORDER", "LIMIT")  # and behind them these
+ANY_ORDER = ("GROUP", "ORDER", "LIMIT")  # clauses after them in any order
 
 
 @dataclass(frozen=True, slots=True)
 class Suggestion:
-    """A text that takes the place of the last `length` characters before the cursor."""
+    """A text that replaces the last `length` characters before the cursor."""
 
     text: str
     length: int
     kind: Kind
     about: str = ""
-    shown: str = ""  # what is listed, where that is not the text
+    shown: str = ""  # the text in the list, where it differs
 
 
 def suggestions(text: str, cursor: int, known: Known) -> list[Suggestion]:
-    """What could stand at the cursor of the text, the likeliest first."""
+    """The suggestions at the cursor of the text, the likeliest first."""
     piece = piece_at(text, cursor)
     if piece.is_command:
         head = piece.text.split(maxsplit=1)
@@ -76,7 +76,7 @@ def _of_statement(statement: str, cursor: int, known: Known) -> Iterable[Suggest
 
 
 def _fitting(word: str, found: Iterable[Suggestion]) -> Iterator[Suggestion]:
-    """Those that begin with the word in any case, each once; what is there already is no suggestion."""
+    """Suggestions that begin with the word in any case, each once, without the word itself."""
     seen = set()
     for one in found:
         if one.text.lower().startswith(word.lower()) and one.text != word and one.text not in seen:
@@ -96,7 +96,7 @@ def _keywords(here: Sight) -> Iterator[Suggestion]:
 
 
 def _is_spent(word: str, keyword: Keyword, seen: tuple[str, ...]) -> bool:
-    """Whether a clause or option cannot be written (again) in this query."""
+    """Whether this query cannot have the clause or option (again)."""
     if keyword.sort == "option":
         return word in seen or any(keyword.text in group and _has_one(group, seen) for group in ONE_OF)
     if word in IN_ORDER:
@@ -119,7 +119,7 @@ def _names(here: Sight, known: Known) -> Iterator[Suggestion]:
         return
     if here.expected is not None and "NAME" not in here.expected:
         return
-    if not here.wants_value:  # only a name can stand here, which is about to be assigned to
+    if not here.wants_value:  # only a name that is assigned to can stand here
         if "CONNECT" in here.seen:
             yield from (Suggestion(name, 0, "variable", "of START WITH") for name in here.states)
         return
@@ -163,7 +163,7 @@ def _tables(known: Known) -> Iterator[Suggestion]:
 
 
 def _of_owner(here: Sight, known: Known) -> Iterator[Suggestion]:
-    """What can stand behind `owner.`: columns of a source, or tables of a world or file."""
+    """Suggestions after `owner.`: columns of a source, or tables of a world or file."""
     sources = [one for one in here.sources if one.name == here.owner]
     if here.owner.lower() == "this":
         sources = here.sources[:1]

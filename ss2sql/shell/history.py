@@ -1,4 +1,4 @@
-"""What was typed before: a file in the user's state folder that nobody else can read."""
+"""The history of input: a file in the user's state folder that only the user can read."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ KEPT = 5000  # entries; the file may have twice as many before it is cut
 
 
 def state_folder() -> Path:
-    """The folder for what programs remember, by the XDG rules."""
+    """The folder for programs' state, by the XDG rules."""
     given = os.environ.get("XDG_STATE_HOME", "")
     base = Path(given) if os.path.isabs(given) else Path.home() / ".local" / "state"
     return base / "ss2sql"
 
 
 def history_file() -> Path:
-    """The file, made if it is not there, for its owner alone. Raises OSError where that cannot be.
+    """The file, created if missing, readable by its owner alone. Raises OSError.
 
-    It has the form of prompt_toolkit: an empty line, `# ` and the time, the lines of the entry behind `+`.
+    It has the format of prompt_toolkit: an empty line, `# ` and the time, the lines of the entry after `+`.
     """
     folder = state_folder()
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     path = folder / "history"
-    # O_NOFOLLOW: a link put there by somebody else would have the shell write to where it leads.
+    # O_NOFOLLOW: somebody else's link would make the shell write to its target.
     number = os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o600)
     with os.fdopen(number, "r+b") as file:
         if hasattr(os, "fchmod"):
@@ -37,5 +37,5 @@ def history_file() -> Path:
 
 
 def is_kept(text: str) -> bool:
-    """Whether a text belongs into the history: one that begins with a blank does not."""
+    """Whether a text belongs into the history: texts that begin with a blank do not."""
     return bool(text.strip()) and not text[0].isspace()

@@ -1,4 +1,4 @@
-"""What a session knows, for people who write scripts: functions, variables, tables, representations by their names."""
+"""The symbols of a session: functions, variables, tables, representations by their names."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Function:
 
 
 class Known:
-    """A look at a session. Each part is made when it is first asked for, and stays as it was then."""
+    """A snapshot of a session's symbols, each part made at the first request."""
 
     def __init__(self, session: Session) -> None:
         self.session = session
@@ -53,7 +53,7 @@ class Known:
 
     @cached_property
     def functions(self) -> dict[str, Function]:
-        """Functions by name, the user's own first; those that stand for operators are left out."""
+        """Functions by name, the user's own first, without those of operators."""
         own = {**self.host.functions, **self.host.world_functions}
         found = {name: _of_user(name, entry.function) for name, entry in sorted(own.items())}
         for name, row in sorted(WRITTEN.items()):
@@ -63,7 +63,7 @@ class Known:
 
     @cached_property
     def representations(self) -> dict[str, Function]:
-        """What can stand behind AS."""
+        """The names after AS."""
         return {name: _representation(name, make) for name, make in self.host.shapes.functions.items()}
 
     @cached_property
@@ -107,11 +107,11 @@ class Known:
         return found
 
     def columns(self, source: str) -> dict[str, str]:
-        """The columns of what FROM calls so, with their types, as far as that is known."""
+        """The columns of a source in FROM, with their types, as far as they are known."""
         if source not in self._columns:
             try:
                 self._columns[source] = dict(self._read_columns(source))
-            except Error:  # an attached object that cannot be read: the script will say so
+            except Error:  # an attached object that cannot be read: the script will raise the error
                 self._columns[source] = {}
         return self._columns[source]
 
@@ -139,7 +139,7 @@ class Known:
                 yield from ((name, _kinds_text(kind)) for name, kind in names.others.columns(source))
 
     def _head(self, name: str) -> Any:
-        """The first elements of a variable: to look at 300,000 dicts takes 2 s, at so few no time."""
+        """The first elements of a variable: reading the types of 300,000 dicts would take 2 s."""
         names = self.host.names
         value = names.attached[name] if name in names.attached else names.values[name]
         if isinstance(value, dict):
@@ -151,12 +151,12 @@ class Known:
     def _rows(self, text: str, bindings: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
         try:
             return self.host.connection.execute(text, bindings).fetchall()
-        except apsw.Error:  # a view of a table that is gone, for instance: the script will say so
+        except apsw.Error:  # a view of a missing table, for instance: the script will raise the error
             return []
 
 
 def _kinds_text(kind: Type) -> str:
-    """A type without bounds of numbers, which those that were looked at do not give."""
+    """A type without bounds of numbers, since only a few elements were read."""
     return type_text(Type(kind.kinds, item=None if kind.item is None else Type(kind.item.kinds)))
 
 

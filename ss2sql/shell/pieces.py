@@ -1,4 +1,4 @@
-"""Text that was typed, cut into statements and dot commands."""
+"""Typed text, split into statements and dot commands."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ MOST_LINES = 100_000  # of a pipe that are counted; a script may be 256 KiB, and
 class Piece:
     """A statement with its `;`, or the line of a dot command, and where it begins.
 
-    `complete` is false of what has no end yet, `hopeless` true where no end could help, as behind a string that is not
-    closed on its line.
+    `complete` is false without an end, `hopeless` true where no end could help, as after a string that is not closed
+    on its line.
     """
 
     text: str
@@ -37,7 +37,7 @@ class Piece:
         return self.start + len(self.text)
 
     def source(self, whole: str, name: str, lines_before: int = 0) -> Source:
-        """The piece as a script, at the line and column where it stands in what was typed."""
+        """The piece as a script, with its line and column in the input."""
         lines = lines_before + whole.count("\n", 0, self.start)
         column = self.start - (whole.rfind("\n", 0, self.start) + 1)
         blank = "\n" * lines + " " * column if lines <= MOST_LINES else ""
@@ -65,7 +65,7 @@ def _statement(text: str, start: int) -> Piece:
         last = token.end
         if token.kind == "OPEN_STRING" and not _goes_on(token, text):
             hopeless = True
-            if token.text.rstrip().endswith(";"):  # it has most likely swallowed the end
+            if token.text.rstrip().endswith(";"):  # the string has most likely swallowed the end
                 return Piece(text[start:last], start)
         depth = max(0, depth + (token.kind in OPENING) - (token.kind in CLOSING))
         if token.kind == ";" and depth == 0:
@@ -74,7 +74,7 @@ def _statement(text: str, start: int) -> Piece:
 
 
 def _goes_on(token: Token, text: str) -> bool:
-    """Whether a string that is not closed may go on in the next line, which is not there yet."""
+    """Whether a string that is not closed may continue in the next line."""
     hidden = len(token.text) - len(token.text.rstrip("\\"))
     return hidden % 2 == 1 and not text[token.end :].strip()
 
@@ -84,9 +84,9 @@ def _last(text: str) -> Piece | None:
 
 
 def is_ready(text: str) -> bool:
-    """Whether what was typed can run: it is complete, or more lines would not help.
+    """Whether the input can run: it is complete, or more lines would not help.
 
-    A line left empty behind a `;` says that there is no more to come, though a bracket be open.
+    An empty line after a `;` ends the input, even in an open bracket.
     """
     last = _last(text)
     if last is None:
@@ -114,7 +114,7 @@ def open_bracket(text: str) -> str:
 
 
 def piece_at(text: str, cursor: int) -> Piece:
-    """The piece that the cursor is in or right behind; one with blanks and comments where something new would begin."""
+    """The piece that the cursor is in or right after; blanks and comments where a new one would begin."""
     start = 0
     for piece in pieces(text):
         if piece.start <= cursor and (cursor < piece.end or not piece.text.endswith(";") or not piece.complete):

@@ -15,12 +15,12 @@ NAME = "<stdin>"
 
 
 def run_piped(shell: Shell, stream: BinaryIO) -> None:
-    """Runs what the stream gives up to its end, `.exit` or Ctrl-C. After an error the next statement follows."""
+    """Runs the statements of the stream up to its end, `.exit` or Ctrl-C, also after an error."""
     pending, lines = "", 0
     try:
         for text in _texts(stream):
             pending += text
-            # Looking for the end of a statement only where there may be one keeps long ones from costing their square.
+            # Searching the end of a statement only where there may be one keeps the time of long ones linear.
             if ";" in text or pending.lstrip().startswith("."):
                 pending, lines = _run_complete(shell, pending, lines)
             if shell.cancelled:
@@ -34,7 +34,7 @@ def run_piped(shell: Shell, stream: BinaryIO) -> None:
 
 
 def _run_complete(shell: Shell, pending: str, lines: int) -> tuple[str, int]:
-    """Runs what is complete; gives the rest, and the number of lines in front of it."""
+    """Runs what is complete; gives the rest, and the number of lines before it."""
     after = 0
     for piece in pieces(pending):
         if not piece.complete:
@@ -52,7 +52,7 @@ def _run(shell: Shell, piece: Piece, pending: str, lines: int) -> None:
 
 
 def _texts(stream: BinaryIO) -> Iterator[str]:
-    """The lines of a stream; one without end in parts, so that no more of it is read than a script may have."""
+    """The lines of a stream; long ones in parts, so that at most a script's limit is read."""
     decoder = getincrementaldecoder("utf-8-sig")()
     number = 1
     try:

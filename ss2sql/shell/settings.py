@@ -1,4 +1,4 @@
-"""What a user can set in the shell: a row each, read by the dot command of its name."""
+"""The settings of the shell: a row each, changed by the dot command of its name."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ss2sql.records import dataclass
 
 
 class CommandError(Exception):
-    """A dot command that cannot be done: what is wrong, and what to do."""
+    """A dot command failed: the reason, and what to do."""
 
     def __init__(self, message: str, *hints: str) -> None:
         super().__init__(message)
@@ -47,7 +47,7 @@ class Settings:
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """A setting: its name, what may be given, how that is read, and what it is for."""
+    """A setting: its name, its values, their parser, and a description."""
 
     name: str
     form: str
@@ -66,7 +66,7 @@ def _choice(*choices: str) -> Callable[[str], Any]:
 
 
 def _whole(least: int, **words: Any) -> Callable[[str], Any]:
-    """A number of at least `least`, or one of the words for something else."""
+    """The parser of a number of at least `least`, or one of some words."""
 
     def read(text: str) -> Any:
         if text.lower() in words:
@@ -108,7 +108,7 @@ SETTINGS = {
 
 
 def shown(value: Any) -> str:
-    """A value as it would be written in the command."""
+    """A value in the notation of the command."""
     if value is None or value is False:
         return "off"
     if value is True:
@@ -117,7 +117,7 @@ def shown(value: Any) -> str:
 
 
 def change(settings: Settings, name: str, text: str) -> str:
-    """Sets what the text says; gives the line that tells what is set now."""
+    """Changes a setting; gives the line with its new value."""
     entry = SETTINGS[name]
     try:
         setattr(settings, name, entry.read(text))
@@ -127,6 +127,6 @@ def change(settings: Settings, name: str, text: str) -> str:
 
 
 def told(settings: Settings, name: str) -> str:
-    """What is set, and what could be."""
+    """The value of a setting, and its possible values."""
     entry = SETTINGS[name]
     return f"{name}: {shown(getattr(settings, name))}   (.{name} {entry.form}: {entry.about})"

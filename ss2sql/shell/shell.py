@@ -1,4 +1,4 @@
-"""The shell without its terminal: runs what was typed, piece by piece, and prints what comes of it."""
+"""The shell without its terminal: runs the input piece by piece, and prints the results."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ if TYPE_CHECKING:
     from ss2sql.runtime.result import Result
     from ss2sql.runtime.session import Session
 
-TYPED = "<script>"  # the name of what is typed, in errors
+TYPED = "<script>"  # the name of the input in errors
 MOST_ASSIGNED = 100  # characters of a value that was assigned
 MOST_VALUE = 4000  # characters of any other
 
 
 class Leave(Exception):  # noqa: N818 - no error
-    """The user wants to go."""
+    """The user leaves the shell."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,9 +49,9 @@ class Shell:
         self.session = session
         self.settings = settings or Settings()
         self.last: Ran | None = None
-        self.failed = False  # whether anything has
-        self.cancelled = False  # whether Ctrl-C has ended anything
-        self.reading = 0  # files that are being read, one inside of the other
+        self.failed = False  # whether any statement has
+        self.cancelled = False  # whether Ctrl-C has ended a statement
+        self.reading = 0  # the depth of files that read each other
 
     def run(self, text: str, name: str = TYPED, lines_before: int = 0) -> bool:
         """Runs the statements and commands of a text up to the first that fails; says whether none did.
@@ -61,15 +61,15 @@ class Shell:
         return all(self.run_piece(piece, text, name, lines_before) for piece in pieces(text))
 
     def run_piece(self, piece: Piece, text: str, name: str = TYPED, lines_before: int = 0) -> bool:
-        """Runs one of them, and prints its result or what went wrong."""
+        """Runs one of them, and prints its result or its error."""
         try:
             if piece.is_command:
-                from ss2sql.shell.commands import run_command  # it knows shells
+                from ss2sql.shell.commands import run_command  # which imports this module
 
                 run_command(self, piece.text)
             else:
                 self._run_statement(piece.source(text, name, lines_before))
-        except Broken:  # which has been told
+        except Broken:  # which has been printed
             return False
         except (Error, UserError, CommandError, click.ClickException, KeyboardInterrupt) as error:
             self.complain(error)
@@ -81,7 +81,7 @@ class Shell:
         try:
             result = run_script(self.session, source, **self.settings.for_run())
         except Stopped as stopped:
-            self.complain(stopped)  # at once: to print what was found may take a while
+            self.complain(stopped)  # first, because printing the partial result may take a while
             if stopped.partial is not None and len(stopped.partial):
                 table = self.settings.format == "table"
                 self.print(stopped.partial if table else as_data(self.session, stopped.partial))
@@ -94,7 +94,7 @@ class Shell:
     # --- printing --------------------------------------------------------------------------------------
 
     def print(self, result: Result, assigned: str | None = None) -> None:
-        """Prints a result; of an assignment a note, for its value is in the variable."""
+        """Prints a result; for an assignment a note, since its value is in the variable."""
         settings = self.settings
         if assigned is not None:
             note(f"{assigned} = {written(result.value, MOST_ASSIGNED)}")
@@ -104,11 +104,11 @@ class Shell:
             self.say(_cut(str(result.value)))
 
     def say(self, text: str) -> None:
-        """Prints a line of what was asked for."""
+        """Prints a line of output."""
         click.echo(visible(text))
 
     def complain(self, error: BaseException) -> None:
-        """Prints what went wrong."""
+        """Prints an error."""
         self.failed = True
         self.cancelled |= isinstance(error, (Cancelled, KeyboardInterrupt))
         sys.stdout.flush()
@@ -129,7 +129,7 @@ class Shell:
         click.echo(text)
 
 
-# Hints speak to users of Python; this is the same in the shell.
+# Hints are for users of Python; these are their forms in the shell.
 SPELLINGS = (
     (re.compile(r"^register it with session\.function; help\(\)"), "load it with .load FILE.py; .functions"),
     (re.compile(r"^raise timeout="), "give more time with .timeout SECONDS"),
@@ -159,7 +159,7 @@ def _message(error: BaseException) -> str:
 
 
 def _assigned(source: Source) -> str | None:
-    """The name that a statement assigns to, if that is all it does."""
+    """The name that a statement assigns to, if it is an assignment."""
     (statement, *_) = parse(source).statements
     match statement:
         case ast.Assign(name=name) | ast.TemporalAssign(name=name):

@@ -1,7 +1,7 @@
-"""Where the cursor stands: what may follow there, and which sources, variables and calls are in sight.
+"""The completion context: what may follow at the cursor, and the visible sources, variables and calls.
 
-The grammar's own automaton runs over the statement up to the cursor and says which tokens fit. Names come from the
-whole statement, for FROM stands behind the columns that are asked for.
+The grammar's own automaton runs over the statement up to the cursor and gives the tokens that fit. Names come from the
+whole statement, since FROM follows the columns.
 """
 
 from __future__ import annotations
@@ -24,9 +24,7 @@ from ss2sql.records import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Named:
-    """A source of FROM: what it is called in the query, and what it is: the name of a table or variable, or the
-    columns of a query.
-    """
+    """A source of FROM: its name in the query, and its origin: a table's or variable's name, or a query's columns."""
 
     name: str
     origin: str
@@ -35,11 +33,11 @@ class Named:
 
 @dataclass(slots=True)
 class Sight:
-    """What is in sight at the cursor.
+    """The context of the cursor.
 
-    `word` is what has been written of the word there, `owner` the name in front of its dot. `expected` are the kinds of
-    token that the grammar would take, None where the text before does not fit it; `clause` is what is being read, as
-    errors call it. `seen` are the keywords that this query has before the cursor.
+    `word` is the beginning of the word there, `owner` the name before its dot. `expected` are the kinds of token that
+    the grammar accepts, None where the text before does not fit it; `clause` is the current clause, as errors name it.
+    `seen` are the keywords of this query before the cursor.
     """
 
     word: str = ""
@@ -59,7 +57,7 @@ class Sight:
 
 
 def sight(statement: str, cursor: int) -> Sight:
-    """What is in sight at a place of a statement."""
+    """The context of a position in a statement."""
     before = list(text.cut(statement[:cursor]))
     if _is_text(before, statement, cursor):
         return Sight(in_text=True)
@@ -79,7 +77,7 @@ def _is_word(token: Token) -> bool:
 
 
 def _is_text(before: Sequence[Token], statement: str, cursor: int) -> bool:
-    """Whether the cursor is in a string or a comment, or behind a number that may go on."""
+    """Whether the cursor is in a string or a comment, or after a number that may continue."""
     if before and before[-1].kind in ("OPEN_STRING", "OPEN_COMMENT", "BAD_NUMBER"):
         return True
     if before and before[-1].kind in ("INTEGER", "FLOAT") and before[-1].end == cursor:
@@ -120,7 +118,7 @@ def _look_around(found: Sight, statement: str, cursor: int) -> None:
 
 
 def _groups(tokens: Sequence[Token]) -> list[int]:
-    """For each token the place of the bracket around it, -1 outside of all; brackets are outside of themselves."""
+    """For each token the index of the bracket around it, or -1; a bracket is outside of itself."""
     groups: list[int] = []
     stack = [-1]
     for index, token in enumerate(tokens):
@@ -133,7 +131,7 @@ def _groups(tokens: Sequence[Token]) -> list[int]:
 
 
 def _around(tokens: Sequence[Token], cursor: int) -> list[int]:
-    """The places of the brackets around the cursor, the outermost first, behind -1."""
+    """The indices of the brackets around the cursor, the outermost first, after a -1."""
     stack = [-1]
     for index, token in enumerate(tokens):
         if token.start >= cursor:
@@ -148,7 +146,7 @@ def _around(tokens: Sequence[Token], cursor: int) -> list[int]:
 def _parts(
     tokens: Sequence[Token], groups: Sequence[int], start: int, group: int, ends: Sequence[str] = CLAUSES
 ) -> list[list[int]]:
-    """What stands between the commas of a clause from `start` on: places of tokens, without the inside of brackets."""
+    """The parts between the commas of a clause from `start` on: indices of tokens, without the inside of brackets."""
     found: list[list[int]] = [[]]
     for index in range(start, len(tokens)):
         kind = tokens[index].kind
@@ -162,7 +160,7 @@ def _parts(
 
 
 def _sources(tokens: Sequence[Token], groups: Sequence[int], place: int) -> list[Named]:
-    """The sources of the FROM at a place."""
+    """The sources of the FROM at an index."""
     found = []
     for part in _parts(tokens, groups, place + 1, groups[place]):
         kinds = [tokens[index].kind for index in part]
@@ -183,7 +181,7 @@ def _sources(tokens: Sequence[Token], groups: Sequence[int], place: int) -> list
 
 
 def _columns_of_query(tokens: Sequence[Token], groups: Sequence[int], bracket: int) -> tuple[str, ...]:
-    """The names of the columns of a query in parentheses, as far as its text says them."""
+    """The names of the columns of a query in parentheses, as far as they are written."""
     if bracket + 1 >= len(tokens) or tokens[bracket + 1].kind != "SELECT":
         return ()
     found = []
@@ -198,7 +196,7 @@ def _columns_of_query(tokens: Sequence[Token], groups: Sequence[int], bracket: i
 
 
 def _assigned(tokens: Sequence[Token], groups: Sequence[int], place: int) -> list[str]:
-    """The names that START WITH at a place assigns to; the `WITH` behind it may be missing."""
+    """The names that START WITH at an index assigns to; its `WITH` may be missing."""
     start = place + 2 if place + 1 < len(tokens) and tokens[place + 1].kind == "WITH" else place + 1
     parts = _parts(tokens, groups, start, groups[place])
     return [tokens[part[0]].text for part in parts if [tokens[index].kind for index in part[:2]] == ["NAME", "="]]
@@ -209,7 +207,7 @@ def _assigned(tokens: Sequence[Token], groups: Sequence[int], place: int) -> lis
 
 @dataclass(frozen=True, slots=True)
 class OpenCall:
-    """The call that the cursor is in: its name, which argument is being written, whether it stands behind AS."""
+    """The call around the cursor: its name, the number of the current argument, whether it follows AS."""
 
     name: str
     argument: int
@@ -217,7 +215,7 @@ class OpenCall:
 
 
 def open_call(statement: str, cursor: int) -> OpenCall | None:
-    """The innermost call around a place of a statement."""
+    """The innermost call around a position of a statement."""
     tokens = list(text.cut(statement[:cursor]))
     for bracket in reversed(_around(tokens, cursor + 1)[1:]):
         ahead = tokens[bracket - 1] if bracket else None

@@ -1,4 +1,4 @@
-"""The shell on a terminal: what prompt_toolkit shows and asks for."""
+"""The shell on a terminal, with prompt_toolkit."""
 
 from __future__ import annotations
 
@@ -29,18 +29,18 @@ from ss2sql.shell.settings import SETTINGS, Settings, shown
 from ss2sql.shell.shell import Leave, Shell
 
 PROMPT, MORE = PROMPTS
-# What newcomers type to get out or to get help, each alone on a line.
+# Words that newcomers type to leave or to get help, each alone on a line.
 PLAIN_WORDS = {"exit": ".exit", "quit": ".exit", "\\q": ".exit", "help": ".help", "?": ".help", "\\h": ".help"}
 
 
 def meant(text: str, shell: Shell) -> str:
-    """What was typed, or the dot command that a newcomer most likely means by it."""
+    """The input, or the dot command that a newcomer most likely means by it."""
     word = text.strip().removesuffix(";").strip()
     return PLAIN_WORDS.get(word.lower(), text) if word not in shell.session.host.names else text
 
 
 class Terminal:
-    """The loop of a shell: asks, runs, asks again. Tests give `input` and `output` of prompt_toolkit."""
+    """The loop of a shell: prompts and runs. Tests give `input` and `output` of prompt_toolkit."""
 
     def __init__(self, shell: Shell, remembers: bool = True, **streams: Any) -> None:
         self.shell = shell
@@ -66,11 +66,11 @@ class Terminal:
         )
 
     def run(self) -> None:
-        """Asks and runs until the user leaves."""
+        """Prompts and runs until the user leaves."""
         welcome = f"""ss2sql {ss2sql.__version__}: SelectScript on SQLite. Statements end with ;  for example
   {EXAMPLE}
 .help shows what there is, Tab completes, Ctrl-D leaves."""
-        print(welcome, file=sys.stdout if sys.stdout.isatty() else sys.stderr)  # results alone go to a file
+        print(welcome, file=sys.stdout if sys.stdout.isatty() else sys.stderr)  # a file gets results only
         while True:
             try:
                 self.shell.run(meant(self.prompts.prompt(), self.shell))
@@ -86,7 +86,7 @@ class Terminal:
             return InMemoryHistory()
         try:
             return _Remembered(history_file())
-        except (OSError, RuntimeError) as error:  # RuntimeError: there is no home
+        except (OSError, RuntimeError) as error:  # RuntimeError: no home folder
             print(f"what you type will not be remembered: {error}", file=sys.stderr)
             return InMemoryHistory()
 
@@ -97,7 +97,7 @@ class Terminal:
 
         @keys.add("enter", filter=has_focus("DEFAULT_BUFFER") & ~is_searching)
         def enter(event: KeyPressEvent) -> None:
-            """Takes the completion that is chosen, runs what is complete, or begins a new line."""
+            """Accepts the chosen completion, runs complete input, or begins a new line."""
             buffer = event.current_buffer
             if buffer.complete_state is not None and buffer.complete_state.current_completion is not None:
                 buffer.complete_state = None
@@ -108,7 +108,7 @@ class Terminal:
 
         @keys.add("tab", filter=has_focus("DEFAULT_BUFFER") & has_completions)
         def tab(event: KeyPressEvent) -> None:
-            """Takes the only completion, or chooses the next one."""
+            """Accepts the only completion, or chooses the next one."""
             buffer = event.current_buffer
             assert buffer.complete_state is not None
             found = buffer.complete_state.completions
@@ -125,7 +125,7 @@ class Terminal:
     # --- the line at the bottom ------------------------------------------------------------------------
 
     def toolbar(self, document: Document) -> StyleAndTextTuples:
-        """The call that the cursor is in, or what to do next."""
+        """The call around the cursor, or a hint."""
         found = signature(document.text, document.cursor_position, self.known)
         if found is not None:
             entry, argument = found
@@ -148,7 +148,7 @@ class Terminal:
 
 
 def _signature(name: str, parameters: tuple[str, ...], argument: int, about: str) -> Iterator[tuple[str, str]]:
-    """A call with the argument that is being written, and what the function is for."""
+    """A call with its current argument marked, and the function's description."""
     yield "", f" {name}("
     for index, parameter in enumerate(parameters):
         repeats = index == len(parameters) - 1 and parameter.startswith("*")
@@ -158,7 +158,7 @@ def _signature(name: str, parameters: tuple[str, ...], argument: int, about: str
 
 
 class _Completer(Completer):
-    """The suggestions of completion.py; while typing only where a word has begun."""
+    """The suggestions of shell/completion.py; while typing only where a word has begun."""
 
     def __init__(self, terminal: Terminal) -> None:
         self.terminal = terminal
@@ -174,7 +174,7 @@ class _Completer(Completer):
 
 
 class _Remembered(FileHistory):
-    """A history that keeps to itself what it is not told to keep, and does without its file where it has to."""
+    """A history that stores only some entries in its file, and works without the file."""
 
     def append_string(self, string: str) -> None:
         if is_kept(string):
@@ -183,7 +183,7 @@ class _Remembered(FileHistory):
     def load_history_strings(self) -> Iterable[str]:
         try:
             return list(super().load_history_strings())
-        except OSError:  # else prompt_toolkit shows a traceback and waits for Enter
+        except OSError:  # otherwise prompt_toolkit shows a traceback and waits for Enter
             return ()
 
     def store_string(self, string: str) -> None:

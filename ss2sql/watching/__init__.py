@@ -1,6 +1,6 @@
-"""Searches that one can watch: what a traced run hands on, its picture, and the page that plays it.
+"""Traced searches: the trace of a run, its plot, and the page that plays it.
 
-`runtime/search/watched.py` notes the events of a search. `traced.py` is what a result keeps of them, with the clauses
-of the script; `scenes.py` lays them out: texts, places on a map, what became of each step; `picture.py` draws that with
-matplotlib, `page.py` puts it into `page.html`, which plays it in a browser.
+runtime/search/watched.py records the events of a search. watching/traced.py keeps them with the clauses of the script;
+watching/scenes.py gives each step its text, its place on a map and its outcome; watching/picture.py draws them with
+matplotlib, watching/page.py writes them into `page.html`, which plays them in a browser.
 """

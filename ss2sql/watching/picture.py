@@ -28,7 +28,7 @@ NAMES = {"expanded": "expanded, in this order", "generated": "in the frontier", 
 
 
 def draw_search(result: Result, ax: Any, most: int | None, own: bool) -> str:
-    """Draws it, of a tree at most so many steps; gives the title.
+    """Draws a trace, of a tree at most so many steps; gives the title.
 
     The figure gets the size that the picture needs where it is our own.
     """
@@ -46,7 +46,7 @@ def draw_search(result: Result, ax: Any, most: int | None, own: bool) -> str:
 
 
 def _draw_map(scene: Scene, ax: Any) -> tuple[tuple[float, float], int]:
-    """A square for each place; several steps to one share it, and one that was expanded counts most."""
+    """Draws a square for each place; steps to one place share it, an expanded one determines its style."""
     rectangle = package("matplotlib.patches", "plot", "plot()").Rectangle
     cells: dict[Place, int] = {}
     for n, place in enumerate(scene.places):
@@ -76,7 +76,7 @@ def _draw_map(scene: Scene, ax: Any) -> tuple[tuple[float, float], int]:
 
 
 def _draw_tree(scene: Scene, ax: Any, most: int) -> tuple[tuple[float, float], int]:
-    """The steps with those they come from, without those that were repeated or stopped where there are too many."""
+    """Draws the tree of steps, without repeated and stopped ones where there are too many."""
     made = package("networkx", "plot", "plot()").DiGraph()
     every = list(range(len(scene.steps)))
     kept = every if len(every) <= most else [n for n in every if n not in scene.lost][:most]

@@ -1,4 +1,4 @@
-"""What there is to see of a traced search: its steps, their texts and places, and what became of them."""
+"""The view of a traced search: its steps, their texts, places and outcomes."""
 
 from __future__ import annotations
 
@@ -37,13 +37,13 @@ class Scene:
 
     @cached_property
     def expanded(self) -> dict[int, int]:
-        """The steps that were expanded, each with its number in this order."""
+        """The expanded steps, each with its number in the order of expansion."""
         order = (event.n for event in self.traced.events if event.event == "expanded")
         return {n: number for number, n in enumerate(order, 1)}
 
     @cached_property
     def last(self) -> dict[int, str]:
-        """What happened last to each step."""
+        """The last event of each step."""
         return {event.n: event.event for event in self.traced.events}
 
     @cached_property
@@ -52,7 +52,7 @@ class Scene:
 
     @cached_property
     def lost(self) -> set[int]:
-        """The steps that were repeated or stopped, and are neither goals nor expanded."""
+        """The repeated or stopped steps that are neither goals nor expanded."""
         lost = {n for n, event in self.last.items() if event in ("repeated", "stopped")}
         return lost - self.expanded.keys() - set(self.goals)
 
@@ -82,10 +82,10 @@ def text_of(shown: dict[str, Any] | None, named: bool = False) -> str:
 
 
 def _places(traced: Traced, steps: Sequence[Event]) -> list[Place | None]:
-    """Where the steps lead: the places of their states, or else of their rows.
+    """The places of the steps: those of their states, or else of their rows.
 
-    A step that stops has no state. Its row tells its place where the rows of other steps tell those of their states.
-    Where states are lists of another kind, as in a puzzle, lists of two numbers are moves, not places.
+    A step that stops has no state. Its row gives its place where the rows of other steps equal their states' places.
+    In states with other lists, as in a puzzle, lists of two numbers are moves, not places.
     """
     counters = traced.counters
     states = _points([_without(event.state, counters) for event in steps])
@@ -103,7 +103,7 @@ def _without(state: dict[str, Any] | None, names: frozenset[str]) -> dict[str, A
 
 
 def _points(shown: Sequence[dict[str, Any] | None]) -> list[Place | None]:
-    """The places in rows or states, none of them where they are no places."""
+    """The places in rows or states; empty where one of them has no place."""
     there = [tuple(one.values()) for one in shown if one]
     where = places(list(next(filter(None, shown), ())), there)
     if where is None:

@@ -1,4 +1,4 @@
-"""What a result keeps of a traced run: the events, and the script with its clauses."""
+"""The trace that a result keeps: the events, and the script with its clauses."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ss2sql.told import growing
 if TYPE_CHECKING:
     from ss2sql.runtime.result import Result
 
-MOST_EVENTS = 10_000  # where nobody says how many
+MOST_EVENTS = 10_000  # the default
 KEYWORDS = re.compile(r"\b(?:SELECT(?:\s+(?:LAST|DISTINCT))*|FROM|WHERE|START\s+WITH|STOP\s+WITH)\s*$", re.IGNORECASE)
 REPEATS = ("UNIQUE", "NO CYCLE", "MEMORIZE")
 STRATEGIES = {
@@ -30,10 +30,10 @@ STRATEGIES = {
 
 @dataclass(frozen=True, slots=True)
 class Traced:
-    """The first events of a search, of `total`; its script, and which stretches of it act in which event.
+    """The first events of a search, of `total`; its script, and the spans of the clauses that act in each event.
 
-    `strategy` is its name in textbooks with the rule for what repeats; `weight` is COST or PROBABILITY where it says
-    which step is next. `counters` are the START WITH variables that only count.
+    `strategy` is its name in textbooks with the rule for repeated rows; `weight` is COST or PROBABILITY where it orders
+    the queue. `counters` are the START WITH variables that only count.
     """
 
     events: Sequence[Event]
@@ -52,7 +52,7 @@ class Traced:
 
 
 def traced_of_result(result: Result, user: str) -> Traced:
-    """What is there to watch. Raises RepresentationError V001 where the run was not traced."""
+    """The trace of a result. Raises RepresentationError V001 where the run was not traced."""
     if result.traced is None:
         hints = (
             "run it with trace=1000: ss.run(script, trace=1000); on the command line `ss2sql play` traces a script",
@@ -71,7 +71,7 @@ def searched_query(statement: ast.Expr) -> ast.Query:
 
 
 def traced_of(trace: Trace, statement: ast.Expr, written: plan.Query) -> Traced:
-    """What is kept of a trace: that of the search in the statement, which the plan has as `written`."""
+    """The trace of the search in the statement, which the plan has as `written`."""
     query = searched_query(statement)
     trace.keep()
     words = [option.keyword for option in query.options]
@@ -83,7 +83,7 @@ def traced_of(trace: Trace, statement: ast.Expr, written: plan.Query) -> Traced:
 
 
 def notes_of(trace: Trace, statement: ast.Expr) -> Iterator[str]:
-    """What a person should know of a traced run."""
+    """The notes on a traced run."""
     memorizes = any(option.keyword == "MEMORIZE" for option in searched_query(statement).options)
     alone = ", from its start alone and without a remembered graph" if memorizes else ""
     yield f"traced: the search ran natively, step by step{alone}"
@@ -110,7 +110,7 @@ _CLAUSES: dict[str, tuple[str, ...]] = {
 
 
 def _stretches(query: ast.Query, event: str) -> Iterator[tuple[int, int]]:
-    """The clauses that act in an event, with their keywords, as stretches of the text of the query."""
+    """The clauses that act in an event, with their keywords, as spans of the query."""
     text, begin = query.span.text, query.span.start
     spans = [option.span for option in query.options if option.keyword in _CLAUSES.get(event, ())]
     for name in _CLAUSES.get(event, ("start",)):

@@ -13,7 +13,7 @@ from ss2sql.extras import install_line
 
 
 def package(name: str) -> ModuleType:
-    """A package of the extra `sim`, or the error that says how to install it."""
+    """A package of the extra `sim`. Raises the error with the install command."""
     try:
         return import_module(name)
     except ImportError as reason:
@@ -37,7 +37,7 @@ def _client_type() -> Any:
     class Client(base):  # type: ignore[misc]
         """A BulletClient without a window.
 
-        It connects by itself, because BulletClient hands Bullet a text of options, and Bullet then writes `argv[0]=`
+        It connects itself, because BulletClient passes options to Bullet, which then writes `argv[0]=`
         to the standard output.
         """
 

@@ -1,4 +1,4 @@
-"""What all scenes are: a simulation without a window, the names of its bodies, and its clock."""
+"""Scenes: a simulation without a window, the names of its bodies, and its clock."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ TIME_STEP = 1 / 240  # seconds, Bullet's own
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """Where pictures are taken from: the eye, the point that it looks at, and the angle that it sees, in degrees."""
+    """The viewpoint of pictures: the eye, the point that it looks at, and its angle in degrees."""
 
     eye: Vector
     target: Vector
@@ -38,7 +38,7 @@ class Sensor:
 class Scene:
     """A simulation that is built by code: the same seed always gives the same bodies and the same movements.
 
-    - `client`: the `BulletClient`; everything that PyBullet can do is done with it
+    - `client`: the `BulletClient`, for all functions of PyBullet
     - `names`: the name of every body, by its id, in the order in which they were born
     - `time`: seconds of simulation
     - `births`, `deaths`: how many bodies were added and removed; Bullet gives the ids of removed bodies to later ones
@@ -88,10 +88,10 @@ class Scene:
                 listener()
 
     def before_step(self) -> None:
-        """What a scene does by itself, such as births."""
+        """Changes of the scene before a step, such as births."""
 
     def after_step(self) -> None:
-        """What a scene does to the bodies that have just moved."""
+        """Changes of the scene after a step."""
 
     def body(self, name: str) -> int:
         """The id of the body with this name."""
@@ -146,7 +146,7 @@ class Scene:
         self.deaths += 1
 
     def is_free(self, position: Vector, radius: float) -> bool:
-        """Whether no body reaches into the cube around a sphere, the endless planes aside."""
+        """Whether the cube around a sphere is free of bodies, except endless planes."""
         low = [x - radius for x in position]
         high = [x + radius for x in position]
         found = self.client.getOverlappingObjects(low, high) or ()

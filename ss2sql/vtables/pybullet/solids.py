@@ -1,4 +1,4 @@
-"""The shapes that scenes are built from, as Bullet's collision shapes and as meshes that look round in pictures."""
+"""The solids of scenes, as Bullet's collision shapes and as meshes that look round in pictures."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Capsule:
 
 @dataclass(frozen=True, slots=True)
 class Plane:
-    """Everything behind an endless plane; pictures show a square of it, and only from its front."""
+    """The half space under an endless plane; pictures show a square of it, only from its front."""
 
     normal: Vector
     side: float
@@ -85,7 +85,7 @@ def collision_shape(client: Any, solid: Solid) -> int:
 
 
 def visual_shape(client: Any, solid: Solid, colour: Colour) -> int:
-    """What pictures show of a solid. Bullet's own round shapes have a dozen corners, hence the meshes."""
+    """The visual shape of a solid: a mesh, since Bullet's own round shapes have a dozen corners."""
     bullet, rgba = pybullet(), (*colour, 1.0)
     if isinstance(solid, Box):
         half = (solid.x / 2, solid.y / 2, solid.z / 2)
@@ -104,7 +104,7 @@ Outline = list[tuple[float, float, float, float]]
 
 
 def _outline(solid: Sphere | Cylinder | Capsule) -> Outline:
-    """Half a cut through a round solid, from top to bottom: radius and height of each point, then of its normal."""
+    """Half the cross section of a round solid from top to bottom: radius and height, then the normal."""
     match solid:
         case Cylinder(radius, length):
             top, bottom = length / 2, -length / 2
@@ -125,7 +125,7 @@ def _arc(radius: float, height: float, angles: Iterable[float]) -> Outline:
 
 
 def _turned(outline: Outline) -> Mesh:
-    """The solid that an outline makes when it is turned around the z axis."""
+    """The solid of revolution of an outline around the z axis."""
     slices = 2 * len(outline) if len(outline) > 6 else 24
     angles = np.linspace(0, 2 * pi, slices + 1)
     radius, height, normal_radius, normal_height = np.array(outline).T[:, :, None]
