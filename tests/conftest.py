@@ -44,7 +44,6 @@ SAMPLED = {
     "test_names_of_the_notebook": 5,
     "test_paths_and_calls_are_those_that_the_language_asks_for": 3,
     "test_queries_give_what_loops_give": 3,
-    "test_inlined_or_called_a_script_comes_to_the_same": 2,
     "test_the_wheel_without_extras": 3,
     "test_a_goal_is_found_in_any_form": 3,
     "test_a_stop_is_found_in_any_form": 3,

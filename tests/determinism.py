@@ -1,8 +1,8 @@
-"""All that scripts give, as one line of JSON each: `python tests/determinism.py ORDER PROGRAMS RARE MOST`.
+"""All that scripts give, as one line of JSON each: `python tests/determinism.py ORDER RARE MOST`.
 
-The scripts are those of tests/cases, so many random programs, and some of the command line: all of them, or MOST, which
-are spread over them. One in RARE is looked at more closely: it runs on the native engine too, among names like its own,
-and a picture is drawn of one in ten of them.
+The scripts are those of tests/cases, and some of the command line: all of them, or MOST, which are spread over them.
+One in RARE is looked at more closely: it runs on the native engine too, among names like its own, and of one in ten of
+them a picture is drawn.
 
 ORDER is a number that should not matter. By it are shuffled: the order in which functions, values, tables and
 representations are registered, the order in which the scripts run in this process, and where objects lie in memory.
@@ -28,8 +28,6 @@ import apsw
 import golden
 from cases import needs
 from click.testing import CliRunner
-from programs import ProgramCase
-from programs.scripts import DECISIONS, program
 
 import ss2sql
 from ss2sql.cli import main
@@ -72,16 +70,14 @@ def bag_of(x: Any) -> Any:
     return {"b", "a", ("x", 1), ("x", "y"), None, 2.5, 3, frozenset({"d", "c"}), frozenset({"e"}), "long" * 9, b"a", x}
 
 
-def scripts(programs: int, rare: int, most: int) -> dict[str, Callable[[random.Random], Told]]:
+def scripts(rare: int, most: int) -> dict[str, Callable[[random.Random], Told]]:
     """What there is to run, by name; each is given what shuffles."""
     cases = {case.name: partial(of_case, case, crc32(case.name.encode()) % rare == 0) for case in golden.cases()}
     for name, text in MORE_SCRIPTS.items():
         case = golden.Case(golden.FOLDER / "more" / name, name, ("people", "csv"), text)
         cases[case.name] = partial(of_case, case, True)
-    made = (program(random.Random(number).randbytes(DECISIONS)) for number in range(programs))
-    drawn = {f"program {number}": partial(of_program, case, number % rare == 0) for number, case in enumerate(made)}
     commands = {f"ss2sql {' '.join(given)}": partial(of_command, given) for given in COMMANDS}
-    found = {**cases, **drawn, **commands}
+    found = {**cases, **commands}
     return {name: found[name] for name in list(found)[:: max(1, len(found) // most)]}
 
 
@@ -101,23 +97,6 @@ def of_case(case: golden.Case, closely: bool, shuffle: random.Random) -> Told:
         with file_for(case.script, tables) as path:
             with furnished(path, [*own, *crowd], shuffle) as session:
                 told[engine] = all_of(session, case.script, engine, picture)
-            told[engine]["file"] = contents(path)
-    return told
-
-
-def of_program(case: ProgramCase, closely: bool, shuffle: random.Random) -> Told:
-    """A random program."""
-    own: list[Register] = [partial(attached, name=name, value=value) for name, value in case.variables.items()]
-    own += [partial(table, name=name, rows=rows) for name, rows in case.tables.items()]
-    told = {}
-    for engine in ("auto", "native") if closely else ("auto",):
-        functions = [
-            partial(registered, name=name, function=function, volatility=case.volatility.get(name))
-            for name, function in case.functions.items()
-        ]
-        with file_for(case.script, ()) as path:
-            with furnished(path, [*own, *functions, *(OTHERS if closely else ())], shuffle) as session:
-                told[engine] = all_of(session, case.script, engine, False)
             told[engine]["file"] = contents(path)
     return told
 
@@ -152,19 +131,12 @@ def furnished(path: Path | None, things: list[Register], shuffle: random.Random)
         yield session
 
 
-def registered(session: ss2sql.Session, name: str, function: Any, volatility: Any = None) -> None:
-    session.function(name, function, volatility=volatility)
+def registered(session: ss2sql.Session, name: str, function: Any) -> None:
+    session.function(name, function)
 
 
 def attached(session: ss2sql.Session, name: str, value: Any) -> None:
     session.attach(name, value)
-
-
-def table(session: ss2sql.Session, name: str, rows: list[dict[str, Any]]) -> None:
-    connection, columns = session.host.connection, list(rows[0])
-    connection.execute(f'CREATE TABLE "{name}"({", ".join(columns)})')
-    marks = ", ".join("?" * len(columns))
-    connection.executemany(f'INSERT INTO "{name}" VALUES ({marks})', [tuple(row.values()) for row in rows])
 
 
 # --- what is told of a script ----------------------------------------------------------------------------
@@ -260,9 +232,9 @@ OTHERS: tuple[Register, ...] = (
 )
 
 
-def report(order: int, programs: int, rare: int, most: int) -> Iterator[str]:
+def report(order: int, rare: int, most: int) -> Iterator[str]:
     shuffle = random.Random(order)
-    wanted = list(scripts(programs, rare, most).items())
+    wanted = list(scripts(rare, most).items())
     shuffle.shuffle(wanted)
     yield from sorted(json.dumps([name, tell(shuffle)]) for name, tell in wanted)
 

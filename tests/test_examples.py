@@ -4,11 +4,8 @@ import itertools
 import math
 import os
 import re
-import runpy
-import sqlite3
 import subprocess
 import sys
-from contextlib import closing
 from typing import Any
 
 import pytest
@@ -41,125 +38,31 @@ def test_shows_its_scripts_with_sql_and_rows(name):
         assert lesson.startswith("# ")
 
 
-# --- Towers of Hanoi -----------------------------------------------------------------------------------
-
-SEVEN = [[0, 2], [0, 1], [2, 1], [0, 2], [1, 0], [1, 2], [0, 2]]
+# --- towers, maps and a company: golden cases have the same scripts -------------------------------------
 
 
-def test_hanoi_gives_the_answers_of_the_paper():
-    hanoi = play("hanoi")
-    assert hanoi.value("1_nested") == SEVEN
-    assert hanoi.value("2_search") == [[{"this": step} for step in SEVEN]]
-    assert hanoi.lengths("3_no_cycle") == {7: 1, 8: 4, 9: 16}
-    # The goal is entered by two different moves, so that there are two last rows: after seven steps, and after eight.
-    assert hanoi.lengths("4_unique") == {7: 1, 8: 1}
-    assert [step for step, _ in hanoi.result("4_unique").paths[0]] == SEVEN
-    assert hanoi.lengths("5_memorize") == {15: 1, 16: 8, 17: 48, 18: 228}
-
-
-def test_the_program_of_the_paper_differs_in_its_import_line_only():
-    stub = (EXAMPLES / "hanoi" / "stub.py").read_text("utf-8")
-    assert re.findall(r"^(?:import|from).*", stub, re.MULTILINE) == ["import ss2sql.compat as SelectScript"]
-    assert runpy.run_path(str(EXAMPLES / "hanoi" / "stub.py"))["result"] == [SEVEN]
-    assert str([SEVEN]) in play("hanoi").text
-
-
-# --- map colouring -------------------------------------------------------------------------------------
-
-COLOURS = ("red", "green", "blue", "yellow")
-EIGHT = "ab ac ad ae af bc bd bf bg cd cg ch de dh ef eh fg gh".split()  # noqa: SIM905
-FIVE = "ab ac ad ae bc bd cd de".split()  # noqa: SIM905
-
-
-def colourings(countries: str, borders: list[str]) -> list[dict[str, str]]:
-    found = []
-    for colours in itertools.product(COLOURS, repeat=len(countries)):
-        colour = dict(zip(countries, colours, strict=True))
-        if all(colour[left] != colour[right] for left, right in borders):
-            found.append(colour)
-    return found
-
-
-@pytest.mark.parametrize("name", ["1_inequalities", "2_nested_query", "3_pairs", "4_names"])
-def test_eight_countries_have_48_colourings_in_every_form(name):
-    rows = play("map_colouring").value(name)
-    assert len(rows) == 48
-    assert "".join(colour[0] for colour in rows[0].values()) == "rgbygbyr"
-    assert rows == colourings("abcdefgh", EIGHT)
-
-
-def test_five_countries_are_counted_and_logged():
-    example = play("map_colouring")
-    expected = colourings("abcde", FIVE)
-    assert (len(expected), 4**5 - len(expected)) == (48, 976)
-    assert example.value("5_counting") == [48, 976]
-    assert example.value("6_logging") == expected
-    red = [colour for colour in expected if colour["a"] == "red"]
-    assert len(red) == 12
-    assert example.value("7_logging_some") == red
+def test_answers_of_the_paper() -> None:
+    hanoi, maps, company = map(play, ("hanoi", "map_colouring", "hierarchy"))
+    assert hanoi.value("1_nested") == [row["this"] for row in hanoi.value("2_search")[0]]
+    lengths = {
+        "3_no_cycle": {7: 1, 8: 4, 9: 16},
+        "4_unique": {7: 1, 8: 1},
+        "5_memorize": {15: 1, 16: 8, 17: 48, 18: 228},
+    }
+    assert {name: hanoi.lengths(name) for name in lengths} == lengths
+    forms = [maps.value(name) for name in ("1_inequalities", "2_nested_query", "3_pairs", "4_names")]
+    assert [len(rows) for rows in forms] == [48] * 4
+    assert all(rows == forms[0] for rows in forms)
+    assert (maps.value("5_counting"), len(maps.value("6_logging")), len(maps.value("7_logging_some"))) == (
+        [48, 976],
+        48,
+        12,
+    )
     for line in ("It printed 1,024 lines", "It printed 12 lines", f"log: 1{' red' * 5}", f"log: 1024{' yellow' * 5}"):
-        assert line in example.text
-
-
-# --- the hierarchy -------------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def company(tmp_path_factory):
-    """The employees as the example makes them, by number."""
-    file = tmp_path_factory.mktemp("company") / "company.db"
-    play("hierarchy").module["make_company"](file)
-    with closing(sqlite3.connect(file)) as connection:
-        connection.row_factory = sqlite3.Row
-        return {row["id"]: dict(row) for row in connection.execute("SELECT * FROM employees ORDER BY id")}
-
-
-def reports(company: dict[int, Any], boss: int | None) -> list[int]:
-    return [number for number, person in company.items() if person["manager"] == boss]
-
-
-def test_hierarchy_managers_and_departments(company):
-    example = play("hierarchy")
-    leading = {person["manager"] for person in company.values()} - {None}
-    expected = sorted((company[number]["name"], company[number]["department"]) for number in leading)
-    assert list(example.result("1_managers")) == expected
-    salaries: dict[str, list[int]] = {}
-    for person in company.values():
-        salaries.setdefault(person["department"], []).append(person["salary"])
-    rows = [(name, len(paid), min(paid), round(sum(paid) / len(paid)), max(paid)) for name, paid in salaries.items()]
-    assert list(example.result("5_salaries")) == sorted(rows, key=lambda row: -sum(salaries[row[0]]) / row[1])
-
-
-def test_hierarchy_whole_tree(company):
-    def below(boss: int | None, path: list[tuple[int, str]]) -> list[list[tuple[int, str]]]:
-        found = []
-        for number in reports(company, boss):
-            here = [*path, (number, company[number]["name"])]
-            found += [here, *below(number, here)]
-        return found
-
-    example = play("hierarchy")
-    paths = example.result("2_tree").paths
-    assert paths == below(None, [])
-    assert len(paths) == len(company) == 24
-    assert all("   " * (len(path) - 1) + path[-1][1] in example.text for path in paths)
-
-
-def test_hierarchy_upwards_and_downwards(company):
-    example = play("hierarchy")
-    chain, number = [], 24
-    while number is not None:
-        chain.append((company[number]["name"], company[number]["department"]))
-        number = company[number]["manager"]
-    assert example.result("3_upwards").paths == [chain]
-    near = [[(company[one]["name"], 1)] for one in reports(company, 2)]
-    far = [
-        [(company[one]["name"], 1), (company[two]["name"], 2)]
-        for one in reports(company, 2)
-        for two in reports(company, one)
-    ]
-    assert far
-    assert example.result("4_downwards").paths == near + far
+        assert line in maps.text
+    paths = company.result("2_tree").paths
+    assert len(paths) == 24
+    assert all("   " * (len(path) - 1) + path[-1][1] in company.text for path in paths)
 
 
 # --- the robot -----------------------------------------------------------------------------------------

@@ -106,7 +106,7 @@ Floats = [0.0, -0.0, 1.5, -2.25, 4.0]
 Mixed = [0, -0.0, 2, 2.5, True]
 ONE = "a.this"
 TWO = "a.this, b.this"
-# function, arguments in terms of a and b, elements of a and of b; more of them in `test_inline_random`
+# function, arguments in terms of a and b, elements of a and of b
 INLINED: list[tuple[Callable[..., Any], str, list[Any], list[Any]]] = [
     (lambda: 7, "", [1], [1]),
     (lambda x: x, ONE, [1, "x", None, [1], 0.5], [1]),
