@@ -65,16 +65,11 @@ class Balls(Table):
 
     name, key = "balls", "id"
     columns = (
-        Column("id", int, filter="=", text="the number"),
-        Column("name", str, filter="= < <= > >="),
-        Column("x", float, "m", "from left to right", "= < <= > >="),
-        Column("y", float, "m"),
-        Column("z", float, "m"),
-        Column("mass", float, "kg", "how heavy it is"),
-        Column("colour", str | None),
-        Column("heavy", bool),
+        Column("id", int, filter="=", text="the number"), Column("name", str, filter="= < <= > >="),
+        Column("x", float, "m", "from left to right", "= < <= > >="), Column("y", float, "m"), Column("z", float, "m"),
+        Column("mass", float, "kg", "how heavy it is"), Column("colour", str | None), Column("heavy", bool),
         Column("pos", (float, float, float), "m"),
-    )
+    )  # fmt: skip
     groups = {"label": "name colour", "place": "x y z", "dynamics": "mass heavy", "pos": "pos"}
 
     def keys(self, where: Any) -> list[int]:

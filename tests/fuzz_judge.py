@@ -25,13 +25,9 @@ from ss2sql.runtime.pool import Pool
 
 SECONDS_PER_KIB = 2.0
 VARIABLES: dict[str, Any] = {
-    "xs": [1, 2, 3],
-    "n": 2,
-    "word": "ab",
-    "rows": [{"k": "a", "v": 1}, {"k": "b", "v": None}],
-    "columns": {"p": [1, 2], "q": ["a", "b"]},
-    "towers": [[3, 2, 1], [], []],
-}
+    "xs": [1, 2, 3], "n": 2, "word": "ab", "rows": [{"k": "a", "v": 1}, {"k": "b", "v": None}],
+    "columns": {"p": [1, 2], "q": ["a", "b"]}, "towers": [[3, 2, 1], [], []],
+}  # fmt: skip
 CALLED: dict[str, tuple[Any, str]] = {
     "f": (lambda x: x, "immutable"),
     "g": (lambda x, y=0: [x, y], "stable"),

@@ -255,13 +255,10 @@ class World:
     def furnish(self, ss: ss2sql.Session) -> None:
         """Gives a session the functions of a script."""
         functions: dict[str, Callable[..., Any]] = {
-            "roads": lambda n: self.roads[n],
-            "row": lambda n, to: to,
-            "goal": lambda n, to: to in self.goals,
-            "stops": lambda n, to: to in self.ends,
-            "weigh": lambda n, to: self.weights[n, to],
+            "roads": lambda n: self.roads[n], "row": lambda n, to: to, "goal": lambda n, to: to in self.goals,
+            "stops": lambda n, to: to in self.ends, "weigh": lambda n, to: self.weights[n, to],
             "follow": lambda n, to: to,
-        }
+        }  # fmt: skip
         for name, function in functions.items():
             ss.function(name, self.guarded(name, function), volatility="immutable")
 

@@ -383,16 +383,9 @@ def main() -> int:
             print(f"learning what the tests of {len(changed)} files reach", file=out, flush=True)
             begun = time.monotonic()
             parallel = [
-                "--timeout=120",
-                "-n",
-                str(PROCESSES),
-                "--dist",
-                "loadfile",
-                "-m",
-                "not slow and not drawn",
-                "-p",
+                "--timeout=120", "-n", str(PROCESSES), "--dist", "loadfile", "-m", "not slow and not drawn", "-p",
                 "reached",
-            ]
+            ]  # fmt: skip
             subprocess.run([sys.executable, "-m", "pytest", *options, *parallel, *changed], check=False, stdout=out)
             print(f"learned in {time.monotonic() - begun:.0f} s", file=out, flush=True)
             for file in written_off(changed):

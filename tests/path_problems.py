@@ -190,14 +190,10 @@ def crowd(side: int) -> Graph:
 
 
 MISLEADING = {
-    "lollipop": lambda: lollipop(20),
-    "long lollipop": lambda: lollipop(16, 120),
-    "side room": lambda: side_room(8, 200),
-    "trap": lambda: trap(6, 60),
-    "crowd": lambda: crowd(8),
-    "corridors": lambda: corridors(20, 30, rungs=False),
-    "doubling": lambda: doubling(9),
-}
+    "lollipop": lambda: lollipop(20), "long lollipop": lambda: lollipop(16, 120),
+    "side room": lambda: side_room(8, 200), "trap": lambda: trap(6, 60), "crowd": lambda: crowd(8),
+    "corridors": lambda: corridors(20, 30, rungs=False), "doubling": lambda: doubling(9),
+}  # fmt: skip
 HARMLESS = {
     "ladder": lambda: ladder(40),
     "ladder from its middle": lambda: ladder(40, 41),

@@ -32,12 +32,9 @@ Both = tuple[str, str]  # an expression in SelectScript and in SQL
 # By kind: the two forms, in which {kind} stands for an expression. `maybe` is an integer or None.
 FORMS: dict[str, tuple[tuple[int, str, str], ...]] = {
     "int": (
-        (6, "({int} + {int})", "({int} + {int})"),
-        (4, "({int} - {int})", "({int} - {int})"),
-        (4, "({int} * {int})", "({int} * {int})"),
-        (4, "({int} % 3)", "((({int} % 3) + 3) % 3)"),
-        (3, "len({str})", "length({str})"),
-        (2, "abs({int})", "abs({int})"),
+        (6, "({int} + {int})", "({int} + {int})"), (4, "({int} - {int})", "({int} - {int})"),
+        (4, "({int} * {int})", "({int} * {int})"), (4, "({int} % 3)", "((({int} % 3) + 3) % 3)"),
+        (3, "len({str})", "length({str})"), (2, "abs({int})", "abs({int})"),
         (4, "IF({bool}; {int}; {int})", "CASE WHEN {bool} THEN {int} ELSE {int} END"),
     ),
     "num": (
@@ -48,30 +45,21 @@ FORMS: dict[str, tuple[tuple[int, str, str], ...]] = {
     "str": ((4, "({str} + {str})", "({str} || {str})"),),
     "maybe": ((3, "IF({bool}; {maybe}; None)", "CASE WHEN {bool} THEN {maybe} END"),),
     "bool": (
-        (6, "({int} < {int})", "({int} < {int})"),
-        (5, "({num} >= {int})", "({num} >= {int})"),
-        (4, "({str} <= {str})", "({str} <= {str})"),
-        (5, "({int} == {int})", "({int} = {int})"),
-        (4, "({str} != {str})", "({str} <> {str})"),
-        (5, "({maybe} == None)", "({maybe} IS NULL)"),
+        (6, "({int} < {int})", "({int} < {int})"), (5, "({num} >= {int})", "({num} >= {int})"),
+        (4, "({str} <= {str})", "({str} <= {str})"), (5, "({int} == {int})", "({int} = {int})"),
+        (4, "({str} != {str})", "({str} <> {str})"), (5, "({maybe} == None)", "({maybe} IS NULL)"),
         (4, "({maybe} == {int})", "({maybe} IS NOT DISTINCT FROM {int})"),
         (4, "({maybe} != {maybe})", "({maybe} IS DISTINCT FROM {maybe})"),
-        (4, "({int} IN [1, 3])", "({int} IN (1, 3))"),
-        (3, "({int} NOT IN [0, 2])", "({int} NOT IN (0, 2))"),
-        (3, "({str} IN 'abc')", "contains('abc', {str})"),
-        (5, "({bool} AND {bool})", "({bool} AND {bool})"),
-        (5, "({bool} OR {bool})", "({bool} OR {bool})"),
-        (4, "({bool} XOR {bool})", "({bool} <> {bool})"),
+        (4, "({int} IN [1, 3])", "({int} IN (1, 3))"), (3, "({int} NOT IN [0, 2])", "({int} NOT IN (0, 2))"),
+        (3, "({str} IN 'abc')", "contains('abc', {str})"), (5, "({bool} AND {bool})", "({bool} AND {bool})"),
+        (5, "({bool} OR {bool})", "({bool} OR {bool})"), (4, "({bool} XOR {bool})", "({bool} <> {bool})"),
         (4, "(NOT {bool})", "(NOT {bool})"),
     ),
-}
+}  # fmt: skip
 LITERALS = {
-    "int": ("1", "0", "2", "3"),
-    "num": ("0.5", "1.5"),
-    "str": ("'a'", "''", "'bc'"),
-    "maybe": ("1", "2"),
+    "int": ("1", "0", "2", "3"), "num": ("0.5", "1.5"), "str": ("'a'", "''", "'bc'"), "maybe": ("1", "2"),
     "bool": ("True", "False"),
-}
+}  # fmt: skip
 BARE = {literal for literals in LITERALS.values() for literal in literals}  # ORDER BY refuses them
 LITERAL_TYPES = {"int": "BIGINT", "num": "DOUBLE", "str": "VARCHAR", "maybe": "BIGINT", "bool": "BOOLEAN"}
 COLUMNS = {"int": ("a",), "num": ("w",), "str": ("s",), "maybe": ("b", "a"), "bool": ()}
@@ -82,16 +70,11 @@ NESTED = (
     ("(len((SELECT {rows} AS list)) > 1)", "((SELECT count(*) FROM (SELECT {rows})) > 1)"),
 )
 AGGREGATES = (
-    ("count(*)", "count(*)", ""),
-    ("count({0})", "count({0})", "maybe"),
-    ("sum({0})", "coalesce(sum({0}), 0)", "maybe"),
-    ("sum({0})", "sum({0})", "num"),
-    ("min({0})", "min({0})", "maybe"),
-    ("max({0})", "max({0})", "str"),
-    ("average({0})", "avg({0})", "num"),
-    ("average({0})", "avg({0})", "maybe"),
+    ("count(*)", "count(*)", ""), ("count({0})", "count({0})", "maybe"),
+    ("sum({0})", "coalesce(sum({0}), 0)", "maybe"), ("sum({0})", "sum({0})", "num"), ("min({0})", "min({0})", "maybe"),
+    ("max({0})", "max({0})", "str"), ("average({0})", "avg({0})", "num"), ("average({0})", "avg({0})", "maybe"),
     ("(1 + max({0}))", "(1 + max({0}))", "int"),
-)
+)  # fmt: skip
 
 
 @dataclass(frozen=True)

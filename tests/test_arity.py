@@ -30,20 +30,15 @@ def wraps_three(*args: object) -> None:
 
 wraps_three.__wrapped__ = lambda a, b, c: a  # type: ignore[attr-defined]
 TAKES: list[tuple[Any, Arity]] = [
-    (lambda: 0, Arity(0, 0, ())),
-    (lambda a, b, /, c=1: 0, Arity(2, 3, ("a", "b", "c"))),
-    (lambda a, *rest: 0, Arity(1, None, ("a",))),
-    (lambda a, *, b=1, **more: 0, Arity(1, 1, ("a",))),
+    (lambda: 0, Arity(0, 0, ())), (lambda a, b, /, c=1: 0, Arity(2, 3, ("a", "b", "c"))),
+    (lambda a, *rest: 0, Arity(1, None, ("a",))), (lambda a, *, b=1, **more: 0, Arity(1, 1, ("a",))),
     (functools.partial(lambda a, b, c: 0, 1), Arity(2, 2, ("b", "c"))),
     (functools.partial(lambda a, b: 0, b=1), Arity(1, 1, ("a",))),
-    (functools.cache(lambda a, b=1: 0), Arity(1, 2, ("a", "b"))),
-    (wraps_three, Arity(0, None, ())),
-    (Robot("R").move, Arity(1, 2, ("place", "speed"))),
-    (Robot("R"), Arity(1, 1, ("place",))),
-    (Robot, Arity(1, 2, ("name", "speed"))),
-    (len, Arity(1, 1, ("obj",))),
+    (functools.cache(lambda a, b=1: 0), Arity(1, 2, ("a", "b"))), (wraps_three, Arity(0, None, ())),
+    (Robot("R").move, Arity(1, 2, ("place", "speed"))), (Robot("R"), Arity(1, 1, ("place",))),
+    (Robot, Arity(1, 2, ("name", "speed"))), (len, Arity(1, 1, ("obj",))),
     *((function, Arity(0, None, ())) for function in (min, dict)),
-]
+]  # fmt: skip
 
 
 def needs_key(a: int, *, unit: str) -> int:

@@ -140,10 +140,7 @@ def test_an_exception_of_the_users_function() -> None:
 @pytest.mark.parametrize(
     ("line", "expected"),
     [
-        ("query.ss", [2, 3]),
-        ("-", ["größe"]),
-        ("-e '1 + 1'", 2),
-        ("--execute 'x = 2; x * 3;'", 6),
+        ("query.ss", [2, 3]), ("-", ["größe"]), ("-e '1 + 1'", 2), ("--execute 'x = 2; x * 3;'", 6),
         ("-e 'v{5} = 1; SELECT name FROM staff WHERE id == 1 AS list;' --database data.db", ["Ada"]),
         ("-e 'SELECT mass FROM w WHERE mass > 2 AS list;' --world w=scene:bodies", [5]),
         ("-e 'SELECT this FROM w AS list;' --world w=scene:Space", [7]),

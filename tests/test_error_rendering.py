@@ -97,19 +97,15 @@ def test_what_has_to_do_with_it_on_another_line_or_in_another_text() -> None:
 @pytest.mark.parametrize(
     ("text", "part", "line", "marks"),
     [
-        ("\tx + y", "y", "    x + y", "        ^"),
-        ("x\t+ y", "+ y", "x    + y", "     ^^^"),
-        ("'日本' + y", "y", "'日本' + y", "         ^"),
-        ("'日本' + y", "'日本'", "'日本' + y", "^^^^^^"),
+        ("\tx + y", "y", "    x + y", "        ^"), ("x\t+ y", "+ y", "x    + y", "     ^^^"),
+        ("'日本' + y", "y", "'日本' + y", "         ^"), ("'日本' + y", "'日本'", "'日本' + y", "^^^^^^"),
         ("'e\u0301' + y", "y", "'e\u0301' + y", "      ^"),
         ("'\x1b[31m' + y", "y", "'␛[31m' + y", "          ^"),
-        ("'\x7f\x00' + y", "y", "'␡␀' + y", "       ^"),
-        ("'\u202e' + y", "y", "'\ufffd' + y", "      ^"),
-        ("'\ud800' + y", "y", "'\ufffd' + y", "      ^"),
-        ("'\U0001f600' + y", "y", "'\U0001f600' + y", "       ^"),
+        ("'\x7f\x00' + y", "y", "'␡␀' + y", "       ^"), ("'\u202e' + y", "y", "'\ufffd' + y", "      ^"),
+        ("'\ud800' + y", "y", "'\ufffd' + y", "      ^"), ("'\U0001f600' + y", "y", "'\U0001f600' + y", "       ^"),
     ],
     ids=lambda value: ascii(value)[:20],
-)
+)  # fmt: skip
 def test_marks_stand_below_what_they_mark(text: str, part: str, line: str, marks: str) -> None:
     assert shown(Error("P001", "no", at(text, part)))[2:] == [f"1 | {line}", f"  | {marks}"]
 

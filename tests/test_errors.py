@@ -92,13 +92,10 @@ FROM_PYTHON: dict[str, Callable[[Session], object]] = {
     "X012": lambda session: wrong_block(session),
     "X013": worker_that_dies,
     "T001": lambda session: session.compile(ENDLESS).run(timeout=LATE),
-    "T002": lambda session: interrupted(session),
-    "S001": lambda session: closed().run("1;"),
+    "T002": lambda session: interrupted(session), "S001": lambda session: closed().run("1;"),
     "S002": lambda session: session.function("two words", len),
-    "S003": lambda session: package("a_package_that_is_missing"),
-    "S004": in_another_thread,
-    "S005": another_copy,
-}
+    "S003": lambda session: package("a_package_that_is_missing"), "S004": in_another_thread, "S005": another_copy,
+}  # fmt: skip
 
 
 def interrupted(session: Session) -> None:

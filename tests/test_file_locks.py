@@ -21,16 +21,13 @@ COUNT = "SELECT count(*) FROM t GROUP BY 1 AS value"
 GRAPH = "SELECT this FROM [1, 2] WHERE n == 3 START WITH n = 0 CONNECT BY MEMORIZE 3 n = n + this AS list"
 # What touches a file, each in a session that is new or was opened before.
 TOUCHES: dict[str, Callable[[ss2sql.Session, Path], object]] = {
-    "read": lambda ss, path: ss.eval(COUNT),
-    "write": lambda ss, path: ss.eval("w{1.0} = range(2000);"),
-    "graph": lambda ss, path: ss.run(GRAPH),
-    "graphs": lambda ss, path: ss.graphs(),
-    "tables": lambda ss, path: ss.tables(),
-    "compile": lambda ss, path: ss.compile(COUNT),
+    "read": lambda ss, path: ss.eval(COUNT), "write": lambda ss, path: ss.eval("w{1.0} = range(2000);"),
+    "graph": lambda ss, path: ss.run(GRAPH), "graphs": lambda ss, path: ss.graphs(),
+    "tables": lambda ss, path: ss.tables(), "compile": lambda ss, path: ss.compile(COUNT),
     "connect": lambda ss, path: ss2sql.connect(path),
     "connect read-only": lambda ss, path: ss2sql.connect(path, read_only=True),
     "attach": lambda ss, path: ss2sql.connect().attach("g", path),
-}
+}  # fmt: skip
 
 
 @pytest.fixture(params=["delete", "wal"])

@@ -74,18 +74,12 @@ def test_columns_of_tables_cost_no_call_as_a_rule(expression: str) -> None:
 @pytest.mark.parametrize(
     ("inner", "around"),
     [
-        ("n", "{} % 3"),
-        ("n", "({} % 3 + 1) / 2"),
-        ("n", "abs(n - {})"),
-        ("n", "sqrt({} ^ 2)"),
-        ("n", "(2 % {} < m) % 3"),
-        ("n % 3", "({} AND n) % 3"),
-        ("n % 3", "IF({} > 1; n % 3; m)"),
-        ("n", "({} IN [n, 2]) % 4"),
-        ("n", "[n, 2][int(abs({} % 2))]"),
+        ("n", "{} % 3"), ("n", "({} % 3 + 1) / 2"), ("n", "abs(n - {})"), ("n", "sqrt({} ^ 2)"),
+        ("n", "(2 % {} < m) % 3"), ("n % 3", "({} AND n) % 3"), ("n % 3", "IF({} > 1; n % 3; m)"),
+        ("n", "({} IN [n, 2]) % 4"), ("n", "[n, 2][int(abs({} % 2))]"),
         ("n % 3", "(SELECT {} FROM t WHERE n == 5 AS value) % 4"),
     ],
-)
+)  # fmt: skip
 def test_a_chain_of_what_may_fail_is_lowered_once(inner: str, around: str, monkeypatch: pytest.MonkeyPatch) -> None:
     lowered = Counter[int]()
     lower = Expressions._lower
@@ -107,16 +101,11 @@ def test_a_chain_of_what_may_fail_is_lowered_once(inner: str, around: str, monke
 @pytest.mark.parametrize(
     ("number", "written"),
     [
-        ("1.23456789012345", "1.23456789012345"),
-        ("0.123456789012345", "0.123456789012345"),
-        ("1.234567890123456", None),
-        ("123456789012345.0", "123456789012345.0"),
-        ("1e20", "1e+20"),
-        ("1e21", None),
-        ("1.5e-20", "1.5e-20"),
-        ("2.5e-21", None),
+        ("1.23456789012345", "1.23456789012345"), ("0.123456789012345", "0.123456789012345"),
+        ("1.234567890123456", None), ("123456789012345.0", "123456789012345.0"), ("1e20", "1e+20"), ("1e21", None),
+        ("1.5e-20", "1.5e-20"), ("2.5e-21", None),
     ],
-)
+)  # fmt: skip
 def test_a_float_is_written_where_sqlite_reads_it_back_exactly(number: str, written: str | None) -> None:
     with ss2sql.connect() as ss:
         text = str(ss.compile(f"SELECT this * {number} FROM [1.5] AS list;", engine="database").sql)
@@ -127,28 +116,12 @@ def test_a_float_is_written_where_sqlite_reads_it_back_exactly(number: str, writ
 @pytest.mark.parametrize(
     "script",
     [
-        "f(3) + f(4)",
-        "f(3) - f(4) * f(5)",
-        "f(3) < f(4)",
-        "min(f(3), f(4))",
-        "max([f(3), f(4)])",
-        "f(8) % f(3)",
-        "f(8) / f(3)",
-        "f(8) / f(0)",
-        "f([3, 4])[f(1)]",
-        "f([3, 4])[f(2)]",
-        "int(f(3)) / int(f(4))",
-        "float(f(3)) / float(f(4))",
-        "int(f(3)) % int(f(0))",
-        "min(int(f(3)), float(f(4)))",
-        "int(f(3)) + int(f(4))",
-        "float(f(3)) * f(4)",
-        "2 + f(4)",
-        "f(1) + 'a'",
-        "f('a') + f('b')",
-        "f([1])[int(f(0))]",
+        "f(3) + f(4)", "f(3) - f(4) * f(5)", "f(3) < f(4)", "min(f(3), f(4))", "max([f(3), f(4)])", "f(8) % f(3)",
+        "f(8) / f(3)", "f(8) / f(0)", "f([3, 4])[f(1)]", "f([3, 4])[f(2)]", "int(f(3)) / int(f(4))",
+        "float(f(3)) / float(f(4))", "int(f(3)) % int(f(0))", "min(int(f(3)), float(f(4)))", "int(f(3)) + int(f(4))",
+        "float(f(3)) * f(4)", "2 + f(4)", "f(1) + 'a'", "f('a') + f('b')", "f([1])[int(f(0))]",
     ],
-)
+)  # fmt: skip
 def test_operands_are_evaluated_once_and_in_order(script: str) -> None:
     log: list[Any] = []
 

@@ -114,13 +114,9 @@ def test_a_note_names_the_place(failing: ss2sql.Session, engine: Any, name: str,
 
 
 KINDS = [
-    SlottedError("no"),
-    KeyError("no"),
-    StopIteration(4),
-    ZeroDivisionError(),
-    NameError("no x", name="x"),
+    SlottedError("no"), KeyError("no"), StopIteration(4), ZeroDivisionError(), NameError("no x", name="x"),
     RuntimeError("generator raised StopIteration"),
-]
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: type(kind).__name__)

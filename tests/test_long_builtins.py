@@ -16,15 +16,10 @@ from ss2sql.runtime.sizes import CELL, Sizes
 
 LISTS = "zip(range({count}, 0, -1))"  # of one number each; Python compares them one by one
 FUNCTIONS = {
-    "zip": "zip(range({count}), range({count}))[0]",
-    "uniq": f"uniq({LISTS})[0]",
-    "sorted": f"sorted({LISTS})[0]",
-    "min": f"min({LISTS})",
-    "max": f"max({LISTS})",
-    "in a query": f"SELECT len(uniq({LISTS})) FROM [1, 2]",
-    "order": f"SELECT this FROM {LISTS} ORDER BY this LIMIT 1",
-    "compared": f"uniq([{LISTS}])[0][0]",
-}
+    "zip": "zip(range({count}), range({count}))[0]", "uniq": f"uniq({LISTS})[0]", "sorted": f"sorted({LISTS})[0]",
+    "min": f"min({LISTS})", "max": f"max({LISTS})", "in a query": f"SELECT len(uniq({LISTS})) FROM [1, 2]",
+    "order": f"SELECT this FROM {LISTS} ORDER BY this LIMIT 1", "compared": f"uniq([{LISTS}])[0][0]",
+}  # fmt: skip
 
 
 @both

@@ -26,13 +26,9 @@ def raising(error: BaseException) -> Callable[..., Any]:
 @pytest.mark.parametrize(
     ("script", "code", "expected"),
     [
-        ("1 +\n  'a'", "X001", "1:3 +"),
-        ("x = [1];\nx[0] + x[3]", "X003", "2:10 3"),
-        ("1 < 'a'", "X001", "1:3 <"),
-        ("2 * (3 / 0)", "X002", "1:8 /"),
-        ("9223372036854775807 + 1", "X004", "1:21 +"),
-        ("sqrt('é') + 1", "X007", "1:1 sqrt('é')"),
-        ("'é€𝄞' + (1 / 0)", "X002", "1:12 /"),
+        ("1 +\n  'a'", "X001", "1:3 +"), ("x = [1];\nx[0] + x[3]", "X003", "2:10 3"), ("1 < 'a'", "X001", "1:3 <"),
+        ("2 * (3 / 0)", "X002", "1:8 /"), ("9223372036854775807 + 1", "X004", "1:21 +"),
+        ("sqrt('é') + 1", "X007", "1:1 sqrt('é')"), ("'é€𝄞' + (1 / 0)", "X002", "1:12 /"),
         ("SELECT 1\nFROM [1, 2]\nWHERE this / 0", "X002", "3:12 /"),
         ("1; SELECT this FROM [1, 'a'] ORDER BY this", "X001", "1:39 this"),
         ("SELECT this FROM [1] ORDER BY 1 / (this - 1)", "X002", "1:33 /"),
@@ -49,7 +45,7 @@ def raising(error: BaseException) -> Callable[..., Any]:
         ("eval(5)", "X007", "1:1 eval(5)"),
         ("[1,\n nan()]", "X004", "2:2 nan()"),  # an error of the border has the place of the call
     ],
-)
+)  # fmt: skip
 def test_errors_of_the_language(script: str, code: str, expected: str) -> None:
     functions = {"rows": lambda: [{"a": 1}, {"b": 2}], "numbers": lambda: [1], "nan": lambda: float("nan")}
     error = FakeHost(functions, uneven={"a": [1], "b": []}).error(script)

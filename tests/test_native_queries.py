@@ -37,12 +37,9 @@ from ss2sql.frontend.parser import parse
 )  # fmt: skip
 def test_how_often_functions_are_called(script: str, value: Any, calls: int) -> None:
     functions = {
-        "twice": lambda value: 2 * value,
-        "loud": lambda value: 2 * value,
-        "below": lambda n: list(range(n)),
-        "draw": lambda: [1, 2],
-        "add1": lambda a, b: [*b, a],
-    }
+        "twice": lambda value: 2 * value, "loud": lambda value: 2 * value, "below": lambda n: list(range(n)),
+        "draw": lambda: [1, 2], "add1": lambda a, b: [*b, a],
+    }  # fmt: skip
     host = FakeHost(functions, {"loud": "volatile", "draw": "volatile"}, l=[1, 2, 3], ten=list(range(10)), empty=[])
     result = host.result(script)
     assert result.value == value

@@ -68,13 +68,10 @@ def script(options: str, elements: str = "[1, 2, 7]", shown: str = "go(this, n)"
 
 
 SHOWN: dict[str, Callable[[int], Any]] = {
-    "numbers": lambda number: number,
-    "text": lambda number: f"s{number}",
-    "lists": lambda number: [[number], []],
-    "floats": lambda number: [number / 2, 1],
-    "dicts": lambda number: {"at": number},
+    "numbers": lambda number: number, "text": lambda number: f"s{number}", "lists": lambda number: [[number], []],
+    "floats": lambda number: [number / 2, 1], "dicts": lambda number: {"at": number},
     "objects": lambda number: THINGS[number],  # each call is a new one only by what it is given
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("shown", SHOWN.values(), ids=SHOWN)

@@ -33,17 +33,8 @@ FLOATS = [0.0, -0.0, 0.5, -2.5, 1.0, 1 / 3, 2.0**53, 5e-324, 1e154, 1.7976931348
 BOOLS = [True, False]
 STRINGS = ["", "a", "B", "ab", "ä", "İÄ", "ß", "\u0149", "\U0001f600", "a\0ä", "10", " x" * 20, "\u0149" * 20]
 LISTS: list[Any] = [
-    [],
-    [1],
-    [1.0, 2],
-    [3, -1],
-    ["a"],
-    [[1, 2]],
-    [1, None],
-    [0.5, 1e308],
-    [True, 2],
-    [1.7e308, -1.7e308],
-]
+    [], [1], [1.0, 2], [3, -1], ["a"], [[1, 2]], [1, None], [0.5, 1e308], [True, 2], [1.7e308, -1.7e308],
+]  # fmt: skip
 DAY, NOON = date(2024, 5, 31), datetime(2024, 5, 31, 12, 30)
 OTHERS: list[Any] = [None, {"a": 1}, {}, Thing(), "\ud800"]
 # What columns hold: of one kind, of several, with None among them.

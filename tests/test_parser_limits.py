@@ -23,14 +23,10 @@ LIMITS = {
     "calls": ("f(" * 200 + "a" + ")" * 200, ""),
     "calls too many": ("f(" * 201 + "a" + ")" * 201, "P005"),
     "calls without end": ("x = " + "f(" * 250, "P005"),
-    "NOT": ("NOT " * 200 + "a", ""),
-    "NOT too many": ("NOT " * 201 + "a", "P005 1:801"),
-    "minus": ("- " * 200 + "a", ""),
-    "minus too many": ("-" * 201 + "a", "P005"),
-    "powers": ("^".join(["a"] * 201), ""),
-    "powers too many": ("^".join(["a"] * 202), "P005"),
-    "negative powers": ("2^-" * 201 + "a", "P005"),
-    "queries in FROM": ("SELECT a FROM " * 202 + "b", "P005"),
+    "NOT": ("NOT " * 200 + "a", ""), "NOT too many": ("NOT " * 201 + "a", "P005 1:801"),
+    "minus": ("- " * 200 + "a", ""), "minus too many": ("-" * 201 + "a", "P005"),
+    "powers": ("^".join(["a"] * 201), ""), "powers too many": ("^".join(["a"] * 202), "P005"),
+    "negative powers": ("2^-" * 201 + "a", "P005"), "queries in FROM": ("SELECT a FROM " * 202 + "b", "P005"),
     "queries in parentheses": ("SELECT this FROM (" * 250 + "[1]" + ")" * 250, "P005"),
     "braces": ("v{" * 10_000, "P005"),
     # only what nests counts
@@ -43,12 +39,9 @@ LIMITS = {
     "arguments": ("f(" + ", ".join(["a"] * 20_000) + ")", ""),
     # trees deeper than three hundred
     "sums": ("+".join(["a"] * 300), ""),
-    "sums too many": ("+".join(["a"] * 301), "P005"),
-    "sums far too many": ("+".join(["1"] * 10_000), "P005"),
-    "indexes": ("a" + "[0]" * 10_000, "P005"),
-    "XOR": (" XOR ".join(["a"] * 10_000), "P005"),
-    "assignments": ("a = " * 10_000 + "1", "P005"),
-    "sums in calls": ("f(1 + 2 * " * 150 + "a" + ")" * 150, "P005"),
+    "sums too many": ("+".join(["a"] * 301), "P005"), "sums far too many": ("+".join(["1"] * 10_000), "P005"),
+    "indexes": ("a" + "[0]" * 10_000, "P005"), "XOR": (" XOR ".join(["a"] * 10_000), "P005"),
+    "assignments": ("a = " * 10_000 + "1", "P005"), "sums in calls": ("f(1 + 2 * " * 150 + "a" + ")" * 150, "P005"),
     "sums and differences": ("1 + 2 - " * 151 + "a", "P005"),
     # 256 KiB
     "blanks": ("a" + " " * (256 * KIB - 1), ""),
@@ -57,7 +50,7 @@ LIMITS = {
     "letters with two bytes too many": ("'" + "é" * (128 * KIB) + "'", "P004 1:1"),
     "a comment": ("#" * 300_000, "P004 1:1"),
     "statements": ("x = 1;" * 100_000, "P004 1:1"),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("what", LIMITS)

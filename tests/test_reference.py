@@ -16,20 +16,13 @@ FAILURES = {
         *(f"{SEARCH} {option} x = 1" for option in ("MAXIMUM (0)", "MEMORIZE (1.5)", "COST -1", "COST 'a'")),
         f"{SEARCH} PROBABILITY 2 x = 1",
     ],
-    "X007": ["sqrt(-1)", 'int("one")', "max(3)"],
-    "R001": ["unknown"],
-    "R002": ["unknown(1)"],
-    "R003": ["SELECT this FROM unknown"],
-    "R004": ["SELECT k FROM a = rows, b = rows"],
-    "R005": ["len()"],
-    "R006": ["SELECT this FROM [1] AS unknown"],
-    "R007": [f"{SEARCH} x = 2 STOP WITH (x = 2) > 1"],
-    "R008": ["SELECT this FROM [1] WHERE count(*) > 1"],
-    "R010": [f"{SEARCH} DEPTH FIRST MEMORIZE x = 2"],
-    "R011": ["late = [a.this]; SELECT this FROM late"],
-    "R012": ["SELECT this FROM [1] STOP WITH True"],
+    "X007": ["sqrt(-1)", 'int("one")', "max(3)"], "R001": ["unknown"], "R002": ["unknown(1)"],
+    "R003": ["SELECT this FROM unknown"], "R004": ["SELECT k FROM a = rows, b = rows"], "R005": ["len()"],
+    "R006": ["SELECT this FROM [1] AS unknown"], "R007": [f"{SEARCH} x = 2 STOP WITH (x = 2) > 1"],
+    "R008": ["SELECT this FROM [1] WHERE count(*) > 1"], "R010": [f"{SEARCH} DEPTH FIRST MEMORIZE x = 2"],
+    "R011": ["late = [a.this]; SELECT this FROM late"], "R012": ["SELECT this FROM [1] STOP WITH True"],
     "R013": ["SELECT 1 FROM a = [1], a = [2]"],
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(("code", "script"), [(code, script) for code in FAILURES for script in FAILURES[code]])

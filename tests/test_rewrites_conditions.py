@@ -133,12 +133,9 @@ def test_a_constant_list_in_a_variable_is_known_before_the_run(ss: ss2sql.Sessio
 
 
 CHANGES: list[tuple[list[Any], list[int]]] = [
-    ([2], [1, 2]),
-    ([2, 1], [1]),
-    ([], [1, 2, 3]),
-    ([1.0], [1]),
+    ([2], [1, 2]), ([2, 1], [1]), ([], [1, 2, 3]), ([1.0], [1]),
     (list(range(2000, 4000)), [1, 2, 3]),  # too long to be taken apart
-]
+]  # fmt: skip
 
 
 @both

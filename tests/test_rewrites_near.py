@@ -86,16 +86,11 @@ def ss(space: Space) -> ss2sql.Session:
 
 
 IN_SPACE = [
-    ("distance(this, [5, 0, 0]) <= 1", [4, 5, 6], 3),
-    ("distance([5, 0, 0], this) < 1", [5], 3),
-    ("1 >= distance(this, p)", [4, 5, 6], 3),
-    ("r > distance(this, p)", [5], 3),
-    ("distance(this, p) <= r + 1", [3, 4, 5, 6, 7], 5),
-    ("distance(this, [5, 0]) <= r", [4, 5, 6], 3),
-    ("space.distance(this, p) <= r", [4, 5, 6], 3),
-    ("distance(pos, p) <= 1", [4, 5, 6], 3),
-    ("distance(p, this.pos) <= 1", [4, 5, 6], 3),
-    ("distance(this, p) <= 0", [5], 1),
+    ("distance(this, [5, 0, 0]) <= 1", [4, 5, 6], 3), ("distance([5, 0, 0], this) < 1", [5], 3),
+    ("1 >= distance(this, p)", [4, 5, 6], 3), ("r > distance(this, p)", [5], 3),
+    ("distance(this, p) <= r + 1", [3, 4, 5, 6, 7], 5), ("distance(this, [5, 0]) <= r", [4, 5, 6], 3),
+    ("space.distance(this, p) <= r", [4, 5, 6], 3), ("distance(pos, p) <= 1", [4, 5, 6], 3),
+    ("distance(p, this.pos) <= 1", [4, 5, 6], 3), ("distance(this, p) <= 0", [5], 1),
     ("distance(this, p) <= -1", [], 0),
     ("distance(this, p) <= 1 AND x > 4", [5, 6], 3),  # bounds are passed on inclusively
     ("size > 0.45 AND distance(this, p) <= 1", [5, 6], 3),
@@ -103,7 +98,7 @@ IN_SPACE = [
     ("distance(this, p) <= size", [5], 20),  # a radius of the element itself
     ("distance(this, p) >= 14", [19, 20], 20),
     ("distance(this, p) <= 1 OR x > 19", [4, 5, 6, 20], 20),
-]
+]  # fmt: skip
 JOINED = "SELECT a.id, b.id FROM a = space, b = space WHERE a.id <= 3 AND distance({}) <= 1 AS rows"
 NEAR = "SELECT b.id FROM b = space WHERE distance(b.this, space.this) <= 1 AS list"
 PAIRS = [(1, 1), (1, 2), (2, 1), (2, 2), (2, 3), (3, 2), (3, 3), (3, 4)]

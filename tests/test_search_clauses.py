@@ -150,17 +150,12 @@ def each_cycle_once() -> Any:
 
 
 LOOPS: dict[str, tuple[Callable[[], Any], Callable[[Any], Any]]] = {
-    "cheapest-distances": (cheapest_distances, list),
-    "cheapest-with-few-legs": (cheapest_with_few_legs, list),
-    "simple-paths": (simple_paths, list),
-    "flights-by-time": (flights_by_time, list),
-    "organisation-chart": (lambda: list(below(None, 1, ())), list),
-    "roll-up": (roll_up, list),
-    "several-starts": (several_starts, list),
-    "components": (components, list),
-    "levels-of-tasks": (levels_of_tasks, set),
-    "each-cycle-once": (each_cycle_once, sorted),
-}
+    "cheapest-distances": (cheapest_distances, list), "cheapest-with-few-legs": (cheapest_with_few_legs, list),
+    "simple-paths": (simple_paths, list), "flights-by-time": (flights_by_time, list),
+    "organisation-chart": (lambda: list(below(None, 1, ())), list), "roll-up": (roll_up, list),
+    "several-starts": (several_starts, list), "components": (components, list),
+    "levels-of-tasks": (levels_of_tasks, set), "each-cycle-once": (each_cycle_once, sorted),
+}  # fmt: skip
 
 
 @both

@@ -38,13 +38,9 @@ from ss2sql.lowering.rewrites import REWRITES
 
 # How each row runs: the engine, and the rewrites that are switched off.
 RUNS: tuple[tuple[str, tuple[str, ...]], ...] = (
-    ("database", ()),
-    ("database", ("fold",)),
-    ("database", tuple(REWRITES)),
-    ("native", ()),
-    ("native", tuple(REWRITES)),
-    ("duckdb", ()),
-)
+    ("database", ()), ("database", ("fold",)), ("database", tuple(REWRITES)), ("native", ()),
+    ("native", tuple(REWRITES)), ("duckdb", ()),
+)  # fmt: skip
 GIVES_UP = " (SQL gives up)"
 NOT_FOR_REFERENCE = "reference: no"
 

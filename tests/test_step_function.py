@@ -108,21 +108,8 @@ def test_frozen_values_come_back_as_they_were(value: Any) -> None:
 @pytest.mark.parametrize("freezer", [freeze_any, freeze_flat, freeze_nested])
 def test_frozen_values_are_equal_where_values_are(freezer: Any) -> None:
     values: list[Any] = [
-        1,
-        1.0,
-        True,
-        [1],
-        [1.0],
-        [[1]],
-        [[True]],
-        {"a": 1},
-        {"a": 1.0},
-        [{"a": 1}],
-        [],
-        [[]],
-        "",
-        None,
-    ]
+        1, 1.0, True, [1], [1.0], [[1]], [[True]], {"a": 1}, {"a": 1.0}, [{"a": 1}], [], [[]], "", None,
+    ]  # fmt: skip
     for one in values:
         for other in values:
             assert (freezer(one) == freezer(other)) is (one == other), (one, other)

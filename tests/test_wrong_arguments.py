@@ -19,22 +19,9 @@ import ss2sql
 
 ODD = [None, 0, -1, 1.5, "x", "SELECT", "", [1], {"a": 1}, len, object(), b"x", True, "a.csv"]
 METHODS = {
-    "function": 2,
-    "attach": 2,
-    "set": 2,
-    "get": 1,
-    "detach": 1,
-    "describe": 1,
-    "representation": 1,
-    "compile": 1,
-    "run": 1,
-    "eval": 1,
-    "on_change": 1,
-    "tables": 0,
-    "variables": 0,
-    "graphs": 0,
-    "interrupt": 0,
-}
+    "function": 2, "attach": 2, "set": 2, "get": 1, "detach": 1, "describe": 1, "representation": 1, "compile": 1,
+    "run": 1, "eval": 1, "on_change": 1, "tables": 0, "variables": 0, "graphs": 0, "interrupt": 0,
+}  # fmt: skip
 RESULTS = {"show": 0, "csv": 0, "json": 0, "explain": 0, "plot": 0}
 PATHS = ("csv", "json")
 SEARCH = "SELECT this FROM [1, 2] START WITH n = 0 CONNECT BY n = n + 1 STOP WITH n > 0"

@@ -248,11 +248,8 @@ FUNCTIONS: dict[str, Callable[[], dict[str, Function]]] = {
             *(not_a_number, infinite, huge, imaginary, picky, toll),
         )
     },
-    "isHeavy": lambda: {"isHeavy": is_heavy},
-    "vectors": lambda: {"add": vector_add},
-    "caseless": lambda: {"eq": caseless},
-    "tick": lambda: {"tick": Counter()},
-    "fetch": lambda: {"fetch": Fetch()},
+    "isHeavy": lambda: {"isHeavy": is_heavy}, "vectors": lambda: {"add": vector_add},
+    "caseless": lambda: {"eq": caseless}, "tick": lambda: {"tick": Counter()}, "fetch": lambda: {"fetch": Fetch()},
     "expressions": lambda: {
         "big": lambda n: n > 1,
         "one": lambda n: 1,
@@ -260,5 +257,5 @@ FUNCTIONS: dict[str, Callable[[], dict[str, Function]]] = {
     },
     "floor": lambda: _floor(Floor()),
     "clock": lambda: _clock(Clock()),
-}
+}  # fmt: skip
 REPRESENTATIONS: dict[str, Function] = {"csv": csv}

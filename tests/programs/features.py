@@ -83,13 +83,9 @@ def of_query(query: ast.Query) -> Iterator[str]:
     yield f"{len(query.sources)} sources"
     yield f"AS {query.representation.name.lower()}" if query.representation else "no AS"
     clauses = {
-        "WHERE": query.where,
-        "STOP WITH": query.stop,
-        "GROUP BY": query.group,
-        "HAVING": query.having,
-        "ORDER BY": query.order,
-        "LIMIT": query.limit,
-    }
+        "WHERE": query.where, "STOP WITH": query.stop, "GROUP BY": query.group, "HAVING": query.having,
+        "ORDER BY": query.order, "LIMIT": query.limit,
+    }  # fmt: skip
     written = [name for name, clause in clauses.items() if clause]
     kind = "search" if query.connect else "flat"
     yield from ("STOP WITH" if name == "STOP WITH" else f"{kind} {name}" for name in written)

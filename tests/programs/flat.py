@@ -107,15 +107,9 @@ class Flat(Expressions):
         if sight.texts["any"] and choices.chance(30):
             return Origin(f"{f'{alias} = ' if alias else ''}[{choices.pick(sight.texts['any'])}, 1]", alias, "any")
         form = choices.weighted(
-            (40, "variable"),
-            (8, "literal"),
-            (9, "rows"),
-            (6, "columns"),
-            (8, "table"),
-            (9, "query"),
-            (4, "call"),
+            (40, "variable"), (8, "literal"), (9, "rows"), (6, "columns"), (8, "table"), (9, "query"), (4, "call"),
             (3, "single"),
-        )
+        )  # fmt: skip
         prefix = f"{alias} = " if alias else ""
         match form:
             case "variable":
@@ -358,19 +352,11 @@ class Flat(Expressions):
 
     def aggregate(self, sight: Sight) -> str:
         form = self.choices.weighted(
-            (6, "count(*)"),
-            (6, "sum({int})"),
-            (4, "sum({num})"),
-            (4, "count({maybe})"),
-            (4, "min({int})"),
-            (4, "max({maybe})"),
-            (4, "average({num})"),
-            (3, "sum({maybe})"),
-            (2, "max({str})"),
-            (1, "min({any})"),
+            (6, "count(*)"), (6, "sum({int})"), (4, "sum({num})"), (4, "count({maybe})"), (4, "min({int})"),
+            (4, "max({maybe})"), (4, "average({num})"), (3, "sum({maybe})"), (2, "max({str})"), (1, "min({any})"),
             (1, "sum(4611686018427387904 - ({int}))"),  # two of them overflow
             (1, "sum(1.7e308 - ({int}))"),
-        )
+        )  # fmt: skip
         head, _, tail = form.partition("{")
         kind, _, rest = tail.partition("}")
         return head + self.expr(kind, sight, 1) + rest if tail else form

@@ -163,25 +163,11 @@ class Blink:
 
 # name: (how to make it anew, the volatility that is declared; None leaves it to inference)
 LIBRARY: dict[str, tuple[Callable[[], Callable[..., Any]], str | None]] = {
-    "half": (lambda: half, None),
-    "even": (lambda: even, "immutable"),
-    "pair": (lambda: pair, None),
-    "nothing": (lambda: nothing, None),
-    "same": (lambda: same, "immutable"),
-    "bag": (lambda: bag, "stable"),
-    "array": (lambda: array, None),
-    "grow": (lambda: grow, "immutable"),
-    "flip": (lambda: flip, None),
-    "picky": (lambda: picky, None),
-    "lookup": (lambda: lookup, "immutable"),
-    "strange": (lambda: strange, "immutable"),
-    "near": (lambda: near, "immutable"),
-    "links": (lambda: links, None),
-    "shift": (lambda: shift, None),
-    "add": (lambda: plus, "immutable"),
-    "body": (lambda: body, "immutable"),
-    "box": (lambda: box, "immutable"),
-    "weigh": (lambda: weigh, "stable"),
-    "tick": (Tick, "volatile"),
-    "blink": (Blink, "volatile"),
-}
+    "half": (lambda: half, None), "even": (lambda: even, "immutable"), "pair": (lambda: pair, None),
+    "nothing": (lambda: nothing, None), "same": (lambda: same, "immutable"), "bag": (lambda: bag, "stable"),
+    "array": (lambda: array, None), "grow": (lambda: grow, "immutable"), "flip": (lambda: flip, None),
+    "picky": (lambda: picky, None), "lookup": (lambda: lookup, "immutable"), "strange": (lambda: strange, "immutable"),
+    "near": (lambda: near, "immutable"), "links": (lambda: links, None), "shift": (lambda: shift, None),
+    "add": (lambda: plus, "immutable"), "body": (lambda: body, "immutable"), "box": (lambda: box, "immutable"),
+    "weigh": (lambda: weigh, "stable"), "tick": (Tick, "volatile"), "blink": (Blink, "volatile"),
+}  # fmt: skip

@@ -15,15 +15,9 @@ from .searches import Searches
 DECISIONS = 320  # bytes per program; when they are used up the rest is as simple as it can be
 
 FORMS = (
-    (78, "flat"),
-    (108, "search"),
-    (12, "expression"),
-    (16, "assigning"),
-    (10, "late"),
-    (10, "named"),
-    (8, "inner search"),
-    (12, "two"),
-)
+    (78, "flat"), (108, "search"), (12, "expression"), (16, "assigning"), (10, "late"), (10, "named"),
+    (8, "inner search"), (12, "two"),
+)  # fmt: skip
 
 
 def programs() -> SearchStrategy[ProgramCase]:
@@ -86,13 +80,10 @@ class Scripts(Searches):
         sight = Sight()
         form = self.choices.pick(
             (
-                "{any}",
-                "[{any}, {list}, {nested}]",
-                "len({nested})",
-                "{nested} == {nested}",
+                "{any}", "[{any}, {list}, {nested}]", "len({nested})", "{nested} == {nested}",
                 "IF({bool}; {any}; {nested})",
             )
-        )
+        )  # fmt: skip
         while "{" in form:
             head, _, tail = form.partition("{")
             kind, _, rest = tail.partition("}")

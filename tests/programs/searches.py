@@ -9,13 +9,8 @@ from .flat import Flat
 from .machines import MACHINES, Machine, floats, towers, words
 
 ORDERS = (
-    (6, ""),
-    (22, "DEPTH FIRST"),
-    (22, "BREADTH FIRST"),
-    (8, "COST"),
-    (26, "COST HEURISTIC"),
-    (22, "PROBABILITY"),
-)
+    (6, ""), (22, "DEPTH FIRST"), (22, "BREADTH FIRST"), (8, "COST"), (26, "COST HEURISTIC"), (22, "PROBABILITY"),
+)  # fmt: skip
 GUARDS = ((34, ""), (21, "NO CYCLE"), (23, "UNIQUE"), (18, "MEMORIZE"), (4, "NO CYCLE UNIQUE"))
 
 

@@ -244,22 +244,13 @@ def like(text: Any, pattern: Any) -> bool:
 
 
 OPERATORS: dict[str, Callable[..., Any]] = {
-    "add": add,
-    "sub": lambda a, b: arithmetic(lambda x, y: x - y, a, b),
-    "mul": lambda a, b: arithmetic(lambda x, y: x * y, a, b),
-    "div": lambda a, b: arithmetic(lambda x, y: x / y, a, b),
-    "mod": lambda a, b: arithmetic(lambda x, y: x % y, a, b),
-    "pow": power,
-    "neg": negative,
-    "lt": lambda a, b: compare(a, b) < 0,
-    "le": lambda a, b: compare(a, b) <= 0,
-    "eq": equal,
-    "ne": lambda a, b: not equal(a, b),
-    "ge": lambda a, b: compare(a, b) >= 0,
-    "gt": lambda a, b: compare(a, b) > 0,
-    "in": contains,
-    "like": like,
-}
+    "add": add, "sub": lambda a, b: arithmetic(lambda x, y: x - y, a, b),
+    "mul": lambda a, b: arithmetic(lambda x, y: x * y, a, b), "div": lambda a, b: arithmetic(lambda x, y: x / y, a, b),
+    "mod": lambda a, b: arithmetic(lambda x, y: x % y, a, b), "pow": power, "neg": negative,
+    "lt": lambda a, b: compare(a, b) < 0, "le": lambda a, b: compare(a, b) <= 0, "eq": equal,
+    "ne": lambda a, b: not equal(a, b), "ge": lambda a, b: compare(a, b) >= 0, "gt": lambda a, b: compare(a, b) > 0,
+    "in": contains, "like": like,
+}  # fmt: skip
 
 
 def item_at(value: Any, index: Any) -> Any:
