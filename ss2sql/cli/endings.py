@@ -97,9 +97,6 @@ def _entry(title: str, message: str, place: dict[str, Any] | None = None, **more
     return {"code": None, "title": title, "message": message, **where, "hints": [], "related": [], **more}
 
 
-# --- endings -------------------------------------------------------------------------------------------
-
-
 # Hints are for users of Python; these are their forms for a command line.
 SPELLINGS = (
     (

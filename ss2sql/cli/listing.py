@@ -25,9 +25,6 @@ if TYPE_CHECKING:
 Entry: TypeAlias = dict[str, str]  # the first value is the name, the last may be long
 
 
-# --- what there is -------------------------------------------------------------------------------------
-
-
 def _functions(session: Session) -> Iterable[Entry]:
     from ss2sql.language.operations import WRITTEN
 
@@ -121,9 +118,6 @@ def entries_of(topic: str, given: Given = NOTHING_GIVEN) -> list[Entry]:
         return list(FIXED[topic]())
     with given.session() as session:
         return list(OF_SESSION[topic](session))
-
-
-# --- the command ---------------------------------------------------------------------------------------
 
 
 def _complete_name(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:

@@ -136,9 +136,6 @@ def counted(result: Result) -> str:
     return f"{paths:,} path{'' if paths == 1 else 's'}, {rows}"
 
 
-# --- stdout --------------------------------------------------------------------------------------------
-
-
 def echo(text: str) -> None:
     """Prints a line of a result."""
     click.echo(visible(text))

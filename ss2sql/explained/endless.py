@@ -53,9 +53,6 @@ def _certain(expr: plan.Expr) -> Sequence[plan.Expr]:
     return [part for inner in expr.parts for part in _certain(inner)] if isinstance(expr, plan.Or) else [expr]
 
 
-# --- counted steps -------------------------------------------------------------------------------------
-
-
 def _counts_steps(stop: plan.Expr, query: plan.Query, search: plan.Search) -> bool:
     """Whether a condition holds at the latest after so many steps."""
     match stop:
@@ -93,9 +90,6 @@ def _step_of(expr: plan.Expr | None, state: plan.State) -> int | None:
         case _:
             return None
     return step if own == state.name and type(step) is int else None
-
-
-# --- rows of which there are only so many --------------------------------------------------------------
 
 
 def _is_of_sources(expr: plan.Expr, query: plan.Query, search: int) -> bool:

@@ -88,9 +88,6 @@ def _bound(parameters: Sequence[ParameterFacts], sign: str) -> Iterator[str]:
             yield f"{INDENT}{sign}{name} = {parameter.value}, which is {written}"
 
 
-# --- functions -----------------------------------------------------------------------------------------
-
-
 def _function(function: FunctionFacts) -> Iterator[str]:
     yield from function.inlined
     for reason in function.called:
@@ -109,9 +106,6 @@ def _counts(function: FunctionFacts) -> str:
 
 def _counted(number: int, word: str) -> str:
     return f"{number:,} {word}{'' if number == 1 else 's'}"
-
-
-# --- the run -------------------------------------------------------------------------------------------
 
 
 def _run(run: RunFacts) -> Iterator[str]:

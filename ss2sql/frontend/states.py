@@ -45,9 +45,6 @@ def settle_states(resolver: Resolver, tree: ast.Query, scope: Scope, start: Mapp
     scope.states.update(types)
 
 
-# --- trials --------------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True, slots=True)
 class _Trial:
     """CONNECT BY, resolved with the types of variables in `scope`."""
@@ -81,9 +78,6 @@ def _try(resolver: Resolver, tree: ast.Query, scope: Scope, types: Types) -> _Tr
         connect = tuple((name, resolver.inliner.expr(value)) for name, value in values)
         trial.enter(before)
     return _Trial(trial, connect)
-
-
-# --- proving -------------------------------------------------------------------------------------------
 
 
 def _proved(resolver: Resolver, tree: ast.Query, scope: Scope, first: Types) -> dict[str, Type]:
@@ -152,9 +146,6 @@ def _settled(resolver: Resolver, tree: ast.Query, scope: Scope, first: Types, pr
             return types
         types |= wider
     return proved
-
-
-# --- narrowing -----------------------------------------------------------------------------------------
 
 
 def _narrowed(resolver: Resolver, tree: ast.Query, scope: Scope, first: Types, types: Types) -> dict[str, Type]:

@@ -50,9 +50,8 @@ def explain(t: Trouble) -> ParseError:
     if error := text.unreadable(t.source, t.found):
         return error
     checks: tuple[Callable[[Trouble], ParseError | None], ...] = (
-        _pair, _keyword_as_name, _reserved, python_spellings.explain, sql_spellings.explain, _misspelt, _closing,
-        _search, _missing, _chain, _no_from, _not_closed, _clause,
-        _descending,
+        _pair, _keyword_as_name, _reserved, python_spellings.explain, sql_spellings.explain,
+        _misspelt, _closing, _search, _missing, _chain, _no_from, _not_closed, _clause, _descending,
     )  # fmt: skip
     return next((error for check in checks if (error := check(t))), None) or _between(t)
 

@@ -21,9 +21,6 @@ def world_named(resolver: Resolver, name: str) -> Any:
     return resolver.catalog.worlds.get(name)
 
 
-# --- sources -------------------------------------------------------------------------------------------
-
-
 def world_source(
     resolver: Resolver, table: Any, name: str, arguments: tuple[plan.Expr, ...], span: Span
 ) -> plan.WorldSource:
@@ -70,9 +67,6 @@ def _refuse_call(table: Any, arguments: tuple[ast.Expr, ...], span: Span) -> Non
     what = f"lacks {' and '.join(missing)}" if missing else f"takes at most {len(schema.parameters)} arguments"
     hint = f"it is called as {table.world_name}.{schema.signature}"
     raise ResolveError("R005", f"'{table.title}' {what}", span, (hint,))
-
-
-# --- functions -----------------------------------------------------------------------------------------
 
 
 def world_call(

@@ -25,9 +25,6 @@ def columns_of(result: Result) -> list[tuple[str, list[Any], Shape]]:
     ]
 
 
-# --- pandas --------------------------------------------------------------------------------------------
-
-
 def to_pandas(result: Result) -> Any:
     """A pandas DataFrame: bool, int64, float64 and text for columns without None, Int64 and boolean with None."""
     pandas = package("pandas", "df", "df()")
@@ -62,9 +59,6 @@ def _objects(pandas: Any, values: Sequence[Any]) -> Any:
     for index, value in enumerate(values):
         cells[index] = value
     return pandas.Series(cells, dtype=object)
-
-
-# --- Polars --------------------------------------------------------------------------------------------
 
 
 def to_polars(result: Result) -> Any:
@@ -104,9 +98,6 @@ def _has_empty_struct(shape: Shape) -> bool:
             return not fields or any(_has_empty_struct(field) for _, field in fields)
         case _:
             return False
-
-
-# --- Arrow ---------------------------------------------------------------------------------------------
 
 
 def to_arrow(result: Result) -> Any:

@@ -76,9 +76,6 @@ def is_number(value: Any) -> bool:
     return type(value) in (int, float)
 
 
-# --- over a plane --------------------------------------------------------------------------------------
-
-
 def draw_paths(result: Result, paths: Found, where: Places, ax: Any, most: int | None) -> str:
     """Draws a line for each path over the contents of the Axes; the first one and all ends are on top."""
     drawn = [np.array([where.of(row) for row in path], dtype=float) for path in islice(paths, most or MOST_PATHS)]
@@ -107,9 +104,6 @@ def _lines(ax: Any, lines: Sequence[Any], wider: float = 0.0) -> None:
         if ax.images:
             ax.plot(*line, color="white", lw=style["lw"] + 2, alpha=style.get("alpha"), zorder=2)
         ax.plot(*line, zorder=2 + 20 / number, **marks, **style)
-
-
-# --- what they cost ------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,9 +164,6 @@ def chosen_weights(result: Result, paths: Found) -> Weights:
     if isinstance(found, str):
         refuse("plot() does not find what the steps cost", found)
     return found
-
-
-# --- how long they are ---------------------------------------------------------------------------------
 
 
 def draw_lengths(result: Result, paths: Found, ax: Any) -> str:

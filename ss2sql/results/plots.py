@@ -81,9 +81,6 @@ def _of_search(result: Result, paths: Sequence[Sequence[Row]], kind: str, own: b
     return refuse(f"plot() draws no search as {kind}", f"the kinds for a search are {', '.join(OF_SEARCHES)}")
 
 
-# --- flat results --------------------------------------------------------------------------------------
-
-
 def _heat(result: Result, ax: Any) -> str:
     value = result.value
     extent = getattr(value, "extent", None)

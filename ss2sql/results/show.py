@@ -87,9 +87,6 @@ def html(result: Result, most: int = MOST_ROWS) -> str:
     return "\n".join(lines)
 
 
-# --- what is on the sheet ------------------------------------------------------------------------------
-
-
 def sheet(result: Result, most: int, wide: int, arrow: str, most_columns: int | None = None) -> Sheet:
     """The table of a result, with no more columns than have room.
 
@@ -195,9 +192,6 @@ def _caption(result: Result, shown: int, unit: str, hidden: int) -> str:
 
 def _counted(number: int, word: str) -> str:
     return f"{number} {word}{'' if number == 1 else 's'}"
-
-
-# --- room ----------------------------------------------------------------------------------------------
 
 
 def _chosen_columns(count: int, most: int) -> list[int | None]:

@@ -283,10 +283,6 @@ class Tables:
 
         return list(map(readable, self._fetch(_all_of(source, [*values, *texts]))))
 
-    def is_empty(self, source: plan.TableSource) -> bool:
-        """Whether a table or view has no rows."""
-        return not self._fetch(f"SELECT 1 FROM {quoted(source.schema)}.{quoted(source.table)} LIMIT 1")
-
     def _fetch(self, text: str, bindings: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
         """The rows of a statement. Raises ExecutionError X009 where SQLite refuses it: the file may be locked."""
         try:

@@ -60,9 +60,6 @@ def signature(text: str, cursor: int, known: Known) -> tuple[Function, int] | No
     return None if found is None else (found, call.argument)
 
 
-# --- statements ----------------------------------------------------------------------------------------
-
-
 def _of_statement(statement: str, cursor: int, known: Known) -> Iterable[Suggestion]:
     here = sight(statement, cursor)
     if here.in_text:
@@ -178,9 +175,6 @@ def _of_owner(here: Sight, known: Known) -> Iterator[Suggestion]:
             full = next((name for name in known.tables if name.partition("(")[0] == f"{here.owner}.{table}"), "")
             bracket = "(" if "(" in full else ""
             yield Suggestion(table + bracket, 0, "table", known.tables.get(full, ""), full.partition(".")[2] or table)
-
-
-# --- dot commands --------------------------------------------------------------------------------------
 
 
 def _of_command(begun: str, known: Known) -> Iterator[Suggestion]:

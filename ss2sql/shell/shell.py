@@ -91,8 +91,6 @@ class Shell:
         if self.settings.timer:
             self.say(_seconds(result))
 
-    # --- printing --------------------------------------------------------------------------------------
-
     def print(self, result: Result, assigned: str | None = None) -> None:
         """Prints a result; for an assignment a note, since its value is in the variable."""
         settings = self.settings

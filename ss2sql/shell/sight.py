@@ -98,9 +98,6 @@ def _ask_grammar(found: Sight, before: str) -> None:
         found.expected, found.clause = outcome.expected, outcome.clause
 
 
-# --- names in the whole statement ----------------------------------------------------------------------
-
-
 def _look_around(found: Sight, statement: str, cursor: int) -> None:
     tokens = marked(statement)
     groups = _groups(tokens)
@@ -200,9 +197,6 @@ def _assigned(tokens: Sequence[Token], groups: Sequence[int], place: int) -> lis
     start = place + 2 if place + 1 < len(tokens) and tokens[place + 1].kind == "WITH" else place + 1
     parts = _parts(tokens, groups, start, groups[place])
     return [tokens[part[0]].text for part in parts if [tokens[index].kind for index in part[:2]] == ["NAME", "="]]
-
-
-# --- calls ---------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)

@@ -90,8 +90,6 @@ class Terminal:
             print(f"what you type will not be remembered: {error}", file=sys.stderr)
             return InMemoryHistory()
 
-    # --- keys ------------------------------------------------------------------------------------------
-
     def _keys(self) -> KeyBindings:
         keys = KeyBindings()
 
@@ -121,8 +119,6 @@ class Terminal:
 
     def _is_ready(self, text: str) -> bool:
         return is_ready(text) or meant(text, self.shell) != text
-
-    # --- the line at the bottom ------------------------------------------------------------------------
 
     def toolbar(self, document: Document) -> StyleAndTextTuples:
         """The call around the cursor, or a hint."""

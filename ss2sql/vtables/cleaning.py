@@ -56,9 +56,6 @@ def unfit(message: str, *hints: str) -> ExecutionError:
     return ExecutionError("X004", message, hints=hints)
 
 
-# --- cleaners ------------------------------------------------------------------------------------------
-
-
 def cleaner(kind: Type, giver: str) -> Clean:
     """The function that converts values of one declared type to values of the language; `giver` names the column."""
     match kind:
@@ -152,8 +149,6 @@ def _lists(kinds: Sequence[Type], giver: str) -> Clean:
 
     return clean
 
-
-# --- what needs no cleaning ----------------------------------------------------------------------------
 
 _TESTS = {
     Kind.FLOAT: "type({0}) is float and LOW <= {0} <= HIGH",

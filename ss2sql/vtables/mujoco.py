@@ -59,8 +59,6 @@ class MuJoCoWorld(BodyWorld):
             message = "MuJoCo has not computed these data yet: call mujoco.mj_forward(model, data)"
             raise ExecutionError("X011", message)
 
-    # --- for the tables --------------------------------------------------------------------------------
-
     def names(self, kind: str, count: int) -> list[str]:
         """The names of all elements of a kind; those without one have an empty name."""
         if kind not in self._names:
@@ -102,8 +100,6 @@ class MuJoCoWorld(BodyWorld):
         }
         pairs = zip(model.sensor_objtype.tolist(), model.sensor_objid.tolist(), strict=True)
         return np.array([owners[kind][target] for kind, target in pairs if kind in owners], int)
-
-    # --- for the functions -----------------------------------------------------------------------------
 
     def positions(self) -> tuple[list[int], Array]:
         return list(range(self.model.nbody)), self.data.xpos

@@ -43,7 +43,7 @@ class Numbers:
         return known
 
 
-_numbers: WeakKeyDictionary[Any, Numbers] = WeakKeyDictionary()  # two sessions that attach a space see the same numbers
+_numbers: WeakKeyDictionary[Any, Numbers] = WeakKeyDictionary()  # shared by all sessions
 
 
 class OdeWorld(BodyWorld):
@@ -67,8 +67,6 @@ class OdeWorld(BodyWorld):
     def time(self) -> float | None:
         return None if self.clock is None else self.clock()
 
-    # --- geoms by their numbers ------------------------------------------------------------------------
-
     def found(self) -> dict[int, Any]:
         """All geoms, ordered by number, since ODE changes their order in every step."""
         walked = list(_walk(self.space))
@@ -91,8 +89,6 @@ class OdeWorld(BodyWorld):
     def _holds(self, geom: Any) -> bool:
         # getSpace is stale for a removed geom, and None for spaces within a space.
         return bool(self.space.query(geom) or any(space.query(geom) for space in _spaces(self.space)))
-
-    # --- collisions ------------------------------------------------------------------------------------
 
     def near(self) -> list[tuple[int, int]]:
         """The pairs of geoms whose boxes overlap and which may touch, ordered by number."""

@@ -21,8 +21,6 @@ class Placed(Table, ABC):
         "velocity_of": "velocity=linearVelocity(vx vy vz)", "spin_of": "angularVelocity(wx wy wz)",
     }  # fmt: skip
 
-    # --- what a simulator tells ------------------------------------------------------------------------
-
     @abstractmethod
     def kind_of(self, key: Any) -> str:
         """Its shape."""
@@ -42,8 +40,6 @@ class Placed(Table, ABC):
     @abstractmethod
     def spin_of(self, key: Any) -> Vector:
         """How fast it turns."""
-
-    # --- groups ----------------------------------------------------------------------------------------
 
     def shape(self, key: Any) -> tuple[Any, ...]:
         return shape_row(self.kind_of(key))

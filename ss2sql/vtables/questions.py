@@ -58,8 +58,6 @@ class Questions:
         self._turned: list[Script] = []  # joins whose other order is still to come
         self._compiled: tuple[str, Any] = ("", None)
 
-    # --- asking ----------------------------------------------------------------------------------------
-
     def of_world(self, script: Script, engine: Any) -> Outcome:
         """The outcome of a query over the world."""
         return self._outcome(script.text, engine)
@@ -80,8 +78,6 @@ class Questions:
         """The code of the error for a table function without its arguments."""
         kind, found = self._outcome(f"SELECT this FROM world.{table.table.name}() AS list;", "native")
         return str(found) if kind == "error" else "missing"
-
-    # --- making ----------------------------------------------------------------------------------------
 
     def script(self) -> Script:
         """A random query over one or two tables; one over numbers where no table has a column of scalars.

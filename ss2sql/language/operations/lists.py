@@ -437,9 +437,10 @@ OPERATIONS = (
         about="a list in order; sorted(x, True) falls", example="[sorted([2, 3, 1]), sorted([2, 3, 1], True)]",
     ),
     operation(
-        "zip", (1, None), zipped, lambda types: Type(Kind.LIST, item=list_of([element(t) for t in types]), columns=()),
-        are_not_lists, call="zip(list, list, ...)", about="the first elements of lists, the second, ...",
-        example="zip([1, 2], ['a', 'b'])", grows=True,
+        "zip", (1, None), zipped,
+        lambda types: Type(Kind.LIST, item=list_of([element(t) for t in types]), columns=()), are_not_lists, grows=True,
+        call="zip(list, list, ...)", example="zip([1, 2], ['a', 'b'])",
+        about="the first elements of lists, the second, ...",
     ),
     operation(
         "range", (1, 3), numbers_from, _range_type, _range_can_fail, grows=True,

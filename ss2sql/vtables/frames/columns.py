@@ -110,9 +110,6 @@ def _without(values: list[Any], missing: Array | None) -> list[Any]:
     return values
 
 
-# --- times ---------------------------------------------------------------------------------------------
-
-
 def _times(array: Array, suffix: str) -> list[str]:
     """Dates as 2024-02-01, times as 2024-02-01T12:30:00, with six or nine places of a second where it has any."""
     unit = numpy.datetime_data(array.dtype)[0]

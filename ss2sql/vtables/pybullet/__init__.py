@@ -75,8 +75,6 @@ class PyBulletWorld(Representations, Collisions):
         seen = [(body, *(getattr(one, word) for word in words)) for body, one in sorted(self.sensors.items())]
         return f"{contents(self, without=('cameras.sees',))} {seen}"
 
-    # --- bodies ----------------------------------------------------------------------------------------
-
     def has(self, body: Any) -> bool:
         """Whether there is a body with this id."""
         try:

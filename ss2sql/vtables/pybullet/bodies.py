@@ -83,8 +83,6 @@ class Bodies(Table):
         name = where.equal("name")
         return found if name is None else [body for body in found if world.name_of(body) == name]
 
-    # --- blocks ----------------------------------------------------------------------------------------
-
     def called(self, keys: Sequence[int]) -> list[str]:
         try:
             if self.world.names:
@@ -135,8 +133,6 @@ class Bodies(Table):
         for key in keys:
             self.world.present(key)
         return error
-
-    # --- groups ----------------------------------------------------------------------------------------
 
     def angles(self, key: int) -> Any:
         return self.calls.getEulerFromQuaternion(self.stand([key])[0][1])
