@@ -136,8 +136,8 @@ def test_the_form_in_the_hint_runs(script: str, wrong: str, value: object) -> No
         form = form_of(caught.value)
         if form.startswith("; in front of "):
             form = f"; {wrong}"
-        elif form.endswith(", right behind CONNECT BY"):
-            form = f"CONNECT BY {form.removesuffix(' right behind CONNECT BY')} PRIOR id == boss"
+        elif form.endswith(", right after CONNECT BY"):
+            form = f"CONNECT BY {form.removesuffix(' right after CONNECT BY')} PRIOR id == boss"
         right = script.replace(wrong, form, 1)
         found = ss.eval(right)
         assert found == value if value is not None else found

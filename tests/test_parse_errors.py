@@ -20,7 +20,7 @@ ERRORS: list[tuple[str, ...]] = [
     ("P003", "U+200B ZERO WIDTH SPACE", "", "a«\u200b»b"),
     ("P003", "contains a NUL character", "binary", "a«\0»b", "x = 1;«\0»", "\x7fELF\x02\x01\x01«\0»\0\0"),
     ("P003", "half of a character, U+D800", "Unicode", "a = '«\ud800»'"),
-    ("P006", "-- does not start a comment", "write a blank behind it", "«--»a comment\ny = 2"),
+    ("P006", "-- does not start a comment", "write a blank after it", "«--»a comment\ny = 2"),
     ("P008", "no statement", "SELECT this FROM", "«» ; # nothing\n ;; /* at all */"),
     *((code, words[0], words[-1] if len(words) > 1 else "", text) for code, words, text in wrong_scripts("syntax")),
 ]  # fmt: skip

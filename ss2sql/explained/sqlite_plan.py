@@ -239,7 +239,7 @@ SENTENCES: tuple[tuple[str, Callable[[re.Match[str], Names], str]], ...] = (
     (rf"SEARCH {NAME} USING (?P<kind>.*?){WHERE}(?: LEFT-JOIN)?", _search),
     (rf"BLOOM FILTER ON {NAME}{WHERE}", _always("keeps a note of the values there, to skip lookups that find nothing")),
     (r"CO-ROUTINE search", _always("searches step by step:")),
-    (rf"CO-ROUTINE {NAME}", lambda found, names: f"makes the rows of {_table(found, names)} as they are asked for:"),
+    (rf"CO-ROUTINE {NAME}", lambda found, names: f"makes the rows of {_table(found, names)} on demand:"),
     (rf"MATERIALIZE {NAME}", lambda found, names: f"once, beforehand, and kept as {_table(found, names)}:"),
     (r"SETUP|INITIAL RECURSIVE PART", _always("the start:")),
     (r"RECURSIVE STEP", _always("the steps:")),

@@ -22,7 +22,7 @@ OPERATORS = {
 }  # fmt: skip
 COMPARISONS = frozenset(("==", "!=", "<>", "<", "<=", ">", ">=", "IN", "NOT IN", "IS", "BETWEEN", "LIKE"))
 LOGIC = frozenset(("AND", "OR", "XOR"))
-COMMENT = "write a blank behind it, or # before a comment"
+COMMENT = "write a blank after it, or # before a comment"
 NUMBERED = "MEMORIZE takes a whole number"
 CHAIN = "write a < b AND b < c"
 ENDINGS = ("end it with AS, for instance AS list, or put it in parentheses",)

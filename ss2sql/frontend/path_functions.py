@@ -175,7 +175,7 @@ def _check_place(tree: ast.Call, said: PathFunctions) -> None:
         wrong = True
     if not wrong:
         return
-    where = f"the key behind {clause}" if clause == "BY" else clause if clause != "CONNECT BY" else "an assignment"
+    where = f"the key after {clause}" if clause == "BY" else clause if clause != "CONNECT BY" else "an assignment"
     hints = {
         "leaf": "write it in SELECT, GROUP BY, HAVING or ORDER BY",
         "next": "write it in a condition, or in SELECT",

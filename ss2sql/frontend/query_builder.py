@@ -58,7 +58,7 @@ class Builder(ExpressionBuilder):
             error = self._error("P001", f"{keyword} stands twice in this query", clause.span, cure)
             error.related = ((seen[keyword].span, "the first one"),)
         elif wrong is not None:
-            error = self._error("P001", f"{keyword} stands before {wrong}, not behind it", clause.span,
+            error = self._error("P001", f"{keyword} stands before {wrong}, not after it", clause.span,
                                 f"the order is {ORDER}")  # fmt: skip
             error.related = ((seen[wrong].span, "this comes later"),)
         return keyword not in seen and wrong is None
@@ -179,7 +179,7 @@ class Builder(ExpressionBuilder):
         named = tuple(part.node for part in arguments if isinstance(part.node, ast.Assign))
         positional = tuple(part.node for part in arguments if not isinstance(part.node, ast.Assign))
         if named and positional and named[0].span.start < positional[-1].span.start:
-            self._error("P001", "this argument has no name, but stands behind one that has", positional[-1].span,
+            self._error("P001", "this argument has no name, but stands after one that has", positional[-1].span,
                         "positional arguments come first, named ones after them")  # fmt: skip
         shape = ast.Representation(name.text, positional, named, span=span)
         return self._clause("AS", span, arguments, representation=shape)

@@ -24,17 +24,17 @@ _BEHIND = {
     "OFFSET": "write LIMIT n OFFSET m", "FETCH": "write LIMIT n",
     "COLLATE": "sort by the value of a function that you register",
     "OVER": "use GROUP BY, or a function of the whole list", "WHEN": _IF, "THEN": _IF, "ELSE": _IF,
-    "TOP": "write LIMIT n behind the other clauses", "CONTAINS": "write {y} IN {x}",
+    "TOP": "write LIMIT n after the other clauses", "CONTAINS": "write {y} IN {x}",
     "STARTS": "write starts({x}, ...)", "ENDS": "write ends({x}, ...)",
     "NULLS": "leave it out: None comes first, with DESC last",
     "INTO": "assign the query: name = SELECT ...",
-    "CYCLE": "write NO CYCLE BY {y}, right behind CONNECT BY", "UNTIL": "a search ends with STOP WITH condition",
+    "CYCLE": "write NO CYCLE BY {y}, right after CONNECT BY", "UNTIL": "a search ends with STOP WITH condition",
     "MOD": "write {x} % {y}", "DIV": "write int({x} / {y})",
 }  # fmt: skip
 # Words that were read as a name before something that does not fit.
 _AHEAD = {
     "CONNECT_BY_ROOT": "write root({x})", "ALL": "leave it out: a query gives all rows",
-    "TOP": "write LIMIT n behind the other clauses", "CASE": "write CASE WHEN {x} == ... THEN ... ELSE ... END",
+    "TOP": "write LIMIT n after the other clauses", "CASE": "write CASE WHEN {x} == ... THEN ... ELSE ... END",
     "PRIOR": "write prior(x): PRIOR stands in front of a name",
     "EXISTS": "write [] != (SELECT ... AS list)", "EXPLAIN": "call explain() on the compiled script",
 }  # fmt: skip
@@ -143,7 +143,7 @@ def _siblings(t: Trouble) -> ParseError | None:
     key = words[2] if [word.upper() for word in words[:2]] == ["FIRST", "BY"] else "name"
     hints = [f"write ORDER SIBLINGS BY {key}"]
     if order == "BREADTH":
-        hints.append("BREADTH FIRST stands right behind CONNECT BY")
+        hints.append("BREADTH FIRST stands right after CONNECT BY")
     return t.error("P006", "there is no SEARCH in SelectScript", *hints)
 
 

@@ -57,7 +57,7 @@ OF_PYTHON: dict[str, str] = {
 # Names of Oracle.
 _ORACLE = {
     "LEVEL": "level()", "CONNECT_BY_ISLEAF": "leaf()", "CONNECT_BY_ISCYCLE": "cycle({key})",
-    "ROWNUM": "LIMIT n behind the other clauses",
+    "ROWNUM": "LIMIT n after the other clauses",
 }  # fmt: skip
 
 

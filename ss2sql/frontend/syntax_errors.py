@@ -180,8 +180,8 @@ def _search(t: Trouble) -> ParseError | None:
     name, word = t.before(), t.found.keyword or t.found.kind
     late = name if t.before(2).kind == "," and name.keyword in OPTIONS else t.found if word in OPTIONS else None
     if t.clause == "CONNECT BY" and late is not None:
-        return t.error("P001", f"{named(late)} stands behind an assignment",
-                       "options stand right behind CONNECT BY, without commas", at=late)  # fmt: skip
+        return t.error("P001", f"{named(late)} stands after an assignment",
+                       "options stand right after CONNECT BY, without commas", at=late)  # fmt: skip
     if t.clause in OPTIONS and t.found.kind in COMPARISONS and "," in t.expected:
         option, value = t.option, t.operand()
         return t.error("P001", f"{option} takes a value, and {named(t.found)} makes a condition of it",
@@ -243,7 +243,7 @@ def _clause(t: Trouble) -> ParseError | None:
     """A clause where none can stand."""
     word = t.found.keyword or t.found.kind
     if word == "HAVING":
-        return t.error("P001", "HAVING stands right behind GROUP BY",
+        return t.error("P001", "HAVING stands right after GROUP BY",
                        "write GROUP BY key HAVING condition, or use WHERE")  # fmt: skip
     if word in ("WITH", "BY"):
         firsts = [f"{first} {word}" for first in CLAUSES if PAIRS.get(first) == word]
@@ -259,7 +259,7 @@ def _descending(t: Trouble) -> ParseError | None:
     first = t.before(2).kind in ("BY", ",")
     if t.clause != "ORDER BY" or not first or word.keyword not in ("ASC", "DESC") or t.found.kind not in VALUES:
         return None
-    return t.error("P001", f"{named(word)} stands behind the value", f"write {t.found.text} {named(word)}", at=word)
+    return t.error("P001", f"{named(word)} stands after the value", f"write {t.found.text} {named(word)}", at=word)
 
 
 def _between(t: Trouble) -> ParseError:

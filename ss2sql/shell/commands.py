@@ -101,7 +101,7 @@ def _functions(shell: Shell, name: str) -> None:
         own = [entry for entry in known.functions.values() if not entry.built_in]
         built_in = [entry for entry in known.functions.values() if entry.built_in]
         lines = [*_described(own), *([""] if own else []), *_described(built_in)]
-        lines += ["", "behind AS:", *_described(known.representations.values())]
+        lines += ["", "after AS:", *_described(known.representations.values())]
         shell.say("\n".join(lines))
     elif name in every:
         (line,) = _described([every[name]])
@@ -188,7 +188,7 @@ def _source(shell: Shell, text: str) -> str | Source:
     if text:
         return text
     if shell.last is None:
-        raise CommandError("nothing has run yet", "run a statement first, or write one behind the command")
+        raise CommandError("nothing has run yet", "run a statement first, or write one after the command")
     return shell.last.source
 
 

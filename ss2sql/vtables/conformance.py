@@ -238,7 +238,7 @@ class _Judge:
                 wanted = dist(own[one][: len(point)], point)
                 found = measure(first, second)
                 if not isclose(found, wanted, rel_tol=1e-7, abs_tol=1e-12):
-                    detail = f"distance({first!r}, {second!r}) is {found}, the straight way is {wanted}"
+                    detail = f"distance({first!r}, {second!r}) is {found}, the straight distance is {wanted}"
                     raise BrokenRuleError("places are true", table.name, detail)
 
     # --- functions -------------------------------------------------------------------------------------
