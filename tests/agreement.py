@@ -145,11 +145,6 @@ class Trial:
             if not is_allowed(outcome, self.expected, engine)
         ]
 
-    @property
-    def gave_up(self) -> bool:
-        """Whether SQL failed where there is a value."""
-        return "auto" in self.outcomes
-
 
 def trial(case: ProgramCase) -> Trial:
     """Runs the program on all three; the database has an index on each column of its tables in every other program.

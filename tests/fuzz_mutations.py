@@ -52,8 +52,6 @@ NESTING = [
 ]  # fmt: skip
 MOST_NESTING = (1, 1, 1, 2, 3, 5, 20, 60, 250)
 
-Pieces = list[tuple[int, int]]
-
 
 class Donors:
     """Parts of scripts by kind, for other scripts to take."""

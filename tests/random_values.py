@@ -78,7 +78,6 @@ def lists(leaves: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
     return st.lists(st.recursive(leaves, lambda inner: st.lists(inner, max_size=3), max_leaves=8), max_size=4)
 
 
-PLAIN_VALUES = values(SCALARS)
 VALUES = values(st.one_of(SCALARS, OBJECTS))
 # Few different values, so that equal ones meet.
 EQUAL_ONES = [None, 0, 1, 2, 0.0, -0.0, 1.0, 2.0, True, False, "a", "1", ONE, b"a", THINGS[4]]

@@ -43,9 +43,3 @@ def test_max_steps_counts_them_neither() -> None:
             assert result.stats.generated == 40
             with pytest.raises(ss2sql.OutOfSteps):
                 ss.run(script.format(most=40), engine=engine)
-
-
-EDITS = """SELECT i, j, this FROM [[1, 1], [1, 0], [0, 1]]
-    WHERE i + this[0] == len(a) AND j + this[1] == len(b) START WITH i = 0, j = 0
-    CONNECT BY UNIQUE MAXIMUM 1 COST IF(this == [1, 1]; IF(a[i] == b[j]; 0; 1); 1) i = i + this[0], j = j + this[1]
-    STOP WITH i + this[0] > len(a) OR j + this[1] > len(b)"""
