@@ -8,12 +8,14 @@ from __future__ import annotations
 import re
 from collections import Counter
 from contextlib import suppress
+from fnmatch import fnmatchcase
 from typing import Any
 
 import pytest
 from agreement import differences
 from native_host import FakeHost
 from programs import ProgramCase
+from sql_calls import python_calls
 
 import ss2sql
 from ss2sql import plan
@@ -132,3 +134,16 @@ def test_operands_are_evaluated_once_and_in_order(script: str) -> None:
     with suppress(Error):
         FakeHost({"f": f}, {"f": "volatile"}).run(script)
     assert [repr(value) for value in log] == re.findall(r"f\(([^()]*)\)", script)
+
+
+@pytest.mark.parametrize(
+    ("pattern", "calls"), [("ab", set()), ("a%", set()), ("%b%", set()), ("%b", {"like_of"}), ("_b", {"like_of"})]
+)
+def test_which_patterns_sqlite_knows_by_itself(pattern: str, calls: set[str]) -> None:
+    """The others it leaves to Python where a NUL stands in the text, at which GLOB ends."""
+    with ss2sql.connect(engine="database") as ss:
+        result = ss.run(f"SELECT this FROM words WHERE this LIKE '{pattern}' AS list", words=["ab", "b", "a\0b", "xb"])
+    assert python_calls(str(result.sql)) == calls
+    assert result.value == [
+        word for word in ("ab", "b", "a\0b", "xb") if fnmatchcase(word, pattern.translate({37: "*", 95: "?"}))
+    ]

@@ -183,8 +183,7 @@ def _written(form: Form, call: plan.Call, lowering: Expressions, env: Env) -> No
 def _functions(form: Form) -> frozenset[str]:
     """The functions of SQLite that a form calls."""
     texts = [text for text in (form.text, form.check, form.only) if isinstance(text, str)]
-    operators = {"glob"} if any(" GLOB " in text for text in texts) else set()
-    return frozenset(operators.union(*(re.findall(r'\b([a-z_0-9]+)"?\(', text) for text in texts))) - {"cast"}
+    return frozenset(name for text in texts for name in re.findall(r'\b([a-z_0-9]+)"?\(', text)) - {"cast"}
 
 
 # --- sums and products ---------------------------------------------------------------------------------
