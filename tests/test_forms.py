@@ -106,9 +106,10 @@ def test_a_chain_of_what_may_fail_is_lowered_once(inner: str, around: str, monke
         ("1.23456789012345", "1.23456789012345"), ("0.123456789012345", "0.123456789012345"),
         ("1.234567890123456", None), ("123456789012345.0", "123456789012345.0"), ("1e20", "1e+20"), ("1e21", None),
         ("1.5e-20", "1.5e-20"), ("2.5e-21", None),
+        (str(2**53 - 1), str(2**53 - 1)), (str(2**53), None),
     ],
 )  # fmt: skip
-def test_a_float_is_written_where_sqlite_reads_it_back_exactly(number: str, written: str | None) -> None:
+def test_a_number_is_written_where_sqlite_reads_it_back_exactly(number: str, written: str | None) -> None:
     with ss2sql.connect() as ss:
         text = str(ss.compile(f"SELECT this * {number} FROM [1.5] AS list;", engine="database").sql)
         assert ss.eval(f"SELECT this * {number} FROM [1.5] AS list;") == [1.5 * float(number)]

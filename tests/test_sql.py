@@ -8,6 +8,7 @@ from typing import Any
 import apsw
 import pytest
 from listings import HANOI, MOVES, move
+from sql_calls import python_calls
 
 import ss2sql
 from ss2sql.plan_tree import plan_tree
@@ -150,4 +151,15 @@ def test_rows_of_a_query_that_gives_a_list_are_not_collected(ss: ss2sql.Session)
     ss.set("edges", [[0, 1, "a"], [1, 2, "b"]])
     query = "SELECT this FROM edges WHERE this[1] > 1 AS list"
     for script in (f"SELECT this[2], this FROM ({query});", f"SELECT e.this[2], p.this FROM e = ({query}), p = [1];"):
-        assert "collect" not in ss.compile(script).sql
+        text = ss.compile(script).sql
+        assert "collect" not in text
+        assert python_calls(str(text)) == set()
+
+
+def test_sqlite_reads_the_columns_of_a_left_join(ss: ss2sql.Session) -> None:
+    ss.set("pairs", [{"k": 1, "v": 5}, {"k": 3, "v": 6}])
+    result = ss.run(
+        "SELECT a.this, b.v FROM a = [1, 2] LEFT JOIN b = pairs ON b.k == a.this AS rows", engine="database"
+    )
+    assert result.value == [(1, 5), (2, None)]
+    assert python_calls(str(result.sql)) == set()

@@ -97,4 +97,4 @@ def _rows(source: plan.QuerySource, names: Names) -> plan.QuerySource:
     columns = tuple((name, expr.type) for expr, name in names.items())
     outputs = tuple(plan.Output(name, expr) for expr, name in names.items())
     query = replace(source.query, columns=outputs, representation=plan.Representation("dict"))
-    return replace(source, query=query, element=Type(Kind.DICT, columns=columns), columns=columns)
+    return replace(source, query=query, element=Type(Kind.DICT, columns=columns))
