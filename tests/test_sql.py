@@ -157,9 +157,9 @@ def test_rows_of_a_query_that_gives_a_list_are_not_collected(ss: ss2sql.Session)
 
 
 def test_sqlite_reads_the_columns_of_a_left_join(ss: ss2sql.Session) -> None:
-    ss.set("pairs", [{"k": 1, "v": 5}, {"k": 3, "v": 6}])
-    result = ss.run(
-        "SELECT a.this, b.v FROM a = [1, 2] LEFT JOIN b = pairs ON b.k == a.this AS rows", engine="database"
-    )
+    ss.set("pairs", [{"k": 1, "v": 5, "f": True}, {"k": 3, "v": 6, "f": False}])
+    script = "SELECT a.this, b.{} FROM a = [1, 2] LEFT JOIN b = pairs ON b.k == a.this AS rows"
+    result = ss.run(script.format("v"), engine="database")
     assert result.value == [(1, 5), (2, None)]
     assert python_calls(str(result.sql)) == set()
+    assert ss.run(script.format("f"), engine="database").value == [(1, True), (2, None)]
