@@ -353,8 +353,9 @@ class Product:
                 computed = [self._key_column(key, name) for key, name in self.keys.get(source.id, {}).items()]
             case _:
                 return None
-        self.ordering.append(in_order(label))
-        terms += self.ordering[-1:]
+        ordered = in_order(label)
+        self.ordering.append(ordered)
+        terms.append(ordered)
         needs.applied["lookup"] = None
         return copies.looked_up(item, needs.table(name), ("rowid", *columns), computed)
 
