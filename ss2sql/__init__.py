@@ -38,8 +38,8 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
-# Where each name is defined. It is imported when it is first asked for: importing all of them takes 0.3 s, which
-# `ss2sql --help` would have to wait for.
+# Where each name is defined. Each is imported at its first use: importing all of them takes 0.3 s, also for
+# `ss2sql --help`.
 PLACES = {
     "BrokenRuleError": "ss2sql.vtables.conformance",
     "Cancelled": "ss2sql.errors",
@@ -76,7 +76,7 @@ def compile(script: str) -> Query:
 if not TYPE_CHECKING:
 
     def __getattr__(name):
-        """A name of PLACES, or the package `ss2sql.scenes`, imported when it is first asked for."""
+        """A name of PLACES, or the package `ss2sql.scenes`, imported at its first use."""
         if name == "scenes":
             return import_module("ss2sql.scenes")
         if name not in PLACES:

@@ -14,7 +14,7 @@ STAGES = ("ast", "plan", "sql")
 
 
 def _checked_dialect(context: click.Context, parameter: click.Parameter, value: str | None) -> str | None:
-    """Refuses a dialect that does not exist, and one where no SQL is asked for."""
+    """Refuses an unknown dialect, and a dialect without `--stage sql`."""
     if value is None:
         return None
     from ss2sql.lowering.dialects import DIALECTS

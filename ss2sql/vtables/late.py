@@ -37,7 +37,7 @@ class Late:
     cells: tuple[Cell, ...]
 
     def rows(self, readings: Readings, keys: Iterable[Sequence[Any]]) -> Iterator[Row]:
-        """The rows of these keys, each read when it is asked for."""
+        """An iterator of the rows of these keys."""
         known = [readings.of(table.table, span) for table, span in self.tables]
         given: list[Any] = [reading.element for reading in known]
         for source, group in self.groups:

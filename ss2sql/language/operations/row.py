@@ -6,7 +6,7 @@ a faster *form* of it, code that an engine's compiler puts in place of the call:
     Form("{0} || {1}", exactly(Kind.STR))                    right wherever `when` holds for the types of the arguments
     Form("{0} + {1}", sql_numbers, check=Check.SIZE)         where the call may fail, the sum counts if it is a number
     Form("sqrt({0})", sql_numbers, check="{0} >= 0")         where the call may fail, it counts if the check holds
-    Form("upper({0})", exactly(Kind.STR), only="...")        it counts only where this holds, so it is always asked
+    Form("upper({0})", exactly(Kind.STR), only="...")        it counts only where this holds, so it is always checked
 
 The first form that fits is taken; one without a check only where the call cannot fail. Where no form fits, or a check
 does not hold, the engine calls the value, so a missing form costs only time.
@@ -34,7 +34,7 @@ When: TypeAlias = Callable[[Types], bool]
 class Check(Enum):
     """Checks that engines know by name, because they depend on bounds or the limits of the run."""
 
-    SIZE = auto()  # a number lies within 64 bits, or is finite; asked once for a whole sum
+    SIZE = auto()  # a number lies within 64 bits, or is finite; checked once for a whole sum
     NOT_NULL = auto()  # SQL found a value
     NUMBERS = auto()  # the arguments are two integers or two floats at run time, and their value is a small number
     ROOM = auto()  # a string or a list is no larger than the run allows; always checked
