@@ -14,7 +14,7 @@ STAGES = ("ast", "plan", "sql")
 
 
 def _checked_dialect(context: click.Context, parameter: click.Parameter, value: str | None) -> str | None:
-    """Refuses an unknown dialect, and a dialect without `--stage sql`."""
+    """Refuses an unknown dialect."""
     if value is None:
         return None
     from ss2sql.lowering.dialects import DIALECTS

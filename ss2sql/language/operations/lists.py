@@ -438,8 +438,8 @@ OPERATIONS = (
     ),
     operation(
         "zip", (1, None), zipped,
-        lambda types: Type(Kind.LIST, item=list_of([element(t) for t in types]), columns=()), are_not_lists, grows=True,
-        call="zip(list, list, ...)", example="zip([1, 2], ['a', 'b'])",
+        lambda types: Type(Kind.LIST, item=list_of([element(t) for t in types]), columns=()), are_not_lists,
+        grows=True, call="zip(list, list, ...)", example="zip([1, 2], ['a', 'b'])",
         about="the first elements of lists, the second, ...",
     ),
     operation(
