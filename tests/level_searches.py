@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import io
-import random
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
@@ -35,9 +34,6 @@ FORMS = (
 )
 SHORT = "SELECT n + this FROM [1, 2] START WITH n = 0 CONNECT BY UNIQUE n = n + this STOP WITH n > 2 AS list;"
 BY_LENGTH = ("BREADTH FIRST", "UNIQUE", "BREADTH FIRST NO CYCLE")
-GUARDS = ("", "UNIQUE", "NO CYCLE")
-GIVEN = ("COST 1", "COST 0", "COST 0.1", "PROBABILITY 0.5", "PROBABILITY 1")
-BOUNDS = ("1", "3", "5")
 
 
 # --- one search ----------------------------------------------------------------------------------------
@@ -64,11 +60,13 @@ def ended(ss: ss2sql.Session, script: str, **options: Any) -> tuple[Any, ...]:
         return (type(error).__name__, str(error), *getattr(error, "__notes__", ()))
 
 
-def both_end_alike(ss: ss2sql.Session, script: str) -> tuple[Any, ...]:
-    """What a search comes to, here and natively."""
-    found = ended(ss, script)
-    assert found == ended(ss, script, engine="native")
-    return found
+def fails_alike(ss: ss2sql.Session, script: str) -> bool:
+    """Whether a search fails as it does natively. It may fail in a step of a level that the native one does not take,
+    or elsewhere in the level; what it finds is the same.
+    """
+    found, wanted = ended(ss, script), ended(ss, script, engine="native")
+    assert found == wanted or (found[0] != "value" and not found[0].startswith("U"))
+    return found == wanted
 
 
 def by_sheet(ss: ss2sql.Session, name: str) -> Iterator[tuple[Row, ss2sql.Result]]:
@@ -130,44 +128,21 @@ def search_of(script: str) -> ast.Query | None:
     return query if len(statements) == 1 and isinstance(query, ast.Query) and query.connect else None
 
 
-def kept(query: ast.Query, *keywords: str) -> tuple[ast.Option, ...]:
-    """The options with these keywords."""
-    return tuple(option for option in query.options if option.keyword in keywords)
+def bounded(query: ast.Query) -> tuple[ast.Option, ...]:
+    """Its MAXIMUM."""
+    return tuple(option for option in query.options if option.keyword == "MAXIMUM")
 
 
 def by_length(query: ast.Query) -> list[ast.Query]:
     """A search by every strategy that goes by length."""
-    return [replace(query, options=(*kept(query, "MAXIMUM"), *options(words))) for words in BY_LENGTH]
+    return [replace(query, options=(*bounded(query), *options(words))) for words in BY_LENGTH]
 
 
-def by_weight(query: ast.Query) -> list[ast.Query]:
-    """A search with each guard, by its own COST or PROBABILITY or by a given one."""
-    own = kept(query, "MAXIMUM", "COST", "PROBABILITY")
-    if own == kept(query, "MAXIMUM"):
-        own += options(GIVEN[len(query.span.text) % len(GIVEN)])
-    return [replace(query, options=(*own, *options(guard))) for guard in GUARDS]
-
-
-def by_graph(query: ast.Query) -> list[ast.Query]:
-    """A search by MEMORIZE with its own bound or others, and its own weights."""
-    own = kept(query, "MAXIMUM", "COST", "PROBABILITY", "MEMORIZE")
-    bounds = [()] if kept(query, "MEMORIZE") else [options(f"MEMORIZE {bound}") for bound in BOUNDS]
-    return [replace(query, options=(*own, *bound)) for bound in bounds]
-
-
-VARIANTS = {"by length": by_length, "by weight": by_weight, "by graph": by_graph}
-
-
-def one_of(variants: str) -> Callable[[ast.Query], list[ast.Query]]:
-    """Makes one of the variants, by the length of the search, so that it is the same every time."""
-
-    def chosen(query: ast.Query) -> list[ast.Query]:
-        made = VARIANTS[variants](query)
-        one = made[len(query.span.text) % len(made)]
-        ends = variants != "by length" or kept(query, "MAXIMUM")
-        return [one if ends else replace(one, options=(*one.options, *options("MAXIMUM 9")))]
-
-    return chosen
+def one_by_length(query: ast.Query) -> list[ast.Query]:
+    """One of them, by the length of the search, so that it is the same every time; it ends."""
+    made = by_length(query)
+    one = made[len(query.span.text) % len(made)]
+    return [one if bounded(query) else replace(one, options=(*one.options, *options("MAXIMUM 9")))]
 
 
 def compare(
@@ -200,75 +175,6 @@ def compare(
 
     run()
     return compared
-
-
-# --- random graphs -------------------------------------------------------------------------------------
-
-# What a step weighs, for each kind of totals: ties, zeros, sums that are rounded, all different (whatever is below 1),
-# great differences.
-WEIGHTS: dict[str, tuple[list[float], ...]] = {
-    "COST": ([1], [0, 1, 2], [0.1, 0.2, 0.3, 0.4, 0], [], [0, 0.5, 3, 10**6, 1e-9]),
-    "PROBABILITY": ([1], [0, 0.5, 1], [0.1, 0.3, 0.9], [], [1e-200, 0.5, 1]),
-}
-ENDINGS = ("AS list", "GROUP BY n AS list", "ORDER BY n DESC AS list", "LIMIT 2 AS list", "AS rows")
-CLAUSES = ("roads", "row", "goal", "stops", "weigh", "follow")
-
-
-class World:
-    """A random graph, a weight for each of its roads, and one clause that may fail on one of them.
-
-    Its searches end after six steps, because some lead around in circles and never to a goal.
-    """
-
-    def __init__(self, number: int) -> None:
-        some = self.some = random.Random(number)
-        size = some.randint(2, 7)
-        self.guard = GUARDS[number % 3]
-        self.word = some.choice([*WEIGHTS])
-        weights = some.choice(WEIGHTS[self.word])
-        self.roads = [[some.randrange(size) for _ in range(some.randint(0, 3))] for _ in range(size)]
-        edges = [(a, b) for a in range(size) for b in range(size)]
-        self.weights = {edge: some.choice(weights) if weights else some.random() for edge in edges}
-        self.goals = {some.randrange(size) for _ in range(2)}
-        self.ends = {some.randrange(size) for _ in range(some.randint(0, 2))}
-        self.clause = (*CLAUSES, None)[number % 7]
-        self.bad = some.choice([(a, b) for a in range(size) for b in self.roads[a]] or [(0, 0)])
-
-    def by_weight(self, unique: Sequence[str], others: Sequence[str]) -> str:
-        """A search by COST or PROBABILITY, with one of these MAXIMUM."""
-        maximum = self.some.choice(unique if self.guard == "UNIQUE" else others)
-        return self.script(f"{self.word} weigh(n, x.this) {self.guard} {maximum}")
-
-    def by_graph(self, weighed: bool) -> str:
-        bound = self.some.choice(["MEMORIZE", "MEMORIZE 1", "MEMORIZE 2", "MEMORIZE 4"])
-        weighs = f"{self.word} weigh(n, x.this)" if weighed else ""
-        return self.script(f"{bound} {weighs} {self.some.choice(['', 'MAXIMUM 2'])}")
-
-    def script(self, options: str) -> str:
-        where = self.some.choice(["WHERE goal(n, x.this)", ""])
-        stop = self.some.choice(["STOP WITH stops(n, x.this) OR nth > 5", "STOP WITH nth > 5"])
-        return (
-            f"SELECT row(n, x.this) FROM x = roads(n) {where} START WITH n = 0, nth = 1"
-            f" CONNECT BY {options} n = follow(n, x.this), nth = nth + 1 {stop} {self.some.choice(ENDINGS)};"
-        )
-
-    def furnish(self, ss: ss2sql.Session) -> None:
-        """Gives a session the functions of a script."""
-        functions: dict[str, Callable[..., Any]] = {
-            "roads": lambda n: self.roads[n], "row": lambda n, to: to, "goal": lambda n, to: to in self.goals,
-            "stops": lambda n, to: to in self.ends, "weigh": lambda n, to: self.weights[n, to],
-            "follow": lambda n, to: to,
-        }  # fmt: skip
-        for name, function in functions.items():
-            ss.function(name, self.guarded(name, function), volatility="immutable")
-
-    def guarded(self, name: str, function: Callable[..., Any]) -> Callable[..., Any]:
-        def asked(*arguments: int) -> Any:
-            if self.clause == name and arguments == self.bad[: len(arguments)]:
-                raise ValueError(name, arguments)
-            return function(*arguments)
-
-        return asked
 
 
 # --- random steps that can be SQL --------------------------------------------------------------------------

@@ -182,17 +182,14 @@ def _notes(outlined: OutlinedQuery, stats: Stats | None) -> Iterator[str]:
     if outlined.lowered is not None or query.search is None or query.search.repeats != "memorize":
         return
     remembered = outlined.host.graphs is not None and calls(query)
-    yield from _ends(query, stats, remembered, outlined.levels is not None)
+    yield from _ends(query, stats, remembered)
     if stats is not None and stats.graph is not None:
         steps = "1 step was" if stats.remembered_steps == 1 else f"{stats.remembered_steps:,} steps were"
         yield f"graph: remembered, with the number {stats.graph} in ss2sql_graphs; {steps} known from there"
 
 
-def _ends(query: plan.Query, stats: Stats | None, remembered: bool, in_tables: bool) -> Iterator[str]:
+def _ends(query: plan.Query, stats: Stats | None, remembered: bool) -> Iterator[str]:
     """Whether MEMORIZE searches from both ends, and why not."""
-    if in_tables:
-        yield "searched from the start only: its graph is in tables"
-        return
     reverse = reverse_of(query)
     if isinstance(reverse, str):
         yield f"searched from the start only: {reverse}"

@@ -8,6 +8,7 @@ from ss2sql import plan
 from ss2sql.explained.facts import PlanLine
 from ss2sql.explained.words import cut, queue_words
 from ss2sql.lowering.portable.here import WrittenHere
+from ss2sql.runtime.levels.level import WORDS
 from ss2sql.runtime.levels.query import InTables
 
 LONGEST = 60  # characters of a source
@@ -37,15 +38,14 @@ def plan_in_python(query: plan.Query) -> tuple[PlanLine, ...]:
 
 def plan_in_tables(query: plan.Query, tables: InTables) -> tuple[PlanLine, ...]:
     """The plan of a search from level to level in tables."""
-    search, kind = query.search, tables.kind
-    assert search
-    because = "" if tables.hindrance is None else f": {tables.hindrance}"
+    assert query.search
+    because = "SQL" if tables.hindrance is None else f"Python: {tables.hindrance}"
     lines = (
-        PlanLine(0, kind.before(search)),
-        PlanLine(1, f"tries the steps from them, in {'SQL' if kind.in_sql else 'Python'}{because}"),
+        PlanLine(0, "searches level by level; all states of a level together:"),
+        PlanLine(1, f"tries the steps from them, in {because}"),
         *_loops(query, 2, inner=True),
-        *(PlanLine(1, words) for words in kind.after(search)),
-        *(PlanLine(0, words) for words in kind.end(search)),
+        PlanLine(1, WORDS[query.search.repeats]),
+        PlanLine(1, "gives the paths to the goals among them"),
     )
     return (*lines, *_endings(query))
 

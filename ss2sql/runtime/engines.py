@@ -20,15 +20,15 @@ ENGINES: tuple[Engine, ...] = get_args(Engine)
 def abilities(name: str) -> Abilities | None:
     """What a database can that searches by levels; None for others. Only who asks for one loads what it needs."""
     from ss2sql.lowering.dialects import DUCKDB, SPARK
-    from ss2sql.runtime.levels.kinds import IN_QUERIES, KEEPING_BY_COST
+    from ss2sql.runtime.levels.level import DuckLevel, SparkLevel
     from ss2sql.runtime.levels.parcel import RULES
     from ss2sql.runtime.levels.query import Abilities
 
     match name:
         case "duckdb":
-            return Abilities("duckdb", DUCKDB)
+            return Abilities("duckdb", DUCKDB, DuckLevel)
         case "spark":
-            return Abilities("spark", SPARK, RULES, IN_QUERIES, KEEPING_BY_COST)
+            return Abilities("spark", SPARK, SparkLevel, True, RULES)
         case _:
             return None
 
@@ -59,6 +59,7 @@ def _duckdb(session: Any, begun: Sequence[Run]) -> TableEngine:
     from ss2sql.runtime.duck.tables import DuckSources
     from ss2sql.runtime.levels.duck import Duck
     from ss2sql.runtime.levels.query import TableEngine
+    from ss2sql.runtime.levels.search import DuckSearch
 
     if session is not None and not isinstance(session, duckdb.DuckDBPyConnection):
         message = f"the session of engine='duckdb' is a connection of DuckDB, not {type(session).__name__}"
@@ -67,7 +68,9 @@ def _duckdb(session: Any, begun: Sequence[Run]) -> TableEngine:
     sources = DuckSources(lambda: duck.session.cursor(), (duckdb.Error,), begun)
     able = abilities("duckdb")
     assert able is not None
-    return TableEngine(able, duck.open, duck.close, (duckdb.Error,), sources)
+    return TableEngine(
+        able, duck.open, duck.close, (duckdb.Error,), lambda *parts: DuckSearch(*parts).results(), sources=sources
+    )
 
 
 def _spark(session: Any, begun: Sequence[Run]) -> TableEngine:
@@ -78,11 +81,19 @@ def _spark(session: Any, begun: Sequence[Run]) -> TableEngine:
 
     from ss2sql.runtime.levels.query import TableEngine
     from ss2sql.runtime.levels.spark import Spark
+    from ss2sql.runtime.levels.spark_frame import FramedSearch
 
     spark = Spark(session)
     able = abilities("spark")
     assert able is not None
-    return TableEngine(able, spark.open, spark.close, (PySparkException, Py4JError))
+    return TableEngine(
+        able,
+        spark.open,
+        spark.close,
+        (PySparkException, Py4JError),
+        lambda *parts: FramedSearch(*parts).results(),
+        lambda hunt, store, written, most: FramedSearch(hunt, store, written).frame(most),
+    )
 
 
 _OPENERS: dict[str, Callable[[Any, Sequence[Run]], TableEngine]] = {"duckdb": _duckdb, "spark": _spark}

@@ -34,8 +34,8 @@ def _framed(expr: plan.Expr, found: LevelQuery | None) -> LevelQuery:
     if isinstance(expr, plan.Subquery) and found is not None:
         query = expr.query
         stars = [output.expr.span for output in query.columns if output.star]
-        if found.in_tables.kind.frame is None:
-            reason = "the paths of this search are put together by this process"
+        if found.database.frame is None:
+            reason = "only Spark has such frames"
         elif query.group:
             place, reason, cure = query.group[0].span, "GROUP BY makes no DataFrame", "take its groupBy"
         elif query.order:

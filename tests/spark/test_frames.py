@@ -95,11 +95,10 @@ def test_types_are_those_of_other_frames(ss: ss2sql.Session) -> None:
         ("SELECT this FROM [1]", ss2sql.UnsupportedError, "U001", "only a search has paths"),
         (SHORT.replace(" AS list", " GROUP BY n"), ss2sql.UnsupportedError, "U001", "GROUP BY makes no DataFrame"),
         (SHORT.replace(" AS list", " ORDER BY n"), ss2sql.UnsupportedError, "U001", "ORDER BY makes no DataFrame"),
-        (SHORT.replace("UNIQUE", "UNIQUE COST 1"), ss2sql.UnsupportedError, "U001", "put together by this process"),
         (SHORT.replace("n + this FROM", "to(odd(n), mixed) FROM"), ss2sql.RepresentationError, "V001",
          "the column 'mixed' has values of several kinds"),
     ],
-    ids=["value", "flat", "groups", "order", "cost", "kinds"],
+    ids=["value", "flat", "groups", "order", "kinds"],
 )  # fmt: skip
 def test_what_has_no_frame_is_refused(ss: ss2sql.Session, script: str, error: Any, code: str, reason: str) -> None:
     ss.function("odd", lambda n: "a" if n == 2 else n, volatility="immutable")
@@ -110,9 +109,9 @@ def test_what_has_no_frame_is_refused(ss: ss2sql.Session, script: str, error: An
 
 @pytest.mark.parametrize("bad", range(6))
 def test_steps_that_fail(ss: ss2sql.Session, bad: int) -> None:
-    """What counts of them is the same, also where MAXIMUM ends the search before one or not."""
+    """As in a run, also where MAXIMUM ends the search."""
     script = may_fail(ss, "UNIQUE MAXIMUM 2", bad, least=3)
-    wanted = ended(ss, script, engine="native")
+    wanted = ended(ss, script)
     if wanted[0] == "value":
         agree(ss, script)
     else:

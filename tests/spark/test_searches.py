@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import random
 import threading
 import time
 from collections import Counter
@@ -17,12 +16,11 @@ import level_searches
 import pytest
 from cases.shelf import Shelf
 from hypothesis import given, seed
-from level_searches import BY_LENGTH, FORMS, MOVES, SHORT, agree, both_end_alike, by_sheet
+from level_searches import BY_LENGTH, FORMS, MOVES, SHORT, agree, by_sheet, fails_alike, may_fail
 from programs.drawn import PROGRAMS, drawn
 
 import ss2sql
-from ss2sql.runtime.levels import beginning, spark_search, spark_tables
-from ss2sql.runtime.levels.spark_steps import Steps
+from ss2sql.runtime.levels import beginning, spark_search, spark_steps
 from ss2sql.runtime.levels.spark_store import Store
 
 pytestmark = pytest.mark.slow
@@ -32,9 +30,8 @@ TRIALS = max(4, PROGRAMS // 250)
 STRATEGIES = ("BREADTH FIRST MAXIMUM 7", "UNIQUE", "BREADTH FIRST NO CYCLE MAXIMUM 9")
 
 
-@pytest.mark.parametrize("name", ["search/by-levels", "search/steps-in-sql"])
-def test_what_the_sheets_say(ss: ss2sql.Session, name: str) -> None:
-    assert list(by_sheet(ss, name))
+def test_what_the_sheet_says(ss: ss2sql.Session) -> None:
+    assert list(by_sheet(ss, "search/steps-in-sql"))
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
@@ -45,22 +42,15 @@ def test_golden_cases(spark: Any, case: golden.Case) -> None:
 
 
 @pytest.mark.drawn
-@pytest.mark.parametrize(
-    ("variants", "number", "share"), [("by length", 8, 2), ("by weight", 9, 1), ("by graph", 10, 1)]
-)
-def test_random_searches(spark: Any, variants: str, number: int, share: int) -> None:
-    most = TRIALS * share
-    assert level_searches.compare(level_searches.one_of(variants), "spark", spark, number, 30 * most, most=most) == most
+def test_random_searches(spark: Any) -> None:
+    most = 2 * TRIALS
+    assert level_searches.compare(level_searches.one_by_length, "spark", spark, 8, 30 * most, most=most) == most
 
 
-@pytest.mark.drawn
-@pytest.mark.parametrize("number", range(2 * TRIALS))
-def test_ties_totals_and_failing_steps(ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch, number: int) -> None:
-    monkeypatch.setattr(spark_tables, "PARTS", 2)  # a table of more than two parts becomes one
-    world = level_searches.World(number)
-    world.furnish(ss)
-    by_weight = world.by_weight(["MAXIMUM 2"], ["MAXIMUM 3"])
-    both_end_alike(ss, by_weight if number % 2 else world.by_graph(number % 4 > 0))
+@pytest.mark.parametrize("strategy", BY_LENGTH)
+def test_a_step_that_fails(ss: ss2sql.Session, strategy: str) -> None:
+    for bad in (1, 4):
+        fails_alike(ss, f"{may_fail(ss, f'{strategy} MAXIMUM 5', bad)} AS list")
 
 
 @pytest.mark.parametrize("script", [FORMS[1].format("UNIQUE"), SHORT], ids=["python", "sql"])
@@ -99,10 +89,7 @@ def test_other_settings_of_spark(spark: Any, ss: ss2sql.Session) -> None:
 
 @pytest.fixture
 def no_python(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(self: Steps) -> None:
-        raise AssertionError("sent to Python")
-
-    monkeypatch.setattr(Steps, "load", refuse)
+    monkeypatch.setattr(spark_steps, "packed", None)
 
 
 @pytest.mark.drawn
@@ -143,9 +130,9 @@ def test_values_in_sql(ss: ss2sql.Session, script: str) -> None:
 # --- what it takes -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("strategy", "at_first"), [("UNIQUE", False), ("UNIQUE", True), ("MEMORIZE", False)])
+@pytest.mark.parametrize("at_first", [False, True])
 def test_each_step_is_tried_once(
-    ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, strategy: str, at_first: bool
+    ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, at_first: bool
 ) -> None:
     """By a clock on which each look takes an hour the level of the start is done here, and no other."""
     calls = tmp_path / "calls"
@@ -160,25 +147,13 @@ def test_each_step_is_tried_once(
         ticks = count(0, 3600)
         monkeypatch.setattr(beginning, "time", SimpleNamespace(monotonic=lambda: next(ticks)))
     ss.function("noted", noted, volatility="immutable")
-    script = f"SELECT noted(n, this) FROM [1, 2] START WITH n = 0 CONNECT BY {strategy} n = noted(n, this) AS list;"
+    script = "SELECT noted(n, this) FROM [1, 2] START WITH n = 0 CONNECT BY UNIQUE n = noted(n, this) AS list;"
     result = ss.run(script)
     made = [tuple(map(int, line.split())) for line in calls.read_text().splitlines()]
     assert Counter(call[1:] for call in made) == Counter((n, more) for n in range(6) for more in (1, 2))
     assert {n for process, n, _ in made if process == os.getpid()} == ({0} if at_first else set())
     assert result.stats.calls["noted"] == 12
     assert result.value == ss.run(script, engine="native").value
-
-
-def test_steps_that_are_chosen_too_early_are_tried_once(ss: ss2sql.Session) -> None:
-    """In this graph two are: DuckDB, where calls are remembered, tries them twice."""
-    some = random.Random(14)
-    roads = [[some.randrange(8) for _ in range(2)] for _ in range(8)]
-    weights = {(a, b): some.choice([0.1, 0.2, 1, 1.5, 2, 3]) for a in range(8) for b in range(8)}
-    ss.function("roads", lambda n: roads[n], volatility="immutable")
-    ss.function("weigh", lambda n, to: weights[n, to], volatility="immutable")
-    search = "START WITH n = 0 CONNECT BY UNIQUE COST weigh(n, x.this) n = x.this"
-    result = agree(ss, f"SELECT x.this FROM x = roads(n) {search} AS list;")
-    assert result.stats.generated == 2 * (1 + len(result.value))  # two roads from the start, and from each row
 
 
 # --- what its processes are sent, how searches in them end, and what they leave behind ----------------------

@@ -56,7 +56,7 @@ class WrittenSteps:
     own: tuple[Typed, ...]
     states: tuple[Typed, ...]
     reads: tuple[Typed, ...]
-    elements: plan.Query
+    elements: plan.Query | None
     parameters: dict[str, str]
     goal: bool | None
     goes_on: bool | None

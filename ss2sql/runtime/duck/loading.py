@@ -7,6 +7,7 @@ from typing import Any
 
 from ss2sql.lowering.portable.here import Loaded
 from ss2sql.lowering.portable.sources import NUMBER
+from ss2sql.lowering.portable.steps import Typed
 from ss2sql.lowering.portable.types import column_type
 from ss2sql.runtime.element_columns import column_of
 from ss2sql.runtime.levels.arrow import batch
@@ -26,5 +27,5 @@ def columns_of(table: Loaded, value: Any) -> list[Sequence[Any]]:
 def as_arrow(table: Loaded, columns: list[Sequence[Any]]) -> Any:
     import pyarrow as pa  # type: ignore[import-untyped]
 
-    names = (f"{name} {column_type(kind)}" for name, kind in table.columns.values())
-    return pa.Table.from_batches([batch(", ".join([f"{NUMBER} BIGINT", *names]), columns)])
+    typed = [Typed(name, column_type(kind) or "") for name, kind in table.columns.values()]
+    return pa.Table.from_batches([batch([Typed(NUMBER, "BIGINT"), *typed], columns)])

@@ -6,26 +6,30 @@ from collections.abc import Sequence
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from ss2sql.runtime.levels.statements import columns_of
+from ss2sql.lowering.portable.steps import Typed
 
 if TYPE_CHECKING:
     import pyarrow as pa  # type: ignore[import-untyped]
 
 
-def batch(written: str, columns: Sequence[Sequence[Any]]) -> pa.RecordBatch:
-    """Values by columns, which are written as in `Create`."""
+def batch(columns: Sequence[Typed], values: Sequence[Sequence[Any]]) -> pa.RecordBatch:
+    """Values by columns."""
     import pyarrow as pa
 
-    made = schema(written)
-    arrays = [pa.array(values, field.type) for values, field in zip(columns, made, strict=True)]
-    return pa.record_batch(arrays, schema=made)
+    schema = _schema(tuple(columns))
+    arrays = [pa.array(given, field.type) for given, field in zip(values, schema, strict=True)]
+    return pa.record_batch(arrays, schema=schema)
+
+
+def batch_of_rows(columns: Sequence[Typed], rows: Sequence[Sequence[Any]]) -> pa.RecordBatch:
+    return batch(columns, list(zip(*rows, strict=True)) or [()] * len(columns))
 
 
 @cache
-def schema(written: str) -> pa.Schema:
+def _schema(columns: tuple[Typed, ...]) -> pa.Schema:
     import pyarrow as pa
 
-    return pa.schema([(name, _arrow(kind)) for name, kind in columns_of(written)])
+    return pa.schema([(column.name, _arrow(column.type)) for column in columns])
 
 
 def _arrow(kind: str) -> pa.DataType:
@@ -34,6 +38,9 @@ def _arrow(kind: str) -> pa.DataType:
 
     if kind.endswith("[]"):
         return pa.list_(_arrow(kind.removesuffix("[]")))
+    if kind.startswith("STRUCT("):
+        fields = (field.split(" ") for field in kind[len("STRUCT(") : -1].split(", "))
+        return pa.struct([(name, _arrow(inner)) for name, inner in fields])
     scalars = {
         "BIGINT": pa.int64(),
         "BLOB": pa.binary(),

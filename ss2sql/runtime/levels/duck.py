@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import count
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.lowering.dialects import DUCKDB
-from ss2sql.runtime.levels.arrow import batch
-from ss2sql.runtime.levels.statements import AddNumbered, Ask, Create, Statement, Value, printed
-from ss2sql.runtime.levels.tables import Row, Tally, try_in_blocks, walked_ways
-from ss2sql.runtime.levels.trial import Trial
+from ss2sql.lowering.portable.steps import Typed
+from ss2sql.runtime.levels.arrow import batch_of_rows
+from ss2sql.runtime.levels.statements import Value, listed, printed
 from ss2sql.runtime.memorize.hunt import Hunt
 
 if TYPE_CHECKING:
@@ -46,30 +45,46 @@ class Duck:
 
 
 class DuckTables:
-    """The tables of one run, in a database in memory of their own beside those of the connection."""
+    """The tables of one run, in a database in memory of their own beside those of the connection.
+
+    `:name` in a statement stands for a value.
+    """
 
     def __init__(self, connection: duckdb.DuckDBPyConnection) -> None:
         self.connection = connection
         self.name = f"ss2sql_{next(_numbers)}"
-        self.columns: dict[str, str] = {}  # of the tables that were made empty, with their types
         self.writer = _Planned(connection)
         self.idle: list[_Planned] = []  # what asks
         ((self.home,),) = connection.execute("SELECT current_database()").fetchall()
         connection.execute(f"ATTACH ':memory:' AS {self.name}")
         connection.execute(f"USE {self.name}")
 
-    def run(self, statement: Statement, **values: Value) -> None:
-        if isinstance(statement, Create):
-            self.columns[statement.table] = statement.columns
-        self.writer.execute(statement, values)
+    def create(self, table: str, columns: Sequence[Typed], rows: Sequence[Sequence[Any]] = ()) -> None:
+        """Makes a table in the place of one that there was."""
+        self.connection.execute(printed(DUCKDB, f"CREATE OR REPLACE TABLE {table}({listed(*columns)})"))
+        self.load(table, columns, rows)
 
-    def add(self, statement: AddNumbered, **values: Value) -> int:
-        ((added,),) = self.writer.execute(statement, values).fetchall()
+    def load(self, table: str, columns: Sequence[Typed], rows: Sequence[Sequence[Any]]) -> None:
+        """Adds rows to a table."""
+        import pyarrow as pa  # type: ignore[import-untyped]
+
+        if rows:
+            self.connection.register("block", pa.Table.from_batches([batch_of_rows(columns, rows)]))
+            self.connection.execute(f"INSERT INTO {table} SELECT * FROM block")
+            self.connection.unregister("block")
+
+    def run(self, text: str, **values: Value) -> None:
+        self.writer.execute(text, values, None)
+
+    def add(self, text: str, before: int, **values: Value) -> int:
+        """Runs a statement that adds rows, and counts them; `before` says how many there are."""
+        ((added,),) = self.writer.execute(text, {"before": before, **values}, before).fetchall()
         return int(added)
 
-    def rows(self, question: Ask, **values: Value) -> Iterator[Row]:
+    def rows(self, text: str, kept: bool = False, **values: Value) -> Iterator[tuple[Any, ...]]:
+        """The rows of a query, read in blocks; another statement may run meanwhile. `kept`: its plan is."""
         reading = self.idle.pop() if self.idle else self._reader()
-        found = reading.execute(question, values)
+        found = reading.execute(text, values, 0 if kept else None)
         while block := found.fetchmany(BLOCK):
             yield from block
         self.idle.append(reading)
@@ -78,19 +93,6 @@ class DuckTables:
         connection = self.connection.cursor()
         connection.execute(f"USE {self.name}")
         return _Planned(connection)
-
-    def load(self, table: str, columns: Sequence[Sequence[Any]]) -> None:
-        import pyarrow as pa  # type: ignore[import-untyped]
-
-        self.connection.register("block", pa.Table.from_batches([batch(self.columns[table], columns)]))
-        self.connection.execute(f"INSERT INTO {table} SELECT * FROM block")
-        self.connection.unregister("block")
-
-    def try_all(self, trial: Trial, pause: Callable[[], None]) -> Tally:
-        return try_in_blocks(self, trial, pause)
-
-    def ways(self) -> Iterator[Row]:
-        return walked_ways(self)
 
     def interrupt(self) -> None:
         self.connection.interrupt()
@@ -110,15 +112,13 @@ class _Planned:
         self.connection = connection
         self.plans: dict[str, tuple[str, int]] = {}  # by the text: a name, and how many steps there were
 
-    def execute(self, statement: Statement, values: dict[str, Value]) -> duckdb.DuckDBPyConnection:
-        text = printed(DUCKDB, statement.text)
+    def execute(self, text: str, values: dict[str, Value], steps: int | None) -> duckdb.DuckDBPyConnection:
+        """Runs a statement, which has a plan for so many `steps`, or none that is kept."""
+        text = printed(DUCKDB, text)
         # DuckDB wants no values but those that it names.
         wanted = {name: value for name, value in values.items() if re.search(rf"\${name}\b", text)}
-        steps = wanted.get("before", 0) if isinstance(statement, AddNumbered) else 0
-        kept = isinstance(statement, AddNumbered) or (isinstance(statement, Ask) and statement.simple)
-        if not kept or not all(type(value) is int for value in wanted.values()):
+        if steps is None or not all(type(value) is int for value in wanted.values()):
             return self.connection.execute(text, wanted or None)
-        assert isinstance(steps, int)
         name, before = self.plans.get(text, (f"plan_{len(self.plans)}", -1))
         if before < 0 or steps > GROWN * before:
             self.connection.execute(f"PREPARE {name} AS {text}")

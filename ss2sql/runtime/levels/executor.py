@@ -10,10 +10,10 @@ from collections.abc import Iterable, Iterator
 from marshal import dumps, loads
 from typing import TYPE_CHECKING, Any
 
-from ss2sql.runtime.levels.arrow import batch
+from ss2sql.lowering.portable.steps import Typed
+from ss2sql.runtime.levels.arrow import batch_of_rows
 from ss2sql.runtime.levels.parcel import Unpacked
-from ss2sql.runtime.levels.statements import columns_of
-from ss2sql.runtime.levels.trial import FAILED, Try
+from ss2sql.runtime.levels.trial import Try
 
 if TYPE_CHECKING:
     import pyarrow as pa  # type: ignore[import-untyped]
@@ -25,26 +25,28 @@ _known: dict[str, Unpacked] = {}  # by the names of runs; a process serves one a
 
 
 def tried(
-    batches: Iterable[pa.RecordBatch], name: str, parcel: Broadcast[bytes], columns: str
+    batches: Iterable[pa.RecordBatch], name: str, parcel: Broadcast[bytes], typed: list[tuple[str, str]]
 ) -> Iterator[pa.RecordBatch]:
     """The steps from the states of a task, as rows of `tries`, and what was counted."""
     from pyspark import TaskContext
 
-    here = TaskContext.get()
+    here, columns = TaskContext.get(), [Typed(*column) for column in typed]
     number = here.partitionId() if here else 0
-    told: dict[str, Any] = {"tried": 0, "failed": 0, "refused": None, "trouble": ""}
+    told: dict[str, Any] = {"refused": None, "trouble": ""}
     try:
         unpacked = _unpacked(name, parcel)
     except Exception as error:
         told["trouble"] = f"{type(error).__name__}: {error}"
-        yield batch(columns, _account(number, told, columns))
-        return
-    unpacked.counted()  # of a task that was broken off
-    with unpacked.room:
-        for rows in _tried(batches, unpacked, told):
-            yield batch(columns, list(zip(*rows, strict=True)))
-    told |= unpacked.counted()
-    yield batch(columns, _account(number, told, columns))
+    else:
+        unpacked.counted()  # of a task that was broken off
+        with unpacked.room():
+            for rows in _tried(batches, unpacked, told):
+                yield batch_of_rows(columns, rows)
+        told |= unpacked.counted()
+    # The row without a row of the search; no key of one begins like its key.
+    values: dict[str, Any] = {"place": -1 - number, "row_key": b"\xff%d" % number, "state": dumps(told)}
+    values |= {"goal": False, "goes_on": False}
+    yield batch_of_rows(columns, [[values.get(column.name) for column in columns]])
 
 
 def _unpacked(name: str, parcel: Broadcast[bytes]) -> Unpacked:
@@ -57,8 +59,8 @@ def _unpacked(name: str, parcel: Broadcast[bytes]) -> Unpacked:
 
 
 def _tried(batches: Iterable[pa.RecordBatch], unpacked: Unpacked, told: dict[str, Any]) -> Iterator[list[Try]]:
-    """The rows of `tries`, in blocks. Ends at the first state with a step that no row can tell of: it is taken again
-    where the search runs, and raises what it raises there.
+    """The rows of `tries`, in blocks. Ends at the first state with a step that fails: it is taken again where the
+    search runs, and raises what it raises there.
     """
     rows: list[Try] = []
     size, steps = 0, unpacked.trial.steps
@@ -66,11 +68,8 @@ def _tried(batches: Iterable[pa.RecordBatch], unpacked: Unpacked, told: dict[str
         for step, state in zip(block.column(0).to_pylist(), block.column(1).to_pylist(), strict=True):
             try:
                 for made in steps(step, state):
-                    told["tried"] += 1
-                    if made is not None:
-                        rows.append(made)
-                        size += len(made[3] or b"") + len(made[7] or b"")
-                        told["failed"] += made[FAILED]
+                    rows.append(made)
+                    size += len(made[4]) + len(made[6] or b"")
             except BaseException:
                 told["refused"] = step
                 return
@@ -79,14 +78,6 @@ def _tried(batches: Iterable[pa.RecordBatch], unpacked: Unpacked, told: dict[str
                 rows, size = [], 0
     if rows:
         yield rows
-
-
-def _account(number: int, told: dict[str, Any], columns: str) -> list[list[Any]]:
-    """The row without a row of the search, by columns; no key of one begins like its key, see `Trial`."""
-    place = -1 - number
-    values: dict[str, Any] = {"place": place, "row_key": b"\xff%d" % place, "state": dumps(told)}
-    values |= dict.fromkeys(("goal", "goes_on", "failed"), False)
-    return [[values.get(name)] for name, _ in columns_of(columns)]
 
 
 def account(state: bytes) -> dict[str, Any]:

@@ -10,7 +10,6 @@ import pickle
 import sys
 import sysconfig
 from collections.abc import Callable, Iterable
-from contextlib import AbstractContextManager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -59,7 +58,7 @@ class Parcel:
     shapes: dict[str, Callable[..., Any]]
     max_size: int
     memo_limit: int
-    trial: Trial
+    keyed: bool
 
 
 def _world(query: plan.Query, nested: bool) -> Span | None:
@@ -74,7 +73,7 @@ RULES = (
 # --- packing -------------------------------------------------------------------------------------------
 
 
-def packed(hunt: Hunt, trial: Trial) -> bytes:
+def packed(hunt: Hunt) -> bytes:
     """The search as bytes. Raises UnsupportedError where something of it belongs to this process."""
     host: SessionHost = hunt.run.host  # type: ignore[assignment]
     query = _of_steps(hunt.query)
@@ -86,7 +85,7 @@ def packed(hunt: Hunt, trial: Trial) -> bytes:
         tables = {node.id: host.table_rows(node) for node in walk(query) if isinstance(node, plan.TableSource)}
         forms = {node.representation.name for node in walk(query) if isinstance(node, plan.Query) and node is not query}
         shapes = {name: host.shapes.functions[name] for name in forms & host.shapes.functions.keys()}
-        rest = host.limits.max_size, host.memo_limit, trial.over(None)
+        rest = host.limits.max_size, host.memo_limit, hunt.keyed
         parcel = Parcel(query, sent, variables, frames, tables, shapes, *rest)
         return _pickled(parcel, sent.values())
 
@@ -182,19 +181,13 @@ class Unpacked:
         with deep(DEEPEST):
             content: Parcel = pickle.loads(parcel)
         self.run = Run(_Host(content), sizes=Sizes(content.max_size))
-        native = NativeQuery(content.query)
-        pieces, self._flush = native.taken_apart(self.run)
-        self.levels = native.levels
-        self.trial = content.trial.over(pieces)
-
-    @property
-    def room(self) -> AbstractContextManager[None]:
-        """Room on the stack for the time of trying steps."""
-        return deep(self.levels)
+        native = NativeQuery(content.query, find=lambda hunt: iter(()))
+        self.trial = Trial(*native.steps(self.run), content.keyed)
+        self.room = partial(deep, native.levels)  # on the stack, for the time of trying steps
 
     def counted(self) -> dict[str, Any]:
         """What was counted since this was asked the last time, see Stats."""
-        self._flush()
+        self.trial.flush()
         settle_calls(self.run)
         stats, none = self.run.stats, Stats()
         told = {name: getattr(stats, name) for name in COUNTS}

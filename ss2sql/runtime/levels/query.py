@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any
 from ss2sql import plan
 from ss2sql.errors import ExecutionError, Span, UnsupportedError
 from ss2sql.lowering.dialects import Dialect
+from ss2sql.lowering.portable.steps import WrittenSteps, write_steps
 from ss2sql.lowering.unsupported import Rule
 from ss2sql.records import dataclass
-from ss2sql.runtime.levels.kinds import BY_COST, IN_TABLES, Kind, Written, kinds_of
+from ss2sql.runtime.levels.level import TRIED, Level
 from ss2sql.runtime.levels.statements import printed
 from ss2sql.runtime.levels.watch import Opened, watched
 from ss2sql.runtime.memorize.hunt import Found, Hunt
@@ -33,45 +34,47 @@ if TYPE_CHECKING:
 class Abilities:
     """What is known of a database that searches by levels, whether it is here or not.
 
-    Its name, its dialect, what it cannot do beside what no such database can, and what searches by length and by cost
-    are made of in it.
+    Its name, its dialect, its statements, whether they find the states that are expanded in a table `apart`, and what
+    it cannot do beside what no such database can.
     """
 
     name: str
     dialect: Dialect
+    write: Callable[[plan.Search, WrittenSteps], Level]
+    apart: bool = False
     rules: tuple[Rule, ...] = ()
-    by_length: tuple[Kind, ...] = IN_TABLES
-    by_cost: Kind = BY_COST
 
 
 @dataclass(frozen=True, slots=True)
 class TableEngine:
-    """Such a database: what opens it for a run, what ends it, and the errors that it raises.
+    """Such a database: what opens it for a run, what ends it, the errors that it raises, and what finds the results of
+    a search in what was opened.
 
-    `sources` are its own tables, where scripts can read them; then queries that are no searches run there, too.
+    `frame` gives the first paths, all without a number, as a DataFrame of the database, where it has such. `sources`
+    are its own tables, where scripts can read them; then queries that are no searches run there, too.
     """
 
     abilities: Abilities
     open: Callable[[Hunt], Opened]
     close: Callable[[], None]
     errors: tuple[type[Exception], ...]
+    search: Callable[[Hunt, Any, Any], Iterator[Found]]
+    frame: Callable[[Hunt, Any, Any, int | None], Any] | None = None
     sources: DuckSources | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class InTables:
-    """How a search goes by levels: its kind, its statements, and what hinders its steps from being SQL, if anything."""
+    """How a search goes by levels: its statements, and what hinders its steps from being SQL, if anything."""
 
-    kind: Kind
-    written: Written
+    written: Level
     hindrance: str | None
-    abilities: Abilities
+    dialect: Dialect
 
     @property
     def sql(self) -> str:
         """The statements of one level."""
-        dialect = self.abilities.dialect
-        return "\n".join(f"{printed(dialect, statement.text)};" for statement in self.written.level())
+        return "\n".join(f"{printed(self.dialect, statement)};" for statement in self.written.statements())
 
 
 def in_tables(query: plan.Query, abilities: Abilities) -> InTables:
@@ -82,13 +85,11 @@ def in_tables(query: plan.Query, abilities: Abilities) -> InTables:
         if place is not None:
             reason = f"{rule.reason}, which the tables of {abilities.name} cannot do"
             raise UnsupportedError("U001", reason, place, (rule.cure,))
-    hindrance: str | None = None
-    for kind in kinds_of(query.search, abilities.by_length, abilities.by_cost):
-        try:
-            return InTables(kind, kind.write(query), hindrance, abilities)
-        except UnsupportedError as error:
-            hindrance = error.message
-    raise AssertionError("the last kind can be written")
+    try:
+        steps, hindrance = write_steps(query, abilities.apart), None
+    except UnsupportedError as error:
+        steps, hindrance = TRIED, error.message
+    return InTables(abilities.write(query.search, steps), hindrance, abilities.dialect)
 
 
 class LevelQuery:
@@ -99,7 +100,7 @@ class LevelQuery:
         self.database = engine
         self.query = query
         self.in_tables = in_tables(query, engine.abilities)
-        self._native = NativeQuery(taken_apart(query), find=self._found)
+        self._native = NativeQuery(query, find=self._found)
 
     @property
     def sql(self) -> str:
@@ -116,12 +117,12 @@ class LevelQuery:
         """
         made: list[Any] = []
         assert self.query.search is not None, "framed.py has looked"
-        query = taken_apart(replace(self.query, limit=None, search=replace(self.query.search, maximum=None)))
+        query = replace(self.query, limit=None, search=replace(self.query.search, maximum=None))
         rows = NativeQuery(query, find=partial(self._framed, most, made)).rows(run)
         return rows.columns, made[0]
 
     def _framed(self, most: int | None, made: list[Any], hunt: Hunt) -> Iterator[Found]:
-        frame = self.in_tables.kind.frame
+        frame = self.database.frame
         assert frame is not None, "framed.py has looked"
         with self._opened(hunt) as tables:
             made.append(frame(hunt, tables, self.in_tables.written, most))
@@ -129,7 +130,7 @@ class LevelQuery:
 
     def _found(self, hunt: Hunt) -> Iterator[Found]:
         with self._opened(hunt) as tables:
-            yield from self.in_tables.kind.search(hunt, tables, self.in_tables.written).results()
+            yield from self.database.search(hunt, tables, self.in_tables.written)
 
     @contextmanager
     def _opened(self, hunt: Hunt) -> Iterator[Any]:
@@ -148,25 +149,17 @@ class LevelQuery:
 # --- what is refused -----------------------------------------------------------------------------------
 
 
-def taken_apart(query: plan.Query) -> plan.Query:
-    """The search by MEMORIZE, which asks for the clauses one by one, and leaves it to others what becomes of steps."""
-    assert query.search is not None
-    order = query.search.order if query.search.weight else "depth first"
-    return replace(query, search=replace(query.search, order=order, repeats="memorize"))
+def _by_weight(query: plan.Query, nested: bool) -> Span | None:
+    return query.span if query.search and (query.search.weight or query.search.repeats == "memorize") else None
 
 
 def _depth_first(query: plan.Query, nested: bool) -> Span | None:
-    search = query.search
-    return query.span if search and search.order == "depth first" and search.repeats != "memorize" else None
+    return query.span if query.search and query.search.order == "depth first" else None
 
 
 def _not_plain(query: plan.Query, nested: bool) -> Span | None:
     search = query.search
     return query.span if search and (query.last or not search.plain) else None
-
-
-def _guided(query: plan.Query, nested: bool) -> Span | None:
-    return query.search.heuristic.span if query.search and query.search.heuristic else None
 
 
 def _aggregated(query: plan.Query, nested: bool) -> Span | None:
@@ -175,17 +168,17 @@ def _aggregated(query: plan.Query, nested: bool) -> Span | None:
 
 def _unsteady(query: plan.Query, nested: bool) -> Span | None:
     builder = Builder(Unit(query.span, Analysis((query,))))
-    return None if can_be_taken_apart(builder, taken_apart(query)) else query.span
+    return None if can_be_taken_apart(builder, query) else query.span
 
 
 RULES = (
+    Rule("COST, PROBABILITY and MEMORIZE do not go by length", "leave the engine to ss2sql", _by_weight),
     Rule(
         "LAST, a condition, EACH, BY, ORDER SIBLINGS BY and greedy search go on from step to step",
         "leave the engine to ss2sql",
         _not_plain,
     ),
     Rule("DEPTH FIRST goes on from the last step", "write BREADTH FIRST, or UNIQUE without DEPTH FIRST", _depth_first),
-    Rule("HEURISTIC goes on from one path at a time", "leave HEURISTIC out, the costs are the same", _guided),
     Rule("aggregates count over whole paths", "leave the engine to ss2sql", _aggregated),
     Rule(
         "a volatile function or an assignment keeps the written order",

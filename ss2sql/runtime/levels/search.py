@@ -1,135 +1,110 @@
-"""Going from level to level: every step from the states of one level is tried, then tables say which are kept.
+"""Going from level to level in DuckDB: the steps from the states of one level are tried, then a statement says which
+are kept.
 
-It finds the results of the breadth-first search that takes one step after the other, in its order, and raises what that
-would raise. Only what nobody can notice is different: the clauses of all steps of a level are evaluated, also of those
-behind the last result that is asked for, and behind the first step to their row.
+It finds the results of the breadth-first search that takes one step after the other, in its order. Only what nobody can
+notice is different: the clauses of all steps of a level are evaluated, also of those behind the last result that is
+asked for, and behind the first step to their row; so one of these may fail.
 """
 
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Sequence
 from itertools import groupby
-from marshal import loads
 from operator import itemgetter
 from typing import Any
 
 from ss2sql.lowering.portable.steps import ELEMENTS
-from ss2sql.runtime.levels import level
 from ss2sql.runtime.levels.beginning import Beginning
-from ss2sql.runtime.levels.level import LevelStatements
-from ss2sql.runtime.levels.statements import Statement, Value
-from ss2sql.runtime.levels.tables import Tables
-from ss2sql.runtime.levels.trial import Trial
+from ss2sql.runtime.levels.duck import DuckTables
+from ss2sql.runtime.levels.level import DuckLevel
+from ss2sql.runtime.levels.steps import Steps, TypedSteps, steps_of
 from ss2sql.runtime.memorize.hunt import Found, Hunt
-from ss2sql.runtime.memorize.pieces import Pieces
 from ss2sql.runtime.run import Level
 
-
-class TableSearch:
-    """One search in some tables: what is the same for all orders."""
-
-    def __init__(self, hunt: Hunt, tables: Tables) -> None:
-        self.hunt, self.tables = hunt, tables
-
-    @property
-    def pieces(self) -> Pieces:
-        assert self.hunt.pieces is not None
-        return self.hunt.pieces
-
-    def run(self, statements: Iterable[Statement], **values: Value) -> None:
-        for statement in statements:
-            self.tables.run(statement, **values)
-
-    def pause(self) -> None:
-        self.hunt.flush()
-        self.hunt.check()
-
-    def fail(self, trial: Trial, place: int, known: bool = False) -> None:
-        """Raises the error of the step that failed, see `Trial.fail`."""
-        trial.fail(place, self.state_of(place // ELEMENTS), known)
-
-    def state_of(self, step: int) -> bytes:
-        """The state to go on from that a step led to."""
-        ((state,),) = self.tables.rows(level.STATE_OF, step=step)
-        return state  # type: ignore[no-any-return]
-
-    def paths(self) -> Iterator[tuple[int, Found]]:
-        """The paths to the goals in `kept`, each with the number of its last step."""
-        for goal, rows in groupby(self.tables.ways(), itemgetter(0)):
-            path = list(rows)
-            last = path[-1][2]
-            yield goal, ([loads(row) for _, row, _ in path], None if last is None else loads(last))
+TRIES = 2_000  # steps of a level that are SQL but tried in memory: DuckDB takes 5 ms for the smallest one
+BLOCK = 5_000  # steps that are added to their table at once
 
 
-class BreadthFirstSearch(TableSearch, ABC):
-    """A breadth-first search: the first levels in memory, the others in tables."""
+class DuckSearch:
+    """One search in the tables of a run."""
 
-    def __init__(self, hunt: Hunt, tables: Tables, written: Any, states: float = math.inf) -> None:
-        super().__init__(hunt, tables)
-        self.written = written
-        self.trial = Trial(self.pieces, hunt.keyed, compared=written.search.repeats != "allowed")
-        self.states = states  # of a level in memory, at the most
+    def __init__(self, hunt: Hunt, tables: DuckTables, written: DuckLevel) -> None:
+        self.hunt, self.tables, self.written = hunt, tables, written
+        self.steps: Steps = steps_of(hunt, written)
 
     def results(self) -> Iterator[Found]:
         """The paths and the last parts of their last steps."""
-        beginning = Beginning(self.hunt, self.trial, self.written.search.repeats, self.pause, self.states)
+        tries = TRIES // max(len(self.steps.elements), 1) if isinstance(self.steps, TypedSteps) else math.inf
+        beginning = Beginning(self.hunt, tries)
         yield from map(beginning.found, beginning.goals())
-        if beginning.frontier:
-            self.run(self.written.made)
-            reached = len(beginning.levels), self.load(beginning), len(beginning.frontier)
+        depth, going = len(beginning.levels), len(beginning.frontier)
+        if going:
+            steps = self._load(beginning)
             del beginning  # the tables have it all
-            yield from self.go_on(*reached)
+            yield from self._go_on(depth, steps, going)
 
-    @abstractmethod
-    def load(self, beginning: Beginning) -> int:
+    def _load(self, beginning: Beginning) -> int:
         """Hands over what the first levels have come to; gives the number of the last step."""
+        steps, free = self.steps, bool(self.written.trails)
+        rows: list[Sequence[Any]] = [(0, None, None, 0, *steps.start(), *([[]] if free else ()))]
+        first = before = 0  # how many steps were kept before a level, and before the one above
+        for depth, level in enumerate(beginning.levels, 1):
+            for step, begun in enumerate(level, first + 1):
+                parent, nth = divmod(begun.place, ELEMENTS)
+                parent += before if parent else 0
+                trail = [steps.trail_of(beginning.way(begun, depth))] if free else ()
+                rows.append((step, parent, nth, depth, *steps.kept(begun), *trail))
+            first, before = first + len(level), first
+        self.tables.create("steps", self.written.columns, rows)
+        if isinstance(steps, TypedSteps):
+            self.tables.create("elements", self.written.elements, steps.elements)
+        return first
 
-    @abstractmethod
-    def go_on(self, depth: int, steps: int, going: int) -> Iterator[Found]:
+    def _go_on(self, depth: int, steps: int, going: int) -> Iterator[Found]:
         """The results behind that level and step, where so many states of the level are to be expanded."""
-
-
-class LevelSearch(BreadthFirstSearch):
-    """A breadth-first search whose steps are tried in Python."""
-
-    written: LevelStatements
-
-    def go_on(self, depth: int, steps: int, going: int) -> Iterator[Found]:
-        written, tables = self.written, self.tables
+        hunt, tables, written = self.hunt, self.tables, self.written
         while going:
             depth += 1
-            tally = tables.try_all(self.trial, self.pause)
-            self.run(written.kept, before=steps)
-            failed = None
-            if tally.failed:
-                ((failed,),) = tables.rows(written.failed)
-            tables.run(level.KEEP, depth=depth)
-            ((kept, goals, going, last),) = tables.rows(level.COUNTS)
-            steps = last or steps
+            generated = hunt.stats.generated
+            if isinstance(self.steps, TypedSteps):
+                self.steps.count(going)
+            else:
+                self._try_all(depth)
+            kept = tables.add(written.kept, steps, depth=depth, **self.steps.values)
+            steps += kept
+            hunt.stats.levels.append(Level(kept, kept, hunt.stats.generated - generated - kept))
+            hunt.check()
+            goals, going = self._goals_and_going(depth, kept)
             if goals:
-                yield from self._before(failed)
-            if failed is not None:
-                self.fail(self.trial, failed)
-            self.hunt.stats.levels.append(Level(kept, kept, tally.tried - kept))
-            self.run(written.go_on)
+                yield from self._found(depth)
 
-    def load(self, beginning: Beginning) -> int:
-        steps = list(beginning.steps())
-        if steps:
-            rows = [(step, parent, depth, one.key, one.row, one.last, one.goal) for step, parent, depth, one in steps]
-            self.tables.load("steps", list(zip(*rows, strict=True)))
-        numbers, states = zip(*beginning.waiting(), strict=True)
-        self.tables.load("frontier", [numbers, [begun.state for begun in states]])
-        return len(steps)
+    def _try_all(self, depth: int) -> None:
+        """Adds the steps from all states of a level to `tries`."""
+        tables, written, after = self.tables, self.written, -1
+        tables.create("tries", written.tries)
+        block: list[Any] = []
+        while page := list(tables.rows(written.page, depth=depth, after=after)):
+            for after, state in page:
+                block += self.steps.trial.steps(after, state)
+                if len(block) >= BLOCK:
+                    tables.load("tries", written.tries, block)
+                    block.clear()
+        tables.load("tries", written.tries, block)
+        self.hunt.flush()
 
-    def _before(self, failed: int | None) -> Iterator[Found]:
-        """The results of a level before the step that failed."""
-        last = None
-        if failed is not None:
-            ((last,),) = self.tables.rows(level.LAST_BEFORE, place=failed)
-        for goal, found in self.paths():
-            if failed is not None and (last is None or goal > last):
-                break
-            yield found
+    def _goals_and_going(self, depth: int, kept: int) -> tuple[int, int]:
+        """How many of the steps that a level has kept are goals, and from how many the search goes on."""
+        goal, goes_on = self.written.steps.goal, self.written.steps.goes_on
+        if goal is not None and goes_on is not None:  # DuckDB takes 1 ms to count nothing
+            return kept * goal, kept * goes_on
+        ((goals, going),) = self.tables.rows(self.written.counts, kept=True, depth=depth)
+        return goals, going
+
+    def _found(self, depth: int) -> Iterator[Found]:
+        """The paths to the goals of a level."""
+        self.tables.run(self.written.ways, depth=depth)
+        for _, rows in groupby(self.tables.rows(self.written.paths), itemgetter(0)):
+            path = [row[1:] for row in rows]
+            (nth, *shown), before = path[-1], path[-2][1:] if len(path) > 1 else None
+            yield [self.steps.row(values) for _, *values in path], self.steps.last(nth, shown, before)

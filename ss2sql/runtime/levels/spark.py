@@ -8,8 +8,7 @@ from os import environ
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors import SessionError
-from ss2sql.runtime.levels.spark_store import is_local
-from ss2sql.runtime.levels.spark_tables import SparkTables
+from ss2sql.runtime.levels.spark_store import Store, is_local
 from ss2sql.runtime.memorize.hunt import Hunt
 
 if TYPE_CHECKING:
@@ -27,7 +26,7 @@ class Spark:
         else:
             _check_session(session)
 
-    def open(self, hunt: Hunt) -> SparkTables:
+    def open(self, hunt: Hunt) -> Store:
         from pyspark.sql import SparkSession
 
         if self.session is None:
@@ -38,7 +37,7 @@ class Spark:
             self.own = True
             if "PYSPARK_PYTHON" not in environ:
                 self.session.sparkContext.pythonExec = sys.executable  # else any that is called python3
-        return SparkTables(self.session, hunt)
+        return Store(self.session)
 
     def close(self) -> None:
         if self.own and self.session is not None:

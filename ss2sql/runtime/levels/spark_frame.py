@@ -17,8 +17,7 @@ from ss2sql.runtime.levels.beginning import Beginning, Begun
 from ss2sql.runtime.levels.row_columns import NOTHING, Told, tell_columns, told_of, types_of, with_columns
 from ss2sql.runtime.levels.sending import sent
 from ss2sql.runtime.levels.spark_search import FEW, Reached, SparkSearch
-from ss2sql.runtime.levels.spark_steps import TypedSteps
-from ss2sql.runtime.levels.statements import listed
+from ss2sql.runtime.levels.steps import TypedSteps
 
 if TYPE_CHECKING:
     from pyspark.sql import DataFrame
@@ -33,7 +32,7 @@ class FramedSearch(SparkSearch):
         """The rows of the first `most` paths: path, step, and the columns of SELECT; steps of Spark's own session."""
         with self._begun() as beginning:
             parts = [] if most == 0 else list(self._parts(beginning, most))
-            rows = parts[0] if parts else self.store.loaded(listed("path BIGINT", "step BIGINT", *self._kept), [])
+            rows = parts[0] if parts else self._loaded("path", [])
             for part in parts[1:]:
                 rows = rows.unionAll(part)
             return self.store.handed_over(self._columns(rows))
@@ -41,7 +40,15 @@ class FramedSearch(SparkSearch):
     @property
     def _kept(self) -> tuple[Typed, ...]:
         """What is kept of a row."""
-        return self.steps.steps.rows if isinstance(self.steps, TypedSteps) else (Typed("row", "BLOB"),)
+        return self.written.steps.rows if self._typed else (Typed("row", "BLOB"),)
+
+    @property
+    def _typed(self) -> bool:
+        return isinstance(self.steps.made, TypedSteps)
+
+    def _loaded(self, first: str, rows: list[Any]) -> DataFrame:
+        numbers = Typed(first, "BIGINT"), Typed("place" if first == "step" else "step", "BIGINT")
+        return self.store.loaded((*numbers, *self._kept), rows)
 
     def _parts(self, beginning: Beginning, most: int | None) -> Iterator[DataFrame]:
         """The rows of the paths, part by part."""
@@ -60,10 +67,10 @@ class FramedSearch(SparkSearch):
         rows = [
             (path, step, *self._kept_of(begun)) for path, way in enumerate(ways, 1) for step, begun in enumerate(way, 1)
         ]
-        return self.store.loaded(listed("path BIGINT", "step BIGINT", *self._kept), rows)
+        return self._loaded("path", rows)
 
     def _kept_of(self, begun: Begun) -> Any:
-        return self.steps.known(begun)[: len(self._kept)]
+        return self.steps.made.shown_of(begun)[: len(self._kept)]
 
     # --- goals and ways ----------------------------------------------------------------------------------
 
@@ -72,17 +79,14 @@ class FramedSearch(SparkSearch):
         goals: dict[int, DataFrame] = {}
         for reached in self._levels(beginning):
             found = reached.counts.goals
-            if found and reached.counts.failed is not None:
-                found = reached.goals.count()
             if found:
                 goals[reached.depth] = self._counted(reached, found, before, most)
                 before += found
             if most is not None and before >= most:
                 break
-            self._fail(reached)
         for depth, level in enumerate(beginning.levels, 1) if goals else ():
             rows = [(step, begun.place, *self._kept_of(begun)) for step, begun in enumerate(level, 1)]
-            self.levels[depth] = self.store.loaded(listed("step BIGINT", "place BIGINT", *self._kept), rows)
+            self.levels[depth] = self._loaded("step", rows)
         return goals
 
     def _counted(self, reached: Reached, found: int, before: int, most: int | None) -> DataFrame:
@@ -115,7 +119,7 @@ class FramedSearch(SparkSearch):
     def _columns(self, rows: DataFrame) -> DataFrame:
         """The rows with the columns of SELECT, numbered."""
         outputs = self.hunt.query.columns
-        if isinstance(self.steps, TypedSteps):
+        if self._typed:
             return rows.toDF("path", "step", *(f"c{number}" for number in range(len(outputs))))
         rows = self.store.persisted(rows)  # it is read twice
         told = [NOTHING] * len(outputs)

@@ -13,14 +13,13 @@ from contextlib import contextmanager
 from itertools import accumulate
 from typing import TYPE_CHECKING, Any
 
-from ss2sql.lowering.portable.steps import ELEMENTS
+from ss2sql.lowering.portable.steps import ELEMENTS, Typed
 from ss2sql.records import dataclass
 from ss2sql.runtime.levels.beginning import Beginning
-from ss2sql.runtime.levels.spark_level import SparkStatements, TypedSparkStatements
-from ss2sql.runtime.levels.spark_steps import Counts, Steps, TypedSteps
+from ss2sql.runtime.levels.level import SparkLevel
+from ss2sql.runtime.levels.spark_steps import Counts, SparkSteps
 from ss2sql.runtime.levels.spark_store import Store
-from ss2sql.runtime.levels.statements import listed
-from ss2sql.runtime.levels.trial import Trial
+from ss2sql.runtime.levels.statements import listed, names_of
 from ss2sql.runtime.memorize.hunt import Found, Hunt
 from ss2sql.runtime.run import Level
 
@@ -53,22 +52,15 @@ class Reached:
 
     @property
     def goals(self) -> DataFrame:
-        """The goals that count."""
-        goals, failed = self.planned.kept.where("goal"), self.counts.failed
-        return goals if failed is None else goals.where(f"place < {failed}")
+        return self.planned.kept.where("goal")
 
 
 class SparkSearch:
     """One search in a store of Spark."""
 
-    def __init__(self, hunt: Hunt, store: Store, written: SparkStatements) -> None:
+    def __init__(self, hunt: Hunt, store: Store, written: SparkLevel) -> None:
         self.hunt, self.store, self.written = hunt, store, written
-        assert hunt.pieces is not None
-        self.trial = Trial(hunt.pieces, hunt.keyed, compared=written.search.repeats != "allowed")
-        if isinstance(written, TypedSparkStatements):
-            self.steps: Steps = TypedSteps(hunt, store, written, self.trial)
-        else:
-            self.steps = Steps(hunt, store, written, self.trial)
+        self.steps = SparkSteps(hunt, store, written)
         self.planner = ThreadPoolExecutor(1)
         self.levels: dict[int, DataFrame] = {}
         self.met: DataFrame | None = None  # the rows of all levels, for UNIQUE
@@ -89,7 +81,7 @@ class SparkSearch:
         """The first levels, for the time of the search."""
         try:
             self.steps.prepare()
-            yield Beginning(self.hunt, self.trial, self.written.search.repeats, self._pause, seconds=SECONDS)
+            yield Beginning(self.hunt, seconds=SECONDS)
         finally:
             self.planner.shutdown(cancel_futures=True)
             self.steps.close()
@@ -101,7 +93,7 @@ class SparkSearch:
     # --- from level to level -----------------------------------------------------------------------------
 
     def _levels(self, beginning: Beginning) -> Iterator[Reached]:
-        """The levels after the first ones. Whoever takes them raises the error of a step that failed."""
+        """The levels after the first ones."""
         expanded = len(beginning.frontier)
         if not expanded:
             return
@@ -127,7 +119,7 @@ class SparkSearch:
     def _following(self, depth: int) -> Planned:
         """Plans the level after one that is being computed."""
         if self.written.search.repeats == "unique":
-            self._meet(self.steps.without_accounts(self.levels[depth]))
+            self._meet(self.levels[depth].where("place >= 0"))
         return self._planned(self._going_on(depth), few=True)
 
     def _going_on(self, depth: int) -> DataFrame:
@@ -148,11 +140,11 @@ class SparkSearch:
         return Planned(frontier, kept, counts)
 
     def _kept_by_few(self) -> DataFrame:
-        return self.store.persisted(self.store.query(self.written.kept, self.steps.values))
+        return self.store.persisted(self.store.query(self.written.kept, self.steps.made.values))
 
     def _kept_by_many(self) -> DataFrame:
         """The same without bringing all rows into one partition."""
-        chosen = self.store.query(self.written.chosen, self.steps.values)
+        chosen = self.store.query(self.written.chosen, self.steps.made.values)
         return self._numbered(self.store.persisted(chosen), "place", "step")  # it is read twice to be sorted
 
     def _numbered(self, rows: DataFrame, order: str, name: str) -> DataFrame:
@@ -167,7 +159,7 @@ class SparkSearch:
 
     def _meet(self, rows: DataFrame) -> None:
         """Notes rows, for UNIQUE."""
-        rows = rows.select(*(column.name for column in self.written.key))
+        rows = rows.select(*names_of(self.written.steps.rows))
         self.met = rows if self.met is None else self.met.unionAll(rows)
         self.tables += 1
         if self.tables == TABLES:
@@ -177,30 +169,28 @@ class SparkSearch:
 
     def _load(self, beginning: Beginning) -> None:
         """Hands over what the first levels have come to."""
+        made = self.steps.made
         for depth, level in enumerate(beginning.levels, 1):
             for step, begun in enumerate(level, 1):
-                self.known[depth, step] = begun.place, self.steps.known(begun)
+                self.known[depth, step] = begun.place, made.shown_of(begun)
         if self.written.search.repeats == "unique":
-            keys = [self.steps.key_of(begun) for level in beginning.levels for begun in level]
-            self._meet(self.store.loaded(listed(*self.written.key), keys))
+            keys = [made.key_of(begun) for level in beginning.levels for begun in level]
+            self._meet(self.store.loaded(self.written.steps.rows, keys))
 
     def _frontier(self, beginning: Beginning) -> DataFrame:
         """The states that the first levels go on from."""
-        depth, steps = len(beginning.levels), self.steps
-        keys = self.written.key if self.written.search.repeats == "no cycle" else ()
-        columns: list[object] = ["step BIGINT", *(column for column, _ in steps.expanded(beginning.frontier[0][1]))]
+        depth, made, trails = len(beginning.levels), self.steps.made, self.written.trails
+        columns = (Typed("step", "BIGINT"), *made.expanded(beginning.frontier[0][1]), *trails)
         rows = []
         for step, begun in beginning.frontier:
-            way = beginning.way(begun, depth) if depth else []
-            trails = [[steps.key_of(one)[number] for one in way] for number in range(len(keys))]
-            rows.append([step, *(value for _, value in steps.expanded(begun)), *trails])
-        frame = self.store.loaded(listed(*columns, *(f"trail_{key}[]" for key in keys)), rows)
-        return frame.selectExpr("*", f"{_zipped([key.name for key in keys])} AS trail") if keys else frame
+            trail = [made.trail_of(beginning.way(begun, depth) if depth else [])] if trails else []
+            rows.append((step, *made.expanded(begun).values(), *trail))
+        return self.store.loaded(columns, rows)
 
     # --- paths -------------------------------------------------------------------------------------------
 
     def _found(self, reached: Reached) -> Iterator[Found]:
-        """The paths to the goals of a level. Raises the error of the first step that failed and counts."""
+        """The paths to the goals of a level."""
         depth, counts = reached.depth, reached.counts
         if counts.goals:
             rows = reached.goals.select("step", "place", *self.written.shown)
@@ -213,13 +203,6 @@ class SparkSearch:
                     yield from self._paths(depth, block)
                     block.clear()
             yield from self._paths(depth, block)
-        self._fail(reached)
-
-    def _fail(self, reached: Reached) -> None:
-        """Raises the error of the first step of a level that failed and counts, if there is one."""
-        failed = reached.counts.failed
-        if failed is not None:
-            self.trial.fail(failed, self.steps.state_of(failed // ELEMENTS, reached.planned.frontier))
 
     def _paths(self, depth: int, goals: list[int]) -> Iterator[Found]:
         """The paths to some goals of a level, which are put together here: they are results.
@@ -237,8 +220,8 @@ class SparkSearch:
             for above in range(depth, 0, -1):
                 way.append(self.known[above, step])
                 step = way[-1][0] // ELEMENTS
-            last = self.steps.last(*way[0], way[1][1] if depth > 1 else None)
-            yield [self.steps.row(shown) for _, shown in reversed(way)], last
+            last = self.steps.made.last(*way[0], way[1][1] if depth > 1 else None)
+            yield [self.steps.made.row(shown) for _, shown in reversed(way)], last
 
     def _learn(self, depth: int, steps: list[int]) -> None:
         """Has this process know some steps of a level."""
@@ -248,7 +231,7 @@ class SparkSearch:
         if len(steps) <= AT_ONCE:
             some = level.where(f"step IN ({listed(*steps)})")
         else:
-            some = level.join(self.store.loaded("step BIGINT", [[step] for step in steps]), "step")
+            some = level.join(self.store.loaded((Typed("step", "BIGINT"),), [[step] for step in steps]), "step")
         for step, place, *values in some.select("step", "place", *self.written.shown).collect():
             self.known[depth, step] = place, values
 
@@ -256,11 +239,3 @@ class SparkSearch:
 def _step(row: Any) -> int:
     step: int = row[0]
     return step
-
-
-def _zipped(keys: list[str]) -> str:
-    """One array of keys of those of their parts."""
-    if len(keys) == 1:
-        return f"trail_{keys[0]}"
-    fields = ", ".join(f"one.trail_{key} AS {key}" for key in keys)
-    return f"TRANSFORM(ARRAYS_ZIP({', '.join(f'trail_{key}' for key in keys)}), one -> STRUCT({fields}))"

@@ -10,8 +10,8 @@ from uuid import uuid4
 from ss2sql.errors import ExecutionError
 from ss2sql.lowering.dialects import SPARK
 from ss2sql.lowering.portable.steps import Typed
-from ss2sql.runtime.levels.arrow import batch
-from ss2sql.runtime.levels.statements import Value, columns_of, printed
+from ss2sql.runtime.levels.arrow import batch_of_rows
+from ss2sql.runtime.levels.statements import Value, printed
 
 if TYPE_CHECKING:
     from pyspark import SparkContext
@@ -61,12 +61,11 @@ class Store:
         given = {name: _argument(value) for name, value in (values or {}).items() if f":{name}" in text}
         return self.session.sql(text, given)
 
-    def loaded(self, columns: str, rows: Sequence[Sequence[Any]]) -> DataFrame:
-        """Rows of this process; the columns are written as in `Create`."""
+    def loaded(self, columns: Sequence[Typed], rows: Sequence[Sequence[Any]]) -> DataFrame:
+        """Rows of this process."""
         import pyarrow as pa  # type: ignore[import-untyped]
 
-        values = list(zip(*rows, strict=True)) or [()] * len(columns_of(columns))
-        return self.session.createDataFrame(pa.Table.from_batches([batch(columns, values)]))
+        return self.session.createDataFrame(pa.Table.from_batches([batch_of_rows(columns, rows)]))
 
     def persisted(self, frame: DataFrame) -> DataFrame:
         """The same rows, computed when they are first read, and kept from then on.

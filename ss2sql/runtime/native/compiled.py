@@ -21,17 +21,18 @@ from ss2sql.runtime.rows import Row, Rows
 from ss2sql.runtime.run import Run
 
 if TYPE_CHECKING:
+    from ss2sql.runtime.frozen import Shapes
     from ss2sql.runtime.memorize.hunt import Find
-    from ss2sql.runtime.memorize.pieces import Pieces
     from ss2sql.runtime.scouts import Scouts
+    from ss2sql.runtime.search.contract import Expand
 
 
 class NativeQuery:
     """A query that stands by itself, compiled to Python once, to be run many times.
 
     The steps of a search are counted `by_level` on demand, see by_level.py; one that is `watched` goes step by step,
-    and `run.trace` hears of it. `find`, for MEMORIZE, finds its results. `levels` says how deeply its expressions are
-    nested.
+    and `run.trace` hears of it. `find` finds its results in the place of a loop. `levels` says how deeply its
+    expressions are nested.
     """
 
     engine = "native"
@@ -85,14 +86,14 @@ class NativeQuery:
         """The rows of a query, one by one where that is possible; errors have no place."""
         return self._bound(run).stream()  # type: ignore[no-any-return]
 
-    def taken_apart(self, run: Run) -> tuple[Pieces, Callable[[], None]]:
-        """The clauses of a search that can be taken apart, and what brings `run.stats` up to date."""
-        from ss2sql.runtime.memorize.pieces import Pieces
-
+    def steps(self, run: Run) -> tuple[Expand, Shapes, Callable[[], None]]:
+        """The step function of a search with `find`, how its values are frozen, and what brings `run.stats` up to
+        date.
+        """
         with deep(self.levels):
             task = self._bound(run)
-            *_, pieces = task.find()
-        return Pieces(*pieces), task.flush
+            _, expand, *_ = task.find()
+        return expand, task.form.search.shapes, task.flush
 
     def _looking_ahead(self, run: Run, work: Callable[[], Any]) -> Callable[[], Any]:
         """The work, for the time of which functions that take arrays know what is coming."""

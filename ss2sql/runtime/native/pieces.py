@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 def can_be_taken_apart(builder: Builder, query: plan.Query) -> bool:
     """Whether nobody can notice when, and how often, a clause of the search is evaluated, but by what it costs."""
     search = query.search
-    if search is None or search.repeats != "memorize" or not search.plain:
+    if search is None or not search.plain:
         return False
     clauses = [*(output.expr for output in query.columns), *query.rows, *(expr for _, expr in search.connect)]
     clauses += [clause for clause in (search.stop, query.where, search.weight) if clause is not None]

@@ -64,7 +64,8 @@ def finder(
     loops.read_once()
     leveled = unit.by_level is query
     watched = unit.watched is query
-    remembered = _comes_again(builder, query) and not leveled and not watched
+    led = unit.find is not None and query is unit.searched  # by others, who ask for its steps
+    remembered = _comes_again(builder, query) and not (leveled or watched or led)
     complete = remembered and search.repeats == "no cycle"
     form = StepForm(shapes, start, bool(keys) or (memorizes and not search.plain), complete, watched, key_of)
     first = None
@@ -74,7 +75,7 @@ def finder(
         first = StepFunction(builder, query, other, form, search.first).write_function()
     step = StepFunction(builder, query, loops, form, search.made)
     inlined = None
-    if INLINES and not (remembered or leveled or watched) and (search.plain or not memorizes):
+    if INLINES and not (remembered or leveled or watched or led) and (search.plain or not memorizes):
         inlined = step.write_search(grow if memorizes else search_of(search))
     function = inlined or step.write_function()
     if inlined is None or memorizes:
@@ -87,7 +88,7 @@ def finder(
     if find_keys is not None:
         _define_keys(builder, query, body, find_keys, keys)
     apart = pen.constant(None)
-    if memorizes:
+    if memorizes or led:
         loops.counts_steps = True
         chooses = step.has_list and not loops.lookups and inlined is not None
         apart = pieces(builder, query, body, loops, chooses, step.columns)

@@ -56,9 +56,12 @@ def found(
         shown = None if search.plain else pieces
         graph = ByKey(query, problem, bound, run.check, run.max_rows, form.shapes.thawing(), shown)
         return _paths(task, graph.paths(), keys, None)
+    if task.form.find is not None:
+        hunt = _hunt(task, search, form, problem, bound, pieces and Pieces(*pieces))
+        return _paths(task, task.form.find(hunt), keys, None)
     if search.repeats == "memorize":
         hunt = _hunt(task, search, form, problem, bound, pieces and Pieces(*pieces))
-        return _paths(task, (task.form.find or memorize)(hunt), keys, None)
+        return _paths(task, memorize(hunt), keys, None)
     expand = problem.expand if form.watched else _expand(task, form, function)
     problem = replace(problem, expand=expand, watch=watcher(run, form.leveled, task.tell))
     paths = (function if form.inlined else search_of(search))(problem)
@@ -72,7 +75,7 @@ def _look(run: Run, total: Any, guess: Any) -> None:
 def _hunt(
     task: Task, search: plan.Search, form: SearchForm, problem: Problem, bound: int | None, pieces: Pieces | None
 ) -> Hunt:
-    """The search that makes the graph of MEMORIZE."""
+    """The search for who makes the graph of MEMORIZE, or goes by levels in another database."""
     return Hunt(
         start=form.shapes.thaw(problem.starts[0]),
         problem=problem,
