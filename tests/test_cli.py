@@ -557,7 +557,7 @@ def test_no_more_data_than_can_be_written_or_was_found(monkeypatch: pytest.Monke
     found, error = broken_off("-e", f"{ENDLESS} AS list;")
     assert found == [[1], [1, 1], [1, 1, 1]]
     assert error.startswith("the first 3 of ")
-    answer = call("run", "-e", ENDLESS.replace("START", "WHERE n == -1 START"), "--timeout", "0.1", "--format", "csv")
+    answer = call("run", "-e", ENDLESS.replace("START", "WHERE n == -1 START"), "--timeout", "0.5", "--format", "csv")
     assert (answer.exit_code, answer.stdout) == (124, "path,step,this\n")
     assert answer.stderr.endswith("\nbroken off; nothing had been found\n")
 

@@ -117,7 +117,7 @@ def test_an_error_or_exception_shows_the_line_and_the_session_goes_on(shell: She
 
 
 def test_a_run_that_is_broken_off_shows_what_it_found(shell: Shell, capsys) -> None:
-    shell.settings.timeout = 0.2
+    shell.settings.timeout = 1.0
     out, err = said(shell, ENDLESS, capsys)
     assert err.startswith("error[T001]")
     assert ".timeout SECONDS" in err

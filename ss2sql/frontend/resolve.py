@@ -191,8 +191,9 @@ class Resolver:
         pairs = list(zip(trees, self.operands(map(as_value, trees), scope), strict=True))
         lists = any(value.type.only(Kind.LIST) for tree, value in pairs if not is_value(tree))
         for tree in filter(is_value, trees if lists else ()):
+            text = tree.span.text if len(tree.span.text) <= 60 else "SELECT ..."
             message = "this query is one value here, and it meets a list"
-            self.errors.append(ResolveError("R014", message, tree.span, ("write (SELECT ... AS list)",)))
+            self.errors.append(ResolveError("R014", message, tree.span, (f"write ({text} AS list)",)))
         return tuple(self.single(value) if is_value(tree) else value for tree, value in pairs)
 
     def single(self, value: plan.Expr) -> plan.Expr:
