@@ -112,14 +112,11 @@ def little_heap() -> None:
 @pytest.fixture
 def eager(monkeypatch: pytest.MonkeyPatch) -> None:
     """All calls are worth other processes."""
-    from ss2sql.runtime.workers import foretelling, timing
+    from ss2sql.runtime.workers import foretelling
 
-    monkeypatch.setattr(timing, "SAMPLES", 0)
-    monkeypatch.setattr(timing, "CHEAP", 0.0)
-    monkeypatch.setattr(foretelling, "LEAST", 0.0)
-    monkeypatch.setattr(foretelling, "FEWEST", 1)
-    monkeypatch.setattr(foretelling, "START", 0.0)
-    monkeypatch.setattr(foretelling.Foreteller, "_own_answer", lambda _: None)
+    values = {"SAMPLES": 0, "CHEAP": 0.0, "LEAST": 0.0, "FEWEST": 1, "START": 0.0, "PATIENCE": 30.0}
+    for name, value in values.items():
+        monkeypatch.setattr(foretelling, name, value)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -79,6 +79,15 @@ def test_what_connect_by_calls_answers_the_clauses(file: Path) -> None:
     assert asked(file, "SELECT count(*) FROM ss2sql_verdicts") == [(0,)]
 
 
+def test_what_stops_is_known_where_another_variable_goes_with_it(file: Path) -> None:
+    """A step that stops has no state after it, so what STOP WITH and WHERE say of it is kept."""
+    script = HANOI.replace("CONNECT BY", ", level = 0 CONNECT BY").replace("STOP WITH", ", level = level + 1 STOP WITH")
+    with ss2sql.connect(file) as ss:
+        ss.function(move)
+        first, again = (ss.run(script, goal=[[], [], [3, 2, 1]]) for _ in range(2))
+        assert (again.value, calls(again)) == (first.value, 0)
+
+
 def test_verdicts_of_clauses_with_calls_of_their_own(file: Path) -> None:
     script = """SELECT e.this[0] FROM e = [[1, 2.0], [2, 0.5]] WHERE is_good(e.this[0] + n)
     START WITH n = 0 CONNECT BY MEMORIZE 3 COST price(e.this[1], n) n = n + e.this[0] STOP WITH is_far(n) AS list"""

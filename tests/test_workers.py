@@ -22,17 +22,16 @@ import worker_functions
 from sessions import code_of
 
 import ss2sql
-from ss2sql.runtime.workers import foretelling, processes, timing
-from ss2sql.runtime.workers.processes import Processes
+from ss2sql.runtime.workers import foretelling, processes
 
 GRAPH = """SELECT onward(n, this) FROM [1, 2, 3] {where}
 START WITH n = 1 CONNECT BY MEMORIZE {bound} {options} n = onward(n, this) {stop};"""
 # How a program in a process of its own begins, so that all calls are worth other processes.
 EAGER = """
 import ss2sql
-from ss2sql.runtime.workers import foretelling, timing
-timing.SAMPLES, timing.CHEAP, foretelling.LEAST, foretelling.START = 0, 0.0, 0.0, 0.0
-foretelling.Foreteller._own_answer = lambda _: None
+from ss2sql.runtime.workers import foretelling
+foretelling.SAMPLES, foretelling.CHEAP, foretelling.LEAST, foretelling.START = 0, 0.0, 0.0, 0.0
+foretelling.PATIENCE = 30.0
 """
 
 
@@ -55,9 +54,12 @@ def same(session: ss2sql.Session, script: str, **named: Any) -> int:
     two = session.run(script, workers=2, **named)
     made = worker_functions.MADE.made
     assert repr(two.value) == repr(one.value)
-    for name in ("calls", "remembered", "generated", "expanded", "pruned", "levels"):
+    inside = script.count("START WITH") > 1  # whose steps count as often as they are taken
+    for name in () if inside else ("generated", "expanded", "pruned", "levels"):
         assert getattr(two.stats, name) == getattr(one.stats, name), name
     assert one.stats.calls
+    assert two.stats.calls >= one.stats.calls  # a few more where steps wait for the result of another function
+    assert two.stats.calls.total() <= 1.3 * one.stats.calls.total() or one.stats.calls.total() < 20
     return made
 
 
@@ -121,7 +123,7 @@ def test_small_blocks_and_all_kinds_of_results(
     ss: ss2sql.Session, name: str, most: int, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     """A call that ends the interpreter is made here."""
-    monkeypatch.setattr(foretelling, "MOST", most)
+    monkeypatch.setattr(foretelling, "BLOCK", most)
     declare(ss, onward=getattr(worker_functions, name))
     script = "SELECT onward(n, this), this FROM range(7) START WITH n = 1 CONNECT BY MEMORIZE 2 n = n + this;"
     same(ss, script)
@@ -335,8 +337,8 @@ def test_functions_that_other_processes_cannot_have(ss: ss2sql.Session, reason: 
     with pytest.warns(ss2sql.WorkersWarning, match=said) as caught:
         found = ss.run(script, workers=2)
     assert (len(caught), caught[0].filename) == (1, __file__)
-    assert (found.value, found.stats.calls) == (expected.value, expected.stats.calls)
-    assert found.stats.remembered == expected.stats.remembered or "vectorized" in how
+    assert found.value == expected.value
+    assert found.stats.calls >= expected.stats.calls
     assert found.stats.notes == [str(caught[0].message)]
     assert found.stats.notes[0] in found.explain()
 
@@ -372,7 +374,7 @@ def test_a_function_that_is_another_one_elsewhere(ss: ss2sql.Session, monkeypatc
     same(ss, script)
     monkeypatch.setattr(worker_functions, "SIZE", 3)
     assert {row for path in ss.run(script).paths for row in path} == {(0,), (1,), (2,)}
-    with pytest.warns(ss2sql.WorkersWarning, match="it reads 'SIZE', which is another one in a fresh process"):
+    with pytest.warns(ss2sql.WorkersWarning, match="it is another one in a fresh process"):
         same(ss, script)
 
 
@@ -395,29 +397,24 @@ def test_runs_without_anything_to_do_for_workers(ss: ss2sql.Session, script: str
     assert processes_of(ss) == []
 
 
-def test_until_the_others_are_ready_this_process_works(monkeypatch: pytest.MonkeyPatch) -> None:
-    for place, name in ((timing, "SAMPLES"), (timing, "CHEAP"), (foretelling, "START"), (foretelling, "LEAST")):
-        monkeypatch.setattr(place, name, 0)
-    monkeypatch.setattr(Processes, "ready", False)
+def test_until_the_others_are_ready_this_process_makes_the_calls(
+    ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(foretelling, "PATIENCE", 0.0)
     monkeypatch.setattr(processes, "_serve", lambda process, *_: (process.stdin.close(), process.stdout.close()))
-    with ss2sql.connect() as session:
-        for name, calls in {"onward": 6, "odd_results": 6, "failing": 12}.items():  # which calls `onward` itself
-            declare(session, "is_far", onward=getattr(worker_functions, name))
-            script = "SELECT onward(n, this) FROM range(6) START WITH n = 1 CONNECT BY MEMORIZE 1 n = n;"
-            assert same(session, script) == calls
-        declare(session, onward=worker_functions.decimals)
-        with pytest.warns(ss2sql.WorkersWarning, match="it returns objects"):
-            same(session, script)
+    for name, calls in {"onward": 6, "failing": 12}.items():  # which calls `onward` itself
+        declare(ss, "is_far", onward=getattr(worker_functions, name))
+        assert same(ss, "SELECT onward(n, this) FROM range(6) START WITH n = 1 CONNECT BY MEMORIZE 1 n = n;") == calls
 
 
 def test_cheap_calls_and_little_work_stay_here(monkeypatch: pytest.MonkeyPatch) -> None:
     with ss2sql.connect() as session:
         declare(session, "onward")
-        monkeypatch.setattr(timing, "CHEAP", 60.0)
+        monkeypatch.setattr(foretelling, "CHEAP", 60.0)
         found = session.run(graph(), workers=2)
         assert found.stats.notes == ["workers: a call of 'onward' is too short to be made by another process"]
         assert found.stats.notes[0] in found.explain()
-        monkeypatch.setattr(timing, "CHEAP", 0.0)
+        monkeypatch.setattr(foretelling, "CHEAP", 0.0)
         monkeypatch.setattr(foretelling, "START", 60.0)
         assert same(session, graph()) > 0
         assert processes_of(session) == []

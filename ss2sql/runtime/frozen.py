@@ -30,6 +30,8 @@ FrozenRow: TypeAlias = tuple[Any, ...]
 Row: TypeAlias = tuple[Any, ...]
 Thaw: TypeAlias = Callable[[Iterable[FrozenRow]], tuple[Row, ...]]
 
+UNSET = object()  # in place of a value that is not evaluated yet
+
 
 class Frozen:
     """A frozen value that is no tuple: a dict, or a list that has not the shape of its place."""

@@ -210,8 +210,8 @@ class Run:
     for those of another database. `ahead` holds for each native query that runs, the innermost last, what is coming
     for functions that take arrays (ahead.py). `foreteller` has calls made by other processes (workers/), `progress`
     shows how far the run is (progress.py), where these are wanted; `graph` is the one that MEMORIZE works on;
-    `knows(state)` says whether the steps from a state of its level are remembered. `call_places` is where the script
-    calls functions of the user, as far as that is known; `by_level` counts the steps of its search, and
+    `call_places` is where the script calls functions of the user, as far as that is known; `by_level` counts the steps
+    of its search, and
     `trace` hears of those of the last statement's, where that is wanted.
     """
 
@@ -246,7 +246,6 @@ class Run:
     foreteller: Any = None
     progress: Any = None
     graph: Any = None
-    knows: Any = None
     by_level: Any = None
     trace: Any = None
     call_places: Mapping[str, Places] = field(default_factory=dict)

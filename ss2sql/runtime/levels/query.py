@@ -21,7 +21,7 @@ from ss2sql.runtime.memorize.hunt import Found, Hunt
 from ss2sql.runtime.native.builder import Builder
 from ss2sql.runtime.native.compiled import NativeQuery
 from ss2sql.runtime.native.facts import Analysis
-from ss2sql.runtime.native.pieces import can_be_taken_apart
+from ss2sql.runtime.native.noted_steps import can_be_noted
 from ss2sql.runtime.native.unit import Unit
 from ss2sql.runtime.rows import Rows
 from ss2sql.runtime.run import Run
@@ -168,7 +168,7 @@ def _aggregated(query: plan.Query, nested: bool) -> Span | None:
 
 def _unsteady(query: plan.Query, nested: bool) -> Span | None:
     builder = Builder(Unit(query.span, Analysis((query,))))
-    return None if can_be_taken_apart(builder, query) else query.span
+    return None if can_be_noted(builder, query) else query.span
 
 
 RULES = (

@@ -13,7 +13,7 @@ from ss2sql.runtime.levels.level import TRIED, Level
 from ss2sql.runtime.levels.statements import Value
 from ss2sql.runtime.levels.trial import Trial, encoded
 from ss2sql.runtime.memorize.hunt import Hunt
-from ss2sql.runtime.memorize.pieces import Last
+from ss2sql.runtime.memorize.notes import Last, elements_of
 from ss2sql.runtime.native.compiled import NativeQuery
 from ss2sql.runtime.rows import Row
 
@@ -123,11 +123,6 @@ class TypedSteps(Steps):
     @cached_property
     def _combinations(self) -> list[Last]:
         """The elements of the sources in their order, which are the same for all states."""
-        hunt = self.hunt
-        assert hunt.pieces is not None
-        hunt.flush()
-        expanded, sources = hunt.stats.expanded, len(hunt.query.sources)
-        made = [last[:sources] for last in hunt.pieces.elements(hunt.start)]
-        hunt.flush()
-        hunt.stats.expanded = expanded  # no state was, for this
-        return made
+        noted = self.hunt.noted
+        assert noted is not None
+        return list(map(noted.elements, elements_of(noted, self.hunt.problem.starts[0])))

@@ -11,15 +11,13 @@ states that the whole would: bidirectional search as Pohl described it in 1971.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator, Sequence
-from functools import partial
-from itertools import islice
+from collections.abc import Hashable, Sequence
 from typing import Any
 
 from ss2sql.errors import Stopped
 from ss2sql.runtime.frozen import State
-from ss2sql.runtime.memorize.hunt import Hunt, Steps
-from ss2sql.runtime.memorize.pieces import Last, Pieces
+from ss2sql.runtime.memorize.hunt import Hunt
+from ss2sql.runtime.memorize.notes import Noted, elements_of
 from ss2sql.runtime.run import Level
 
 MOST_ELEMENTS = 100_000  # of a state; they are kept as a list
@@ -33,18 +31,18 @@ class WayBack:
     the position of its element and the number of steps to the goal, this one included.
     """
 
-    def __init__(self, hunt: Hunt, pieces: Pieces, elements: list[State]) -> None:
-        assert pieces.goals is not None
-        assert pieces.before is not None
-        self.hunt, self.pieces, self.elements = hunt, pieces, elements
-        self.before = pieces.before
+    def __init__(self, hunt: Hunt, noted: Noted, items: list[Any]) -> None:
+        assert noted.goals is not None
+        assert noted.before is not None
+        self.hunt, self.items, self.before = hunt, items, noted.before
+        self.elements = list(map(noted.elements, items))
         self.key = hunt.shapes.freeze
         self.depth = 0
         self.edges: dict[Hashable, list[tuple[int, int]]] = {}
         self.seen: set[Hashable] = set()
         self.met: set[Hashable] = set()  # on the way from the start
         self.last: list[State] = []
-        for goal in pieces.goals(hunt.start):
+        for goal in noted.goals(hunt.start):
             key = self.key(goal)
             if key not in self.seen:
                 self.seen.add(key)
@@ -83,27 +81,10 @@ class WayBack:
 
     def chosen(self, depth: int, elements: list[Any], state: State) -> list[Any]:
         """Those elements of a frozen state of that level which still lead to the goal in time."""
-        return [elements[position] for position in self._positions(depth, state)]
-
-    def steps(self, depth: int) -> Steps:
-        """The steps over them."""
-        return partial(self._steps, depth)
-
-    def _steps(self, depth: int, state: State, seen: Any) -> Iterator[Any]:
-        lasts = self.lasts(depth, state)
-        self.hunt.stats.expanded += 1
-        self.hunt.stats.generated += len(lasts)
-        return self.pieces.steps_over(lasts, seen)
-
-    def lasts(self, depth: int, state: State) -> list[Last]:
-        """The same elements as the clauses take them, with the state."""
-        return [self.elements[position] + state for position in self._positions(depth, self.key(state))]
-
-    def _positions(self, depth: int, state: State) -> list[int]:
         bound = self.hunt.bound
         assert bound is not None
         known = self.edges.get(state, ())
-        return sorted(position for position, left in known if depth + left <= bound)
+        return [elements[position] for position in sorted(place for place, left in known if depth + left <= bound)]
 
 
 def way_back(hunt: Hunt) -> WayBack | None:
@@ -111,30 +92,19 @@ def way_back(hunt: Hunt) -> WayBack | None:
 
     It asks for the goal before the first step. What fails then may never be asked by the search itself.
     """
-    pieces = hunt.pieces
-    if pieces is None or pieces.goals is None:
+    noted = hunt.noted
+    if noted is None or noted.goals is None:
         return None
-    hunt.flush()
-    before = (hunt.stats.expanded, hunt.stats.generated)
     try:
-        elements = _elements(hunt, pieces)
-        if len(elements) <= MOST_ELEMENTS:
-            return WayBack(hunt, pieces, elements)
+        items = elements_of(noted, hunt.problem.starts[0])
+        if len(items) <= MOST_ELEMENTS:
+            return WayBack(hunt, noted, items)
         _give_up(hunt, f"a state has more than {MOST_ELEMENTS:,} elements")
     except Stopped:
         raise
     except Exception as error:
         _give_up(hunt, f"what is known of the goal failed: {type(error).__name__}: {error}")
-    finally:
-        hunt.flush()
-        hunt.stats.expanded, hunt.stats.generated = before  # that was no step of the search
     return None
-
-
-def _elements(hunt: Hunt, pieces: Pieces) -> list[State]:
-    """The elements of every state, one more than allowed where there are too many."""
-    lasts = islice(pieces.elements(hunt.start), MOST_ELEMENTS + 1)
-    return [last[: -len(hunt.start)] for last in lasts]
 
 
 def balanced(way: WayBack, depth: int, level: Sequence[State]) -> WayBack | None:

@@ -13,9 +13,10 @@ from typing import Any, NamedTuple
 
 from ss2sql import plan
 from ss2sql.records import dataclass
-from ss2sql.runtime.frozen import Thaw
+from ss2sql.runtime.frozen import Shapes, State, Thaw
 from ss2sql.runtime.memorize.growing import too_many
 from ss2sql.runtime.memorize.hunt import Found
+from ss2sql.runtime.memorize.notes import Noted, Notes
 from ss2sql.runtime.rows import Row
 from ss2sql.runtime.search.contract import Problem
 
@@ -37,8 +38,7 @@ class Edge(NamedTuple):
 class ByKey:
     """One run of such a search.
 
-    `most` bounds the keys that are reached. `shown` makes rows, and the states after them, of the last parts of steps,
-    where rows ask for the path.
+    `most` bounds the keys that are reached. `shown` makes rows, and the states after them, where rows ask for the path.
     """
 
     query: plan.Query
@@ -46,8 +46,8 @@ class ByKey:
     bound: int | None
     check: Callable[[], None]
     most: int | None
-    thaw: Thaw | None
-    shown: tuple[Callable[[Any], tuple[Row, Any]], Callable[[Any, Row], Row]] | None
+    shapes: Shapes
+    shown: Noted | None
 
     def paths(self) -> Iterator[Found]:
         """The paths without a repeated key: shortest, cheapest or likeliest first, ties in source order.
@@ -57,6 +57,7 @@ class ByKey:
         problem, bound = self.problem, self.bound
         nodes, roots = self._graph()
         left = _distances(nodes)
+        thaw = self.shapes.thawing() or tuple
         # rank, place in source order, path, its keys, whether it is a result
         queue: list[tuple[Any, tuple[int, ...], list[Edge], tuple[Hashable, ...], bool]] = []
         for place, key in enumerate(roots):
@@ -65,7 +66,7 @@ class ByKey:
             self.check()
             rank, places, path, keys, result = heappop(queue)
             if result:
-                yield self._found(path)
+                yield self._found(path, thaw)
                 continue
             if bound is not None and len(path) == bound:
                 continue
@@ -113,16 +114,14 @@ class ByKey:
             level, depth = following, depth + 1
         return nodes, roots
 
-    def _found(self, path: list[Edge]) -> Found:
+    def _found(self, path: list[Edge], thaw: Thaw) -> Found:
         """The result; a step belongs to many paths, and what its row says of the path is said of this one."""
-        frozen = [edge.row for edge in path]
-        rows = list(frozen if self.thaw is None else self.thaw(frozen))
+        rows = list(thaw(edge.row for edge in path))
         last = path[-1].last
         if self.shown is None:
             return rows, last
         search, sources = self.query.search, len(self.query.sources)
         assert search is not None
-        make_row, follow = self.shown
         carried = {place: self.problem.starts[0][place] for place, (name, _) in enumerate(search.start) if _tells(name)}
         # A column that was not compared is that of the step, the others are those of the first step to the row.
         compared = search.key if search.by == "row" else ()
@@ -132,13 +131,27 @@ class ByKey:
             for place, value in carried.items():
                 state[place] = value
             last = (*edge.last[:sources], *state)
-            row = list(make_row(last)[0])
+            row, after = self._shown(last)
             for place in kept:
                 row[place] = rows[number][place]
             rows[number] = tuple(row)
-            after = follow(last, rows[number])
             carried = {place: after[place] for place in carried}
         return rows, last
+
+    def _shown(self, last: tuple[Any, ...]) -> tuple[list[Any], State]:
+        """The row of a step, and the state after it, for another state before it."""
+        assert self.shown is not None
+        sources = self.shown.sources
+        before, notes = self.shapes.freeze(last[sources:]), Notes(self.shown)
+        notes.begin_level([before], [[last[:sources] if sources > 1 else last[0]]])
+        for _ in self.shown.expand(before, (), notes):
+            pass
+        (pairs,) = notes.pairs
+        assert pairs is not None
+        note = pairs[0][0]
+        after = self.shown.after(note, last[sources:])
+        assert after is not None
+        return list(self.shown.row(note)), after
 
 
 def asks_for_path(search: plan.Search) -> bool:

@@ -8,25 +8,21 @@ The graph grows by levels: a level are the rows that were first reached by so ma
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Container, Hashable, Iterable, Iterator
+from collections.abc import Hashable, Iterator
+from dataclasses import replace
 from functools import partial
 from itertools import islice, repeat
-from typing import TypeAlias
 
 from ss2sql import plan
 from ss2sql.errors import ExecutionError
-from ss2sql.runtime.frozen import State
 from ss2sql.runtime.memorize.both_ends import WayBack, balanced, way_back
 from ss2sql.runtime.memorize.by_length import paths_by_length
 from ss2sql.runtime.memorize.by_weight import paths_by_weight
 from ss2sql.runtime.memorize.graph import Graph
-from ss2sql.runtime.memorize.hunt import Choose, Found, Grow, Hunt, Node, Nodes, Steps
-from ss2sql.runtime.memorize.pieces import Last
-from ss2sql.runtime.remembered.steps import Remembering
+from ss2sql.runtime.memorize.hunt import Choose, Found, Hunt, Node, Nodes
+from ss2sql.runtime.memorize.notes import Notes
 from ss2sql.runtime.run import Level
 from ss2sql.runtime.search.contract import Problem
-
-Elements: TypeAlias = Callable[[State], Iterable[Last]]
 
 
 def memorize(hunt: Hunt) -> Iterator[Found]:
@@ -56,41 +52,46 @@ def results_of(hunt: Hunt, graph: Graph) -> Iterator[Found]:
 
 def grown(hunt: Hunt) -> Graph:
     """The graph of the rows that are reached by at most `hunt.bound` steps."""
+    if hunt.run.foreteller is not None:
+        hunt.run.foreteller.begin(hunt)
     keeper = hunt.run.host.graphs
     memory = None if keeper is None else keeper.remembering(hunt)
     if memory is not None:
         with memory:
-            return _grown(hunt, growth(memory.steps), False, None, memory)
+            return _grown(hunt, memory, None)
     way = way_back(hunt)
-    if way is not None and not way.pieces.chooses:
-        return _grown(hunt, growth(way.pieces.steps), False, way, None)
-    return _grown(hunt, partial(hunt.grow or grow, hunt.problem), True, way, None)
+    if hunt.noted is None or (hunt.run.foreteller is None and (way is None or hunt.chooses)):
+        return _grown(hunt, None, way)
+    return _grown(hunt, Notes(hunt.noted), way)
 
 
-def _grown(hunt: Hunt, grow: Grow, frozen: bool, way: WayBack | None, memory: Remembering | None) -> Graph:
-    """The same; `grow` takes nodes whose states are `frozen`, or values, which are known again by their identity."""
+def _grown(hunt: Hunt, notes: Notes | None, way: WayBack | None) -> Graph:
+    """The same, with notes where there are some."""
     graph = hunt.run.graph = Graph(hunt.check, hunt.bound)
     hunt.flush()
     numbers: dict[Hashable, int] = {}
-    level: list[Node] = [(0, *hunt.problem.starts[0]) if frozen else (0, hunt.start)]
+    level: list[Node] = [(0, *hunt.problem.starts[0])]
     levels = list[Level]()
     hunt.stats.levels, hunt.stats.backward = levels, []
     most = hunt.run.max_rows
+    onward = partial(hunt.grow or grow, hunt.problem)
+    if notes is not None:
+        onward = partial(grow, replace(hunt.problem, expand=notes.noted.expand))
     while level and (hunt.bound is None or len(levels) < hunt.bound):
-        depth = len(levels)
-        if memory is not None:
-            memory.level([node[1] for node in level])
+        depth, states = len(levels), [node[1:] for node in level]
         if way is not None:
-            way = balanced(way, depth, [node[1:] if frozen else hunt.shapes.freeze(node[1]) for node in level])
+            way = balanced(way, depth, states)
         rows, edges, steps_before = len(graph.rows), len(graph.targets), hunt.stats.generated
         leading = way if way and way.leads(depth) else None
-        elements = None if leading is None else partial(leading.lasts, depth)
-        nodes: Nodes = level if hunt.run.foreteller is None else _foretold(hunt, level, frozen, numbers, elements)
-        onward, choose = grow, None
-        if leading is not None and frozen:
-            choose = partial(leading.chosen, depth)
-        elif leading is not None:
-            onward = growth(leading.steps(depth))
+        nodes: Nodes = level
+        choose: Choose | None = None if leading is None else partial(leading.chosen, depth)
+        if notes is not None:
+            chosen = None if leading is None else [leading.chosen(depth, leading.items, state) for state in states]
+            notes.begin_level(states, chosen)
+            choose = notes
+            if hunt.run.foreteller is not None:
+                blocks = hunt.run.foreteller.blocks(states, notes, numbers)
+                nodes = (node for _, node in zip(blocks, level, strict=True))
         level = onward(graph, nodes, numbers, sys.maxsize if most is None else most + 1, choose)
         if most is not None and len(graph.rows) - 1 > most:
             raise too_many(hunt.query, most)
@@ -98,15 +99,6 @@ def _grown(hunt: Hunt, grow: Grow, frozen: bool, way: WayBack | None, memory: Re
         edges = len(graph.targets) - edges
         levels.append(Level(len(graph.rows) - rows, edges, hunt.stats.generated - steps_before - edges))
     return graph
-
-
-def _foretold(
-    hunt: Hunt, level: list[Node], frozen: bool, numbers: Container[Hashable], elements: Elements | None
-) -> Nodes:
-    """The level, whose calls other processes make before they are asked for."""
-    states = [hunt.shapes.thaw(node[1:]) if frozen else node[1] for node in level]
-    blocks = hunt.run.foreteller.blocks(hunt, states, numbers, elements)
-    return (node for _, node in zip(blocks, level, strict=True))
 
 
 def grow(
@@ -139,25 +131,6 @@ def grow(
         if len(rows) > most:
             break
     return following
-
-
-def growth(steps: Steps) -> Grow:
-    """The growth of a graph by steps that are given one by one, each evaluated when it is asked for."""
-
-    def grow(graph: Graph, level: Nodes, seen: dict[Hashable, int], most: int, _: Choose | None) -> list[Node]:
-        following: list[Node] = []
-        for node, state in level:
-            for row, key, goal, goes_on, after, weight, _, last in steps(state, seen):
-                if goal is not None:
-                    seen[key] = graph.add_node(row, goal)
-                    if goes_on:
-                        following.append((seen[key], after))
-                graph.add_edge(node, seen[key], weight, last)
-            if len(graph.rows) > most:
-                break
-        return following
-
-    return grow
 
 
 def too_many(query: plan.Query, most: int) -> ExecutionError:

@@ -2,30 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Hashable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from ss2sql import plan
 from ss2sql.records import dataclass
 from ss2sql.runtime.frozen import Shapes, State
-from ss2sql.runtime.memorize.pieces import Pieces
+from ss2sql.runtime.memorize.notes import Noted, Notes
 from ss2sql.runtime.rows import Row
 from ss2sql.runtime.run import Run, Stats
-from ss2sql.runtime.search.contract import Problem, Step
+from ss2sql.runtime.search.contract import Problem
 
 if TYPE_CHECKING:
     from ss2sql.runtime.memorize.graph import Graph
 
-# What gives the steps from a state, see search/contract.py: here of values, not of frozen ones. `last` is always there.
-Steps: TypeAlias = Callable[[State, Container[Hashable]], Iterator[Step]]
-
 # `grow(graph, level, seen, most, choose)` adds the steps from the nodes of a level to the graph, each evaluated in
-# source order, and gives the nodes that go on: each a number, then its state, whose values, where they are frozen,
-# stand side by side. `seen` has the numbers of rows by their keys. It ends early when the graph has more than `most`
-# rows and the start. `choose(elements, state)`, where it is given, says which elements of a single list are tried.
+# source order, and gives the nodes that go on: each a number, then the values of its frozen state. `seen` has the
+# numbers of rows by their keys. It ends early when the graph has more than `most` rows and the start.
+# `choose(elements, state)`, where it is given, says which elements of a single list are tried; with notes it is Notes.
 Node: TypeAlias = tuple[Any, ...]
 Nodes: TypeAlias = Iterable[Node]
-Choose: TypeAlias = Callable[[list[Any], State], list[Any]]
+Choose: TypeAlias = Callable[[list[Any], State], list[Any]] | Notes
 Grow: TypeAlias = Callable[["Graph", Nodes, dict[Hashable, int], int, Choose | None], list[Node]]
 
 # A result: the rows of its path, and the last part of its last step.
@@ -41,10 +38,10 @@ class Hunt:
     """One run of a search.
 
     `start` has values; the start of `problem`, and all that its step function gives, are frozen as `shapes` says.
-    `grow(problem, ...)` makes a level of the graph where the step function is inlined. `bound` is MEMORIZE's. `check`
-    ends the run if it has to end; who works for long without making steps calls it. `query` is what is searched for in
-    `run`. `pieces` are the clauses of a search that can be taken apart. `flush` brings `stats` up to date. `keyed`:
-    GROUP BY or ORDER BY ask for the last part of a result.
+    `grow(problem, ...)` makes a level of the graph where the step function is inlined; `chooses`: it takes a choice of
+    elements. `bound` is MEMORIZE's. `check` ends the run if it has to end; who works for long without making steps
+    calls it. `query` is what is searched for in `run`. `noted` is the search with notes, where it can have some.
+    `flush` brings `stats` up to date. `keyed`: GROUP BY or ORDER BY ask for the last part of a result.
     """
 
     start: State
@@ -57,6 +54,7 @@ class Hunt:
     check: Callable[[], None]
     query: plan.Query
     run: Run
-    pieces: Pieces | None = None
+    noted: Noted | None = None
+    chooses: bool = False
     flush: Callable[[], None] = lambda: None
     keyed: bool = True

@@ -15,6 +15,7 @@ from ss2sql import plan
 from ss2sql.kinds import SCALAR, Kind
 from ss2sql.records import dataclass
 from ss2sql.runtime.call_memory import MEMO_LIMIT, forget_half
+from ss2sql.runtime.frozen import UNSET
 from ss2sql.runtime.native import flat
 from ss2sql.runtime.native.calls import exact_key
 from ss2sql.runtime.native.endings import Form, aggregates_in
@@ -24,7 +25,7 @@ from ss2sql.runtime.native.options import whole
 from ss2sql.runtime.native.pen import Pen
 from ss2sql.runtime.native.tasks import task_of, tuples_of, value_of
 from ss2sql.runtime.native.texts import Sight, texts_of
-from ss2sql.runtime.native.unit import UNSET, Body, Unit
+from ss2sql.runtime.native.unit import Body, Unit
 from ss2sql.runtime.representations.base import label
 from ss2sql.runtime.run import Run
 from ss2sql.walk import walk, walks_the_same

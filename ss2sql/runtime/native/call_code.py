@@ -94,7 +94,7 @@ def _is_early(argument: plan.Expr, body: Body) -> bool:
     if _comes_with_key(argument, body):
         return True
     facts = body.unit.analysis.of(argument)
-    return facts.steady and not body.has_moved(facts) and body.home(facts) != (body, body.level)
+    return body.early_keys and facts.steady and not body.has_moved(facts) and body.home(facts) != (body, body.level)
 
 
 def _comes_with_key(argument: plan.Expr, body: Body) -> TypeGuard[plan.Element]:

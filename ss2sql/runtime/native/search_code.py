@@ -2,7 +2,7 @@
 
 The generated function `rows(...)` gives the frozen states of START WITH; the step function, or where that pays the loop
 of the search with it put in; the functions `keys(last)` for GROUP BY and ORDER BY and `key_of(state)` for BY; and for
-MEMORIZE the pieces of pieces.py. The loops are plain Python, see runtime/search.
+MEMORIZE what noted_steps.py writes. The loops are plain Python, see runtime/search.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from ss2sql.runtime.frozen import Shape, Shapes, State
 from ss2sql.runtime.memorize.growing import grow
 from ss2sql.runtime.native.expressions import expression
 from ss2sql.runtime.native.flat import key_expressions
-from ss2sql.runtime.native.pieces import pieces
+from ss2sql.runtime.native.noted_steps import noted_steps
 from ss2sql.runtime.native.step_clauses import StepForm, names_of_frozen, shapes_of
 from ss2sql.runtime.native.step_function import StepFunction, StepLoops
 from ss2sql.runtime.native.unit import Body
@@ -38,12 +38,14 @@ INLINES = True  # for tests of the step function by itself
 class SearchForm:
     """What is known of a search when it is compiled.
 
-    `inlined`: the step function stands in its loop; `remembered`: steps are, see remembered_steps.py; `leveled`: they
-    are counted level by level; `watched`: the trace of the run hears of them.
+    `inlined`: the step function stands in its loop; `chooses`: there MEMORIZE may choose among the elements of a state;
+    `remembered`: steps are, see remembered_steps.py; `leveled`: they are counted level by level; `watched`: the trace
+    of the run hears of them.
     """
 
     shapes: Shapes
     inlined: bool
+    chooses: bool
     remembered: bool
     leveled: bool
     watched: bool
@@ -87,18 +89,16 @@ def finder(
     find_keys = unit.local("keys") if keys else None
     if find_keys is not None:
         _define_keys(builder, query, body, find_keys, keys)
-    apart = pen.constant(None)
+    noted = pen.constant(None)
     if memorizes or led:
-        loops.counts_steps = True
-        chooses = step.has_list and not loops.lookups and inlined is not None
-        apart = pieces(builder, query, body, loops, chooses, step.columns)
+        noted = noted_steps(builder, query, body, loops, form, step.columns)
     names = [function, find_keys, key_of]
     made = [pen.constant(None) if name is None else pen.name(name) for name in names]
-    body.add(pen.back(pen.pack(pen.name("starts"), *made, apart)))
+    body.add(pen.back(pen.pack(pen.name("starts"), *made, noted)))
     body.define()
-    return body.name, SearchForm(
-        Shapes(tuple(shapes.values()), tuple(step.columns)), inlined is not None, remembered, leveled, watched
-    )
+    known = Shapes(tuple(shapes.values()), tuple(step.columns))
+    chooses = step.has_list and inlined is not None
+    return body.name, SearchForm(known, inlined is not None, chooses, remembered, leveled, watched)
 
 
 def begun(first: Expand, others: Expand) -> Expand:

@@ -14,7 +14,7 @@ from ss2sql.runtime.frozen import State, Thaw
 from ss2sql.runtime.memorize.by_key import ByKey
 from ss2sql.runtime.memorize.growing import memorize
 from ss2sql.runtime.memorize.hunt import Found, Hunt
-from ss2sql.runtime.memorize.pieces import Pieces
+from ss2sql.runtime.memorize.notes import Noted, noted_of
 from ss2sql.runtime.native.by_level import watcher
 from ss2sql.runtime.native.pace import counts_of, looks_of
 from ss2sql.runtime.ordering import exceeds
@@ -35,7 +35,8 @@ def found(
 ) -> Generator[Any, None, None]:
     """The results as they are found; `bound` is MEMORIZE's."""
     run, query = task.run, task.form.query
-    starts, function, keys, key_of, pieces = task.find(*outer)
+    starts, function, keys, key_of, noted = task.find(*outer)
+    noted = noted and noted_of(*noted)
     problem = Problem(
         starts if key_of is None or search.repeats == "no cycle" else _different_starts(starts, key_of),
         function,
@@ -53,14 +54,14 @@ def found(
     watched = Watched(run.trace, query, problem) if form.watched else None
     problem = problem if watched is None else watched.problem
     if search.repeats == "memorize" and (watched is not None or not search.plain):
-        shown = None if search.plain else pieces
-        graph = ByKey(query, problem, bound, run.check, run.max_rows, form.shapes.thawing(), shown)
+        shown = None if search.plain else noted
+        graph = ByKey(query, problem, bound, run.check, run.max_rows, form.shapes, shown)
         return _paths(task, graph.paths(), keys, None)
     if task.form.find is not None:
-        hunt = _hunt(task, search, form, problem, bound, pieces and Pieces(*pieces))
+        hunt = _hunt(task, search, form, problem, bound, noted)
         return _paths(task, task.form.find(hunt), keys, None)
     if search.repeats == "memorize":
-        hunt = _hunt(task, search, form, problem, bound, pieces and Pieces(*pieces))
+        hunt = _hunt(task, search, form, problem, bound, noted)
         return _paths(task, memorize(hunt), keys, None)
     expand = problem.expand if form.watched else _expand(task, form, function)
     problem = replace(problem, expand=expand, watch=watcher(run, form.leveled, task.tell))
@@ -73,7 +74,7 @@ def _look(run: Run, total: Any, guess: Any) -> None:
 
 
 def _hunt(
-    task: Task, search: plan.Search, form: SearchForm, problem: Problem, bound: int | None, pieces: Pieces | None
+    task: Task, search: plan.Search, form: SearchForm, problem: Problem, bound: int | None, noted: Noted | None
 ) -> Hunt:
     """The search for who makes the graph of MEMORIZE, or goes by levels in another database."""
     return Hunt(
@@ -87,7 +88,8 @@ def _hunt(
         check=task.run.check,
         query=task.form.query,
         run=task.run,
-        pieces=pieces,
+        noted=noted,
+        chooses=form.chooses,
         flush=task.tell,
         keyed=problem.keyed,
     )

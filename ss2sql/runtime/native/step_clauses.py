@@ -76,7 +76,8 @@ class StepForm:
 
     `start` is the name of the frozen state that START WITH gives, the last of several. `keyed`: somebody asks for the
     last part of a step. `complete`: what leaves no trace is told, see remembered_steps.py; `watched`: the trace of the
-    run hears of it. `key_of` is the name of the function that gives the key of a state, where BY names it.
+    run hears of it. `key_of` is the name of the function that gives the key of a state, where BY names it. `noted`:
+    what clauses evaluate is taken from notes, and kept there, see memorize/notes.py.
     """
 
     shapes: dict[str, Shape]
@@ -85,6 +86,7 @@ class StepForm:
     complete: bool
     watched: bool
     key_of: str | None
+    noted: bool = False
 
 
 class StepClauses:
@@ -120,7 +122,7 @@ class StepClauses:
         siblings = [key.expr for key in self.search.siblings]
         body.count([*read_by_sources(query), *conditions, *siblings, *self.everything, *self.search.key])
         # a call that is made once for each step, without a memory
-        self.single = None if form.watched else SingleCall.of(self)
+        self.single = None if form.watched or form.noted else SingleCall.of(self)
         self.columns: list[Shape] = [self._shape_of_column(expr) for expr in self.outputs]
         self.key: ast.expr = self.pen.constant(None)
         self.row: list[ast.expr] = []  # the frozen values of the columns
@@ -237,6 +239,10 @@ class StepClauses:
         names += [self.unit.states[self.query.id, name] for name in self.shapes]
         return self.pen.pack(*map(self.pen.name, names))
 
+    def _value(self, expr: plan.Expr) -> ast.expr:
+        """The value of a clause, a column, or a variable after the step."""
+        return expression(self.builder, expr, self.inner)
+
     # --- rows ------------------------------------------------------------------------------------------
 
     def _shape_of_column(self, expr: plan.Expr) -> Shape:
@@ -254,13 +260,13 @@ class StepClauses:
         pen, facts = unit.pen_at(expr.span), unit.analysis.of(expr)
         if isinstance(expr, plan.State) and expr.query == self.query.id and not inner.has_moved(facts):
             return pen.name(self.frozen_states[expr.name])
-        value = expression(self.builder, expr, inner)
+        value = self._value(expr)
         if isinstance(expr, plan.Element) and expr.source in self.loops.frozen:
             return pen.name(self.loops.frozen[expr.source])
         if shape == "scalar":
             return pen.name(inner.assigned(value, pen, "value"))
         name = inner.variable(value, pen, "value")
-        made = pen.call("tuple" if frozen.is_flat(expr.type) else unit.helper(frozen.freeze_any), name)
+        made = pen.call("tuple" if frozen.is_flat(expr.type) else unit.helper(frozen.FREEZERS[shape]), name)
         if facts.steady and facts.sources.isdisjoint({source.id for source in self.query.sources}):
             made = inner.kept(replace(facts, key=None), made, pen, "frozen")
         return pen.name(inner.assigned(made, pen, "frozen"))
@@ -367,7 +373,7 @@ class StepClauses:
         if stop is not None and where is None:
             pen = self.unit.pen_at(stop.span)
             facts = self.unit.analysis.of(stop)
-            inner.checked_later(facts, lambda: pen.assign("stop", expression(self.builder, stop, inner)), pen)
+            inner.checked_later(facts, lambda: pen.assign("stop", self._value(stop)), pen)
             inner.add(pen.when(pen.name("stop"), *leave))
             return
         for name, clause in (("stop", stop), ("goal", where)):
@@ -380,7 +386,7 @@ class StepClauses:
 
     def _assigned_truth(self, name: str, clause: plan.Expr) -> ast.stmt:
         pen = self.unit.pen_at(clause.span)
-        value = expression(self.builder, clause, self.inner)
+        value = self._value(clause)
         return pen.assign(name, value if clause.type.only(Kind.BOOL) else pen.truth(value))
 
     # --- COST, PROBABILITY, HEURISTIC ------------------------------------------------------------------
@@ -397,7 +403,7 @@ class StepClauses:
 
     def _number(self, expr: plan.Expr, check: Callable[[Any], Any]) -> ast.expr:
         pen = self.unit.pen_at(expr.span)
-        value = expression(self.builder, expr, self.inner)
+        value = self._value(expr)
         return value if options.is_known(expr.type, check) else pen.call(self.unit.helper(check), value)
 
     def _weighs_early(self) -> bool:
@@ -431,7 +437,7 @@ class StepClauses:
             pen = unit.pen_at(expr.span)
             if not inner.has_moved(unit.analysis.of(expr)):
                 self.of_before.add(name)
-            inner.moved[number, name] = inner.assigned(expression(self.builder, expr, inner), pen, f"next_{name}")
+            inner.moved[number, name] = inner.assigned(self._value(expr), pen, f"next_{name}")
 
     def _after(self) -> ast.expr:
         """The frozen state to go on from; what is a column is frozen already."""

@@ -100,6 +100,12 @@ finally:
     END
 return len(block)
 """
+# The same with notes, which may be taken several times.
+NOTED = (
+    TOGETHER.replace("expanded += 1", "expanded += choose.counted")
+    .replace("generated += len", "generated += choose.counted * len")
+    .replace("generated -= turns", "generated -= choose.counted * turns")
+)
 ONE_BY_ONE = """
 expanded += 1
 drawn = 0
@@ -124,15 +130,10 @@ def in_order(elements: Iterable[tuple[Any, Row]], descending: tuple[bool, ...]) 
 
 
 class StepLoops(Loops):
-    """The loops over the sources of a search, whose innermost turns are its steps.
-
-    Steps are counted by the step function, unless `counts_steps` is set.
-    """
-
-    counts_steps = False
+    """The loops over the sources of a search, whose innermost turns are its steps; the step function counts these."""
 
     def _count(self, body: Body, innermost: bool) -> None:
-        if not innermost or self.counts_steps:
+        if not innermost:
             super()._count(body, innermost)
 
 
@@ -145,7 +146,7 @@ class StepFunction(StepClauses):
         self, builder: Builder, query: plan.Query, loops: StepLoops, form: StepForm, made: plan.Expr | None
     ) -> None:
         assert query.search is not None
-        more = ["choose"] if query.search.repeats == "memorize" else ["drop"] if form.complete else []
+        more = ["choose"] if query.search.repeats == "memorize" or form.noted else ["drop"] if form.complete else []
         if query.search.repeats == "unique" and query.search.weight is not None:
             more = ["best", "total"]
         body = Body(builder.unit, builder.unit.local("expand"), ["state", "closed", *more], loops.owner)
@@ -159,8 +160,9 @@ class StepFunction(StepClauses):
             placed, guarded = placed_conditions(builder, replace(query, where=made), loops)
             placed[1] = [*placed.pop(0, []), *placed.get(1, [])]  # a step function goes through its elements
             guarded = None if guarded is None else max(guarded, 1)
-        self._accompany()
-        several = bool(self.search.siblings) or len(query.sources) > MOST_INSIDE
+        if not form.noted:
+            self._accompany()
+        several = bool(self.search.siblings) or len(query.sources) > MOST_INSIDE or form.noted
         if several:
             self._generate(placed, guarded)
         else:
@@ -170,7 +172,7 @@ class StepFunction(StepClauses):
         self.loop = loop
         alone = len(query.sources) == 1 and not isinstance(query.sources[0], plan.WorldSource)
         # the elements of a state are one list
-        self.has_list = alone and not several and len(loop.body) == len(placed.get(1, ()))
+        self.has_list = form.noted or (alone and not several and len(loop.body) == len(placed.get(1, ())))
 
     def write_function(self) -> str:
         """Writes the function and gives its name."""
@@ -238,10 +240,8 @@ class StepFunction(StepClauses):
         assert loop is self.loop
         items = self._items_as_tuples()
         self.loop.iter = pen.name("turns")
-        if together and self.edges:  # which elements, memorize/both_ends.py may know
-            nobody = pen.compare(pen.name("choose"), ast.Is(), pen.constant(None))
-            state = pen.pack(*map(pen.name, self.frozen_states.values()))
-            items = pen.either(nobody, items, pen.call("choose", items, state))
+        if together and (self.edges or self.form.noted):
+            items = self._chosen(items)
         unit.helper(Parts)
         single = self.single
         for_state = [] if single is None else single.for_state
@@ -260,9 +260,17 @@ class StepFunction(StepClauses):
             "LOOK": watch,
             **words,
         }
-        return [*thawed, *before, *for_state, *written(TOGETHER if together else ONE_BY_ONE, pen, around)]
+        text = NOTED if self.form.noted else TOGETHER if together else ONE_BY_ONE
+        return [*thawed, *before, *for_state, *written(text, pen, around)]
 
     # --- elements --------------------------------------------------------------------------------------
+
+    def _chosen(self, items: ast.expr) -> ast.expr:
+        """Those elements of which memorize/both_ends.py knows that they lead to the goal in time."""
+        pen = self.pen
+        nobody = pen.compare(pen.name("choose"), ast.Is(), pen.constant(None))
+        state = pen.pack(*map(pen.name, self.frozen_states.values()))
+        return pen.either(nobody, items, pen.call("choose", items, state))
 
     def _items_as_tuples(self) -> ast.expr:
         """The elements; those of `FROM [[A, b], [a, B]]` that are only taken apart and shown are made as tuples."""
@@ -294,7 +302,7 @@ class StepFunction(StepClauses):
         generator.count([*read_by_sources(self.query), *(key.expr for key in siblings)])
         innermost = self.loops.open(generator, placed, guarded)
         names = [unit.names[source.id] for source in self.query.sources]
-        for known in (self.loops.frozen, unit.keys):
+        for known in () if self.form.noted else (self.loops.frozen, unit.keys):
             names += [known[source.id] for source in self.query.sources if source.id in known]
         given = pen.pack(*map(pen.name, names)) if len(names) > 1 else pen.name(*names)
         if siblings:
@@ -317,7 +325,7 @@ class StepFunction(StepClauses):
         stop = self.search.stop.parts if isinstance(self.search.stop, plan.Or) else (self.search.stop,)
         where = self.query.where.parts if isinstance(self.query.where, plan.And) else (self.query.where,)
         rows = [self.unit.analysis.of(expr) for expr in self.outputs] if self.compares else []
-        told = self.edges or self.form.complete or self.form.watched
+        told = self.edges or self.form.noted or self.form.complete or self.form.watched
         if told or not all(facts.steady and facts.total for facts in rows):
             return
         for part, other in zip(stop, where if self.query.where else stop, strict=False):

@@ -22,6 +22,7 @@ from ss2sql.errors import Error, Span
 from ss2sql.kinds import Type
 from ss2sql.language.operations import OPERATIONS
 from ss2sql.records import dataclass
+from ss2sql.runtime.frozen import UNSET
 from ss2sql.runtime.native.facts import Analysis, Facts
 from ss2sql.runtime.native.locate import PAGE, Page
 from ss2sql.runtime.native.pace import meter_of, pace_of
@@ -32,7 +33,6 @@ from ss2sql.walk import parts
 if TYPE_CHECKING:
     from ss2sql.runtime.memorize.hunt import Find
 
-UNSET = object()
 COUNTERS = ("generated", "expanded", "pruned")
 MOST_LOOPS = 16  # Python refuses more than 20 blocks inside of each other
 
@@ -54,7 +54,8 @@ class Body:
     for each open loop the names of expressions that have been computed wherever the code after them is reached;
     `sure` says whether what is being written is such an expression, not one that may be skipped; `forgotten` are values
     of that kind, by identity. While `trusting`, indexes are written as Python's own, and `trusted` says whether there
-    were any, see `checked_later`. `before` is the function that this one goes on for.
+    were any, see `checked_later`. `before` is the function that this one goes on for. `early_keys`: the keys of
+    arguments are computed before the loop.
     """
 
     unit: Unit
@@ -76,6 +77,7 @@ class Body:
     sure: bool = True
     trusting: bool = False
     trusted: bool = False
+    early_keys: bool = True
 
     def sees(self, source: int) -> bool:
         """Whether a source is bound here or in a function around this one."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gc
 import math
-from collections.abc import Callable, Hashable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from itertools import islice
 from operator import is_
 from typing import Any
@@ -19,24 +19,20 @@ MOST_HELD = 200_000  # of each kind of thing that stays in memory, to be read ag
 
 
 class Edge:
-    """A step: its row, how that is compared, the node it leads to, its elements, and what clauses said of it.
+    """A step: its row, the node it leads to, its elements, and what clauses said of it.
 
-    The elements are None where FROM is read again; `verdicts` go by the positions of the clauses.
+    The elements are None where FROM is read again; `verdicts` go by the names of the clauses. `unknown` is how much of
+    its note was not known.
     """
 
-    __slots__ = ("elements", "key", "row", "target", "verdicts")
+    __slots__ = ("elements", "row", "target", "unknown", "verdicts")
 
-    def __init__(self, row: tuple[Row, Hashable], elements: tuple[Any, ...] | None, target: Node | None = None) -> None:
-        self.row, self.key = row
+    def __init__(self, row: Row, elements: tuple[Any, ...] | None, target: Node | None = None) -> None:
+        self.row = row
         self.elements = elements
         self.target = target
-        self.verdicts: dict[int, Any] | None = None
-
-    def note(self, place: int, value: Any) -> None:
-        """Notes what a clause said."""
-        if self.verdicts is None:
-            self.verdicts = {}
-        self.verdicts[place] = value
+        self.unknown = 0
+        self.verdicts: dict[str, Any] | None = None
 
 
 class Node:
@@ -66,8 +62,9 @@ class Node:
 
 @dataclass(frozen=True, slots=True)
 class Clause:
-    """A clause whose values are remembered; `kind` is condition, cost or probability."""
+    """A clause whose values are remembered; `kind` is condition, cost or probability, `name` what notes call it."""
 
+    name: str
     key: str
     kind: str
     text: str
@@ -85,28 +82,20 @@ class Described:
 
 
 class GraphInFile:
-    """A graph in the tables of a file. `key_of` gives what stands for a row where the search compares rows."""
+    """A graph in the tables of a file."""
 
-    def __init__(
-        self,
-        store: Store,
-        key: str,
-        described: Described,
-        clauses: Sequence[Clause],
-        key_of: Callable[[Row], Hashable],
-    ) -> None:
+    def __init__(self, store: Store, key: str, described: Described, clauses: Sequence[Clause]) -> None:
         self.store = store
         self.key = key
         self.described = described
         self.clauses = clauses
-        self.key_of = key_of
         self.number: int | None = None
         self.made = False  # by this search
         self.era = 0  # how often somebody has dropped the graph
         self._nodes: dict[int, Node] = {}
         self._by_text: dict[str, Node] = {}  # nodes that came without a number
         self._own: set[int] = set()  # the numbers of those whose steps this search has written
-        self._rows: dict[str, tuple[Row, Hashable]] = {}
+        self._rows: dict[str, Row] = {}
 
     # --- reading ---------------------------------------------------------------------------------------
 
@@ -155,7 +144,7 @@ class GraphInFile:
         self._decode_rows(set(rows))
         self._decode_states(set(targets) - {None})
         self._decode_rows(set(given) - {None})
-        elements = {None: None, **{text: self._rows[text][0] for text in set(given) - {None}}}
+        elements = {None: None, **{text: self._rows[text] for text in set(given) - {None}}}
         edges: dict[int, list[Edge]] = {number: [] for number in counts}
         made = map(
             Edge, map(self._rows.__getitem__, rows), map(elements.__getitem__, given), map(self._nodes.get, targets)
@@ -171,8 +160,7 @@ class GraphInFile:
     def _decode_rows(self, texts: Iterable[str]) -> None:
         new = [text for text in texts if text not in self._rows]
         for text, values in zip(new, values_of(new), strict=True):
-            row = tuple(values)
-            self._rows[text] = row, self.key_of(row)
+            self._rows[text] = tuple(values)
 
     def _decode_states(self, numbers: Iterable[int]) -> None:
         found = self.store.states([number for number in numbers if number not in self._nodes])
@@ -182,13 +170,14 @@ class GraphInFile:
     def _load_verdicts(self, edges: dict[int, list[Edge]]) -> None:
         assert self.number is not None
         known = self.store.clauses(self.number) if self.clauses else {}
-        for place, clause in enumerate(self.clauses):
+        for clause in self.clauses:
             if clause.key in known:
                 most = math.inf if clause.kind == "cost" else 1
                 for source, position, value in self.store.verdicts(known[clause.key], edges):
                     if position < 0 or not 0 <= value <= most or math.isinf(value):
                         raise ValueError(f"a {clause.kind} is {value!r}")
-                    edges[source][position].note(place, value)
+                    edge = edges[source][position]
+                    edge.verdicts = {**(edge.verdicts or {}), clause.name: value}
 
     # --- writing ---------------------------------------------------------------------------------------
 
@@ -214,7 +203,7 @@ class GraphInFile:
                 self._own.clear()
             self._check((*nodes, *targets))
             numbers = self._numbers(number, (*nodes, *targets))
-            clauses = [self.store.clause(number, one.key, one.kind, one.text) for one in self.clauses]
+            clauses = {one.name: self.store.clause(number, one.key, one.kind, one.text) for one in self.clauses}
             self.store.keep_edges(
                 (numbers[id(node)], position, row, None if edge.target is None else numbers[id(edge.target)], given)
                 for node, row_texts, given_texts in zip(nodes, rows, elements, strict=True)
@@ -224,11 +213,11 @@ class GraphInFile:
             )
             self.store.keep_steps((len(node.edges), numbers[id(node)]) for node in nodes if node.edges is not None)
             self.store.keep_verdicts(
-                (clauses[place], numbers[id(node)], position, value)
+                (clauses[name], numbers[id(node)], position, value)
                 for node in nodes
                 for position, edge in enumerate(node.edges or ())
                 if edge.verdicts is not None
-                for place, value in edge.verdicts.items()
+                for name, value in edge.verdicts.items()
             )
             self.store.touch(number, levels)
         self.made |= made

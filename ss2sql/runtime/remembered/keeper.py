@@ -12,7 +12,7 @@ from ss2sql.records import dataclass
 from ss2sql.runtime.memorize.hunt import Hunt
 from ss2sql.runtime.messages import show
 from ss2sql.runtime.remembered.graph import Clause, Described, GraphInFile
-from ss2sql.runtime.remembered.keys import Keys, calls_functions, costs_nothing, follows_state
+from ss2sql.runtime.remembered.keys import Keys, calls_functions, follows_state
 from ss2sql.runtime.remembered.steps import Remembering, tell
 from ss2sql.runtime.remembered.store import Store
 from ss2sql.runtime.remembered.texts import NotKept, text_of
@@ -36,9 +36,9 @@ class GraphKeeper:
         """What gives a search the steps that are known; None where its graph is not remembered, which is told."""
         hunt.stats.graph = None
         try:
-            if hunt.pieces is None:
+            if hunt.noted is None:
                 raise NotKept("the search calls a function that is volatile, or assigns a variable")
-            if hunt.pieces.goals is not None and not calls(hunt.query):
+            if hunt.noted.goals is not None and not calls(hunt.query):
                 raise NotKept("the search goes from both ends, and calls no function")
             return self._remembering(hunt)
         except NotKept as reason:
@@ -52,32 +52,24 @@ class GraphKeeper:
     def _remembering(self, hunt: Hunt) -> Remembering:
         query, search = hunt.query, hunt.query.search
         assert search is not None
-        assert hunt.pieces is not None
+        assert hunt.noted is not None
         keys = Keys(query, hunt.run, self.entry_of, self.worlds)
         key = keys.graph()
         described = _described(query, keys)
-        clauses: list[Clause] = []
-        places: dict[str, int] = {}
-        settling: set[str] = set()
         weight = "probability" if search.order == "probability" else "cost"
         asked = (
             ("stop", "condition", search.stop),
             ("goal", "condition", query.where),
             ("weight", weight, search.weight),
         )
-        for name, kind, clause in asked:
-            if clause is None or not calls_functions(clause):
-                continue
-            settles = keys.settles(clause)
-            if settles:
-                settling.add(name)
-            if not (settles and keys.follows_from_state(clause)):
-                places[name] = len(clauses)
-                clauses.append(Clause(keys.clause(kind, clause), kind, clause.span.text))
-        elements = hunt.pieces.plain and any(follows_state(s, query) and calls_functions(s) for s in query.sources)
-        follows = all(costs_nothing(expr) for _, expr in search.connect)
-        graph = GraphInFile(self.store, key, described, clauses, hunt.pieces.key_of)
-        return Remembering(hunt, graph, places, settling, follows, elements, keys.changed)
+        clauses = [
+            Clause(name, keys.clause(kind, clause), kind, clause.span.text)
+            for name, kind, clause in asked
+            if clause is not None and calls_functions(clause) and not keys.is_known(clause)
+        ]
+        elements = hunt.noted.plain and any(follows_state(s, query) and calls_functions(s) for s in query.sources)
+        graph = GraphInFile(self.store, key, described, clauses)
+        return Remembering(hunt, graph, [clause.name for clause in clauses], elements, keys.changed)
 
 
 def calls(query: plan.Query) -> bool:

@@ -6,7 +6,7 @@ call and the values that they read. Where a search starts, when it stops and wha
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import field, fields, is_dataclass
 from hashlib import sha256
 from typing import TYPE_CHECKING, Any
@@ -18,7 +18,7 @@ from ss2sql.runtime.remembered.functions import fingerprint
 from ss2sql.runtime.remembered.sources import digest_of, table_digest, world_digest, worlds_in
 from ss2sql.runtime.remembered.texts import NotKept
 from ss2sql.vtables.base import World
-from ss2sql.walk import can_fail, functions, moves, parts, states_read
+from ss2sql.walk import functions, moves, parts
 
 if TYPE_CHECKING:
     from ss2sql.runtime.functions import UserFunction
@@ -76,15 +76,14 @@ class Keys:
         finally:  # queries inside of one clause are none of the next one's
             self._sources, self._queries = sources, queries
 
-    def settles(self, clause: plan.Expr) -> bool:
-        """Whether the value of a clause takes all that CONNECT BY evaluates, so that the next state costs nothing."""
-        known = {_hashed(self._form(expr)) for expr in _evaluated(clause) if not isinstance(expr, plan.Subquery)}
-        connect = self._connect()
-        return all(costs_nothing(expr) or form in known for expr, form in connect)
-
-    def follows_from_state(self, clause: plan.Expr) -> bool:
-        """Whether a clause calls nothing but what CONNECT BY calls: free where the next state is known."""
-        known = {form for expr, form in self._connect() if isinstance(expr, plan.Call) and not expr.function.builtin}
+    def is_known(self, clause: plan.Expr) -> bool:
+        """Whether a clause calls nothing but what CONNECT BY calls: then the next state, which is kept, answers it."""
+        search = self.query.search
+        assert search is not None
+        connect = [expr for _, expr in search.connect]
+        if len(connect) != 1 or not isinstance(connect[0], plan.Call) or connect[0].function.builtin:
+            return False
+        known = self._form(connect[0])
         nodes: list[Any] = [clause]
         while nodes:
             node = nodes.pop()
@@ -92,20 +91,9 @@ class Keys:
                 return False
             if not isinstance(node, plan.Call) or node.function.builtin:
                 nodes.extend(parts(node))
-            elif _hashed(self._form(node)) not in known:
+            elif self._form(node) != known:
                 return False
         return True
-
-    def _connect(self) -> list[tuple[plan.Expr, str]]:
-        """What CONNECT BY evaluates, with a text for what it means; an empty one where it sees what went before."""
-        search = self.query.search
-        assert search is not None
-        moved: set[tuple[int, str]] = set()
-        found = []
-        for name, expr in search.connect:
-            found.append((expr, _hashed(self._form(expr)) if moved.isdisjoint(states_read(expr)) else ""))
-            moved.add((self.query.id, name))
-        return found
 
     # --- plans as data ---------------------------------------------------------------------------------
 
@@ -206,32 +194,9 @@ def calls_functions(*nodes: plan.Expr | plan.Source | None) -> bool:
     return any(not function.builtin for node in nodes if node is not None for function in functions(node))
 
 
-def costs_nothing(expr: plan.Expr) -> bool:
-    """Whether nobody can notice that an expression is evaluated: it calls nothing and cannot fail."""
-    return not calls_functions(expr) and not can_fail(expr)
-
-
 def follows_state(source: plan.Source, query: plan.Query) -> bool:
     """Whether a source is read again for each state, or for each element of a source before it."""
     return moves(source, {one.id for one in query.sources if one is not source}, query.id)
-
-
-def _evaluated(expr: plan.Expr) -> Iterator[plan.Expr]:
-    """The expressions that are evaluated whenever this one is."""
-    yield expr
-    match expr:
-        case plan.Call(arguments=several) | plan.MakeList(items=several):
-            inner = several
-        case plan.And(parts=several) | plan.Or(parts=several):
-            inner = several[:1]
-        case plan.Xor(left=left, right=right):
-            inner = (left, right)
-        case plan.Not(operand=part) | plan.If(condition=part):
-            inner = (part,)
-        case _:
-            inner = ()
-    for part in inner:
-        yield from _evaluated(part)
 
 
 def _hashed(parts: Any) -> str:

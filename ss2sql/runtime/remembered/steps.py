@@ -1,29 +1,27 @@
 """The steps of a search with MEMORIZE, as far as they are known, and notes of those that had to be evaluated.
 
-What is evaluated, and in which order, is what `Pieces.steps` evaluates, less what is known. A level is looked up before
-its states are expanded. What was found out is written when a level, or a part of a long one, is done: of each state all
-steps or none.
+A level is looked up before its states are expanded. What was found out is written when a level, or a part of a long
+one, is done: of each state all steps or none.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Hashable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
+from marshal import dumps
 from time import perf_counter
-from typing import Any, TypeAlias
+from typing import Any
 
 import apsw
 
 from ss2sql.errors import ExecutionError, Stopped
-from ss2sql.runtime.frozen import State
+from ss2sql.runtime.frozen import UNSET, State
 from ss2sql.runtime.guard import UNREADABLE
 from ss2sql.runtime.memorize.hunt import Hunt
-from ss2sql.runtime.memorize.pieces import Last, Pieces
+from ss2sql.runtime.memorize.notes import Note, Notes, Pair
 from ss2sql.runtime.remembered.graph import MOST_HELD, Edge, GraphInFile, Node
 from ss2sql.runtime.remembered.store import spoilt
 from ss2sql.runtime.remembered.texts import NotKept
-from ss2sql.runtime.rows import Row
 from ss2sql.runtime.run import Stats
-from ss2sql.runtime.search.contract import Step
 
 # Writing may take one part in so many of the time, so a search with many small levels writes several together.
 SHARE = 20
@@ -31,7 +29,6 @@ PART = 0.5  # seconds after which a part of a level is written
 MOST_EDGES = 1_500  # that are written in one transaction, which takes 15 ms
 MOMENT = 0.01  # seconds after which a run that was stopped begins no other one
 
-Ask: TypeAlias = Callable[[Node, Edge, Last, Row], Any]
 _IN_THE_WAY = (apsw.BusyError, apsw.LockedError, apsw.FullError, apsw.ReadOnlyError, apsw.IOError, apsw.CantOpenError)
 
 
@@ -42,38 +39,30 @@ def tell(stats: Stats, text: str) -> None:
         stats.notes.append(note)
 
 
-class Remembering:
+class Remembering(Notes):
     """The steps of one search. A context: what is new is written in its end, too, whatever ends it.
 
-    `places` gives for each clause that calls functions (stop, goal, weight) its place among the graph's; `settling` are
-    those after which the next state costs nothing; where `follows` it never does. With `elements` those are kept.
-    `changed` names a function that is not what it was when the search began.
+    `clauses` are those whose values are remembered, by their names in notes. With `elements` those are kept. `changed`
+    names a function that is not what it was when the search began.
     """
 
     def __init__(
-        self,
-        hunt: Hunt,
-        graph: GraphInFile,
-        places: dict[str, int],
-        settling: set[str],
-        follows: bool,
-        elements: bool,
-        changed: Callable[[], str | None],
+        self, hunt: Hunt, graph: GraphInFile, clauses: Iterable[str], elements: bool, changed: Callable[[], str | None]
     ) -> None:
-        assert hunt.pieces is not None
+        assert hunt.noted is not None
+        super().__init__(hunt.noted)
         self.hunt = hunt
         self.graph = graph
-        self.pieces: Pieces = hunt.pieces
-        self.follows = follows
         self.changed = changed
         self.keeps_elements = elements
-        self.stop = self._ask(self.pieces.ends, places.get("stop"), "stop" in settling)
-        self.goal = self._ask(self.pieces.is_goal, places.get("goal"), "goal" in settling)
-        self.weight = self._ask_weight(places.get("weight"))
-        self.sources = len(hunt.query.sources)
+        self._clauses = {name: self.noted.places[2][name] for name in clauses}
+        rows, states, *_ = self.noted.places
+        self._rows = [(place, at) for at, place in enumerate(rows)]
+        self._states = [(place, at) for at, place in enumerate(states) if place is not None and place not in rows]
+        self._kept = [place for place, _ in self._states] + list(self._clauses.values())
+        self._blank = self.noted.blank()
         self.off = False
-        self._nodes: dict[int, Node] = {}  # of this level, by the identities of their states
-        self._next: dict[int, Node] = {}
+        self._nodes: list[Node] = []  # of this level
         self._pending: list[Node] = []
         self._begun = self._complete = 0  # levels
         self._written, self._seconds = perf_counter(), 0.0
@@ -84,12 +73,11 @@ class Remembering:
     # --- levels ----------------------------------------------------------------------------------------
 
     def __enter__(self) -> Remembering:
-        self._outer, self.hunt.run.knows = self.hunt.run.knows, self.knows
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        self.hunt.run.knows = self._outer
         if kind is None:
+            self._finish()
             self._complete = self._begun
         try:
             name = self.changed() if self._pending or self._wrote else None
@@ -106,16 +94,21 @@ class Remembering:
         elif self._missed and not self.off:
             tell(self.hunt.stats, "what is new is not remembered: the session is read only")
 
-    def level(self, states: Sequence[State]) -> None:
+    def begin_level(self, states: Sequence[State], chosen: Sequence[list[Any]] | None = None) -> None:
         """Looks up what is known of the states of a level, and writes what the level before has found out."""
+        self._finish()
+        super().begin_level(states, chosen)
         if self.off:
             return
         self._complete = self._begun
         self._begun += 1
         if self._is_due(0.0):
             self._write()
-        nodes = [self._next.get(id(state)) or Node(state) for state in states]
-        self._next.clear()
+        edges = (edge for node in self._nodes for edge in node.edges or ())
+        targets = {id(edge.target): edge.target for edge in edges if edge.target is not None}
+        reached = {_exact(node.state): node for node in targets.values()}
+        values = list(map(self.hunt.shapes.thaw, states))
+        nodes = [reached.get(_exact(state)) or Node(state) for state in values]
         self._let_go()
         try:
             nodes = self.graph.load(nodes)
@@ -123,20 +116,16 @@ class Remembering:
             self._give_up(reason)
         except _IN_THE_WAY as error:
             self._hindered = str(error)
-        self._nodes = {id(state): node for state, node in zip(states, nodes, strict=True)}
+        self._nodes = nodes
+        self.pairs = list(map(self._pairs, nodes))
 
     def _let_go(self) -> None:
         """Forgets the steps of the level that was, where there are too many; they are read again where need be."""
-        for node in self._nodes.values():
+        for node in self._nodes:
             self._held += len(node.edges or ())
             if self._held > MOST_HELD and not node.touched:
                 self._held -= len(node.edges or ())
                 node.edges = None
-
-    def knows(self, state: State) -> bool:
-        """Whether the steps from a state of this level are known."""
-        node = self._nodes.get(id(state))
-        return node is not None and node.edges is not None
 
     def _is_due(self, least: float) -> bool:
         passed = perf_counter() - self._written
@@ -193,79 +182,67 @@ class Remembering:
 
     # --- steps -----------------------------------------------------------------------------------------
 
-    def steps(self, state: State, seen: Container[Hashable]) -> Iterator[Step]:
-        """The steps from a state of this level."""
-        node = None if self.off else self._nodes.get(id(state))
-        if node is None:
-            yield from self.pieces.steps(state, seen)
-            return
-        fresh = node.edges is None
-        edges: list[Edge] = node.edges or []
-        lasts = self.pieces.elements(node.state) if fresh else self._lasts(node, edges)
-        stop, goal_of, weigh, row_of = self.stop, self.goal, self.weight, self.pieces.row
-        keyed, sources = self.hunt.keyed, self.sources if self.keeps_elements else 0
-        for position, last in enumerate(lasts):
-            if fresh:
-                row, key = known = row_of(last)
-                edge = Edge(known, last[:sources] if sources else None)
-                edges.append(edge)
-            else:
-                edge = edges[position]
-                row, key = edge.row, edge.key
-            goal: bool | None = None
-            ends = False
-            if self.follows and edge.target is None:
-                self._follow(node, edge, last)
-            if key not in seen:
-                ends = stop is not None and stop(node, edge, last, row)
-                goal = not ends if goal_of is None else goal_of(node, edge, last, row)
-                if ends and not goal:
-                    continue
-            weight = None if weigh is None else weigh(node, edge, last, row)
-            if not weight and self.pieces.probable:
-                continue
-            following = None
-            if not ends and goal is not None:
-                target = edge.target or self._follow(node, edge, last)
-                following = target.state
-                self._next[id(following)] = target
-            yield row, key, goal, following is not None, following, weight, None, last if keyed else None
-        if fresh:
-            self._finish(node, edges)
+    def known(self) -> list[Pair] | None:
+        self._finish()
+        return super().known()
 
-    def _finish(self, node: Node, edges: list[Edge]) -> None:
-        """All steps from a state have been evaluated."""
-        if self.off:
+    def paired(self, at: int, items: list[Any]) -> list[Pair]:
+        edges = self._nodes[at].edges if self._nodes else None
+        if edges is None:
+            return super().paired(at, items)
+        if len(items) != len(edges):
+            raise spoilt("a state has other steps now; is a function declared immutable that is not?")
+        return list(zip(map(self._note, edges), items, strict=True))
+
+    def _pairs(self, node: Node) -> list[Pair] | None:
+        """The pairs of a state whose elements are kept."""
+        edges = node.edges
+        if edges is None or not self.keeps_elements or (edges and edges[0].elements is None):
+            return None
+        several = self.noted.sources > 1
+        return [(self._note(edge), edge.elements if several else (edge.elements or ())[0]) for edge in edges]
+
+    def _note(self, edge: Edge) -> Note:
+        """The note of a known step."""
+        note = [*self._blank]
+        if edge.target is not None:
+            for place, at in self._states:
+                note[place] = edge.target.state[at]
+        for place, at in self._rows:
+            note[place] = edge.row[at]
+        for name, value in (edge.verdicts or {}).items():
+            note[self._clauses[name]] = value
+        edge.unknown = self._unknown(note)
+        return note
+
+    def _unknown(self, note: Note) -> int:
+        """How much is not known of what is kept in the file."""
+        return sum([note[place] is UNSET for place in self._kept])
+
+    def _finish(self) -> None:
+        """Takes from the notes of the state before what was found out; all of its steps were asked."""
+        if self.off or self.at < 0 or not self._nodes:
             return
-        node.edges = edges
-        self._touch(node)
+        node, pairs = self._nodes[self.at], self.pairs[self.at] or []
+        if node.edges is None:
+            elements_of = self.noted.elements if self.keeps_elements else lambda item: None
+            node.edges = [Edge(self.noted.row(note), elements_of(item)) for note, item in pairs]
+            changed = list(range(len(pairs)))
+        else:
+            if node.loaded:
+                self.hunt.stats.remembered_steps += len(pairs)
+            asked = (at for at, edge in enumerate(node.edges) if edge.unknown)
+            changed = [at for at in asked if self._unknown(pairs[at][0]) < node.edges[at].unknown]
+        for at in changed:
+            note, edge = pairs[at][0], node.edges[at]
+            after = self.noted.after(note, node.state) if edge.target is None else None
+            edge.target = edge.target if after is None else Node(after)
+            edge.verdicts = {name: note[place] for name, place in self._clauses.items() if note[place] is not UNSET}
+        self.pairs[self.at] = None
+        if changed or not node.edges:
+            self._touch(node)
         if self._is_due(PART):
             self._write()
-
-    def _lasts(self, node: Node, known: list[Edge]) -> Iterable[Last]:
-        """The elements of the steps with the state before them, without a call where they are kept."""
-        if node.loaded:
-            self.hunt.stats.remembered_steps += len(known)
-        if not self.keeps_elements or (known and known[0].elements is None):
-            lasts = list(self.pieces.elements(node.state))
-            if len(lasts) != len(known):
-                raise spoilt("a state has other steps now; is a function declared immutable that is not?")
-            return lasts
-        self.hunt.check()
-        self.hunt.stats.generated += len(known)
-        self.hunt.stats.expanded += 1
-        return [(*(edge.elements or ()), *node.state) for edge in known]
-
-    def _follow(self, node: Node, edge: Edge, last: Last) -> Node:
-        """The node that a step leads to, where that was not known."""
-        target = edge.target = Node(self.pieces.follow(last, edge.row))
-        self._touch_known(node)
-        return target
-
-    def _touch_known(self, node: Node) -> None:
-        """Notes that there is something new about a node whose steps are known."""
-        if node.edges is not None:
-            self._touch(node)
 
     def _touch(self, node: Node) -> None:
         if not self.graph.store.writable:
@@ -273,52 +250,6 @@ class Remembering:
         elif not node.touched:
             node.touched = True
             self._pending.append(node)
-
-    # --- clauses ---------------------------------------------------------------------------------------
-
-    def _ask(
-        self, piece: Callable[[Last, Row, State | None], bool] | None, place: int | None, settles: bool
-    ) -> Ask | None:
-        """What asks a condition of a step, unless that is known."""
-        if piece is None:
-            return None
-
-        def ask_freely(node: Node, edge: Edge, last: Last, row: Row) -> Any:
-            if edge.target is not None:
-                return piece(last, row, edge.target.state)
-            value = piece(last, row, None)
-            if settles:
-                self._follow(node, edge, last)
-            return value
-
-        def ask(node: Node, edge: Edge, last: Last, row: Row) -> Any:
-            assert place is not None
-            value = None if edge.verdicts is None else edge.verdicts.get(place)
-            if value is None:
-                value = ask_freely(node, edge, last, row)
-                edge.note(place, value)
-                self._touch_known(node)
-            return bool(value)
-
-        return ask_freely if place is None else ask
-
-    def _ask_weight(self, place: int | None) -> Ask | None:
-        """What asks for the weight of a step, unless that is known."""
-        piece = self.pieces.weigh
-        if piece is None:
-            return None
-
-        def ask(node: Node, edge: Edge, last: Last, row: Row) -> Any:
-            if place is None:
-                return piece(last, row)
-            value = None if edge.verdicts is None else edge.verdicts.get(place)
-            if value is None:
-                value = piece(last, row)
-                edge.note(place, value)
-                self._touch_known(node)
-            return value
-
-        return ask
 
 
 def _first(nodes: Sequence[Node]) -> int:
@@ -329,3 +260,11 @@ def _first(nodes: Sequence[Node]) -> int:
         if edges >= MOST_EDGES:
             return number
     return len(nodes)
+
+
+def _exact(state: State) -> Hashable:
+    """The same for states that are exactly the same; one with objects is only the same as itself."""
+    try:
+        return dumps(state, 2)
+    except ValueError:
+        return id(state)

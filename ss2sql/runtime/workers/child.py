@@ -49,7 +49,7 @@ def main() -> None:
             try:
                 with redirect_stdout(io.StringIO()):
                     functions[number] = found = function_at(place)
-                answer = difference(pickle.loads(expected), fingerprint(found))
+                answer = None if fingerprint(found) == pickle.loads(expected) else "is another one in a fresh process"
             except BaseException as error:  # whatever the user's module does: it is no reason to die
                 answer = f"cannot be found by a fresh process: {type(error).__name__}: {error}"
         else:
@@ -135,16 +135,6 @@ def function_at(place: tuple[str, ...]) -> Any:
     return found
 
 
-def difference(here: list[Any], there: list[Any]) -> str | None:
-    """What is not the same in two fingerprints, as a clause about the function; None where nothing differs."""
-    if here == there:
-        return None
-    names = [one[0] for one, other in zip(here, there, strict=False) if one != other]
-    if names and names[0] != here[0][0]:
-        return f"reads '{names[0]}', which is another one in a fresh process"
-    return "is another one in a fresh process"
-
-
 def fingerprint(function: Any) -> list[Any]:
     """What a function consists of: its code, and the values and functions beside it that it mentions.
 
@@ -158,13 +148,15 @@ def fingerprint(function: Any) -> list[Any]:
         if body is None or id(body) in seen:
             continue
         seen.add(id(body))
-        found.append((body.__qualname__, _code(body.__code__), _recorded(body.__defaults__)))
-        for name in sorted(set(_names(body.__code__))):
-            value = body.__globals__.get(name)
-            if is_plain(value):
-                found.append((name, _recorded(value)))
-            elif type(value) is FunctionType and value.__module__ not in sys.stdlib_module_names:
-                waiting.append(value)
+        names = sorted(set(_names(body.__code__)))
+        values = [(name, body.__globals__[name]) for name in names if name in body.__globals__]
+        plain = [(name, _recorded(value)) for name, value in values if is_plain(value)]
+        found.append((body.__qualname__, _code(body.__code__), _recorded(body.__defaults__), plain))
+        waiting += [
+            value
+            for _, value in values
+            if type(value) is FunctionType and value.__module__ not in sys.stdlib_module_names
+        ]
     return found
 
 

@@ -18,7 +18,6 @@ from dataclasses import field
 from queue import Empty, SimpleQueue
 from typing import Any, TypeAlias
 
-from ss2sql.errors import ExecutionError
 from ss2sql.records import dataclass
 from ss2sql.runtime.workers import IN_WORKER
 from ss2sql.runtime.workers.sending import Sent
@@ -64,10 +63,9 @@ class Processes:
     def started(self) -> bool:
         return self._crew is not None
 
-    @property
-    def ready(self) -> bool:
-        """Whether one of them waits for work already."""
-        return self._crew is not None and self._crew.ready.is_set()
+    def are_ready(self, patience: float) -> bool:
+        """Whether one of them waits for work already, or does after so many seconds."""
+        return self._crew is not None and self._crew.ready.wait(patience)
 
     def number(self, function: Sent) -> int:
         """The number of a function in tasks."""
@@ -87,31 +85,11 @@ class Processes:
         assert self._crew is not None
         self._crew.tasks.put(task)
 
-    def take_back(self, answers: SimpleQueue[Answer]) -> Task | None:
-        """A task that no process has taken yet, of those that are answered there."""
-        if self._crew is None:
-            return None
-        with suppress(Empty):
-            task = self._crew.tasks.get_nowait()
-            if task is None or task.answers is answers:
-                return task
-            self._crew.tasks.put(task)
-        return None
-
     def end(self) -> None:
         """Ends the processes at once, whatever they do; waiting tasks are answered as `ended`."""
         self._crew = None
         if self._at_the_end is not None:
             self._at_the_end()
-
-
-def died(answer: Answer, name: str) -> ExecutionError:
-    """The error for a process that has ended by itself."""
-    hints = (
-        f"'{name}' ends its process or needs more memory than there is; workers=1 calls it in this one",
-        "the session works on, with new workers",
-    )
-    return ExecutionError("X013", f"a worker {answer.died} while it called '{name}'", hints=hints)
 
 
 class _Crew:

@@ -11,15 +11,19 @@ from __future__ import annotations
 import ast
 import pickle
 import sys
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from types import FunctionType
 from typing import Any
 
+from ss2sql.errors import WorkersWarning
 from ss2sql.records import dataclass
 from ss2sql.runtime.functions import UserFunction
+from ss2sql.runtime.run import Stats
 from ss2sql.runtime.workers.child import fingerprint
 
+_PACKAGE = str(Path(__file__).parents[2])
 _TOP = "write it at the top of a module"
 
 
@@ -51,10 +55,7 @@ def sent(entry: UserFunction) -> Sent | Kept:
     place = _place(entry.function)
     if isinstance(place, Kept):
         return place
-    try:
-        return Sent(place, pickle.dumps(fingerprint(entry.function), 5))
-    except Exception as error:
-        return Kept(f"mentions what cannot be pickled: {error}", _TOP)
+    return Sent(place, pickle.dumps(fingerprint(entry.function), 5))
 
 
 def _place(function: Callable[..., Any]) -> tuple[Any, ...] | Kept:
@@ -104,3 +105,22 @@ def _says_what_is_run(path: Path) -> bool:
         return False
     tests = [node.test for node in tree.body if isinstance(node, ast.If)]
     return any(isinstance(node, ast.Name) and node.id == "__name__" for test in tests for node in ast.walk(test))
+
+
+# --- why not -------------------------------------------------------------------------------------------
+
+
+def tell(stats: Stats, reason: str, cure: str = "") -> None:
+    """Warns with a `WorkersWarning` at the place in the user's code that started the run, and notes the same."""
+    text = f"workers: {reason}; {cure}" if cure else f"workers: {reason}"
+    if text not in stats.notes:
+        stats.notes.append(text)
+        warnings.warn(text, WorkersWarning, stacklevel=_frames_of_the_package())
+
+
+def _frames_of_the_package() -> int:
+    """The number of frames up to the first one that is not of ss2sql, nor of code that it has made."""
+    frame, number = sys._getframe(1), 1
+    while frame.f_back is not None and frame.f_code.co_filename.startswith((_PACKAGE, "<")):
+        frame, number = frame.f_back, number + 1
+    return number
